@@ -1,0 +1,130 @@
+"""`ros2 launch rig_nodes rig_launch.py`: the rig in real time as nodes of the terminal's ROS domain.
+
+Needs a ROS 2 Jazzy with its launch package (docs/ros2.md), as `./rig run` does not. Numerics stay out of here:
+the Python of `ros2` may be another one than that of the nodes.
+"""
+
+import signal
+import subprocess
+from pathlib import Path
+
+from ament_index_python.packages import get_package_prefix
+from launch import LaunchDescription
+from launch.actions import (
+    DeclareLaunchArgument,
+    EmitEvent,
+    LogInfo,
+    OpaqueFunction,
+    RegisterEventHandler,
+    TimerAction,
+)
+from launch.event_handlers import OnProcessExit
+from launch.events import Shutdown, matches_action
+from launch.events.process import SignalProcess
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+from rig_nodes.testbench.folders import run_folder
+
+ARGUMENTS = (
+    ("sequence", "", "name or .yaml file of a sequence, with whose end the launch ends; "
+                     "empty: the rig runs until Ctrl-C and takes orders over ROS"),
+    ("rig", "hydmag", "name or .yaml file of the rig's configuration"),
+    ("out", "", "new or empty folder for bag, report and logs; empty: runs/<sequence>-<n>"),
+    ("seed", "1", "seed of the transducers' noise"),
+    ("controller", "", "your controller in place of the Alfa46: python:FILE.py:CLASS or c:FILE.c"),
+)
+AFTER_FAILURE = 1.0  # s in which the rig notices that its controller is gone and the bag gets the safe state
+END_ORDER = ("rig_container", "alfa46", "recorder")  # each hears everything of those before it
+
+
+class Run:
+    """One run: its processes, and what the end of one means for the others."""
+
+    def __init__(self, sequence: str, folder: Path | None):
+        """folder: of the bag; None without a recorder."""
+        self.sequence, self.folder = sequence, folder
+        self.nodes: dict[str, Node] = {}  # by executable
+        self.gone: dict[str, int] = {}  # exit codes
+        self.reason = ""  # why the run failed, empty when nothing did
+
+    def add(self, executable: str, *arguments: str) -> None:
+        """One process. It gets no node name: the container hosts ten nodes with names of their own."""
+        logs = ["--logs", str(self.folder / "logs"), "--recorded"] if self.folder else []
+        self.nodes[executable] = Node(package="rig_nodes", executable=executable,
+                                      arguments=[*arguments, *logs], output="screen")
+
+    def on_exit(self, event, context) -> list:
+        """A process is gone: go on with the orderly end, or end all others with the reason."""
+        name = next((name for name, node in self.nodes.items() if node is event.action), None)
+        if name is None:
+            return []
+        self.gone[name] = event.returncode
+        if len(self.gone) == len(self.nodes):
+            return self.finish()
+        if context.is_shutdown:
+            return []
+        if self.orderly():
+            waiting = [node for node in END_ORDER if node in self.nodes and node not in self.gone]
+            return [stop(self.nodes[waiting[0]])]
+        if not self.reason:
+            self.reason = self.why(name, event.returncode)
+            over = EmitEvent(event=Shutdown(reason=self.reason))
+            return [LogInfo(msg=f"the rig ends: {self.reason}"),
+                    TimerAction(period=AFTER_FAILURE, actions=[over])]
+        return []
+
+    def orderly(self) -> bool:
+        """True when the sequence came to its end and every process that is gone went well."""
+        return bool(self.sequence) and "sequencer" in self.gone and not any(self.gone.values())
+
+    def why(self, name: str, code: int) -> str:
+        """Sentence on a process whose end was not wanted."""
+        if name == "sequencer" and self.sequence and code == 1:
+            return "the sequence failed, the sequencer says why above"
+        how = f"killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
+        return f"{name} {how}"
+
+    def finish(self) -> list:
+        """All processes are gone: the report of what was recorded, then the end of the launch."""
+        if self.folder is not None and self.gone["recorder"] == 0:
+            rig = Path(get_package_prefix("rig_nodes"), "lib", "rig_nodes", "rig")
+            # In shutdown, launch starts no further process as an action.
+            subprocess.run([rig, "report", self.folder], check=False)
+        if self.reason:
+            raise RuntimeError(self.reason)  # the exit code of `ros2 launch`
+        reason = "the sequence ended" if self.sequence else "all processes ended"
+        return [EmitEvent(event=Shutdown(reason=reason))]
+
+
+def stop(node: Node) -> EmitEvent:
+    """SIGTERM: the orderly end of a process; launch's own SIGINT means that the run is not done."""
+    return EmitEvent(event=SignalProcess(signal_number=signal.SIGTERM, process_matcher=matches_action(node)))
+
+
+def start(context) -> list:
+    """The processes, with what the launch arguments say."""
+    given = {name: LaunchConfiguration(name).perform(context) for name, *_ in ARGUMENTS}
+    record = LaunchConfiguration("record").perform(context) == "true"
+    sequence = given["sequence"]
+    name = Path(sequence).stem or "by_hand"
+    folder = run_folder(given["out"] or None, name) if record else None
+    rig = ["--rig", given["rig"]]
+    chosen = ["--sequence", sequence] if sequence else []
+    run = Run(sequence, folder)
+    if folder is not None:
+        (folder / "logs").mkdir()
+        run.add("recorder", "--out", str(folder), "--name", name)
+    run.add("rig_container", *rig, *chosen, "--seed", given["seed"])
+    run.add("alfa46", *rig, *(["--controller", given["controller"]] if given["controller"] else []))
+    run.add("sequencer", *rig, *chosen, *(["--once"] if sequence else []))
+    return [RegisterEventHandler(OnProcessExit(on_exit=run.on_exit)), *run.nodes.values()]
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Called by ros2 launch."""
+    declared = [DeclareLaunchArgument(name, default_value=default, description=text)
+                for name, default, text in ARGUMENTS]
+    record = DeclareLaunchArgument("record", default_value="true", choices=["true", "false"],
+                                   description="record a bag with a report")
+    return LaunchDescription([*declared, record, OpaqueFunction(function=start)])

@@ -1,0 +1,3 @@
+"""The HydmAG virtual powertrain test rig as ROS 2 nodes; see docs/architecture.md for the walls."""
+
+__version__ = "0.1.0"

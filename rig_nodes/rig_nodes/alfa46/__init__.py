@@ -1,0 +1,8 @@
+"""The shift controller Alfa46: valve profiles with delays and the current loop.
+
+Importing it points numba's cache at a folder of its own before numba is loaded.
+"""
+
+from ..compiled import use_kernel_cache
+
+use_kernel_cache()

@@ -1,0 +1,98 @@
+"""The Alfa46 box as an object: orders in, duty out, one call per controller sample.
+
+Used by the alfa46 node (a process of its own); the embedded controller of the kernel runs the same law.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import RigError
+from . import law
+from .settings import Alfa46Config
+
+GEAR_NAMES = {law.NEUTRAL: "neutral", law.GEAR_I: "I", law.GEAR_II: "II"}
+
+
+def refusal(gear: int, current_gear: int, shifting: bool) -> str | None:
+    """Why an order cannot be taken, or None."""
+    if gear not in GEAR_NAMES:
+        return f"there is no gear {gear}; order 0 (neutral), 1 (I) or 2 (II)"
+    if shifting:
+        return f"a shift to {GEAR_NAMES[current_gear]} is still running; wait for its end"
+    if gear == current_gear:
+        return f"gear {GEAR_NAMES[gear]} is already ordered"
+    return None
+
+
+class Alfa46:
+    """The shift controller. Samples are counted by the rig; times are samples times the sample period."""
+
+    def __init__(self, config: Alfa46Config):
+        self.config = config
+        self._config = config.law_config()
+        self._profiles = np.ascontiguousarray(config.profiles)
+        self._outputs = np.zeros(law.OUTPUTS, law.LAW_OUTPUT)
+        self._state = np.zeros(1, law.LAW_STATE)
+        self._currents = np.zeros(law.OUTPUTS)
+        self._ordered: int | None = None
+
+    @classmethod
+    def load(cls, config: Alfa46Config) -> None:
+        """Load (or compile) everything the box will call, so that no sample waits for it."""
+        box = cls(config)
+        box.order(law.GEAR_I)
+        box.step(0, np.zeros(law.OUTPUTS))
+
+    def order(self, gear: int) -> None:
+        """Order a gear; it takes effect at the next sample. RigError with the reason when refused."""
+        why = refusal(gear, self.gear if self._ordered is None else self._ordered,
+                      self.shifting or self._ordered is not None)
+        if why:
+            raise RigError(f"shift refused: {why}")
+        self._ordered = gear
+
+    def step(self, sample: int, currents) -> tuple[np.ndarray, np.ndarray]:
+        """One controller sample: measured coil currents (3,) [A] in, duty (3,) and setpoints (3,) [A] out."""
+        if self._ordered is not None:
+            law.order_gear(self._ordered, sample, self._config[0], self._profiles, self._outputs, self._state[0])
+            self._ordered = None
+        self._currents[:] = currents
+        law.law_step(sample, self._currents, self._config[0], self._profiles, self._outputs, self._state[0])
+        return self._outputs["duty"], self._outputs["setpoint"]
+
+    def outputs_in_shift(self) -> np.ndarray:
+        """Which outputs the running shift moves (3,); none between shifts."""
+        moved = (self._outputs["pending"] != law.OFF) | (self._outputs["phase"] == law.FALLING)
+        if self.gear != law.NEUTRAL:
+            moved[self.gear - 1] = True
+        return moved & self.shifting
+
+    def change(self, config: Alfa46Config) -> None:
+        """Go on with other settings from the next sample on; for outputs that no shift moves.
+
+        An output past its last point stays there, whatever the new times are: only its hold current follows.
+        """
+        now, period = self._state["sample"][0], config.values.sample_time
+        for k, out in enumerate(self._outputs):
+            last = 2 if out["phase"] == law.ON else 5
+            if out["phase"] != law.OFF and (now - out["start"]) * period >= self._profiles[k, last, 0]:
+                out["start"] = min(out["start"], now - round(config.profiles[k, last, 0] / period) - 1)
+        self.config = config
+        self._config[:] = config.law_config()
+        self._profiles[:] = config.profiles
+
+    @property
+    def gear(self) -> int:
+        """Gear ordered last."""
+        return int(self._state["gear"][0])
+
+    @property
+    def shifting(self) -> bool:
+        """True until the last point of every running profile has passed."""
+        return bool(self._state["sample"][0] < self._state["shift_end"][0])
+
+    @property
+    def active(self) -> np.ndarray:
+        """Which outputs are on (3,): from switch-on to the end of the profile's falling half."""
+        return self._outputs["phase"] != law.OFF

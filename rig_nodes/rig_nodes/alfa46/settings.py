@@ -1,0 +1,109 @@
+"""Settings of the Alfa46: profiles, delays, gains, read and checked from YAML.
+
+Used by testbench.configuration; alfa46.law runs on the numbers that come out of here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from ..config import load_marked
+from ..config.schema import build, check_keys, param, where_of
+from ..config.units import quantity
+from ..errors import RigError
+from . import law
+
+POINTS = ("P1", "P2", "P3", "P4", "P5", "P6")
+OUTPUT_KEYS = tuple(f"output_{k + 1}" for k in range(law.OUTPUTS))
+# the shortest controller sample; profile points closer than this would coincide
+SHORTEST_STEP = 1e-3
+
+
+@dataclass(frozen=True)
+class Alfa46Values:
+    """Scalar settings."""
+
+    sample_time: float = param("time", 1e-3, 1e-3)
+    pwm_frequency: float = param("frequency", 10.0, 1e5)
+    supply_voltage: float = param("voltage", 1.0, 100.0)
+    gain_p: float = param("resistance", 0.0, 1e5)
+    gain_i: float = param("gain integral", 0.0, 1e7)
+    gain_d: float = param("inductance", 0.0, 1e3)
+    derivative_time: float = param("time", 1e-3, 10.0)
+    current_limit: float = param("current", 0.0, 0.8)
+    t12: float = param("time", -5.0, 5.0)
+    t21: float = param("time", -5.0, 5.0)
+
+
+@dataclass(frozen=True)
+class Alfa46Config:
+    """Everything the box is set to. profiles: (outputs, 6, 2), time [s] and current [A]."""
+
+    values: Alfa46Values
+    profiles: np.ndarray
+
+    def law_config(self) -> np.ndarray:
+        """One record for the compiled law."""
+        record = np.zeros(1, law.LAW_CONFIG)
+        record["period"] = self.values.sample_time
+        for name in law.LAW_CONFIG.names:
+            if name != "period":
+                record[name] = getattr(self.values, name)
+        return record
+
+    def as_dict(self) -> dict:
+        """Plain SI values for the run's record."""
+        out = {f.name: getattr(self.values, f.name) for f in fields(self.values)}
+        out["profiles"] = {key: self.profiles[k].tolist() for k, key in enumerate(OUTPUT_KEYS)}
+        return out
+
+
+def read_profile(node, path, what: str, limit: float) -> np.ndarray:
+    """(6, 2) times and currents of P1-P6; RigError when times do not increase or a current is out of bounds.
+
+    P1-P3 must increase among themselves, and P4-P6 too: each half counts from its own switch signal.
+    """
+    check_keys(path, node, POINTS, POINTS, what)
+    points = np.zeros((6, 2))
+    for k, name in enumerate(POINTS):
+        where = f"{where_of(path, node, name)}: {what}.{name}"
+        entry = node[name]
+        if not (isinstance(entry, list) and len(entry) == 2):
+            raise RigError(f"{where} must be [time, current], e.g. [200 ms, 160 mA], found {entry!r}")
+        points[k] = quantity(entry[0], "time", where), quantity(entry[1], "current", where)
+        check_point(points, k, where, limit)
+    return points
+
+
+def check_point(points: np.ndarray, k: int, where: str, limit: float) -> None:
+    """Point k of a profile (6, 2), those before it being right; RigError as :func:`read_profile`."""
+    time, current = points[k]
+    if not 0.0 <= current <= limit:
+        raise RigError(f"{where} asks for {current * 1e3:g} mA; the valve takes 0 to {limit * 1e3:g} mA")
+    first = k in (0, 3)
+    before = 0.0 if first else points[k - 1, 0]
+    earliest = 0.0 if first else before + SHORTEST_STEP
+    if not (earliest <= time <= 60.0 and time > 0.0):
+        since = "the switch signal" if first else f"{POINTS[k - 1]} at {before * 1e3:g} ms"
+        raise RigError(f"{where} is at {time * 1e3:g} ms; it must come after {since} (at most 60 s)")
+
+
+def check_profile(points: np.ndarray, what: str, limit: float) -> None:
+    """A whole profile (6, 2), times [s] and currents [A]; RigError as :func:`read_profile`."""
+    for k, name in enumerate(POINTS):
+        check_point(points, k, f"{what}.{name}", limit)
+
+
+def read_alfa46(path, node=None) -> Alfa46Config:
+    """The settings of a file (or of an already loaded map of it); RigError with file and line."""
+    node = load_marked(path) if node is None else node
+    keys = [f.name for f in fields(Alfa46Values)] + ["profiles"]
+    check_keys(path, node, keys, keys, "alfa46")
+    values = build(Alfa46Values, node, path, "alfa46", others=("profiles",))
+    profiles = node["profiles"]
+    check_keys(path, profiles, OUTPUT_KEYS, OUTPUT_KEYS, "alfa46.profiles")
+    table = [read_profile(profiles[key], path, f"alfa46.profiles.{key}", values.current_limit)
+             for key in OUTPUT_KEYS]
+    return Alfa46Config(values, np.array(table))

@@ -1,0 +1,4 @@
+"""Analysis of recorded runs: shift metrics after the laboratory's definitions, energy balance, report.
+
+Works on arrays and bags; used by the command line, the tests and whoever opens a bag in Python.
+"""

@@ -1,0 +1,78 @@
+"""Filters and edge finding for sampled channels, used by the shift metrics.
+
+Every filter here is symmetric in time, so that it widens an edge but does not delay it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def odd_width(seconds: float, period: float) -> int:
+    """The odd number of samples nearest to a filter length, at least one."""
+    return max(1, 2 * int(round((seconds / period - 1.0) / 2.0)) + 1)
+
+
+def running_mean(x: np.ndarray, width: int) -> np.ndarray:
+    """Centred mean over ``width`` samples (odd); at the ends over the samples that exist. Same shape as
+    ``x``.
+    """
+    half = width // 2
+    if half == 0 or x.size == 0:
+        return np.array(x, dtype=float)
+    # measured from the first sample: the running sum then stays small and loses no digits
+    total = np.concatenate(([0.0], np.cumsum(x - x[0])))
+    index = np.arange(x.size)
+    low, high = np.maximum(index - half, 0), np.minimum(index + half + 1, x.size)
+    return x[0] + (total[high] - total[low]) / (high - low)
+
+
+def mean_ahead(x: np.ndarray, width: int) -> np.ndarray:
+    """Mean over the ``width`` samples from each sample on; NaN where fewer are left."""
+    out = np.full(x.size, np.nan)
+    if x.size >= width:
+        total = np.concatenate(([0.0], np.cumsum(x)))
+        out[: x.size - width + 1] = (total[width:] - total[:-width]) / width
+    return out
+
+
+def all_ahead(ok: np.ndarray, width: int) -> np.ndarray:
+    """True where this sample and the ``width - 1`` next ones are all true (False where fewer are left)."""
+    return np.nan_to_num(mean_ahead(ok.astype(float), width)) > 1.0 - 0.5 / width
+
+
+def quantum(x: np.ndarray) -> float:
+    """Smallest step between values that occur: the resolution of a quantised channel, about 0 for others."""
+    steps = np.diff(np.unique(x))
+    return float(steps.min()) if steps.size else 0.0
+
+
+def white_noise(x: np.ndarray) -> float:
+    """Standard deviation of the fast part of ``x``, from its successive differences."""
+    return float(np.std(np.diff(x)) / np.sqrt(2.0)) if x.size > 2 else 0.0
+
+
+def first_true(mask: np.ndarray, start: int = 0) -> int | None:
+    """Index of the first true sample at or after ``start``, or None."""
+    start = max(0, start)
+    hits = np.flatnonzero(mask[start:])
+    return int(hits[0]) + start if hits.size else None
+
+
+def ramp_start(rise: np.ndarray, smooth: np.ndarray, at: int, span: float, reach: int) -> float:
+    """Where a ramp that is seen at ``at`` has left its level, as a fractional index.
+
+    ``rise`` is the distance from the level (unfiltered, growing), ``smooth`` the same filtered. A threshold
+    alone would find every start late by threshold / slope, so a line is fitted from ``at`` to where the
+    distance has grown by ``span`` and followed back to zero. The result is never after ``at`` and at most
+    ``reach`` samples before it.
+    """
+    stop = first_true(smooth[: at + 5 * reach] >= smooth[at] + span, at)
+    stop = min(at + 5 * reach, rise.size - 1) if stop is None else stop
+    if stop - at < 3:
+        return float(at)
+    index = np.arange(at, stop + 1)
+    slope, offset = np.polyfit(index - at, rise[index], 1)
+    if slope <= 0.0:
+        return float(at)
+    return float(min(at, max(at - reach, at - offset / slope)))

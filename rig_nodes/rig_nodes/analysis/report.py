@@ -1,0 +1,198 @@
+"""The report of a run: run data, shift metrics and energy balance, as JSON and as a table for the terminal.
+
+Used by `rig run`, `rig simulate` and `rig report`; everything but the run data is computed from the bag.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import RigError
+from .energy import balance, energies_of
+from .metrics import LONGEST, Inertias, Recording, shifts
+
+GEAR = {0: "0", 1: "I", 2: "II"}
+REPORT_FILE = "report.json"
+RUN_KEYS = ("configuration", "seed", "versions", "lost", "ticks", "overruns", "lateness_ms", "end")
+ORDERS_TOPIC, ORDER_EVENT = "/alfa46/events", "shift_ordered"
+
+# column of the terminal table: heading, key of a shift, factor to the people's unit, digits
+COLUMNS = (("n_wej rpm", "n_wej_rpm", 1.0, 0), ("M_wyj Nm", "m_wyj_nm", 1.0, 1), ("t_d ms", "t_dt_s", 1e3, 0),
+           ("t_p ms", "t_p_s", 1e3, 0), ("t_c ms", "t_c_s", 1e3, 0), ("t_o ms", "t_o_s", 1e3, 0),
+           ("M_wej max Nm", "m_wej_max_nm", 1.0, 1), ("n_wyj min rpm", "n_wyj_min_rpm", 1.0, 0),
+           ("k", "k", 1.0, 3), ("E_loss J", "e_loss_j", 1.0, 0), ("settled J", "e_loss_settled_j", 1.0, 0),
+           ("overlap ms", "overlap_s", 1e3, 0))
+
+
+def build_report(bag, run: dict) -> dict:
+    """The report of a bag: ``{"run": ..., "shifts": [...], "energy": {"run": ..., "shifts": [...]}}``.
+
+    bag: an open :class:`rig_nodes.bags.reader.Bag`. run: what only the runner knows (:data:`RUN_KEYS`; absent
+    ones become None, ``lost`` is then counted from the bag's gaps). The inertias are those of its configuration.
+
+    The energy of a shift is taken from its order until its torque has settled. A bag that is too damaged or
+    too short for a part leaves that part empty (or a shift's energy None) and its sentence in
+    ``run["problems"]``; numbers that are missing are None, never NaN.
+    """
+    problems: list[str] = []
+    rows: list[dict] = []
+    inertias = inertias_of(run)
+    try:
+        rows = shifts(recording_of(bag), inertias)
+    except RigError as error:
+        problems.append(f"no shift metrics: {error}")
+    energy = {"run": None, "shifts": [None] * len(rows)}
+    try:
+        energies = energies_of(bag, inertias)
+        energy["run"] = balance(energies, *_whole(energies))
+        for i, row in enumerate(rows):
+            energy["shifts"][i] = balance(energies, *_window(row, rows[i + 1 :]))
+    except RigError as error:
+        problems.append(f"no energy balance: {error}")
+    data = {key: run.get(key) for key in RUN_KEYS}
+    if data["lost"] is None:
+        data["lost"] = sum(bag.gaps().values())
+    data.update((key, run[key]) for key in sorted(run) if key not in RUN_KEYS and key != "problems")
+    if problems:
+        data["problems"] = problems
+    return _plain({"run": data, "shifts": rows, "energy": energy})
+
+
+def inertias_of(run: dict) -> Inertias:
+    """The reduced inertias of the rig that ran; the laboratory's when the run does not say."""
+    gearbox = (run.get("configuration") or {}).get("gearbox")
+    return Inertias(gearbox["inertia_in"], gearbox["inertia_out_z5"]) if gearbox else Inertias()
+
+
+def recording_of(bag) -> Recording:
+    """The bag's 10 kHz channels and, from the controller's events, its orders (gear 0 before the first)."""
+    # rows that are missing become NaN: they spoil the shifts they lie in, not the others
+    logger = bag.logger(fill=True)
+    orders, before = [], 0
+    for t, topic, name, _, value in bag.events():
+        if topic == ORDERS_TOPIC and name == ORDER_EVENT:
+            orders.append((t, before, int(value)))
+            before = int(value)
+    return Recording(logger.t0, logger.period, logger.channels, orders)
+
+
+def _whole(energies) -> tuple[float, float]:
+    times = energies.get("motor_work", (np.zeros(1), None))[0]
+    return float(times[0]), float(times[-1])
+
+
+def _window(row: dict, later: list[dict]) -> tuple[float, float]:
+    """Order to settled torque; for a shift that did not get there, to the next order or the longest shift."""
+    start = row["t_order_s"]
+    if row["t_c_s"] and row["t_o_s"] is not None:
+        return start, start + row["t_c_s"] + row["t_o_s"]
+    end = start + LONGEST
+    return start, min(end, later[0]["t_order_s"]) if later else end
+
+
+def _plain(value):
+    """Only what JSON knows: dicts, lists, text, booleans, finite numbers, None."""
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [_plain(item) for item in value]
+    if isinstance(value, (bool, np.bool_)):
+        return bool(value)
+    if isinstance(value, (int, np.integer)):
+        return int(value)
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(value) else None
+    return value if value is None else str(value)
+
+
+def write_report(folder: str | Path, report: dict) -> Path:
+    """Write ``report.json`` into a run's folder and return its path.
+
+    Written beside and then renamed: a reader finds the old report or the new one, never half of one.
+    """
+    path = Path(folder) / REPORT_FILE
+    text = json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    try:
+        handle, name = tempfile.mkstemp(prefix=".report-", suffix=".json", dir=path.parent)
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                file.write(text)
+            os.chmod(name, 0o644)  # mkstemp makes it private
+            os.replace(name, path)
+        except BaseException:
+            os.unlink(name)
+            raise
+    except OSError as error:
+        raise RigError(f"{path}: the report cannot be written ({error.strerror})") from None
+    return path
+
+
+def read_report(folder: str | Path) -> dict | None:
+    """The report in a run's folder, None when there is none. Raises RigError when the file is no report."""
+    path = Path(folder) / REPORT_FILE
+    if not path.exists():
+        return None
+    try:
+        report = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise RigError(f"{path}: is no report ({error}); delete it to have a new one made") from None
+    if not isinstance(report, dict) or not isinstance(report.get("run"), dict):
+        raise RigError(f"{path}: is no report (it has no 'run' part); delete it to have a new one made")
+    return report
+
+
+def format_report(report: dict) -> str:
+    """The report as a table in rpm, Nm, ms and J with a line each on losses, lateness, energy and the end."""
+    lines = _shift_table(report["shifts"]) if report["shifts"] else ["no shift was ordered"]
+    for row in report["shifts"]:
+        shift = f"{_gears(row)} at {row['t_order_s']:.2f} s"
+        lines += [f"  {shift} is not valid: {reason}" for reason in row["why"]]
+    return "\n".join(lines + [""] + _energy_lines(report) + _run_lines(report["run"]))
+
+
+def _gears(row: dict) -> str:
+    return " -> ".join(GEAR.get(row[key], str(row[key])) for key in ("from_gear", "to_gear"))
+
+
+def _shift_table(rows: list[dict]) -> list[str]:
+    table = [["shift"] + [heading for heading, *_ in COLUMNS] + ["valid"]]
+    for row in rows:
+        cells = ["-" if row[key] is None else f"{row[key] * factor:.{digits}f}"
+                 for _, key, factor, digits in COLUMNS]
+        table.append([_gears(row)] + cells + ["yes" if row["valid"] else "NO"])
+    widths = [max(len(line[i]) for line in table) for i in range(len(table[0]))]
+    return ["  ".join(cell.ljust(width) if i == 0 else cell.rjust(width)
+                      for i, (cell, width) in enumerate(zip(line, widths))) for line in table]
+
+
+def _energy_lines(report: dict) -> list[str]:
+    lines = []
+    for row, account in zip(report["shifts"], report["energy"]["shifts"]):
+        if account is None:
+            continue
+        heat = account["heat_s1_j"] + account["heat_s2_j"]
+        share = account["residual_of_heat"]
+        share = "no clutch heat" if share is None else f"{100.0 * share:+.2f} % of it"
+        lines.append(f"energy {_gears(row)}: clutch heat {heat:.0f} J, "
+                     f"unaccounted {account['residual_j']:+.2f} J ({share})")
+    return lines
+
+
+def _run_lines(run: dict) -> list[str]:
+    lines = [f"messages lost: {'unknown' if run['lost'] is None else run['lost']}"]
+    late = run["lateness_ms"]
+    if late:
+        names = {"p50": "median", "p99": "p99", "max": "max"}
+        shown = ", ".join(f"{names[key]} {late[key]:.2f}" for key in names if late.get(key) is not None)
+        ticks = f"{run['overruns']} of {run['ticks']} ticks more than one tick late"
+        lines.append(f"lateness of ticks: {shown} ms; {ticks}")
+    end = run["end"]
+    reason = end.get("reason") if isinstance(end, dict) else end
+    lines.append(f"end: {reason or 'unknown'}")
+    return lines + [f"problem: {problem}" for problem in run.get("problems", [])]

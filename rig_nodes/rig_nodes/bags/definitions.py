@@ -1,0 +1,227 @@
+"""Message definitions: where they come from, and where each field lies in an encoded message.
+
+Publishers use the definitions of the installed packages, the reader those that a bag carries itself.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+
+from ..errors import RigError
+
+# Names of the .msg language -> struct code; the size of a number is its alignment in CDR.
+CODES = {
+    "bool": "?", "byte": "B", "char": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H",
+    "int32": "i", "uint32": "I", "int64": "q", "uint64": "Q", "float32": "f", "float64": "d",
+}
+TIME = "builtin_interfaces/msg/Time"
+
+
+@dataclass(frozen=True)
+class Node:
+    """One field's type: ``kind`` is number, string, message, array or sequence.
+
+    ``name`` is the base type or message type, ``count`` the length of an array or the bound of a sequence or
+    string (0: none), ``item`` the element of an array or sequence, ``fields`` the members of a message.
+    """
+
+    kind: str
+    name: str = ""
+    count: int = 0
+    item: Node | None = None
+    fields: tuple[tuple[str, Node], ...] = ()
+
+    @property
+    def code(self) -> str:
+        """struct code of a number."""
+        return CODES[self.name]
+
+    @property
+    def ends_aligned(self) -> bool:
+        """True when the encoded field always ends at a multiple of 4 bytes."""
+        if self.kind == "number":
+            return self.size >= 4
+        if self.kind == "message":
+            return self.fields[-1][1].ends_aligned
+        return self.kind != "string" and self.item.ends_aligned
+
+    @property
+    def size(self) -> int:
+        """Size and alignment of a number in bytes."""
+        return struct.calcsize("=" + CODES[self.name])
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """A number or array of numbers at a fixed place: ``path`` like ``stamp.sec``, ``offset`` in the body."""
+
+    path: str
+    node: Node
+    count: int
+    offset: int
+
+
+@dataclass(frozen=True, eq=False)
+class Definition:
+    """One message type: text as a bag stores it, RIHS01 hash, tree of fields.
+
+    ``leaves`` are the fields whose place does not depend on the content, ``tail`` the top-level fields from
+    the first of variable size on. ``size``: bytes up to the end of the leaves, encapsulation included, which
+    is the size of every message when the tail is empty.
+    """
+
+    name: str
+    text: str
+    type_hash: str
+    tree: Node
+    leaves: tuple[Leaf, ...]
+    tail: tuple[tuple[str, Node], ...]
+    size: int
+    store: object
+
+    @property
+    def fixed(self) -> bool:
+        """True when every message of the type has the same size."""
+        return not self.tail
+
+    @property
+    def counted(self) -> bool:
+        """True for a message of the rig's own form: it starts with ``stamp`` and ``seq``."""
+        head = [(name, node.name) for name, node in self.tree.fields[:2]]
+        return head == [("stamp", TIME), ("seq", "uint64")]
+
+    def dtype(self) -> np.dtype:
+        """numpy record of the leaves; its item size is ``size``, so that joined messages can be viewed."""
+        return np.dtype({
+            "names": [leaf.path for leaf in self.leaves],
+            "formats": [_numpy_format(leaf) for leaf in self.leaves],
+            "offsets": [4 + leaf.offset for leaf in self.leaves],
+            "itemsize": self.size,
+        })
+
+
+def _numpy_format(leaf: Leaf):
+    base = "?" if leaf.node.name == "bool" else "<" + np.dtype(leaf.node.code).str[1:]
+    return (base, (leaf.count,)) if leaf.count else base
+
+
+@lru_cache(maxsize=None)
+def installed(ros_type: str) -> Definition:
+    """The definition of an installed type, e.g. ``rig_msgs/msg/Measurement``.
+
+    Raises RigError when the package or the message is not installed.
+    """
+    texts: dict[str, str] = {}
+    _collect(ros_type, texts)
+    separator = "=" * 80
+    text = texts[ros_type].rstrip() + "\n"
+    for name, part in texts.items():
+        if name != ros_type:
+            text += f"{separator}\nMSG: {_short(name)}\n{part.rstrip()}\n"
+    return parse(ros_type, text)
+
+
+def parse(ros_type: str, text: str) -> Definition:
+    """A definition from the text a bag stores: the message itself, then each type it needs after ``MSG:``.
+
+    Raises RigError when the text is no message definition.
+    """
+    store = get_typestore(Stores.EMPTY)
+    try:
+        store.register(get_types_from_msg(text, ros_type))
+        tree = _message(ros_type, store.fielddefs)
+        type_hash = store.hash_rihs01(ros_type)
+    except (TypesysError, KeyError, ValueError, SyntaxError) as error:
+        raise RigError(f"the definition of {ros_type} cannot be read ({error}); expected .msg text") from None
+    leaves, tail, end = _lay_out(tree)
+    return Definition(ros_type, text, type_hash, tree, leaves, tail, 4 + end, store)
+
+
+def _collect(ros_type: str, texts: dict[str, str]) -> None:
+    """Put the .msg text of a type and of all types it uses into ``texts``, the type itself first."""
+    if ros_type in texts:
+        return
+    package, kind, short = (ros_type.split("/") + ["", ""])[:3]
+    if kind != "msg" or not short:
+        raise RigError(f"'{ros_type}' is not a message type; expected package/msg/Name")
+    try:
+        path = Path(get_package_share_directory(package)) / "msg" / f"{short}.msg"
+        texts[ros_type] = path.read_text(encoding="utf-8")
+    except PackageNotFoundError:
+        raise RigError(f"the message package '{package}' is not installed; "
+                       f"'./rig doctor' says what is") from None
+    except FileNotFoundError:
+        raise RigError(f"the package '{package}' has no message '{short}'") from None
+    for _, fields in [get_types_from_msg(texts[ros_type], ros_type)[ros_type]]:
+        for _, description in fields:
+            kind, value = description
+            if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+                kind, value = value[0]
+            if kind == Nodetype.NAME:
+                _collect(value, texts)
+
+
+def _short(ros_type: str) -> str:
+    """``package/Name``, as definitions inside a definition are headed."""
+    package, _, name = ros_type.split("/")
+    return f"{package}/{name}"
+
+
+def _message(ros_type: str, types) -> Node:
+    return Node("message", ros_type, fields=tuple((name, _node(description, types))
+                                                  for name, description in types[ros_type][1]))
+
+
+def _node(description, types) -> Node:
+    kind, value = description
+    if kind == Nodetype.NAME:
+        return _message(value, types)
+    if kind == Nodetype.BASE:
+        name, bound = value
+        return Node("string", "string", bound) if name == "string" else Node("number", name)
+    item, count = value
+    return Node("array" if kind == Nodetype.ARRAY else "sequence", count=count, item=_node(item, types))
+
+
+def _lay_out(tree: Node) -> tuple[tuple[Leaf, ...], tuple[tuple[str, Node], ...], int]:
+    """Leaves and tail of a message, and the offset where the leaves end."""
+    leaves: list[Leaf] = []
+    position = 0
+    for index, (name, node) in enumerate(tree.fields):
+        flat = _flatten(name, node)
+        if flat is None:
+            return tuple(leaves), tree.fields[index:], position
+        for path, number, count in flat:
+            position += -position % number.size
+            leaves.append(Leaf(path, number, count, position))
+            position += number.size * (count or 1)
+    return tuple(leaves), (), position
+
+
+def _flatten(path: str, node: Node) -> list[tuple[str, Node, int]] | None:
+    """Numbers of a field in order as (path, number, array length or 0); None when its size varies."""
+    if node.kind == "number":
+        return [(path, node, 0)]
+    if node.kind == "array":
+        if node.item.kind == "number":
+            return [(path, node.item, node.count)]
+        parts = [(f"{path}[{i}]", node.item) for i in range(node.count)]
+    elif node.kind == "message":
+        parts = [(f"{path}.{name}", member) for name, member in node.fields]
+    else:
+        return None
+    flat: list[tuple[str, Node, int]] = []
+    for name, member in parts:
+        inner = _flatten(name, member)
+        if inner is None:
+            return None
+        flat += inner
+    return flat

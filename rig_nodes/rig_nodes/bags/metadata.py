@@ -1,0 +1,122 @@
+"""What a bag says about its topics: quality of service, and the metadata.yaml that rosbag2 of Jazzy reads.
+
+Written by the writer, without anything of the host or of the wall clock; profiles are read by the replay.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from io import StringIO
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from ..errors import BagError
+
+VERSION = 9
+FOREVER = {"sec": 9223372036, "nsec": 854775807}
+
+
+def _profile(depth: int, durability: str = "volatile", deadline_ms: int = 0) -> dict:
+    deadline = {"sec": 0, "nsec": deadline_ms * 1_000_000} if deadline_ms else FOREVER
+    return {
+        "history": "keep_last", "depth": depth, "reliability": "reliable", "durability": durability,
+        "deadline": deadline, "lifespan": FOREVER, "liveliness": "automatic",
+        "liveliness_lease_duration": FOREVER, "avoid_ros_namespace_conventions": False,
+    }
+
+
+# Classes of the signal catalogue -> offered profile, in the words of rosbag2.
+PROFILES = {
+    "measurement": _profile(1000),
+    "command": _profile(1, deadline_ms=100),
+    "setting": _profile(10),
+    "latched": _profile(1, durability="transient_local"),
+}
+
+
+@dataclass(frozen=True)
+class Offered:
+    """How a topic was offered when it was recorded; deadline_ns 0: without one."""
+
+    reliable: bool = True
+    latched: bool = False
+    deadline_ns: int = 0
+
+
+def read_profile(text: str) -> Offered:
+    """What rosbag2 keeps in a channel, of any version: words, or their numbers before Jazzy.
+
+    Of several publishers the strictest counts, so that whoever heard one of them hears the replay. Without a
+    text, reliable and not latched. Raises BagError when the text is no list of profiles.
+    """
+    try:
+        profiles = YAML(typ="safe", pure=True).load(text) or []
+        deadlines = [profile.get("deadline", FOREVER) for profile in profiles]
+        finite = [d["sec"] * 1_000_000_000 + d["nsec"] for d in deadlines if 0 <= d["sec"] < FOREVER["sec"]]
+        return Offered(
+            reliable=not profiles or any(p["reliability"] not in ("best_effort", 2) for p in profiles),
+            latched=any(p["durability"] in ("transient_local", 1) for p in profiles),
+            deadline_ns=min((d for d in finite if d > 0), default=0))
+    except (YAMLError, AttributeError, KeyError, TypeError) as error:
+        problem = str(error).strip().splitlines()[0]
+        raise BagError(f"a quality of service in the bag is no list of profiles ({problem})") from None
+
+
+def profile_text(qos: str) -> str:
+    """The offered profile of a class as rosbag2 keeps it in a channel."""
+    return _yaml([PROFILES[qos]])
+
+
+def bag_metadata(file_name: str, topics: list[dict], start_ns: int, end_ns: int) -> str:
+    """The ``rosbag2_bagfile_information`` of a bag of one file, as YAML.
+
+    topics: dicts with ``name``, ``type``, ``qos`` (class), ``hash`` (RIHS01) and ``count``, in the order of
+    the file; start_ns, end_ns: first and last time of the messages [ns].
+    """
+    count = sum(topic["count"] for topic in topics)
+    starting_time = {"nanoseconds_since_epoch": start_ns}
+    duration = {"nanoseconds": end_ns - start_ns}
+    return _yaml({
+        "version": VERSION,
+        "storage_identifier": "mcap",
+        "duration": duration,
+        "starting_time": starting_time,
+        "message_count": count,
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": topic["name"],
+                    "type": topic["type"],
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": [PROFILES[topic["qos"]]],
+                    "type_description_hash": topic["hash"],
+                },
+                "message_count": topic["count"],
+            }
+            for topic in topics
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [file_name],
+        "files": [{"path": file_name, "starting_time": starting_time, "duration": duration,
+                   "message_count": count}],
+        "custom_data": None,
+        "ros_distro": "jazzy",
+    })
+
+
+def metadata_file(information: str) -> str:
+    """The content of metadata.yaml from :func:`bag_metadata`."""
+    return "rosbag2_bagfile_information:\n" + "".join(f"  {line}\n" for line in information.splitlines())
+
+
+def _yaml(data) -> str:
+    yaml = YAML(typ="safe", pure=True)
+    yaml.default_flow_style = False
+    yaml.width = 1000
+    yaml.sort_base_mapping_type_on_output = False
+    yaml.representer.ignore_aliases = lambda _: True
+    stream = StringIO()
+    yaml.dump(data, stream)
+    return stream.getvalue()

@@ -1,0 +1,156 @@
+"""Playing a recording again: which message is due when, with rate, start, pause, step, loop and the clock.
+
+Used by nodes.replay, which publishes what is due. Knows neither ROS nor the wall clock: the caller says what
+time it is.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
+
+CLOCK = -1  # in place of a message's number: the clock is due
+STRIDE = 0.05  # s of wall time made up for at once; 50 ms at ten times are 500 messages of a 1 kHz topic
+BATCH = 1000  # things due that are handed out at once, so that a pause never waits for more
+
+Due = tuple[int, int]
+
+
+class Player:
+    """The order and the pace of one replay.
+
+    Every pass begins with the clock at its first time and with the messages of ``early``, which hold from
+    before it; then messages and clock follow each other in recorded time, the clock first. A pass of a loop
+    begins one clock period after the last message of the one before. A stall of more than 50 ms is not made
+    up for: the replay goes on from where it stood, and ``behind`` adds up such stalls [s].
+    """
+
+    def __init__(self, times: Sequence[int], first: int, *, rate: float = 1.0, loop: bool = False,
+                 paused: bool = False, period: int = 5_000_000, early: Sequence[int] = ()):
+        """times: ascending times of all messages [ns]; first: where passes begin [ns]; rate: recorded seconds
+        per second, inf for as fast as it goes; period: recorded time between two clocks [ns]; early: numbers
+        of the messages before ``first`` that are due all the same when a pass begins.
+        """
+        self.rate, self.loop, self.paused = rate, loop, paused
+        self.clock = first  # what the clock showed last [ns]
+        self.passes = 0
+        self.behind = 0.0
+        self._times, self._first, self._period, self._early = times, first, period, early
+        self._length = max(times[-1] - first, 0) if times else 0
+        self._next = self._begin = bisect_left(times, first)
+        self._tick = first
+        self._offset = 0.0  # recorded time since the beginning of the pass [ns], reached at ...
+        self._wall: float | None = None  # ... this time of the caller's clock [s]
+        self._steps = 0
+
+    @property
+    def finished(self) -> bool:
+        """True when nothing will be due any more."""
+        return self._wall is not None and not self.loop and self._next >= len(self._times)
+
+    def pause(self) -> None:
+        """Let nothing be due, and the clock stand, until resumed or stepped."""
+        self.paused = True
+
+    def resume(self, now: float) -> None:
+        """Go on from where the pause began."""
+        if self.paused:
+            self.paused, self._steps = False, 0
+            if self._wall is not None:
+                self._wall = now
+
+    def step(self) -> bool:
+        """While paused, make all messages of the next recorded time due; False when not paused."""
+        self._steps += self.paused
+        return self.paused
+
+    def take(self, now: float) -> list[Due]:
+        """What is due by ``now`` [s] and not taken yet, in order: (number of the message or CLOCK, ns)."""
+        due: list[Due] = []
+        elapsed = now - (now if self._wall is None else self._wall)
+        if self._wall is None:
+            self._start_pass(due)
+        self._wall = now
+        if self.paused:
+            while self._steps:
+                self._steps -= 1
+                self._take_step(due)
+            return due
+        if math.isinf(self.rate):
+            self._offset = math.inf
+        else:
+            self._offset += min(elapsed, STRIDE) * self.rate * 1e9
+            self.behind += max(0.0, elapsed - STRIDE)
+        self._collect(due)
+        if math.isinf(self.rate):
+            self._offset = self.clock - self._first
+        return due
+
+    def wait(self, now: float) -> float:
+        """Seconds from ``now`` until something is due: 0 when it is already, inf when paused or finished."""
+        if self._wall is None:
+            return 0.0
+        if self.finished or self.paused:
+            return 0.0 if self._steps and not self.finished else math.inf
+        if math.isinf(self.rate):
+            return 0.0
+        if self._next < len(self._times):
+            at = min(self._tick, self._times[self._next]) - self._first
+        else:
+            at = self._length + self._period
+        return max(0.0, (at - self._offset) / self.rate / 1e9 - (now - self._wall))
+
+    def lateness(self, time: int, now: float) -> float:
+        """Seconds from when a message of this recorded time, taken last, was due until ``now``."""
+        if self.paused or math.isinf(self.rate):
+            return 0.0
+        due = max(time - self._first, 0)
+        return max(0.0, now - self._wall + (self._offset - due) / self.rate / 1e9)
+
+    def _start_pass(self, due: list[Due]) -> None:
+        self.passes += 1
+        self._next, self._tick = self._begin, self._first
+        self._take_clock(due, self._first)
+        due += [(number, self._times[number]) for number in self._early]
+
+    def _take_clock(self, due: list[Due], time: int) -> None:
+        """Make the clock due; the one after it follows on the grid of the pass."""
+        due.append((CLOCK, time))
+        self.clock = time
+        self._tick = self._first + ((time - self._first) // self._period + 1) * self._period
+
+    def _collect(self, due: list[Due]) -> None:
+        """Everything up to the offset, through as many passes as it spans."""
+        times, end = self._times, len(self._times)
+        while len(due) < BATCH:
+            if self._next < end:
+                time = times[self._next]
+                if min(time, self._tick) - self._first > self._offset:
+                    return
+                if self._tick <= time:
+                    self._take_clock(due, self._tick)
+                else:
+                    due.append((self._next, time))
+                    self._next += 1
+            elif self.loop and self._offset >= self._length + self._period:
+                self._offset -= self._length + self._period
+                self._start_pass(due)
+            else:
+                return
+
+    def _take_step(self, due: list[Due]) -> None:
+        if self._next >= len(self._times):
+            if not self.loop:
+                return
+            self._offset = 0.0
+            self._start_pass(due)
+            if self._next >= len(self._times):
+                return
+        time = self._times[self._next]
+        if time > self.clock:
+            self._take_clock(due, time)
+        end = bisect_right(self._times, time, self._next)
+        due += [(number, time) for number in range(self._next, end)]
+        self._next = end
+        self._offset = max(self._offset, float(time - self._first))

@@ -1,0 +1,386 @@
+"""Reading a run: messages, signals, logger rows, events, and whether anything is missing.
+
+Used by the report, the view, replay and the tests. Decodes by the definitions that the bag carries, so that
+old bags stay readable.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import struct
+from dataclasses import dataclass
+from itertools import repeat
+from operator import itemgetter
+from pathlib import Path
+from typing import Iterator
+
+import numpy as np
+
+from ..catalogue import catalogue
+from ..config import load_yaml
+from ..errors import BagError, RigError
+from .cdr import decode_as, exact
+from .definitions import Definition, parse
+from .mcap_file import Stream, read_mcap
+
+_HEAD = np.dtype({"names": ["sec", "nanosec", "seq"], "formats": ["<i4", "<u4", "<u8"], "offsets": [4, 8, 12],
+                  "itemsize": 20})
+LIFE_BITS = 32  # of a sequence number; above them, how often its publisher was started before
+_LENGTH = struct.Struct("<I")
+_FIELD = re.compile(r"(\w+)(?:\[(\d+)\])?")
+
+
+@dataclass(frozen=True)
+class Logger:
+    """Rows of a logger: time of row 0 [s], time between rows [s], name -> values (1-D float64, SI)."""
+
+    t0: float
+    period: float
+    channels: dict[str, np.ndarray]
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return len(next(iter(self.channels.values()))) if self.channels else 0
+
+    def time(self) -> np.ndarray:
+        """Time of every row [s]."""
+        return self.t0 + self.period * np.arange(self.rows)
+
+
+class Bag:
+    """A recorded run, read and checked when it is opened; it stays in memory, about 1 MB per second of run.
+
+    ``path``: the .mcap file; ``counts``: messages per topic; ``types``: message type per topic; ``damage``:
+    one sentence per fault that recovery passed over, empty for a sound bag.
+    """
+
+    def __init__(self, path: str | Path, recover: bool = False):
+        """Open the folder of a run or its .mcap file.
+
+        recover: read what is whole of a cut or damaged bag. Raises BagError naming the damage or what is
+        missing.
+        """
+        self.path = _find(Path(path))
+        contents = read_mcap(self.path, recover)
+        self.damage: list[str] = contents.damage
+        self._streams: dict[str, Stream] = {}
+        for stream in contents.streams.values():
+            first = self._streams.setdefault(stream.topic, stream)
+            if first is not stream:
+                if first.ros_type != stream.ros_type:
+                    raise BagError(f"{self.path}: topic {stream.topic} holds both {first.ros_type} and "
+                                   f"{stream.ros_type}; a topic has one type")
+                first.times += stream.times
+                first.payloads += stream.payloads
+                first.places += stream.places
+        self.counts: dict[str, int] = {topic: len(s.times) for topic, s in self._streams.items()}
+        self.types: dict[str, str] = {topic: s.ros_type for topic, s in self._streams.items()}
+        self._definitions: dict[str, Definition] = {}
+
+    @property
+    def recovered(self) -> str:
+        """One sentence on what recovery saved, empty for a sound bag."""
+        if not self.damage:
+            return ""
+        last = max((s.times[-1] for s in self._streams.values() if s.times), default=0)
+        held = sum(self.counts.values())
+        return f"{held} messages recovered up to {last / 1e9:.3f} s ({'; '.join(self.damage)})"
+
+    def raw(self, topic: str) -> Iterator[tuple[int, bytes]]:
+        """Log time [ns] and bytes of every message of a topic, as recorded."""
+        stream = self._stream(topic)
+        return zip(stream.times, stream.payloads)
+
+    def timeline(self, topics: list[str] | None = None) -> list[tuple[int, str, bytes]]:
+        """Log time [ns], topic and bytes of all messages by log time, those of one time as in the file.
+
+        topics: all by default; BagError for one the bag does not hold.
+        """
+        streams = [self._stream(topic) for topic in (self._streams if topics is None else topics)]
+        rows = [row for s in streams for row in zip(s.times, s.places, repeat(s.topic), s.payloads)]
+        rows.sort(key=itemgetter(0, 1))
+        return [(time, topic, data) for time, _, topic, data in rows]
+
+    def channel(self, topic: str) -> tuple[str, str, dict[str, str]]:
+        """Encoding of a topic as ``message/definition``, its definition, and the metadata of its channel."""
+        stream = self._stream(topic)
+        return stream.encoding, stream.text, stream.metadata
+
+    def messages(self, topic: str) -> Iterator[tuple[int, object]]:
+        """Log time [ns], which is the stamp, and decoded message of every message of a topic, in order."""
+        stream = self._stream(topic)
+        definition = self._definition(stream)
+        for time, data in zip(stream.times, stream.payloads):
+            yield time, self._decode(definition, data, topic)
+
+    def series(self, signal_name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Time [s] and value [SI] of a signal of the catalogue, both 1-D float64.
+
+        Raises RigError for an unknown signal, BagError when the bag does not hold its topic or field.
+        """
+        signal = catalogue().signal(signal_name)
+        stream = self._stream(signal.topic)
+        name, index = _FIELD.fullmatch(signal.field).groups()
+        if name not in dict(self._definition(stream).tree.fields):
+            raise BagError(f"{self.path}: {signal.topic} has no field '{name}' for signal {signal_name}; "
+                           f"the bag is of another version of {stream.ros_type}")
+        values = self._field(stream, name)
+        if index is not None:
+            values = values[:, int(index)]
+        return _stamps(self._heads(stream)) / 1e9, np.ascontiguousarray(values, float)
+
+    def logger(self, topic: str = "/instruments/hmg4000", fill: bool = False) -> Logger:
+        """All rows of a logger, its columns named by the ChannelList on the same node.
+
+        fill: put NaN where rows are missing. Raises BagError for missing rows otherwise, and when blocks and
+        channel list do not fit each other.
+        """
+        names = self._channel_names(topic)
+        head, values = self._blocks(topic)
+        if not len(head):
+            raise BagError(f"{self.path}: {topic} holds no rows; the run ended before its first block")
+        if np.any(head["channels"] != len(names)):
+            raise BagError(f"{self.path}: a block of {topic} has {head['channels'].max()} columns where the "
+                           f"channel list names {len(names)}")
+        if np.any(head["period"] != head["period"][0]):
+            raise BagError(f"{self.path}: the period of {topic} changes within the run; "
+                           f"one logger has one period")
+        first, period = int(head["first_sample"][0]), float(head["period"][0])
+        starts = head["first_sample"].astype(np.int64) - first
+        ends = starts + head["rows"]
+        if np.any(starts[1:] < ends[:-1]):
+            raise BagError(f"{self.path}: blocks of {topic} overlap or are out of order; "
+                           f"the bag was put together from several runs")
+        lost = int(ends[-1] - head["rows"].sum(dtype=np.int64))
+        if lost and not fill:
+            at = (first + int(ends[:-1][starts[1:] > ends[:-1]][0])) * period
+            raise BagError(f"{self.path}: {topic} misses {lost} rows, the first at {at:.4f} s; "
+                           f"record again or have the gaps filled with NaN")
+        table = np.concatenate(values).reshape(-1, len(names))
+        if lost:
+            whole = np.full((int(ends[-1]), len(names)), np.nan)
+            whole[np.concatenate([np.arange(a, b) for a, b in zip(starts, ends)])] = table
+            table = whole
+        columns = np.ascontiguousarray(table.T)
+        return Logger(first * period, period, dict(zip(names, columns)))
+
+    def gaps(self) -> dict[str, int]:
+        """Messages that never reached the bag, by the holes in their sequence numbers.
+
+        Topics without holes are left out. A topic counts from 0, and from the next multiple of 2^32 when its publisher
+        was started again, so a late start shows; what is lost at the very end shows only in :func:`missing`.
+        """
+        found = {}
+        for topic, stream in self._streams.items():
+            lost = sum(_holes(seqs) for seqs in self._lives(stream))
+            if lost:
+                found[topic] = lost
+        return found
+
+    def gap_of_last_life(self, topic: str) -> int:
+        """As :meth:`gaps` for one topic, for the last of its publishers alone."""
+        lives = self._lives(self._streams[topic]) if topic in self._streams else []
+        return _holes(lives[-1]) if lives else 0
+
+    def distinct(self, topic: str, last_life: bool = False) -> int:
+        """Messages of a topic without repeated ones; 0 for a topic the bag does not hold.
+
+        last_life: only those of the last publisher, where one was started again.
+        """
+        stream = self._streams.get(topic)
+        if stream is None or not self._definition(stream).counted:
+            return self.counts.get(topic, 0)
+        lives = self._lives(stream)
+        return sum(len(np.unique(seqs)) for seqs in (lives[-1:] if last_life else lives))
+
+    def _lives(self, stream: Stream) -> list[np.ndarray]:
+        """Sequence numbers of a topic, for each life of its publisher from 0 on; empty where nothing is counted."""
+        if not stream.times or not self._definition(stream).counted:
+            return []
+        seqs = self._heads(stream)["seq"]
+        life = seqs >> LIFE_BITS
+        return [seqs[life == number] & ((1 << LIFE_BITS) - 1) for number in np.unique(life)]
+
+    def check(self) -> list[str]:
+        """Everything wrong with the bag as sentences: damage, lost messages and logger rows, wrong metadata.
+
+        Checksums were verified when the bag was opened: a sound bag gives an empty list.
+        """
+        problems = list(self.damage)
+        problems += [f"{topic} lost {n} of {n + self.distinct(topic)} messages"
+                     for topic, n in self.gaps().items()]
+        for topic, ros_type in self.types.items():
+            if ros_type == "rig_msgs/msg/SampleBlock" and self.counts[topic]:
+                try:
+                    self.logger(topic)
+                except BagError as error:
+                    problems.append(str(error))
+        beside = self.path.parent / "metadata.yaml"
+        if beside.exists():
+            problems += _compare(beside, self.counts)
+        return problems
+
+    def events(self) -> list[tuple[float, str, str, str, float]]:
+        """All events in order of time: (t [s], topic, name, text, value)."""
+        found = [(time / 1e9, topic, message.name, message.text, float(message.value))
+                 for topic, ros_type in self.types.items() if ros_type == "rig_msgs/msg/Event"
+                 for time, message in self.messages(topic)]
+        return sorted(found, key=lambda event: event[0])
+
+    def run_info(self) -> dict:
+        """The configuration the run was made with, empty when the bag holds none."""
+        for topic, ros_type in self.types.items():
+            if ros_type == "rig_msgs/msg/RunInfo":
+                for _, message in self.messages(topic):
+                    try:
+                        return json.loads(message.json)
+                    except ValueError as error:
+                        raise BagError(f"{self.path}: {topic} is not JSON ({error})") from None
+        return {}
+
+    def canonical_hash(self, topics: list[str] | None = None) -> dict[str, str]:
+        """SHA-256 per topic over (sequence, stamp, payload) in the topic's order, and ``all`` over these.
+
+        Independent of how messages of different topics interleave and of the container. topics: all by
+        default. Messages without a sequence number are numbered by their order.
+        """
+        hashes = {}
+        for topic in sorted(self._streams if topics is None else topics):
+            stream = self._stream(topic)
+            definition = self._definition(stream)
+            if definition.counted:
+                head = self._heads(stream)
+                order = np.argsort(head["seq"], kind="stable")
+                seqs, stamps = head["seq"], _stamps(head)
+            else:
+                order = seqs = np.arange(len(stream.times))
+                stamps = np.array(stream.times, dtype=np.int64)
+            digest = hashlib.sha256(f"{topic} {stream.ros_type}\n".encode())
+            for i in order.tolist():
+                data = self._exact(definition, stream.payloads[i], topic)
+                digest.update(struct.pack("<QqQ", seqs[i], stamps[i], len(data)) + data)
+            hashes[topic] = digest.hexdigest()
+        text = "".join(f"{topic} {value}\n" for topic, value in hashes.items())
+        return {**hashes, "all": hashlib.sha256(text.encode()).hexdigest()}
+
+    def _stream(self, topic: str) -> Stream:
+        if topic not in self._streams:
+            held = ", ".join(self._streams) or "none"
+            raise BagError(f"{self.path}: has no topic {topic}; it holds {held}")
+        return self._streams[topic]
+
+    def _definition(self, stream: Stream) -> Definition:
+        if stream.ros_type not in self._definitions:
+            if stream.encoding != "cdr/ros2msg":
+                raise BagError(f"{self.path}: {stream.topic} is encoded as {stream.encoding}, "
+                               f"expected cdr/ros2msg")
+            try:
+                self._definitions[stream.ros_type] = parse(stream.ros_type, stream.text)
+            except RigError as error:
+                raise BagError(f"{self.path}: {error}") from None
+        return self._definitions[stream.ros_type]
+
+    def _decode(self, definition: Definition, data: bytes, topic: str):
+        try:
+            return decode_as(definition, data)
+        except ValueError as error:
+            raise BagError(f"{self.path}: a message of {topic} cannot be decoded: {error}") from None
+
+    def _exact(self, definition: Definition, data: bytes, topic: str) -> bytes:
+        # Other recorders keep the padding of DDS, which must not change the hash.
+        try:
+            return exact(definition, data)
+        except ValueError as error:
+            raise BagError(f"{self.path}: a message of {topic} is garbled: {error}") from None
+
+    def _joined(self, stream: Stream, size: int) -> bytes:
+        """The first ``size`` bytes of all messages; BagError when one is shorter."""
+        joined = b"".join([data[:size] for data in stream.payloads])
+        if len(joined) != size * len(stream.payloads):
+            raise BagError(f"{self.path}: a message of {stream.topic} is shorter than the {size} bytes "
+                           f"that {stream.ros_type} has")
+        return joined
+
+    def _heads(self, stream: Stream) -> np.ndarray:
+        """Stamp and sequence number of all messages; on topics that are not counted only the stamp."""
+        return np.frombuffer(self._joined(stream, _HEAD.itemsize), _HEAD)
+
+    def _field(self, stream: Stream, name: str) -> np.ndarray:
+        """One top-level field of all messages: 1-D, or 2-D for an array."""
+        definition = self._definition(stream)
+        if any(leaf.path == name for leaf in definition.leaves):
+            return np.frombuffer(self._joined(stream, definition.size), definition.dtype())[name]
+        return np.array([getattr(message, name) for _, message in self.messages(stream.topic)])
+
+    def _blocks(self, topic: str) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Heads of all sample blocks and their values, each flat."""
+        stream = self._stream(topic)
+        definition = self._definition(stream)
+        if [name for name, _ in definition.tail] != ["data"]:
+            raise BagError(f"{self.path}: {topic} holds {stream.ros_type}, which is no block of samples")
+        head = np.frombuffer(self._joined(stream, definition.size), definition.dtype())
+        length_at = definition.size + -(definition.size - 4) % 4
+        at = length_at + 4 + -length_at % 8
+        values = []
+        for count, data in zip((head["rows"].astype(np.int64) * head["channels"]).tolist(), stream.payloads):
+            if count == 0 or len(data) < at + 8 * count or _LENGTH.unpack_from(data, length_at)[0] != count:
+                raise BagError(f"{self.path}: a block of {topic} does not hold the {count} values "
+                               f"that its head says")
+            values.append(np.frombuffer(data, "<f8", count, at))
+        return head, values
+
+    def _channel_names(self, topic: str) -> list[str]:
+        """Columns of a logger from the channel list beside it."""
+        node = topic.rpartition("/")[0]
+        for other, ros_type in self.types.items():
+            if ros_type == "rig_msgs/msg/ChannelList" and other.rpartition("/")[0] == node:
+                for _, message in self.messages(other):
+                    return list(message.names)
+        raise BagError(f"{self.path}: no channel list under {node} says what the columns of {topic} are")
+
+
+def _stamps(head: np.ndarray) -> np.ndarray:
+    """Stamps [ns] of message heads."""
+    return head["sec"].astype(np.int64) * 1_000_000_000 + head["nanosec"]
+
+
+def _holes(seqs: np.ndarray) -> int:
+    """How many of the numbers from 0 to the highest are missing."""
+    return int(seqs.max()) + 1 - len(np.unique(seqs))
+
+
+def missing(counts_published: dict[str, int], bag: Bag) -> dict[str, int]:
+    """Messages that publishers counted and the bag does not hold, per topic; topics without loss left out."""
+    lost = {topic: published - bag.distinct(topic) for topic, published in counts_published.items()}
+    return {topic: n for topic, n in lost.items() if n > 0}
+
+
+def _compare(metadata: Path, counts: dict[str, int]) -> list[str]:
+    """What metadata.yaml says otherwise than the file beside it."""
+    try:
+        told = {entry["topic_metadata"]["name"]: entry["message_count"] for entry in
+                load_yaml(metadata)["rosbag2_bagfile_information"]["topics_with_message_count"]}
+    except RigError as error:
+        return [str(error)]
+    except (TypeError, KeyError) as error:
+        return [f"{metadata}: is no description of a bag ({type(error).__name__}: {error})"]
+    pairs = [(topic, told.get(topic, 0), counts.get(topic, 0)) for topic in {**told, **counts}]
+    return [f"{metadata}: counts {said} messages of {topic} where the bag holds {held}"
+            for topic, said, held in pairs if said != held]
+
+
+def _find(path: Path) -> Path:
+    """The .mcap file of a path; BagError when there is none or more than one."""
+    if path.is_file():
+        return path
+    if not path.is_dir():
+        raise BagError(f"{path}: there is no such file or folder; give the folder of a run or its .mcap file")
+    files = sorted(path.glob("*.mcap"))
+    if len(files) != 1:
+        held = ", ".join(f.name for f in files) or "none"
+        raise BagError(f"{path}: a run's folder holds one .mcap file, this one holds {held}; "
+                       f"name the file itself")
+    return files[0]

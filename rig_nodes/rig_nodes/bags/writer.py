@@ -1,0 +1,180 @@
+"""Writing a run: one MCAP file that stays readable whatever ends the process, and rosbag2's metadata.yaml.
+
+Used by the headless run and the recorder; the same calls give the same bytes.
+"""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from mcap.writer import CompressionType, Writer
+
+from .. import __version__
+from ..catalogue import catalogue
+from ..errors import RigError
+from . import metadata
+from .cdr import exact
+from .definitions import Definition, installed
+
+FLUSH_NS = 100_000_000
+CHUNK_BYTES = 4 * 1024 * 1024
+LIBRARY = f"rig_nodes {__version__}"
+_SEQUENCE_MASK = 0xFFFFFFFF
+
+
+@dataclass
+class _Topic:
+    """A topic of the bag: channel number, definition, quality-of-service class, what its messages need."""
+
+    channel: int
+    definition: Definition
+    qos: str
+    counted: bool
+    size: int  # of every message, 0 when it varies
+
+
+class BagWriter:
+    """One bag in one folder: ``<folder>/<name>.mcap`` and, once closed, ``<folder>/metadata.yaml``.
+
+    A chunk is closed and handed to the operating system when the simulated time of the messages passes a
+    multiple of 100 ms, so that a killed process loses no more than that; a chunk above 4 MiB closes earlier.
+    A recorder that runs slower than real time calls :meth:`flush` besides. ``counts`` holds the messages
+    written per topic. Not thread-safe.
+    """
+
+    def __init__(self, folder: str | Path, name: str):
+        """Create the file, and the folder if need be; RigError when it is there already or cannot be made."""
+        self.folder = Path(folder)
+        self.path = self.folder / f"{name}.mcap"
+        self.counts: dict[str, int] = {}
+        self._topics: dict[str, _Topic] = {}
+        self._schemas: dict[str, int] = {}
+        self._interval: int | None = None
+        self._first = self._last = 0
+        self._closed = False
+        self._failure = ""
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self._file = open(self.path, "xb")
+        except FileExistsError:
+            raise RigError(f"{self.path} is there already; name another folder or remove it") from None
+        except OSError as error:
+            raise RigError(f"{self.path} cannot be made ({error.strerror}); "
+                           f"name a folder that can be written") from None
+        self._writer = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD,
+                              enable_crcs=True, enable_data_crcs=True)
+        self._guard(self._begin)
+
+    def write(self, topic: str, ros_type: str, data: bytes, log_time_ns: int) -> None:
+        """Store one encoded message as it is, less the padding that DDS may have appended.
+
+        data: CDR with encapsulation; log_time_ns: simulated time [ns], stored as log and publish time. Raises
+        RigError when the bag is closed, the bytes are no such message, the topic changes its type, or the
+        disk takes no more.
+        """
+        self._writable()
+        known = self._topics.get(topic) or self._guard(self._add_topic, topic, ros_type)
+        if known.definition.name != ros_type:
+            raise RigError(f"topic {topic} holds {known.definition.name}, got a {ros_type}; "
+                           f"a topic has one type")
+        if len(data) != known.size:
+            try:
+                data = exact(known.definition, data)
+            except ValueError as error:
+                raise RigError(f"topic {topic}: {error}; expected exact little-endian CDR") from None
+        interval = log_time_ns // FLUSH_NS
+        if self._interval is None:
+            self._interval = interval
+            self._first = self._last = log_time_ns
+        elif interval > self._interval:
+            self._guard(self._writer.flush)
+            self._interval = interval
+        count = self.counts[topic]
+        sequence = int.from_bytes(data[12:20], "little") & _SEQUENCE_MASK if known.counted else count
+        self._guard(self._writer.add_message, known.channel, log_time_ns, data, log_time_ns, sequence)
+        self.counts[topic] = count + 1
+        if log_time_ns > self._last:
+            self._last = log_time_ns
+        elif log_time_ns < self._first:
+            self._first = log_time_ns
+
+    def flush(self) -> None:
+        """Close the chunk in progress and hand everything to the operating system."""
+        self._writable()
+        self._guard(self._writer.flush)
+
+    def close(self) -> None:
+        """Write the end of the file and metadata.yaml; a second call does nothing.
+
+        After a failed write only the file is closed: what is in it stays readable in recovery.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        if self._failure:
+            with suppress(OSError):
+                self._file.close()
+            return
+        information = metadata.bag_metadata(self.path.name, self._summary(), self._first, self._last)
+        self._guard(self._finish, information)
+
+    def __enter__(self) -> BagWriter:
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.close()
+
+    def _writable(self) -> None:
+        if self._failure:
+            raise RigError(self._failure)
+        if self._closed:
+            raise RigError(f"{self.path} is closed; nothing can be added to it")
+
+    def _guard(self, action, *arguments):
+        """Do it; a write error becomes the one sentence of this bag, repeated by every later call."""
+        try:
+            return action(*arguments)
+        except OSError as error:
+            self._failure = (f"{self.path} cannot be written ({error.strerror or error}); the last 100 ms "
+                             f"before {self._last / 1e9:.3f} s of the run may be missing in it")
+            with suppress(OSError):
+                self._file.close()
+            raise RigError(self._failure) from None
+
+    def _begin(self) -> None:
+        self._writer.start(profile="ros2", library=LIBRARY)
+        self._file.flush()
+
+    def _add_topic(self, topic: str, ros_type: str) -> _Topic:
+        definition = installed(ros_type)
+        entry = catalogue().all_topics.get(topic)
+        qos = entry.qos if entry else "measurement"
+        if ros_type not in self._schemas:
+            text = definition.text.encode()
+            self._schemas[ros_type] = self._writer.register_schema(ros_type, "ros2msg", text)
+        channel = self._writer.register_channel(topic, "cdr", self._schemas[ros_type], {
+            "offered_qos_profiles": metadata.profile_text(qos),
+            "topic_type_hash": definition.type_hash,
+        })
+        self.counts[topic] = 0
+        self._topics[topic] = _Topic(channel, definition, qos, definition.counted,
+                                     definition.size if definition.fixed else 0)
+        return self._topics[topic]
+
+    def _summary(self) -> list[dict]:
+        return [{"name": name, "type": topic.definition.name, "qos": topic.qos,
+                 "hash": topic.definition.type_hash, "count": self.counts[name]}
+                for name, topic in self._topics.items()]
+
+    def _finish(self, information: str) -> None:
+        self._writer.flush()
+        self._writer.add_metadata("rosbag2", {"serialized_metadata": information})
+        self._writer.finish()
+        self._file.close()
+        # Written whole or not at all: a folder with metadata.yaml holds a finished bag.
+        part = self.folder / "metadata.yaml.part"
+        part.write_text(metadata.metadata_file(information), encoding="utf-8")
+        os.replace(part, self.folder / "metadata.yaml")

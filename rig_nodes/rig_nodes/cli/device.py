@@ -1,0 +1,43 @@
+"""``rig device NAME``: one device in a process of its own, for a rig that has it cut out of the plant."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+HELP = "start a device of its own, for a rig with source: topic"
+
+
+def add_arguments(parser) -> None:
+    parser.add_argument("name", help="motor, valve_zr_p1, valve_zr_p2 or load_pump")
+    parser.add_argument("--domain", type=int, metavar="N",
+                        help="ROS domain of the rig, which `rig run` prints (default: ROS_DOMAIN_ID)")
+    parser.add_argument("--rig", default="hydmag", metavar="NAME", help="rig or .yaml file (default: hydmag)")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
+                        help="change one value of the device, as for run (may be repeated)")
+
+
+def main(args) -> int:
+    """Check, then become the node's process: signals go to it alone."""
+    from ..errors import RigError
+    from ..graph.domain import Domain, environment, from_environment
+    from ..plant.cut import check_device
+    from ..testbench.configuration import load_rig
+    from ..testbench.folders import parse_settings
+
+    check_device(args.name)
+    load_rig(args.rig, parse_settings(args.settings))
+    if args.domain is None:
+        if not os.environ.get("ROS_DOMAIN_ID"):
+            raise RigError("which rig? give --domain N with the number that `rig run` prints, or set "
+                           "ROS_DOMAIN_ID")
+        domain = from_environment()
+    elif 0 <= args.domain <= 232:
+        domain = Domain(args.domain)
+    else:
+        raise RigError(f"--domain {args.domain}: expected a number from 0 to 232")
+    command = [sys.executable, "-P", "-m", "rig_nodes.nodes.cut_device", args.name, "--rig", args.rig]
+    for text in args.settings:
+        command += ["--set", text]
+    sys.stdout.flush()
+    os.execve(sys.executable, command, environment(domain))

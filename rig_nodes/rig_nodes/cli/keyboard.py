@@ -1,0 +1,54 @@
+"""Single keys from the terminal, without Enter; used by verbs that can be steered while they run."""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+import termios
+import tty
+
+# The right arrow in both modes of a terminal.
+_NAMES = {"\x1b[C": "s", "\x1bOC": "s"}
+
+
+class Keyboard:
+    """A context manager; calling it returns the keys pressed since the last call, the right arrow as ``s``.
+
+    Gives nothing, and leaves the terminal alone, when the standard input is none or another job has it.
+    """
+
+    def __init__(self):
+        try:
+            self._descriptor = sys.stdin.fileno()
+            self.there = os.isatty(self._descriptor) and not _in_background(self._descriptor)
+        except (AttributeError, OSError, ValueError):
+            self.there = False
+
+    def __enter__(self) -> Keyboard:
+        if self.there:
+            self._before = termios.tcgetattr(self._descriptor)
+            tty.setcbreak(self._descriptor)
+        return self
+
+    def __exit__(self, *_) -> None:
+        if self.there:
+            termios.tcsetattr(self._descriptor, termios.TCSADRAIN, self._before)
+
+    def __call__(self) -> str:
+        pressed = ""
+        while self.there and select.select([self._descriptor], [], [], 0)[0]:
+            data = os.read(self._descriptor, 64)
+            self.there = bool(data)  # a closed terminal has no more keys
+            pressed += data.decode("utf-8", "replace")
+        for sequence, name in _NAMES.items():
+            pressed = pressed.replace(sequence, name)
+        return pressed
+
+
+def _in_background(descriptor: int) -> bool:
+    """True for a job in the background of its terminal, which would be stopped for touching it."""
+    try:
+        return os.tcgetpgrp(descriptor) != os.getpgrp()
+    except OSError:
+        return False  # not the terminal of this session: nobody controls jobs with it

@@ -1,0 +1,94 @@
+"""``rig list WHAT``: installed sequences and rigs, topics and signals; ``--markdown`` writes docs/signals.md."""
+
+from __future__ import annotations
+
+import json
+
+HELP = "list sequences, rigs, topics or signals"
+WHAT = ("sequences", "rigs", "controllers", "topics", "signals")
+
+
+def add_arguments(parser) -> None:
+    parser.add_argument("what", choices=WHAT)
+    form = parser.add_mutually_exclusive_group()
+    form.add_argument("--json", action="store_true", help="for programs")
+    form.add_argument("--markdown", action="store_true", help="topics and signals as docs/signals.md has them")
+
+
+def main(args) -> int:
+    rows = _ROWS[args.what]()
+    if args.markdown:
+        print(markdown(), end="")
+    elif args.json:
+        print(json.dumps(rows, indent=2, ensure_ascii=False))
+    else:
+        lines = [list(rows[0]), *([str(value) for value in row.values()] for row in rows)]
+        widths = [max(map(len, column)) for column in zip(*lines)]
+        for line in lines:
+            print("  ".join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip())
+    return 0
+
+
+def _files(kind: str):
+    def rows():
+        from ..config import CONFIG_DIR, load_yaml
+
+        return [{"name": path.stem, "description": (load_yaml(path) or {}).get("description", "")}
+                for path in sorted((CONFIG_DIR / kind).glob("*.yaml"))]
+    return rows
+
+
+def _topics():
+    from ..catalogue import catalogue
+
+    return _rows_of(catalogue().topics) + _rows_of(catalogue().cut_topics)
+
+
+def _rows_of(topics):
+    return [{"topic": t.name, "type": t.ros_type, "node": t.node, "qos": t.qos,
+             "rate": f"{t.rate:g} Hz" if t.rate else "on change"} for t in topics.values()]
+
+
+def _number(value: float) -> str:
+    return f"{value:.6g}"
+
+
+def _signals():
+    from ..catalogue import catalogue
+
+    topics = catalogue().topics
+    return [{"signal": s.name, "unit": s.unit, "shown": s.display_unit,
+             "range": f"{_number(s.shown(s.low))} to {_number(s.shown(s.high))}",
+             "device": topics[s.topic].node, "topic": s.topic, "field": s.field,
+             "rate": f"{topics[s.topic].rate:g} Hz" + (", 10 kHz in the block" if s.logger is not None else ""),
+             "sign": s.sign, "meaning": s.text} for s in catalogue().signals.values()]
+
+
+_ROWS = {"sequences": _files("sequences"), "rigs": _files("rigs"), "controllers": _files("controllers"),
+         "topics": _topics, "signals": _signals}
+
+
+def markdown() -> str:
+    """docs/signals.md: every topic and every signal of the catalogue."""
+    from ..catalogue import catalogue
+
+    def table(rows):
+        head = list(rows[0])
+        lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
+        return lines + ["| " + " | ".join(str(v) for v in row.values()) + " |" for row in rows]
+
+    return "\n".join([
+        "# Signals and topics", "",
+        "Made from the catalogue (`rig_nodes/rig_nodes/config/signals.yaml`) by `./rig list signals --markdown`; "
+        "a test keeps it in step.", "",
+        "Units travel in SI; \"shown\" is what plots and reports use, and the range is given in it. Pressures are "
+        "gauge. Every message of `rig_msgs` starts with `stamp` (simulated time) and `seq` (counted per topic "
+        "from 0).", "",
+        "## Topics", "", *table(_rows_of(catalogue().topics)), "",
+        "Only in a run with `source: topic` for the device ([cuts.md](cuts.md)), once a tick of the cut:", "",
+        *table(_rows_of(catalogue().cut_topics)), "",
+        "Actions: `/alfa46/shift` (`rig_msgs/action/Shift`), `/sequencer/run` (`rig_msgs/action/RunSequence`). "
+        "Services: `/rig/e_stop` and `/rig/reset` (`std_srvs/srv/Trigger`), `/alfa46/set_profile` (`rig_msgs/srv/SetProfile`).", "",
+        "Quality of service: measurement is reliable with depth 1000; command is reliable, the receiver keeps the "
+        "newest, deadline 100 ms; setting is reliable and sent on change; latched is transient local, sent once.", "",
+        "## Signals", "", *table(_signals()), ""])

@@ -1,0 +1,86 @@
+"""The `rig` command: finds the verb, runs its module, turns errors into one sentence and an exit code.
+
+A verb is a module of this package with HELP (str), add_arguments(parser) and main(args) -> exit code. Modules
+are imported only when their verb is called, so that help and mistakes cost no numerics, ROS or viewer. A verb
+with PASSES_ON = True gets its arguments as they are, in args.passed_on.
+"""
+
+import argparse
+import difflib
+import importlib
+import os
+import sys
+
+from rig_nodes import __version__
+from rig_nodes.errors import RigError
+
+# The modules' HELP lines once more, so that help imports none of them; a test holds the two together.
+VERBS = {
+    "run": "run a sequence on the ROS 2 node graph and record it",
+    "simulate": "run a test sequence without ROS traffic, as fast as it goes",
+    "device": "start a device of its own, for a rig with source: topic",
+    "replay": "publish a recorded bag again, with /clock",
+    "view": "show a run or a running rig in Rerun, or make a picture",
+    "report": "print the shift metrics of a run",
+    "list": "list sequences, rigs, topics or signals",
+    "doctor": "check this machine and the environment",
+    "test": "run the tests",
+}
+
+
+class Parser(argparse.ArgumentParser):
+    """argparse with the rig's one-sentence errors."""
+
+    def error(self, message):
+        raise RigError(f"{message} (see '{self.prog} --help')")
+
+
+def usage() -> str:
+    """The page that `rig --help` prints."""
+    width = max(map(len, VERBS))
+    lines = [f"  {verb:<{width}}  {text}" for verb, text in VERBS.items()]
+    return "\n".join(["usage: rig VERB ...", "", "The virtual powertrain test rig.", "", *lines, "",
+                      "'rig VERB --help' says more about one of them."])
+
+
+def run_verb(verb: str, arguments: list[str]) -> int:
+    """Run one verb; raises RigError for a verb that does not exist and for what the verb refuses."""
+    if verb not in VERBS:
+        close = difflib.get_close_matches(verb, VERBS, n=2, cutoff=0.5)
+        hint = f"did you mean {' or '.join(map(repr, close))}?" if close else f"there are {', '.join(VERBS)}"
+        raise RigError(f"unknown verb {verb!r}: {hint}")
+    module = importlib.import_module(f"rig_nodes.cli.{verb}")
+    parser = Parser(prog=f"rig {verb}", description=module.HELP, allow_abbrev=False)
+    module.add_arguments(parser)
+    if getattr(module, "PASSES_ON", False) and arguments[:1] not in (["-h"], ["--help"]):
+        return module.main(argparse.Namespace(passed_on=arguments))
+    return module.main(parser.parse_args(arguments))
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point of the launcher and of the console script; returns the exit code."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    try:
+        if not arguments or arguments[0] in ("-h", "--help", "help"):
+            print(usage())
+            return 0
+        if arguments[0] == "--version":
+            print(f"rig {__version__}")
+            return 0
+        code = run_verb(arguments[0], arguments[1:])
+        sys.stdout.flush()
+        return code
+    except RigError as error:
+        sys.stdout.flush()  # what was said before must stand before it in a log of both
+        print(f"rig: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:
+        # The reader (head, less) went away: nothing is wrong, and Python must not complain while it ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
+
+
+if __name__ == "__main__":
+    sys.exit(main())

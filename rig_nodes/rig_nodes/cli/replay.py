@@ -1,0 +1,150 @@
+"""`rig replay BAG`: a recorded bag published again over real ROS 2, in order, with /clock."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import math
+import os
+import sys
+
+HELP = "publish a recorded bag again, with /clock"
+KEYS = "space: pause and go on, right arrow or s: one step, q: end"
+
+
+def add_arguments(parser) -> None:
+    """The arguments of the verb."""
+    parser.add_argument("bag", metavar="BAG", help="folder of a run, or an .mcap file")
+    parser.add_argument("--rate", type=_rate, default=1.0, metavar="R",
+                        help="recorded seconds per second, 0.01 to 100, or 'max' (default: 1)")
+    parser.add_argument("--start", type=_seconds, default=0.0, metavar="S",
+                        help="seconds after the beginning of the bag to start at (default: 0)")
+    parser.add_argument("--loop", action="store_true", help="begin again at the end, until stopped")
+    parser.add_argument("--paused", action="store_true", help="start paused")
+    parser.add_argument("--topics", type=_names, metavar="A,B", help="only these topics")
+    parser.add_argument("--clock", type=_frequency, default=200.0, metavar="HZ",
+                        help="/clock messages per recorded second, 1 to 10000 (default: 200)")
+    parser.add_argument("--wait", type=_count, default=0, metavar="N",
+                        help="wait until N subscriptions of the bag's topics are connected")
+
+
+def node() -> int:
+    """Entry point of ``ros2 run rig_nodes replay``: in the domain of its terminal, as other nodes are."""
+    from .main import main as rig
+
+    os.environ["ROS_DOMAIN_ID"] = os.environ.get("ROS_DOMAIN_ID") or "0"
+    return rig(["replay", *sys.argv[1:]])
+
+
+def main(args) -> int:
+    """Check, replay, tell what was sent; 0 at the end and after q, 130 after Ctrl-C."""
+    from ..bags.player import Player
+    from ..bags.reader import Bag
+    from ..errors import RigError
+    from ..graph.domain import environment, from_environment
+    from .keyboard import Keyboard
+
+    bag = Bag(args.bag, recover=True)
+    if bag.recovered:
+        _warn(bag.recovered)
+    begin, topics = _chosen(bag, args)
+    with from_environment() as domain:
+        wanted = environment(domain)
+        for name in set(os.environ) - set(wanted):
+            del os.environ[name]
+        os.environ.update(wanted)
+        # ROS reads the environment above when it is loaded or started.
+        from ..nodes.replay import Session, latched, obstacle, offered
+
+        sound = []
+        for topic in topics:
+            if why := obstacle(bag, topic):
+                _warn(f"{topic}: {bag.counts[topic]} messages are left out: {why}")
+            else:
+                sound.append(topic)
+        timeline = bag.timeline(sound)
+        lasting = {topic for topic in sound if latched(offered(bag, topic))}
+        early = [i for i, (time, topic, _) in enumerate(timeline) if time < begin and topic in lasting]
+        if not early and not any(time >= begin for time, _, _ in timeline):
+            raise RigError(f"{bag.path}: nothing is left to replay after {args.start:g} s on these topics")
+        player = Player([time for time, _, _ in timeline], begin, rate=args.rate, loop=args.loop,
+                        paused=args.paused, period=round(1e9 / args.clock), early=early)
+        print(f"replaying {len(timeline)} messages of {len(sound)} topics in ROS domain {domain.number}: "
+              f"ROS_DOMAIN_ID={domain.number} lets other tools hear them", flush=True)
+        with Keyboard() as keys:
+            if keys.there:
+                print(KEYS, flush=True)
+            session = Session(lambda text: print(text, flush=True), keys)
+            outcome = session.run(bag, sound, timeline, player, args.wait)
+    _tell(outcome, player)
+    return 128 + outcome.ended_by if outcome.ended_by else 0
+
+
+def _chosen(bag, args) -> tuple[int, list[str]]:
+    """Time at which the replay begins [ns] and topics that it takes; RigError when the bag has no such."""
+    from ..errors import RigError
+
+    times = [time for topic in bag.counts for time, _ in bag.raw(topic)]
+    if not times:
+        raise RigError(f"{bag.path}: holds no messages; there is nothing to replay")
+    first = min(times)
+    length = (max(times) - first) / 1e9
+    if args.start > length:
+        raise RigError(f"--start {args.start:g}: the bag is {length:.3f} s long; give a time within it")
+    for topic in args.topics or ():
+        if topic not in bag.counts:
+            close = difflib.get_close_matches(topic, bag.counts, n=3) or list(bag.counts)
+            raise RigError(f"--topics {topic}: the bag has no such topic; it has {', '.join(close)}")
+    return first + round(args.start * 1e9), args.topics or list(bag.counts)
+
+
+def _tell(outcome, player) -> None:
+    sent = sum(outcome.counts.values())
+    width = max(map(len, outcome.counts))
+    for topic, count in outcome.counts.items():
+        print(f"  {topic:<{width}} {count:>8}")
+    lateness = ", ".join(f"{name} {1e3 * outcome.late(share):.1f}"
+                         for name, share in (("p50", 0.5), ("p99", 0.99), ("max", 1.0)))
+    print(f"{sent} messages in {outcome.seconds:.2f} s, {player.passes} "
+          f"{'pass' if player.passes == 1 else 'passes'}; lateness in ms: {lateness}")
+    if player.behind:
+        print(f"stalls put the replay back by {player.behind:.2f} s in all")
+
+
+def _warn(text: str) -> None:
+    print(f"rig: {text}", file=sys.stderr, flush=True)
+
+
+def _number(text: str, what: str, low: float, high: float) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not low <= value <= high:
+        raise argparse.ArgumentTypeError(f"{text} is no {what}")
+    return value
+
+
+def _rate(text: str) -> float:
+    return math.inf if text == "max" else _number(text, "rate; give 0.01 to 100, or max", 0.01, 100.0)
+
+
+def _seconds(text: str) -> float:
+    return _number(text, "time; give seconds after the beginning of the bag, e.g. 1.5", 0.0, 1e9)
+
+
+def _frequency(text: str) -> float:
+    return _number(text, "frequency of the clock; give 1 to 10000 messages per recorded second", 1.0, 1e4)
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text} is no number of subscriptions; give 0 or more")
+    return int(text)
+
+
+def _names(text: str) -> list[str]:
+    names = list(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
+    if not names:
+        raise argparse.ArgumentTypeError("there is no topic; give names as in the bag, e.g. /motor/state")
+    return names

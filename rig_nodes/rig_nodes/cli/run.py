@@ -1,0 +1,139 @@
+"""``rig run SEQUENCE``: a sequence on the node graph over real ROS 2, in real time, recorded to a bag."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+from .what_to_run import add_shared_arguments
+
+HELP = "run a sequence on the ROS 2 node graph and record it"
+LIVE_VIEW_END = 2.0  # s that the live view has for its end, after the run's
+
+
+def add_arguments(parser) -> None:
+    """The arguments of the verb."""
+    add_shared_arguments(parser, by_hand=True)
+    parser.add_argument("--speed", type=speed, metavar="FACTOR",
+                        help="lockstep at so many times real time, or max: nobody goes on before everybody is done "
+                             "(default: real time, nobody waits)")
+    parser.add_argument("--step-timeout", type=step_timeout, default=5.0, metavar="S",
+                        help="seconds that the controller may take for one sample in lockstep, or none (default: 5)")
+    parser.add_argument("--keep-domain", action="store_true",
+                        help="use the ROS domain of this terminal even when ROS_DOMAIN_ID is not set")
+    parser.add_argument("--view", action="store_true",
+                        help="show the run live in Rerun, by a process of its own that nothing waits for")
+    parser.add_argument("--drop", metavar="TOPIC:N", help=argparse.SUPPRESS)
+
+
+def speed(text: str) -> float:
+    """The factor of --speed, inf for max."""
+    return _above_zero(text, "max")
+
+
+def step_timeout(text: str) -> float | None:
+    """The seconds of --step-timeout, None for none."""
+    return None if text == "none" else _above_zero(text, None)
+
+
+def _above_zero(text: str, endless: str | None) -> float:
+    try:
+        value = math.inf if text == endless else float(text)
+    except ValueError:
+        value = 0.0
+    if not value > 0.0 or (math.isinf(value) and text != endless):
+        raise argparse.ArgumentTypeError(f"'{text}': expected a number above 0{f' or {endless}' if endless else ''}")
+    return value
+
+
+def main(args) -> int:
+    """Check, warm up, run, report; 0 only when the sequence came to its end."""
+    try:
+        return run(args)
+    except KeyboardInterrupt:
+        print("rig: interrupted before the rig started; nothing was recorded", file=sys.stderr)
+        return 128 + signal.SIGINT
+
+
+def run(args) -> int:
+    """As :func:`main`; KeyboardInterrupt before the first process is started."""
+    from ..controllers.load import load_controller, split_level
+    from ..graph.domain import from_environment
+    from ..graph.dropping import parse_drop
+    from ..graph.supervisor import Order, Supervisor
+    from ..testbench.configuration import load_rig
+    from ..testbench.folders import parse_settings, run_folder
+    from ..testbench.rig import Rig
+    from ..testbench.sequence import BY_HAND, load_sequence
+    from ..testbench.simulate import run_record
+
+    sequence = load_sequence(args.sequence) if args.sequence else BY_HAND
+    config = load_rig(args.rig, parse_settings(args.settings))
+    parse_drop(args.drop)
+    controller = load_controller(args.controller, config.alfa46, args.level)
+    controller.close()
+    print("checking and, the first time, compiling the plant", flush=True)
+    Rig(config, args.seed).advance_samples(1)
+    with from_environment(args.keep_domain) as domain:
+        for device in config.cut_out:
+            show(None, f"{device} is cut out; start it with: ./rig device {device} --domain {domain.number}")
+        folder = run_folder(args.out, sequence.name if args.sequence else "by-hand")
+        order = Order(args.sequence, args.rig, args.seed, args.settings, args.drop, args.speed, args.step_timeout,
+                      f"{split_level(args.controller or 'alfa46', args.level)[0]}@{controller.level}")
+        supervisor = Supervisor(order, folder, domain, show)
+        with live_view(domain.number) if args.view else contextlib.nullcontext():
+            end = supervisor.run()
+    # all processes are gone and the bag is whole: a late Ctrl-C must not cost the report
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    code = finish(folder, run_record(config, sequence, args.seed), end, supervisor.restarts)
+    return code if end.by == 0 else 128 + end.by
+
+
+@contextlib.contextmanager
+def live_view(domain: int):
+    """`rig view --live` beside the run; how it fares is none of the run's business."""
+    command = [sys.executable, "-P", "-m", "rig_nodes.cli.main", "view", "--live", "--domain", str(domain),
+               "--parent", str(os.getpid())]
+    view = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
+    try:
+        yield
+    finally:
+        view.terminate()
+        try:
+            view.wait(LIVE_VIEW_END)
+        except subprocess.TimeoutExpired:
+            view.kill()
+            view.wait()
+
+
+def finish(folder: Path, record: dict, end, restarts: list[dict]) -> int:
+    """Write and print the report of an ended run; returns its exit code."""
+    from ..analysis.report import build_report, format_report, write_report
+    from ..graph.result import join_pieces, open_bag, run_part
+
+    join_pieces(folder)
+    bag = open_bag(folder)
+    report = build_report(bag, run_part(bag, folder, record, end, restarts))
+    write_report(folder, report)
+    print(format_report(report))
+    if report["run"]["speed_factor"]:
+        print(f"speed: {report['run']['speed_factor']:.2f} times real time")
+    print(f"written to {folder}; look at it with: ./rig view {folder}", flush=True)
+    lost = report["run"]["lost_by_topic"]
+    if lost:
+        topics = ", ".join(f"{topic} {count}" for topic, count in lost.items())
+        print(f"rig: warning: {report['run']['lost']} messages did not reach the bag: {topics}", file=sys.stderr)
+    if end.state != "ended":
+        print(f"rig: {end.reason}", file=sys.stderr)
+    return 0 if end.state == "ended" else 1
+
+
+def show(t: float | None, text: str) -> None:
+    """One line of progress, with simulated time when there is one."""
+    print(f"{t:8.2f} s  {text}" if t is not None else f"            {text}", flush=True)

@@ -1,0 +1,68 @@
+"""``rig simulate SEQUENCE``: a sequence without ROS traffic, as fast as it goes; writes the same bag as ``run``."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+
+from .what_to_run import add_shared_arguments
+
+HELP = "run a test sequence without ROS traffic, as fast as it goes"
+
+
+def add_arguments(parser) -> None:
+    add_shared_arguments(parser)
+
+
+@contextlib.contextmanager
+def controller_log(folder):
+    """Tracebacks of user code go to the run's logs; the file is made when it is needed."""
+    import logging
+
+    class LateFile(logging.FileHandler):
+        def _open(self):
+            (folder / "logs").mkdir(exist_ok=True)
+            return super()._open()
+
+    handler = LateFile(folder / "logs" / "controller.log", delay=True, encoding="utf-8")
+    log = logging.getLogger("rig_nodes.controllers")
+    log.addHandler(handler)
+    try:
+        yield
+    finally:
+        log.removeHandler(handler)
+        handler.close()
+
+
+def main(args) -> int:
+    from ..analysis.report import build_report, format_report, write_report
+    from ..bags.reader import Bag
+    from ..controllers import load_controller
+    from ..testbench.configuration import load_rig
+    from ..testbench.folders import parse_settings, run_folder
+    from ..testbench.sequence import load_sequence
+    from ..testbench.simulate import simulate
+
+    sequence = load_sequence(args.sequence)
+    config = load_rig(args.rig, parse_settings(args.settings))
+    controller = None
+    if args.controller or args.level:
+        controller = load_controller(args.controller, config.alfa46, args.level)
+    folder = run_folder(args.out, sequence.name)
+    shown = [""]
+
+    def progress(t: float, text: str) -> None:
+        if text != shown[0]:
+            shown[0] = text
+            print(f"{t:8.2f} s  {text}", flush=True)
+
+    with controller_log(folder):
+        run = simulate(config, sequence, folder, args.seed, progress, controller)
+    report = build_report(Bag(folder), run)
+    write_report(folder, report)
+    print(format_report(report))
+    print(f"written to {folder}; look at it with: ./rig view {folder}", flush=True)
+    state = run["end"]["state"]
+    if state != "ended":
+        print(f"rig: {run['end']['reason']}", file=sys.stderr)
+    return {"ended": 0, "interrupted": 130}.get(state, 1)

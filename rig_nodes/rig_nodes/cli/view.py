@@ -1,0 +1,216 @@
+"""`rig view`: a recorded run or a running rig in Rerun, as a picture, or as a layout for another program."""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import math
+import os
+import signal
+import sys
+import tempfile
+from pathlib import Path
+
+HELP = "show a run or a running rig in Rerun, or make a picture"
+TOOLS = ("plotjuggler", "foxglove")
+PR_SET_PDEATHSIG = 1
+
+
+def add_arguments(parser) -> None:
+    """The arguments of the verb."""
+    parser.add_argument("run", metavar="RUN", nargs="?", help="folder of a run, or its .mcap file")
+    parser.add_argument("--no-open", action="store_true",
+                        help="only write view.rrd; with --live: open no viewer, only tell the address")
+    parser.add_argument("--picture", metavar="FILE.png", type=_png,
+                        help="make a picture instead of opening a window")
+    parser.add_argument("--tab", choices=("shifts", "run", "other"),
+                        help="tab to make the picture of (default: the one that the view opens with)")
+    parser.add_argument("--window", metavar="T0,T1", type=_window,
+                        help="time in s that the plots open with (default: the shifts)")
+    live = parser.add_argument_group("a running rig")
+    live.add_argument("--live", action="store_true", help="show a rig that runs now, until Ctrl-C")
+    live.add_argument("--domain", metavar="N", type=_domain,
+                      help="its ROS domain (default: ROS_DOMAIN_ID, or the only one in use)")
+    live.add_argument("--viewer", action="store_true", help="open a viewer though no display is found")
+    live.add_argument("--port", metavar="P", type=_port,
+                      help="port for viewers on 127.0.0.1 (default: 9876, or a free one)")
+    live.add_argument("--seconds", metavar="S", type=_seconds, default=10.0,
+                      help="seconds that the plots show (default: 10)")
+    live.add_argument("--parent", type=int, help=argparse.SUPPRESS)
+    other = parser.add_argument_group("another program")
+    other.add_argument("--layout", choices=TOOLS, help="write a layout for this program")
+    other.add_argument("--out", metavar="FILE", type=Path, help="its file (default: rig.xml or rig.json)")
+
+
+def main(args) -> int:
+    """One of the three: a run, a running rig, a layout."""
+    from ..errors import RigError
+
+    given = [args.run is not None, args.live, args.layout is not None]
+    if sum(given) != 1:
+        raise RigError("give one of these: the folder of a run, --live, or --layout (see 'rig view --help')")
+    wrong = [flag for flag, value, fits in (
+        ("--picture", args.picture, args.run), ("--tab", args.tab, args.picture),
+        ("--window", args.window, args.run), ("--domain", args.domain is not None, args.live),
+        ("--viewer", args.viewer, args.live), ("--port", args.port, args.live),
+        ("--out", args.out, args.layout),
+        ("--no-open", args.no_open, args.run or args.live)) if value and not fits]
+    if wrong:
+        needed = {"--tab": "--picture", "--out": "--layout", "--picture": "a run", "--window": "a run",
+                  "--no-open": "a run or --live"}.get(wrong[0], "--live")
+        raise RigError(f"{wrong[0]} goes with {needed} only")
+    if args.live:
+        return _live(args)
+    return _layout(args) if args.layout else _recorded(args)
+
+
+def _recorded(args) -> int:
+    """Write the view, then show it, draw it, or say where it lies."""
+    from ..errors import RigError
+    from ..view.convert import make_view
+    from ..view.viewer import command_for, has_display, open_window
+
+    view = make_view(args.run, args.window)
+    for note in view.notes:
+        print(f"rig: {note}", file=sys.stderr)
+    print(f"{view.path} {'written' if view.written else 'is up to date'}", flush=True)
+    if args.picture:
+        _draw(args, view.path, args.picture)
+    elif args.no_open:
+        pass
+    elif has_display():
+        print(f"the viewer runs as process {open_window(view.path)}")
+    else:
+        print(f"no display here; on a machine with one, open it with: {command_for(view.path.name)}",
+              flush=True)
+        try:
+            _draw(args, view.path, view.path.with_suffix(".png"))
+        except RigError as error:
+            # the view itself is written: a picture nobody asked for is no reason to fail
+            print(f"rig: {error}", file=sys.stderr)
+    return 0
+
+
+def _draw(args, view: Path, picture: Path) -> None:
+    from ..view.convert import save_bare_layout
+    from ..view.picture import require_driver, take_picture
+
+    require_driver()
+    with tempfile.TemporaryDirectory(prefix="rig-view-") as folder:
+        layout = Path(folder, "picture.rbl")
+        save_bare_layout(args.run, args.window, layout, args.tab)
+        for sentence in take_picture([view, layout], picture):
+            print(f"rig: the viewer reports {sentence}", file=sys.stderr)
+    print(f"picture: {picture}")
+
+
+def _live(args) -> int:
+    """Show a running rig until told to end; 0 then, for that is how it ends."""
+    from ..graph.domain import environment
+    from ..view.convert import import_rerun
+
+    if args.parent is not None:
+        # a live view that a run started must not outlive it
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
+        if os.getppid() != args.parent:
+            return 0
+    import_rerun()
+    domain = _find_domain(args.domain)
+    wanted = environment(domain)
+    for name in set(os.environ) - set(wanted):
+        del os.environ[name]
+    os.environ.update(wanted)
+    # ROS reads the environment above when it is loaded or started.
+    from ..nodes.live_view import Session
+
+    Session(domain.number, _say).run(args.port, args.seconds, lambda url: _greet(args, domain.number, url))
+    return 0
+
+
+def _say(text: str) -> None:
+    print(text, flush=True)
+
+
+def _find_domain(number: int | None):
+    """The domain to look at; RigError when it is not clear which."""
+    from ..errors import RigError
+    from ..graph.domain import Domain, busy_domains, from_environment
+
+    if number is not None:
+        return Domain(number)
+    if os.environ.get("ROS_DOMAIN_ID"):
+        return from_environment()
+    busy = sorted(busy_domains())
+    if len(busy) == 1:
+        return Domain(busy[0])
+    if busy:
+        raise RigError(f"ROS domains {', '.join(map(str, busy))} are in use on this machine; "
+                       f"say which with --domain N ('rig run' prints its own)")
+    raise RigError("no ROS domain is in use on this machine; start './rig run SEQUENCE' first, "
+                   "or say which domain with --domain N")
+
+
+def _greet(args, domain: int, url: str) -> None:
+    """Tell where viewers connect, and open one where there is a display."""
+    from ..errors import RigError
+    from ..view.viewer import command_for, has_display, open_window
+
+    _say(f"live view of ROS domain {domain}; viewers on this machine connect with: {command_for(url)}")
+    if args.viewer or (has_display() and not args.no_open):
+        try:
+            _say(f"a viewer runs as process {open_window(url)}")
+        except RigError as error:
+            # others may still connect
+            print(f"rig: {str(error).partition('; ')[0]}", file=sys.stderr, flush=True)
+
+
+def _layout(args) -> int:
+    from ..view.other_tools import write_layout
+
+    path = args.out or Path("rig.xml" if args.layout == "plotjuggler" else "rig.json")
+    write_layout(args.layout, path)
+    print(f"{path} written")
+    return 0
+
+
+def _png(text: str) -> Path:
+    path = Path(text)
+    if path.suffix.lower() != ".png":
+        raise argparse.ArgumentTypeError(f"{text} is no name of a picture; it ends in .png")
+    if not path.parent.is_dir():
+        raise argparse.ArgumentTypeError(f"the folder of {text} does not exist; make it first")
+    return path
+
+
+def _window(text: str) -> tuple[float, float]:
+    try:
+        start, end = (float(part) for part in text.split(","))
+    except ValueError:
+        start = end = math.nan
+    if not (math.isfinite(start) and math.isfinite(end) and start < end):
+        raise argparse.ArgumentTypeError(f"{text} is no window; write its start and end in s, e.g. 3.6,5.4")
+    return start, end
+
+
+def _domain(text: str) -> int:
+    return _whole(text, "ROS domain", 0, 232)
+
+
+def _port(text: str) -> int:
+    return _whole(text, "port", 1, 65535)
+
+
+def _whole(text: str, what: str, low: int, high: int) -> int:
+    if not text.isdecimal() or not low <= int(text) <= high:
+        raise argparse.ArgumentTypeError(f"{text} is no {what}; give a number from {low} to {high}")
+    return int(text)
+
+
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.1 <= value <= 600.0:
+        raise argparse.ArgumentTypeError(f"{text} is no span of a plot; give 0.1 to 600 s")
+    return value

@@ -1,0 +1,54 @@
+"""Where compiled code is kept between processes; called by every package that holds some, before numba is loaded.
+
+numba's own cache looks only at the file of a function, not at what it calls, so the folder carries a key of all
+compiled sources, the numba version and the processor.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+_SOURCES = ("plant", "alfa46", "instruments")
+
+
+def cache_root() -> Path:
+    """The environment's own folder when there is one that can be written, else the user's cache."""
+    if sys.prefix != sys.base_prefix and os.access(sys.prefix, os.W_OK):
+        return Path(sys.prefix) / "var" / "kernel-cache"
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    return Path(home) / "rig_nodes" / "kernel-cache"
+
+
+def cache_key() -> str:
+    """Key of everything that decides the machine code."""
+    key = hashlib.sha256()
+    package = Path(__file__).resolve().parent
+    for folder in _SOURCES:
+        for source in sorted((package / folder).glob("*.py")):
+            key.update(source.name.encode())
+            key.update(source.read_bytes())
+    key.update(f"{version('numba')} {version('numpy')} {platform.python_version()} {_processor()}".encode())
+    # numba finds its files by the source's path too, so a second checkout gets a folder of its own
+    key.update(str(package).encode())
+    return key.hexdigest()[:16]
+
+
+def _processor() -> str:
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as info:
+            return "".join(sorted({line for line in info if line.startswith(("model name", "flags"))}))
+    except OSError:
+        return platform.processor()
+
+
+def use_kernel_cache() -> None:
+    """Set numba's cache folder unless the user has chosen one."""
+    if "NUMBA_CACHE_DIR" not in os.environ:
+        os.environ["NUMBA_CACHE_DIR"] = str(cache_root() / cache_key())
+        if "numba" in sys.modules:  # somebody else's: it has read its settings already
+            sys.modules["numba"].config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]

@@ -1,0 +1,58 @@
+"""Units that people write in configuration and sequences, turned into SI.
+
+Used by config.schema and testbench.sequence; a number without its unit is refused where one is expected.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+
+from ..errors import RigError
+
+# unit -> (dimension, factor to SI)
+UNITS: dict[str, tuple[str, float]] = {
+    "-": ("ratio", 1.0), "%": ("ratio", 0.01),
+    "s": ("time", 1.0), "ms": ("time", 1e-3), "us": ("time", 1e-6), "min": ("time", 60.0),
+    "Hz": ("frequency", 1.0), "kHz": ("frequency", 1e3),
+    "rad/s": ("angular velocity", 1.0), "rpm": ("angular velocity", math.pi / 30.0),
+    "rad/s2": ("angular acceleration", 1.0), "rpm/s": ("angular acceleration", math.pi / 30.0),
+    "Nm": ("torque", 1.0), "kg m2": ("inertia", 1.0), "W": ("power", 1.0), "kW": ("power", 1e3),
+    "J": ("energy", 1.0), "kJ": ("energy", 1e3),
+    "Nm s/rad": ("torque per speed", 1.0), "Nm/rad": ("torque per angle", 1.0),
+    "Pa": ("pressure", 1.0), "kPa": ("pressure", 1e3), "MPa": ("pressure", 1e6), "bar": ("pressure", 1e5),
+    "MPa/A": ("pressure per current", 1e6),
+    "m": ("length", 1.0), "mm": ("length", 1e-3), "um": ("length", 1e-6),
+    "mm2": ("area", 1e-6), "cm2": ("area", 1e-4), "m2": ("area", 1.0),
+    "cm3": ("volume", 1e-6), "l": ("volume", 1e-3), "m3": ("volume", 1.0),
+    "cm3/s": ("volume flow", 1e-6), "l/min": ("volume flow", 1e-3 / 60.0), "m3/s": ("volume flow", 1.0),
+    "cm3/rev": ("displacement", 1e-6 / (2.0 * math.pi)),
+    "N": ("force", 1.0), "kN": ("force", 1e3), "N/m": ("stiffness", 1.0), "N/mm": ("stiffness", 1e3),
+    "N/mm3": ("cubic stiffness", 1e9), "N s/m": ("damping", 1.0),
+    "kg/m3": ("density", 1.0), "Pa s": ("viscosity", 1.0), "mPa s": ("viscosity", 1e-3),
+    "bar/(l/min)": ("hydraulic resistance", 6e9), "Pa s/m3": ("hydraulic resistance", 1.0),
+    "A": ("current", 1.0), "mA": ("current", 1e-3), "V": ("voltage", 1.0),
+    "ohm": ("resistance", 1.0), "H": ("inductance", 1.0), "mH": ("inductance", 1e-3),
+    "V/A": ("resistance", 1.0), "V/(A s)": ("gain integral", 1.0), "V s/A": ("inductance", 1.0),
+    "degC": ("temperature", 1.0),
+}
+SI = {dimension: unit for unit, (dimension, factor) in reversed(UNITS.items()) if factor == 1.0}
+_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*$")
+
+
+def quantity(text, dimension: str, where: str) -> float:
+    """SI value of e.g. ``"1500 rpm"``; ``where`` opens the sentence when it is refused (RigError)."""
+    known = ", ".join(u for u, (d, _) in UNITS.items() if d == dimension)
+    if dimension == "ratio" and isinstance(text, (int, float)) and not isinstance(text, bool):
+        text = f"{text} -"
+    match = _QUANTITY.match(text) if isinstance(text, str) else None
+    if match is None:
+        raise RigError(f"{where}: '{text}' is not a {dimension}; write a number with its unit ({known})")
+    number, unit = float(match[1]), match[2] or "-"
+    if unit not in UNITS:
+        raise RigError(f"{where}: '{text}' has the unknown unit '{unit}'; a {dimension} takes {known}")
+    if UNITS[unit][0] != dimension:
+        raise RigError(f"{where}: '{text}' is a {UNITS[unit][0]}, expected a {dimension} ({known})")
+    if not math.isfinite(number):
+        raise RigError(f"{where}: '{text}' is not a finite number")
+    return number * UNITS[unit][1]

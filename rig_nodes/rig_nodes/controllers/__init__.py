@@ -1,0 +1,16 @@
+"""The seam where shift-control code meets the rig, and its plugs: built-in Alfa46, Python class, C library.
+
+Used by testbench.simulate, the alfa46 process and users' own controller files.
+"""
+
+from .load import load_controller
+from .seam import ControllerFailed, ControllerInfo, ControllerInputs, ControllerOutputs, Status
+
+__all__ = [
+    "ControllerFailed",
+    "ControllerInfo",
+    "ControllerInputs",
+    "ControllerOutputs",
+    "Status",
+    "load_controller",
+]

@@ -1,0 +1,112 @@
+/* Shift controllers for the virtual rig as C shared libraries: the one public header, C99, usable from C++.
+ *
+ * A library exports the four functions below. The rig calls them from one thread only: abi once, create once,
+ * step once per controller sample in order, destroy once. All values are SI; speeds in rad/s, pressures in Pa
+ * above ambient. The structs have the same layout with any compiler of the platform's standard C ABI; their sizes
+ * are checked by the rig (rig_controller_abi) and can be checked by the library (member size).
+ */
+#ifndef RIG_CONTROLLER_H
+#define RIG_CONTROLLER_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define RIG_CONTROLLER_ABI 1u     /* raised with every change of this file that old libraries would not survive */
+#define RIG_CONTROLLER_OUTPUTS 3  /* valves a controller can drive */
+#define RIG_CONTROLLER_TEXT 128   /* bytes of a message, its closing zero included */
+
+/* What the command means; a library names the levels that it can work at by or-ing them. */
+#define RIG_LEVEL_DUTY 1u         /* command: duty of the coil, 0 to 1; the controller closes the current loop */
+#define RIG_LEVEL_CURRENT 2u      /* command: current setpoint [A]; the rig's power stage closes the loop */
+
+/* How a call ended, after FMI. */
+#define RIG_OK 0                  /* the outputs are used */
+#define RIG_DISCARD 1             /* no answer to this sample: the last command stays, for 100 ms at most */
+#define RIG_ERROR 2               /* the rig trips with the message as reason; destroy is called */
+#define RIG_FATAL 3               /* the rig trips with the message as reason; nothing more is called */
+
+typedef struct rig_controller_abi_info {
+  uint32_t abi;                   /* RIG_CONTROLLER_ABI that the library was compiled with */
+  uint32_t levels;                /* RIG_LEVEL_... that it can work at; RIG_LEVEL_DUTY is preferred if both */
+  uint32_t info_size;             /* sizes of the structs, as the library's compiler sees them */
+  uint32_t parameter_size;
+  uint32_t inputs_size;
+  uint32_t outputs_size;
+} rig_controller_abi_info;
+
+typedef struct rig_parameter {
+  const char *name;               /* e.g. "t12", "output_1.P1.time", "output_1.P1.current" */
+  double value;                   /* SI */
+} rig_parameter;
+
+typedef struct rig_controller_info {
+  uint32_t size;                  /* sizeof(rig_controller_info) of the rig */
+  uint32_t level;                 /* the one level of this run */
+  double period;                  /* time between samples [s] */
+  double command_high;            /* largest command: 1, or the valves' current limit [A] */
+  const rig_parameter *parameters;/* valid during create only */
+  uint32_t parameter_count;
+  char message[RIG_CONTROLLER_TEXT]; /* create may write here why it failed */
+} rig_controller_info;
+
+typedef struct rig_controller_inputs {
+  uint32_t size;                  /* sizeof(rig_controller_inputs) of the rig */
+  uint32_t gear_request;          /* gear ordered last: 0 neutral, 1, 2; stays until the next order */
+  uint64_t sample;                /* index since time 0 */
+  double time;                    /* sample x period [s] */
+  double current[RIG_CONTROLLER_OUTPUTS]; /* measured coil currents [A] */
+  double n_wej;                   /* speed of the input shaft [rad/s] */
+  double n_wyj;                   /* speed of the output shaft [rad/s] */
+  double p1;                      /* pressure of clutch S1 [Pa, gauge] */
+  double p2;                      /* pressure of clutch S2 [Pa, gauge] */
+} rig_controller_inputs;
+
+/* All zero, but for size, when step is called; message too. */
+typedef struct rig_controller_outputs {
+  uint32_t size;                  /* sizeof(rig_controller_outputs) of the rig */
+  uint32_t flags;                 /* bit k: at level current, output k stays on at a setpoint of zero */
+  uint32_t gear;                  /* gear taken last */
+  uint32_t shifting;              /* not 0: a shift is still running */
+  double command[RIG_CONTROLLER_OUTPUTS];
+  double setpoint[RIG_CONTROLLER_OUTPUTS]; /* current asked for [A], for display; not read at level current */
+  char message[RIG_CONTROLLER_TEXT]; /* why the status is not RIG_OK */
+} rig_controller_outputs;
+
+#if defined(_WIN32)
+#define RIG_EXPORT __declspec(dllexport)
+#elif defined(__GNUC__)
+#define RIG_EXPORT __attribute__((visibility("default")))
+#else
+#define RIG_EXPORT
+#endif
+
+/* Body of rig_controller_abi: RIG_CONTROLLER_DESCRIBE(RIG_LEVEL_DUTY) */
+#define RIG_CONTROLLER_DESCRIBE(levels_)                                              \
+  static const rig_controller_abi_info description = {                                \
+      RIG_CONTROLLER_ABI,                         (uint32_t)(levels_),                \
+      (uint32_t)sizeof(rig_controller_info),      (uint32_t)sizeof(rig_parameter),    \
+      (uint32_t)sizeof(rig_controller_inputs),    (uint32_t)sizeof(rig_controller_outputs)}; \
+  return &description
+
+/* What the library was made for; the pointer stays valid. */
+RIG_EXPORT const rig_controller_abi_info *rig_controller_abi(void);
+
+/* A new controller in *instance; a status other than RIG_OK refuses. Of info only message may be written. */
+RIG_EXPORT int rig_controller_create(rig_controller_info *info, void **instance);
+
+/* One sample; the outputs act from the next sample on. */
+RIG_EXPORT int rig_controller_step(void *instance, const rig_controller_inputs *inputs,
+                                   rig_controller_outputs *outputs);
+
+/* The end of a controller that create made. */
+RIG_EXPORT void rig_controller_destroy(void *instance);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,187 @@
+"""What every plugged controller looks like to the bench and to the alfa46 process, and what all share.
+
+A plug takes orders, answers samples and says its gear; load.py makes one from a specification.
+"""
+
+from __future__ import annotations
+
+import logging
+from typing import NamedTuple, NoReturn
+
+import numpy as np
+
+from ..alfa46.controller import Alfa46, refusal
+from ..alfa46.settings import OUTPUT_KEYS, Alfa46Config
+from ..errors import RigError
+from .seam import (
+    LEVELS,
+    ControllerFailed,
+    ControllerInputs,
+    ControllerOutputs,
+    Status,
+    checked,
+    controller_info,
+)
+
+LOG = logging.getLogger("rig_nodes.controllers")
+
+
+class Answer(NamedTuple):
+    """The answer to a sample: command (3,) (duty, or setpoint [A] at level current) and setpoint (3,) [A]."""
+
+    command: tuple[float, float, float]
+    setpoint: tuple[float, float, float]
+
+
+def said(error: BaseException) -> str:
+    """An exception as one piece of a sentence, without its traceback."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())}".rstrip(": ")
+
+
+def chosen_level(wanted: str | None, levels: tuple[str, ...], name: str) -> str:
+    """The level to run at: the one asked for, else the controller's first; RigError when unknown to it."""
+    if wanted is None:
+        return levels[0]
+    if wanted not in levels:
+        raise RigError(f"controller {name} works at level {' and '.join(levels)}, not at level '{wanted}'")
+    return wanted
+
+
+class Plug:
+    """A controller behind the seam; subclasses give ``_answer(inputs)`` and, if there is one, an ``_end``.
+
+    ``gear``, ``shifting`` and ``flags`` are those of the newest answer.
+    """
+
+    def __init__(self, name: str, config: Alfa46Config, level: str):
+        self.name, self.level = name, level
+        self.info = controller_info(config, level)
+        self.gear, self.shifting, self.flags = 0, False, 0
+        self._request, self._ordered, self._before = 0, False, 0
+        self._over = False  # failed or closed: it is not called again
+
+    def order(self, gear: int) -> None:
+        """Request a gear; the controller sees it with the next sample. RigError with why when refused."""
+        why = refusal(gear, self._request if self._ordered else self.gear, self.shifting or self._ordered)
+        if why:
+            raise RigError(f"shift refused: {why}")
+        self._before, self._request, self._ordered = self._request, gear, True
+
+    def withdraw(self) -> bool:
+        """Take back an order that no sample has brought to the controller yet; False when there is none."""
+        if not self._ordered:
+            return False
+        self._request, self._ordered = self._before, False
+        return True
+
+    def step(self, sample: int, current, n_wej: float, n_wyj: float, p1: float, p2: float) -> Answer | None:
+        """One sample: coil currents (3,) [A], speeds [rad/s], pressures [Pa gauge] in, the answer out.
+
+        None when the controller discards the sample. ControllerFailed, whose sentence is a reason to trip,
+        when it reports an error, breaks down or returns what no valve can be given.
+        """
+        if self._over:
+            raise ControllerFailed(
+                f"controller {self.name} has ended and cannot be asked again", Status.FATAL
+            )
+        inputs = ControllerInputs(
+            sample,
+            sample * self.info.period,
+            self._request,
+            tuple(map(float, current)),
+            float(n_wej),
+            float(n_wyj),
+            float(p1),
+            float(p2),
+        )
+        self._ordered = False
+        outputs = self._answer(inputs)
+        try:
+            status = getattr(outputs, "status", Status.OK)
+            if status not in tuple(Status):
+                raise RigError(f"status is {status!r}, expected 0 (ok), 1 (discard), 2 (error) or 3 (fatal)")
+            status = Status(status)
+            if status == Status.OK:
+                command, setpoint, self.gear, self.shifting, self.flags = checked(outputs, self.info)
+                return Answer(command, setpoint)
+            text = " ".join(str(getattr(outputs, "message", "")).split()) or "it gave no reason"
+        except RigError as error:
+            self._fail(Status.ERROR, sample, str(error))
+        except (
+            Exception
+        ) as error:  # user code may return anything, objects that raise when looked at included
+            LOG.error(
+                "controller %s, sample %d: its outputs cannot be read", self.name, sample, exc_info=True
+            )
+            self._fail(Status.ERROR, sample, f"its outputs cannot be read: {said(error)}")
+        if status == Status.DISCARD:
+            return None
+        self._fail(status, sample, f"status {status.name.lower()}: {text}")
+
+    def check_change(self, config: Alfa46Config) -> None:
+        """RigError with why when these settings cannot be taken while the controller runs."""
+        raise RigError(
+            f"controller {self.name} reads its settings when it starts; only the built-in alfa46 takes new ones "
+            "while it runs"
+        )
+
+    def change(self, config: Alfa46Config) -> None:
+        """Go on with these settings, which were checked, from the next sample on."""
+        self.check_change(config)
+
+    def close(self) -> None:
+        """End the controller, once; safe to call again and after a failure."""
+        if not self._over:
+            self._over = True
+            self._end()
+
+    def _fail(self, status: Status, sample: int, text: str) -> NoReturn:
+        if status == Status.FATAL:
+            self._over = True
+        else:
+            self.close()
+        raise ControllerFailed(f"controller {self.name}, sample {sample}: {text}", status)
+
+    def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
+        raise NotImplementedError
+
+    def _end(self) -> None:
+        """Nothing to end."""
+
+
+class BuiltIn(Plug):
+    """The Alfa46 law as compiled for the kernel."""
+
+    def __init__(self, config: Alfa46Config, level: str | None = None):
+        super().__init__("alfa46", config, chosen_level(level, LEVELS, "alfa46"))
+        Alfa46.load(config)
+        self._box = Alfa46(config)
+        self._changed: Alfa46Config | None = None  # taken before the order of the same sample
+        self._newest = config
+
+    def check_change(self, config: Alfa46Config) -> None:
+        """Profiles of outputs that a running or ordered shift moves stay as they are until its end."""
+        moved = self._box.outputs_in_shift()
+        if self._ordered:
+            for gear in (self._request, self.gear):
+                if gear:
+                    moved[gear - 1] = True
+        for k, key in enumerate(OUTPUT_KEYS):
+            if moved[k] and not np.array_equal(config.profiles[k], self._newest.profiles[k]):
+                raise RigError(f"the profile of {key} is in use by a shift that is still running; wait for its end")
+
+    def change(self, config: Alfa46Config) -> None:
+        """Settings that :meth:`check_change` lets pass."""
+        self._newest = self._changed = config
+
+    def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
+        box = self._box
+        changed, self._changed = self._changed, None
+        if changed is not None:
+            box.change(changed)
+        if inputs.gear_request != box.gear:
+            box.order(inputs.gear_request)
+        duty, setpoint = box.step(inputs.sample, inputs.current)
+        flags = sum(1 << k for k, active in enumerate(box.active.tolist()) if active)
+        command = duty if self.level == "duty" else setpoint
+        return ControllerOutputs(command.tolist(), setpoint.tolist(), box.gear, box.shifting, flags)

@@ -1,0 +1,122 @@
+"""The plug for a Python class with initialize / step / terminate, from a file or an importable module.
+
+Made by load.py. What goes wrong in user code becomes a sentence with file and line; the traceback is logged.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import inspect
+import sys
+import traceback
+from pathlib import Path
+
+from ..alfa46.settings import Alfa46Config
+from ..errors import RigError
+from .plug import LOG, Plug, chosen_level, said
+from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status
+
+METHODS = ("initialize", "step", "terminate")
+# a user's sys.exit() ends the controller, not the rig; Ctrl-C stays the person's
+BREAKDOWNS = (Exception, SystemExit)
+
+
+def place_of(error: BaseException, file: str | None) -> str:
+    """ "name line n: " of the newest frame in the user's file, else of the newest in any file, or nothing."""
+    frames = [
+        f
+        for f in traceback.extract_tb(error.__traceback__)
+        if Path(f.filename).parent != Path(__file__).parent and not f.filename.startswith("<")
+    ]
+    frames = [f for f in frames if f.filename == file] or frames
+    return f"{Path(frames[-1].filename).name} line {frames[-1].lineno}: " if frames else ""
+
+
+def _load_module(source: str):
+    """The module of a .py file or of a dotted name."""
+    if not source.endswith(".py"):
+        try:
+            return importlib.import_module(source)
+        except ModuleNotFoundError as error:
+            if error.name and (source == error.name or source.startswith(error.name + ".")):
+                raise RigError(
+                    f"controller python:{source}: there is no module '{error.name}' here; "
+                    "give a file ending in .py or an importable module"
+                ) from None
+            raise
+    path = Path(source)
+    if not path.is_file():
+        raise RigError(f"controller python:{source}: there is no such file")
+    folder = str(path.resolve().parent)
+    if folder not in sys.path:
+        sys.path.append(folder)  # so that the file finds its neighbours, and hides nothing of ours
+    name = f"rig_controller_{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def load_class(source: str, name: str) -> type:
+    """The class ``name`` of a .py file or module; RigError when it cannot be had or lacks a method."""
+    what = f"controller python:{source}:{name}"
+    try:
+        module = _load_module(source)
+    except RigError:
+        raise
+    except BREAKDOWNS as error:
+        line = f"line {error.lineno}: " if isinstance(error, SyntaxError) else place_of(error, source)
+        raise RigError(f"{what}: the code cannot be loaded: {line}{said(error)}") from None
+    found = getattr(module, name, None)
+    if not inspect.isclass(found):
+        there = [
+            n for n, c in vars(module).items() if inspect.isclass(c) and callable(getattr(c, "step", None))
+        ]
+        raise RigError(
+            f"{what}: there is no class '{name}' in it; classes with a step are: {', '.join(there) or 'none'}"
+        )
+    missing = [method for method in METHODS if not callable(getattr(found, method, None))]
+    if missing:
+        raise RigError(
+            f"{what}: the class has no method {', '.join(missing)}; it needs initialize(info), "
+            "step(inputs) and terminate()"
+        )
+    return found
+
+
+class PythonClass(Plug):
+    """An instance of a user's class. ``levels`` of the class says what it works at (default: duty only)."""
+
+    def __init__(self, source: str, class_name: str, config: Alfa46Config, level: str | None = None):
+        found, name = load_class(source, class_name), f"python:{source}:{class_name}"
+        levels = getattr(found, "levels", ("duty",))
+        if not (isinstance(levels, (tuple, list)) and levels and all(item in LEVELS for item in levels)):
+            raise RigError(
+                f"controller {name}: levels is {levels!r}, expected a tuple of {', '.join(LEVELS)}"
+            )
+        super().__init__(name, config, chosen_level(level, tuple(levels), name))
+        try:
+            self._file = inspect.getsourcefile(found)
+            self._user = found()
+            self._user.initialize(self.info)
+        except BREAKDOWNS as error:
+            raise RigError(
+                f"controller {name}: initialize failed: {place_of(error, self._file)}{said(error)}"
+            ) from None
+
+    def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
+        try:
+            return self._user.step(inputs)
+        except BREAKDOWNS as error:
+            LOG.error("controller %s, sample %d", self.name, inputs.sample, exc_info=True)
+            self._fail(
+                Status.ERROR, inputs.sample, f"step failed: {place_of(error, self._file)}{said(error)}"
+            )
+
+    def _end(self) -> None:
+        try:
+            self._user.terminate()
+        except BREAKDOWNS:
+            LOG.error("controller %s: terminate failed", self.name, exc_info=True)

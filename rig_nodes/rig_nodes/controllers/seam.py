@@ -1,0 +1,138 @@
+"""The seam: the one record that goes into a shift controller, the one that comes out, and its checks.
+
+Used by every plug; user classes may import it too. Names and units are those of rig_msgs/ControllerSample and
+rig_msgs/ValveCommand.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from enum import IntEnum
+
+from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config
+from ..errors import RigError
+
+OUTPUTS = len(OUTPUT_KEYS)
+LEVELS = ("duty", "current")
+GEARS = (0, 1, 2)
+NOTHING = (0.0,) * OUTPUTS
+
+
+class Status(IntEnum):
+    """How a step ended, after FMI; the effects stand in docs/controllers.md."""
+
+    OK = 0
+    DISCARD = 1  # no answer to this sample: the last command stays, for 100 ms at most
+    ERROR = 2  # the rig trips; the controller is ended in order
+    FATAL = 3  # the rig trips; the controller is not called again
+
+
+class ControllerFailed(RigError):
+    """A controller that cannot go on: its sentence is the reason with which the rig trips."""
+
+    exit_code = 1
+
+    def __init__(self, message: str, status: Status):
+        super().__init__(message)
+        self.status = status
+
+
+@dataclass(frozen=True)
+class ControllerInfo:
+    """What a controller learns before its first step."""
+
+    period: float  # s between samples
+    level: str  # "duty" or "current": what its command means
+    command_high: (
+        float  # the largest command: 1 at level duty, the valves' current limit [A] at level current
+    )
+    parameters: Mapping[str, float] = field(default_factory=dict)  # flat names, SI
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerInputs:
+    """One controller sample: what the wires carry, quantised and noisy."""
+
+    sample: int  # index since time 0
+    time: float  # sample x period [s]
+    gear_request: int  # gear ordered last: 0 neutral, 1 (I), 2 (II); stays until the next order
+    current: tuple[float, float, float]  # measured coil currents of the three outputs [A]
+    n_wej: float  # speed of the input shaft [rad/s]
+    n_wyj: float  # speed of the output shaft [rad/s]
+    p1: float  # pressure of clutch S1 [Pa, gauge]
+    p2: float  # pressure of clutch S2 [Pa, gauge]
+
+
+@dataclass(slots=True)
+class ControllerOutputs:
+    """The answer to one sample; it acts from the next sample on."""
+
+    command: Sequence[float] = NOTHING  # duty 0..1, or current setpoint [A], as the level says
+    setpoint: Sequence[float] | None = (
+        None  # current asked for [A], for display; at level current the command
+    )
+    gear: int = 0  # gear taken last
+    shifting: bool = False  # a shift is still running
+    flags: int = 0  # bit k: at level current, output k stays on at a setpoint of zero
+    status: Status = Status.OK
+    message: str = ""  # why the status is not OK
+
+
+def flat_parameters(config: Alfa46Config) -> dict[str, float]:
+    """The alfa46 settings as flat names with SI values: "t12", "output_1.P1.time", "output_1.P1.current"."""
+    out = {f.name: float(getattr(config.values, f.name)) for f in fields(config.values)}
+    for key, points in zip(OUTPUT_KEYS, config.profiles, strict=True):
+        for point, (time, current) in zip(POINTS, points, strict=True):
+            out[f"{key}.{point}.time"], out[f"{key}.{point}.current"] = float(time), float(current)
+    return out
+
+
+def controller_info(config: Alfa46Config, level: str) -> ControllerInfo:
+    """What a controller of this rig is told at a level."""
+    values = config.values
+    high = values.current_limit if level == "current" else 1.0
+    return ControllerInfo(values.sample_time, level, high, flat_parameters(config))
+
+
+def _three(values, name: str) -> tuple[float, float, float]:
+    try:
+        out = tuple(map(float, values))
+    except (TypeError, ValueError):
+        raise RigError(f"{name} is {values!r}, expected {OUTPUTS} numbers") from None
+    if len(out) != OUTPUTS:
+        raise RigError(f"{name} has {len(out)} numbers, expected {OUTPUTS}")
+    return out
+
+
+def checked(outputs: ControllerOutputs, info: ControllerInfo) -> tuple[tuple, tuple, int, bool, int]:
+    """(command, setpoint, gear, shifting, flags) in plain types; RigError when one is not right."""
+    try:
+        command, setpoint = outputs.command, outputs.setpoint
+        gear, shifting, flags = outputs.gear, outputs.shifting, outputs.flags
+    except AttributeError as error:
+        raise RigError(
+            f"step returned {type(outputs).__name__} without '{error.name}', expected ControllerOutputs"
+        ) from None
+    command = _three(command, "command")
+    for k, value in enumerate(command):
+        if not 0.0 <= value <= info.command_high:
+            unit = " A" if info.level == "current" else ""
+            raise RigError(f"command[{k}] is {value:g}, expected 0 to {info.command_high:g}{unit}")
+    if info.level == "current":
+        setpoint = command
+    else:
+        setpoint = NOTHING if setpoint is None else _three(setpoint, "setpoint")
+        for k, value in enumerate(setpoint):
+            if not math.isfinite(value):
+                raise RigError(f"setpoint[{k}] is {value:g}, expected a finite current in A")
+    if gear not in GEARS:
+        raise RigError(f"gear is {gear!r}, expected 0 (neutral), 1 (I) or 2 (II)")
+    try:
+        bits = int(flags)
+    except (TypeError, ValueError, OverflowError):
+        bits = -1
+    if not 0 <= bits < 1 << OUTPUTS:
+        raise RigError(f"flags is {flags!r}, expected 0 to {(1 << OUTPUTS) - 1}: one bit for each output")
+    return command, setpoint, int(gear), bool(shifting), bits

@@ -1,0 +1,115 @@
+"""A ROS domain of its own for every run, so that two runs, or a run and its tests, never hear each other.
+
+Used by the supervisor, by nodes started without one, and by tests. A domain is held by a socket name, which the
+kernel frees when its holder dies.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+from pathlib import Path
+
+from ..config import package_file
+from ..errors import RigError
+
+# Domain 101 is the last whose ports stay below the ephemeral ones of Linux (32768).
+FIRST, LAST = 1, 101
+BASE_PORT, PORTS = 7400, 250  # RTPS 9.6.1.1: first port of domain 0, ports of one domain
+
+
+def busy_domains() -> set[int]:
+    """Domains in which some process of this host has a UDP port open, locked or not."""
+    busy = set()
+    for table in ("/proc/net/udp", "/proc/net/udp6"):
+        try:
+            lines = Path(table).read_text().splitlines()[1:]
+        except OSError:
+            continue
+        for line in lines:
+            port = int(line.split()[1].rpartition(":")[2], 16)
+            if BASE_PORT <= port < BASE_PORT + PORTS * (LAST + 1):
+                busy.add((port - BASE_PORT) // PORTS)
+    return busy
+
+
+class Domain:
+    """One domain, held until :meth:`release`; a context manager. ``number`` is what ROS_DOMAIN_ID takes."""
+
+    def __init__(self, number: int, lock: socket.socket | None = None):
+        self.number, self._lock = number, lock
+
+    def release(self) -> None:
+        """Give the domain back; may be called twice."""
+        if self._lock is not None:
+            self._lock.close()
+            self._lock = None
+
+    def __enter__(self) -> Domain:
+        return self
+
+    def __exit__(self, *_):
+        self.release()
+
+
+def allocate() -> Domain:
+    """A domain that no other run and no other ROS process of this host uses. RigError when all are taken."""
+    busy = busy_domains()
+    for number in range(FIRST, LAST + 1):
+        if number not in busy:
+            held = _lock(number)
+            if held is not None:
+                return Domain(number, held)
+    raise RigError(f"all ROS domains from {FIRST} to {LAST} are in use on this machine; "
+                   f"end another run or set ROS_DOMAIN_ID")
+
+
+def _lock(number: int) -> socket.socket | None:
+    # An abstract name belongs to the network namespace, as the domain's ports do: to all users and folders of it.
+    held = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    try:
+        held.bind(f"\0rig-ros-domain-{number}")
+    except OSError:
+        held.close()
+        return None
+    return held
+
+
+def from_environment(keep: bool = False) -> Domain:
+    """The domain of a run: ROS_DOMAIN_ID when it is set (or ``keep``, then 0 without it), else one of its own.
+
+    RigError when ROS_DOMAIN_ID is no number from 0 to 232.
+    """
+    text = os.environ.get("ROS_DOMAIN_ID", "")
+    if not text and not keep:
+        return allocate()
+    if not (text or "0").isdecimal() or not 0 <= int(text or "0") <= 232:
+        raise RigError(f"ROS_DOMAIN_ID is '{text}', expected a number from 0 to 232")
+    return Domain(int(text or "0"))
+
+
+def environment(domain: Domain) -> dict[str, str]:
+    """Environment of one of the rig's processes in this domain; its DDS is set up by config/fastdds.xml.
+
+    SYSTEM_DEFAULT leaves the transports to that file, which keeps them on this host; LOCALHOST would add shared memory.
+    """
+    env = dict(os.environ)
+    for name in ("ROS_LOCALHOST_ONLY", "FASTDDS_BUILTIN_TRANSPORTS"):
+        env.pop(name, None)  # would overrule what follows
+    profiles = str(package_file("fastdds.xml"))
+    env.update(ROS_DOMAIN_ID=str(domain.number), ROS_AUTOMATIC_DISCOVERY_RANGE="SYSTEM_DEFAULT", ROS_STATIC_PEERS="",
+               FASTRTPS_DEFAULT_PROFILES_FILE=profiles, FASTDDS_DEFAULT_PROFILES_FILE=profiles)
+    return env
+
+
+def use_own_transports() -> None:
+    """Set up DDS in this process as :func:`environment` does, in its terminal's domain, before ROS is started.
+
+    For nodes that `ros2 run` or a launch file starts. A profiles file that the user has set stays in force.
+    """
+    if os.environ.get("FASTDDS_DEFAULT_PROFILES_FILE") or os.environ.get("FASTRTPS_DEFAULT_PROFILES_FILE"):
+        return
+    wanted = environment(from_environment(keep=True))
+    for name in set(os.environ) - set(wanted):
+        del os.environ[name]
+    os.environ.update(wanted)

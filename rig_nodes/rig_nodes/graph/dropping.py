@@ -1,0 +1,16 @@
+"""A message dropped on purpose, so that a test can see that a loss is counted; used by `rig run` and the container."""
+
+from __future__ import annotations
+
+from ..catalogue import catalogue
+from ..errors import RigError
+
+
+def parse_drop(text: str | None) -> tuple[str, int] | None:
+    """("topic", sequence number) of ``TOPIC:N``; RigError when it is not that."""
+    if text is None:
+        return None
+    topic, _, number = text.rpartition(":")
+    if topic not in catalogue().all_topics or not number.isdecimal():
+        raise RigError(f"--drop {text}: expected a topic of the catalogue and a number, like /motor/m_wej:100")
+    return topic, int(number)

@@ -1,0 +1,105 @@
+"""The step handshake of a run in lockstep: whole messages over a socket pair between two of its processes.
+
+Made by the supervisor, held by the rig container at one end and by alfa46 or sequencer at the other. DDS carries the
+same content for everybody to see; the link only says who may go on, in some 20 us where DDS takes 300.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import struct
+import time
+
+from ..errors import RigError
+
+FRAME = 1 << 20  # longest message
+SAMPLE = struct.Struct("<Q7d")  # sample, coil currents (3), n_wej, n_wyj, p1, p2
+ANSWER = struct.Struct("<QB6dBBB")  # sample, kind, command (3), setpoint (3), gear, shifting, flags
+ANSWERED, DISCARDED, FAILED = range(3)  # kind of an answer; the sentence of a failure follows
+TIMEVAL = struct.Struct("@ll")  # s, us
+READY = b"ready "  # first word of the controller; the level of its commands follows
+SPIN = 300e-6  # s; to sleep and be woken takes 50 us, for each of 1000 samples of a simulated second
+NOT_AT_ALL = 0.0  # as a timeout: take what is there
+PATIENCE = 30.0  # s that sequencer and recorder may take for one exchange
+
+
+class LinkClosed(RigError):
+    """The other process has gone."""
+
+    exit_code = 1
+
+
+def pair() -> tuple[socket.socket, socket.socket]:
+    """The two ends of a link; their descriptors are handed to child processes."""
+    return socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+
+
+class Link:
+    """One end; ``other`` is the name of the process at the other one. One thread receives."""
+
+    def __init__(self, descriptor: int, other: str, watchful: bool = False):
+        """watchful: look for a message for SPIN s before sleeping, where answers are expected within that."""
+        self.other = other
+        self._watchful = watchful and len(os.sched_getaffinity(0)) > 1
+        self._socket = socket.socket(fileno=descriptor)
+        self._socket.settimeout(None)
+        self._buffer = bytearray(FRAME)  # a fresh one for each message would cost more than the message
+        self._view = memoryview(self._buffer)
+        self._timeout: float | None = None
+
+    def send(self, data: bytes) -> None:
+        """Send one message; LinkClosed when nobody is there any more."""
+        try:
+            self._socket.send(data)
+        except OSError:
+            raise LinkClosed(f"{self.other} has ended") from None
+
+    def receive(self, timeout: float | None) -> bytes | None:
+        """The next message, None when there is none within ``timeout`` s; LinkClosed when there will be none."""
+        size = self._look() if self._watchful and timeout != NOT_AT_ALL else None
+        if size is None:
+            size = self._sleep(timeout)
+        if size is None:
+            return None
+        if not size:
+            raise LinkClosed(f"{self.other} has ended")
+        return bytes(self._view[:size])
+
+    def _look(self) -> int | None:
+        """Bytes of a message that comes within SPIN s, None when none does."""
+        until = time.monotonic() + SPIN
+        while time.monotonic() < until:
+            try:
+                return self._socket.recv_into(self._buffer, 0, socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                os.sched_yield()
+            except OSError:
+                return 0
+        return None
+
+    def _sleep(self, timeout: float | None) -> int | None:
+        """Bytes of the next message, None when there is none within ``timeout`` s."""
+        flags = socket.MSG_DONTWAIT if timeout == NOT_AT_ALL else 0
+        if not flags and timeout != self._timeout:
+            # the kernel's own timeout: Python's takes a poll and two mode switches for each message
+            micros = 0 if timeout is None else max(1, round(timeout * 1e6))
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO,
+                                    TIMEVAL.pack(*divmod(micros, 1_000_000)))
+            self._timeout = timeout
+        try:
+            return self._socket.recv_into(self._buffer, 0, flags)
+        except BlockingIOError:
+            return None
+        except OSError:
+            return 0
+
+    def send_json(self, message: dict) -> None:
+        """Send a message of names and values."""
+        self.send(json.dumps(message).encode())
+
+    def receive_json(self, timeout: float | None) -> dict | None:
+        """As :meth:`receive`, for what :meth:`send_json` sent."""
+        data = self.receive(timeout)
+        return None if data is None else json.loads(data)

@@ -1,0 +1,250 @@
+"""Starts all processes of one run, watches them, ends them in order and tells how it ended.
+
+Used by `rig run` and by the tests. Owns no ROS: it speaks with its children through pipes and signals.
+"""
+
+from __future__ import annotations
+
+import os
+import selectors
+import signal
+import socket
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from .child import Child
+from .domain import Domain, environment
+from .link import pair
+from .tap import tap_pair
+
+MODULES = {"recorder": "recorder", "container": "rig_container", "alfa46": "alfa46", "sequencer": "sequencer"}
+END_ORDER = (("container",), ("alfa46", "sequencer"), ("recorder",))
+END_TIMEOUT = 12.0  # s that a process has for its orderly end
+AFTER_TRIP = 0.3  # s recorded after the safe state
+RESTARTED = ("alfa46", "recorder", "sequencer")  # of a rig that is worked by hand
+LIVES, LIVES_TIME = 3, 60.0  # a process that ends so often within so many s is not started again
+
+
+@dataclass(frozen=True)
+class Order:
+    """What to run. sequence None: the rig runs until stopped and takes sequences over ROS."""
+
+    sequence: str | None
+    rig: str = "hydmag"
+    seed: int = 1
+    settings: list[str] = field(default_factory=list)
+    drop: str | None = None
+    speed: float | None = None  # None: real time, nobody waits for anybody; else lockstep, inf for no pacing
+    step_timeout: float | None = 5.0  # s for one sample of the controller in lockstep, None: for ever
+    controller: str | None = None
+
+    def arguments(self, name: str) -> list[str]:
+        """Command line of one of the processes, without what is the same for all."""
+        rig = ["--rig", self.rig, *(part for text in self.settings for part in ("--set", text))]
+        sequence = [] if self.sequence is None else ["--sequence", self.sequence]
+        drop = [] if self.drop is None else ["--drop", self.drop]
+        speed = [] if self.speed is None else ["--speed", str(self.speed)]
+        if self.speed is not None and self.step_timeout is not None:
+            speed += ["--step-timeout", str(self.step_timeout)]
+        plug = [] if self.controller is None else ["--controller", self.controller]
+        return {"container": [*rig, *sequence, *drop, *speed, "--seed", str(self.seed)], "alfa46": [*rig, *plug],
+                "sequencer": [*rig, *sequence], "recorder": []}[name]
+
+
+@dataclass
+class End:
+    """How a run ended: state is ended, failed or interrupted; by: the signal that interrupted it, or 0."""
+
+    state: str
+    reason: str
+    by: int = 0
+
+
+class Supervisor:
+    """One run in one folder and one domain. ``say`` gets (simulated time [s] or None, sentence) for people.
+
+    A process that dies brings the rig into its safe state. A run of a sequence ends with that; a rig that is worked by
+    hand in real time stays up, and the process is started again.
+    """
+
+    def __init__(self, order: Order, folder: Path, domain: Domain, say: Callable[[float | None, str], None]):
+        self.order, self.folder, self.domain, self.say = order, Path(folder), domain, say
+        self.children: dict[str, Child] = {}
+        self.restarts: list[dict] = []  # process, how it ended, simulated time
+        self.time = 0.0  # simulated, as told by the container
+        self.state, self.reason = "", ""  # of the rig
+        self.running = threading.Event()  # simulated time passes
+        self.ended = threading.Event()
+        self.end: End | None = None
+        self._end_at: float | None = None
+        self._lock = threading.Lock()  # of the wake pipe
+        self._wake_read, self._wake_write = os.pipe()
+        for descriptor in (self._wake_read, self._wake_write):
+            os.set_blocking(descriptor, False)
+
+    def stop(self, number: int = 0) -> None:
+        """End the run in order; from any thread or signal handler. number: the signal that asks for it."""
+        names = {signal.SIGINT: "interrupted by Ctrl-C", signal.SIGTERM: "ended by SIGTERM"}
+        if self.order.sequence is None and number == signal.SIGINT:
+            self._finish_with(End("ended", "ended by hand"), 0.0)  # there is no other end
+        self._finish_with(End("interrupted", names.get(number, "stopped"), number), 0.0)
+        with self._lock:
+            if not self.ended.is_set():
+                try:
+                    os.write(self._wake_write, b".")
+                except BlockingIOError:
+                    pass
+
+    def run(self) -> End:
+        """Everything from the first process to the last; returns how it ended. Signals need the main thread."""
+        handled = (signal.SIGINT, signal.SIGTERM) if threading.current_thread() is threading.main_thread() else ()
+        before = {number: signal.signal(number, lambda n, _frame: self.stop(n)) for number in handled}
+        try:
+            self._start()
+            self._watch()
+        finally:
+            self._stop_all()
+            for number, handler in before.items():
+                signal.signal(number, handler)
+            for child in self.children.values():
+                child.close()
+            with self._lock:
+                self.ended.set()
+                os.close(self._wake_read)
+                os.close(self._wake_write)
+        return self.end
+
+    # ---- start and watch
+
+    def _start(self) -> None:
+        number = self.domain.number
+        self.say(None, f"starting the nodes in ROS domain {number}: other tools see them with ROS_DOMAIN_ID={number}")
+        (self.folder / "logs").mkdir(exist_ok=True)
+        links = self._links() if self.order.speed is not None else {}
+        for name in MODULES:
+            self._begin(name, links.get(name))
+        for ends in links.values():
+            for end in ends.values():
+                end.close()
+
+    def _begin(self, name: str, links: dict[str, socket.socket] | None = None, life: int = 1) -> Child:
+        """Start one of the processes, for the first or another time."""
+        arguments = [*self.order.arguments(name), "--recorded"]
+        if name == "recorder":
+            bag = Path(self.order.sequence or self.folder.name).stem
+            arguments += ["--out", str(self.folder), "--name", bag if life == 1 else f"{bag}-{life}"]
+        child = Child(name, f"rig_nodes.nodes.{MODULES[name]}", arguments, self.folder / "logs",
+                      environment(self.domain), links, life)
+        self.children[name] = child
+        return child
+
+    def _links(self) -> dict[str, dict[str, socket.socket]]:
+        """Ends of step handshake and taps, by process and by the name of the process at the other end."""
+        links: dict[str, dict[str, socket.socket]] = {name: {} for name in MODULES}
+        for name in ("alfa46", "sequencer"):
+            links["container"][name], links[name]["container"] = pair()
+        for name in ("container", "alfa46"):
+            links[name]["recorder"], links["recorder"][name] = tap_pair()
+        return links
+
+    def _watch(self) -> None:
+        """Serve the children's lines until there is a reason to end and its time has come."""
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._wake_read, selectors.EVENT_READ)
+            for child in self.children.values():
+                selector.register(child.line, selectors.EVENT_READ, child)
+            while self._end_at is None or time.monotonic() < self._end_at:
+                left = 0.5 if self._end_at is None else max(0.0, min(0.5, self._end_at - time.monotonic()))
+                for key, _ in selector.select(left):
+                    child = key.data
+                    if child is None:
+                        os.read(self._wake_read, 4096)
+                        continue
+                    for message in child.messages():
+                        self._on_message(child, message)
+                    if child.silent:
+                        selector.unregister(child.line)
+                        again = self._on_death(child)
+                        if again is not None:
+                            selector.register(again.line, selectors.EVENT_READ, again)
+
+    def _on_message(self, child: Child, message: dict) -> None:
+        kind = message["kind"]
+        if kind == "running":
+            self.running.set()
+            self.say(None, "all nodes are connected, time starts")
+        elif kind == "state":
+            self._on_state(message)
+        elif kind == "step":
+            self.say(message["t"], f"step {message['step']} of {message['steps']}: {message['text']}")
+        elif kind == "failed":
+            self._finish_with(End("failed", f"{child.name}: {message['text']}"), 0.0)
+        elif kind == "done" and self.order.sequence is not None:
+            if message["success"]:
+                self._finish_with(End("ended", "the sequence ended"), 0.0)
+            else:
+                self._finish_with(End("failed", message["text"]), AFTER_TRIP)
+
+    def _on_state(self, message: dict) -> None:
+        self.time = message["t"]
+        if (message["state"], message["reason"]) == (self.state, self.reason):
+            return
+        self.state, self.reason = message["state"], message["reason"]
+        reason = f": {self.reason}" if self.reason else ""
+        self.say(self.time, f"the rig is {self.state.lower()}{reason}")
+        if self.state == "TRIPPED" and self.end is not None and self.end.state == "failed":
+            if self.reason not in self.end.reason:
+                self.end.reason += f"; safe state: {self.reason}"
+            self._end_at = min(self._end_at, time.monotonic() + AFTER_TRIP)
+
+    def _on_death(self, child: Child) -> Child | None:
+        """Safe state, then the end of the run or, for a rig worked by hand, the process once more."""
+        child.process.wait()
+        how = f"{child.name} {child.how()}"
+        if child.name != "container" and self.running.is_set() and self.order.speed is None:
+            self.children["container"].tell(trip=how)
+        if not self._may_live_again(child):
+            self._finish_with(End("failed", f"{how}; see logs/{child.log}"), AFTER_TRIP)
+            return None
+        self.restarts.append({"process": child.name, "how": child.how(), "t": self.time, "at": time.monotonic()})
+        self.say(self.time, f"{how} and is started again; see logs/{child.log}")
+        child.close()
+        again = self._begin(child.name, life=child.life + 1)
+        self.children["container"].tell(event="process_restarted", text=f"{how} and was started again")
+        return again
+
+    def _may_live_again(self, child: Child) -> bool:
+        if self.order.sequence is not None or self.order.speed is not None or child.name not in RESTARTED:
+            return False
+        since = time.monotonic() - LIVES_TIME
+        lives = 1 + sum(r["process"] == child.name and r["at"] > since for r in self.restarts)
+        return self.running.is_set() and self.end is None and lives <= LIVES
+
+    def _finish_with(self, end: End, seconds: float) -> None:
+        """End after so many seconds; the first reason stays, a person's wish needs no patience."""
+        if self.end is None:
+            self.end = end
+        at = time.monotonic() + seconds
+        self._end_at = at if self._end_at is None else min(self._end_at, at)
+
+    # ---- end
+
+    def _stop_all(self) -> None:
+        """Container, then the controllers, then the recorder: each hears everything of those before it."""
+        if self.end is None:
+            self.end = End("failed", "the supervisor failed")
+        for names in END_ORDER:
+            group = [self.children[name] for name in names if name in self.children]
+            for child in group:
+                # SIGINT tells the container to leave the rig in its safe state, with a reason in the bag.
+                early = child.name == "container" and self.end.state != "ended"
+                child.signal(signal.SIGINT if early else signal.SIGTERM)
+            for child in group:
+                if not child.finish(END_TIMEOUT):
+                    self.say(None, f"{child.name} did not end in {END_TIMEOUT:.0f} s and was killed")
+                for message in child.messages():
+                    if message["kind"] == "state":
+                        self._on_state(message)

@@ -1,0 +1,8 @@
+"""Transducers and loggers of the laboratory.
+
+Importing it points numba's cache at a folder of its own before numba is loaded.
+"""
+
+from ..compiled import use_kernel_cache
+
+use_kernel_cache()

@@ -1,0 +1,32 @@
+"""Counter-based noise: the same (seed, channel, sample) gives the same number, whatever was drawn before.
+
+Called by plant.kernel; it is what makes a run independent of how it is cut into pieces.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+_CHANNEL = np.uint64(0xD1B54A32D192ED03)
+
+
+@njit(cache=True)
+def _mix(z):
+    # splitmix64 finaliser (Steele, Lea, Flood 2014): full avalanche of a 64-bit counter
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
+
+
+@njit(cache=True)
+def noise(seed, channel, sample):
+    """A number of zero mean and unit variance: sum of four 16-bit uniforms, so never beyond 3.5."""
+    z = _mix(np.uint64(seed) * _GOLDEN + np.uint64(channel) * _CHANNEL)
+    z = _mix(z + np.uint64(sample) * _GOLDEN)
+    low = np.uint64(0xFFFF)
+    total = float(z & low) + float((z >> np.uint64(16)) & low)
+    total += float((z >> np.uint64(32)) & low) + float(z >> np.uint64(48))
+    # four uniforms on 0..65535: mean 131070, variance 4 (65536^2 - 1) / 12
+    return (total - 131070.0) / 37837.22722

@@ -1,0 +1,4 @@
+"""The ROS 2 nodes: thin translators between topics and the rig, the shift controller, the sequence and the bag.
+
+Processes: rig_container (one node per device), alfa46, sequencer, recorder; graph.supervisor starts them all.
+"""

@@ -1,0 +1,56 @@
+"""The rig's action servers: goals are followed by their node, ended with a result, cancelled or not with a reason.
+
+Used by alfa46 (shift) and sequencer (run).
+"""
+
+from __future__ import annotations
+
+from action_msgs.srv import CancelGoal
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import GoalEvent
+
+
+class GoalServer(ActionServer):
+    """An action whose goals the node itself moves on; ``finish`` ends one.
+
+    A cancel request that the node refuses is answered with ERROR_REJECTED, as action_msgs has it and as rclcpp does;
+    rclpy's own server would answer ERROR_NONE with an empty list.
+    """
+
+    def __init__(self, node, kind, name: str, on_goal, on_cancel, on_request=lambda request: GoalResponse.ACCEPT):
+        """on_request(request) -> GoalResponse, then on_goal(handle), and on_cancel(handle) -> CancelResponse."""
+        super().__init__(node, kind, name, execute_callback=lambda handle: None, goal_callback=on_request,
+                         handle_accepted_callback=on_goal, cancel_callback=on_cancel)
+        self._on_cancel = on_cancel
+
+    async def _execute_cancel_request(self, request_header_and_message) -> None:
+        header, request = request_header_and_message
+        with self._lock:
+            response = self._handle.process_cancel_request(request, CancelGoal.Response)
+        asked, response.goals_canceling = list(response.goals_canceling), []
+        for goal in asked:
+            handle = self._goal_handles.get(bytes(goal.goal_id.uuid))
+            if handle is not None and self._on_cancel(handle) == CancelResponse.ACCEPT:
+                handle._update_state(GoalEvent.CANCEL_GOAL)
+                response.goals_canceling.append(goal)
+        if asked and not response.goals_canceling:
+            response.return_code = CancelGoal.Response.ERROR_REJECTED
+        try:
+            self._handle.send_cancel_response(header, response)
+        except RCLError:
+            pass  # who asked has gone
+
+
+def finish(goal, result) -> None:
+    """End a goal with its result: canceled when that was granted, else succeeded or aborted as the result says."""
+    def end(handle):
+        if handle.is_cancel_requested:
+            handle.canceled()
+        elif result.success:
+            handle.succeed()
+        else:
+            handle.abort()
+        return result
+
+    goal.execute(end)

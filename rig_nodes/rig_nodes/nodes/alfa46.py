@@ -1,0 +1,311 @@
+"""The Alfa46 box as a process of its own: samples in, duty out, gears ordered by an action.
+
+Started by graph.supervisor. One sample in gives one command out: in real time in executor callbacks, in lockstep in
+the main thread while another one serves ROS. The controller itself is a plug (controllers.load).
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+
+import numpy as np
+from rclpy.action import CancelResponse, GoalResponse
+from rclpy.node import Node
+from rig_msgs.action import Shift
+from rig_msgs.msg import ControllerSample
+
+from ..alfa46.controller import GEAR_NAMES
+from ..bags.cdr import encoder
+from ..bags.definitions import installed
+from ..catalogue import catalogue
+from ..controllers.load import load_controller
+from ..controllers.seam import LEVELS, NOTHING, ControllerFailed
+from ..errors import RigError
+from ..graph.link import ANSWER, ANSWERED, DISCARDED, FAILED, READY, SAMPLE, LinkClosed
+from ..testbench.rig import SAMPLE_NS
+from .action_server import GoalServer, finish
+from .alfa46_settings import BoxSettings
+from .device import publishers_of
+from .diagnostics import ERROR, OK, STALE, WARN, Diagnostics, Growing, Health
+from .matching import silent
+from .process import RIG_OPTIONS, rig_config, run
+from .qos import stream_profile
+from .realtime import MESSAGES, prefer_process, take_core
+from .settings import CHANGED
+from .shift_phase import ShiftPhase, slip
+
+SILENCE = 0.1  # s without a sample after which the box says that it is silent too
+FEEDBACK_SAMPLES = 50  # 20 Hz
+OPTIONS = [*RIG_OPTIONS, ("--controller", {"metavar": "SPEC", "help": "a controller in place of the built-in one"})]
+SAMPLES, COMMAND, EVENTS = "/instruments/controller", "/alfa46/command", "/alfa46/events"
+
+
+class Alfa46Node(Node):
+    """Publishes /alfa46/*, serves /alfa46/shift and what can be set."""
+
+    def __init__(self, config, process):
+        """process.arguments.controller: specification of a plug, with @level when it must be told; None: the Alfa46."""
+        super().__init__("alfa46")
+        self.config = config
+        self.box = load_controller(process.arguments.controller, config.alfa46)
+        self.outputs = publishers_of(self, in_lockstep=bool(process.descriptors()))
+        self.counts = dict.fromkeys(self.outputs, 0)
+        self.first_seq = process.first_seq
+        self.tap = process.tap(self.outputs)
+        self.missed = 0  # samples that never arrived
+        self.refused = 0
+        self._encode_command = encoder("rig_msgs/msg/ValveCommand").encode
+        self._encode_event = encoder("rig_msgs/msg/Event").encode
+        self._layout = installed("rig_msgs/msg/ControllerSample").dtype()
+        self._last_sample = None
+        self._stamp = 0
+        self._heard, self._silent, self._failed = None, False, ""
+        self._phase = None  # of the shift that runs, None when none does
+        self._goal, self._t_order = None, None  # its goal handle and the time of its order [s], once they are there
+        self._ordered_at = -1  # newest sample when it was ordered: the order is taken with the next one
+        self._refusal = None  # why the order that is being taken is refused
+        self._orders = threading.Lock()  # in lockstep samples and what comes over ROS have different threads
+        self._server = GoalServer(self, Shift, "/alfa46/shift", self.on_goal, self.on_cancel, self.on_request)
+        self.settings = BoxSettings(self, self.box, config.alfa46)
+        self._watch = self.create_timer(SILENCE / 2, self.on_watch)
+        self._missing = Growing()
+        self.diagnostics = Diagnostics(self, self.health, lambda: self._stamp)
+
+    def listen(self) -> None:
+        """Subscribe to the samples; called when those who receive the commands are there."""
+        profile = stream_profile(catalogue().topics[SAMPLES].qos)
+        self.create_subscription(ControllerSample, SAMPLES, self.on_sample, profile, raw=True)
+
+    # ---- samples
+
+    def on_sample(self, data: bytes) -> None:
+        """One sample in, one command out, in real time."""
+        record = np.frombuffer(data, self._layout, 1)[0]
+        wires = (float(record["n_wej"]), float(record["n_wyj"]), float(record["p1"]), float(record["p2"]))
+        sample = int(record["sample"])
+        try:
+            self.tell(sample, self.ask(sample, record["current"], *wires), *wires)
+        except ControllerFailed as failure:
+            self.fail(failure)
+
+    def on_frame(self, frame: bytes, reply) -> None:
+        """One sample in, the answer out, in lockstep; the rig goes on while the rest of this process hears of it."""
+        sample, *values = SAMPLE.unpack(frame)
+        try:
+            answer = self.ask(sample, values[:3], *values[3:])
+        except ControllerFailed as failure:
+            reply(ANSWER.pack(sample, FAILED, *[0.0] * 6, 0, 0, 0) + str(failure).encode())
+            self.fail(failure)
+            return
+        if answer is None:
+            reply(ANSWER.pack(sample, DISCARDED, *[0.0] * 6, 0, 0, 0))
+        else:
+            reply(ANSWER.pack(sample, ANSWERED, *answer.command, *answer.setpoint, self.box.gear, self.box.shifting,
+                              self.box.flags))
+        self.tell(sample, answer, *values[3:])
+
+    def ask(self, sample: int, *wires):
+        """The controller's answer to a sample; None when it discards it."""
+        if self._last_sample is not None and sample > self._last_sample + 1:
+            self.missed += sample - self._last_sample - 1
+        self._last_sample, self._heard = sample, time.monotonic()
+        self._stamp = sample * SAMPLE_NS
+        news = [self.settings.news.popleft() for _ in range(len(self.settings.news))]
+        with self._orders:
+            answer = self.box.step(sample, *wires)
+        for text, value in news:
+            self.event(CHANGED, text, value)
+        return answer
+
+    def tell(self, sample: int, answer, n_wej: float, n_wyj: float, p1: float, p2: float) -> None:
+        """Publish an answer, and what it means for a running shift."""
+        box = self.box
+        if answer is not None:
+            self._setpoint = answer.setpoint
+            duty, flags = (NOTHING, box.flags) if box.level == "current" else (answer.command, 0)
+            self.publish(COMMAND, self._encode_command(
+                self._stamp, self.first_seq + self.counts[COMMAND], sample, duty, answer.setpoint, box.gear,
+                box.shifting, LEVELS.index(box.level), flags))
+        if self._phase is not None and sample > self._ordered_at:
+            self.follow_shift(sample, n_wej, n_wyj, p1, p2)
+
+    def fail(self, failure: ControllerFailed) -> None:
+        """The controller cannot go on: said once; the rig notices by its silence, or by the answer in lockstep."""
+        if not self._failed:
+            self._failed = str(failure)
+            self.get_logger().error(str(failure))
+            self.event("controller_failed", str(failure), float(failure.status))
+
+    def on_watch(self) -> None:
+        """Say once when the samples stop; there is nothing to answer then."""
+        if self._heard is None:
+            return
+        quiet = time.monotonic() - self._heard > SILENCE
+        if quiet and not self._silent:
+            self.get_logger().warning(f"no sample for {SILENCE * 1e3:.0f} ms: no output until they come again")
+        elif self._silent and not quiet:
+            self.get_logger().info("samples come again")
+        self._silent = quiet
+
+    def health(self) -> list[Health]:
+        """The box's own, for /diagnostics."""
+        def values() -> dict:
+            return {"controller": self.box.name, "level": self.box.level, "answered": self.counts[COMMAND],
+                    "missed": self.missed, "shifts_refused": self.refused, "gear": GEAR_NAMES[self.box.gear],
+                    "shifting": self.box.shifting}
+
+        missing = self._missing(self.missed)
+        if self._failed:
+            return [Health("alfa46", ERROR, f"failed: {self._failed}", values)]
+        if self._heard is None or self._silent:
+            text = "no sample has come yet" if self._heard is None else f"no sample for {SILENCE * 1e3:.0f} ms"
+            return [Health("alfa46", STALE, text, values)]
+        if missing:
+            return [Health("alfa46", WARN, "samples of the rig did not arrive", values)]
+        return [Health("alfa46", OK, "answers the samples", values)]
+
+    # ---- shifts
+
+    def on_request(self, request) -> GoalResponse:
+        """Order a gear before the goal is answered: who hears that it is accepted knows that the order stands.
+
+        A refused order is accepted as a goal all the same, and ended with its reason.
+        """
+        try:
+            if self._phase is not None:
+                raise RigError(f"shift refused: a shift to {GEAR_NAMES[self._phase.new]} is still running; "
+                               "wait for its end")
+            if self._last_sample is None:
+                raise RigError("shift refused: the rig does not run yet; wait for its first sample")
+            with self._orders:
+                old = self.box.gear
+                self.box.order(int(request.gear))
+                self._goal, self._t_order, self._ordered_at = None, None, self._last_sample
+                self._phase = ShiftPhase(self.config, old, int(request.gear))
+            self._refusal = None
+        except RigError as error:
+            self._refusal = str(error)
+        return GoalResponse.ACCEPT
+
+    def on_goal(self, goal) -> None:
+        """Keep the goal of the shift that was just ordered, or end it with the reason why there is none."""
+        if self._refusal is None:
+            self._goal = goal
+            return
+        self.refused += 1
+        self.event("shift_refused", self._refusal, float(goal.request.gear))
+        finish(goal, Shift.Result(success=False, message=self._refusal, gear=self.box.gear))
+
+    def on_cancel(self, goal) -> CancelResponse:
+        """Withdraw an order that the controller has not seen; a shift that has begun is carried to its end.
+
+        Half a shift has no safe end: held there, both clutches slip under load or none carries it.
+        """
+        gear = int(goal.request.gear)
+        with self._orders:
+            withdrawn = goal is self._goal and self.box.withdraw()
+            if withdrawn:
+                self._phase = self._goal = None
+        if not withdrawn:
+            text = (f"cancel refused: the shift to {GEAR_NAMES.get(gear, gear)} has begun and is carried to its end; "
+                    "order another gear then, or stop the rig with /rig/e_stop")
+            self.get_logger().warning(text)
+            self.event("cancel_refused", text, float(gear))
+            return CancelResponse.REJECT
+        text = f"shift to {GEAR_NAMES[gear]} withdrawn before the controller took it"
+        self.event("shift_withdrawn", text, float(gear))
+        finish(goal, Shift.Result(success=False, message=text, gear=self.box.gear))
+        return CancelResponse.ACCEPT
+
+    def follow_shift(self, sample: int, n_wej: float, n_wyj: float, p1: float, p2: float) -> None:
+        """Events, feedback and result of the running shift, after the controller has taken a sample."""
+        t, gear, goal = self._stamp * 1e-9, self._phase.new, self._goal
+        if self._t_order is None:
+            self._t_order = t
+            self.event("shift_ordered", f"shift to {GEAR_NAMES[gear]} ordered", float(gear))
+        if goal is None:
+            return
+        if not self.box.shifting and self.box.gear == gear:
+            self._phase = None
+            self.event("shift_done", "the profiles of the shift have ended", float(gear))
+            message = f"gear {GEAR_NAMES[gear]} after {t - self._t_order:.3f} s"
+            finish(goal, Shift.Result(success=True, message=message, gear=gear, t_order=self._t_order, t_end=t))
+        elif sample % FEEDBACK_SAMPLES == 0:
+            phase = self._phase.name(n_wej, n_wyj, p1, p2)
+            goal.publish_feedback(Shift.Feedback(phase=phase, slip=float(slip(gear, n_wej, n_wyj)),
+                                                 setpoint=list(self._setpoint)))
+
+    def event(self, name: str, text: str, value: float) -> None:
+        """Publish an event at the time of the newest sample; in lockstep from either thread."""
+        with self._orders:
+            self.publish(EVENTS, self._encode_event(self._stamp, self.first_seq + self.counts[EVENTS], name, text,
+                                                    value))
+
+    def publish(self, topic: str, data: bytes) -> None:
+        """Send the next message of a topic, to the recorder's tap too in lockstep."""
+        self.counts[topic] += 1
+        self.outputs[topic].publish(data)
+        if self.tap is not None:
+            self.tap.put(topic, data)
+
+
+def work(process) -> None:
+    """Gate, samples, orderly end."""
+    config = rig_config(process.arguments)
+    executor = process.start_ros()
+    node = Alfa46Node(config, process)
+    executor.add_node(node)
+    recorder = {"recorder"} if process.arguments.recorded and node.tap is None else set()
+    link = process.links().get("container")
+    wanted = {COMMAND: recorder if link else {"rig"} | recorder, EVENTS: recorder}
+    while not process.stopping and silent(node, node.outputs, wanted):
+        process.spin(0.02)
+    if link is not None:
+        answer_in_lockstep(process, node, link)
+    elif not process.stopping:
+        prefer_process(MESSAGES)
+        node.listen()
+    while not process.stopping:
+        process.spin(0.05)
+    node.box.close()
+    if node.tap is not None:
+        node.tap.close()
+    process.leave([node], node.outputs.values(), published=node.counts, samples_missed=node.missed,
+                  shifts_refused=node.refused, controller={"name": node.box.name, "level": node.box.level})
+
+
+def answer_in_lockstep(process, node: Alfa46Node, link) -> None:
+    """Answer the container's samples in this thread while another serves ROS, until one of the two leaves."""
+    over = threading.Event()
+
+    def serve() -> None:
+        while not over.is_set():
+            process.spin(0.05)
+
+    thread = threading.Thread(target=serve, name="ros", daemon=True)
+    thread.start()
+    take_core(1)
+    try:
+        link.send(READY + node.box.level.encode())
+        while not process.stopping:
+            frame = link.receive(0.1)
+            if frame is not None:
+                node.on_frame(frame, link.send)
+            else:
+                node.tap.flush()
+    except LinkClosed:
+        pass  # the supervisor sees it too and ends this process
+    finally:
+        over.set()
+        thread.join()
+
+
+def main() -> int:
+    """Entry point."""
+    return run(lambda start: work(start("alfa46", "The Alfa46 shift controller.", OPTIONS)))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,105 @@
+"""What can be set at the Alfa46 while it runs: delays, gains and profiles as parameters, a profile as a whole.
+
+Used by the node alfa46. Values are checked by the rules of alfa46.settings; the controller takes them with its next
+sample.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rig_msgs.srv import SetProfile
+
+from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, Alfa46Values, check_profile
+from ..config.schema import limits
+from ..config.units import SI
+from ..errors import RigError
+from .settings import Setting, Settings
+
+SCALARS = {
+    "t12": "Delay from gear I to II; negative: the engaging valve is switched on that much earlier",
+    "t21": "Delay from gear II to I; negative: the engaging valve is switched on that much earlier",
+    "gain_p": "Proportional gain of the current loop",
+    "gain_i": "Integral gain of the current loop",
+    "gain_d": "Derivative gain of the current loop",
+    "derivative_time": "Filter time of the derivative",
+}
+CURRENT_LOOP = ("gain_p", "gain_i", "gain_d", "derivative_time")
+COLUMNS = {
+    "times": ("time", "Times of the profile's points"), "currents": ("current", "Currents at the profile's points"),
+}
+
+
+class BoxSettings(Settings):
+    """``news``: accepted changes that the controller has, as (text, value) of an event, until the node says them."""
+
+    def __init__(self, node: Node, box, config: Alfa46Config):
+        """box: plug of the controller."""
+        self.box, self.config, self.news = box, config, deque()
+        settings = []
+        for name, text in SCALARS.items():
+            unit = SI[Alfa46Values.__dataclass_fields__[name].metadata["dimension"]]
+            settings.append(Setting(name, text, getattr(config.values, name), unit, limits(Alfa46Values, name)))
+        rules = {"times": "6 numbers, P1 to P6; P1-P3 count from switch-on, P4-P6 from switch-off, each half increases",
+                 "currents": f"6 numbers, P1 to P6; 0 to {config.values.current_limit:g} A"}
+        for k, key in enumerate(OUTPUT_KEYS):
+            for column, (name, (dimension, text)) in enumerate(COLUMNS.items()):
+                settings.append(Setting(f"{key}.{name}", f"{text} of {key}", config.profiles[k, :, column].tolist(),
+                                        SI[dimension], rule=rules[name]))
+        super().__init__(node, settings)
+        self._service = node.create_service(SetProfile, "~/set_profile", self.on_set_profile)
+
+    def changed(self, changes: dict) -> Alfa46Config:
+        """The settings with these changes; RigError when they are not right."""
+        scalars = {name: value for name, value in changes.items() if name in SCALARS}
+        values, profiles = replace(self.config.values, **scalars), self.config.profiles.copy()
+        for k, key in enumerate(OUTPUT_KEYS):
+            for column, name in enumerate(COLUMNS):
+                numbers = changes.get(f"{key}.{name}")
+                if numbers is None:
+                    continue
+                if len(numbers) != len(POINTS):
+                    raise RigError(f"{key}.{name} must have {len(POINTS)} numbers, one for each of P1 to P6, found "
+                                   f"{len(numbers)}")
+                profiles[k, :, column] = numbers
+            if not np.array_equal(profiles[k], self.config.profiles[k]):
+                check_profile(profiles[k], key, values.current_limit)
+        return Alfa46Config(values, profiles)
+
+    def refusal(self, changes: dict) -> str | None:
+        """Of the level, of the rules for profiles, then of the controller."""
+        loop = [name for name in changes if name in CURRENT_LOOP]
+        if loop and self.box.level == "current":
+            return (f"{loop[0]} refused: at level current the rig's own power stage closes the loop, with the gains of "
+                    "the rig's configuration; set them with --set")
+        try:
+            self.box.check_change(self.changed(changes))
+        except RigError as error:
+            return str(error)
+        return None
+
+    def take(self, changes: dict) -> None:
+        """Hand the settings to the controller, then have it said: so it is never said too early."""
+        self.config = self.changed(changes)
+        self.box.change(self.config)
+        for name, value in changes.items():
+            number = value if name in SCALARS else float(name[len("output_")])
+            self.news.append((self.settings[name].shown("alfa46", value), number))
+
+    def on_set_profile(self, request, response):
+        """A profile as a whole, through the parameters, which so stay what the controller has."""
+        if not 1 <= request.output <= len(OUTPUT_KEYS):
+            response.success = False
+            response.message = f"there is no output {request.output}; expected 1 to {len(OUTPUT_KEYS)}"
+            return response
+        key = OUTPUT_KEYS[request.output - 1]
+        columns = {"times": request.times, "currents": request.currents}
+        result = self.node.set_parameters_atomically(
+            [Parameter(f"{key}.{name}", value=[float(v) for v in numbers]) for name, numbers in columns.items()])
+        response.success = result.successful
+        response.message = result.reason or f"profile of {key} set"
+        return response

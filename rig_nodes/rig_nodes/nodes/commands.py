@@ -1,0 +1,88 @@
+"""The queue between ROS callbacks and the rig's loop: commands wait here for the next sample boundary.
+
+Used by the nodes of the rig container (put) and by its loop (apply).
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter, deque
+from dataclasses import dataclass
+
+from ..errors import RigError
+
+EVENTS = "/rig/events"
+QUIET_NS = 1_000_000_000  # simulated time between two events of the same refusal
+NUMBER = re.compile(r"[-+]?(\d[\d.]*(e[-+]?\d+)?|nan|inf)\b")
+
+
+@dataclass
+class Refusal:
+    """One reason why commands of one topic are refused: when it was told last, how often it came since, the newest."""
+
+    told_ns: int
+    count: int = 0
+    text: str = ""
+
+
+class Commands:
+    """Thread-safe queue of calls on the rig; what the rig refuses becomes an event and nothing else changes."""
+
+    def __init__(self, outputs):
+        self.refused: Counter[str] = Counter()
+        self._outputs = outputs
+        self._queue: deque = deque()
+        self._refusals: dict[tuple[str, str], Refusal] = {}
+        self._came: Counter[str] = Counter()
+
+    def put(self, topic: str, function, *arguments) -> None:
+        """Enqueue a call that came in through ``topic``."""
+        self._queue.append((topic, function, arguments))
+        self._came[topic] += 1
+
+    def have(self, counts: dict[str, int]) -> bool:
+        """True when so many commands of each topic have come in."""
+        return all(self._came[topic] >= count for topic, count in counts.items())
+
+    def put_first(self, topic: str, function) -> None:
+        """Enqueue a call before all that wait."""
+        self._queue.appendleft((topic, function, ()))
+
+    def event(self, name: str, text: str, value: float = 0.0) -> None:
+        """An event of the rig; only from calls that the loop makes."""
+        self._outputs.event(EVENTS, name, text, value)
+
+    def apply(self) -> None:
+        """Do what waits. The same refusal is one event per second of simulated time, with how often it came."""
+        queue = self._queue
+        while queue:
+            topic, function, arguments = queue.popleft()
+            try:
+                function(*arguments)
+            except RigError as error:
+                self.refused[topic] += 1
+                self._refuse(topic, str(error))
+        if self._refusals:
+            self._tell_what_came_since()
+
+    def _refuse(self, topic: str, why: str) -> None:
+        # the reason is the sentence without its numbers: each valve command names another sample
+        key, text = (topic, NUMBER.sub("#", why)), f"{topic}: {why}"
+        known = self._refusals.get(key)
+        if known is None:
+            self._refusals[key] = Refusal(self._outputs.rig.time_ns)
+            self.event("command_refused", text, 1.0)
+        else:
+            known.count, known.text = known.count + 1, text
+
+    def _tell_what_came_since(self) -> None:
+        now = self._outputs.rig.time_ns
+        for key, refusal in list(self._refusals.items()):
+            if now - refusal.told_ns < QUIET_NS:
+                continue
+            if refusal.count == 0:
+                del self._refusals[key]
+                continue
+            times = "once" if refusal.count == 1 else f"{refusal.count} times"
+            self.event("command_refused", f"{refusal.text} ({times} more within 1 s)", float(refusal.count))
+            self._refusals[key] = Refusal(now)

@@ -1,0 +1,89 @@
+"""The rig container's ends of the cuts: ports go out, answers come in, at the node of each cut device.
+
+Used by the rig container; the other end is a device node (nodes.cut_device) or a user's own.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+
+from ..catalogue import catalogue
+from ..plant.cut import Answer
+from ..testbench.cuts import topic_of
+from ..testbench.rig import Rig, RigStatus
+from .device import message_class, receive
+from .qos import publisher_profile, stream_profile
+
+POLL = 0.05  # s between looks at whether a device that is waited for is still there
+
+
+class CutEnds:
+    """Ports and answers on the nodes of cut devices. In lockstep a tick waits for the answers to the last."""
+
+    def __init__(self, rig: Rig, commands, nodes, process, step_timeout: float | None):
+        """step_timeout: s of real time that a device may take for one answer in lockstep, None for ever."""
+        self.devices = rig.cuts.devices
+        self._rig, self._commands, self._process, self._timeout = rig, commands, process, step_timeout
+        self._came = threading.Event()
+        self.tap = None  # of a run in lockstep: the recorder gets the answers from here and cannot fall behind them
+        self._nodes = {node.get_name(): node for node in nodes}
+        for device in self.devices:
+            self._open(self._nodes[device], device)
+
+    def _open(self, node, device: str) -> None:
+        port, answer = (catalogue().cut_topics[topic_of(device, end)] for end in ("port", "answer"))
+        node.outputs[port.name] = node.create_publisher(message_class(port.ros_type), port.name,
+                                                        publisher_profile(port.qos))
+
+        def take(message) -> None:
+            if self.tap is not None:
+                self.tap.put(answer.name, message.tobytes())
+            self._commands.put(answer.name, self._rig.cuts.answer, device, int(message["sample"]),
+                               Answer(*(float(message[name]) for name in Answer._fields)))
+            self._came.set()
+
+        # in real time no answer may wait for a lost one to be sent again; in lockstep none may be lost
+        in_lockstep = self._process.arguments.speed is not None
+        profile = publisher_profile(answer.qos) if in_lockstep else stream_profile(answer.qos)
+        node.inputs[answer.name] = receive(node, answer, take, profile)
+
+    @property
+    def answers(self) -> list[str]:
+        """The topics on which the devices answer."""
+        return [topic_of(device, "answer") for device in self.devices]
+
+    def missing(self) -> list[str]:
+        """Sentences on devices that nobody plays yet."""
+        out = []
+        for device in self.devices:
+            node, port = self._nodes[device], topic_of(device, "port")
+            listeners = {info.node_name for info in node.get_subscriptions_info_by_topic(port)} - {"recorder"}
+            if not listeners or not node.inputs[topic_of(device, "answer")].get_publisher_count():
+                domain = os.environ.get("ROS_DOMAIN_ID", "0")
+                out.append(f"{device} is cut out and nobody answers {port}; start its node with: "
+                           f"./rig device {device} --domain {domain}")
+        return out
+
+    def wait(self) -> None:
+        """In lockstep, before a tick: take the answers to the last one's ports; a silent device trips."""
+        rig = self._rig
+        if not self.devices or rig.sample == 0 or not rig.cuts.is_due():
+            return
+        due, began = rig.sample - rig.cuts.samples, time.monotonic()
+        for device in self.devices:
+            while rig.status != RigStatus.TRIPPED and not self._process.stopping:
+                self._came.clear()
+                self._commands.apply()
+                if rig.cuts.answered(device)[0] >= due:
+                    break
+                if not self._came.wait(POLL):
+                    self._look_after(device, time.monotonic() - began)
+
+    def _look_after(self, device: str, waited: float) -> None:
+        answer = topic_of(device, "answer")
+        if not self._nodes[device].inputs[answer].get_publisher_count():
+            self._rig.trip(f"{device}: nobody sends {answer} any more")
+        elif self._timeout is not None and waited > self._timeout:
+            self._rig.trip(f"{device}: no answer on {answer} within {self._timeout:g} s of real time")

@@ -1,0 +1,157 @@
+"""A device of its own, outside the plant: answers the port of a rig that has it cut out (docs/cuts.md).
+
+Started by `rig device NAME`, `ros2 run rig_nodes NAME` or as a module with the name. It hosts the rig's own
+physics of the device and serves one rig after the other until it is told to end.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+
+import numpy as np
+from rclpy.node import Node
+
+from ..bags.cdr import encoder
+from ..bags.definitions import installed
+from ..catalogue import catalogue
+from ..errors import RigError
+from ..plant.cut import CUTTABLE, OtherSide, Port, check_device
+from ..testbench.cuts import topic_of
+from ..testbench.rig import SAMPLE_NS
+from .device import message_class
+from .process import RIG_OPTIONS, rig_config, run
+from .qos import publisher_profile, recorder_profile
+from .realtime import MESSAGES, prefer_process
+
+NOTICE = 3.0  # s without a rig after which that is said
+SILENCE = 1.0  # s without a port after which that is said
+MOST_TICKS = 100  # that one port may make up for
+
+
+class CutDevice(Node):
+    """Node ``<device>_device``: takes /<device>/cut/port, publishes /<device>/cut/answer."""
+
+    def __init__(self, device: str, config):
+        super().__init__(f"{device}_device")
+        self.device, self.config = device, config
+        self.heard: float | None = None  # when the newest port came, None before the first of a rig
+        self.answered, self.missed = 0, 0
+        port, answer = (catalogue().cut_topics[topic_of(device, end)] for end in ("port", "answer"))
+        self._port, self._answer = port, answer
+        self._layout = installed(port.ros_type).dtype()
+        self._encode = encoder(answer.ros_type).encode
+        self.publisher = self.create_publisher(message_class(answer.ros_type), answer.name,
+                                               publisher_profile(answer.qos))
+        self._subscription = None
+        self._side, self._last, self._seq = None, None, 0
+        OtherSide(device, config).step(Port(tick=config.cut.tick))  # compiles: the first answer is on time
+
+    @property
+    def rigs(self) -> int:
+        """How many rigs there are whose port this device could answer."""
+        return self.count_publishers(self._port.name)
+
+    def is_heard(self) -> bool:
+        """True when everybody who wants the answers is connected."""
+        connected = self.publisher.get_subscription_count()
+        return 0 < connected >= self.count_subscribers(self._answer.name)
+
+    def listen(self) -> None:
+        """Take ports; called when the answers will be heard, for the rig starts when somebody listens."""
+        port = self._port
+        self._subscription = self.create_subscription(message_class(port.ros_type), port.name, self.on_port,
+                                                      recorder_profile(port.qos), raw=True)
+
+    def leave(self) -> None:
+        """Forget a rig that has gone."""
+        self.destroy_subscription(self._subscription)
+        self._subscription, self._side, self._last, self.heard = None, None, None, None
+
+    @property
+    def listens(self) -> bool:
+        return self._subscription is not None
+
+    def on_port(self, data: bytes) -> None:
+        """One port in, one answer out."""
+        record = np.frombuffer(data, self._layout, 1)[0]
+        sample, port = int(record["sample"]), Port(*(record[name].item() for name in Port._fields))
+        self.heard = time.monotonic()
+        if self._last is None or sample < self._last:  # another rig, or the same one from its start
+            self._side, self._seq, ticks = OtherSide(self.device, self.config), 0, 1
+        else:
+            ticks = round((sample - self._last) * SAMPLE_NS * 1e-9 / port.tick)
+            if ticks < 1:
+                return
+            self.missed += ticks - 1
+        self._last = sample
+        answer = self._side.step(port, min(ticks, MOST_TICKS))
+        self.publisher.publish(self._encode(sample * SAMPLE_NS, self._seq, sample, *answer))
+        self._seq += 1
+        self.answered += 1
+
+
+def work(process, device: str) -> None:
+    """Serve one rig after the other, and say which there is and which is not."""
+    config = rig_config(process.arguments)
+    executor = process.start_ros()
+    node = CutDevice(device, config)
+    executor.add_node(node)
+    prefer_process(MESSAGES)
+    domain = os.environ.get("ROS_DOMAIN_ID") or "0"
+    since, said = time.monotonic(), False
+    silent = False
+    process.log.info("waits for a rig with %s.source=topic in ROS domain %s", device, domain)
+    while not process.stopping:
+        process.spin(0.02 if not node.listens else 0.1)
+        if not node.listens:
+            if node.rigs and node.is_heard():
+                node.listen()
+                process.log.info("answers the rig in ROS domain %s", domain)
+                silent = False
+            elif not said and time.monotonic() - since > NOTICE:
+                said = True
+                if node.count_publishers("/rig/state"):
+                    process.log.warning("the rig in ROS domain %s has its own %s; start it with --set "
+                                        "%s.source=topic", domain, device, device)
+                else:
+                    process.log.warning("there is no rig in ROS domain %s yet", domain)
+        elif not node.rigs:
+            node.leave()
+            since, said = time.monotonic(), True
+            process.log.info("the rig has left; waits for another one")
+        elif node.heard is not None and silent != (time.monotonic() - node.heard > SILENCE):
+            silent = not silent
+            process.log.info("no port for %g s" % SILENCE if silent else "ports come again")
+    process.leave([node], [node.publisher], answered=node.answered, missed=node.missed)
+
+
+def main(device: str | None = None) -> int:
+    """Entry point. device: its name, by default the first word of the command line."""
+    if device is None:
+        if len(sys.argv) < 2 or sys.argv[1].startswith("-"):
+            print(f"name the device: {', '.join(CUTTABLE)}", file=sys.stderr)
+            return RigError.exit_code
+        device = sys.argv.pop(1)
+
+    def serve(start) -> None:
+        check_device(device)
+        process = start(f"{device}_device", f"The device {device} outside the plant of a rig.", RIG_OPTIONS)
+        work(process, device)
+
+    return run(serve)
+
+
+def _entry(device: str):
+    return lambda: main(device)
+
+
+# console scripts, by name: `ros2 run rig_nodes motor`
+motor, valve_zr_p1, valve_zr_p2, load_pump = (_entry(device) for device in CUTTABLE)
+gearbox, clutch_s1, clutch_s2, oil_supply, instruments = (
+    _entry(device) for device in ("gearbox", "clutch_s1", "clutch_s2", "oil_supply", "instruments"))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

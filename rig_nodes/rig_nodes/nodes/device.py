@@ -1,0 +1,63 @@
+"""The base of the rig's own nodes: publishers from the catalogue, commands into the queue of the rig.
+
+Used by every node of the rig container; none of them holds physics, and callbacks only enqueue.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+import numpy as np
+from rclpy.node import Node
+
+from ..bags.definitions import installed
+from ..catalogue import Topic, catalogue
+from .qos import publisher_profile, receiver_profile
+
+
+def message_class(ros_type: str):
+    """The Python class of a message type, e.g. ``rig_msgs/msg/Event``."""
+    package, kind, name = ros_type.split("/")
+    return getattr(import_module(f"{package}.{kind}"), name)
+
+
+def publishers_of(node: Node, in_lockstep: bool = False) -> dict:
+    """Publishers of all topics that the catalogue gives to this node, by topic; they take encoded messages."""
+    return {topic.name: node.create_publisher(message_class(topic.ros_type), topic.name,
+                                              publisher_profile(topic.qos, in_lockstep))
+            for topic in catalogue().topics.values() if topic.node == node.get_name()}
+
+
+def receive(node: Node, topic: Topic, callback, profile=None) -> object:
+    """Subscribe a device to its topic; the callback gets the fields as a numpy record.
+
+    profile: by default that of the receiver whom the topic is meant for.
+    """
+    layout = installed(topic.ros_type).dtype()
+
+    def on_bytes(data: bytes) -> None:
+        if len(data) >= layout.itemsize and data[1] == 1:  # 1: little-endian, as every DDS on this host sends
+            callback(np.frombuffer(data, layout, 1)[0])
+        else:
+            node.get_logger().warning(f"{topic.name}: {len(data)} bytes are no {topic.type}")
+
+    return node.create_subscription(message_class(topic.ros_type), topic.name, on_bytes,
+                                    profile or receiver_profile(topic.qos), raw=True)
+
+
+class Device(Node):
+    """A device of the laboratory: its transducers and its state go out, its command comes in."""
+
+    def __init__(self, name: str, commands):
+        """commands: the rig's queue; ``put(topic, function, *arguments)`` is applied at the next sample boundary."""
+        super().__init__(name)
+        self.commands = commands
+        self.outputs = publishers_of(self)
+        self.inputs = {}
+
+    def on_setpoint(self, topic: str, function) -> None:
+        """Pass a Setpoint's value and enable to a function of the rig."""
+        def enqueue(message) -> None:
+            self.commands.put(topic, function, float(message["value"]), bool(message["enable"]))
+
+        self.inputs[topic] = receive(self, catalogue().topics[topic], enqueue)

@@ -1,0 +1,72 @@
+"""What the rig's processes say about their health on /diagnostics: one status per device, at 1 Hz and on change.
+
+Used by rig container, alfa46, sequencer and recorder. Not in the catalogue and not recorded: it depends on the wall clock,
+and a bag must not.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+
+OK, WARN, ERROR, STALE = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE
+HARDWARE = "virtual_rig"
+PERIOD, LOOK = 1.0, 0.05  # s of wall time between messages without a change, and between looks for one
+RECENT = 5.0  # s for which a loss is a warning
+
+
+class Health(NamedTuple):
+    """One device: level, one sentence without numbers that always change, and the numbers."""
+
+    device: str
+    level: bytes
+    message: str
+    values: Callable[[], dict] = dict
+
+
+class Diagnostics:
+    """Publishes what ``health()`` says; a status is named ``rig/<device>``, that of the rig as a whole ``rig``."""
+
+    def __init__(self, node: Node, health: Callable[[], list[Health]], now_ns: Callable[[], int]):
+        """now_ns: simulated time, the stamp of the messages."""
+        self._health, self._now_ns = health, now_ns
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._told, self._said = float("-inf"), []
+        self._timer = node.create_timer(LOOK, self.look)
+
+    def look(self) -> None:
+        """Publish when something has changed or it is time."""
+        statuses, now = self._health(), time.monotonic()
+        says = [status[:3] for status in statuses]
+        if says == self._said and now - self._told < PERIOD - LOOK / 2:
+            return
+        self._said, self._told = says, now
+        seconds, rest = divmod(self._now_ns(), 1_000_000_000)
+        message = DiagnosticArray(status=[to_ros(status) for status in statuses])
+        message.header.stamp = Time(sec=seconds, nanosec=rest)
+        self._publisher.publish(message)
+
+
+def to_ros(health: Health) -> DiagnosticStatus:
+    """The message of one status; numbers with six digits."""
+    values = [KeyValue(key=key, value=f"{value:.6g}" if isinstance(value, float) else str(value))
+              for key, value in health.values().items()]
+    name = "rig" if health.device == "rig" else f"rig/{health.device}"
+    return DiagnosticStatus(level=health.level, name=name, message=health.message, hardware_id=HARDWARE, values=values)
+
+
+class Growing:
+    """Called with a count: true for a while after it has grown."""
+
+    def __init__(self):
+        self._count, self._since = 0, float("-inf")
+
+    def __call__(self, count: int) -> bool:
+        if count != self._count:
+            self._count, self._since = count, time.monotonic()
+        return time.monotonic() - self._since < RECENT

@@ -1,0 +1,176 @@
+"""The rig container's side of a run in lockstep: nobody goes on before everybody has done the sample.
+
+Used by the rig container in place of its real-time clock. The order of each sample is that of ``simulate``: sequencer
+(every tick), messages, controller, plant; so the plant's topics come out the same bit for bit at any speed.
+"""
+
+from __future__ import annotations
+
+import gc
+import math
+import time
+
+from ..controllers.plug import Answer
+from ..controllers.seam import ControllerFailed, Status
+from ..graph.link import ANSWER, ANSWERED, DISCARDED, NOT_AT_ALL, PATIENCE, READY, SAMPLE, Link, LinkClosed
+from ..plant import kernel
+from ..testbench.rig import SAMPLE_NS, TICK_SAMPLES, Rig, RigStatus
+from ..testbench.simulate import give_answer
+from .realtime import take_core
+
+STEP_TIMEOUT = 5.0  # s that the controller may take for one sample
+BEFORE_FIRST = 60.0  # s for everybody to be ready
+
+
+class RemoteController:
+    """The controller of the alfa46 process, as a plug of this one: asked through its link."""
+
+    name = "alfa46"
+
+    def __init__(self, link: Link, step_timeout: float | None):
+        self.level = ""  # as the process says when it is ready
+        self.gear, self.shifting, self.flags = 0, False, 0
+        self._link, self._timeout = link, step_timeout
+
+    def wait(self, seconds: float) -> None:
+        """Wait for the process to be ready; LinkClosed when it does not get there."""
+        hello = self._link.receive(seconds)
+        if hello is None:
+            raise LinkClosed(f"the shift controller was not ready within {seconds:g} s")
+        self.level = hello.removeprefix(READY).decode()
+
+    def ask(self, sample: int, current, n_wej, n_wyj, p1, p2) -> None:
+        """Hand over one sample; the answer is waited for by :meth:`answer`."""
+        try:
+            self._link.send(SAMPLE.pack(sample, *current, n_wej, n_wyj, p1, p2))
+        except LinkClosed:
+            pass  # answer() will say so
+
+    def answer(self) -> Answer | None:
+        """The answer to the sample asked for, None when it was discarded; ControllerFailed when there is none."""
+        try:
+            data = self._link.receive(self._timeout)
+        except LinkClosed:
+            raise ControllerFailed("the shift controller's process has ended", Status.FATAL) from None
+        if data is None:
+            raise ControllerFailed(f"the shift controller took more than {self._timeout:g} s for one sample", Status.FATAL)
+        _, kind, *numbers = ANSWER.unpack_from(data)
+        if kind == ANSWERED:
+            *values, self.gear, shifting, self.flags = numbers
+            self.shifting = bool(shifting)
+            return Answer(tuple(values[:3]), tuple(values[3:]))
+        if kind == DISCARDED:
+            return None
+        raise ControllerFailed(data[ANSWER.size:].decode(), Status.ERROR)
+
+
+class Lockstep:
+    """Paces and orders the samples. speed: simulated per real time, ``inf`` for as fast as it goes."""
+
+    def __init__(self, rig: Rig, outputs, commands, links: dict[str, Link], speed: float, step_timeout: float | None):
+        self.rig, self.outputs, self.commands = rig, outputs, commands
+        self.speed, self.overruns, self.real_time_priority = speed, 0, False
+        self.controller = RemoteController(links["alfa46"], step_timeout)
+        self._sequencer = links["sequencer"]
+        self._done = False
+        self._needed: list[str] = []
+        # when the sequencer wants to be asked: sample, what may come true before; status of the rig that it knows
+        self._next, self._watch, self._told = 0, {}, rig.status
+        self._took = 0.0
+
+    def run(self, publish, stop) -> None:
+        """Until ``stop()`` is true at the start of a tick."""
+        rig = self.rig
+        take_core(0)
+        self.controller.wait(BEFORE_FIRST)
+        self._needed = self._hear_sequencer(BEFORE_FIRST)["need"]
+        gc.collect()
+        gc.freeze()  # what start-up made need not be looked through again and again
+        began = time.monotonic()
+        while True:
+            if rig.sample % TICK_SAMPLES == 0:
+                if stop():
+                    break
+                self._pace(began)
+                if rig.sample > 0 and not self._done and self._sequencer_due():
+                    self._ask_sequencer()
+                if rig.status == RigStatus.TRIPPED:
+                    time.sleep(TICK_SAMPLES * SAMPLE_NS * 1e-9)  # nothing to hurry for
+            if self._done and rig.status != RigStatus.TRIPPED:
+                # as far as `simulate` goes; the supervisor ends the process
+                publish()
+                while not stop():
+                    time.sleep(0.01)
+                break
+            self.commands.apply()
+            if rig.status == RigStatus.TRIPPED:
+                publish()
+                rig.advance_samples(1)
+            else:
+                self._sample(publish)
+        self._took = time.monotonic() - began
+
+    def _sample(self, publish) -> None:
+        """One sample: the controller works on it while the messages go out and the plant moves on."""
+        rig, row = self.rig, self.rig.row()
+        sample = rig.sample
+        self.controller.ask(sample, rig.coil_currents(), row[kernel.N_WEJ], row[kernel.N_WYJ], row[kernel.P_1],
+                            row[kernel.P_2])
+        publish()
+        rig.advance_samples(1)
+        try:
+            answer = self.controller.answer()
+        except ControllerFailed as failure:
+            rig.trip(str(failure))
+            return
+        if answer is not None:
+            give_answer(rig, self.controller, sample, answer)
+
+    def _pace(self, began: float) -> None:
+        if math.isfinite(self.speed):
+            ahead = began + self.rig.time / self.speed - time.monotonic()
+            if ahead > 0:
+                time.sleep(ahead)
+
+    def _sequencer_due(self) -> bool:
+        """True when the sequencer wants to be asked: for a time, a condition, a change of the rig or an order to it."""
+        rig, watch = self.rig, self._watch
+        if rig.sample >= self._next or rig.status != self._told:
+            return True
+        if "gear" in watch and not rig.shifting and rig.gear == watch["gear"]:
+            return True
+        if "signal" in watch and (watch["low"] <= self.outputs.reading(watch["signal"]) <= watch["high"]) == watch["met"]:
+            return True
+        return self._sequencer.receive_json(NOT_AT_ALL) is not None
+
+    def _hear_sequencer(self, seconds: float) -> dict:
+        """Its next answer; calls to wake up are over with that."""
+        answer = self._sequencer.receive_json(seconds)
+        while answer is not None and "wake" in answer:
+            answer = self._sequencer.receive_json(seconds)
+        if answer is None:
+            raise LinkClosed(f"the sequencer took more than {seconds:g} s for one tick")
+        return answer
+
+    def _ask_sequencer(self) -> None:
+        """One tick of the sequence; what it has sent over DDS is waited for, so that it acts in this very tick."""
+        rig = self.rig
+        self._told = rig.status
+        self._sequencer.send_json({
+            "sample": rig.sample, "status": int(rig.status), "reason": rig.reason, "gear": rig.gear,
+            "shifting": rig.shifting, "readings": {name: self.outputs.reading(name) for name in self._needed}})
+        reply = self._hear_sequencer(PATIENCE)
+        self._done, self._needed = reply["done"], reply["need"]
+        self._next, self._watch = reply["next"], reply["watch"]
+        deadline = time.monotonic() + PATIENCE
+        while not self.commands.have(reply["sent"]):
+            if time.monotonic() > deadline:
+                raise LinkClosed("a setpoint of the sequencer did not arrive")
+            time.sleep(2e-5)
+
+    def summary(self) -> dict:
+        """As the real-time clock's, with the factor reached."""
+        factor = self.rig.sample * SAMPLE_NS * 1e-9 / self._took if self._took else None
+        return {"ticks": self.rig.sample // TICK_SAMPLES, "overruns": 0, "lateness_ms": None, "speed_factor": factor}
+
+

@@ -1,0 +1,214 @@
+"""What every process of the graph has in common: signals, the line to its supervisor, executor, its last words.
+
+Used by rig_container, alfa46, sequencer and recorder, under the supervisor of `rig run` and alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import json
+import logging
+import os
+import resource
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import rclpy
+from rclpy.duration import Duration
+from rclpy.experimental import EventsExecutor
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+
+from ..bags.reader import LIFE_BITS
+from ..errors import RigError
+from ..graph.domain import use_own_transports
+from ..graph.link import Link
+from ..graph.tap import Tap
+from ..testbench.configuration import RigConfig, load_rig
+from ..testbench.folders import parse_settings
+
+PR_SET_PDEATHSIG = 1
+PATIENCE = 20.0  # s between the order to end and the end by force
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+RIG_OPTIONS = [
+    ("--rig", {"default": "hydmag", "metavar": "NAME", "help": "name or file of the rig's configuration"}),
+    ("--set", {"action": "append", "default": [], "dest": "settings", "metavar": "KEY=VALUE",
+               "help": "change one value of the rig"}),
+]
+
+
+class Process:
+    """One process of the graph, from the first signal handler to the exit code.
+
+    SIGTERM ends it in order; SIGINT does too and means that the run is not done (``interrupted``).
+    """
+
+    def __init__(self, name: str, description: str, options=()):
+        """options: (flag, keywords) pairs for argparse beside the common ones."""
+        self.name, self.stopping, self.interrupted = name, False, False
+        self.executor = None
+        self._told = ""
+        self._began = time.monotonic()
+        for number in STOP_SIGNALS:
+            signal.signal(number, self._on_signal)
+        self.arguments = self._parse(description, options)
+        self._follow_parent()
+        # The supervisor starts its children with both blocked, so that none is lost before the handlers stand.
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
+        logging.basicConfig(stream=sys.stderr, level=logging.INFO, format=f"{name}: %(message)s")
+        self.log = logging.getLogger(name)
+
+    def _parse(self, description, options):
+        parser = argparse.ArgumentParser(prog=self.name, description=description)
+        for flag, keywords in options:
+            parser.add_argument(flag, **keywords)
+        parser.add_argument("--recorded", action="store_true", help="wait until a recorder listens to every topic")
+        parser.add_argument("--logs", type=Path, help="folder for the counts that this process leaves")
+        parser.add_argument("--life", type=int, default=1, help=argparse.SUPPRESS)
+        parser.add_argument("--status-fd", type=int, help=argparse.SUPPRESS)
+        parser.add_argument("--link", action="append", default=[], dest="links", help=argparse.SUPPRESS)
+        parser.add_argument("--parent", type=int, help=argparse.SUPPRESS)
+        arguments = sys.argv[1:]
+        if "--ros-args" in arguments:
+            arguments = arguments[:arguments.index("--ros-args")]
+        return parser.parse_args(arguments)
+
+    def _follow_parent(self) -> None:
+        """End in order when the supervisor is gone, however it went."""
+        if self.arguments.parent is None:
+            return
+        ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
+        if os.getppid() != self.arguments.parent:
+            self.stopping = True
+        if self.arguments.status_fd is not None:
+            os.set_blocking(self.arguments.status_fd, False)
+
+    def descriptors(self) -> dict[str, int]:
+        """Sockets of a run in lockstep, by the name of the process at the other end; none in real time."""
+        pairs = (text.split(":") for text in self.arguments.links)
+        return {other: int(descriptor) for other, descriptor in pairs}
+
+    def links(self) -> dict[str, Link]:
+        """Those for the step handshake, which is with every process but the recorder."""
+        return {other: Link(number, other, watchful="alfa46" in (self.name, other))
+                for other, number in self.descriptors().items() if other != "recorder"}
+
+    def tap(self, topics) -> Tap | None:
+        """The way to the recorder beside DDS, for the topics that this process publishes; None in real time."""
+        number = self.descriptors().get("recorder")
+        return None if number is None else Tap(number, topics)
+
+    def _on_signal(self, number, _frame) -> None:
+        self.interrupted |= number == signal.SIGINT and not self.stopping
+        self.stop()
+
+    def stop(self) -> None:
+        """Ask for an orderly end; the process is killed when that takes longer than PATIENCE."""
+        if not self.stopping:
+            self.stopping = True
+            signal.setitimer(signal.ITIMER_REAL, PATIENCE)  # SIGALRM without a handler ends the process
+
+    def status(self, kind: str, **fields) -> None:
+        """One line to the supervisor; dropped when it does not read, for the rig never waits for anyone.
+
+        Without a supervisor what is new in it goes to the log, for people.
+        """
+        if self.arguments.status_fd is None:
+            self._tell(kind, fields)
+            return
+        line = json.dumps({"kind": kind, **fields}, allow_nan=False) + "\n"
+        try:
+            os.write(self.arguments.status_fd, line.encode())
+        except (BlockingIOError, BrokenPipeError):
+            pass
+
+    def _tell(self, kind: str, fields: dict) -> None:
+        """Log a status line when it says something else than the one before."""
+        text = ""
+        if kind == "running":
+            text = "all nodes are connected, time starts"
+        elif kind == "done":
+            text = fields["text"]
+        elif kind == "state":
+            reason = f": {fields['reason']}" if fields["reason"] else ""
+            text = f"the rig is {fields['state'].lower()}{reason}"
+        elif kind == "step":
+            text = f"step {fields['step']} of {fields['steps']}: {fields['text']}"
+        if text and text != self._told:
+            self._told = text
+            self.log.info("%s%s", f"{fields['t']:.2f} s  " if "t" in fields else "", text)
+
+    @property
+    def first_seq(self) -> int:
+        """Sequence number of this process' first messages: nobody takes them for those of a life before."""
+        return (self.arguments.life - 1) << LIFE_BITS
+
+    def follow_orders(self, act: Callable[[dict], None]) -> None:
+        """Call ``act`` in a thread of its own with each order of the supervisor; without one there are none."""
+        if self.arguments.status_fd is None:
+            return
+
+        def follow() -> None:
+            # not sys.stdin: its lock, held by a waiting thread, would break the end of the interpreter
+            with open(0, "rb", buffering=0, closefd=False) as orders:
+                for line in orders:
+                    act(json.loads(line))
+
+        threading.Thread(target=follow, name="orders", daemon=True).start()
+
+    def start_ros(self):
+        """Initialise rclpy without its signal handlers; returns the executor, kept as ``executor`` too."""
+        use_own_transports()
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        self.executor = EventsExecutor()
+        return self.executor
+
+    def spin(self, seconds: float) -> None:
+        """Serve callbacks for a while; a spin without end would not notice signals."""
+        self.executor.spin_until_future_complete(Future(), seconds)
+
+    def leave(self, nodes, publishers=(), **facts) -> None:
+        """Wait until every subscriber has what was published, note facts and cost, take the nodes down."""
+        deadline = time.monotonic() + 2.0
+        for publisher in publishers:
+            left = max(0.0, deadline - time.monotonic())
+            publisher.wait_for_all_acked(Duration(seconds=left))
+        if self.arguments.logs is not None:
+            used = resource.getrusage(resource.RUSAGE_SELF)
+            cost = {"cpu_s": used.ru_utime + used.ru_stime, "wall_s": time.monotonic() - self._began,
+                    "max_rss_mb": used.ru_maxrss / 1024}
+            path = self.arguments.logs / f"{self.name}.json"
+            path.write_text(json.dumps({**facts, **cost}, indent=1) + "\n", encoding="utf-8")
+        for node in nodes:
+            self.executor.remove_node(node)
+            node.destroy_node()
+        rclpy.shutdown()
+
+
+def rig_config(arguments) -> RigConfig:
+    """The rig that RIG_OPTIONS name."""
+    return load_rig(arguments.rig, parse_settings(arguments.settings))
+
+
+def run(main) -> int:
+    """Exit code of a process: RigError becomes one sentence, for the supervisor too."""
+    process = None
+
+    def start(*arguments, **keywords) -> Process:
+        nonlocal process
+        process = Process(*arguments, **keywords)
+        return process
+
+    try:
+        main(start)
+        return 0
+    except RigError as error:
+        print(error, file=sys.stderr)
+        if process is not None:
+            process.status("failed", text=str(error))
+        return error.exit_code

@@ -1,0 +1,109 @@
+"""The rig's clock in real time: an absolute schedule of samples, and how late its ticks start.
+
+Used by the rig container, by alfa46 and recorder for their priority; simulated time follows the wall clock and is
+never skipped.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import os
+import sys
+import threading
+import time
+from array import array
+
+import numpy as np
+
+PR_SET_TIMERSLACK = 29
+# The clock of the rig comes first, then samples and commands, then what is recorded of them.
+RECORDING, MESSAGES, CLOCK = 9, 10, 11
+# Catching up runs at most this much faster than real time, so that the shift controller can still answer.
+CATCH_UP = 4
+
+
+def prefer(priority: int, thread: int = 0) -> bool:
+    """Make a thread, this one unless told otherwise, run before others as far as that is allowed.
+
+    True when it got real-time priority, which takes root or an rtprio limit.
+    """
+    try:
+        os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
+        return True
+    except OSError:
+        return False
+
+
+def prefer_process(priority: int) -> None:
+    """Like :func:`prefer` for all threads of this process, those of DDS too; for when its nodes are set up.
+
+    Earlier, the work of starting would hold up another rig on this machine.
+    """
+    for thread in os.listdir("/proc/self/task"):
+        prefer(priority, int(thread))
+
+
+def take_core(number: int) -> None:
+    """Keep this thread to one of the processor's cores: container 0, controller 1, others where rigs share a machine.
+
+    In lockstep the two wake each other for every sample, and the scheduler would put both on one core, where each
+    answer waits until its sender is displaced. No effect with fewer than two cores.
+    """
+    cores = sorted(os.sched_getaffinity(0))
+    if len(cores) > 1:
+        domain = int(os.environ.get("ROS_DOMAIN_ID") or 0)
+        os.sched_setaffinity(0, {cores[(2 * domain + number) % len(cores)]})
+
+
+def stand_back() -> None:
+    """Let others go first: this thread does not displace the one that has just given it something to do."""
+    os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 10)
+
+
+class RealTime:
+    """Calls ``step()`` once per period at the times of an absolute schedule.
+
+    ``lateness_ns``: start of each tick (every ``per_tick`` steps) after its time in the schedule.
+    """
+
+    def __init__(self, period_ns: int, per_tick: int):
+        self.period_ns, self.per_tick = period_ns, per_tick
+        self.lateness_ns = array("q")
+        self.overruns = 0
+        self.real_time_priority = False
+
+    def run(self, step, stop) -> None:
+        """Step until ``stop()`` is true at the start of a tick: ticks are never cut."""
+        self.real_time_priority = prefer(CLOCK)
+        ctypes.CDLL(None).prctl(PR_SET_TIMERSLACK, 1000, 0, 0, 0)  # ns; 50 us otherwise
+        sys.setswitchinterval(0.0002)
+        gc.collect()
+        gc.freeze()  # what start-up made is never scanned again: collections stay far below a sample
+        period, per_tick, tick_ns = self.period_ns, self.per_tick, self.period_ns * self.per_tick
+        clock, sleep = time.monotonic_ns, time.sleep
+        due, count, last = clock(), 0, 0
+        while True:
+            now = clock()
+            start = max(due, last + period // CATCH_UP)
+            if now < start:
+                sleep((start - now) * 1e-9)
+                now = clock()
+            last = now
+            if count % per_tick == 0:
+                if stop():
+                    return
+                late = now - due
+                self.lateness_ns.append(late)
+                if late > tick_ns:
+                    self.overruns += 1
+            step()
+            count += 1
+            due += period
+
+    def summary(self) -> dict:
+        """Ticks, overruns and lateness [ms] as the report wants them."""
+        late = np.frombuffer(self.lateness_ns, np.int64) * 1e-6 if self.lateness_ns else np.zeros(1)
+        p50, p99 = np.percentile(late, (50, 99))
+        return {"ticks": len(self.lateness_ns), "overruns": self.overruns,
+                "lateness_ms": {"p50": float(p50), "p99": float(p99), "max": float(late.max())}}

@@ -1,0 +1,228 @@
+"""The recorder: every topic of the catalogue into one MCAP bag, untouched, with simulated time as log time.
+
+Started by graph.supervisor. Callbacks only enqueue; a thread writes and flushes. In lockstep, what rig container and
+alfa46 publish comes through taps (graph/tap.py) and only the rest through DDS.
+"""
+
+from __future__ import annotations
+
+import selectors
+import sys
+import threading
+import time
+from collections import Counter, deque
+from pathlib import Path
+
+from rclpy.node import Node
+
+from ..bags import cdr
+from ..bags.definitions import installed
+from ..bags.writer import BagWriter
+from ..catalogue import catalogue
+from ..errors import RigError
+from ..graph.tap import TapReader
+from .device import message_class
+from .diagnostics import ERROR, OK, WARN, Diagnostics, Growing, Health
+from .process import run
+from .qos import recorder_profile
+from .realtime import RECORDING, prefer_process, stand_back
+
+FLUSH_PERIOD = 0.1  # s; what a killed recorder may lose
+WAITING = 200_000  # messages between callbacks and writer, about 40 s of the rig
+IDLE, IDLE_WITH_PUBLISHERS = 0.05, 1.0  # s without a message that mean: everything is in
+OPTIONS = [
+    ("--out", {"type": Path, "required": True, "help": "folder of the bag"}),
+    ("--name", {"required": True, "help": "name of the bag's file, without .mcap"}),
+]
+
+
+class Recorder(Node):
+    """Subscribes to every topic of the catalogue that no tap brings."""
+
+    def __init__(self, writer: BagWriter, taps: list[TapReader], early: list[tuple[str, bytes]]):
+        """taps: have said what they bring; early: messages that came along."""
+        super().__init__("recorder")
+        self.writer, self._taps = writer, taps
+        self.received = 0
+        self.overflow: Counter[str] = Counter()  # did not fit into the queue
+        self.unreadable: Counter[str] = Counter()  # not of their topic's type
+        self.failure: RigError | None = None
+        self.longest_queue = 0
+        self._queue: deque = deque()
+        self._closing = threading.Event()
+        self._newest = 0
+        self._thread = threading.Thread(target=self._write_tapped if taps else self._write, name="writer", daemon=True)
+        # Definitions are read before the first message: later that would hold up the callbacks.
+        topics = catalogue().all_topics
+        self._definitions = {topic.ros_type: installed(topic.ros_type) for topic in topics.values()}
+        self._types = {name: topic.ros_type for name, topic in topics.items()}
+        tapped = {name for tap in taps for name in tap.topics or ()}
+        self.inputs = [self.create_subscription(message_class(topic.ros_type), topic.name, self._enqueue(topic),
+                                                recorder_profile(topic.qos), raw=True)
+                       for topic in topics.values() if topic.name not in tapped]
+        for name, data in early:
+            self._queue.append((name, self._types[name], data))
+        self.received += len(early)
+        self._thread.start()
+        self._losing = Growing()
+        self.diagnostics = Diagnostics(self, self.health, lambda: self._newest)
+
+    def health(self) -> list[Health]:
+        """The recorder's own, for /diagnostics."""
+        overflow, unreadable = (sum(tuple(counts.values())) for counts in (self.overflow, self.unreadable))
+
+        def values() -> dict:
+            return {"received": self.received, "queue": len(self._queue), "queue_longest": self.longest_queue,
+                    "overflow": overflow, "unreadable": unreadable}
+
+        if self.failure is not None:
+            return [Health("recorder", ERROR, f"writes no more: {self.failure}", values)]
+        if overflow:
+            return [Health("recorder", ERROR, "messages are missing in the bag: the disk did not keep up", values)]
+        if self._losing(unreadable):
+            return [Health("recorder", WARN, "messages that are not of their topic's type come in", values)]
+        if len(self._queue) > WAITING // 2:
+            return [Health("recorder", WARN, "more than half of the queue is full: the disk does not keep up", values)]
+        return [Health("recorder", OK, "records" if self.received else "waits for the first message", values)]
+
+    def _enqueue(self, topic):
+        """Callback of one topic."""
+        queue, name, ros_type = self._queue, topic.name, topic.ros_type
+
+        def on_message(data: bytes) -> None:
+            self.received += 1
+            if len(queue) < WAITING:
+                queue.append((name, ros_type, data))
+            else:
+                self.overflow[name] += 1
+
+        return on_message
+
+    def _write(self) -> None:
+        """The writer's thread: what is queued into the bag, until closed and empty."""
+        try:
+            while True:
+                closing = self._closing.wait(FLUSH_PERIOD)
+                self.longest_queue = max(self.longest_queue, len(self._queue))
+                while self._queue:
+                    self._store(*self._queue.popleft())
+                if closing:
+                    return
+                self.writer.flush()
+        except RigError as error:
+            self.failure = error
+
+    def _write_tapped(self) -> None:
+        """The writer's thread in lockstep: what the taps bring and what is queued, until closed, ended and empty."""
+        stand_back()
+        types, write = self._types, self.writer.write
+        flush_at = time.monotonic() + FLUSH_PERIOD
+        try:
+            with selectors.DefaultSelector() as selector:
+                for tap in self._taps:
+                    selector.register(tap, selectors.EVENT_READ)
+                while True:
+                    closing = self._closing.is_set()
+                    ready = selector.select(FLUSH_PERIOD)
+                    for key, _ in ready:
+                        messages = key.fileobj.read()
+                        if messages is None:
+                            selector.unregister(key.fileobj)
+                            continue
+                        for topic, data in messages:
+                            self.received += 1
+                            write(topic, types[topic], data, cdr.stamp(data))
+                    while self._queue:
+                        self._store(*self._queue.popleft())
+                    if closing and not ready:
+                        return
+                    if time.monotonic() > flush_at:
+                        self.writer.flush()
+                        flush_at = time.monotonic() + FLUSH_PERIOD
+        except RigError as error:
+            self.failure = error
+
+    def _store(self, topic: str, ros_type: str, data: bytes) -> None:
+        try:
+            data = cdr.exact(self._definitions[ros_type], data)
+            stamp = cdr.stamp(data)
+        except ValueError:
+            self.unreadable[topic] += 1
+            return
+        # A user's command may come without a stamp: it belongs where it arrived.
+        if stamp == 0:
+            stamp = self._newest
+        self._newest = max(self._newest, stamp)
+        self.writer.write(topic, ros_type, data, stamp)
+
+    def publishers(self) -> int:
+        """How many publishers are still connected."""
+        return sum(subscription.get_publisher_count() for subscription in self.inputs)
+
+    def close(self) -> None:
+        """Write what is queued and the end of the bag."""
+        self._closing.set()
+        self._thread.join()
+        self.writer.close()
+
+
+def work(process) -> None:
+    """Record until told to stop, then take in what is on its way."""
+    arguments = process.arguments
+    with BagWriter(arguments.out, arguments.name) as writer:
+        process.status("recording")
+        sys.setswitchinterval(0.0005)  # callbacks do not wait long for the writer
+        executor = process.start_ros()
+        taps = [TapReader(number) for number in process.descriptors().values()]
+        node = Recorder(writer, taps, hear_first_words(process, taps))
+        executor.add_node(node)
+        if not taps:  # in lockstep nobody is late
+            prefer_process(RECORDING)
+        try:
+            while not process.stopping and node.failure is None:
+                process.spin(0.05)
+            drain(process, node)
+        finally:
+            node.close()
+    process.leave([node], received=node.received, recorded=writer.counts, overflow=dict(node.overflow),
+                  unreadable=dict(node.unreadable), longest_queue=node.longest_queue)
+    if node.failure is not None:
+        raise node.failure
+
+
+def hear_first_words(process, taps) -> list[tuple[str, bytes]]:
+    """Wait until every tap has said what it will bring, or the process is told to stop; returns what came besides."""
+    early = []
+    with selectors.DefaultSelector() as selector:
+        for tap in taps:
+            selector.register(tap, selectors.EVENT_READ)
+        while selector.get_map() and not process.stopping:
+            for key, _ in selector.select(0.1):
+                messages = key.fileobj.read()
+                early += messages or ()
+                if messages is None or key.fileobj.topics is not None:
+                    selector.unregister(key.fileobj)
+    return early
+
+
+def drain(process, node) -> None:
+    """Serve callbacks until everybody who publishes has left, which is after all of theirs has arrived.
+
+    A killed publisher never leaves: without a message for a while, recording ends all the same.
+    """
+    before, quiet_since = -1, time.monotonic()
+    while node.failure is None:
+        process.spin(IDLE)
+        if node.received != before:
+            before, quiet_since = node.received, time.monotonic()
+        elif time.monotonic() - quiet_since > IDLE_WITH_PUBLISHERS or not node.publishers():
+            return
+
+
+def main() -> int:
+    """Entry point."""
+    return run(lambda start: work(start("recorder", "The recorder.", OPTIONS)))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

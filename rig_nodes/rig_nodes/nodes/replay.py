@@ -1,0 +1,334 @@
+"""The node `rig_replay`: publishes a recorded bag again, byte by byte, with /clock.
+
+Used by `rig replay`. Order and pace come from bags.player; one thread publishes, serves the services and
+listens to keys, so that nothing overtakes a pause.
+"""
+
+from __future__ import annotations
+
+import math
+import signal
+import struct
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import rclpy
+from rclpy.duration import Duration
+from rclpy.exceptions import InvalidTopicNameException
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+from rclpy.validate_topic_name import validate_topic_name
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import Trigger
+
+from ..bags.definitions import installed, parse
+from ..bags.metadata import read_profile
+from ..bags.player import CLOCK, Player
+from ..bags.reader import Bag
+from ..catalogue import catalogue
+from ..errors import RigError
+from .device import message_class
+from .qos import publisher_profile
+
+CLOCK_TOPIC = "/clock"
+HISTORY = 10_000  # messages of a topic that may be unconfirmed; one second of the fastest at ten times
+OPEN_BYTES = 64_000_000  # likewise, for topics of large messages
+PATIENCE, GRACE = 5.0, 0.5  # s that receivers may take to confirm; after Ctrl-C
+LEASE = 20.0  # s for which DDS keeps a receiver that was killed
+GLANCE = 0.1  # s between two looks at signals meanwhile
+LISTEN = 0.02  # s between two looks at services and keys
+REPEAT = 0.1  # s between two clocks while paused, for those who come in the meantime
+# s that finding each other takes at least; without a new receiver: all are there; until none is waited for
+FIND, QUIET, SETTLE = 1.0, 0.4, 3.0
+_CLOCK = struct.Struct("<4siI")
+_BIN = 1e-4  # s, resolution of the lateness
+
+
+@dataclass
+class Outcome:
+    """What a replay did: messages per topic, seconds it played, lateness in steps of 0.1 ms, who ended it."""
+
+    counts: dict[str, int]
+    seconds: float = 0.0  # without pauses
+    lateness: Counter = field(default_factory=Counter)
+    ended_by: int = 0  # signal, or 0
+
+    def late(self, share: float) -> float:
+        """Lateness [s] that this share of the messages did not exceed."""
+        left = share * sum(self.lateness.values())
+        for step, count in sorted(self.lateness.items()):
+            left -= count
+            if left <= 0:
+                return step * _BIN
+        return 0.0
+
+
+def offered(bag: Bag, topic: str) -> QoSProfile:
+    """Profile with which a topic is offered: as in the catalogue, else as recorded.
+
+    A latched topic keeps as many messages as the bag holds of it, so that late receivers get one pass of it.
+    """
+    known = catalogue().all_topics.get(topic)
+    if known is not None:
+        profile = publisher_profile(known.qos)
+    else:
+        recorded = read_profile(bag.channel(topic)[2].get("offered_qos_profiles", ""))
+        profile = publisher_profile("latched" if recorded.latched else "measurement")
+        if not recorded.reliable:
+            profile.reliability = ReliabilityPolicy.BEST_EFFORT
+        if recorded.deadline_ns:
+            profile.deadline = Duration(nanoseconds=recorded.deadline_ns)
+    profile.depth = min(HISTORY, max(1, bag.counts[topic])) if latched(profile) else HISTORY
+    return profile
+
+
+def latched(profile: QoSProfile) -> bool:
+    """True when late receivers get what was sent before."""
+    return profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+
+
+def obstacle(bag: Bag, topic: str) -> str:
+    """Why a topic cannot be published, empty when it can."""
+    ros_type = bag.types[topic]
+    encoding, text, _ = bag.channel(topic)
+    if topic == CLOCK_TOPIC:
+        return "the replay has a clock of its own"
+    if not encoding.startswith("cdr/"):
+        return f"it is encoded as {encoding.partition('/')[0] or 'nothing'}, not as ROS 2 messages are"
+    try:
+        validate_topic_name(topic)
+        message_class(ros_type)
+    except InvalidTopicNameException:
+        return "ROS 2 takes no such name"
+    except (ImportError, AttributeError, ValueError):
+        return f"the message type {ros_type} is not installed here"
+    if encoding == "cdr/ros2msg" and _another_version(ros_type, text):
+        return f"the bag holds another version of {ros_type} than is installed here"
+    return ""
+
+
+def _another_version(ros_type: str, text: str) -> bool:
+    """True when the fields of a type differ from the installed ones; False for what cannot be compared."""
+    try:
+        return parse(ros_type, text).tree != installed(ros_type).tree
+    except (RigError, KeyError):
+        return False
+
+
+class Output:
+    """One topic on its way out; waits for receipts before the history could overflow."""
+
+    def __init__(self, node: Node, message_type, topic: str, profile: QoSProfile, session: Session):
+        self.publisher = node.create_publisher(message_type, topic, profile)
+        self.topic, self.session = topic, session
+        self.count = 0
+        self._window = max(1, 3 * profile.depth // 4)
+        self._open = self._open_bytes = 0  # sent since all was confirmed
+        self._silent = False
+
+    def send(self, data: bytes) -> None:
+        """Publish stored bytes."""
+        self.publisher.publish(data)
+        self.count += 1
+        self._open += 1
+        self._open_bytes += len(data)
+        if self._open >= self._window or self._open_bytes >= OPEN_BYTES:
+            self.confirm(time.monotonic() + PATIENCE)
+
+    def confirm(self, deadline: float) -> None:
+        """Wait until all receivers have what was sent; who never confirms is named and waited for once."""
+        if not self._open:
+            return
+        self._open = self._open_bytes = 0
+        if self._silent or time.monotonic() < self.session.hurry_until:
+            deadline = 0.0
+        glance = Duration(seconds=GLANCE if deadline else 0.0)
+        while not (confirmed := self.publisher.wait_for_all_acked(glance)):
+            if time.monotonic() >= min(deadline, self.session.out_of_time):
+                break
+        if confirmed:
+            self._silent = False
+        elif deadline and not self.session.ended_by:
+            self._silent = True
+            self.session.hurry_until = time.monotonic() + LEASE
+            self.session.say(f"a receiver of {self.topic} does not confirm what it gets and may lose some")
+
+
+class Replay(Node):
+    """Publishes what a player says is due; serves ~/pause, ~/resume and ~/step."""
+
+    def __init__(self, bag: Bag, topics: Sequence[str], timeline, player: Player, session: Session):
+        super().__init__("rig_replay", enable_rosout=False, start_parameter_services=False)
+        self.player, self.say = player, session.say
+        self.outputs = {}
+        for topic in topics:
+            kind, profile = message_class(bag.types[topic]), offered(bag, topic)
+            self.outputs[topic] = Output(self, kind, topic, profile, session)
+        self.clock = Output(self, Clock, CLOCK_TOPIC, publisher_profile("measurement"), session)
+        self._sends = [(self.outputs[topic].send, data) for _, topic, data in timeline]
+        self._repeat_at = 0.0
+        for name, action in (("pause", self.pause), ("resume", self.resume), ("step", self.step)):
+            self.create_service(Trigger, f"~/{name}", self._serve(action))
+
+    def _serve(self, action: Callable[[], str]):
+        def answer(_request, response):
+            response.message = action()
+            response.success = not response.message.startswith("not ")
+            return response
+
+        return answer
+
+    def pause(self) -> str:
+        """Stop where the recording is; returns a sentence."""
+        self.player.pause()
+        return self._told("paused")
+
+    def resume(self) -> str:
+        """Go on; returns a sentence."""
+        self.player.resume(time.monotonic())
+        return self._told("going on")
+
+    def step(self) -> str:
+        """All messages of the next recorded time; returns a sentence."""
+        return "one step" if self.player.step() else "not paused: pause before stepping"
+
+    def _told(self, what: str) -> str:
+        text = f"{what} at {self.player.clock / 1e9:.3f} s"
+        self.say(text)
+        return text
+
+    def play_due(self, outcome: Outcome) -> None:
+        """Publish what is due now."""
+        player, sends = self.player, self._sends
+        for number, recorded in player.take(time.monotonic()):
+            if number == CLOCK:
+                self.tell_time(recorded)
+                continue
+            outcome.lateness[int(player.lateness(recorded, time.monotonic()) / _BIN)] += 1
+            send, data = sends[number]
+            send(data)
+
+    def tell_time(self, recorded: int) -> None:
+        """Publish /clock."""
+        self.clock.send(_CLOCK.pack(b"\x00\x01\x00\x00", recorded // 1_000_000_000, recorded % 1_000_000_000))
+        self._repeat_at = time.monotonic() + REPEAT
+
+    def stand(self) -> None:
+        """While paused, repeat the clock now and then."""
+        if self.player.paused and time.monotonic() >= self._repeat_at:
+            self.tell_time(self.player.clock)
+
+    def confirm(self) -> None:
+        """Wait, with one patience for all, until every receiver has everything."""
+        deadline = time.monotonic() + PATIENCE
+        for output in (*self.outputs.values(), self.clock):
+            output.confirm(deadline)
+
+    def receivers(self) -> int:
+        """How many subscriptions of the bag's topics are connected."""
+        return sum(output.publisher.get_subscription_count() for output in self.outputs.values())
+
+    def unconnected(self) -> list[str]:
+        """Topics with a receiver that is seen but not connected: it asks for another quality of service."""
+        return [topic for topic, output in self.outputs.items()
+                if self.count_subscribers(topic) > output.publisher.get_subscription_count()]
+
+
+class Session:
+    """One replay from the first node to the last: signals, keys, waiting, playing, leaving."""
+
+    def __init__(self, say: Callable[[str], None], keys: Callable[[], str]):
+        """keys: what was pressed since the last call; a space pauses and resumes, s steps, q ends."""
+        self.say, self.keys = say, keys
+        self.ended_by = 0
+        self.hurry_until = 0.0  # a receiver has just been waited for in vain: until then for none
+        self.out_of_time = math.inf  # when even receipts are not waited for
+        self._over = False
+        self._executor = None
+
+    def run(self, bag: Bag, topics: Sequence[str], timeline, player: Player, wait: int = 0) -> Outcome:
+        """Replay; returns how it went. RigError when another node publishes /clock in this domain."""
+        before = {n: signal.signal(n, self._on_signal) for n in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+            self._executor = EventsExecutor()
+            node = Replay(bag, topics, timeline, player, self)
+            self._executor.add_node(node)
+            try:
+                outcome = Outcome({})
+                self._meet(node, wait)
+                self._play(node, outcome)
+                node.confirm()
+            finally:
+                self._executor.remove_node(node)
+                node.destroy_node()
+                rclpy.shutdown()
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+        outcome.counts = {topic: output.count for topic, output in node.outputs.items()}
+        outcome.ended_by = self.ended_by
+        return outcome
+
+    def _on_signal(self, number, _frame) -> None:
+        self.ended_by, self._over = number, True
+        self.out_of_time = min(self.out_of_time, time.monotonic() + GRACE)
+
+    def _meet(self, node: Replay, wait: int) -> None:
+        """Connect with all who are there, and with ``wait`` subscriptions however long that takes."""
+        began = changed = time.monotonic()
+        known = node.receivers()
+        waiting_told = False
+        while not self._over:
+            self._listen(node, LISTEN)
+            now, before = time.monotonic(), known
+            known = node.receivers()
+            if known != before:
+                changed = now
+            missing = node.unconnected()
+            if known < wait:
+                if not waiting_told and now - began > QUIET:
+                    self.say(f"waiting for {wait} subscriptions")
+                    waiting_told = True
+            elif now - began >= FIND and now - changed >= QUIET and (not missing or now - began > SETTLE):
+                for topic in missing:
+                    self.say(f"a receiver of {topic} asks for another quality of service and gets nothing")
+                break
+        if node.count_publishers(CLOCK_TOPIC) > 1:
+            raise RigError("another node publishes /clock in this ROS domain, and there may be one only; "
+                           "end it, or replay without ROS_DOMAIN_ID in a domain of its own")
+        self.say(f"{known} subscriptions are connected")
+
+    def _play(self, node: Replay, outcome: Outcome) -> None:
+        player = node.player
+        if player.paused:
+            node.pause()
+        listened = last = time.monotonic()
+        while not self._over and not player.finished:
+            paused = player.paused
+            node.play_due(outcome)
+            node.stand()
+            wait = min(player.wait(time.monotonic()), LISTEN)
+            now = time.monotonic()
+            if wait > 0.0 or now - listened >= LISTEN:
+                self._listen(node, wait)
+                now = listened = time.monotonic()
+            if not paused:
+                outcome.seconds += now - last
+            last = now
+
+    def _listen(self, node: Replay, seconds: float) -> None:
+        """Serve the services for so long; do what the keys say."""
+        self._executor.spin_until_future_complete(Future(), seconds)
+        for key in self.keys():
+            if key == " ":
+                node.resume() if node.player.paused else node.pause()
+            elif key == "s":
+                node.step()
+            elif key == "q":
+                self._over = True

@@ -1,0 +1,231 @@
+"""The rig container: one process that owns the plant, moves it in real time and hosts one node per device.
+
+Started by graph.supervisor. A thread of its own steps the rig; the executor's callbacks only enqueue.
+"""
+
+from __future__ import annotations
+
+import struct
+import sys
+import threading
+import time
+import traceback
+
+from rosgraph_msgs.msg import Clock
+
+from ..errors import RigError
+from ..graph.dropping import parse_drop
+from ..testbench.outputs import SCALAR_SAMPLES, Outputs
+from ..testbench.rig import SAMPLE_NS, TICK_SAMPLES, Rig, RigStatus
+from ..testbench.sequence import BY_HAND, load_sequence
+from ..testbench.simulate import run_record
+from .clutch import Clutch
+from .commands import Commands
+from .cut import CutEnds
+from .diagnostics import Diagnostics
+from .gearbox import Gearbox
+from .instruments import Instruments
+from .load_pump import LoadPump
+from .lockstep import Lockstep
+from .matching import silent
+from .motor import Motor
+from .oil_supply import OilSupply
+from .process import RIG_OPTIONS, rig_config, run
+from .realtime import MESSAGES, RealTime, prefer_process
+from .rig_health import RigHealth
+from .rig_node import RigNode
+from .valve import Valve
+
+GATE_TIMEOUT = 30.0  # s that the other processes have to appear
+LAST_TICKS = 4  # recorded after an early end, so that the bag shows the safe state
+OTHERS = {"alfa46", "sequencer"}
+CLOCK_BYTES = struct.Struct("<4siI")  # encapsulation, sec, nanosec
+OPTIONS = [
+    *RIG_OPTIONS,
+    ("--sequence", {"metavar": "NAME", "help": "sequence that will be run, for the run's record"}),
+    ("--seed", {"type": int, "default": 1, "help": "seed of the transducers' noise"}),
+    ("--speed", {"type": float, "help": "lockstep at so many times real time, inf for as fast as it goes"}),
+    ("--step-timeout", {"type": float, "help": "s that the controller may take for one sample in lockstep"}),
+    ("--drop", {"metavar": "TOPIC:N", "help": "do not send message N of a topic, to see that the loss is counted"}),
+]
+
+
+class Container:
+    """Rig, outputs, nodes and loop of one container."""
+
+    def __init__(self, process):
+        self.process = process
+        arguments = process.arguments
+        self.dropped = parse_drop(arguments.drop)
+        config = rig_config(arguments)
+        sequence = load_sequence(arguments.sequence) if arguments.sequence else BY_HAND
+        record = run_record(config, sequence, arguments.seed)
+        warm_up(config, record)
+        self.rig = Rig(config, seed=arguments.seed, controller="external", level=None, devices="external")
+        self.outputs = Outputs(self.rig, record)
+        self.commands = Commands(self.outputs)
+        if arguments.speed is None:
+            self.clock = RealTime(SAMPLE_NS, TICK_SAMPLES)
+        else:
+            self.clock = Lockstep(self.rig, self.outputs, self.commands, process.links(), arguments.speed,
+                                  arguments.step_timeout)
+        self.nodes = self._nodes()
+        self.cuts = CutEnds(self.rig, self.commands, self.nodes, process, arguments.step_timeout)
+        self.publishers = {topic: publisher for node in self.nodes for topic, publisher in node.outputs.items()}
+        self._send = {topic: publisher.publish for topic, publisher in self.publishers.items()}
+        self.tap = self.cuts.tap = process.tap([*self.publishers, *self.cuts.answers])
+        # not in the catalogue and not recorded: a bag that is played again brings a clock of its own
+        self._clock_out = self.nodes[0].create_publisher(Clock, "/clock", 10)
+        self.diagnostics = Diagnostics(self.nodes[0], RigHealth(self.rig, self.clock, self.commands),
+                                       lambda: self.rig.time_ns)
+        self._seen = None
+        self._failure = None
+        self._last_ticks = None
+
+    def _nodes(self) -> list:
+        rig, commands = self.rig, self.commands
+        executor = self.process.start_ros()
+        nodes = [RigNode(rig, commands, self.process.arguments.speed is not None), Motor(rig, commands),
+                 Gearbox(rig, commands), Clutch(1, commands), Clutch(2, commands), Valve(1, commands),
+                 Valve(2, commands), OilSupply(rig, commands), LoadPump(rig, commands), Instruments(rig, commands)]
+        for node in nodes:
+            executor.add_node(node)
+        return nodes
+
+    def obey(self, order: dict) -> None:
+        """What the supervisor knows first: a process of the graph is gone, or was started again."""
+        if "trip" in order:
+            self.commands.put_first("supervisor", lambda: self.rig.trip(order["trip"]))
+        if "event" in order:
+            self.commands.put("supervisor", self.commands.event, order["event"], order["text"])
+
+    # ---- before the first sample
+
+    def wait_for_others(self) -> bool:
+        """True when every receiver listens and every command has a sender; False when told to stop first."""
+        deadline = time.monotonic() + GATE_TIMEOUT
+        while missing := self.missing():
+            if self.process.stopping:
+                return False
+            if time.monotonic() > deadline:
+                raise RigError(f"the rig did not start: after {GATE_TIMEOUT:.0f} s {'; '.join(missing[:3])}")
+            self.process.spin(0.02)
+        if self.nodes[0].count_publishers("/rig/state") > 1:
+            raise RigError("another rig is in this ROS domain: end it, or give this one a domain of its own with "
+                           "ROS_DOMAIN_ID")
+        return not self.process.stopping
+
+    def missing(self) -> list[str]:
+        """Sentences on what is not connected yet."""
+        recorder = {"recorder"} if self.process.arguments.recorded and self.tap is None else set()
+        wanted = {topic: recorder for topic in self.publishers}
+        wanted["/instruments/controller"] = recorder | (OTHERS if self.process.arguments.speed is None else set())
+        inputs = {topic: subscription for node in self.nodes for topic, subscription in node.inputs.items()}
+        return self.cuts.missing() + silent(self.nodes[0], self.publishers, wanted) + [
+            f"nobody sends {topic}" for topic, subscription in inputs.items() if not subscription.get_publisher_count()]
+
+    # ---- the loop's thread
+
+    def loop(self) -> None:
+        """Run until told to stop."""
+        try:
+            if isinstance(self.clock, Lockstep):
+                self.clock.run(self.publish, self.is_over)
+            else:
+                self.publish()  # time 0: latched topics
+                self.clock.run(self.step, self.is_over)
+        except BaseException as error:
+            self._failure = error
+            traceback.print_exc()
+        finally:
+            self.process.stop()
+
+    def step(self) -> None:
+        """One controller sample.
+
+        What came in since the last one is applied after the plant has moved: the answer to this sample acts from the
+        next boundary on, with the one sample of delay that the embedded controller has too.
+        """
+        self.rig.advance_samples(1)
+        self.commands.apply()
+        self.publish()
+
+    def publish(self) -> None:
+        """Send what is due now, and the time at every tick; in lockstep, cut devices have answered before."""
+        if self.process.arguments.speed is not None:
+            self.cuts.wait()
+        if self.rig.sample % TICK_SAMPLES == 0:
+            seconds, rest = divmod(self.rig.time_ns, 1_000_000_000)
+            self._clock_out.publish(CLOCK_BYTES.pack(b"\x00\x01\x00\x00", seconds, rest))
+        send, tap = self._send, self.tap
+        for topic, _, data in self.outputs.due():
+            if self.dropped and self.is_dropped(topic):
+                continue
+            send[topic](data)
+            if tap is not None:
+                tap.put(topic, data)
+
+    def is_dropped(self, topic: str) -> bool:
+        """True for the one message that must not go out."""
+        name, number = self.dropped
+        return topic == name and self.outputs.counts[topic] == number + 1
+
+    def is_over(self) -> bool:
+        """Asked at every tick: tells the supervisor what changed, and brings an early end into the safe state."""
+        rig = self.rig
+        self.outputs.overruns = self.clock.overruns
+        now = (rig.status, rig.reason)
+        if now != self._seen or rig.sample % 1000 == 0:
+            self._seen = now
+            self.process.status("state", state=rig.status.name, reason=rig.reason, t=rig.time)
+        if not self.process.stopping:
+            return False
+        if not self.process.interrupted:
+            return True
+        if self._last_ticks is None:
+            self._last_ticks = LAST_TICKS
+            if rig.status != RigStatus.TRIPPED:
+                rig.trip("the run was ended before its sequence was done")
+        self._last_ticks -= 1
+        return self._last_ticks < 0
+
+    # ---- the main thread
+
+    def work(self) -> None:
+        """Gate, loop, orderly end."""
+        if self.wait_for_others():
+            if not isinstance(self.clock, Lockstep):
+                prefer_process(MESSAGES)
+            self.process.status("running")
+            self.process.follow_orders(self.obey)
+            thread = threading.Thread(target=self.loop, name="rig", daemon=True)
+            thread.start()
+            while thread.is_alive():
+                self.process.spin(0.05)
+        facts = {"time_s": self.rig.time, "state": self.rig.status.name, "reason": self.rig.reason,
+                 "interrupted": self.process.interrupted, "refused": dict(self.commands.refused),
+                 "real_time_priority": self.clock.real_time_priority}
+        if self.tap is not None:
+            self.tap.close()
+        self.process.leave(self.nodes, self.publishers.values(), published=self.outputs.counts, **facts,
+                           **self.clock.summary())
+        if self._failure is not None:
+            raise self._failure
+
+
+def warm_up(config, record) -> None:
+    """Load compiled code and encoders on a rig that is thrown away: the first sample of the real one is on time."""
+    rig = Rig(config, controller="external")
+    outputs = Outputs(rig, record)
+    for _ in range(SCALAR_SAMPLES):
+        list(outputs.due())
+        rig.advance_samples(1)
+
+
+def main() -> int:
+    """Entry point."""
+    return run(lambda start: Container(start("container", "The rig container.", OPTIONS)).work())
+
+
+if __name__ == "__main__":
+    sys.exit(main())

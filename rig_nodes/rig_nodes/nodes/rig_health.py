@@ -1,0 +1,117 @@
+"""The health of the devices of the rig container, for /diagnostics.
+
+Used by the rig container; reads the rig while its loop goes on, which for single numbers needs no lock.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+from ..testbench.rig import COMMAND_TIMEOUT, Rig, RigStatus
+from .diagnostics import ERROR, OK, STALE, WARN, Growing, Health
+
+OLD = 0.5 * COMMAND_TIMEOUT  # s of a valve command that is a warning
+TOO_LOW = 0.9  # share of the relief setting below which the oil supply is a warning
+NEWEST = 200  # ticks of which the lateness is told, one second
+GEARS = ("no gear is engaged", "gear I is engaged", "gear II is engaged", "both clutches are locked")
+MODES = ("open", "slipping", "locked")
+
+
+class RigHealth:
+    """Called: the health of rig, motor, gearbox, clutches, valves, oil supply, load pump, instruments."""
+
+    def __init__(self, rig: Rig, clock, commands):
+        """clock: RealTime or Lockstep; commands: the rig's queue."""
+        self.rig, self.clock, self.commands = rig, clock, commands
+        self._overruns = Growing()
+
+    def __call__(self) -> list[Health]:
+        return [self.whole(), self.motor(), self.gearbox(), *(self.clutch(k) for k in (0, 1)),
+                *(self.valve(k) for k in (0, 1)), self.oil_supply(), self.load_pump(), self.instruments()]
+
+    def whole(self) -> Health:
+        """State with its reason, and whether time is kept."""
+        status, late = self.rig.status, self._overruns(self.clock.overruns)
+        if status == RigStatus.TRIPPED:
+            return Health("rig", ERROR, f"tripped: {self.rig.reason}; /rig/reset leaves the safe state", self._clock)
+        if status == RigStatus.STARTING:
+            return Health("rig", WARN, "starting: no valve command has come yet", self._clock)
+        text = "running: the motor is on" if status == RigStatus.RUNNING else "ready: the motor is off"
+        if late:
+            return Health("rig", WARN, f"{text}, but ticks start more than 5 ms late: the machine is too busy", self._clock)
+        return Health("rig", OK, text, self._clock)
+
+    def _clock(self) -> dict:
+        values = {"state": self.rig.status.name, "reason": self.rig.reason, "time_s": self.rig.time,
+                  "overruns": self.clock.overruns, "refused_commands": sum(tuple(self.commands.refused.values()))}
+        late = sorted(getattr(self.clock, "lateness_ns", [])[-NEWEST:])  # none in lockstep
+        if late:
+            values |= {"lateness_ms_p50": late[len(late) // 2] * 1e-6, "lateness_ms_max": late[-1] * 1e-6}
+        return values
+
+    def motor(self) -> Health:
+        """On, off or held without torque."""
+        plant, settings = self.rig.plant[0], self.rig.settings[0]
+
+        def values() -> dict:
+            return {"speed_rad_s": float(self.rig.v[0]), "setpoint_rad_s": float(settings["motor_speed"]),
+                    "torque_nm": float(plant["motor_torque"])}
+
+        if self.rig.status == RigStatus.TRIPPED:
+            return Health("motor", WARN, "without torque: the rig is in its safe state", values)
+        return Health("motor", OK, "on" if settings["motor_on"] > 0.0 else "off", values)
+
+    def gearbox(self) -> Health:
+        """Which gear is engaged."""
+        return Health("gearbox", OK, GEARS[self.rig.locked_gear()], lambda: {
+            "w_wej_rad_s": float(self.rig.v[0]), "w_wyj_rad_s": float(self.rig.v[1])})
+
+    def clutch(self, k: int) -> Health:
+        """Open, slipping or locked."""
+        return Health(f"clutch_s{k + 1}", OK, MODES[self.rig.clutch_mode(k)], lambda: {
+            "torque_nm": self.rig.clutch_torque(k), "slip_rad_s": self.rig.slip(k),
+            "heat_j": self.rig.energy()[f"heat_s{k + 1}"]})
+
+    def valve(self, k: int) -> Health:
+        """Whether somebody drives it."""
+        rig, valve = self.rig, self.rig.valves[k]
+
+        def values(age: float) -> dict:
+            return {"command_age_ms": age * 1e3, "duty": float(valve["duty"]), "current_a": float(valve["current"]),
+                    "pressure_pa": float(rig.cylinders["line"][k])}
+
+        age = rig.command_age
+        tell = partial(Health, f"valve_zr_p{k + 1}", values=partial(values, age))
+        if rig.newest_command < 0:
+            return tell(STALE, "no valve command has come yet")
+        if age > COMMAND_TIMEOUT:
+            return tell(STALE, f"no valve command for more than {COMMAND_TIMEOUT * 1e3:.0f} ms: the coil has no current")
+        if rig.status == RigStatus.TRIPPED:
+            return tell(WARN, "the coil has no current: the rig is in its safe state")
+        if age > OLD:
+            return tell(WARN, f"the valve command is more than {OLD * 1e3:.0f} ms old; at {COMMAND_TIMEOUT * 1e3:.0f} ms "
+                              "the rig trips")
+        return tell(OK, "follows the shift controller")
+
+    def oil_supply(self) -> Health:
+        """Whether it has the pressure it is set to."""
+        pressure, settings = float(self.rig.plant["supply"][0]), self.rig.settings[0]
+        setting = float(settings["oil_pressure"])
+        tell = partial(Health, "oil_supply", values=lambda: {
+            "pressure_pa": pressure, "setting_pa": setting, "temperature_degc": self.rig.config.oil_supply.temperature})
+        if settings["oil_on"] <= 0.0:
+            return tell(OK, "off")
+        if pressure < TOO_LOW * setting:
+            return tell(WARN, "on, but the pressure is more than 10 % below its setting")
+        return tell(OK, "on, at its pressure")
+
+    def load_pump(self) -> Health:
+        """Whether it loads the output shaft."""
+        settings = self.rig.settings[0]
+        return Health("load_pump", OK, "on" if settings["load_on"] > 0.0 else "off", lambda: {
+            "torque_nm": self.rig.load_torque(), "pressure_pa": float(self.rig.plant["load_pressure"][0]),
+            "setting_pa": float(settings["load_pressure"])})
+
+    def instruments(self) -> Health:
+        """Whether the transducers have their noise."""
+        return Health("instruments", OK, "measures" if self.rig.gauges.on else "measures without noise")

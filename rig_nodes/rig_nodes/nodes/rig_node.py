@@ -1,0 +1,53 @@
+"""Node of the rig as a whole: state and events out; valve commands, emergency stop and reset in."""
+
+from __future__ import annotations
+
+import threading
+
+from std_srvs.srv import Trigger
+
+from ..catalogue import catalogue
+from .device import Device, receive
+
+VALVE_COMMAND = "/alfa46/command"
+
+
+class RigNode(Device):
+    """Publishes /rig/*, takes /alfa46/command, serves /rig/e_stop and /rig/reset."""
+
+    def __init__(self, rig, commands, lockstep: bool):
+        """lockstep: valve commands come through the controller's link, those on the topic are only to be seen."""
+        super().__init__("rig", commands)
+        self.rig = rig
+        if not lockstep:
+            self.inputs[VALVE_COMMAND] = receive(self, catalogue().topics[VALVE_COMMAND], self.on_valve_command)
+        self.create_service(Trigger, "~/e_stop", self.on_e_stop)
+        self.create_service(Trigger, "~/reset", self.on_reset)
+
+    def on_valve_command(self, message) -> None:
+        """Enqueue the answer to one controller sample."""
+        self.commands.put(VALVE_COMMAND, self.rig.set_command, int(message["level"]), int(message["sample"]),
+                          message["duty"].tolist(), message["setpoint"].tolist(), int(message["gear"]),
+                          bool(message["shifting"]), int(message["flags"]))
+
+    def on_e_stop(self, _request, response):
+        """Emergency stop: before all other commands, until reset."""
+        return self.at_once(self.rig.e_stop, "/rig/e_stop", "emergency stop", response)
+
+    def on_reset(self, _request, response):
+        """Leave the safe state."""
+        return self.at_once(self.rig.reset, "/rig/reset", "safe state left", response)
+
+    def at_once(self, function, source, text, response):
+        """Answer when the rig has done it, which is within a sample unless its loop stands still."""
+        done = threading.Event()
+
+        def act() -> None:
+            function()
+            self.commands.event(source.rpartition("/")[2], text)
+            done.set()
+
+        self.commands.put_first(source, act)
+        response.success = done.wait(0.1)
+        response.message = text if response.success else "the rig does not run; it will be done when it does"
+        return response

@@ -1,0 +1,171 @@
+"""The rig as a test sequence sees it over ROS: setpoints and shift orders out, readings and states in.
+
+Used by the sequencer node; the same interface as the in-process bench of `simulate`.
+"""
+
+from __future__ import annotations
+
+import re
+from functools import partial
+
+from rclpy.action import ActionClient
+from rig_msgs.action import Shift
+from rig_msgs.msg import RigState
+
+from ..bags.cdr import encoder
+from ..catalogue import Signal, catalogue
+from ..testbench.rig import check_setpoint
+from ..testbench.sequence import Sequence, SequenceFailed
+from .device import message_class, publishers_of
+from .qos import recorder_profile
+
+ANSWER_TIMEOUT = 10.0  # s that the controller may take to accept an order in lockstep
+STATE, EVENTS = "/rig/state", "/sequencer/events"
+
+
+def reader(signal: Signal):
+    """Function that takes a signal's value out of a message of its topic; its field may be like ``setpoint[0]``."""
+    name, index = re.fullmatch(r"(\w+)(?:\[(\d+)\])?", signal.field).groups()
+    if index is None:
+        return lambda message: float(getattr(message, name))
+    return lambda message: float(getattr(message, name)[int(index)])
+
+
+class RosBench:
+    """Implements testbench.sequence.Bench on a node; stamps come from ``stamp_ns``, the newest sample's."""
+
+    def __init__(self, node, in_lockstep: bool):
+        """in_lockstep: readings and state come with the ticks of the container's link, not by topic."""
+        self.node = node
+        self.stamp_ns = 0
+        self.rig_state = None  # newest RigState
+        self.outputs = publishers_of(node)
+        self.counts = dict.fromkeys(self.outputs, 0)
+        self._encode_setpoint = encoder("rig_msgs/msg/Setpoint").encode
+        self._encode_event = encoder("rig_msgs/msg/Event").encode
+        self.in_lockstep = in_lockstep
+        self._values: dict[str, float] = {}
+        self.needed: set[str] = set()  # signals that the sequence reads
+        self._ordered = None
+        self._topics: set[str] = set()
+        self._done, self._refusal, self._newest = False, None, None
+        self._shift = ActionClient(node, Shift, "/alfa46/shift")
+        if not in_lockstep:
+            node.create_subscription(RigState, STATE, self._on_state, recorder_profile("measurement"))
+
+    def need(self, sequence: Sequence) -> None:
+        """Listen to the signals that a sequence reads; ``ready`` waits for them."""
+        names = {step.condition.signal for step in sequence.steps if step.condition is not None}
+        if any(step.by_torque for step in sequence.steps):
+            names.add("n_wyj")
+        self.needed = names
+        if self.in_lockstep:
+            return
+        for topic_name in sorted({catalogue().signals[name].topic for name in names} - self._topics):
+            self._topics.add(topic_name)
+            topic = catalogue().topics[topic_name]
+            readers = [(signal.name, reader(signal)) for signal in catalogue().on_topic(topic_name)]
+
+            def on_message(message, readers=readers) -> None:
+                for name, read in readers:
+                    self._values[name] = read(message)
+
+            self.node.create_subscription(message_class(topic.ros_type), topic_name, on_message,
+                                          recorder_profile(topic.qos))
+
+    def connected(self) -> bool:
+        """True when orders can be sent."""
+        return self._shift.server_is_ready()
+
+    def take(self, frame: dict) -> None:
+        """Readings and state of a tick in lockstep, where nothing may depend on when a message arrives."""
+        self._values.update(frame["readings"])
+        self.rig_state = RigState(state=frame["status"], reason=frame["reason"])
+        self._gear, self._shifting = frame["gear"], frame["shifting"]
+
+    def sent(self) -> dict[str, int]:
+        """How many setpoints of each topic have gone out."""
+        return {topic: count for topic, count in self.counts.items() if topic != EVENTS}
+
+    def _on_state(self, message) -> None:
+        self.rig_state = message
+
+    def trip_reason(self) -> str | None:
+        """Why the rig is in its safe state, or None when it is not."""
+        state = self.rig_state
+        return state.reason if state is not None and state.state == RigState.TRIPPED else None
+
+    # ---- testbench.sequence.Bench
+
+    def ready(self) -> bool:
+        """True when the rig runs, the controller takes orders and every needed signal has a reading."""
+        state = self.rig_state
+        return (state is not None and state.state in (RigState.READY, RigState.RUNNING)
+                and self.connected() and self.needed <= self._values.keys())
+
+    def set_motor(self, speed: float, enable: bool) -> None:
+        """Speed setpoint [rad/s]."""
+        self._send("/motor/command", "motor_speed", speed, enable)
+
+    def set_load(self, pressure: float, enable: bool) -> None:
+        """Relief setting of the load [Pa, gauge]."""
+        self._send("/load_pump/command", "load_pressure", pressure, enable)
+
+    def set_oil(self, pressure: float, enable: bool) -> None:
+        """Relief setting of the oil supply [Pa, gauge]."""
+        self._send("/oil_supply/command", "oil_pressure", pressure, enable)
+
+    def order_gear(self, gear: int) -> None:
+        """Send the shift as a goal; what comes of it is told by ``shift_done``."""
+        self._done, self._refusal, self._ordered = False, None, gear
+        future = self._newest = self._shift.send_goal_async(Shift.Goal(gear=gear))
+        future.add_done_callback(self._on_answer)
+        if self.in_lockstep:
+            # an accepted order stands: the controller takes it with the sample that waits for this tick
+            self.node.process.executor.spin_until_future_complete(future, ANSWER_TIMEOUT)
+            if not future.done():
+                raise SequenceFailed(f"the shift controller did not take the order within {ANSWER_TIMEOUT:g} s")
+
+    def _on_answer(self, future) -> None:
+        handle = future.result()
+        if handle.accepted:
+            handle.get_result_async().add_done_callback(partial(self._on_result, future))
+        elif future is self._newest:
+            self._refusal = "the shift controller rejected the order"
+            self.node.wake()
+
+    def _on_result(self, order, future) -> None:
+        if order is not self._newest:
+            return  # of a sequence that was cancelled
+        result = future.result().result
+        self._done = result.success
+        self._refusal = None if result.success else result.message
+        self.node.wake()
+
+    def shift_done(self) -> bool:
+        """True when the ordered shift is done; SequenceFailed with the controller's reason when it was refused."""
+        if self.in_lockstep and self._refusal is None and self._gear != self._ordered:
+            # refused, or a controller that has not taken the gear yet: the reason is on its way
+            self.node.process.spin(0.02)
+        if self._refusal is not None:
+            raise SequenceFailed(self._refusal)
+        if self.in_lockstep:
+            return not self._shifting and self._gear == self._ordered
+        return self._done
+
+    def reading(self, signal: str) -> float:
+        """Newest value of a signal that the sequence needs, SI."""
+        return self._values[signal]
+
+    def event(self, name: str, text: str, value: float = 0.0) -> None:
+        """Publish an event of the sequencer."""
+        self.outputs[EVENTS].publish(self._encode_event(self.stamp_ns, self._next(EVENTS), name, text, value))
+
+    def _send(self, topic: str, setpoint: str, value: float, enable: bool) -> None:
+        check_setpoint(setpoint, value)  # here, for a topic brings back no answer
+        self.outputs[topic].publish(self._encode_setpoint(self.stamp_ns, self._next(topic), float(value), bool(enable)))
+
+    def _next(self, topic: str) -> int:
+        seq = self.counts[topic]
+        self.counts[topic] = seq + 1
+        return self.node.process.first_seq + seq

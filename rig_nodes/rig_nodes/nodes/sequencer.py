@@ -1,0 +1,244 @@
+"""The sequencer: runs test sequences on the rig, one at once with --sequence or by the action /sequencer/run.
+
+Started by graph.supervisor. Polled on every graph tick of simulated time, as the samples bring it.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+from rclpy.action import CancelResponse
+from rclpy.node import Node
+from rig_msgs.action import RunSequence
+from rig_msgs.msg import ControllerSample
+
+from ..bags.definitions import installed
+from ..catalogue import catalogue
+from ..errors import RigError
+from ..graph.link import LinkClosed
+from ..plant.load_pump import relief_setting_for
+from ..testbench.rig import SAMPLE_NS, TICK_SAMPLES
+from ..testbench.sequence import SequenceFailed, SequenceRunner, load_sequence
+from .action_server import GoalServer, finish
+from .diagnostics import OK, WARN, Diagnostics, Health
+from .matching import silent
+from .process import RIG_OPTIONS, rig_config, run
+from .qos import recorder_profile
+from .ros_bench import EVENTS, RosBench
+
+SAMPLES = "/instruments/controller"
+RECEIVERS = {"/motor/command": "motor", "/load_pump/command": "load_pump", "/oil_supply/command": "oil_supply"}
+FEEDBACK_TICKS = 100  # 2 Hz beside every new step
+OPTIONS = [
+    *RIG_OPTIONS,
+    ("--sequence", {"metavar": "NAME", "help": "name or file of a sequence to run at once"}),
+    ("--once", {"action": "store_true",
+                "help": "end with the sequence of --sequence, with exit code 1 when it failed"}),
+]
+
+
+class Sequencer(Node):
+    """Publishes setpoints and /sequencer/events, serves /sequencer/run."""
+
+    def __init__(self, config, process):
+        super().__init__("sequencer")
+        self.process, self._load = process, config.load_pump
+        self.link = process.links().get("container")  # of a run in lockstep
+        self.bench = RosBench(self, self.link is not None)
+        self._layout = installed("rig_msgs/msg/ControllerSample").dtype()
+        self._tick = -1
+        self._runner, self._goal, self._steps_told = None, None, 0
+        self._cancelled = False  # the goal, to be ended with the next tick
+        self._failed = ""  # why the newest sequence did not come to its end
+        self.outcome: dict | None = None  # of the sequence of --sequence, when it is over
+        self.diagnostics = Diagnostics(self, self.health, lambda: self.bench.stamp_ns)
+        self._server = GoalServer(self, RunSequence, "/sequencer/run", self.on_goal, self.on_cancel)
+
+    def listen(self) -> None:
+        """Subscribe to the samples; called when those who receive the setpoints are there."""
+        self.create_subscription(ControllerSample, SAMPLES, self.on_sample,
+                                 recorder_profile(catalogue().topics[SAMPLES].qos), raw=True)
+
+    def on_frame(self, frame: dict) -> dict:
+        """One graph tick in lockstep: readings in; what was sent, and whether the sequence is over, out."""
+        self._tick = frame["sample"] // TICK_SAMPLES
+        self.bench.stamp_ns = frame["sample"] * SAMPLE_NS
+        self.bench.take(frame)
+        had = self._runner is not None
+        # the run ends with a sequence of its own, not with one that a client has asked for
+        own = had and self._goal is None
+        if had:
+            self.poll(self.bench.stamp_ns * 1e-9)
+        return {"need": sorted(self.bench.needed), "sent": self.bench.sent(), "done": own and self._runner is None,
+                **self._next_look()}
+
+    def _next_look(self) -> dict:
+        """When the container must ask again: ``next``, a sample, or earlier when ``watch`` comes true."""
+        told = (self._tick // FEEDBACK_TICKS + 1) * FEEDBACK_TICKS
+        if self._runner is None:
+            return {"next": told * TICK_SAMPLES, "watch": {}}
+        watch = self._runner.next_look()
+        due = int(watch.pop("until") * 1e9 / (TICK_SAMPLES * SAMPLE_NS))
+        return {"next": max(self._tick + 1, min(told, due)) * TICK_SAMPLES, "watch": watch}
+
+    def on_sample(self, data: bytes) -> None:
+        """Every graph tick: go on with the sequence."""
+        record = np.frombuffer(data, self._layout, 1)[0]
+        tick = int(record["sample"]) // TICK_SAMPLES
+        if tick <= self._tick:
+            return
+        self._tick = tick
+        self.bench.stamp_ns = int(record["stamp.sec"]) * 1_000_000_000 + int(record["stamp.nanosec"])
+        if self._runner is not None:
+            self.poll(self.bench.stamp_ns * 1e-9)
+
+    def health(self) -> list[Health]:
+        """The sequencer's own, for /diagnostics."""
+        runner = self._runner
+        if runner is not None:
+            step = f"step {runner.step + 1} of {runner.steps}: " if runner.step >= 0 else ""
+            return [Health("sequencer", OK, f"runs '{runner.sequence.name}', {step}{runner.text}")]
+        if self._failed:
+            return [Health("sequencer", WARN, f"no sequence runs; the last one ended early: {self._failed}")]
+        return [Health("sequencer", OK, "no sequence runs")]
+
+    # ---- one sequence
+
+    def on_goal(self, goal) -> None:
+        """Start a sequence for a client, or end the goal at once with the reason why not."""
+        try:
+            if self._runner is not None:
+                raise RigError(f"sequence refused: '{self._runner.sequence.name}' is still running")
+            self.start(load_sequence(goal.request.name))
+            self._goal = goal
+        except RigError as error:
+            result = RunSequence.Result(success=False, message=str(error), steps_done=0)
+            finish(goal, result)
+
+    def on_cancel(self, goal) -> CancelResponse:
+        """The running sequence of a client ends with the next tick; another goal is on its way to its end already."""
+        if goal is not self._goal:
+            return CancelResponse.REJECT
+        self._cancelled = True
+        self.wake()
+        return CancelResponse.ACCEPT
+
+    def start(self, sequence) -> None:
+        """Start a sequence with the next tick."""
+        self.bench.need(sequence)
+        self._steps_told, self._cancelled = 0, False
+        self._runner = SequenceRunner(sequence, self.bench, self._load)
+        self.wake()
+
+    def wake(self) -> None:
+        """In lockstep, have the container ask with its next tick, whatever was agreed."""
+        if self.link is not None:
+            self.link.send_json({"wake": True})
+
+    def poll(self, t: float) -> None:
+        """One tick of the running sequence at simulated time t [s]."""
+        runner = self._runner
+        if self._cancelled:
+            text = cancelled(runner)
+            self.bench.event("sequence_cancelled", text, float(max(0, runner.step)))
+            self.finish(False, text, t)
+            return
+        try:
+            reason = self.bench.trip_reason()
+            if reason is not None:
+                raise SequenceFailed(f"the rig is in its safe state: {reason}")
+            done = runner.poll(t)
+        except RigError as error:
+            self.bench.event("sequence_failed", str(error), float(runner.step + 1))
+            self.finish(False, str(error), t)
+            return
+        if done:
+            self.finish(True, f"sequence '{runner.sequence.name}' is done", t)
+        elif self._tell_steps(runner, t) or self._tick % FEEDBACK_TICKS == 0:
+            if self._goal is not None:
+                self._goal.publish_feedback(RunSequence.Feedback(step=runner.step + 1, steps=runner.steps,
+                                                                 text=runner.text, t=t))
+
+    def _tell_steps(self, runner, t: float) -> bool:
+        """Tell the supervisor which steps have begun since the last tick; False when none has."""
+        begun = runner.sequence.steps[self._steps_told:runner.step + 1]
+        for step in begun:
+            self._steps_told += 1
+            self.process.status("step", step=self._steps_told, steps=runner.steps, text=step.text, t=t)
+        return bool(begun)
+
+    def finish(self, success: bool, text: str, t: float) -> None:
+        """Tell supervisor and client that the sequence is over."""
+        runner, self._runner = self._runner, None
+        self._failed = "" if success else text
+        self._tell_steps(runner, t)
+        goal, self._goal = self._goal, None
+        self.process.status("done", success=success, text=text, t=t)
+        if goal is None:
+            self.outcome = {"success": success, "text": text}
+            if self.process.arguments.once:
+                self.process.stop()
+            return
+        done = min(max(0, runner.step), runner.steps)
+        finish(goal, RunSequence.Result(success=success, message=text, steps_done=done))
+
+
+def cancelled(runner: SequenceRunner) -> str:
+    """What a sequence that is cancelled now leaves behind, in one sentence."""
+    if runner.step < 0:
+        return f"sequence '{runner.sequence.name}' was cancelled before its first step; nothing was set"
+    shift = runner.sequence.steps[runner.step].kind == "shift"
+    return (f"sequence '{runner.sequence.name}' was cancelled in step {runner.step + 1} of {runner.steps} "
+            f"({runner.text}); motor, load and oil stay as they are set"
+            + (", the shift goes on to its end" if shift else ""))
+
+
+def work(process) -> None:
+    """Gate, sequence, orderly end."""
+    arguments = process.arguments
+    config = rig_config(arguments)
+    sequence = None if arguments.sequence is None else load_sequence(arguments.sequence)
+    executor = process.start_ros()
+    node = Sequencer(config, process)
+    executor.add_node(node)
+    if sequence is not None:
+        node.start(sequence)
+    relief_setting_for(0.0, 0.0, config.load_pump)  # compiled now, not in the middle of a sequence
+    recorder = {"recorder"} if arguments.recorded else set()
+    wanted = {topic: {receiver} | recorder for topic, receiver in RECEIVERS.items()} | {EVENTS: recorder}
+    while not process.stopping and silent(node, node.bench.outputs, wanted):
+        process.spin(0.02)
+    if node.link is not None:
+        serve_in_lockstep(process, node, node.link)
+    elif not process.stopping:
+        node.listen()
+    while not process.stopping:
+        process.spin(0.05)
+    process.leave([node], node.bench.outputs.values(), published=node.bench.counts, outcome=node.outcome)
+    if arguments.once and node.outcome is not None and not node.outcome["success"]:
+        raise SequenceFailed(node.outcome["text"])
+
+
+def serve_in_lockstep(process, node: Sequencer, link) -> None:
+    """Answer the container's ticks until one of the two leaves; ROS is served in between and while it is waited for."""
+    try:
+        while not process.stopping and not node.bench.connected():
+            process.spin(0.02)
+        link.send_json({"need": sorted(node.bench.needed)})
+        while not process.stopping:
+            frame = link.receive_json(0.01)
+            if frame is not None:
+                link.send_json(node.on_frame(frame))
+            process.spin(0.0)  # goals and cancels come while the rig goes on
+    except LinkClosed:
+        pass  # the supervisor sees it too and ends this process
+
+
+def main() -> int:
+    """Entry point."""
+    return run(lambda start: work(start("sequencer", "The sequencer.", OPTIONS)))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,177 @@
+"""ROS parameters of the rig's nodes: declared with text, unit and range, checked, refused with the reason.
+
+Used by the devices that have something to set and, through Settings, by alfa46_settings. A check answers the caller;
+what is accepted is enqueued and taken by the loop that owns the values.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+FOLLOW = 0.1  # s: how long a parameter may lag behind a value that another way of setting changed
+CHANGED = "setting_changed"
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One parameter. value: at the start; its type stays. bounds: SI, inclusive; of each number of an array."""
+
+    name: str
+    text: str
+    value: bool | float | list[float]
+    unit: str = ""
+    bounds: tuple[float, float] | None = None
+    rule: str = ""
+
+    def descriptor(self) -> ParameterDescriptor:
+        """What `ros2 param describe` shows."""
+        descriptor = ParameterDescriptor(
+            name=self.name, description=f"{self.text} [{self.unit}]" if self.unit else self.text,
+            additional_constraints=self.rule)
+        if isinstance(self.value, float) and self.bounds is not None:
+            low, high = map(float, self.bounds)  # an int would go out as another number
+            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high, step=0.0)]
+        return descriptor
+
+    def refusal(self, parameter: Parameter) -> str | None:
+        """Why a value cannot be taken, or None. rclpy lets pass what is a rounding beyond the range."""
+        kind = Parameter.Type.from_parameter_value(self.value)
+        if parameter.type_ != kind:
+            return f"{self.name} must be a {kind.name}, found a {parameter.type_.name}"
+        if kind == Parameter.Type.DOUBLE:
+            low, high = self.bounds
+            if not (math.isfinite(parameter.value) and low <= parameter.value <= high):
+                return (f"{self.name} of {parameter.value:g} {self.unit} refused; expected {low:g} to {high:g} "
+                        f"{self.unit}")
+        return None
+
+    def shown(self, node: str, value) -> str:
+        """E.g. ``motor.speed = 62.8 rad/s``."""
+        if isinstance(value, bool):
+            text = str(value).lower()
+        elif isinstance(value, float):
+            text = f"{value:.6g} {self.unit}"
+        else:
+            text = f"{' '.join(f'{number:.6g}' for number in value)} {self.unit}"
+        return f"{node}.{self.name} = {text}"
+
+
+class Settings:
+    """Parameters of a node. Subclasses give :meth:`refusal` and :meth:`take`."""
+
+    def __init__(self, node: Node, settings: list[Setting]):
+        self.node = node
+        self.settings = {setting.name: setting for setting in settings}
+        self._following = False
+        for setting in settings:
+            # the rig's configuration says how it starts, and an override would get past the check
+            node.declare_parameter(setting.name, setting.value, setting.descriptor(), ignore_override=True)
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._accepted)
+
+    def refusal(self, changes: dict) -> str | None:
+        """Why values, each right for itself, cannot be taken now or together; None when they can."""
+        raise NotImplementedError
+
+    def take(self, changes: dict) -> None:
+        """Enqueue values that were accepted."""
+        raise NotImplementedError
+
+    def follow(self, values: dict) -> None:
+        """Bring parameters to what the rig has already."""
+        self._following = True
+        try:
+            self.node.set_parameters_atomically([Parameter(name, value=value) for name, value in values.items()])
+        finally:
+            self._following = False
+
+    def _check(self, parameters: list[Parameter]) -> SetParametersResult:
+        known = [parameter for parameter in parameters if parameter.name in self.settings]
+        why = next(filter(None, (self.settings[parameter.name].refusal(parameter) for parameter in known)), None)
+        if why is None and known and not self._following:
+            why = self.refusal(changes_in(known))
+        return SetParametersResult(successful=why is None, reason=why or "")
+
+    def _accepted(self, parameters: list[Parameter]) -> None:
+        known = [parameter for parameter in parameters if parameter.name in self.settings]
+        if known and not self._following:
+            self.take(changes_in(known))
+
+
+def changes_in(parameters: list[Parameter]) -> dict:
+    """Values by name; arrays as lists."""
+    return {p.name: p.value if isinstance(p.value, (bool, float)) else list(p.value) for p in parameters}
+
+
+@dataclass(frozen=True)
+class Knob:
+    """A setting of a device: how the rig is asked for it and told it, and why a value may not fit now."""
+
+    setting: Setting
+    read: Callable[[], bool | float]
+    write: Callable[[bool | float], None]
+    why_not: Callable[[bool | float], str | None] = lambda value: None
+
+
+class DeviceSettings(Settings):
+    """Settings of a node of the rig container, applied at the next sample boundary in the order in which they came.
+
+    The parameters follow the rig: setpoint topics, trips and resets change the same values, and the last one wins.
+    """
+
+    def __init__(self, node: Node, commands, knobs: list[Knob]):
+        """commands: the rig's queue; its loop writes the values and says so with an event."""
+        super().__init__(node, [knob.setting for knob in knobs])
+        self._knobs = {knob.setting.name: knob for knob in knobs}
+        self._commands, self._sent, self._done = commands, 0, 0
+        self._timer = node.create_timer(FOLLOW, self.on_follow)
+
+    def refusal(self, changes: dict) -> str | None:
+        """The first knob's that has one."""
+        return next(filter(None, (self._knobs[name].why_not(value) for name, value in changes.items())), None)
+
+    def take(self, changes: dict) -> None:
+        """Into the rig's queue."""
+        for name, value in changes.items():
+            self._sent += 1
+            self._commands.put(f"/{self.node.get_name()}/set_parameters", self._write, self._knobs[name], value)
+
+    def _write(self, knob: Knob, value) -> None:
+        try:
+            knob.write(value)
+        finally:
+            self._done += 1
+        self._commands.event(CHANGED, knob.setting.shown(self.node.get_name(), value), float(value))
+
+    def on_follow(self) -> None:
+        """Bring the parameters to the rig's values, unless some of ours are still on their way to it."""
+        if self._done == self._sent:
+            now = {name: knob.read() for name, knob in self._knobs.items()}
+            stale = {name: value for name, value in now.items() if self.node.get_parameter(name).value != value}
+            if stale:
+                self.follow(stale)
+
+
+def setpoint_knobs(rig, keys: tuple[str, str], apply, name: str, text: str, unit: str, bounds,
+                   why_not=lambda value: None) -> list[Knob]:
+    """The two knobs of a device with a setpoint and a switch.
+
+    keys: of both in ``rig.settings``; apply(value, enable): the rig's command, which sets both; why_not(enable).
+    """
+    def value() -> float:
+        return float(rig.settings[keys[0]][0])
+
+    def enabled() -> bool:
+        return bool(rig.settings[keys[1]][0] > 0.0)
+
+    return [
+        Knob(Setting(name, text, value(), unit, bounds), value, lambda new: apply(new, enabled())),
+        Knob(Setting("enabled", "Whether the device is switched on", enabled()), enabled,
+             lambda new: apply(value(), new), why_not),
+    ]

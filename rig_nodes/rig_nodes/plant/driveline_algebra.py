@@ -1,0 +1,229 @@
+"""Constants, work buffer and linear algebra of the driveline step, on one flat work buffer.
+
+Used by plant/driveline_joint.py and plant/driveline_kernel.py; nothing here knows about time.
+"""
+
+import math
+
+from numba import njit
+
+# Modes of a friction element. LOCKED_* carry their stick limit while other locked elements hold them
+# (statically indeterminate share); they stand still like STUCK. abs(mode) >= 2 means no slip.
+OPEN, FORWARD, BACKWARD, STUCK, LOCKED_HIGH, LOCKED_LOW = 0, 1, -1, 2, 3, -3
+
+# Kinds of event. CLOSE: open element got capacity while slipping; FREE: capacity is gone.
+LOCK, BREAK, CROSS, FREE, CLOSE = 1, 2, 3, 4, 5
+
+# Rows of `cap`, `el`, `shaft`, `kc`, `q`; places in `count`.
+KIN0, KIN1, LO0, LO1, HI0, HI1, VISC = 0, 1, 2, 3, 4, 5, 6
+LAM, IMPULSE, E_FRIC, E_VISC = 0, 1, 2, 3
+TAU, E_SHAFT = 0, 1
+N_EVENTS, N_CAPPED = 0, 1
+
+RANK = 1e-10       # relative size below which a constraint counts as dependent on the others
+HEAD = 4           # work[0] set of P and R, [1] set of H, [2] step of H, [3] 1 if anything is implicit
+
+
+def work_size(n, m, s):
+    """Length of the float64 work buffer for n speeds, m friction elements, s shafts.
+
+    Start with zeros; give each driveline its own buffer and zero it when minv, w, sh or kc change.
+    """
+    return HEAD + m + 4 * n * n + 2 * m * n + 3 * m * m + 4 * n + s + 9 * m
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def lin(a, b, x):
+    # a == b also keeps infinite limits out of inf - inf
+    if x <= 0.0:
+        return a
+    if x >= 1.0 or a == b:
+        return b
+    return a + (b - a) * x
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def high(cap, f, x):
+    return max(lin(cap[HI0, f], cap[HI1, f], x), lin(cap[KIN0, f], cap[KIN1, f], x))
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def low(cap, f, x):
+    return min(lin(cap[LO0, f], cap[LO1, f], x), -lin(cap[KIN0, f], cap[KIN1, f], x))
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def has_capacity(cap, f):
+    return (cap[KIN0, f] > 0.0 or cap[KIN1, f] > 0.0 or cap[HI0, f] > 0.0 or cap[HI1, f] > 0.0
+            or cap[LO0, f] < 0.0 or cap[LO1, f] < 0.0)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def pseudo_inverse(work, og, ov, oi, nc, m):
+    """Least-norm inverse of the symmetric nc x nc matrix at og (stride m) into oi; cyclic Jacobi."""
+    for i in range(nc):
+        for j in range(nc):
+            work[ov + i * m + j] = 1.0 if i == j else 0.0
+    for _ in range(40):
+        off = 0.0
+        top = 0.0
+        for i in range(nc):
+            top = max(top, abs(work[og + i * m + i]))
+            for j in range(i):
+                off = max(off, abs(work[og + i * m + j]))
+        if off <= 1e-17 * top:
+            break
+        for p in range(nc - 1):
+            for r in range(p + 1, nc):
+                apr = work[og + p * m + r]
+                if apr == 0.0:
+                    continue
+                theta = (work[og + r * m + r] - work[og + p * m + p]) / (2.0 * apr)
+                t = 1.0 / (abs(theta) + math.sqrt(theta * theta + 1.0))
+                if theta < 0.0:
+                    t = -t
+                cs = 1.0 / math.sqrt(t * t + 1.0)
+                sn = t * cs
+                for i in range(nc):
+                    x = work[og + i * m + p]
+                    y = work[og + i * m + r]
+                    work[og + i * m + p] = cs * x - sn * y
+                    work[og + i * m + r] = sn * x + cs * y
+                for i in range(nc):
+                    x = work[og + p * m + i]
+                    y = work[og + r * m + i]
+                    work[og + p * m + i] = cs * x - sn * y
+                    work[og + r * m + i] = sn * x + cs * y
+                    x = work[ov + i * m + p]
+                    y = work[ov + i * m + r]
+                    work[ov + i * m + p] = cs * x - sn * y
+                    work[ov + i * m + r] = sn * x + cs * y
+    top = 0.0
+    for i in range(nc):
+        top = max(top, work[og + i * m + i])
+    for i in range(nc):
+        for j in range(nc):
+            total = 0.0
+            for p in range(nc):
+                e = work[og + p * m + p]
+                if e > RANK * top:
+                    total += work[ov + i * m + p] * work[ov + j * m + p] / e
+            work[oi + i * m + j] = total
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def project(minv, w, ost, work):
+    """R (stuck torque = R f) and P (acceleration = P f) for the elements whose flag at ost is STUCK.
+
+    G = W_c M^-1 W_c^T, R = G^+ W_c M^-1, P = M^-1 - R^T W_c M^-1.
+    """
+    n = minv.shape[0]
+    m = w.shape[0]
+    op = HEAD + m
+    orr = op + 2 * n * n
+    owm = orr + m * n
+    og = owm + m * n
+    ov = og + m * m
+    oi = ov + m * m
+    nc = 0
+    pattern = 1.0
+    bit = 1.0
+    for f in range(m):
+        if work[ost + f] == STUCK:
+            pattern += bit
+            for j in range(n):
+                total = 0.0
+                for i in range(n):
+                    total += w[f, i] * minv[i, j]
+                work[owm + nc * n + j] = total
+            nc += 1
+        bit *= 2.0
+        for j in range(n):
+            work[orr + f * n + j] = 0.0
+    row = 0
+    for f in range(m):
+        if work[ost + f] == STUCK:
+            for i in range(nc):
+                total = 0.0
+                for j in range(n):
+                    total += work[owm + i * n + j] * w[f, j]
+                work[og + row * m + i] = total
+            row += 1
+    pseudo_inverse(work, og, ov, oi, nc, m)
+    for i in range(n):
+        for j in range(n):
+            work[op + i * n + j] = minv[i, j]
+    row = 0
+    for f in range(m):
+        if work[ost + f] == STUCK:
+            for j in range(n):
+                total = 0.0
+                for i in range(nc):
+                    total += work[oi + row * m + i] * work[owm + i * n + j]
+                work[orr + f * n + j] = total
+            for i in range(n):
+                for j in range(n):
+                    work[op + i * n + j] -= work[orr + f * n + i] * work[owm + row * n + j]
+            row += 1
+    work[0] = pattern
+    return pattern
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def implicit(d, w, sh, kc, cap, work):
+    """H = (I + d/2 P B)^-1 P with B = W^T visc W + S^T (c + k d/2) S; H = P where nothing is implicit."""
+    m, n = w.shape
+    s = sh.shape[0]
+    op = HEAD + m
+    oh = op + n * n
+    ob = oh + n * n + 2 * m * n + 3 * m * m
+    oa = ob + n * n
+    coupled = s > 0
+    for f in range(m):
+        work[HEAD + f] = cap[VISC, f]
+        if cap[VISC, f] > 0.0:
+            coupled = True
+    for i in range(n * n):
+        work[oh + i] = work[op + i]
+    work[1] = work[0]
+    work[2] = d
+    work[3] = 1.0 if coupled else 0.0
+    if not coupled:
+        return
+    for i in range(n):
+        for j in range(n):
+            total = 0.0
+            for f in range(m):
+                total += cap[VISC, f] * w[f, i] * w[f, j]
+            for a in range(s):
+                total += (kc[1, a] + 0.5 * d * kc[0, a]) * sh[a, i] * sh[a, j]
+            work[ob + i * n + j] = total
+    for i in range(n):
+        for j in range(n):
+            total = 1.0 if i == j else 0.0
+            for p in range(n):
+                total += 0.5 * d * work[op + i * n + p] * work[ob + p * n + j]
+            work[oa + i * n + j] = total
+    for col in range(n):
+        piv = col
+        for i in range(col + 1, n):
+            if abs(work[oa + i * n + col]) > abs(work[oa + piv * n + col]):
+                piv = i
+        if piv != col:
+            for j in range(n):
+                x = work[oa + col * n + j]
+                work[oa + col * n + j] = work[oa + piv * n + j]
+                work[oa + piv * n + j] = x
+                x = work[oh + col * n + j]
+                work[oh + col * n + j] = work[oh + piv * n + j]
+                work[oh + piv * n + j] = x
+        scale = 1.0 / work[oa + col * n + col]
+        for j in range(n):
+            work[oa + col * n + j] *= scale
+            work[oh + col * n + j] *= scale
+        for i in range(n):
+            x = work[oa + i * n + col]
+            if i != col and x != 0.0:
+                for j in range(n):
+                    work[oa + i * n + j] -= x * work[oa + col * n + j]
+                    work[oh + i * n + j] -= x * work[oh + col * n + j]

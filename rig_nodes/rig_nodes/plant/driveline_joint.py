@@ -1,0 +1,208 @@
+"""Which friction elements stick and which slip, decided jointly at one instant.
+
+Used by plant/driveline_kernel.py at every event inside a step.
+"""
+
+import numpy as np
+from numba import njit
+
+from rig_nodes.plant.driveline_algebra import (
+    BACKWARD, BREAK, CLOSE, CROSS, FORWARD, HEAD, KIN0, KIN1, LOCK, LOCKED_HIGH, LOCKED_LOW, N_CAPPED,
+    N_EVENTS, RANK, STUCK, VISC, high, lin, low, project)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def note(t, f, kind, events, count):
+    if events.shape[0] > 0:
+        row = count[N_EVENTS] % events.shape[0]
+        events[row, 0] = t
+        events[row, 1] = f
+        events[row, 2] = kind
+    count[N_EVENTS] += 1
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def dependent(f, w, minv, work, op):
+    """True if the elements that are stuck now also hold element f (its slip cannot accelerate)."""
+    n = w.shape[1]
+    held = 0.0
+    alone = 0.0
+    for i in range(n):
+        for j in range(n):
+            held += w[f, i] * work[op + i * n + j] * w[f, j]
+            alone += w[f, i] * minv[i, j] * w[f, j]
+    return held <= RANK * alone
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def resolve(x, t, minv, w, sh, kc, q, cap, v, twist, mode, events, count, work):
+    """Joint stick or slip of all zero-slip elements (flagged as candidates) at acceleration level.
+
+    Starts with all of them stuck and releases the worst violator, one by one, in the direction in which
+    it is overloaded; a released element that would move against its friction sticks again, from then on
+    within its kinetic torque (which makes the rest a box-constrained convex problem). After 3 m pivots
+    the lowest index goes first (Murty's rule, which cannot cycle); after 12 m the last set stands and
+    the step counts as capped. An overloaded element that others hold keeps its limit torque instead of
+    slipping.
+    """
+    n = minv.shape[0]
+    m = w.shape[0]
+    s = sh.shape[0]
+    op = HEAD + m
+    orr = op + 2 * n * n
+    of = orr + 2 * n * n + 2 * m * n + 3 * m * m
+    oa = of + n
+    ost = of + 4 * n + s
+    ocand = ost + m
+    oforce = ocand + m
+    oonce = oforce + m
+    oslip = oonce + m
+    for f in range(m):
+        work[oonce + f] = 0.0
+        work[ost + f] = STUCK if work[ocand + f] != 0.0 else mode[f]
+    done = False
+    for it in range(12 * m + 4):
+        project(minv, w, ost, work)
+        changed = False
+        for f in range(m):
+            # a held element whose holders have let go slips the way it was loaded
+            if work[ocand + f] != 0.0 and abs(work[ost + f]) == 3.0 \
+                    and not dependent(f, w, minv, work, op):
+                work[ost + f] = FORWARD if work[ost + f] > 0.0 else BACKWARD
+                changed = True
+        for j in range(n):
+            work[of + j] = lin(q[0, j], q[1, j], x)
+        for a in range(s):
+            rate = 0.0
+            for j in range(n):
+                rate += sh[a, j] * v[j]
+            torque = kc[0, a] * twist[a] + kc[1, a] * rate
+            for j in range(n):
+                work[of + j] -= sh[a, j] * torque
+        for f in range(m):
+            state = work[ost + f]
+            if state == STUCK:
+                torque = 0.0
+            elif state == LOCKED_HIGH:
+                torque = high(cap, f, x)
+            elif state == LOCKED_LOW:
+                torque = low(cap, f, x)
+            else:
+                torque = state * lin(cap[KIN0, f], cap[KIN1, f], x)
+            if work[ocand + f] == 0.0:
+                slip = 0.0
+                for j in range(n):
+                    slip += w[f, j] * v[j]
+                torque += cap[VISC, f] * slip
+            if torque != 0.0:
+                for j in range(n):
+                    work[of + j] -= w[f, j] * torque
+        for i in range(n):
+            total = 0.0
+            for j in range(n):
+                total += work[op + i * n + j] * work[of + j]
+            work[oa + i] = total
+        least = it > 3 * m
+        worst = -1
+        worst_dir = 0.0
+        worst_by = 0.0
+        back = -1
+        back_by = 0.0
+        for f in range(m):
+            if work[ocand + f] == 0.0:
+                continue
+            state = work[ost + f]
+            kin = lin(cap[KIN0, f], cap[KIN1, f], x)
+            if state == STUCK:
+                total = 0.0
+                for j in range(n):
+                    total += work[orr + f * n + j] * work[of + j]
+                hi = high(cap, f, x)
+                lo = low(cap, f, x)
+                if work[oonce + f] != 0.0:
+                    if hi < np.inf:
+                        hi = kin
+                    if lo > -np.inf:
+                        lo = -kin
+                tol = 1e-11 * (1.0 + abs(total))
+                forced = work[oforce + f] if work[oonce + f] == 0.0 else 0.0
+                if forced > 0.0 and total > hi - 1e-9 * (1.0 + abs(hi)):
+                    over = max(total - hi, tol)
+                    direction = 1.0
+                elif forced < 0.0 and total < lo + 1e-9 * (1.0 + abs(lo)):
+                    over = max(lo - total, tol)
+                    direction = -1.0
+                elif total - hi > tol:
+                    over = total - hi
+                    direction = 1.0
+                elif lo - total > tol:
+                    over = lo - total
+                    direction = -1.0
+                else:
+                    continue
+                if worst < 0 or (not least and over > worst_by * (1.0 + 1e-9)):
+                    worst = f
+                    worst_by = over
+                    worst_dir = direction
+            elif abs(state) == 1.0:
+                accel = 0.0
+                size = 0.0
+                for j in range(n):
+                    accel += w[f, j] * work[oa + j]
+                    size += abs(w[f, j] * work[oa + j])
+                against = -accel * state
+                if against > 1e-11 * (1.0 + size) and (back < 0 or (not least and against > back_by)):
+                    back = f
+                    back_by = against
+        if least and worst >= 0 and back >= 0:
+            if back < worst:
+                worst = -1
+            else:
+                back = -1
+        if worst >= 0:
+            work[ost + worst] = worst_dir
+            work[oonce + worst] = 1.0
+            project(minv, w, ost, work)
+            if dependent(worst, w, minv, work, op):
+                work[ost + worst] = 3.0 * worst_dir
+        elif back >= 0:
+            work[ost + back] = STUCK
+        elif not changed:
+            done = True
+            break
+    if not done:
+        project(minv, w, ost, work)
+        count[N_CAPPED] += 1
+    made = 0
+    for f in range(m):
+        if work[ocand + f] == 0.0:
+            continue
+        old = mode[f]
+        new = int(work[ost + f])
+        if abs(new) >= 2:
+            if abs(old) < 2:
+                note(t, f, LOCK, events, count)
+                made += 1
+        elif abs(old) >= 2:
+            note(t, f, BREAK, events, count)
+            made += 1
+        elif old == 0:
+            note(t, f, CLOSE, events, count)
+            made += 1
+        elif old != new:
+            note(t, f, CROSS, events, count)
+            made += 1
+        mode[f] = new
+        work[ocand + f] = 0.0
+    for f in range(m):
+        # the root leaves a slip of rounding size; take it out so that locked means locked
+        if mode[f] == STUCK:
+            slip = 0.0
+            for j in range(n):
+                slip += w[f, j] * v[j]
+            work[oslip + f] = slip
+    for f in range(m):
+        if mode[f] == STUCK:
+            for j in range(n):
+                v[j] -= work[orr + f * n + j] * work[oslip + f]
+    return made

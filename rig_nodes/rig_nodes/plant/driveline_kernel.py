@@ -1,0 +1,406 @@
+"""One step of the general driveline, compiled: stick/slip events at their exact time inside the step.
+
+Used by plant/driveline.py (description and runner) and by every larger kernel that moves a drive
+train; topology comes in as arrays only, so one compiled function serves every arrangement.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from rig_nodes.plant.driveline_algebra import (
+    BACKWARD, CLOSE, CROSS, E_FRIC, E_SHAFT, E_VISC, FORWARD, FREE, HEAD, IMPULSE, KIN0, KIN1, LAM,
+    LOCKED_HIGH, LOCKED_LOW, N_CAPPED, OPEN, STUCK, TAU, VISC, has_capacity, high, implicit, lin, low,
+    project)
+from rig_nodes.plant.driveline_joint import note, resolve
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def first_down(y0, b, y1, d, tol):
+    """First time in [0, d] at which y0 + b t + a t^2 (end value y1) goes below zero; inf if it does not."""
+    # the parabola lies above its chord or above its tangent at the start
+    if y0 > tol and y1 > 0.0 and (b >= 0.0 or y0 + b * d > 0.0):
+        return np.inf
+    a = (y1 - y0 - b * d) / (d * d)
+    if y0 > tol:
+        disc = b * b - 4.0 * a * y0
+        if disc <= 0.0:
+            return np.inf
+        if y1 > 0.0 and y0 - b * b / (4.0 * a) >= -tol:
+            return np.inf
+        den = math.sqrt(disc) - b
+        if den <= 0.0:
+            return np.inf
+        t = 2.0 * y0 / den
+        return t if t <= d else (d if y1 <= 0.0 else np.inf)
+    if y0 < -tol:
+        # an unfinished root: fine while the slip is on its way to the right side
+        return 0.0 if b < 0.0 else np.inf
+    low = y1 - y0
+    if a > 0.0 and b < 0.0 and -b < 2.0 * a * d:
+        low = -b * b / (4.0 * a)
+    if low >= -tol:
+        return np.inf
+    return -b / a if b > 0.0 else 0.0
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def driveline_step(h, t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_in, events, count, work):
+    """Move a driveline from t to t + h; returns the number of events in the step.
+
+    n speeds, m friction elements (m <= 50), s shafts; every array float64, C-contiguous, unless said
+    otherwise; SI units; modes, kinds and row names from driveline_algebra. Nothing is allocated.
+    Equations of motion and law of friction:
+    M dv/dt = q - W^T (lam + visc W v) - S^T tau, tau = k twist + c S v, d twist/dt = S v, slip = W v;
+    slipping: lam = sign(slip) kin; stuck: slip = 0, lo <= lam <= hi.
+
+    Constants   minv (n, n) inverse of M; w (m, n); sh (s, n) = S; kc (2, s): stiffness, damping.
+    Inputs      q (2, n) and cap (7, m): rows KIN0, KIN1 kinetic torque >= 0, LO0, LO1 <= 0 and HI0, HI1
+                >= 0 stick limits (a limit below the kinetic torque counts as the kinetic torque; infinite
+                at both ends or at none), VISC drag coefficient over the step. Rows 0 and 1 of q and the
+                0/1 pairs hold the right limit at t and the left limit at t + h; linear in between, so
+                jumps belong on step boundaries. An element with kin, lo, hi zero at both ends is OPEN.
+    State       v (n,), twist (s,), mode (m,) int64: all changed in place. A mode OPEN is set by itself at
+                the start of the step; a locked element must have zero slip when it is handed in.
+    Outputs     el (4, m): LAM friction torque at the end (positive opposes positive slip, without drag);
+                IMPULSE += int lam dt; E_FRIC += int lam slip dt; E_VISC += int visc slip^2 dt;
+                shaft (2, s): TAU at the end; E_SHAFT += int c (S v)^2 dt; e_in (n,) += int q v dt.
+    Events      events (rows, 3): time, element, kind, a ring filled from row 0; count (2,) int64: N_EVENTS
+                noted so far, N_CAPPED steps in which the bound on events or pivots was reached. Beyond
+                6 m + 12 events in one step the rest of it runs with the modes as they are.
+    work        float64, at least work_size(n, m, s), zeros at first.
+
+    Method: with fixed modes the trapezoidal rule, which is exact where there is neither drag nor shaft
+    (acceleration linear, speed quadratic in time) and A-stable where there is. Zero slip and overload are
+    roots of the quadratic and of the linear function; with drag or shafts the shortened step is solved
+    again until its end meets the root. Energies are mean torque times mean slip: the trapezoidal rule
+    satisfies work = kinetic + spring energy + losses with these to rounding, for any step, and no loss
+    can come out negative; against the exact integral they are of second order in the step.
+    """
+    n = minv.shape[0]
+    m = w.shape[0]
+    s = sh.shape[0]
+    op = HEAD + m
+    oh = op + n * n
+    orr = oh + n * n
+    of = orr + 2 * n * n + 2 * m * n + 3 * m * m
+    oa = of + n
+    odf = oa + n
+    odv = odf + n
+    orate = odv + n
+    ost = orate + s
+    ocand = ost + m
+    oforce = ocand + m
+    os0 = oforce + 3 * m
+    os1 = os0 + m
+    ol0 = os1 + m
+    ol1 = ol0 + m
+    made = 0
+    joint = False
+    vmax = 0.0
+    for j in range(n):
+        vmax = max(vmax, abs(v[j]))
+    tol = 1e-12 * (1.0 + vmax)
+    for f in range(m):
+        mo = mode[f]
+        work[oforce + f] = 0.0
+        if not has_capacity(cap, f):
+            if mo != OPEN:
+                note(t, f, FREE, events, count)
+                made += 1
+                mode[f] = OPEN
+        elif mo == OPEN or abs(mo) == 1:
+            slip = 0.0
+            for j in range(n):
+                slip += w[f, j] * v[j]
+            if mo == OPEN:
+                if abs(slip) <= tol:
+                    work[ocand + f] = 1.0
+                    joint = True
+                else:
+                    mode[f] = FORWARD if slip > 0.0 else BACKWARD
+                    note(t, f, CLOSE, events, count)
+                    made += 1
+            elif mo * slip < -tol:
+                if mo * slip < -1e-6 * (1.0 + vmax):
+                    # left behind by a capped step, or the caller has set another speed
+                    mode[f] = -mo
+                    note(t, f, CROSS, events, count)
+                    made += 1
+                else:
+                    work[ocand + f] = 1.0
+                    joint = True
+        elif mo != STUCK:
+            joint = True
+    tl = 0.0
+    passes = 0
+    stalls = 0
+    while True:
+        if joint:
+            for f in range(m):
+                if abs(mode[f]) >= 2:
+                    work[ocand + f] = 1.0
+                elif mode[f] != OPEN:
+                    slip = 0.0
+                    for j in range(n):
+                        slip += w[f, j] * v[j]
+                    if abs(slip) <= tol:
+                        work[ocand + f] = 1.0
+            # a joint decision that did not hold is one between equals: decide it a little later in the inputs
+            ahead = (h - tl) * min(1e-3, 10.0 ** (stalls - 10)) if stalls > 1 else 0.0
+            made += resolve((tl + ahead) / h, t + tl, minv, w, sh, kc, q, cap, v, twist, mode, events,
+                            count, work)
+            joint = False
+        passes += 1
+        watch = passes <= 6 * m + 12
+        if passes == 6 * m + 13:
+            count[N_CAPPED] += 1
+        xa = tl / h
+        left = h - tl
+        if left <= 0.0:
+            break
+        # forces at the start of the sub-step
+        pattern = 1.0
+        bit = 1.0
+        for j in range(n):
+            work[of + j] = lin(q[0, j], q[1, j], xa)
+        for a in range(s):
+            rate = 0.0
+            for j in range(n):
+                rate += sh[a, j] * v[j]
+            work[orate + a] = rate
+            torque = kc[0, a] * twist[a] + kc[1, a] * rate
+            for j in range(n):
+                work[of + j] -= sh[a, j] * torque
+        for f in range(m):
+            mo = mode[f]
+            slip = 0.0
+            for j in range(n):
+                slip += w[f, j] * v[j]
+            work[os0 + f] = slip
+            torque = 0.0
+            if mo == FORWARD or mo == BACKWARD:
+                torque = mo * lin(cap[KIN0, f], cap[KIN1, f], xa)
+            elif mo == STUCK:
+                pattern += bit
+            elif mo == LOCKED_HIGH:
+                torque = high(cap, f, xa)
+            elif mo == LOCKED_LOW:
+                torque = low(cap, f, xa)
+            bit *= 2.0
+            work[ol0 + f] = torque
+            torque += cap[VISC, f] * slip
+            for j in range(n):
+                work[of + j] -= w[f, j] * torque
+        if work[0] != pattern:
+            for f in range(m):
+                work[ost + f] = mode[f]
+            project(minv, w, ost, work)
+        for i in range(n):
+            total = 0.0
+            for j in range(n):
+                total += work[op + i * n + j] * work[of + j]
+            work[oa + i] = total
+        for f in range(m):
+            if mode[f] == STUCK:
+                total = 0.0
+                for j in range(n):
+                    total += work[orr + f * n + j] * work[of + j]
+                work[ol0 + f] = total
+        d = left
+        hit = -1
+        side = 0
+        below = 0.0
+        above = left
+        tries = 0
+        missed = False
+        while True:
+            stale = work[1] != pattern or (work[3] != 0.0 and work[2] != d)
+            for f in range(m):
+                if work[HEAD + f] != cap[VISC, f]:
+                    stale = True
+            if stale:
+                implicit(d, w, sh, kc, cap, work)
+            xb = 1.0 if d == left else (tl + d) / h
+            for j in range(n):
+                work[odf + j] = lin(q[0, j], q[1, j], xb) - lin(q[0, j], q[1, j], xa)
+            for f in range(m):
+                mo = mode[f]
+                if mo == OPEN:
+                    work[ol1 + f] = 0.0
+                elif mo != STUCK:
+                    if mo == LOCKED_HIGH:
+                        torque = high(cap, f, xb)
+                    elif mo == LOCKED_LOW:
+                        torque = low(cap, f, xb)
+                    else:
+                        torque = mo * lin(cap[KIN0, f], cap[KIN1, f], xb)
+                    work[ol1 + f] = torque
+                    torque -= work[ol0 + f]
+                    for j in range(n):
+                        work[odf + j] -= w[f, j] * torque
+            # spring force grows by k d (rate at the start) before anything implicit
+            for a in range(s):
+                torque = kc[0, a] * d * work[orate + a]
+                for j in range(n):
+                    work[odf + j] -= sh[a, j] * torque
+            for i in range(n):
+                total = 0.0
+                for j in range(n):
+                    total += work[oh + i * n + j] * (work[of + j] + 0.5 * work[odf + j])
+                work[odv + i] = d * total
+            for a in range(s):
+                gain = 0.0
+                for j in range(n):
+                    gain += sh[a, j] * work[odv + j]
+                torque = (kc[1, a] + 0.5 * d * kc[0, a]) * gain
+                for j in range(n):
+                    work[odf + j] -= sh[a, j] * torque
+            for f in range(m):
+                gain = 0.0
+                for j in range(n):
+                    gain += w[f, j] * work[odv + j]
+                work[os1 + f] = work[os0 + f] + gain
+                torque = cap[VISC, f] * gain
+                for j in range(n):
+                    work[odf + j] -= w[f, j] * torque
+            for f in range(m):
+                if mode[f] == STUCK:
+                    total = 0.0
+                    for j in range(n):
+                        total += work[orr + f * n + j] * (work[of + j] + work[odf + j])
+                    work[ol1 + f] = total
+            if not watch:
+                break
+            first = np.inf
+            who = -1
+            way = 0
+            gap = 0.0
+            again = np.inf
+            for f in range(m):
+                mo = mode[f]
+                if mo == FORWARD or mo == BACKWARD:
+                    y0 = mo * work[os0 + f]
+                    y1 = mo * work[os1 + f]
+                    speeding = 0.0
+                    for j in range(n):
+                        speeding += w[f, j] * work[oa + j]
+                    if f == hit:
+                        gap = y1
+                        # beyond the end where that lies short of the root
+                        fall = 2.0 * (y1 - y0) / d - mo * speeding
+                        if y1 <= 0.0:
+                            again = first_down(y0, mo * speeding, y1, d, tol)
+                        elif fall < 0.0:
+                            again = d - y1 / fall
+                        continue
+                    te = first_down(y0, mo * speeding, y1, d, tol)
+                    if te < first:
+                        first = te
+                        who = f
+                        way = 0
+                elif mo == STUCK:
+                    l0 = work[ol0 + f]
+                    l1 = work[ol1 + f]
+                    lim = 1e-11 * (1.0 + abs(l0) + abs(l1))
+                    for sign in (1, -1):
+                        if sign > 0:
+                            y0 = high(cap, f, xa) - l0
+                            y1 = high(cap, f, xb) - l1
+                        else:
+                            y0 = l0 - low(cap, f, xa)
+                            y1 = l1 - low(cap, f, xb)
+                        te = d * y0 / (y0 - y1) if y0 > 0.0 and y1 < y0 else 0.0
+                        if f == hit and sign == side:
+                            gap = y1
+                            again = te
+                        elif y1 < -lim or y0 < -4.0 * lim:
+                            if te < first:
+                                first = te
+                                who = f
+                                way = sign
+            if hit < 0:
+                if who < 0:
+                    break
+                hit = who
+                side = way
+                if first >= d * (1.0 - 1e-12):
+                    break
+                if first <= 1e-12 * h:
+                    d = 0.0
+                    break
+                d = first
+            else:
+                # linear problems have met the root; with drag or shafts the shortened step ends elsewhere
+                tries += 1
+                if work[3] == 0.0 or tries > 60:
+                    break
+                if first < d * (1.0 - 1e-9):
+                    hit = who
+                    side = way
+                    below = 0.0
+                    above = d
+                    if first <= 1e-12 * h:
+                        d = 0.0
+                        break
+                    d = first
+                    continue
+                if abs(gap) <= 1e-13 * (1.0 + vmax) or again == d:
+                    break
+                if gap > 0.0:
+                    below = d
+                else:
+                    above = d
+                if above - below <= 1e-15 * h:
+                    # a graze that only the longer step had seen
+                    missed = gap > 1e-9 * (1.0 + vmax)
+                    break
+                d = again if below < again < above else 0.5 * (below + above)
+        if d > 0.0:
+            stuck = False
+            for f in range(m):
+                work[oforce + f] = 0.0
+                lam = 0.5 * (work[ol0 + f] + work[ol1 + f])
+                slip = 0.5 * (work[os0 + f] + work[os1 + f])
+                el[LAM, f] = work[ol1 + f]
+                el[IMPULSE, f] += d * lam
+                if mode[f] == FORWARD or mode[f] == BACKWARD:
+                    el[E_FRIC, f] += d * lam * slip
+                elif mode[f] == STUCK:
+                    stuck = True
+                el[E_VISC, f] += d * cap[VISC, f] * slip * slip
+            for j in range(n):
+                force = 0.5 * (lin(q[0, j], q[1, j], xa) + lin(q[0, j], q[1, j], xb))
+                e_in[j] += d * force * (v[j] + 0.5 * work[odv + j])
+                v[j] += work[odv + j]
+            for a in range(s):
+                gain = 0.0
+                for j in range(n):
+                    gain += sh[a, j] * work[odv + j]
+                rate = work[orate + a] + 0.5 * gain
+                twist[a] += d * rate
+                shaft[E_SHAFT, a] += d * kc[1, a] * rate * rate
+                shaft[TAU, a] = kc[0, a] * twist[a] + kc[1, a] * (work[orate + a] + gain)
+            if stuck:
+                # without this, rounding would let a locked clutch creep over millions of steps
+                for f in range(m):
+                    if mode[f] == STUCK:
+                        slip = 0.0
+                        for j in range(n):
+                            slip += w[f, j] * v[j]
+                        work[os1 + f] = slip
+                for f in range(m):
+                    if mode[f] == STUCK:
+                        for j in range(n):
+                            v[j] -= work[orr + f * n + j] * work[os1 + f]
+            tl = h if d == left else tl + d
+        if hit < 0:
+            break
+        stalls = 0 if d > 0.0 else stalls + 1
+        if missed:
+            continue
+        work[ocand + hit] = 1.0
+        work[oforce + hit] = side
+        joint = True
+    return made

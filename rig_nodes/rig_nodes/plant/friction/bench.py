@@ -1,0 +1,102 @@
+"""The multi-plate clutch bench of the thesis, chapter 8: its packs, its clamp force, what each model predicts
+there.
+
+Used by friction.comparison; usable alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import closed
+from .geometry import PackGeometry, not_negative, number
+
+SPRING_TRAVEL = 4e-3  # m, how far the springs of (8.1) were pressed, 8.1.6
+# F_s [N] over s [mm], from s^6 down to the constant, (8.1). The print has + 38.063 s^5 and with it 79 kN at 4
+# mm, far above the testing machine's 10 kN; with the minus the line rises evenly to 0.91 kN.
+SPRING_FORCE = (2.9035, -38.063, 197.57, -515.09, 658.13, -38.596, 9.8468)
+CYLINDER_FORCE = (63.034, 1251.7, -123.7)  # F_p [N] over p_z [MPa], (8.2), measured up to about 5 kN
+
+
+@dataclass(frozen=True)
+class BenchPack:
+    """One size of plates on the bench. Lengths in m; ``surfaces``: the numbers of friction surfaces that were
+    tested."""
+
+    name: str
+    inner_diameter: float
+    outer_diameter: float
+    inner_spline_diameter: float
+    outer_spline_diameter: float
+    plate_thickness: tuple[float, ...]
+    surfaces: tuple[int, ...]
+    material: str
+    source: str
+
+    def geometry(self, surfaces: int) -> PackGeometry:
+        """The pack with this number of friction surfaces; ValueError when it was not on the bench."""
+        if surfaces not in self.surfaces:
+            known = ", ".join(map(str, self.surfaces))
+            raise ValueError(f"{self.name} was tested with {known} surfaces, not {surfaces}")
+        return PackGeometry(float(surfaces), self.inner_diameter / 2.0, self.outer_diameter / 2.0,
+                            self.inner_spline_diameter, self.outer_spline_diameter, 30.0)
+
+
+ALL = (18, 16, 14, 12, 10)
+STEEL = ((33e-3, 135e-3), "steel S355J2 on steel S355J2")  # DIN 5480 N 36x1.5x22 and W 140x3x45, tab. 8.3
+LINED = ((42e-3, 80e-3), "organic JP402 on steel")  # the gearbox's plates, tab. 3.3, in adapters (fig. 8.3)
+
+
+def _pack(name, inner, outer, thickness, surfaces, plates, source) -> BenchPack:
+    splines, material = plates
+    return BenchPack(name, inner, outer, *splines, thickness, surfaces, material, source)
+
+
+PACKS = {pack.name: pack for pack in (
+    _pack("80x115", 80e-3, 115e-3, (1e-3, 1.5e-3, 2e-3), ALL, STEEL, "tab. 8.1-8.3, 8.3.1"),
+    _pack("80x101.9", 80e-3, 101.9e-3, (2e-3,), ALL, STEEL, "tab. 8.1-8.3, 8.3.2"),
+    _pack("65x115", 65e-3, 115e-3, (2e-3,), ALL, STEEL, "tab. 8.1-8.3, 8.3.3"),
+    _pack("46x88.9", 46e-3, 88.9e-3, (2.5e-3,), (18, 16), STEEL, "tab. 8.1-8.3, 8.3.4; 16 surfaces seized"),
+    _pack("50x76", 50e-3, 76e-3, (1e-3, 3e-3), ALL, LINED, "tab. 3.3, 8.3.5"),
+)}
+
+
+def spring_force(travel):
+    """F_s [N] of the six springs at ``travel`` s [m], (8.1) with its lost sign; ValueError outside 0 to 4
+    mm."""
+    s = number(travel)
+    if not np.all((np.asarray(s) >= 0.0) & (np.asarray(s) <= SPRING_TRAVEL)):
+        raise ValueError(f"travel goes from {np.min(s):g} to {np.max(s):g} m, the springs were measured "
+                         f"from 0 to {SPRING_TRAVEL:g} m")
+    return number(np.polyval(SPRING_FORCE, s * 1e3))
+
+
+def cylinder_force(pressure):
+    """F_p [N] of the cylinder at ``pressure`` p_z [Pa], (8.2); 0 below about 0.1 MPa, where its seals hold
+    it."""
+    pressure = number(pressure)
+    not_negative(pressure=pressure)
+    return number(np.maximum(0.0, np.polyval(CYLINDER_FORCE, pressure * 1e-6)))
+
+
+def clamp_force(pressure, travel):
+    """F_a [N], (8.3): cylinder less springs, 0 where the springs are stronger. Pressure [Pa] and travel [m]
+    broadcast."""
+    return number(np.maximum(0.0, cylinder_force(pressure) - spring_force(travel)))
+
+
+def slip_torques(pack: PackGeometry, force, friction, friction_spline) -> dict:
+    """Torque [Nm] at which the clamped pack would slip, by model; shapes and errors as in friction.closed.
+
+    ``force`` from :func:`clamp_force`. Osinski's factor is carried on beyond 10 surfaces, as chapter 8 does.
+    Measured torques are these times k_kor, plus M_rest: friction.closed.corrected.
+    """
+    return {
+        "traditional": closed.traditional(pack, force, friction),
+        "osinski": closed.osinski(pack, force, friction, beyond_table=True),
+        "newcomb": closed.newcomb(pack, force, friction, friction_spline),
+        "chen": closed.chen(pack, force, friction, friction_spline),
+        "thesis": closed.thesis(pack, force, friction, friction_spline),
+    }

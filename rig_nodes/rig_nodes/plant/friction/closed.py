@@ -1,0 +1,150 @@
+"""Torque of plates in solid contact, (6.13)-(6.21) and (6.54)-(6.56) of the thesis.
+
+Used by plant.clutch (the thesis's model), friction.bench and friction.comparison. Each model gives the torque
+of the whole pack, static or kinetic by the friction that is given to it; it is proportional to the clamp
+force.
+
+All of them: ``pack`` a PackGeometry; ``force`` the clamp force F_a [N]; ``friction`` mu of the surfaces [-];
+``friction_spline`` of the splines [-]. Force and frictions are numbers or arrays that broadcast together; the
+result is the torque [Nm] in their common shape. ValueError for a pack that cannot be, negative or infinite
+force or friction.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .geometry import PackGeometry, not_negative, number, positive
+
+OSINSKI_TABLE = (2, 10)  # surfaces for which tab. 6.1 gives k_os
+OSINSKI_STEP = 0.03
+
+
+def traditional(pack: PackGeometry, force, friction):
+    """n mu r_m F_a, (6.13) with (6.27), (6.29): no loss in the splines."""
+    pack.check()
+    force, friction = number(force), number(friction)
+    not_negative(force=force, friction=friction)
+    return force * (pack.surfaces * friction * pack.mean_radius)
+
+
+def osinski_factor(surfaces):
+    """k_os(n) [-], shape of ``surfaces``: 1 - 0.03 (n - 2), the arithmetic series of tab. 6.1 carried on.
+
+    The table has n = 2 to 10, and for wet clutches only (dry ones have 1). n k_os is largest at 18 surfaces
+    and negative from 36, which the thesis calls against physics. One surface has 1 (own; the series would
+    give 1.03). ValueError below 1 surface.
+    """
+    n = number(surfaces)
+    if not np.all(np.asarray(n) >= 1):
+        raise ValueError(f"surfaces is {np.min(n):g}, expected at least 1")
+    return number(np.minimum(1.0, 1.0 - OSINSKI_STEP * (n - 2)))
+
+
+def osinski(pack: PackGeometry, force, friction, beyond_table: bool = False):
+    """k_os times the traditional torque, (6.14), whatever the splines are like.
+
+    ValueError outside tab. 6.1 (2 to 10 surfaces) unless ``beyond_table``, and where k_os is not positive (36
+    and more). Chapter 8 compares with 10 to 18 surfaces, so it must have carried the series on.
+    """
+    pack.check()
+    low, high = OSINSKI_TABLE
+    if not beyond_table and not low <= pack.surfaces <= high:
+        raise ValueError(f"Osinski's table has {low} to {high} surfaces, not {pack.surfaces:g}; "
+                         "beyond_table=True carries it on")
+    factor = osinski_factor(pack.surfaces)
+    if factor <= 0.0:
+        raise ValueError(f"Osinski's factor is {factor:.2f} at {pack.surfaces:g} surfaces, where it has "
+                         "no meaning")
+    return factor * traditional(pack, force, friction)
+
+
+def newcomb(pack: PackGeometry, force, friction, friction_spline):
+    """Newcomb's pack, (6.15)-(6.19): straight splines at R_1 (shaft), R_2 (hub), friction between.
+
+    (6.15) numbers the surfaces i_s = 2 ... n, but as a torque of single surfaces it fails without spline
+    friction (surface 2 of 4 would carry 5/3 of F mu R_m). With i_s and n both read as the number of plates it
+    is the mean torque of the surfaces, and times their number it equals the balance of a pack whose first
+    plate sits on the shaft. That reading is used here. R_m = (R_1 + R_2)/2 stands for the ring, and the
+    pressure angle has no part in it.
+
+    With B, C of (6.16), (6.17), m = plates // 2, y delta = exp(-2 (artanh B + artanh C)): M / (F mu R_m) is
+    (1 - (y delta)^m) / (B + C), less (y delta)^m / (1 - B) when the number of plates is even.
+    ValueError also when B or C reach 1: a plate would then take all of the clamp force.
+    """
+    pack.check()
+    force, friction, friction_spline = number(force), number(friction), number(friction_spline)
+    not_negative(force=force, friction=friction, friction_spline=friction_spline)
+    shaft, hub = pack.inner_spline_diameter / 2.0, pack.outer_spline_diameter / 2.0
+    radius = (shaft + hub) / 2.0
+    b = np.asarray(friction * friction_spline) * (radius / shaft)
+    c = np.asarray(friction * friction_spline) * (radius / hub)
+    if np.any(b >= 1.0):
+        raise ValueError(f"friction times spline friction takes {np.max(b):.2f} of the clamp force at one "
+                         "plate; (6.15) holds below 1")
+    plates = int(pack.surfaces) + 1
+    fall = -2.0 * (plates // 2) * (np.arctanh(b) + np.arctanh(c))  # ln of (y delta)^m
+    both = b + c
+    share = np.where(both > 0.0, -np.expm1(fall) / np.where(both > 0.0, both, 1.0), 2.0 * (plates // 2))
+    if plates % 2 == 0:
+        share = share - np.exp(fall) / (1.0 - b)
+    return number(force * friction * radius * share)
+
+
+def thesis(pack: PackGeometry, force, friction, friction_spline, friction_inner_spline=None,
+           releasing: bool = False):
+    """(6.54), (6.55): friction of both splines takes clamp force plate by plate, the first in the hub.
+
+    With a = d_po/2 cos(alpha), b = d_pin/2 cos(alpha), C = mu r_m (6.33), surface i carries F_a times
+    C a/(a + C mu_o)^(k+1) (a - C mu_o)^k ((b - C mu_in)/(b + C mu_in))^j, j = i // 2, k = (i - 1) // 2.
+    (6.55) prints floor(i/2) for both exponents; (6.54) and Annex D agree on the two given here, and the
+    second surface (6.45) comes out only with them. (6.36) prints mu for mu_o, the text below it names mu_o.
+
+    ``friction_spline`` is mu_o, and mu_in too unless ``friction_inner_spline`` gives that.
+    ``releasing``: while the pack is released the plates slide the other way on their splines and the same
+    friction holds clamp force in the pack: both spline frictions change sign (our reading, not the thesis's).
+
+    ValueError also when a plate's spline would take, or when releasing hold, all of the clamp force
+    (C mu_o >= a or C mu_in >= b): the plates are then locked on the splines and (6.54) has no meaning.
+    """
+    pack.check()
+    inner = friction_spline if friction_inner_spline is None else friction_inner_spline
+    force, friction, outer, inner = number(force), number(friction), number(friction_spline), number(inner)
+    not_negative(force=force, friction=friction, friction_spline=outer, friction_inner_spline=inner)
+    c = friction * pack.mean_radius  # (6.33)
+    a, b = pack.outer_spline_arm, pack.inner_spline_arm
+    co, ci = c * outer, c * inner
+    worst = max(np.max(co / a), np.max(ci / b))
+    if worst >= 1.0:
+        raise ValueError(f"friction times spline friction takes {worst:.2f} of the clamp force at one "
+                         "plate, which is then locked on its spline; (6.54) holds below 1")
+    if releasing:
+        co, ci = -co, -ci
+    total = 0.0
+    for i in range(1, int(pack.surfaces) + 1):
+        j, k = i // 2, (i - 1) // 2
+        total = total + c * a / (a + co) ** (k + 1) * (a - co) ** k * ((b - ci) / (b + ci)) ** j
+    return force * total
+
+
+def chen(pack: PackGeometry, force, friction, friction_outer_spline):
+    """Chen's pack, (6.20), (6.21): pressure falls only at plates with an outer spline, by F_ch / A.
+
+    (6.21) gives the torque on each plate, from both its faces; the pack's torque is the sum over the plates
+    of one kind. The thesis does not say whether the clamped plate, number 0, loses too; here (6.20) holds for
+    it as well (own), so this is the thesis's model without friction on the inner splines. Errors as in
+    :func:`thesis`.
+    """
+    return thesis(pack, force, friction, friction_outer_spline, friction_inner_spline=0.0)
+
+
+def corrected(torque, factor, rest_torque):
+    """k_kor M_t + M_rest, (6.56): a model's torque [Nm] laid on a measurement; all broadcast together.
+
+    ``factor``: k_kor [-], slope measured over slope of the model; ``rest_torque``: M_rest [Nm], what the
+    measured line has left without clamp force. ValueError for a factor not above 0 or a negative rest.
+    """
+    torque, factor, rest_torque = number(torque), number(factor), number(rest_torque)
+    positive(factor=factor)
+    not_negative(rest_torque=rest_torque)
+    return factor * torque + rest_torque

@@ -1,0 +1,174 @@
+"""Drag torque of oil, and of oil with contact, between slipping plates: (6.1)-(6.12) of the thesis.
+
+Used by plant.clutch (Kitabayashi's model) and by the picture of fig. 6.5. The thesis gives Kitabayashi for n
+surfaces and the others for one; here each gives ``pack.surfaces`` times one surface, all surfaces alike.
+
+All of them: ``slip`` w_rel [rad/s], of either sign, which the torque follows; ``viscosity`` mu_D [Pa s];
+``gap`` h [m]. Numbers or arrays that broadcast together; the result is the torque [Nm] in their common shape.
+ValueError for a pack that cannot be, a gap that is not positive, a negative viscosity, a film that leaves the
+ring.
+"""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+
+from .geometry import PackGeometry, not_negative, number, part_of_one, positive
+
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(48)  # exact for polynomials up to degree 95
+
+
+def kitabayashi(pack: PackGeometry, slip, viscosity, gap):
+    """n pi mu_D r_m^2 (R_z^2 - R_w^2) w / h, (6.4): laminar film over the whole ring."""
+    pack.check()
+    slip, viscosity, gap = number(slip), number(viscosity), number(gap)
+    not_negative(viscosity=viscosity)
+    positive(gap=gap)
+    ri, ro = pack.inner_radius, pack.outer_radius
+    return pack.surfaces * pi * pack.mean_radius**2 * (ro**2 - ri**2) * viscosity * slip / gap
+
+
+def davis_viscous(pack: PackGeometry, slip, viscosity, gap, contact_share=0.0, flow_factor=1.0,
+                  flow_shear=0.0):
+    """(phi_f - phi_fs) times the integral of mu_D r^2 w / h over the film's area, (6.2).
+
+    ``viscosity``, ``gap`` and ``contact_share`` (part of the circle in contact, 0 to 1) are numbers, arrays
+    or functions of the radius: they are then called with an array of radii [m] and return as many values.
+    flow_factor phi_f, flow_shear phi_fs [-]. Closed form for constants: (phi_f - phi_fs) pi/2 mu_D (R_z^4 -
+    R_w^4) w / h. The thesis calls that equal to (6.4); it is 1.4 % more on the gearbox's ring, because the
+    mean of r^2 is not r_m^2. ValueError also for a contact share outside 0 to 1.
+    """
+    pack.check()
+    r, weight = _radii(pack.inner_radius, pack.outer_radius)
+    mu, h, share = _over(viscosity, r), _over(gap, r), _over(contact_share, r)
+    not_negative(viscosity=mu)
+    part_of_one(contact_share=share)
+    positive(gap=h)
+    ring = np.sum(weight * mu / h * (1.0 - share) * r**3, axis=-1)
+    return number(pack.surfaces * 2.0 * pi * ring * (number(flow_factor) - number(flow_shear)) * number(slip))
+
+
+def davis_boundary(pack: PackGeometry, friction, pressure, contact_share=1.0):
+    """Integral of mu_kin p_D r over the contact area, (6.3): the size of the torque [Nm], without a sign.
+
+    ``friction`` [-], ``pressure`` on the asperities [Pa] and ``contact_share`` are numbers, arrays or
+    functions of the radius as in :func:`davis_viscous`. Closed form for constants: n 2/3 pi mu_kin p (R_z^3 -
+    R_w^3) share. Splines take no clamp force here; the thesis (ch. 10) wants that added when this model is
+    used for a pack.
+    """
+    pack.check()
+    r, weight = _radii(pack.inner_radius, pack.outer_radius)
+    mu, p, share = _over(friction, r), _over(pressure, r), _over(contact_share, r)
+    not_negative(friction=mu, pressure=p)
+    part_of_one(contact_share=share)
+    return number(pack.surfaces * 2.0 * pi * np.sum(weight * mu * p * share * r**2, axis=-1))
+
+
+def davis(pack: PackGeometry, slip, viscosity, gap, friction, pressure, contact_share, flow_factor=1.0,
+          flow_shear=0.0):
+    """Davis, Sadeghi, Krousgrill (6.1): film (6.2) plus contact (6.3), with the sign of slip (+ at zero)."""
+    contact = davis_boundary(pack, friction, pressure, contact_share)
+    film = davis_viscous(pack, slip, viscosity, gap, contact_share, flow_factor, flow_shear)
+    return number(film + np.copysign(contact, number(slip)))
+
+
+def effective_gap(pack: PackGeometry, gap, groove_depth, land_area):
+    """h_eff = d_r (1 - A_cz / A) + h [m], (6.7): gap plus the grooves' depth spread over the ring.
+
+    ``groove_depth`` d_r [m]; ``land_area`` A_cz [m2], the ring without its grooves; all broadcast together.
+    ValueError when the land is larger than the ring.
+    """
+    pack.check()
+    gap, groove_depth, land_area = number(gap), number(groove_depth), number(land_area)
+    positive(gap=gap)
+    not_negative(groove_depth=groove_depth, land_area=land_area)
+    _no_more_than_the_ring(pack, land_area)
+    return groove_depth * (1.0 - land_area / pack.area) + gap
+
+
+def pahlovy(pack: PackGeometry, slip, viscosity, gap, film_radius):
+    """n pi mu_D r_m^2 (r_0^2 - R_w^2) w / h_eff, (6.6): film only from R_w to ``film_radius`` r_0 [m].
+
+    ``gap`` is h_eff of :func:`effective_gap`. r_m stays that of the whole ring, as (6.5) has it, so a short
+    film drags too much (a quarter with r_0 = 32 mm of fig. 6.5). At r_0 = R_z this is Kitabayashi's.
+    """
+    pack.check()
+    slip, viscosity, gap, film_radius = number(slip), number(viscosity), number(gap), number(film_radius)
+    not_negative(viscosity=viscosity)
+    positive(gap=gap)
+    _film_in_the_ring(pack, film_radius)
+    film = film_radius**2 - pack.inner_radius**2
+    return pack.surfaces * pi * pack.mean_radius**2 * film * viscosity * slip / gap
+
+
+def peng_yuan(pack: PackGeometry, slip, viscosity, gap, film_radius):
+    """n pi mu_D w / (2 h) (r_0'^4 - R_w^4), (6.8): ``film_radius`` r_0' [m] is where the closed film ends."""
+    pack.check()
+    slip, viscosity, gap, film_radius = number(slip), number(viscosity), number(gap), number(film_radius)
+    not_negative(viscosity=viscosity)
+    positive(gap=gap)
+    _film_in_the_ring(pack, film_radius)
+    return pack.surfaces * pi * viscosity * slip / (2.0 * gap) * (film_radius**4 - pack.inner_radius**4)
+
+
+def liquid_share(angle, gas_angle):
+    """phi = (alpha - beta) / alpha [-], (6.12): ``gas_angle`` beta of the ``angle`` alpha is gas [rad],
+    broadcast.
+
+    ValueError unless 0 <= beta <= alpha and alpha > 0.
+    """
+    angle, gas_angle = number(angle), number(gas_angle)
+    positive(angle=angle)
+    part_of_one(gas_angle_over_angle=gas_angle / angle)
+    return (angle - gas_angle) / angle
+
+
+def iqbal(pack: PackGeometry, slip, viscosity, gap, film_radius, share, mist_viscosity, land_area=None):
+    """A_cz/A (M_PY + M_ra + M_rm), (6.9)-(6.11): Peng and Yuan's film, beyond r_0' liquid and mist side by
+    side.
+
+    ``share``: phi, liquid part of the circle, a number, an array or a function of the radius (called with an
+    array of radii [m]), see :func:`liquid_share`; ``mist_viscosity`` [Pa s]; ``land_area`` A_cz [m2], the
+    whole ring by default. The printed M_ra and M_rm carry n while M_PY (6.8) is for one surface: here all
+    three are for n surfaces, or a pack whose film fills the ring would drag as one surface. ValueError also
+    for a share outside 0 to 1.
+    """
+    film = peng_yuan(pack, slip, viscosity, gap, film_radius)
+    land_area = pack.area if land_area is None else number(land_area)
+    not_negative(mist_viscosity=mist_viscosity, land_area=land_area)
+    _no_more_than_the_ring(pack, land_area)
+    r, weight = _radii(number(film_radius), pack.outer_radius)
+    phi = _over(share, r)
+    part_of_one(share=phi)
+    liquid = np.sum(weight * phi * r**3, axis=-1)
+    mist = np.sum(weight * (1.0 - phi) * r**3, axis=-1)
+    beyond = 2.0 * pi * pack.surfaces * number(slip) / number(gap)
+    torque = film + beyond * (number(viscosity) * liquid + number(mist_viscosity) * mist)
+    return number(land_area / pack.area * torque)
+
+
+def _radii(inner, outer):
+    """Radii [m] and their weights [m] of Gauss-Legendre on inner to outer, along a new last axis."""
+    inner, outer = np.asarray(inner)[..., None], np.asarray(outer)[..., None]
+    half = (outer - inner) / 2.0
+    return inner + half * (NODES + 1.0), half * WEIGHTS
+
+
+def _over(value, r):
+    """A function of the radius at the radii, or a constant with room for them."""
+    return np.asarray(value(r), float) if callable(value) else np.asarray(value, float)[..., None]
+
+
+def _film_in_the_ring(pack: PackGeometry, film_radius) -> None:
+    inside = (np.asarray(film_radius) >= pack.inner_radius) & (np.asarray(film_radius) <= pack.outer_radius)
+    if not np.all(inside):
+        low, high = np.min(film_radius), np.max(film_radius)
+        raise ValueError(f"film_radius from {low:g} to {high:g} m leaves the ring from {pack.inner_radius:g} "
+                         f"to {pack.outer_radius:g} m")
+
+
+def _no_more_than_the_ring(pack: PackGeometry, land_area) -> None:
+    if np.any(np.asarray(land_area) > pack.area * (1.0 + 1e-12)):
+        raise ValueError(f"land_area is {np.max(land_area):g} m2, more than the ring's {pack.area:g} m2")

@@ -1,0 +1,90 @@
+"""Geometry of a plate pack: friction ring, splines, number of friction surfaces.
+
+Base of plant.clutch.PlatePack; every model of plant.friction takes a pack of this kind.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, pi, radians
+
+import numpy as np
+
+from ...config.schema import param
+
+
+@dataclass(frozen=True)
+class PackGeometry:
+    """Ring and splines of a pack that is clamped from one side (thesis tab. 3.3, 8.1-8.3); lengths in m.
+
+    Plates alternate, so ``surfaces`` friction surfaces belong to ``surfaces`` + 1 plates. Spline diameters
+    are pitch diameters; the inner spline stands on the shaft, the outer one in the hub.
+    """
+
+    surfaces: float = param("ratio", 1, 40)
+    inner_radius: float = param("length", 1e-3, 1.0)
+    outer_radius: float = param("length", 1e-3, 1.0)
+    inner_spline_diameter: float = param("length", 1e-3, 1.0)
+    outer_spline_diameter: float = param("length", 1e-3, 1.0)
+    pressure_angle_deg: float = param("ratio", 0.0, 60.0)
+
+    def check(self) -> None:
+        """ValueError with one sentence when no pack can look like this."""
+        if not (self.surfaces >= 1 and self.surfaces == int(self.surfaces)):
+            raise ValueError(f"surfaces is {self.surfaces:g}, expected a whole number of at least 1")
+        if not 0.0 < self.inner_radius < self.outer_radius:
+            raise ValueError(f"the friction ring from {self.inner_radius:g} to {self.outer_radius:g} m is "
+                             "empty; inner_radius must be positive and smaller than outer_radius")
+        shaft, hub = self.inner_spline_diameter / 2.0, self.outer_spline_diameter / 2.0
+        if not (0.0 < shaft <= self.inner_radius and self.outer_radius <= hub):
+            raise ValueError(f"the friction ring from {self.inner_radius:g} to {self.outer_radius:g} m must "
+                             f"lie between the splines at {shaft:g} and {hub:g} m")
+        if not 0.0 <= self.pressure_angle_deg < 90.0:
+            raise ValueError(f"pressure_angle_deg is {self.pressure_angle_deg:g}, expected 0 to below 90")
+
+    @property
+    def area(self) -> float:
+        """A, one friction surface [m2], (6.25)."""
+        return pi * (self.outer_radius**2 - self.inner_radius**2)
+
+    @property
+    def mean_radius(self) -> float:
+        """r_m, mean friction radius under even pressure [m], (6.5)."""
+        ri, ro = self.inner_radius, self.outer_radius
+        return 2.0 / 3.0 * (ro**3 - ri**3) / (ro**2 - ri**2)
+
+    @property
+    def outer_spline_arm(self) -> float:
+        """a = d_po/2 cos(alpha) [m]: torque on the hub's spline over the normal force there, (6.35)."""
+        return self.outer_spline_diameter / 2.0 * cos(radians(self.pressure_angle_deg))
+
+    @property
+    def inner_spline_arm(self) -> float:
+        """b = d_pin/2 cos(alpha) [m]: torque on the shaft's spline over the normal force there, (6.40)."""
+        return self.inner_spline_diameter / 2.0 * cos(radians(self.pressure_angle_deg))
+
+
+def number(value):
+    """The value as a float where it is one number, as a float64 array otherwise."""
+    return float(value) if np.ndim(value) == 0 else np.asarray(value, float)
+
+
+def not_negative(**values) -> None:
+    """ValueError naming the first value that is negative or not finite anywhere."""
+    for name, value in values.items():
+        if not np.all(np.isfinite(value) & (np.asarray(value) >= 0.0)):
+            raise ValueError(f"{name} is {np.min(value):g}, expected finite numbers of at least 0")
+
+
+def part_of_one(**values) -> None:
+    """ValueError naming the first value that is not within 0 to 1 everywhere."""
+    for name, value in values.items():
+        if not np.all((np.asarray(value) >= 0.0) & (np.asarray(value) <= 1.0)):
+            raise ValueError(f"{name} goes from {np.min(value):g} to {np.max(value):g}, expected 0 to 1")
+
+
+def positive(**values) -> None:
+    """ValueError naming the first value that is not above 0 everywhere."""
+    for name, value in values.items():
+        if not np.all(np.isfinite(value) & (np.asarray(value) > 0.0)):
+            raise ValueError(f"{name} is {np.min(value):g}, expected finite numbers above 0")

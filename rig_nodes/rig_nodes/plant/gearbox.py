@@ -1,0 +1,65 @@
+"""The HydmAG gearbox: ratios, inertias and losses, described for the general driveline.
+
+Used by testbench.rig to build the driveline and by plant.kernel for the loss torques.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+
+from numba import njit
+
+from ..config.schema import param
+from .driveline import Driveline
+
+# tab. 3.2: teeth of the wheels on the two power paths
+Z1, Z2, Z3, Z4, Z5, Z7, Z8 = 34, 33, 47, 41, 40, 37, 41
+RATIO_I = Z3 / Z1 * Z8 / Z4  # w_wej / w_wyj with S1 closed, tab. 3.1: 47/34
+RATIO_II = Z8 / Z5  # with S2 closed, tab. 3.1: 41/40
+# elements of the driveline, in this order
+S1, S2, LOSS_IN, LOSS_OUT, LOAD = range(5)
+RPM = pi / 30.0
+
+
+@dataclass(frozen=True)
+class GearboxConfig:
+    """Inertias and losses. Losses: constant + by speed (quadratic in n) and a share of the torque carried."""
+
+    inertia_in: float = param("inertia", 1e-3, 100.0)
+    inertia_in_gearbox: float = param("inertia", 0.0, 100.0)
+    inertia_out_z5: float = param("inertia", 1e-4, 100.0)
+    inertia_pump: float = param("inertia", 0.0, 100.0)
+    loss_in_share: float = param("ratio", 0.0, 0.5)
+    loss_out_constant: float = param("torque", 0.0, 100.0)
+    loss_out_share: float = param("ratio", 0.0, 0.5)
+
+
+def build_driveline(gearbox: GearboxConfig):
+    """The compiled description: shafts w0 and wk, clutches S1 and S2 on their wheels, both losses, the load.
+
+    Slip of S1 is wheel z3 (w_wej / i31) minus the intermediate shaft (w_wyj / i48); slip of S2 is w0 minus wheel
+    z5 (w_wyj / i58), (6.87)-(6.92). J_od is given on the z5 axis; on wk it is multiplied by (z8/z5)^2.
+    """
+    d = Driveline()
+    d.inertia("w0", gearbox.inertia_in)
+    d.inertia("wk", gearbox.inertia_out_z5 * RATIO_II**2)
+    d.clutch("S1", "w0", "wk", ca=Z1 / Z3, cb=Z8 / Z4)
+    d.clutch("S2", "w0", "wk", ca=1.0, cb=Z8 / Z5)
+    d.brake("loss_in", "w0")
+    d.brake("loss_out", "wk")
+    d.brake("load", "wk")
+    return d.build()
+
+
+@njit(cache=True)
+def loss_in(speed, torque, gearbox):
+    """Loss torque on w0 [Nm]: speed part of Annex D plus a share of the torque carried."""
+    n = abs(speed) / RPM
+    return max(0.0, -1.76e-6 * n * n + 4.58e-3 * n + 2.56) + gearbox.loss_in_share * abs(torque)
+
+
+@njit(cache=True)
+def loss_out(torque, gearbox):
+    """Loss torque on wk [Nm]: bearings and seals plus a share of the torque carried (meshes z5-z4-z7-z8)."""
+    return gearbox.loss_out_constant + gearbox.loss_out_share * abs(torque)

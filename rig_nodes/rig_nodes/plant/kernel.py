@@ -1,0 +1,190 @@
+"""The one compiled entry: plant, instruments and embedded controller, moved together in fixed order.
+
+Called by testbench.rig only. Everything it needs comes in as arrays; it allocates nothing and holds no lock.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from ..alfa46.law import OFF, OUTPUTS, current_loop, law_step
+from ..instruments.noise import noise
+from . import clutch as clutch_model
+from . import gearbox as gearbox_model
+from . import load_pump, oil_supply
+from . import motor as motor_model
+from . import valve as valve_model
+from .driveline_algebra import HI0, HI1, KIN0, KIN1, LAM, LO0, LO1, VISC
+from .driveline_kernel import driveline_step
+from .gearbox import LOAD, LOSS_IN, LOSS_OUT, S1
+
+VALVES = 2
+# columns of the logger's rows; the signal catalogue must agree (testbench.rig checks it)
+CHANNELS = ("M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2", "p_po", "I_zr_p1", "I_zr_p2", "p_p", "T_oil")
+M_WEJ, N_WEJ, M_WYJ, N_WYJ, P_1, P_2, P_PO, I_1, I_2, P_P, T_OIL = range(len(CHANNELS))
+NOISE, LOW, HIGH, QUANTUM = range(4)  # rows of the transducers' table
+# who drives the coils: duty from outside, the embedded law, or the plant's power stage on setpoints from outside
+BY_DUTY, BY_LAW, BY_SETPOINT = range(3)
+
+# work: given to the port since time 0; cut > 0: the valve but for its coil stands outside (plant.cut), and
+# cut_* is its answer
+VALVE_STATE = np.dtype([
+    ("duty", "f8"), ("pending", "f8"), ("current", "f8"), ("spool", "f8"), ("flow", "f8"), ("share", "f8"),
+    ("work", "f8"), ("cut", "f8"), ("cut_flow", "f8"), ("cut_slope", "f8"), ("cut_pressure", "f8"),
+])
+CLUTCH_STATE = np.dtype([
+    ("line", "f8"), ("chamber", "f8"), ("piston", "f8"), ("clamp", "f8"), ("kinetic", "f8"), ("static", "f8"),
+    ("drag", "f8"),
+])
+PLANT_STATE = np.dtype([
+    ("motor_torque", "f8"), ("motor_integral", "f8"), ("motor_setpoint", "f8"), ("supply", "f8"),
+    ("load_pressure", "f8"), ("m_wej", "f8"), ("m_wyj", "f8"), ("loss_in", "f8"), ("loss_out", "f8"),
+])
+# answers of a motor and a load outside the plant (plant.cut), held for a tick; motor, load > 0: it is there
+HELD = np.dtype([
+    ("motor", "f8"), ("motor_torque", "f8"), ("motor_setpoint", "f8"),
+    ("load", "f8"), ("load_capacity", "f8"), ("load_pressure", "f8"),
+])
+# what people, the sequencer and the safe state set
+SETTINGS = np.dtype([
+    ("motor_speed", "f8"), ("motor_on", "f8"), ("load_pressure", "f8"), ("load_on", "f8"), ("oil_pressure", "f8"),
+    ("oil_on", "f8"), ("safe", "f8"),
+])
+
+
+@njit(cache=True)
+def clutch_capacity(valve, cylinder, h, supply, oil, valve_parameters, clutch):
+    """One valve and clutch over h: coil, spool, line, chamber, piston, pack; leaves capacities in ``cylinder``."""
+    valve.current = valve_model.coil_current(valve.current, valve.duty, h, valve_parameters)
+    if valve.cut == 0.0:
+        valve.spool = valve_model.spool_position(
+            valve.spool, valve.current, cylinder.line, h, valve_parameters)
+        valve.share = valve_model.opening(valve.spool, valve_parameters)
+    line, chamber, piston, flow = clutch_model.cylinder_step(
+        cylinder.line, cylinder.chamber, cylinder.piston, valve, supply, h, oil, valve_parameters, clutch)
+    valve.flow = flow
+    valve.work += line * flow * h
+    cylinder.line, cylinder.chamber, cylinder.piston = line, chamber, piston
+    cylinder.clamp = clutch_model.pack_force(piston, clutch)[0]
+    cylinder.kinetic = clutch_model.held_torque(
+        cylinder.kinetic, cylinder.clamp, clutch.engaging_kinetic, clutch.releasing_kinetic)
+    cylinder.static = clutch_model.held_torque(
+        cylinder.static, cylinder.clamp, clutch.engaging_static, clutch.releasing_static)
+    cylinder.drag = clutch_model.drag_coefficient(piston, cylinder.clamp, oil.viscosity, clutch)
+
+
+@njit(cache=True)
+def measure(row, seed, index, v, valves, cylinders, plant, oil, gauges):
+    """One logger row: true value plus the transducer's noise, held inside its range, in steps of the logger.
+
+    gauges (4, channels): rows NOISE (standard deviation), LOW, HIGH (range) and QUANTUM (resolution).
+    """
+    row[M_WEJ], row[M_WYJ] = plant.m_wej, plant.m_wyj
+    row[N_WEJ], row[N_WYJ] = v[0], v[1]
+    row[P_1], row[P_2] = cylinders[0].line, cylinders[1].line
+    row[P_PO], row[P_P] = plant.load_pressure, plant.supply
+    row[I_1], row[I_2] = valves[0].current, valves[1].current
+    row[T_OIL] = oil.temperature
+    for c in range(row.size):
+        value = row[c] + gauges[NOISE, c] * noise(seed, c, index)
+        value = min(max(value, gauges[LOW, c]), gauges[HIGH, c])
+        row[c] = round(value / gauges[QUANTUM, c]) * gauges[QUANTUM, c]
+
+
+@njit(cache=True)
+def plant_step(h, t, settings, valves, cylinders, plant, held, v, twist, mode, el, shaft, e_in, events, count,
+               work, q, cap, minv, w, sh, kc, motor, gearbox, oil, load, valve_parameters, clutches):
+    """The plant from t to t + h: hydraulics first, then the driveline between the old and the new capacities."""
+    drawn = valves[0].flow + valves[1].flow
+    plant.supply = oil_supply.supply_pressure(plant.supply, settings.oil_pressure, settings.oil_on > 0.0, drawn, h, oil)
+    for k in range(VALVES):
+        f = S1 + k
+        cap[KIN0, f], cap[HI0, f] = cylinders[k].kinetic, cylinders[k].static
+        clutch_capacity(valves[k], cylinders[k], h, plant.supply, oil, valve_parameters[k], clutches[k])
+        cap[KIN1, f], cap[HI1, f] = cylinders[k].kinetic, cylinders[k].static
+        cap[LO0, f], cap[LO1, f] = -cap[HI0, f], -cap[HI1, f]
+        cap[VISC, f] = cylinders[k].drag
+
+    drive = settings.motor_on > 0.0 and settings.safe == 0.0
+    if held.motor > 0.0:
+        plant.motor_setpoint = held.motor_setpoint
+        plant.motor_torque = held.motor_torque if settings.safe == 0.0 else 0.0
+        q[0, 0] = plant.motor_torque
+    else:
+        plant.motor_setpoint = motor_model.next_setpoint(
+            plant.motor_setpoint, settings.motor_speed, v[0], drive, h, motor)
+        q[0, 0] = plant.motor_torque if drive else 0.0
+        plant.motor_torque, plant.motor_integral = motor_model.drive_torque(
+            plant.motor_torque, plant.motor_integral, plant.motor_setpoint, v[0], drive, h, motor)
+    q[1, 0] = plant.motor_torque
+
+    # losses and load resist: friction elements to ground, so they can hold a shaft but never turn it
+    if held.load > 0.0:
+        plant.load_pressure = held.load_pressure
+        cap[KIN1, LOAD] = max(0.0, held.load_capacity)
+    else:
+        plant.load_pressure = load_pump.line_pressure(
+            plant.load_pressure, settings.load_pressure, settings.load_on > 0.0, v[1], h, load)
+        cap[KIN1, LOAD] = load_pump.torque_capacity(plant.load_pressure, load)
+    plant.loss_in = gearbox_model.loss_in(v[0], plant.m_wej, gearbox)
+    plant.loss_out = gearbox_model.loss_out(plant.m_wyj, gearbox)
+    cap[KIN1, LOSS_IN], cap[KIN1, LOSS_OUT] = plant.loss_in, plant.loss_out
+    for f in (LOSS_IN, LOSS_OUT, LOAD):
+        # held over the step: their change is slow, and one torque per step keeps work and meters consistent
+        cap[KIN0, f] = cap[HI0, f] = cap[HI1, f] = cap[KIN1, f]
+        cap[LO0, f] = cap[LO1, f] = -cap[KIN1, f]
+
+    old_in, old_out = v[0], v[1]
+    driveline_step(h, t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_in, events, count, work)
+    # the torque meters sit between motor and gearbox and between gearbox and pump
+    plant.m_wej = 0.5 * (q[0, 0] + q[1, 0]) - (gearbox.inertia_in - gearbox.inertia_in_gearbox) * (v[0] - old_in) / h
+    plant.m_wyj = el[LAM, LOAD] + gearbox.inertia_pump * (v[1] - old_out) / h
+
+
+@njit(cache=True)
+def power_stage(row, safe, wiring, currents, outputs, config):
+    """The plant's current driver, for controllers that return setpoints: the box's current loop for each output.
+
+    Reads the coil currents of the logger row ``row`` and the setpoints in ``outputs``; leaves its duty there.
+    """
+    for k in range(VALVES):
+        currents[wiring[k]] = row[I_1 + k]
+    for k in range(OUTPUTS):
+        out = outputs[k]
+        current_loop(out.phase != OFF and not safe, currents[k], out, config)
+
+
+@njit(cache=True, nogil=True)
+def advance(samples, first_sample, steps_per_sample, h, seed, drive, wiring, settings, valves, cylinders, plant,
+            held, v, twist, mode, el, shaft, e_in, events, count, work, q, cap, minv, w, sh, kc, motor, gearbox,
+            oil, load, gauges, valve_parameters, clutches, law_config, law_profiles, law_outputs, law_state,
+            currents, log):
+    """Move everything by whole controller samples; row j of the ring ``log`` is the time j * h after 0.
+
+    Order at each controller sample: the duty answered to the last sample is applied, then (drive BY_LAW) the law
+    answers this one. So the controller acts with one sample of delay, in the kernel and outside it alike. BY_SETPOINT
+    the duty is that of the power stage for the newest setpoints and the currents of the last sample, which the
+    controller saw too: the same delay, wherever the current loop is closed.
+    """
+    rows = log.shape[0]
+    for s in range(first_sample, first_sample + samples):
+        row = log[(s * steps_per_sample) % rows]
+        if drive == BY_SETPOINT and s > 0:
+            power_stage(log[((s - 1) * steps_per_sample) % rows], settings[0].safe > 0.0, wiring, currents, law_outputs,
+                        law_config[0])
+        if drive != BY_DUTY:
+            for k in range(VALVES):
+                valves[k].pending = law_outputs[wiring[k]].duty
+        if drive == BY_LAW:
+            for k in range(VALVES):
+                currents[wiring[k]] = row[I_1 + k]
+            law_step(s, currents, law_config[0], law_profiles, law_outputs, law_state[0])
+        for k in range(VALVES):
+            valves[k].duty = 0.0 if settings[0].safe > 0.0 else valves[k].pending
+        for i in range(steps_per_sample):
+            index = s * steps_per_sample + i
+            plant_step(h, index * h, settings[0], valves, cylinders, plant[0], held[0], v, twist, mode, el,
+                       shaft, e_in, events, count, work, q, cap, minv, w, sh, kc, motor[0], gearbox[0], oil[0],
+                       load[0], valve_parameters, clutches)
+            measure(log[(index + 1) % rows], seed, index + 1, v, valves, cylinders, plant[0], oil[0], gauges)

@@ -1,0 +1,34 @@
+"""Clutch oil supply: pump P with relief valve ZP and the oil's properties.
+
+Called by plant.kernel; the laboratory kept p_p = 4 MPa in all tests.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp
+
+from numba import njit
+
+from ..config.schema import param
+
+
+@dataclass(frozen=True)
+class OilSupplyConfig:
+    """Relief valve and oil."""
+
+    relief_droop: float = param("hydraulic resistance", 0.0, 1e12)
+    pressure_time: float = param("time", 1e-4, 5.0)
+    bulk_modulus: float = param("pressure", 1e7, 3e9)
+    density: float = param("density", 500.0, 1200.0)
+    viscosity: float = param("viscosity", 1e-4, 5.0)
+    temperature: float = param("temperature", -30.0, 150.0)
+
+
+@njit(cache=True)
+def supply_pressure(pressure, setting, enabled, flow, h, oil):
+    """Supply pressure [Pa] after h: towards the relief setting less its droop with the flow drawn."""
+    target = 0.0
+    if enabled:
+        target = max(0.0, setting - oil.relief_droop * max(flow, 0.0))
+    return target + (pressure - target) * exp(-h / oil.pressure_time)

@@ -1,0 +1,122 @@
+"""Proportional pressure-reducing valve: coil, spool with dead band, orifice with a flow limit.
+
+Called by plant.kernel for ZR-P1 and ZR-P2 (type 3WZCDE6, thesis tab. 3.4); nothing here prescribes a pressure.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp, inf, sqrt
+
+from numba import njit
+
+from ..config.schema import param
+
+
+@dataclass(frozen=True)
+class ValveConfig:
+    """One valve. The regulated pressure settles where spool force and port pressure balance."""
+
+    coil_voltage: float = param("voltage", 1.0, 100.0)
+    coil_resistance: float = param("resistance", 1.0, 200.0)
+    coil_inductance: float = param("inductance", 1e-3, 5.0)
+    cracking_current: float = param("current", 0.0, 0.5)
+    pressure_gain: float = param("pressure per current", 1e5, 2e7)
+    pressure_limit: float = param("pressure", 1e5, 1e7)
+    spool_stroke: float = param("length", 1e-5, 1e-2)
+    spool_dead_band: float = param("length", 0.0, 5e-3)
+    full_opening_pressure: float = param("pressure", 1e3, 5e6)
+    spool_time: float = param("time", 1e-4, 1.0)
+    orifice_area: float = param("area", 1e-9, 1e-3)
+    drain_area: float = param("area", 1e-9, 1e-3)
+
+
+@njit(cache=True)
+def coil_current(current, duty, h, valve):
+    """Coil current after h [s] at an averaged PWM duty: exact solution of L di/dt + R i = duty U, diode i >= 0."""
+    steady = duty * valve.coil_voltage / valve.coil_resistance
+    decay = exp(-h * valve.coil_resistance / valve.coil_inductance)
+    return max(0.0, steady + (current - steady) * decay)
+
+
+@njit(cache=True)
+def commanded_pressure(current, valve):
+    """Pressure [Pa] at which the magnet's force balances the port: static line above the cracking current."""
+    pressure = valve.pressure_gain * (current - valve.cracking_current)
+    return min(max(pressure, 0.0), valve.pressure_limit)
+
+
+@njit(cache=True)
+def spool_position(spool, current, port_pressure, h, valve):
+    """Spool position [m] after h: first-order towards the force balance, between its stops.
+
+    0 is the edge of the reducing side; the relieving side opens only after the overlap (dead band).
+    """
+    deviation = (commanded_pressure(current, valve) - port_pressure) / valve.full_opening_pressure
+    target = valve.spool_stroke * deviation
+    target = min(max(target, -valve.spool_dead_band - valve.spool_stroke), valve.spool_stroke)
+    return target + (spool - target) * exp(-h / valve.spool_time)
+
+
+@njit(cache=True)
+def closing_pressure(spool, reducing, current, h, valve):
+    """Port pressure [Pa] that, held over h, brings the spool to its edge; infinite where none does.
+
+    reducing: the edge towards the supply is meant, else that of the relieving side.
+    """
+    decay = exp(-h / valve.spool_time)
+    edge = 0.0 if reducing else -valve.spool_dead_band
+    target = (edge - spool * decay) / (1.0 - decay)
+    if not -valve.spool_dead_band - valve.spool_stroke <= target <= valve.spool_stroke:
+        return inf
+    return commanded_pressure(current, valve) - target / valve.spool_stroke * valve.full_opening_pressure
+
+
+@njit(cache=True)
+def opening(spool, valve):
+    """Share of the full orifice, -1 (drain) to 1 (supply); 0 inside the dead band."""
+    if spool > 0.0:
+        return spool / valve.spool_stroke
+    if spool < -valve.spool_dead_band:
+        return (spool + valve.spool_dead_band) / valve.spool_stroke
+    return 0.0
+
+
+@njit(cache=True)
+def port_flow(share, port_pressure, supply_pressure, density, valve):
+    """(flow to the clutch [m3/s], d flow/d port pressure): orifice law Q = A sqrt(2 dp / rho).
+
+    Near zero pressure difference the root is replaced by its tangent-like smooth form so that the slope stays
+    finite; the oil cannot flow back into a supply of lower pressure than the port (check valve in the line P).
+    """
+    if share > 0.0:
+        area, drop, sign = share * valve.orifice_area, supply_pressure - port_pressure, 1.0
+        if drop <= 0.0:
+            return 0.0, 0.0
+    elif share < 0.0:
+        area, drop, sign = -share * valve.drain_area, port_pressure, -1.0
+    else:
+        return 0.0, 0.0
+    laminar = 2.0e3  # Pa: below this the orifice flow turns laminar; far under every pressure of interest
+    root = sqrt(2.0 / density) / sqrt(sqrt(drop * drop + laminar * laminar))
+    flow = area * drop * root
+    slope = area * root * (1.0 - 0.5 * drop * drop / (drop * drop + laminar * laminar))
+    return sign * flow, -slope
+
+
+@njit(cache=True)
+def held_flow(state, port_pressure, supply_pressure, most):
+    """As :func:`port_flow` for a valve outside the plant: its answer, Q0 + slope (p - p0), held for a tick.
+
+    Whatever the answer says, within a tick the flow keeps its direction, no oil comes from a supply below the
+    port, none leaves an empty line, and none brings the line past either: ``most`` [m3/(s Pa)] is the flow
+    that changes the line's pressure by 1 Pa in a step. So the port gains no energy that the supply did not give.
+    """
+    flow = state.cut_flow + state.cut_slope * (port_pressure - state.cut_pressure)
+    highest = most * max(0.0, supply_pressure - port_pressure) if state.cut_flow >= 0.0 else 0.0
+    lowest = -most * max(0.0, port_pressure) if state.cut_flow <= 0.0 else 0.0
+    if flow > highest:
+        return highest, -most if highest > 0.0 else 0.0
+    if flow < lowest:
+        return lowest, -most if lowest < 0.0 else 0.0
+    return flow, state.cut_slope

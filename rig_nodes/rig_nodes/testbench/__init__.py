@@ -1,0 +1,1 @@
+"""The bench: configuration, the lockstep rig, its outputs, test sequences."""

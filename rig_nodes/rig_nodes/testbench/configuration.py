@@ -1,0 +1,202 @@
+"""A rig from its YAML: every part's values, checked before anything starts.
+
+Used by every verb that needs a rig; the numbers go to testbench.rig, their record into the bag.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+from ..alfa46 import law
+from ..alfa46.settings import Alfa46Config, read_alfa46
+from ..config import CONFIG_DIR, load_marked
+from ..config.schema import build, check_keys, param, where_of
+from ..config.units import quantity
+from ..errors import RigError
+from ..plant.clutch import Cylinder, PlatePack
+from ..plant.cut import CUTTABLE, NOT_CUT, why_not
+from ..plant.gearbox import GearboxConfig
+from ..plant.load_pump import LoadConfig
+from ..plant.motor import MotorConfig
+from ..plant.oil_supply import OilSupplyConfig
+from ..plant.valve import ValveConfig
+
+
+@dataclass(frozen=True)
+class InstrumentsConfig:
+    """Noise (standard deviation) and range of the transducers, and the logger's resolution in bits of the range."""
+
+    torque_noise: float = param("torque", 0.0, 100.0)
+    torque_range: float = param("torque", 1.0, 1e5)
+    speed_noise: float = param("angular velocity", 0.0, 100.0)
+    speed_range: float = param("angular velocity", 1.0, 1e5)
+    p1_noise: float = param("pressure", 0.0, 1e6)
+    p1_range: float = param("pressure", 1e5, 1e9)
+    p2_noise: float = param("pressure", 0.0, 1e6)
+    p2_range: float = param("pressure", 1e5, 1e9)
+    p_po_noise: float = param("pressure", 0.0, 1e7)
+    p_po_range: float = param("pressure", 1e5, 1e9)
+    current_noise: float = param("current", 0.0, 0.1)
+    current_range: float = param("current", 0.1, 100.0)
+    temperature_range: float = param("temperature", 1.0, 1e3)
+    resolution_bits: float = param("ratio", 8, 32)
+
+
+@dataclass(frozen=True)
+class KernelConfig:
+    """How time is cut: the step of the plant."""
+
+    step: float = param("time", 1e-6, 1e-4)
+
+
+@dataclass(frozen=True)
+class CutConfig:
+    """The tick for which both sides of a cut hold what the other one gave."""
+
+    tick: float = param("time", 1e-3, 1e-2)
+
+
+SAMPLE = 1e-3  # s: a cut's tick is a whole number of controller samples
+SOURCES = ("plant", "topic")
+PARTS = {
+    "motor": MotorConfig, "gearbox": GearboxConfig, "plate_pack": PlatePack, "clutch_s1": Cylinder,
+    "clutch_s2": Cylinder, "valve_zr_p1": ValveConfig, "valve_zr_p2": ValveConfig, "oil_supply": OilSupplyConfig,
+    "load_pump": LoadConfig, "instruments": InstrumentsConfig,
+}
+VALVES = ("valve_zr_p1", "valve_zr_p2")
+
+
+@dataclass(frozen=True)
+class RigConfig:
+    """A whole rig. wiring: index of the controller's output that drives each valve; cut_out: devices outside
+    the plant, reached through topics (plant.cut).
+    """
+
+    name: str
+    kernel: KernelConfig
+    wiring: tuple[int, int]
+    motor: MotorConfig
+    gearbox: GearboxConfig
+    plate_pack: PlatePack
+    clutch_s1: Cylinder
+    clutch_s2: Cylinder
+    valve_zr_p1: ValveConfig
+    valve_zr_p2: ValveConfig
+    oil_supply: OilSupplyConfig
+    load_pump: LoadConfig
+    instruments: InstrumentsConfig
+    alfa46: Alfa46Config
+    cut: CutConfig = CutConfig(SAMPLE)
+    cut_out: tuple[str, ...] = ()
+
+    def as_dict(self) -> dict:
+        """Plain SI values, for the run's record in bag and report; ``cut`` only where a device is cut out."""
+        out = {name: asdict(getattr(self, name)) for name in ("kernel", *PARTS)}
+        if self.cut_out:
+            out["cut"] = {**asdict(self.cut), "devices": list(self.cut_out)}
+        return {"name": self.name, "wiring": list(self.wiring), **out, "alfa46": self.alfa46.as_dict()}
+
+
+def find_config(kind: str, name: str | Path) -> Path:
+    """Path of an installed ``kind`` (rigs, controllers, sequences) by name, or of a file; RigError otherwise."""
+    text = str(name)
+    if text.endswith((".yaml", ".yml")) or "/" in text:
+        path = Path(text).expanduser()
+        if not path.is_file():
+            raise RigError(f"{text}: there is no such file")
+        return path
+    path = CONFIG_DIR / kind / f"{text}.yaml"
+    if not path.is_file():
+        known = ", ".join(sorted(p.stem for p in (CONFIG_DIR / kind).glob("*.yaml")))
+        raise RigError(f"there is no {kind[:-1]} '{text}'; known are {known}, or name a .yaml file")
+    return path
+
+
+def _wiring(node, path) -> tuple[int, int]:
+    check_keys(path, node, VALVES, VALVES, "wiring")
+    outputs = []
+    for valve in VALVES:
+        output = node[valve]
+        if not isinstance(output, int) or isinstance(output, bool) or not 1 <= output <= law.OUTPUTS:
+            raise RigError(f"{where_of(path, node, valve)}: wiring.{valve} is {output!r}, expected output 1 to "
+                           f"{law.OUTPUTS} of the controller")
+        outputs.append(output - 1)
+    if outputs[0] == outputs[1]:
+        raise RigError(f"{where_of(path, node)}: wiring gives both valves the same output")
+    return outputs[0], outputs[1]
+
+
+def _check_tick(cut: CutConfig, where: str) -> None:
+    samples = cut.tick / SAMPLE
+    if abs(samples - round(samples)) > 1e-9:
+        raise RigError(f"{where}: a tick of {cut.tick * 1e3:g} ms is no whole number of samples of "
+                       f"{SAMPLE * 1e3:g} ms; give e.g. 1 ms or 5 ms")
+
+
+def _with_source(cut_out: tuple[str, ...], device: str, source, where: str) -> tuple[str, ...]:
+    """cut_out with a device's source set to plant or topic."""
+    if source not in SOURCES:
+        raise RigError(f"{where}: source is {source!r}, expected {' or '.join(SOURCES)}")
+    if source == "topic" and (why := why_not(device)):
+        raise RigError(f"{where}: {why}")
+    wanted = {*cut_out, device} if source == "topic" else {*cut_out} - {device}
+    return tuple(name for name in CUTTABLE if name in wanted)
+
+
+def load_rig(name: str | Path = "hydmag", overrides: dict[str, str] | None = None) -> RigConfig:
+    """The rig of this name or file. ``overrides``: e.g. {"alfa46.t12": "200 ms", "wiring": "swapped"}."""
+    path = find_config("rigs", name)
+    node = load_marked(path)
+    keys = ("description", "controller", "step", "wiring", *PARTS)
+    check_keys(path, node, [*keys, "cut"], keys, "the rig")
+    kernel = build(KernelConfig, node, path, "the rig", others=(*keys, "cut"))
+    parts, cut_out = {}, ()
+    for part, cls in PARTS.items():
+        is_device = part in CUTTABLE or part in NOT_CUT
+        parts[part] = build(cls, node[part], path, part, others=("source",) if is_device else ())
+        if is_device and "source" in node[part]:
+            where = f"{where_of(path, node[part], 'source')}: {part}"
+            cut_out = _with_source(cut_out, part, node[part]["source"], where)
+    cut = CutConfig(SAMPLE)
+    if "cut" in node:
+        cut = build(CutConfig, node["cut"], path, "cut")
+        _check_tick(cut, f"{where_of(path, node['cut'], 'tick')}: cut.tick")
+    named = str(node["controller"])
+    if named.endswith((".yaml", ".yml")) and not Path(named).expanduser().is_absolute():
+        named = str(Path(path).parent / named)
+    try:
+        controller = find_config("controllers", named)
+    except RigError as error:
+        raise RigError(f"{where_of(path, node, 'controller')}: controller: {error}") from None
+    config = RigConfig(name=Path(path).stem, kernel=kernel, wiring=_wiring(node["wiring"], path),
+                       alfa46=read_alfa46(controller), cut=cut, cut_out=cut_out, **parts)
+    for key, text in (overrides or {}).items():
+        config = _override(config, key, text)
+    return config
+
+
+def _override(config: RigConfig, key: str, text: str) -> RigConfig:
+    where = f"setting {key}={text}"
+    if key == "wiring":
+        if text != "swapped":
+            raise RigError(f"{where}: the only other wiring is 'swapped'")
+        return replace(config, wiring=config.wiring[::-1])
+    part, _, name = key.partition(".")
+    if name == "source" and part in (*CUTTABLE, *NOT_CUT):
+        return replace(config, cut_out=_with_source(config.cut_out, part, text, where))
+    own = ("kernel", "cut", *PARTS)
+    owner = config.alfa46.values if part == "alfa46" else getattr(config, part) if part in own else None
+    if owner is None or name not in type(owner).__dataclass_fields__:
+        known = ", ".join(type(owner).__dataclass_fields__) if owner else ", ".join([*own, "alfa46"])
+        raise RigError(f"{where}: there is no such value; known are {known}")
+    meta = type(owner).__dataclass_fields__[name].metadata
+    value = quantity(text, meta["dimension"], where)
+    if not meta["low"] <= value <= meta["high"]:
+        raise RigError(f"{where}: outside {meta['low']:g} to {meta['high']:g} (SI)")
+    owner = replace(owner, **{name: value})
+    if part == "cut":
+        _check_tick(owner, where)
+    if part == "alfa46":
+        return replace(config, alfa46=Alfa46Config(owner, config.alfa46.profiles))
+    return replace(config, **{part: owner})

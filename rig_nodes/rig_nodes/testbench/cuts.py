@@ -1,0 +1,135 @@
+"""The plant's ends of the cuts of a rig: ports out, answers in, a tick of delay, and what silence means.
+
+Owned by testbench.rig. Without cut devices it does nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from ..errors import RigError
+from ..plant.cut import LOAD, MOTOR, NOTHING, VALVES, Answer, OtherSide, Port, drained
+
+SAMPLE_S = 1e-3  # controller sample
+SILENCE = 0.1  # s without an answer that trip the rig
+
+
+def topic_of(device: str, end: str) -> str:
+    """Topic of one end, "port" or "answer", of a device's cut."""
+    return f"/{device}/cut/{end}"
+
+
+class Cuts:
+    """Ticks count in controller samples from time 0. The answer to sample s acts from the next tick on."""
+
+    def __init__(self, rig, embedded: bool):
+        """embedded: the rig's own other sides answer; else answers come by :meth:`answer`."""
+        config = rig.config
+        self.devices, self.embedded = config.cut_out, embedded
+        self.samples = round(config.cut.tick / SAMPLE_S)
+        self._rig = rig
+        self._sides = {device: OtherSide(device, config) for device in self.devices if embedded}
+        self._newest = {device: (-1, NOTHING) for device in self.devices}  # sample answered, answer
+        self._since = 0  # sample from which silence counts
+        rig.held["motor"], rig.held["load"] = MOTOR in self.devices, LOAD in self.devices
+        for k, device in enumerate(VALVES):
+            rig.valves["cut"][k] = device in self.devices
+
+    # ---- time
+
+    def split(self, samples: int) -> Iterator[int]:
+        """The parts in which the rig moves by so many samples; a tick begins before its part comes."""
+        if not self.devices:
+            yield samples
+            return
+        end = self._rig.sample + samples
+        while (now := self._rig.sample) < end:
+            if now % self.samples == 0:
+                self._begin()
+            yield min(end - now, self.samples - now % self.samples)
+
+    def _begin(self) -> None:
+        """A tick begins: the newest answers act, and the other sides that are inside answer the new ports."""
+        rig = self._rig
+        for device in self.devices:
+            answer = self._stand_in(device) if self._is_silent(device) else self._newest[device][1]
+            if device == MOTOR:
+                rig.held["motor_torque"], rig.held["motor_setpoint"] = answer.torque, answer.setpoint
+            elif device == LOAD:
+                rig.held["load_capacity"] = max(0.0, answer.torque)
+                rig.held["load_pressure"] = answer.pressure
+            else:
+                valve = rig.valves[VALVES.index(device)]
+                valve["cut_flow"], valve["cut_slope"] = answer.flow, answer.flow_slope
+                valve["cut_pressure"], valve["spool"] = answer.pressure, answer.position
+        for device, side in self._sides.items():
+            self._newest[device] = rig.sample, side.step(self.port(device))
+
+    def is_due(self) -> bool:
+        """True when ports are to go out at the rig's sample."""
+        return bool(self.devices) and self._rig.sample % self.samples == 0
+
+    def port(self, device: str) -> Port:
+        """The port of a device now."""
+        rig = self._rig
+        settings = rig.settings[0]
+        tick, safe = self.samples * SAMPLE_S, bool(settings["safe"] > 0.0)
+        if device == MOTOR:
+            return Port(tick, speed=float(rig.v[0]), setpoint=float(settings["motor_speed"]),
+                        enable=bool(settings["motor_on"] > 0.0), safe=safe)
+        if device == LOAD:
+            return Port(tick, speed=float(rig.v[1]), setpoint=float(settings["load_pressure"]),
+                        enable=bool(settings["load_on"] > 0.0), safe=safe)
+        k = VALVES.index(device)
+        return Port(tick, pressure=float(rig.cylinders["line"][k]), supply=float(rig.plant["supply"][0]),
+                    current=float(rig.valves["current"][k]), setpoint=rig.coil_duty(k), enable=not safe,
+                    safe=safe)
+
+    # ---- answers
+
+    def answered(self, device: str) -> tuple[int, Answer]:
+        """(sample, answer) of the newest answer of a device; sample -1 before the first."""
+        return self._newest[device]
+
+    def answer(self, device: str, sample: int, answer: Answer) -> None:
+        """Take a device's answer to a sample; RigError when it is refused."""
+        what = f"answer of {device} to sample {sample} refused"
+        if not all(map(math.isfinite, answer)):
+            raise RigError(f"{what}: its values must be finite numbers, found {answer}")
+        if answer.flow_slope > 0.0:
+            raise RigError(f"{what}: flow_slope must be 0 or negative, found {answer.flow_slope:g}; a flow "
+                           "that grows with its port pressure would not be stable")
+        last, now = self._newest[device][0], self._rig.sample
+        if not last < sample <= now:
+            raise RigError(f"{what}: expected one after {last} and not after {now}")
+        self._newest[device] = sample, answer
+
+    def work(self, device: str) -> float:
+        """Energy over a cut since time 0 as the plant counts it [J], signed as ``Answer.work``."""
+        energy = self._rig.energy()
+        if device in VALVES:
+            return float(self._rig.valves["work"][VALVES.index(device)])
+        return energy["motor" if device == MOTOR else "load"]
+
+    # ---- silence
+
+    def excuse(self) -> None:
+        """Count silence from now on."""
+        self._since = self._rig.sample
+
+    def silence(self) -> str | None:
+        """The sentence on a device whose newest answer is too old, None when there is none."""
+        for device in self.devices:
+            if self._is_silent(device):
+                return f"{device}: no answer on {topic_of(device, 'answer')} for {SILENCE * 1e3:.0f} ms"
+        return None
+
+    def _is_silent(self, device: str) -> bool:
+        return self._rig.sample - max(self._newest[device][0], self._since) > round(SILENCE / SAMPLE_S)
+
+    def _stand_in(self, device: str) -> Answer:
+        """What acts for a silent device: no torque, and the way to the tank open."""
+        if device not in VALVES:
+            return NOTHING
+        return drained(float(self._rig.cylinders["line"][VALVES.index(device)]), self._rig.config, device)

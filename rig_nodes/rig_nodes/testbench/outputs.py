@@ -1,0 +1,199 @@
+"""What the rig publishes, and when: from the rig's state to encoded messages, without ROS.
+
+Used by ``simulate``, which writes them, and by the rig container, whose nodes publish them: same bytes.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+
+from ..bags.cdr import Form, encoder
+from ..bags.definitions import installed
+from ..catalogue import catalogue
+from ..controllers.seam import LEVELS
+from ..plant import kernel
+from .cuts import topic_of
+from .rig import SAMPLE_NS, TICK_SAMPLES, Rig
+
+ATMOSPHERE = 101_325.0  # Pa, for the mirrors in absolute pressure
+SCALAR_SAMPLES = 10  # controller samples between scalars (100 Hz)
+ROWS_PER_TICK = 50
+MEASURED = {  # topic of a transducer -> its logger column
+    "/motor/m_wej": kernel.M_WEJ, "/motor/n_wej": kernel.N_WEJ, "/load_pump/m_wyj": kernel.M_WYJ,
+    "/load_pump/n_wyj": kernel.N_WYJ, "/load_pump/p_po": kernel.P_PO, "/clutch_s1/p1": kernel.P_1,
+    "/clutch_s2/p2": kernel.P_2, "/valve_zr_p1/current": kernel.I_1, "/valve_zr_p2/current": kernel.I_2,
+    "/oil_supply/p_p": kernel.P_P, "/oil_supply/t_oil": kernel.T_OIL,
+}
+BLOCK = "/instruments/hmg4000"
+
+
+class Outputs:
+    """Messages due at each sample boundary; keeps the sequence numbers. ``overruns`` is set by whoever keeps time.
+
+    ``commands``: /alfa46/command too, where no node of the controller's publishes it (default: an embedded one's).
+    """
+
+    def __init__(self, rig: Rig, run_info: dict, commands: bool | None = None):
+        self.rig, self.overruns = rig, 0
+        self.commands = rig.embedded if commands is None else commands
+        self._answered = -1  # sample of the newest command that went out
+        self._cut_answered = dict.fromkeys(rig.cuts.devices, -1)  # the same of cut devices that answer inside
+        self.counts: dict[str, int] = {}
+        self._places: dict[str, tuple] = {}  # of signals: topic, number of the field, index in it
+        self._last: dict[str, tuple] = {}  # values of the newest message of each topic
+        self._types = {name: topic.ros_type for name, topic in catalogue().all_topics.items()}
+        self._encoders: dict[str, Callable] = {}
+        self._queued: list[tuple] = []
+        self._run_info = run_info
+        self._energy: dict[str, float] = {}  # of this tick
+        self._mirrors = self._make_mirrors()
+        self._status, self._started = rig.status, False
+        self._states = {
+            "/motor/state": self._motor, "/gearbox/state": self._gearbox, "/load_pump/state": self._load,
+            "/oil_supply/state": self._oil, "/rig/state": self._rig_state,
+            "/clutch_s1/state": lambda: self._clutch(0), "/clutch_s2/state": lambda: self._clutch(1),
+            "/valve_zr_p1/state": lambda: self._valve(0), "/valve_zr_p2/state": lambda: self._valve(1),
+        }
+
+    def event(self, topic: str, name: str, text: str, value: float = 0.0) -> None:
+        """Queue an Event of now; it goes out with the next :meth:`due`."""
+        self._queued.append((topic, self.rig.time_ns, name, text, float(value)))
+
+    def setpoint(self, topic: str, value: float, enable: bool) -> None:
+        """Queue a Setpoint of now, where no sequencer node publishes it."""
+        self._queued.append((topic, self.rig.time_ns, float(value), bool(enable)))
+
+    def due(self) -> Iterator[tuple[str, int, bytes]]:
+        """(topic, stamp [ns], bytes) of everything due now; call once at time 0 and once after each sample."""
+        rig, now, sample = self.rig, self.rig.time_ns, self.rig.sample
+        if not self._started:
+            self._started = True
+            yield self._message("/rig/run_info", now, json.dumps(self._run_info, sort_keys=True))
+            names = rig.logger_names
+            units = [catalogue().signals[name].unit for name in names]
+            yield self._message("/instruments/channels", now, names, units, 1e-4)
+        answered = rig.newest_command
+        if self.commands and answered > self._answered:
+            self._answered = answered
+            yield self._message("/alfa46/command", answered * SAMPLE_NS, answered, rig.duty, rig.setpoint, rig.gear,
+                                rig.shifting, LEVELS.index(rig.level), rig.flags)
+        yield from self._cuts(now)
+        self._watch_status()
+        for topic, stamp, *values in self._queued:
+            yield self._message(topic, stamp, *values)
+        self._queued.clear()
+        row = rig.row()
+        yield self._message("/instruments/controller", now, sample, rig.coil_currents(), float(row[kernel.N_WEJ]),
+                            float(row[kernel.N_WYJ]), float(row[kernel.P_1]), float(row[kernel.P_2]))
+        if sample % TICK_SAMPLES == 0:
+            self._energy = rig.energy()
+            for topic, fields in self._states.items():
+                yield self._message(topic, now, *fields())
+            if sample > 0:
+                first, rows = rig.take_rows(ROWS_PER_TICK)
+                yield self._message(BLOCK, first * 100_000, first, 1e-4, *rows.shape, rows.ravel())
+        if sample % SCALAR_SAMPLES == 0:
+            for topic, column in MEASURED.items():
+                yield self._message(topic, now, float(row[column]))
+            for topic, mirror, values in self._mirrors:
+                self.counts[topic] = self.counts.get(topic, 0) + 1
+                yield topic, now, mirror.encode(now, *values(row))
+
+    def _cuts(self, now: int) -> Iterator[tuple[str, int, bytes]]:
+        """The ports of devices outside the plant, and the answers of those without a node of their own."""
+        cuts = self.rig.cuts
+        for device in cuts.devices:
+            answered, answer = cuts.answered(device)
+            if cuts.embedded and answered > self._cut_answered[device]:
+                self._cut_answered[device] = answered
+                yield self._message(topic_of(device, "answer"), answered * SAMPLE_NS, answered, *answer)
+            if cuts.is_due():
+                yield self._message(topic_of(device, "port"), now, self.rig.sample, *cuts.port(device))
+
+    def _message(self, topic: str, stamp: int, *values) -> tuple[str, int, bytes]:
+        encode = self._encoders.get(topic)
+        if encode is None:
+            encode = self._encoders[topic] = encoder(self._types[topic]).encode
+        seq = self.counts.get(topic, 0)
+        self.counts[topic] = seq + 1
+        self._last[topic] = values
+        return topic, stamp, encode(stamp, seq, *values)
+
+    def reading(self, name: str) -> float:
+        """The newest value of a signal that went out, SI, as a listener has it; NaN before the first."""
+        if name not in self._places:
+            signal = catalogue().signal(name)
+            field, _, index = signal.field.partition("[")
+            names = [name for name, _ in installed(self._types[signal.topic]).tree.fields[2:]]
+            self._places[name] = signal.topic, names.index(field), int(index[:-1]) if index else None
+        topic, place, index = self._places[name]
+        values = self._last.get(topic)
+        if values is None:
+            return float("nan")
+        return float(values[place] if index is None else values[place][index])
+
+    def _make_mirrors(self) -> list[tuple]:
+        """(topic, form, its values from a logger row) of the standard messages for other tools.
+
+        FluidPressure means absolute pressure, so ambient is added; its variance is that of the transducer's noise now.
+        """
+        def absolute(clutch: str, column: int, noise: str) -> tuple:
+            form = Form("sensor_msgs/msg/FluidPressure", lambda value, variance: {
+                "header": {"stamp": 0, "frame_id": clutch}, "fluid_pressure": value, "variance": variance}, 2)
+            return form, lambda row: (float(row[column]) + ATMOSPHERE,
+                                      getattr(self.rig.config.instruments, noise)**2)
+
+        joints = Form("sensor_msgs/msg/JointState", lambda *values: {
+            "header": {"stamp": 0, "frame_id": ""}, "name": ["w0", "wk"], "position": [],
+            "velocity": list(values[:2]), "effort": list(values[2:])}, 4)
+        columns = [kernel.N_WEJ, kernel.N_WYJ, kernel.M_WEJ, kernel.M_WYJ]
+        return [("/instruments/joint_states", joints, lambda row: row[columns].tolist()),
+                ("/instruments/p1_absolute", *absolute("clutch_s1", kernel.P_1, "p1_noise")),
+                ("/instruments/p2_absolute", *absolute("clutch_s2", kernel.P_2, "p2_noise"))]
+
+    def _watch_status(self) -> None:
+        status = self.rig.status
+        if status != self._status:
+            self._status = status
+            self.event("/rig/events", f"rig_{status.name.lower()}", self.rig.reason or f"the rig is {status.name.lower()}",
+                       float(status))
+
+    def _motor(self):
+        rig, plant = self.rig, self.rig.plant[0]
+        return (float(rig.v[0]), float(plant["motor_setpoint"]), float(plant["motor_torque"]),
+                self._energy["motor"], bool(rig.settings["motor_on"][0] > 0.0))
+
+    def _gearbox(self):
+        rig, plant = self.rig, self.rig.plant[0]
+        energy = self._energy
+        return (rig.locked_gear(), float(rig.v[0]), float(rig.v[1]), float(plant["m_wej"]), float(plant["m_wyj"]),
+                float(plant["loss_in"]), float(plant["loss_out"]), energy["loss_in"] + energy["loss_out"])
+
+    def _clutch(self, k: int):
+        rig, cylinder = self.rig, self.rig.cylinders[k]
+        slip = rig.slip(k)
+        return (rig.clutch_mode(k), rig.clutch_torque(k), float(cylinder["drag"]) * slip, float(cylinder["kinetic"]),
+                float(cylinder["static"]), slip, float(cylinder["clamp"]), float(cylinder["chamber"]),
+                float(cylinder["piston"]), self._energy[f"heat_s{k + 1}"])
+
+    def _valve(self, k: int):
+        rig, valve = self.rig, self.rig.valves[k]
+        return (float(valve["duty"]), float(valve["current"]), float(valve["spool"]), float(valve["flow"]),
+                float(rig.cylinders["line"][k]), rig.command_age, bool(rig.settings["safe"][0] > 0.0))
+
+    def _load(self):
+        rig = self.rig
+        return (rig.load_torque(), rig.load_capacity(), float(rig.plant["load_pressure"][0]),
+                float(rig.settings["load_pressure"][0]), self._energy["load"])
+
+    def _oil(self):
+        rig = self.rig
+        return (float(rig.plant["supply"][0]), float(rig.settings["oil_pressure"][0]),
+                max(0.0, float(rig.valves["flow"].sum())), rig.config.oil_supply.temperature,
+                bool(rig.settings["oil_on"][0] > 0.0))
+
+    def _rig_state(self):
+        rig = self.rig
+        return (int(rig.status), rig.reason, rig.stopped_by_person, rig.sample // TICK_SAMPLES, self.overruns,
+                self._energy["residual"])

@@ -1,0 +1,451 @@
+"""The lockstep rig: one object that owns plant, instruments and, if embedded, the shift controller.
+
+Used by ``simulate``, the rig container and the tests; ``advance_samples`` is the only place where time passes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import replace
+from enum import IntEnum
+
+import numpy as np
+
+from ..alfa46 import law
+from ..alfa46.controller import refusal
+from ..catalogue import catalogue
+from ..config.schema import fill, limits, record_dtype
+from ..controllers.seam import LEVELS
+from ..errors import RigError
+from ..plant import clutch, driveline_algebra, kernel
+from ..plant.gearbox import S1, S2, build_driveline
+from .configuration import RigConfig
+from .cuts import Cuts
+from .gauges import Gauges
+
+SAMPLE_NS = 1_000_000  # controller sample; commands apply on its boundaries
+TICK_SAMPLES = 5  # controller samples per graph tick
+COMMAND_TIMEOUT = 0.1  # s: a valve command older than this trips the rig
+LOG_ROWS = 20_000  # ring of logger rows, 2 s at 10 kHz
+SETPOINTS = {"motor_speed": "n_wej", "load_pressure": "p_po", "oil_pressure": "p_p"}  # and whose range they keep to
+
+
+def check_setpoint(name: str, value: float) -> None:
+    """RigError when the rig would refuse this value [SI] of one of SETPOINTS, whoever sends it."""
+    signal = catalogue().signals[SETPOINTS[name]]
+    if not (math.isfinite(value) and signal.low <= value <= signal.high):
+        raise RigError(f"{name} of {value:g} {signal.unit} refused; expected {signal.low:g} to {signal.high:g} "
+                       f"{signal.unit}")
+
+
+class RigStatus(IntEnum):
+    """As in rig_msgs/RigState."""
+
+    STARTING = 0
+    READY = 1
+    RUNNING = 2
+    TRIPPED = 3
+
+
+class Rig:
+    """A rig from its configuration.
+
+    ``controller``: "embedded" runs the Alfa46 inside, "external" waits for commands of the given ``level``: "duty"
+    of the coils, or "current" setpoints for the rig's own power stage; None: that of the first command. ``devices``:
+    those that the configuration cuts out run inside too ("embedded") or give their answers from outside ("external").
+    """
+
+    def __init__(self, config: RigConfig, seed: int = 1, controller: str = "embedded", level: str | None = "duty",
+                 devices: str = "embedded"):
+        if devices not in ("embedded", "external"):
+            raise RigError(f"devices is '{devices}', expected 'embedded' or 'external'")
+        if controller not in ("embedded", "external"):
+            raise RigError(f"controller is '{controller}', expected 'embedded' or 'external'")
+        if level not in (None, *LEVELS):
+            raise RigError(f"level is '{level}', expected 'duty' or 'current'")
+        self.config, self.seed, self.embedded, self.level = config, int(seed), controller == "embedded", level
+        self._drive = (kernel.BY_LAW if self.embedded else
+                       kernel.BY_SETPOINT if level == "current" else kernel.BY_DUTY)
+        self.step_ns = SAMPLE_NS
+        steps = SAMPLE_NS * 1e-9 / config.kernel.step
+        if abs(steps - round(steps)) > 1e-9:
+            raise RigError(f"the plant's step of {config.kernel.step * 1e6:g} us does not divide the controller's "
+                           "sample of 1000 us; choose e.g. 100 us or 50 us")
+        self._steps_per_sample = round(steps)
+        self._logger_stride = round(1e-4 / config.kernel.step)
+        names = [s.name for s in catalogue().logger_channels()]
+        if names != list(kernel.CHANNELS[:len(names)]):
+            raise RigError(f"signals.yaml: the logger's columns {names} are not the kernel's {kernel.CHANNELS}")
+        self.logger_names = names
+        self._build()
+        self.sample = 0
+        self.cuts = Cuts(self, devices == "embedded")
+        self.reason, self.stopped_by_person = "", False
+        self._last_command = -1  # sample that the newest valid command from outside answers
+        self._ordered: int | None = None  # gear ordered from the embedded controller, taken at its next sample
+        self._drained = 0  # logger rows handed out
+
+    def _build(self) -> None:
+        c = self.config
+        system = build_driveline(c.gearbox)
+        self._minv, self._w, self._sh, self._kc = system.minv, system.w, system.sh, system.kc
+        self.mass = system.mass
+        start = system.state()
+        self.v, self._twist, self.mode, self._el, self._shaft = start.v, start.twist, start.mode, start.el, start.shaft
+        self._e_in, self._events, self._count, self._work = start.e_in, start.events, start.count, start.work
+        self._q, self._cap = np.zeros((2, len(self.v))), np.zeros((7, len(self.mode)))
+
+        def record(*instances, extra=()):
+            out = np.zeros(1, np.dtype(record_dtype(*map(type, instances)).descr + [(name, "f8") for name in extra]))
+            fill(out, *instances)
+            return out
+
+        self._motor, self._gearbox = record(c.motor), record(c.gearbox)
+        self._oil, self._load, self.gauges = record(c.oil_supply), record(c.load_pump), Gauges(c.instruments)
+        self._valve_parameters = np.concatenate([record(c.valve_zr_p1), record(c.valve_zr_p2)])
+        friction = {"kinetic": c.plate_pack.friction_kinetic, "static": c.plate_pack.friction_static}
+        extra = [f"{way}_{kind}" for way in ("engaging", "releasing") for kind in friction] + ["drag_factor"]
+        self._clutches = np.concatenate([record(x, c.plate_pack, extra=extra) for x in (c.clutch_s1, c.clutch_s2)])
+        for kind, mu in friction.items():
+            self._clutches[f"engaging_{kind}"] = clutch.torque_per_force(c.plate_pack, mu)
+            self._clutches[f"releasing_{kind}"] = clutch.torque_per_force(c.plate_pack, mu, releasing=True)
+        self._clutches["drag_factor"] = clutch.drag_factor(c.plate_pack)
+        self.settings = np.zeros(1, kernel.SETTINGS)
+        self.valves, self.cylinders = np.zeros(2, kernel.VALVE_STATE), np.zeros(2, kernel.CLUTCH_STATE)
+        self.plant, self.held = np.zeros(1, kernel.PLANT_STATE), np.zeros(1, kernel.HELD)
+        self._wiring = np.array(c.wiring, np.int64)
+        self._law_config = c.alfa46.law_config()
+        self._law_profiles = np.ascontiguousarray(c.alfa46.profiles)
+        self._law_outputs = np.zeros(law.OUTPUTS, law.LAW_OUTPUT)
+        self._law_state = np.zeros(1, law.LAW_STATE)
+        self._currents = np.zeros(law.OUTPUTS)
+        self._setpoint, self._gear, self._shifting, self._flags = np.zeros(law.OUTPUTS), 0, False, 0
+        self._duty = np.zeros(law.OUTPUTS)
+        self._log = np.zeros((LOG_ROWS * self._logger_stride, len(kernel.CHANNELS)))
+        kernel.measure(self._log[0], self.seed, 0, self.v, self.valves, self.cylinders, self.plant[0], self._oil[0],
+                       self.gauges.table)
+
+    # ---- time
+
+    @property
+    def time_ns(self) -> int:
+        """Simulated time since the start [ns]."""
+        return self.sample * SAMPLE_NS
+
+    @property
+    def time(self) -> float:
+        """Simulated time since the start [s]."""
+        return self.sample * (SAMPLE_NS * 1e-9)
+
+    def advance(self, seconds: float) -> None:
+        """Advance by a whole number of controller samples (1 ms); RigError otherwise."""
+        samples = seconds / (SAMPLE_NS * 1e-9)
+        if abs(samples - round(samples)) > 1e-6 or samples < 0:
+            raise RigError(f"cannot advance by {seconds} s: expected a whole number of milliseconds")
+        self.advance_samples(round(samples))
+
+    def advance_samples(self, samples: int = 1) -> None:
+        """Move plant, instruments and embedded controller by controller samples; releases the GIL inside."""
+        if self._ordered is not None and samples > 0:
+            law.order_gear(self._ordered, self.sample, self._law_config[0], self._law_profiles, self._law_outputs,
+                           self._law_state[0])
+            self._ordered = None
+        for part in self.cuts.split(samples):
+            self._advance(part)
+        if self.status == RigStatus.TRIPPED:
+            return
+        if not self.embedded and self._last_command >= 0 and self.command_age > COMMAND_TIMEOUT:
+            self.trip(f"valve commands older than {COMMAND_TIMEOUT * 1e3:.0f} ms: the shift controller is "
+                      "silent")
+        elif silence := self.cuts.silence():
+            self.trip(silence)
+
+    def _advance(self, samples: int) -> None:
+        kernel.advance(
+            samples, self.sample, self._steps_per_sample, self.config.kernel.step, self.seed, self._drive,
+            self._wiring, self.settings, self.valves, self.cylinders, self.plant, self.held, self.v,
+            self._twist, self.mode, self._el, self._shaft, self._e_in, self._events, self._count, self._work,
+            self._q, self._cap, self._minv, self._w, self._sh, self._kc, self._motor, self._gearbox,
+            self._oil, self._load, self.gauges.table, self._valve_parameters, self._clutches, self._law_config,
+            self._law_profiles, self._law_outputs, self._law_state, self._currents, self._log)
+        self.sample += samples
+
+    # ---- commands, applied at the next sample boundary
+
+    def set_motor(self, speed: float, enable: bool) -> None:
+        """Speed setpoint [rad/s] of the drive."""
+        self._set("motor_speed", speed)
+        self.settings["motor_on"] = float(enable)
+
+    def set_load(self, pressure: float, enable: bool) -> None:
+        """Relief setting [Pa, gauge] of the load."""
+        self._set("load_pressure", pressure)
+        self.settings["load_on"] = float(enable)
+
+    def set_oil(self, pressure: float, enable: bool) -> None:
+        """Relief setting [Pa, gauge] of the clutch oil supply."""
+        self._set("oil_pressure", pressure)
+        self.settings["oil_on"] = float(enable)
+
+    def _set(self, name: str, value: float) -> None:
+        check_setpoint(name, value)
+        self.settings[name] = value
+
+    def set_value(self, name: str, value: float) -> None:
+        """Change what is no device's setpoint: "oil_supply.temperature" [degC], "instruments.noise" (on or off),
+        "instruments.noise.<channel>" (standard deviation, SI). ``config`` follows; RigError when refused.
+        """
+        c = self.config
+        if name == "oil_supply.temperature":
+            low, high = limits(type(c.oil_supply), "temperature")
+            if not low <= value <= high:
+                raise RigError(f"{name} of {value:g} degC refused; expected {low:g} to {high:g} degC")
+            self._oil["temperature"] = value
+            self.config = replace(c, oil_supply=replace(c.oil_supply, temperature=float(value)))
+            return
+        if name == "instruments.noise":
+            self.gauges.switch(bool(value))
+        elif name.startswith("instruments.noise."):
+            self.gauges.set_noise(name.removeprefix("instruments.noise."), value)
+        else:
+            raise RigError(f"'{name}' cannot be set while the rig runs")
+        noise = {f"{p}_noise": self.gauges.effective(p) for p in ("p1", "p2")}  # what the mirrors tell
+        self.config = replace(c, instruments=replace(c.instruments, **noise))
+
+    def set_command(self, level: int, sample: int, duty, setpoint, gear: int, shifting: bool, flags: int) -> None:
+        """The fields of a rig_msgs/ValveCommand, at the level that it names; RigError when refused."""
+        if level not in range(len(LEVELS)):
+            raise RigError(f"valve command for sample {sample} refused: level {level} is neither 0 (duty) nor 1 (current)")
+        if LEVELS[level] == "current":
+            self.set_current(sample, setpoint, gear, shifting, flags)
+        else:
+            self.set_duty(sample, duty, setpoint, gear, shifting)
+
+    def set_duty(self, sample: int, duty, setpoint, gear: int, shifting: bool) -> None:
+        """External controller's answer to ``sample``: duty (3,) 0..1, setpoints (3,) [A]. RigError when refused."""
+        values = self._answer("duty", sample, duty, setpoint)
+        if not all(0.0 <= d <= 1.0 for d in values[:law.OUTPUTS]):
+            raise RigError(f"valve command for sample {sample} refused: duty must be 0 to 1, found {values[:3]}")
+        self._accept("duty", sample)
+        self._duty[:], self._setpoint[:] = values[:law.OUTPUTS], values[law.OUTPUTS:]
+        self._gear, self._shifting = int(gear), bool(shifting)
+        for k in range(kernel.VALVES):
+            self.valves["pending"][k] = self._duty[self._wiring[k]]
+
+    def set_current(self, sample: int, setpoint, gear: int, shifting: bool, flags: int = 0) -> None:
+        """External controller's answer to ``sample`` at level "current": setpoints (3,) [A]; RigError when refused.
+
+        The power stage drives output k while its setpoint is above zero or bit k of ``flags`` is set, with the coil
+        currents of the last sample; its duty acts from the next boundary on, like that of :meth:`set_duty`.
+        """
+        values = self._answer("current", sample, setpoint)
+        limit = self.config.alfa46.values.current_limit
+        if not all(0.0 <= i <= limit for i in values):
+            raise RigError(f"valve command for sample {sample} refused: setpoints must be 0 to {limit:g} A, found "
+                           f"{values}")
+        self._accept("current", sample)
+        self._setpoint[:] = values
+        self._gear, self._shifting, self._flags = int(gear), bool(shifting), int(flags)
+        for k, value in enumerate(values):
+            self._law_outputs["setpoint"][k] = value
+            self._law_outputs["phase"][k] = law.ON if value > 0.0 or int(flags) >> k & 1 else law.OFF
+
+    def _answer(self, level: str, sample: int, *vectors) -> list[float]:
+        """The numbers of an external controller's command, one after the other, when it can be taken."""
+        if self.embedded:
+            raise RigError(f"this rig runs its controller inside; {level} commands are for controller='external'")
+        if self.level not in (None, level):
+            raise RigError(f"valve command for sample {sample} refused: this run takes commands at level "
+                           f"'{self.level}', found one at level '{level}'; the level stays until its end")
+        values = [float(value) for vector in vectors for value in vector]
+        if any(len(v) != law.OUTPUTS for v in vectors) or not all(map(math.isfinite, values)):
+            what = "duty and setpoint must be 3 finite numbers each" if level == "duty" else (
+                "the setpoint must be 3 finite numbers")
+            raise RigError(f"valve command for sample {sample} refused: {what}")
+        if not self._last_command < sample <= self.sample:
+            raise RigError(f"valve command for sample {sample} refused: expected one after {self._last_command} and "
+                           f"not after {self.sample}")
+        return values
+
+    def _accept(self, level: str, sample: int) -> None:
+        """Note a command that is taken; the first one says at which level, when nobody has before."""
+        self._last_command = int(sample)
+        if self.level is None:
+            self.level = level
+            self._drive = kernel.BY_SETPOINT if level == "current" else kernel.BY_DUTY
+
+    def order_gear(self, gear: int) -> None:
+        """Order a gear of the embedded controller, taken at its next sample; RigError when refused."""
+        if not self.embedded:
+            raise RigError("this rig's controller is outside; order the gear there")
+        why = refusal(gear, self.gear if self._ordered is None else self._ordered,
+                      self.shifting or self._ordered is not None)
+        if why:
+            raise RigError(f"shift refused: {why}")
+        self._ordered = gear
+
+    # ---- safe state
+
+    @property
+    def status(self) -> RigStatus:
+        """What the rig is doing."""
+        if self.settings["safe"][0] > 0.0:
+            return RigStatus.TRIPPED
+        if self.newest_command < 0:
+            return RigStatus.STARTING
+        return RigStatus.RUNNING if self.settings["motor_on"][0] > 0.0 else RigStatus.READY
+
+    @property
+    def newest_command(self) -> int:
+        """The sample that the newest command answers, -1 before the first."""
+        return self.sample - 1 if self.embedded else self._last_command
+
+    @property
+    def command_age(self) -> float:
+        """Simulated time [s] since the sample that the newest command answers; 0 before the first."""
+        return (self.sample - self.newest_command) * (SAMPLE_NS * 1e-9) if self.newest_command >= 0 else 0.0
+
+    def trip(self, reason: str) -> None:
+        """Safe state: no coil current is driven, no drive torque; the first reason stays until reset."""
+        if self.status != RigStatus.TRIPPED:
+            self.reason = reason
+        self.settings["safe"] = 1.0
+        self.settings["motor_on"] = 0.0
+
+    def e_stop(self) -> None:
+        """The red button: safe state that only ``reset`` ends."""
+        self.stopped_by_person = True
+        self.settings["safe"] = 0.0  # a person's stop replaces whatever tripped before
+        self.trip("emergency stop")
+
+    def reset(self) -> None:
+        """Leave the safe state; motor stays off, the controller must speak again before valves move."""
+        self.settings["safe"] = self.settings["motor_on"] = 0.0
+        self.reason, self.stopped_by_person = "", False
+        self._last_command = -1
+        self.valves["pending"] = 0.0
+        self.cuts.excuse()
+        if not self.embedded:
+            self._law_outputs[:] = np.zeros(1, law.LAW_OUTPUT)
+
+    # ---- what can be read
+
+    @property
+    def gear(self) -> int:
+        """Gear the controller was ordered last."""
+        return int(self._law_state["gear"][0]) if self.embedded else self._gear
+
+    @property
+    def shifting(self) -> bool:
+        """True while a profile of the controller runs."""
+        if self.embedded:
+            return bool(self._law_state["sample"][0] < self._law_state["shift_end"][0])
+        return self._shifting
+
+    @property
+    def duty(self) -> np.ndarray:
+        """Duty that the controller commands (3,), as it acts from the next boundary on; 0 at level "current"."""
+        return self._law_outputs["duty"] if self.embedded else self._duty
+
+    @property
+    def flags(self) -> int:
+        """Bits of the newest command at level "current": outputs that stay on at a setpoint of zero."""
+        return self._flags
+
+    @property
+    def setpoint(self) -> np.ndarray:
+        """Current setpoints of the controller's outputs (3,) [A]."""
+        return self._law_outputs["setpoint"] if self.embedded else self._setpoint
+
+    def row(self) -> np.ndarray:
+        """The newest logger row, columns as kernel.CHANNELS, SI."""
+        return self._row_of(self.sample)
+
+    def _row_of(self, sample: int) -> np.ndarray:
+        return self._log[(sample * self._steps_per_sample) % len(self._log)]
+
+    def measurement(self, name: str) -> float:
+        """Newest value of a transducer, as the wire carries it; RigError for a name without one."""
+        try:
+            return float(self.row()[kernel.CHANNELS.index(name)])
+        except ValueError:
+            raise RigError(f"'{name}' is not a transducer; known are {', '.join(kernel.CHANNELS)}") from None
+
+    def coil_duty(self, k: int) -> float:
+        """Duty on the coil of valve k from this sample on."""
+        return 0.0 if self.status == RigStatus.TRIPPED else float(self.duty[self._wiring[k]])
+
+    def coil_currents(self) -> np.ndarray:
+        """Measured currents at the controller's outputs (3,) [A]."""
+        out = np.zeros(law.OUTPUTS)
+        row = self.row()
+        for k in range(kernel.VALVES):
+            out[self._wiring[k]] = row[kernel.I_1 + k]
+        return out
+
+    def take_rows(self, rows: int) -> tuple[int, np.ndarray]:
+        """(index of the first, the next ``rows`` 10 kHz logger rows); RigError when they are not there any more."""
+        first, stride = self._drained, self._logger_stride
+        index = (first + np.arange(rows)) * stride
+        now = self.sample * self._steps_per_sample
+        if index[-1] > now or now - index[0] >= len(self._log):
+            raise RigError(f"logger rows {first} to {first + rows - 1} are not in the ring at {self.time:g} s")
+        self._drained += rows
+        return first, self._log[index % len(self._log), :len(self.logger_names)]
+
+    def clutch_mode(self, k: int) -> int:
+        """0 open, 1 slipping, 2 locked, as in rig_msgs/ClutchState."""
+        if self.cylinders["static"][k] <= 0.0:
+            return 0
+        return 2 if abs(self.mode[S1 + k]) >= 2 else 1
+
+    def clutch_torque(self, k: int) -> float:
+        """Friction torque of clutch k [Nm], positive when it drives the output."""
+        return float(self._el[driveline_algebra.LAM, S1 + k])
+
+    def slip(self, k: int) -> float:
+        """Driving minus driven side of clutch k [rad/s]."""
+        return float(self._w[S1 + k] @ self.v)
+
+    def load_torque(self) -> float:
+        """Torque of the load pump against the output shaft [Nm]."""
+        return float(self._el[driveline_algebra.LAM, kernel.LOAD])
+
+    def load_capacity(self) -> float:
+        """Torque that the load pump could hold [Nm]."""
+        return float(self._cap[driveline_algebra.KIN1, kernel.LOAD])
+
+    def locked_gear(self) -> int:
+        """0 none, 1 S1 locked, 2 S2 locked, 3 both."""
+        return (self.clutch_mode(0) == 2) + 2 * (self.clutch_mode(1) == 2)
+
+    def energy(self) -> dict[str, float]:
+        """Energies since time 0 [J]: each from its own torque and slip, none by difference."""
+        fric, visc = self._el[driveline_algebra.E_FRIC], self._el[driveline_algebra.E_VISC]
+        out = {
+            "motor": float(self._e_in.sum()),
+            "load": float(fric[kernel.LOAD]),
+            "heat_s1": float(fric[S1] + visc[S1]),
+            "heat_s2": float(fric[S2] + visc[S2]),
+            "loss_in": float(fric[kernel.LOSS_IN]),
+            "loss_out": float(fric[kernel.LOSS_OUT]),
+            "stored": float(0.5 * self.v @ self.mass @ self.v),
+        }
+        # sum() rounds otherwise from Python 3.12 on, and the bag has to be the same in all of them
+        used = 0.0
+        for name, value in out.items():
+            if name != "motor":
+                used += value
+        out["residual"] = out["motor"] - used
+        return out
+
+    def state_hash(self) -> str:
+        """Digest of the whole state: equal for equal histories, however they were cut into calls."""
+        digest = hashlib.sha256()
+        for part in (self.v, self._twist, self.mode, self._el, self._e_in, self.valves, self.cylinders, self.plant,
+                     self.held, self._law_outputs, self._law_state, self.settings):
+            digest.update(np.ascontiguousarray(part).tobytes())
+        digest.update(str(self.sample).encode())
+        return digest.hexdigest()
+

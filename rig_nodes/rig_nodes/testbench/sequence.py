@@ -1,0 +1,313 @@
+"""Test sequences: YAML steps with waits, end conditions, timeouts, repeats and a readiness gate.
+
+Used by ``rig simulate`` in one process and by the sequencer node over ROS; the runner only sees a bench object.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+from ..catalogue import catalogue
+from ..config import load_marked
+from ..config.schema import check_keys, where_of
+from ..config.units import quantity
+from ..errors import RigError
+from ..plant.load_pump import LoadConfig, relief_setting_for
+from .configuration import find_config
+
+GEARS = {"neutral": 0, "I": 1, "II": 2}
+KINDS = ("oil", "motor", "load", "shift", "wait", "repeat")
+DEFAULT_TIMEOUT = 30.0
+LONGEST_TIME = 86_400.0  # s of one wait
+SETTING_OF = {"motor": "n_wej", "load": "p_po", "oil": "p_p"}  # signals whose range a setting must keep to
+LONGEST = 10_000  # steps after unrolling repeats
+# what the catalogue calls a quantity, and what config.units calls its dimension
+DIMENSIONS = {"volume flow": "volume flow", "electric current": "current"}
+
+
+class SequenceFailed(RigError):
+    """A step that did not come to its end: which step, what it waited for, what was seen."""
+
+    exit_code = 1
+
+
+class Bench(Protocol):
+    """What a sequence needs of a rig; times are simulated seconds."""
+
+    def ready(self) -> bool: ...
+    def set_oil(self, pressure: float, enable: bool) -> None: ...
+    def set_motor(self, speed: float, enable: bool) -> None: ...
+    def set_load(self, pressure: float, enable: bool) -> None: ...
+    def order_gear(self, gear: int) -> None: ...
+    def shift_done(self) -> bool: ...
+    def reading(self, signal: str) -> float: ...
+    def event(self, name: str, text: str, value: float = 0.0) -> None: ...
+
+
+@dataclass(frozen=True)
+class Condition:
+    """True while the reading of a signal stays between low and high."""
+
+    signal: str
+    low: float
+    high: float
+
+    def met(self, bench: Bench) -> bool:
+        return self.low <= bench.reading(self.signal) <= self.high
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step: kind, its SI values, the sentence for people and where it stands."""
+
+    kind: str
+    text: str
+    where: str
+    value: float = 0.0
+    enable: bool = True
+    by_torque: bool = False
+    hold: float = 0.0
+    timeout: float = DEFAULT_TIMEOUT
+    condition: Condition | None = None
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """A checked sequence."""
+
+    name: str
+    description: str
+    ready_timeout: float
+    steps: list[Step] = field(default_factory=list)
+
+
+BY_HAND = Sequence("none", "ordered over ROS", 0.0)  # in the record of a run without a sequence of its own
+
+
+def load_sequence(name: str | Path) -> Sequence:
+    """The installed sequence of this name, or a file; RigError with file and line when it is not right."""
+    path = find_config("sequences", name)
+    node = load_marked(path)
+    check_keys(path, node, ("description", "ready", "steps"), ("description", "steps"), "the sequence")
+    timeout = DEFAULT_TIMEOUT
+    if "ready" in node:
+        check_keys(path, node["ready"], ("timeout",), ("timeout",), "ready")
+        timeout = _time(node["ready"]["timeout"], f"{where_of(path, node, 'ready')}: ready.timeout")
+    steps = _steps(node["steps"], path, "steps")
+    return Sequence(Path(path).stem, str(node["description"]), timeout, steps)
+
+
+def _steps(nodes, path, what: str) -> list[Step]:
+    if not isinstance(nodes, list) or not nodes:
+        raise RigError(f"{path}: {what} must be a list with at least one step")
+    steps: list[Step] = []
+    for node in nodes:
+        check_keys(path, node, KINDS, (), "a step")
+        if len(node) != 1:
+            raise RigError(f"{where_of(path, node)}: a step has one key, one of {', '.join(KINDS)}; "
+                           f"found {', '.join(map(str, node)) or 'none'}")
+        kind = next(iter(node))
+        body, where = node[kind], where_of(path, node, kind)
+        steps += _READERS[kind](body, path, where)
+        if len(steps) > LONGEST:
+            raise RigError(f"{where}: the sequence is longer than {LONGEST} steps")
+    return steps
+
+
+def _one_of(body, path, where, what, choices, extra=()):
+    """The single key of ``choices`` that a step's body names."""
+    check_keys(path, body, (*choices, *extra), (), what)
+    named = [key for key in choices if key in body]
+    if len(named) != 1:
+        raise RigError(f"{where}: {what} takes one of {', '.join(choices)}, found {', '.join(named) or 'none'}")
+    return named[0]
+
+
+def _off(body, where, what) -> None:
+    if body["off"] is not True:
+        raise RigError(f"{where}: {what}.off is {body['off']!r}, expected true")
+
+
+def _setting(kind, choices):
+    def read(body, path, where):
+        key = _one_of(body, path, where, kind, (*choices, "off"))
+        if key == "off":
+            _off(body, where, kind)
+            return [Step(kind, f"{kind} off", where, enable=False)]
+        value = quantity(body[key], choices[key], f"{where}: {kind}.{key}")
+        high = 500.0 if key == "torque" else catalogue().signals[SETTING_OF[kind]].high
+        if not 0.0 <= value <= high:
+            raise RigError(f"{where}: {kind}.{key} is {body[key]}; the rig takes 0 to {high:.6g} (SI)")
+        return [Step(kind, f"{kind} {key} {body[key]}", where, value, by_torque=key == "torque")]
+    return read
+
+
+def _shift(body, path, where):
+    check_keys(path, body, ("to", "timeout"), ("to",), "shift")
+    gear = str(body["to"])
+    if gear not in GEARS:
+        raise RigError(f"{where}: shift.to is '{gear}', expected {', '.join(GEARS)}")
+    return [Step("shift", f"shift to {gear}", where, GEARS[gear], timeout=_timeout(body, where, "shift"))]
+
+
+def _timeout(body, where, what) -> float:
+    return _time(body["timeout"], f"{where}: {what}.timeout") if "timeout" in body else DEFAULT_TIMEOUT
+
+
+def _time(text, where) -> float:
+    value = quantity(text, "time", where)
+    if not 0.0 <= value <= LONGEST_TIME:
+        raise RigError(f"{where} is {text}, expected 0 s to {LONGEST_TIME:g} s")
+    return value
+
+
+def _wait(body, path, where):
+    key = _one_of(body, path, where, "wait", ("for", "until"), ("timeout", "hold"))
+    if key == "for":
+        if "timeout" in body or "hold" in body:
+            raise RigError(f"{where}: wait.for takes no timeout and no hold; they belong to wait.until")
+        value = _time(body["for"], f"{where}: wait.for")
+        return [Step("wait", f"wait {body['for']}", where, value)]
+    hold = _time(body["hold"], f"{where}: wait.hold") if "hold" in body else 0.0
+    condition, text = _condition(body["until"], path, f"{where}: wait.until")
+    return [Step("wait", f"wait until {text}", where, hold=hold, timeout=_timeout(body, where, "wait"),
+                 condition=condition)]
+
+
+def _condition(node, path, where):
+    check_keys(path, node, ("signal", "above", "below"), ("signal",), "wait.until")
+    signal = catalogue().signals.get(str(node["signal"]))
+    if signal is None:
+        raise RigError(f"{where}: unknown signal '{node['signal']}'; see docs/signals.md")
+    dimension = DIMENSIONS.get(signal.quantity, signal.quantity)
+    low, high, text = float("-inf"), float("inf"), signal.name
+    if "above" in node:
+        low, text = quantity(node["above"], dimension, f"{where}.above"), f"{text} above {node['above']}"
+    if "below" in node:
+        high, text = quantity(node["below"], dimension, f"{where}.below"), f"{text} below {node['below']}"
+    if not low < high or (low == float("-inf") and high == float("inf")):
+        raise RigError(f"{where}: needs 'above', 'below' or both with above < below")
+    return Condition(signal.name, low, high), text
+
+
+def _repeat(body, path, where):
+    check_keys(path, body, ("times", "steps"), ("times", "steps"), "repeat")
+    times = body["times"]
+    if not isinstance(times, int) or isinstance(times, bool) or not 1 <= times <= LONGEST:
+        raise RigError(f"{where}: repeat.times is {times!r}, expected a whole number from 1 to {LONGEST}")
+    steps = _steps(body["steps"], path, "repeat.steps")
+    if times * len(steps) > LONGEST:
+        raise RigError(f"{where}: repeat makes {times * len(steps)} steps, more than {LONGEST}")
+    return steps * times
+
+
+_READERS = {
+    "oil": _setting("oil", {"pressure": "pressure"}),
+    "motor": _setting("motor", {"speed": "angular velocity"}),
+    "load": _setting("load", {"torque": "torque", "pressure": "pressure"}),
+    "shift": _shift, "wait": _wait, "repeat": _repeat,
+}
+
+
+class SequenceRunner:
+    """Walks a sequence over a bench; ``poll`` is called with rising simulated time, every graph tick."""
+
+    def __init__(self, sequence: Sequence, bench: Bench, load: LoadConfig):
+        self.sequence, self.bench, self.load = sequence, bench, load
+        self.step = -1  # -1: readiness gate
+        self.text = "wait for the rig to be ready"
+        self._since: float | None = None
+        self._met_since: float | None = None
+
+    @property
+    def steps(self) -> int:
+        return len(self.sequence.steps)
+
+    def poll(self, t: float) -> bool:
+        """Do what is due at time t [s]; True when the last step is done. Raises SequenceFailed."""
+        if self._since is None:
+            self._since = t
+        if self.step < 0:
+            if not self.bench.ready():
+                if t - self._since > self.sequence.ready_timeout:
+                    raise SequenceFailed(f"sequence '{self.sequence.name}': the rig was not ready within "
+                                         f"{self.sequence.ready_timeout:g} s")
+                return False
+            self._begin(0, t)
+        while self.step < self.steps:
+            if not self._ended(self.sequence.steps[self.step], t):
+                return False
+            self._begin(self.step + 1, t)
+        return True
+
+    def next_look(self) -> dict:
+        """When :meth:`poll` has something to do again, so that nobody need ask at every tick.
+
+        ``until``: time [s], at the latest; before that as soon as ``signal`` lies between ``low`` and ``high`` (or no
+        longer does: ``met`` False), or as soon as a shift to ``gear`` is done, where these are given.
+        """
+        if not 0 <= self.step < self.steps:
+            return {"until": 0.0}
+        step = self.sequence.steps[self.step]
+        if step.kind == "shift":
+            return {"until": self._since + step.timeout, "gear": int(step.value)}
+        if step.condition is None:
+            return {"until": self._since + step.value}
+        condition, met = step.condition, self._met_since is not None
+        return {"until": self._met_since + step.hold if met else self._since + step.timeout,
+                "signal": condition.signal, "low": condition.low, "high": condition.high, "met": not met}
+
+    def _begin(self, index: int, t: float) -> None:
+        self.step, self._since, self._met_since = index, t, None
+        if index >= self.steps:
+            self.text = "done"
+            self.bench.event("sequence_done", f"sequence {self.sequence.name} is done", float(index))
+            return
+        step = self.sequence.steps[index]
+        self.text = step.text
+        self.bench.event("step", step.text, float(index + 1))
+        try:
+            self._give(step)
+        except SequenceFailed:
+            raise
+        except RigError as error:
+            raise SequenceFailed(f"{step.where}: {error}") from None
+
+    def _give(self, step: Step) -> None:
+        """The order of a step, if it is one; RigError when the rig or its controller refuses it."""
+        if step.kind == "oil":
+            self.bench.set_oil(step.value, step.enable)
+        elif step.kind == "motor":
+            self.bench.set_motor(step.value, step.enable)
+        elif step.kind == "load":
+            value = step.value
+            if step.by_torque:
+                value = relief_setting_for(value, self.bench.reading("n_wyj"), self.load)
+            self.bench.set_load(value, step.enable)
+        elif step.kind == "shift":
+            self.bench.order_gear(int(step.value))
+
+    def _ended(self, step: Step, t: float) -> bool:
+        waited = t - self._since
+        if step.kind == "shift":
+            done = waited > 0.0 and self.bench.shift_done()
+        elif step.condition is not None:
+            if not step.condition.met(self.bench):
+                self._met_since = None
+            elif self._met_since is None:
+                self._met_since = t
+            done = self._met_since is not None and t - self._met_since >= step.hold
+        elif step.kind == "wait":
+            return waited >= step.value - 1e-9
+        else:
+            return True
+        if not done and waited > step.timeout:
+            seen = ""
+            if step.condition is not None:
+                signal = catalogue().signals[step.condition.signal]
+                value = signal.shown(self.bench.reading(signal.name))
+                seen = f"; {signal.name} is {value:.4g} {signal.display_unit}"
+            raise SequenceFailed(f"{step.where}: '{step.text}' did not come true within {step.timeout:g} s{seen}")
+        return done

@@ -1,0 +1,154 @@
+"""A sequence on the rig without ROS traffic: same rig, same outputs, same bag, as fast as it goes.
+
+Used by ``rig simulate`` and the tests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from .. import __version__
+from ..alfa46.controller import GEAR_NAMES
+from ..bags.writer import BagWriter
+from ..catalogue import catalogue
+from ..controllers.plug import Plug
+from ..controllers.seam import ControllerFailed
+from ..plant import kernel
+from .configuration import RigConfig
+from .outputs import Outputs
+from .rig import COMMAND_TIMEOUT, TICK_SAMPLES, Rig, RigStatus
+from .sequence import Sequence, SequenceFailed, SequenceRunner
+
+LONGEST_RUN = 24 * 3600.0  # s of simulated time
+AFTER_TRIP = 100  # samples recorded after a trip, so that the bag shows the safe state
+
+
+def run_record(config: RigConfig, sequence: Sequence, seed: int) -> dict:
+    """What a bag says about its own making: configuration, sequence, seed and version, no clock and no host."""
+    return {"configuration": config.as_dict(), "sequence": sequence.name, "description": sequence.description,
+            "seed": seed, "versions": {"rig_nodes": __version__}}
+
+
+class LocalBench:
+    """The bench of a sequence in the same process; orders become events as the nodes would publish them."""
+
+    def __init__(self, rig: Rig, outputs: Outputs, controller: Plug | None = None):
+        self.rig, self.outputs = rig, outputs
+        self.reading = outputs.reading
+        self._order = controller.order if controller else rig.order_gear
+        self._ordered: int | None = None
+
+    def ready(self) -> bool:
+        return True
+
+    def set_oil(self, pressure: float, enable: bool) -> None:
+        self.rig.set_oil(pressure, enable)
+        self.outputs.setpoint("/oil_supply/command", pressure, enable)
+
+    def set_motor(self, speed: float, enable: bool) -> None:
+        self.rig.set_motor(speed, enable)
+        self.outputs.setpoint("/motor/command", speed, enable)
+
+    def set_load(self, pressure: float, enable: bool) -> None:
+        self.rig.set_load(pressure, enable)
+        self.outputs.setpoint("/load_pump/command", pressure, enable)
+
+    def order_gear(self, gear: int) -> None:
+        self._order(gear)
+        self._ordered = gear
+        self.outputs.event("/alfa46/events", "shift_ordered", f"shift to {GEAR_NAMES[gear]} ordered", gear)
+
+    def shift_done(self) -> bool:
+        done = not self.rig.shifting and self._ordered in (None, self.rig.gear)
+        if done and self._ordered is not None:
+            self._ordered = None
+            self.outputs.event("/alfa46/events", "shift_done", "the profiles of the shift have ended", self.rig.gear)
+        return done
+
+    def event(self, name: str, text: str, value: float = 0.0) -> None:
+        self.outputs.event("/sequencer/events", name, text, value)
+
+
+def ask_controller(rig: Rig, controller: Plug):
+    """The plug's answer to the newest sample, from what the wires carry; None when it discards the sample."""
+    row = rig.row()
+    return controller.step(rig.sample, rig.coil_currents(), row[kernel.N_WEJ], row[kernel.N_WYJ],
+                           row[kernel.P_1], row[kernel.P_2])
+
+
+def give_answer(rig: Rig, controller: Plug, sample: int, answer) -> None:
+    """Hand the answer to ``sample`` to the rig, at the level of the plug."""
+    if controller.level == "current":
+        rig.set_current(sample, answer.command, controller.gear, controller.shifting, controller.flags)
+    else:
+        rig.set_duty(sample, answer.command, answer.setpoint, controller.gear, controller.shifting)
+
+
+def advance_with(rig: Rig, controller: Plug) -> None:
+    """One sample with a plugged controller: it answers while the rig moves, its answer acts one sample later.
+
+    A controller that fails, or that never answers, trips the rig with its sentence as the reason.
+    """
+    sample, answer = rig.sample, None
+    try:
+        answer = ask_controller(rig, controller)
+    except ControllerFailed as failure:
+        rig.trip(str(failure))
+    rig.advance_samples(1)
+    if answer is not None:
+        give_answer(rig, controller, sample, answer)
+    elif rig.status == RigStatus.STARTING and rig.time > COMMAND_TIMEOUT:
+        rig.trip(f"controller {controller.name} has not answered any of the first {sample + 1} samples")
+
+
+def simulate(config: RigConfig, sequence: Sequence, folder: Path, seed: int = 1,
+             progress: Callable[[float, str], None] | None = None, controller: Plug | None = None) -> dict:
+    """Run the sequence into a bag in ``folder``; returns the ``run`` part of the report.
+
+    ``controller``: a plug (controllers.load_controller) in place of the embedded Alfa46; it is closed at the
+    end. The bag is whole even when the sequence or the controller fails or the run is interrupted; ``end``
+    says why it ended.
+    """
+    if controller is None:
+        rig = Rig(config, seed, controller="embedded")
+    else:
+        rig = Rig(config, seed, controller="external", level=controller.level)
+    record = run_record(config, sequence, seed)
+    outputs = Outputs(rig, record, commands=True)
+    runner = SequenceRunner(sequence, LocalBench(rig, outputs, controller), config.load_pump)
+    types = {name: topic.ros_type for name, topic in catalogue().all_topics.items()}
+    end = {"state": "ended", "reason": "the sequence ended"}
+
+    def record_due() -> None:
+        for topic, stamp, data in outputs.due():
+            bag.write(topic, types[topic], data, stamp)
+
+    with BagWriter(folder, sequence.name) as bag:
+        try:
+            done = False
+            while not done and rig.status != RigStatus.TRIPPED:
+                if rig.sample and rig.sample % TICK_SAMPLES == 0:
+                    done = runner.poll(rig.time) or rig.time > LONGEST_RUN
+                    if progress:
+                        progress(rig.time, runner.text)
+                record_due()
+                if controller is None:
+                    rig.advance_samples(1)
+                else:
+                    advance_with(rig, controller)
+            if rig.status == RigStatus.TRIPPED:
+                end = {"state": "tripped", "reason": rig.reason}
+                for _ in range(AFTER_TRIP):
+                    record_due()
+                    rig.advance_samples(1)
+        except SequenceFailed as failure:
+            end = {"state": "failed", "reason": str(failure)}
+        except KeyboardInterrupt:
+            end = {"state": "interrupted", "reason": "interrupted by Ctrl-C"}
+        finally:
+            if controller is not None:
+                controller.close()
+    plugged = {"name": controller.name if controller else "alfa46", "level": rig.level}
+    return {**record, "mode": "simulate", "controller": plugged, "duration_s": rig.time, "lost": 0,
+            "ticks": rig.sample // TICK_SAMPLES, "overruns": 0, "lateness_ms": None, "end": end}

@@ -1,0 +1,355 @@
+"""What the laboratory printed, from targets.yaml: one frozen :class:`Target` for each number or trend.
+
+Used by what compares the rig with the laboratory; knows nothing of how a procedure is run. The head of
+targets.yaml says what each key and kind means.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ..config import load_marked
+from ..config.schema import check_keys, where_of
+from ..config.units import SI, UNITS, quantity
+from ..errors import RigError
+
+TARGETS_FILE = Path(__file__).resolve().with_name("targets.yaml")
+
+ROLES = ("calibrate", "predict", "information")
+SIGNS = ("grows", "falls", "flat")
+SHAPES = ("linear", "quadratic")
+STATISTICS = ("mean", "lowest", "highest", "spread", "spread_share")
+# kind -> (keys it must have, keys it may have)
+KINDS = {
+    "value": (("printed", "low", "high", "tolerance"), ()),
+    "range": (("printed", "low", "high", "tolerance"), ()),
+    "upper": (("high", "tolerance"), ("printed",)),
+    "lower": (("low", "tolerance"), ("printed",)),
+    "difference": (("of", "to", "tolerance"), ("printed", "low", "high", "absolute")),
+    "ratio": (("of", "to", "tolerance"), ("printed", "low", "high")),
+    "trend": (("sign", "over", "tolerance"), ()),
+    "fit": (("shape", "over", "low", "tolerance"), ("printed",)),
+    "curve": (("variable", "variable_unit", "unit", "pieces", "tolerance"), ()),
+    "classification": (("classes", "expected"), ()),
+}
+# what a condition takes: a dimension, the words it knows, or whole numbers
+CONDITIONS = {
+    "shift": ("I-II", "II-I"), "n_wej": "angular velocity", "n_wyj": "angular velocity", "m_wyj": "torque",
+    "t12": "time", "t21": "time", "series": int, "valve": ("ZR-P1", "ZR-P2"), "clutch": ("S1", "S2"),
+    "side": ("driving", "driven"), "phase": ("before", "shift", "fill", "after contact"),
+    "source": ("measured", "simulated"), "ring": ("80x115", "80x101.9", "65x115", "46x88.9", "50x76"),
+    "thickness": "length", "surfaces": int, "model": ("thesis", "osinski", "traditional"),
+    "pressure": "pressure", "time": "time", "inertia": "inertia",
+}
+REQUIRED = ("id", "text", "where", "kind", "quantity", "procedure", "role", "conditions", "why")
+OPTIONAL = ("statistic", "across", "fixed", "conflicts", "note")
+
+
+@dataclass(frozen=True)
+class Span:
+    """All values of a condition between two, ends included (SI)."""
+
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Target:
+    """One printed number or trend and what counts as meeting it. Numbers are SI, curves excepted.
+
+    dimension: of printed, low, high and tolerance (a ratio for the kinds ratio and fit and for spread_share);
+    unit: the laboratory's, for people. conditions, of, to: name -> tuple of values, or a :class:`Span`.
+    conflicts: id of another target -> how the two pull against each other, the same at both. pieces: of a
+    curve, (from, to, coefficients with the highest power first) in variable_unit and unit.
+    tolerance_is_share: the tolerance of a trend is a share of the lowest value. line: where the row stands.
+    """
+
+    id: str
+    text: str
+    where: str
+    kind: str
+    quantity: str
+    dimension: str
+    procedure: str
+    role: str
+    why: str
+    line: int
+    conditions: dict[str, tuple | Span]
+    unit: str = "-"
+    printed: tuple[float, ...] = ()
+    low: float | None = None
+    high: float | None = None
+    tolerance: float | None = None
+    tolerance_is_share: bool = False
+    absolute: bool = False
+    of: dict[str, tuple | Span] = field(default_factory=dict)
+    to: dict[str, tuple | Span] = field(default_factory=dict)
+    sign: str | None = None
+    shape: str | None = None
+    over: str | None = None
+    fixed: tuple[str, ...] = ()
+    statistic: str | None = None
+    across: str | None = None
+    classes: tuple[str, ...] = ()
+    expected: str | None = None
+    variable: str | None = None
+    variable_unit: str | None = None
+    pieces: tuple[tuple[float, float, tuple[float, ...]], ...] = ()
+    conflicts: dict[str, str] = field(default_factory=dict)
+    note: str = ""
+
+
+def load_targets(path: str | Path | None = None) -> list[Target]:
+    """The targets of a file, by default the one that ships with the package, in its order.
+
+    Raises RigError with file and line for whatever is not as the file's head says.
+    """
+    path = TARGETS_FILE if path is None else Path(path)
+    node = load_marked(path)
+    keys = ("procedures", "quantities", "targets")
+    check_keys(path, node, keys, keys, "the targets")
+    procedures = _procedures(path, node)
+    quantities = _quantities(path, node)
+    rows = node["targets"]
+    if not (isinstance(rows, list) and rows):
+        raise RigError(f"{where_of(path, node, 'targets')}: targets must be a list of rows, found {rows!r}")
+    targets: dict[str, Target] = {}
+    for row in rows:
+        target = _Row(path, row, procedures, quantities).target()
+        if target.id in targets:
+            raise RigError(f"{path}:{target.line}: the id '{target.id}' is taken by line "
+                           f"{targets[target.id].line}; each id stands once")
+        targets[target.id] = target
+    _mirror_conflicts(path, rows, targets)
+    return list(targets.values())
+
+
+def _procedures(path, node) -> tuple[str, ...]:
+    procedures = node["procedures"]
+    check_keys(path, procedures, procedures, (), "procedures")
+    for name, meaning in procedures.items():
+        if not (isinstance(meaning, str) and meaning.strip()):
+            raise RigError(f"{where_of(path, procedures, name)}: procedures.{name} must say what it is, "
+                           f"found {meaning!r}")
+    return tuple(procedures)
+
+
+def _quantities(path, node) -> dict[str, str]:
+    """Name -> dimension."""
+    quantities = node["quantities"]
+    check_keys(path, quantities, quantities, (), "quantities")
+    for name, entry in quantities.items():
+        if not (isinstance(entry, list) and len(entry) == 2 and entry[0] in SI and isinstance(entry[1], str)):
+            raise RigError(f"{where_of(path, quantities, name)}: quantities.{name} must be [dimension, "
+                           f"\"meaning\"] with one of {', '.join(sorted(SI))}, found {entry!r}")
+    return {name: str(entry[0]) for name, entry in quantities.items()}
+
+
+def _mirror_conflicts(path, rows, targets: dict[str, Target]) -> None:
+    """A conflict is written at one of its two rows; let both know."""
+    for row in rows:
+        here = targets[str(row["id"])]
+        for other, sentence in (row.get("conflicts") or {}).items():
+            where = f"{where_of(path, row['conflicts'], other)}: {here.id}.conflicts"
+            if other not in targets:
+                raise RigError(f"{where} names '{other}', which is no row; expected the id of another row")
+            if other == here.id:
+                raise RigError(f"{where} names the row itself; expected the id of another row")
+            if other in here.conflicts:
+                raise RigError(f"{where} names '{other}', which already names this row; "
+                               "a conflict stands at one of the two")
+            here.conflicts[other] = targets[other].conflicts[here.id] = " ".join(sentence.split())
+
+
+class _Row:
+    """One row while it is read; every refusal names file, line and id."""
+
+    def __init__(self, path, node, procedures, quantities):
+        self.path, self.node = path, node
+        every = {key for musts, mays in KINDS.values() for key in (*musts, *mays)}
+        check_keys(path, node, [*REQUIRED, *OPTIONAL, *sorted(every)], REQUIRED, "a target")
+        self.id = node["id"]
+        for key in ("id", "text", "where", "why", *(k for k in ("note",) if k in node)):
+            if not (isinstance(node[key], str) and node[key].strip()):
+                self.refuse(key, f"is {node[key]!r}, expected words (a bare number needs quotes)")
+        self.one_of("kind", KINDS)
+        self.one_of("role", ROLES)
+        self.one_of("procedure", procedures)
+        self.one_of("quantity", quantities)
+        musts, mays = KINDS[node["kind"]]
+        check_keys(path, node, [*REQUIRED, *OPTIONAL, *musts, *mays], musts, f"{self.id}, a {node['kind']},")
+        self.dimension = quantities[node["quantity"]]
+
+    def refuse(self, key, reason: str):
+        raise RigError(f"{where_of(self.path, self.node, key)}: {self.id}.{key} {reason}")
+
+    def one_of(self, key, known) -> None:
+        if self.node[key] not in tuple(known):
+            self.refuse(key, f"is {self.node[key]!r}, expected one of {', '.join(known)}")
+
+    def target(self) -> Target:
+        node, kind = self.node, self.node["kind"]
+        values: dict = {}
+        for key, known in (("sign", SIGNS), ("shape", SHAPES), ("statistic", STATISTICS),
+                           ("over", CONDITIONS), ("across", CONDITIONS)):
+            if key in node:
+                self.one_of(key, known)
+                values[key] = str(node[key])
+        if node.get("absolute", True) is not True:
+            self.refuse("absolute", f"is {node['absolute']!r}, expected true or no such key")
+        values["absolute"] = "absolute" in node
+        if ("statistic" in node) != ("across" in node):
+            self.refuse("statistic" if "statistic" in node else "across",
+                        "stands alone; a statistic is taken across a condition, both keys are needed")
+        if kind in ("ratio", "fit") or node.get("statistic") == "spread_share":
+            self.dimension = "ratio"
+        values["fixed"] = self.fixed()
+        for key in ("conditions", "of", "to"):
+            if key in node:
+                values[key] = self.conditions(key)
+        if kind == "classification":
+            values.update(self.classes())
+        else:
+            if kind == "curve":
+                values.update(self.curve())
+            values.update(self.numbers())
+        self.conflicts()
+        return Target(
+            id=str(self.id), kind=str(kind), quantity=str(node["quantity"]), dimension=self.dimension,
+            procedure=str(node["procedure"]), role=str(node["role"]), line=node.lc.line + 1,
+            **{key: " ".join(node.get(key, "").split()) for key in ("text", "where", "why", "note")},
+            **values)
+
+    def fixed(self) -> tuple[str, ...]:
+        names = self.node.get("fixed", [])
+        if not isinstance(names, list) or any(name not in CONDITIONS for name in names):
+            self.refuse("fixed", f"is {names!r}, expected a list out of {', '.join(CONDITIONS)}")
+        return tuple(str(name) for name in names)
+
+    def conditions(self, key) -> dict[str, tuple | Span]:
+        node = self.node[key]
+        check_keys(self.path, node, CONDITIONS, (), f"{self.id}.{key}")
+        out = {}
+        for name, entry in node.items():
+            takes, where = CONDITIONS[name], f"{where_of(self.path, node, name)}: {self.id}.{key}.{name}"
+            if isinstance(entry, dict):
+                check_keys(self.path, entry, ("from", "to"), ("from", "to"), f"{self.id}.{key}.{name}")
+                if not isinstance(takes, str):
+                    raise RigError(f"{where} is a span, which only numbers with a unit can have; "
+                                   "expected a value or a list")
+                low, high = (quantity(entry[end], takes, where) for end in ("from", "to"))
+                if low >= high:
+                    raise RigError(f"{where} runs from {entry['from']} to {entry['to']}; "
+                                   "expected the lower one first")
+                out[name] = Span(low, high)
+                continue
+            entries = list(entry) if isinstance(entry, list) else [entry]
+            if not entries:
+                raise RigError(f"{where} is an empty list; expected at least one value")
+            out[name] = tuple(_condition(takes, name, one, where) for one in entries)
+        return out
+
+    def classes(self) -> dict:
+        classes = self.node["classes"]
+        names = isinstance(classes, list) and all(isinstance(name, str) for name in classes)
+        if not names or len(set(classes)) < 2:
+            self.refuse("classes", f"is {classes!r}, expected a list of two or more names")
+        self.one_of("expected", classes)
+        return {"classes": tuple(str(c) for c in classes), "expected": str(self.node["expected"])}
+
+    def curve(self) -> dict:
+        node = self.node
+        for key in ("unit", "variable_unit"):
+            self.one_of(key, UNITS)
+        if UNITS[node["unit"]][0] != self.dimension:
+            self.refuse("unit", f"is a {UNITS[node['unit']][0]}, expected a {self.dimension}")
+        pieces, end = [], None
+        for piece in node["pieces"] if isinstance(node["pieces"], list) else [None]:
+            try:
+                start, until, coefficients = piece
+                numbers = float(start), float(until), tuple(float(c) for c in coefficients)
+            except (TypeError, ValueError):
+                self.refuse("pieces", f"has {piece!r}, expected [from, to, [coefficients]] in numbers")
+            if not numbers[2] or not numbers[0] < numbers[1] or end not in (None, numbers[0]):
+                self.refuse("pieces", f"has {piece!r}; each must run forward from where the one before ends "
+                                      "and have coefficients")
+            end = numbers[1]
+            pieces.append(numbers)
+        if not pieces:
+            self.refuse("pieces", "is empty; expected at least one [from, to, [coefficients]]")
+        return {"pieces": tuple(pieces), "variable": str(node["variable"]),
+                "variable_unit": str(node["variable_unit"])}
+
+    def numbers(self) -> dict:
+        """printed, low, high and tolerance in SI, and that they fit each other."""
+        node, kind = self.node, self.node["kind"]
+        text = node["tolerance"]
+        share = kind == "trend" and isinstance(text, str) and text.rstrip().endswith("%")
+        tolerance = self.number(text, "tolerance", "ratio" if share else self.dimension)
+        if tolerance < 0.0:
+            self.refuse("tolerance", f"is {text}, expected 0 or more")
+        ends = {end: self.number(node[end], end, self.dimension) for end in ("low", "high") if end in node}
+        if kind in ("difference", "ratio") and not ends:
+            self.refuse("to", "has nothing to be judged by; expected low, high or both")
+        if len(ends) == 2 and ends["low"] > ends["high"]:
+            self.refuse("low", f"is {node['low']}, above high, which is {node['high']}")
+        printed = self.printed()
+        if printed:
+            reach = [printed[0] - ends["low"]] if "low" in ends else []
+            reach += [ends["high"] - printed[-1]] if "high" in ends else []
+            size = max(abs(x) for x in (*printed, *ends.values(), tolerance))
+            if min(reach) < -1e-9 * size:
+                self.refuse("printed", f"is {node['printed']}, outside of what low and high accept")
+            if not math.isclose(max(reach), tolerance, rel_tol=1e-6, abs_tol=1e-6 * size):
+                self.refuse("tolerance", f"is {text}, but low and high do not reach just that far beyond "
+                                         f"what is printed ({node['printed']})")
+        return {"printed": printed, "tolerance": tolerance, "tolerance_is_share": share, "unit": self.unit(),
+                **ends}
+
+    def number(self, text, key, dimension) -> float:
+        return quantity(text, dimension, f"{where_of(self.path, self.node, key)}: {self.id}.{key}")
+
+    def printed(self) -> tuple[float, ...]:
+        if "printed" not in self.node:
+            return ()
+        entry = self.node["printed"]
+        pair = self.node["kind"] == "range"
+        if pair and not (isinstance(entry, list) and len(entry) == 2):
+            self.refuse("printed", f"is {entry!r}, expected [lowest, highest]")
+        numbers = tuple(self.number(one, "printed", self.dimension) for one in (entry if pair else [entry]))
+        if numbers[0] > numbers[-1]:
+            self.refuse("printed", f"is {entry!r}, expected the lower one first")
+        return numbers
+
+    def unit(self) -> str:
+        """The laboratory's unit: that of the first number there is."""
+        keys = ("unit", "printed", "low", "high", "tolerance")
+        entry = next(self.node[key] for key in keys if key in self.node)
+        text = str(entry[0] if isinstance(entry, list) else entry)
+        return text if text in UNITS else (text.split(None, 1)[1:] or ["-"])[0]
+
+    def conflicts(self) -> None:
+        conflicts = self.node.get("conflicts", {})
+        if not isinstance(conflicts, dict):
+            self.refuse("conflicts", f"is {conflicts!r}, expected {{id of another row: one sentence}}")
+        for other, sentence in conflicts.items():
+            if not (isinstance(sentence, str) and sentence.strip()):
+                raise RigError(f"{where_of(self.path, conflicts, other)}: {self.id}.conflicts.{other} is "
+                               f"{sentence!r}, expected one sentence")
+
+
+def _condition(takes, name: str, entry, where: str):
+    if isinstance(takes, str):
+        return quantity(entry, takes, where)
+    if takes is int:
+        if name == "series" and entry == "all":
+            return "all"
+        if not isinstance(entry, int) or isinstance(entry, bool) or entry < 1:
+            more = " or all" if name == "series" else ""
+            raise RigError(f"{where} is {entry!r}, expected a whole number from 1{more}")
+        return int(entry)
+    if entry not in takes:
+        raise RigError(f"{where} is {entry!r}, expected one of {', '.join(takes)}")
+    return str(entry)

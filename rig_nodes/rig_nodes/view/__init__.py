@@ -1,0 +1,4 @@
+"""The Rerun view of a run: what is shown and how (layout), the file (convert, document), window and picture.
+
+Used by `rig view`. Only functions that need it import rerun, so that the rest of the rig runs without it.
+"""

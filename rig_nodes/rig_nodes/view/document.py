@@ -1,0 +1,67 @@
+"""The report of a run as a markdown document, for the text panel of the view.
+
+Used by view.convert; keys, headings and units are those of the report (analysis.report).
+"""
+
+from __future__ import annotations
+
+from ..analysis.report import COLUMNS, GEAR
+
+WIDEST = 4  # shifts side by side before the table is turned
+
+
+def report_document(report: dict, problems: list[str]) -> str:
+    """Tables of the shifts and of the run. problems: sentences on what is wrong with the bag, shown first."""
+    run = report["run"]
+    parts = [f"# {run.get('sequence') or 'Run'}"]
+    if run.get("description"):
+        parts.append(run["description"])
+    parts += [f"**{problem}**" for problem in [*problems, *run.get("problems", [])]]
+    parts += ["## Shifts", _shift_table(report["shifts"]) if report["shifts"] else "No shift was ordered."]
+    parts += [f"{_title(row)} is not valid: {reason}"
+              for row in report["shifts"] for reason in row.get("why", [])]
+    end = run.get("end")
+    reason = (end.get("reason") if isinstance(end, dict) else end) or "unknown"
+    parts += ["## Run", f"End: {reason}", _table([["", "value"], *_run_rows(report)])]
+    return "\n\n".join(parts) + "\n"
+
+
+def _shift_table(rows: list[dict]) -> str:
+    table = [["shift", *(heading for heading, *_ in COLUMNS), "valid"]]
+    for row in rows:
+        cells = [_number(row.get(key), factor, digits) for _, key, factor, digits in COLUMNS]
+        table.append([_title(row), *cells, "yes" if row.get("valid") else "**no**"])
+    if len(rows) <= WIDEST:
+        table = [list(line) for line in zip(*table)]
+    return _table(table)
+
+
+def _run_rows(report: dict) -> list[list[str]]:
+    run = report["run"]
+    rows = [["messages lost", "unknown" if run.get("lost") is None else str(run["lost"])]]
+    late = run.get("lateness_ms")
+    if late:
+        rows += [[f"lateness {key} ms", _number(late.get(key), 1.0, 2)] for key in ("p50", "p99", "max")]
+        rows.append(["overruns", f"{run.get('overruns')} of {run.get('ticks')} ticks"])
+    for row, account in zip(report["shifts"], report.get("energy", {}).get("shifts", [])):
+        if account:
+            heat = account["heat_s1_j"] + account["heat_s2_j"]
+            rows.append([f"heat {_title(row)} J", _number(heat, 1.0, 0)])
+    rig = (run.get("configuration") or {}).get("name", "unknown")
+    rows += [["rig", str(rig)], ["seed", str(run.get("seed"))]]
+    rows += [[name, str(version)] for name, version in (run.get("versions") or {}).items()]
+    return rows
+
+
+def _title(row: dict) -> str:
+    return " → ".join(GEAR.get(row[key], str(row[key])) for key in ("from_gear", "to_gear"))
+
+
+def _number(value, factor: float, digits: int) -> str:
+    return "-" if value is None else f"{value * factor:.{digits}f}"
+
+
+def _table(rows: list[list[str]]) -> str:
+    head, *body = rows
+    lines = [head, ["---", *["--:"] * (len(head) - 1)], *body]
+    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)

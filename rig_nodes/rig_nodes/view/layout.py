@@ -1,0 +1,299 @@
+"""What a view shows: colour of every signal, plots, tabs and the window in time they open with.
+
+Used by view.convert for a recorded run, by view.live for a running rig and by view.other_tools for layouts of
+other programs; names and units come from the signal catalogue.
+"""
+
+from __future__ import annotations
+
+import uuid
+from dataclasses import dataclass
+
+from ..catalogue import Signal, catalogue
+
+TIMELINE = "t"
+BEFORE, AFTER = 0.2, 1.5  # s around the order of a shift: profiles, torque peak and the torque settling again
+
+LEGEND = 0.3  # of a window, shown after it: there the legend covers nothing that matters
+
+# One hue per place of measurement, apart for the colour-blind and on dark and light ground alike:
+# input shaft green, output shaft pink, clutch S1 blue, clutch S2 orange. Bright is measured, pale is what was
+# asked for or could be transmitted.
+INPUT, OUTPUT, S1, S2 = (0x12, 0xB8, 0x86), (0xE0, 0x7A, 0xC0), (0x2F, 0x95, 0xF5), (0xF5, 0x84, 0x1F)
+INPUT_PALE, OUTPUT_PALE = (0x8C, 0xD9, 0xC0), (0xEF, 0xBE, 0xE0)
+S1_PALE, S2_PALE = (0x9B, 0xCB, 0xF8), (0xF8, 0xC4, 0x94)
+PALE = (INPUT_PALE, OUTPUT_PALE, S1_PALE, S2_PALE)
+SUPPLY, OTHER = (0xD8, 0xD0, 0x48), (0x9A, 0xA0, 0xA8)
+
+COLOURS = {
+    "M_wej": INPUT, "n_wej": INPUT, "motor_torque": INPUT_PALE, "motor_speed_setpoint": INPUT_PALE,
+    "motor_work": INPUT, "loss_in": INPUT,
+    "M_wyj": OUTPUT, "n_wyj": OUTPUT, "load_torque": OUTPUT_PALE, "load_work": OUTPUT, "loss_out": OUTPUT,
+    "p_po": OUTPUT, "relief_setting": OUTPUT_PALE,
+    "p1": S1, "I_zr_p1": S1, "I_set_zr_p1": S1_PALE, "s1_torque": S1, "s1_capacity": S1_PALE, "s1_slip": S1,
+    "s1_clamp": S1, "s1_piston": S1, "zr_p1_duty": S1, "zr_p1_flow": S1,
+    "p2": S2, "I_zr_p2": S2, "I_set_zr_p2": S2_PALE, "s2_torque": S2, "s2_capacity": S2_PALE, "s2_slip": S2,
+    "s2_clamp": S2, "s2_piston": S2, "zr_p2_duty": S2, "zr_p2_flow": S2,
+    "p_p": SUPPLY, "T_oil": SUPPLY,
+}
+# Clutches go from grey over yellow to the hue of their gear: S1 carries gear I, S2 gear II.
+IDLE, WAITING, ALARM = (0x55, 0x5B, 0x63), (0xC9, 0xB4, 0x2B), (0xD6, 0x45, 0x50)
+STATE_COLOURS = {
+    "none": IDLE, "neutral": IDLE, "open": IDLE, "starting": IDLE, "slipping": WAITING, "tie-up": ALARM,
+    "I": S1, "II": S2, "ready": WAITING, "running": INPUT, "tripped": ALARM,
+}
+LOCKED = {"s1_mode": S1, "s2_mode": S2}
+
+SHIFT_STATES = ("gear_ordered", "gear", "s1_mode", "s2_mode")
+STATES = ("rig_state", *SHIFT_STATES)
+# title of a plot and its signals; all signals of one plot share their display unit
+SHIFT_PLOTS = (
+    ("Coil current", ("I_zr_p1", "I_set_zr_p1", "I_zr_p2", "I_set_zr_p2")),
+    ("Clutch pressure", ("p1", "p2")),
+    ("Shaft torque", ("M_wej", "M_wyj")),
+    ("Clutch torque", ("s1_torque", "s1_capacity", "s2_torque", "s2_capacity")),
+    ("Speed", ("n_wej", "n_wyj", "s1_slip", "s2_slip")),
+)
+RUN_LEFT = (
+    SHIFT_PLOTS[0],
+    ("Clutch and supply pressure", ("p1", "p2", "p_p")),
+    ("Piston position", ("s1_piston", "s2_piston")),
+    ("Oil flow to the clutches", ("zr_p1_flow", "zr_p2_flow")),
+)
+RUN_RIGHT = (
+    ("Shaft, motor and load torque", ("M_wej", "M_wyj", "motor_torque", "load_torque")),
+    SHIFT_PLOTS[3],
+    ("Shaft speed", ("n_wej", "n_wyj", "motor_speed_setpoint")),
+    ("Slip", ("s1_slip", "s2_slip")),
+)
+
+MARKED_PLOTS = tuple(dict.fromkeys(SHIFT_PLOTS + RUN_LEFT + RUN_RIGHT))
+# what people call the plots of the other signals, which are gathered by quantity
+OTHER_TITLES = {"torque": "Gearbox losses", "pressure": "Load pressure", "energy": "Work since time 0",
+                "force": "Clamp force", "ratio": "Valve duty", "temperature": "Oil temperature"}
+TABS = ("shifts", "run", "other")  # as the command line names them
+
+# The viewer keeps the range that linked time axes share under this fixed view id. The view with this id hands
+# it the window the linked plots open with; without it they would open with the whole run.
+SHARED_AXIS = uuid.UUID("5c0dca6a-e63f-9cf7-f657-2602590474cc")
+
+
+@dataclass(frozen=True)
+class Shift:
+    """A shift to be shown: time of its order [s], gear before and after, end of its window [s]."""
+
+    order: float
+    before: int
+    after: int
+    end: float
+
+    @property
+    def window(self) -> tuple[float, float]:
+        """Start and end of the window [s]."""
+        return self.order - BEFORE, self.end
+
+    @property
+    def title(self) -> str:
+        """What people call it, e.g. ``I → II at 3.835 s``."""
+        names = catalogue().signal("gear_ordered").states
+        return f"{names.get(self.before, '?')} → {names.get(self.after, '?')} at {self.order:.3f} s"
+
+
+def shifts_of(orders: list[tuple[float, int, int]]) -> list[Shift]:
+    """The shifts of a run; the window of each ends before the next one's.
+
+    orders: (t [s], gear before, gear after) of every order.
+    """
+    shifts = []
+    for i, (t, before, after) in enumerate(orders):
+        limit = orders[i + 1][0] - BEFORE if i + 1 < len(orders) else float("inf")
+        shifts.append(Shift(t, before, after, max(min(t + AFTER, limit), t + BEFORE)))
+    return shifts
+
+
+def with_room(window: tuple[float, float]) -> tuple[float, float]:
+    """The window that plots open with, so that their legends lie behind what is to be seen [s]."""
+    start, end = window
+    return start, end + LEGEND * (end - start)
+
+
+def choose(shifts: list[Shift]) -> list[Shift]:
+    """The first upshift and the first downshift under way, at most two, in order of time.
+
+    Engaging from neutral is chosen only when there is nothing else.
+    """
+    under_way = [s for s in shifts if s.before and s.after] or shifts
+    first = {}
+    for shift in under_way:
+        first.setdefault(shift.after > shift.before, shift)
+    return sorted(first.values(), key=lambda s: s.order)
+
+
+def entity(signal: Signal) -> str:
+    """Where a signal lies in the view's file: its quantity, then its name, e.g. ``torque/M_wej``."""
+    return f"{signal.quantity.replace(' ', '_')}/{signal.name}"
+
+
+def colour(name: str) -> tuple[int, int, int]:
+    """Colour of a signal, the same in every plot."""
+    return COLOURS.get(name, OTHER)
+
+
+def width(name: str) -> float:
+    """Width of a curve in pixels: what was asked for is seen on both sides of what was measured.
+
+    The viewer draws in the order of names; motor_torque would hide M_wej.
+    """
+    return 4.0 if colour(name) in PALE and name != "motor_torque" else 2.0
+
+
+def state_colour(name: str, label: str) -> tuple[int, int, int]:
+    """Colour of a state of a signal."""
+    return LOCKED[name] if label == "locked" else STATE_COLOURS.get(label, OTHER)
+
+
+def mark_entity(title: str) -> str:
+    """Where the marks of the orders in a plot lie, e.g. ``orders/shaft_torque``."""
+    return f"orders/{title.lower().replace(',', '').replace(' ', '_')}"
+
+
+def blueprint(present: set[str], shifts: list[Shift], window: tuple[float, float] | None,
+              only: str | None = None):
+    """The layout of a recorded run as a Rerun blueprint.
+
+    present: names of the signals the file holds; plots without any are left out. shifts: shown side by side
+    in the first tab. window: start and end [s] the linked plots open with, whose tab then shows; without it
+    they open with the time of the shifts, or with the whole run when there is none. only: this one of TABS
+    alone and without the viewer's own bars, for a picture; a tab that the run does not have is the run's.
+    """
+    import rerun.blueprint as rrb
+
+    span = window or (with_room((shifts[0].window[0], shifts[-1].window[1])) if shifts else None)
+    axis = rrb.TimeAxis(link="LinkToGlobal")
+    run, rest = _run_columns(present, axis), _rest(present, axis)
+    shown = rest if only == "other" else [view for column in run for view in column] + rest
+    if shown:
+        shown[0].id = SHARED_AXIS
+        if span is not None:
+            shown[0].properties["TimeAxis"] = rrb.TimeAxis(link="LinkToGlobal", view_range=_range(span))
+    tabs = {}
+    if shifts:
+        columns = [_shift_column(present, shift, shift is shifts[0]) for shift in shifts]
+        tabs["shifts"] = _tab("Shifts", columns)
+    tabs["run"] = _tab("Run", run)
+    if rest:
+        tabs["other"] = rrb.Grid(*rest, name="Other signals")
+    if only is not None:
+        return _whole(rrb, tabs.get(only, tabs["run"]), "hidden", "hidden", "paused")
+    active = 1 if window and shifts else 0
+    return _whole(rrb, rrb.Tabs(*tabs.values(), active_tab=active), "collapsed", "expanded", "paused")
+
+
+def live_blueprint(seconds: float):
+    """The layout of a running rig: the run's plots of all signals, over the newest ``seconds``."""
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    newest = rr.TimeRangeBoundary.cursor_relative
+    # linked axes have no window that moves, so each plot has its own
+    span = rr.TimeRange(start=newest(seconds=-seconds), end=newest())
+    axis = rrb.TimeAxis(link="Independent", view_range=span)
+    present = set(catalogue().signals)
+    run, rest = _run_columns(present, axis), _rest(present, axis)
+    for view in [view for column in run for view in column] + rest:
+        if isinstance(view, rrb.TimeSeriesView):
+            view.properties["PlotLegend"] = rrb.PlotLegend("LeftTop")  # away from the newest values
+    tabs = [_tab("Run", run), rrb.Grid(*rest, name="Other signals")]
+    return _whole(rrb, rrb.Tabs(*tabs, active_tab=0), "collapsed", "expanded", "following")
+
+
+def _whole(rrb, content, panels: str, top: str, play: str):
+    return rrb.Blueprint(
+        content,
+        rrb.TopPanel(state=top),
+        rrb.TimePanel(state=panels, timeline=TIMELINE, play_state=play),
+        rrb.BlueprintPanel(state=panels),
+        rrb.SelectionPanel(state=panels))
+
+
+def _tab(name: str, columns: list[list]):
+    """Columns of plots, and the texts at their right."""
+    import rerun.blueprint as rrb
+
+    parts = []
+    for views in columns:
+        if views:
+            # a lane of states needs a fifth of the height of a plot
+            shares = [0.25 + 0.2 * len(view.contents) if isinstance(view, rrb.StateTimelineView) else 1.0
+                      for view in views]
+            parts.append(rrb.Vertical(*views, row_shares=shares))
+    # the text holds the time: the viewer's own column is too narrow for it
+    log = rrb.archetypes.TextLogColumns(
+        timeline_columns=[rrb.encodings.TimelineColumn(TIMELINE, visible=False)],
+        text_log_columns=[rrb.encodings.TextLogColumn("Body")])
+    texts = rrb.Vertical(rrb.TextDocumentView(name="Report", origin="/report"),
+                         rrb.TextLogView(name="Events", origin="/events", columns=log), row_shares=[3, 2])
+    return rrb.Horizontal(*parts, texts, column_shares=[5.0] * len(parts) + [2.7], name=name)
+
+
+def _shift_column(present: set[str], shift: Shift, legend: bool) -> list:
+    """Plots of one shift. legend: shown in the first column only; colours are the same in the second."""
+    import rerun.blueprint as rrb
+
+    axis = rrb.TimeAxis(link="Independent", view_range=_range(with_room(shift.window)))
+    states = _states(present, shift.title, SHIFT_STATES, axis)
+    return states + _plots(present, SHIFT_PLOTS, axis, legend)
+
+
+def _run_columns(present: set[str], axis) -> list[list]:
+    left = _states(present, "States", STATES, axis) + _plots(present, RUN_LEFT, axis)
+    return [left, _plots(present, RUN_RIGHT, axis)]
+
+
+def other_plots() -> list[tuple[str, list[str]]]:
+    """Title and signals of the plots of every signal that the other tabs do not show, by quantity."""
+    shown = {name for _, names in MARKED_PLOTS for name in names}
+    groups: dict[str, list[str]] = {}
+    for signal in catalogue().signals.values():
+        if signal.name not in shown and not signal.states:
+            groups.setdefault(signal.quantity, []).append(signal.name)
+    return [(OTHER_TITLES.get(quantity, quantity.capitalize()), names) for quantity, names in groups.items()]
+
+
+def _rest(present: set[str], axis) -> list:
+    return _plots(present, other_plots(), axis)
+
+
+def _states(present: set[str], title: str, names, axis) -> list:
+    import rerun.blueprint as rrb
+
+    contents = _contents(present, names)
+    if not contents:
+        return []
+    return [rrb.StateTimelineView(name=title, origin="/", contents=contents, time_view=axis)]
+
+
+def _plots(present: set[str], plots, axis, legend: bool = True) -> list:
+    import rerun.blueprint as rrb
+
+    views = []
+    for title, names in plots:
+        contents = _contents(present, names)
+        if contents:
+            contents.append("/" + mark_entity(title))
+            unit = catalogue().signal(names[0]).display_unit
+            views.append(rrb.TimeSeriesView(
+                name=f"{title} [{unit}]", origin="/", contents=contents, axis_x=axis,
+                plot_legend=rrb.PlotLegend("RightTop", visible=legend)))
+    return views
+
+
+def _contents(present: set[str], names) -> list[str]:
+    return ["/" + entity(catalogue().signal(name)) for name in names if name in present]
+
+
+def _range(window: tuple[float, float]):
+    import rerun as rr
+
+    start, end = (rr.TimeRangeBoundary.absolute(seconds=t) for t in window)
+    return rr.TimeRange(start=start, end=end)

@@ -1,0 +1,310 @@
+"""The live view: messages of a running rig to a Rerun server on loopback, from which viewers come and go.
+
+Used by nodes.live_view, which receives the messages. Nothing here waits for a viewer, and all is bounded: the
+queue drops its oldest message, the server its oldest data, the end comes whether or not anybody reads.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import re
+import signal
+import socket
+import subprocess
+import tempfile
+import threading
+import time
+from collections import deque
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from ..bags import cdr
+from ..bags.definitions import installed
+from ..catalogue import Signal, Topic, catalogue
+from ..errors import RigError
+from . import layout
+from .convert import event_row, import_rerun, log_state_styles, log_style, times
+from .viewer import PR_SET_PDEATHSIG, program, surroundings
+
+APPLICATION = "virtual_rig_live"  # not that of recorded runs: a viewer may show both, each with its layout
+PORT = 9876          # where `rerun --connect` looks by itself
+MEMORY = "100MB"     # of the server, for viewers that come later: about four minutes
+WINDOW = 10.0        # s that the plots show
+WAITING = 20_000     # messages between callbacks and sender, about 5 s of the rig
+PERIOD = 0.2         # s between two sendings: a picture that moves, in blocks that are not too small
+TELL = 1.0           # s between two counts in the text panel
+BACK = 1.0           # s by which time jumps back when another run has begun
+SERVER_START = 15.0  # s
+FLUSH = 1.0          # s for what the SDK still holds
+CLOCK_TOPIC = "/rig/state"
+EVENT = "rig_msgs/msg/Event"
+_FIELD = re.compile(r"(\w+)(?:\[(\d+)\])?")
+
+
+def live_topics() -> list[Topic]:
+    """The topics that the live view shows: those of the catalogue's signals, and the events."""
+    known = catalogue()
+    shown = {signal.topic for signal in known.signals.values()}
+    return [topic for topic in known.topics.values() if topic.name in shown or topic.ros_type == EVENT]
+
+
+class Server:
+    """A Rerun server as a child process; ``url`` is what viewers connect to.
+
+    The SDK can serve too, but on all interfaces of the machine; this one is bound to 127.0.0.1.
+    """
+
+    def __init__(self, port: int | None = None, memory: str = MEMORY):
+        """port: None for PORT, or a free one when that is taken. RigError when it does not come up."""
+        self.port = _free_port(PORT, 0) if port is None else _free_port(port)
+        self.url = f"rerun+http://127.0.0.1:{self.port}/proxy"
+        self._folder = tempfile.TemporaryDirectory(prefix="rig-live-")
+        self._words = tempfile.TemporaryFile()
+        libc = ctypes.CDLL(None)
+        self.process = subprocess.Popen(
+            [program(), "--serve-grpc", "--bind", "127.0.0.1", "--port", str(self.port),
+             "--server-memory-limit", memory],
+            env={**surroundings(Path(self._folder.name)), "RUST_LOG": "warn"}, stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL, stderr=self._words, start_new_session=True,
+            preexec_fn=lambda: libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL))
+        try:
+            self._wait()
+        except BaseException:
+            self.close()
+            raise
+
+    def _wait(self) -> None:
+        deadline = time.monotonic() + SERVER_START
+        while True:
+            if self.process.poll() is not None:
+                raise RigError(f"the server of the live view ended at once ({self.last_words()})")
+            try:
+                socket.create_connection(("127.0.0.1", self.port), 1.0).close()
+                return
+            except OSError:
+                if time.monotonic() > deadline:
+                    raise RigError(f"the server of the live view did not answer within "
+                                   f"{SERVER_START:g} s") from None
+                time.sleep(0.02)
+
+    def ended(self) -> bool:
+        """True when the server is gone."""
+        return self.process.poll() is not None
+
+    def last_words(self) -> str:
+        """The last line that the server wrote, for people."""
+        self._words.seek(0)
+        lines = self._words.read().decode(errors="replace").split("\n")
+        return next((line.strip() for line in reversed(lines) if line.strip()), "without a word")
+
+    def close(self) -> None:
+        """End it at once; what it holds for viewers is gone."""
+        self.process.kill()
+        self.process.wait()
+        self._words.close()
+        self._folder.cleanup()
+
+
+def _free_port(*wanted: int) -> int:
+    """The first of the ports that is free on loopback, 0 standing for any; RigError when none is."""
+    for port in wanted:
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind(("127.0.0.1", port))
+                return probe.getsockname()[1]
+            except OSError:
+                continue
+    raise RigError(f"--port {wanted[0]}: the port is in use on 127.0.0.1; give another, or leave --port away")
+
+
+class Sender:
+    """The bounded queue and the one thread that calls the SDK. ``put`` never waits.
+
+    ``dropped`` counts what the queue had no room for, ``lost`` what never arrived (gaps in the numbers of the
+    messages that no drop explains), ``unreadable`` what is no message of its topic.
+    """
+
+    def __init__(self, url: str, title: str, window: float = WINDOW):
+        """url: of a running Server. title: name of the recording. window: seconds that the plots show."""
+        self.rr = import_rerun()
+        self.received = self.dropped = self.unreadable = self._gaps = self._in_hand = 0
+        self.failure = ""
+        self._url, self._title, self._window = url, title, window
+        self._queue: deque = deque()
+        self._lock = threading.Lock()
+        self._closing = threading.Event()
+        self._shown = {topic.name: _Shown(topic) for topic in live_topics()}
+        self._newest = 0.0  # s of the rig's clock
+        self._recordings = 0
+        self._told_at = 0.0
+        self._rec = None
+        self._thread = threading.Thread(target=self._run, name="sender", daemon=True)
+        self._thread.start()
+
+    def put(self, topic: str, data: bytes) -> None:
+        """Take one encoded message; when the queue is full its oldest message goes."""
+        with self._lock:
+            self.received += 1
+            if len(self._queue) >= WAITING:
+                self._queue.popleft()
+                self.dropped += 1
+            self._queue.append((topic, data))
+
+    @property
+    def waiting(self) -> int:
+        """Messages that are not sent yet."""
+        return len(self._queue) + self._in_hand
+
+    @property
+    def lost(self) -> int:
+        """Messages that never arrived here."""
+        return max(0, self._gaps - self.dropped - self.unreadable)
+
+    def close(self, seconds: float) -> bool:
+        """Send what is queued; False when that took longer than so many seconds and was given up."""
+        self._closing.set()
+        self._thread.join(seconds)
+        return not self._thread.is_alive()
+
+    def summary(self) -> str:
+        """One sentence of counts."""
+        text = f"{self.received} messages, {self.dropped} dropped here, {self.lost} lost on the way"
+        return text + (f", {self.unreadable} unreadable" if self.unreadable else "")
+
+    # ---- the sender's thread
+
+    def _run(self) -> None:
+        try:
+            self._begin()
+            closing = False
+            while not closing:
+                closing = self._closing.wait(PERIOD)
+                with self._lock:
+                    queue, self._queue = self._queue, deque()
+                    self._in_hand = len(queue)
+                self._send(queue)
+                self._in_hand = 0
+                self._tell()
+            self._leave()
+        except RuntimeError as error:  # the SDK's, once its server is gone
+            self.failure = " ".join(str(error).split())
+
+    def _begin(self) -> None:
+        """A new recording: for the first run and whenever time begins again."""
+        rr = self.rr
+        if self._rec is not None:
+            self._leave()
+        self._recordings += 1
+        self._newest = 0.0
+        self._rec = rr.RecordingStream(APPLICATION, send_properties=False)
+        self._rec.connect_grpc(self._url, default_blueprint=layout.live_blueprint(self._window))
+        number = f", run {self._recordings}" if self._recordings > 1 else ""
+        self._rec.send_recording_name(self._title + number)
+        for shown in self._shown.values():
+            shown.begin(rr, self._rec)
+
+    def _leave(self) -> None:
+        """What the SDK still holds goes to the server, which keeps it."""
+        self._rec.flush(timeout_sec=FLUSH)
+        self._rec.disconnect()
+
+    def _send(self, queue: deque) -> None:
+        """All queued messages, a new recording where the rig's clock jumps back."""
+        by_topic: dict[str, list[bytes]] = {}
+        for topic, data in queue:
+            if topic == CLOCK_TOPIC and len(data) >= 12:
+                now = cdr.stamp(data) / 1e9
+                if now < self._newest - BACK:
+                    self._send_topics(by_topic)
+                    by_topic = {}
+                    self._begin()
+                self._newest = max(self._newest, now)
+            by_topic.setdefault(topic, []).append(data)
+        self._send_topics(by_topic)
+
+    def _send_topics(self, by_topic: dict[str, list[bytes]]) -> None:
+        for topic, messages in by_topic.items():
+            gaps, unreadable = self._shown[topic].send(self.rr, self._rec, messages, self._newest)
+            self._gaps += gaps
+            self.unreadable += unreadable
+
+    def _tell(self) -> None:
+        """The counts into the text panel."""
+        if time.monotonic() - self._told_at < TELL or not self._newest:
+            return
+        self._told_at = time.monotonic()
+        rows = [("time of the rig", f"{self._newest:.1f} s"), ("messages", self.received),
+                ("dropped here", self.dropped), ("lost on the way", self.lost),
+                ("unreadable", self.unreadable)]
+        text = "\n".join([f"# {self._title}", "", "The metrics of the shifts come with the report of the run.",
+                          "", "| | |", "|---|--:|", *(f"| {name} | {value} |" for name, value in rows)])
+        document = self.rr.TextDocument.columns(text=[text], media_type=["text/markdown"])
+        # rec.log would add the wall clock as a second time
+        self._rec.send_columns("report", [times(self.rr, [self._newest])], document)
+
+
+class _Shown:
+    """What is shown of one topic: its messages in blocks to the columns of its signals, or its events."""
+
+    def __init__(self, topic: Topic):
+        self.topic = topic
+        self._signals = catalogue().on_topic(topic.name)
+        self._dtype = installed(topic.ros_type).dtype()
+        self._last: int | None = None  # number of the newest message
+        self._states: dict[str, int] = {}
+
+    def begin(self, rr, rec) -> None:
+        """Names and colours into a new recording."""
+        self._last = None
+        self._states.clear()
+        for shown in self._signals:
+            (log_state_styles if shown.states else log_style)(rr, rec, shown)
+
+    def send(self, rr, rec, messages: list[bytes], newest: float) -> tuple[int, int]:
+        """Send one block; returns how many messages are missing before or in it and how many unreadable."""
+        size = self._dtype.itemsize
+        sound = [data for data in messages if len(data) >= size and data[:2] == cdr.HEADER[:2]]
+        if not sound:
+            return 0, len(messages)
+        rows = np.frombuffer(b"".join(data[:size] for data in sound), self._dtype)
+        t = rows["stamp.sec"].astype(float) + rows["stamp.nanosec"] * 1e-9
+        # a user's command may come without a stamp: it belongs where it arrived
+        t = np.where(t == 0.0, newest, t)
+        whole = cache(lambda: [cdr.decode(self.topic.ros_type, data) for data in sound])
+        try:
+            for shown in self._signals:
+                self._send_signal(rr, rec, shown, t, rows, whole)
+            if self.topic.ros_type == EVENT:
+                self._send_events(rr, rec, t, whole())
+        except ValueError:
+            return 0, len(messages)
+        return self._missing(rows["seq"].astype(np.int64)), len(messages) - len(sound)
+
+    def _send_signal(self, rr, rec, signal: Signal, t: np.ndarray, rows: np.ndarray, whole) -> None:
+        field, index = _FIELD.fullmatch(signal.field).groups()
+        # behind a text the place of a field depends on the message
+        values = rows[field] if field in self._dtype.names else np.array([getattr(m, field) for m in whole()])
+        values = values if index is None else values[:, int(index)]
+        if not signal.states:
+            rec.send_columns(layout.entity(signal), [times(rr, t)],
+                             rr.Scalars.columns(scalars=signal.shown(values.astype(float))))
+            return
+        # the first of each block again, else the server would forget a state that lasts
+        change = np.flatnonzero(np.diff(values.astype(int), prepend=-1) != 0)
+        states = [signal.states.get(int(value), str(int(value))) for value in values[change]]
+        rec.send_columns(layout.entity(signal), [times(rr, t[change])], rr.StateChange.columns(state=states))
+
+    def _send_events(self, rr, rec, t: np.ndarray, events: list) -> None:
+        texts, levels = zip(*(event_row(at, self.topic.name, event.name, event.text)
+                              for at, event in zip(t, events)))
+        rec.send_columns(f"events/{self.topic.node}", [times(rr, t)],
+                         rr.TextLog.columns(text=texts, level=levels))
+
+    def _missing(self, numbers: np.ndarray) -> int:
+        before = numbers[:1] - 1 if self._last is None else np.array([self._last])
+        self._last = int(numbers[-1])
+        steps = np.diff(np.concatenate([before, numbers]))
+        return int((steps[steps > 1] - 1).sum())

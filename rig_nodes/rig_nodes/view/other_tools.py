@@ -1,0 +1,158 @@
+"""Layouts of PlotJuggler and Foxglove: the same plots as ours, with topics and fields of the catalogue.
+
+Used by `rig view --layout`. Their forms follow what the programs themselves write: PlotJuggler's layout XML
+(plotwidget.cpp, plot_docker.cpp, tabbedplotwidget.cpp of PlotJuggler 3) and the layout JSON that Foxglove and
+its open successor Lichtblick exchange.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import xml.etree.ElementTree as xml
+from pathlib import Path
+
+from ..catalogue import Signal, catalogue
+from ..errors import RigError
+from . import layout
+
+STATE_HUES = (layout.INPUT, layout.OUTPUT, layout.OTHER, layout.S1, layout.S2)  # curves have one colour each
+
+
+def tabs() -> list[tuple[str, list[list[tuple[str, list[str]]]]]]:
+    """Tabs as (title, columns of (plot title, signals)); states first, as in our own view."""
+    others = [(title, list(names)) for title, names in layout.other_plots()]
+    half = (len(others) + 1) // 2
+    return [
+        ("Shift", [[("States", list(layout.SHIFT_STATES))] + _lists(layout.SHIFT_PLOTS)]),
+        ("Run", [[("States", list(layout.STATES))] + _lists(layout.RUN_LEFT), _lists(layout.RUN_RIGHT)]),
+        ("Other signals", [others[:half], others[half:]]),
+    ]
+
+
+def _lists(plots) -> list[tuple[str, list[str]]]:
+    return [(title, list(names)) for title, names in plots]
+
+
+def write_layout(tool: str, path: Path) -> None:
+    """Write the layout for "plotjuggler" or "foxglove"; whole or, with RigError, not at all."""
+    text = {"plotjuggler": plotjuggler, "foxglove": foxglove}[tool]()
+    try:
+        handle, name = tempfile.mkstemp(prefix=".layout-", dir=path.parent)
+    except OSError as error:
+        raise RigError(f"{path}: cannot be written ({error.strerror}); "
+                       f"give --out a file in a folder of yours") from None
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        os.chmod(name, 0o644)
+        os.replace(name, path)
+    except OSError as error:
+        raise RigError(f"{path}: cannot be written ({error.strerror})") from None
+    finally:
+        Path(name).unlink(missing_ok=True)
+
+
+def _states(names: list[str]) -> bool:
+    return bool(catalogue().signal(names[0]).states)
+
+
+def _colour(names: list[str], name: str) -> str:
+    rgb = STATE_HUES[names.index(name) % len(STATE_HUES)] if _states(names) else layout.colour(name)
+    return "#%02x%02x%02x" % rgb
+
+
+def _legend(signal: Signal) -> str:
+    return ", ".join(f"{number} {label}" for number, label in signal.states.items())
+
+
+# ---- PlotJuggler
+
+def plotjuggler() -> str:
+    """The XML. Curves are called topic/field as its ROS parsers do; a transform gives people's units."""
+    root = xml.Element("root")
+    window = xml.SubElement(root, "tabbed_widget", name="Main Window", parent="main_window")
+    for title, columns in tabs():
+        tab = xml.SubElement(window, "Tab", tab_name=title, containers="1")
+        container = xml.SubElement(tab, "Container")
+        _splitter(container, "|", [_column(column) for column in columns])
+    xml.SubElement(window, "currentTabIndex", index="0")
+    xml.SubElement(root, "use_relative_time_offset", enabled="0")
+    xml.indent(root, " ")
+    return "<?xml version='1.0' encoding='UTF-8'?>\n" + xml.tostring(root, encoding="unicode") + "\n"
+
+
+def _splitter(parent, orientation: str, children: list) -> None:
+    share = ";".join(f"{1 / len(children):.6f}" for _ in children)
+    splitter = xml.SubElement(parent, "DockSplitter", orientation=orientation, count=str(len(children)),
+                              sizes=share)
+    splitter.extend(children)
+
+
+def _column(plots) -> xml.Element:
+    holder = xml.Element("holder")
+    _splitter(holder, "-", [_area(title, names) for title, names in plots])
+    return holder[0]
+
+
+def _area(title: str, names: list[str]) -> xml.Element:
+    unit = catalogue().signal(names[0]).display_unit
+    area = xml.Element("DockArea", name=title if _states(names) else f"{title} [{unit}]")
+    plot = xml.SubElement(area, "plot", mode="TimeSeries", style="Steps" if _states(names) else "Lines",
+                          line_width="1.5", flip_x="false", flip_y="false")
+    xml.SubElement(plot, "limitY")
+    for name in names:
+        signal = catalogue().signal(name)
+        curve = xml.SubElement(plot, "curve", name=f"{signal.topic}/{signal.field}",
+                               color=_colour(names, name))
+        alias = f"{name} ({_legend(signal)})" if signal.states else f"{name} [{signal.display_unit}]"
+        transform = xml.SubElement(curve, "transform", name="Scale/Offset", alias=alias)
+        xml.SubElement(transform, "options", time_offset="0", value_offset="0",
+                       value_scale=repr(signal.scale))
+    return area
+
+
+# ---- Foxglove
+
+def foxglove() -> str:
+    """The JSON. Values are drawn as they travel, in SI, which the titles say; states as state transitions."""
+    panels: dict[str, dict] = {}
+    pages = []
+    for title, columns in tabs():
+        stacks = [_mosaic("column", [_panel(panels, f"{title} {plot}", plot, names) for plot, names in column])
+                  for column in columns]
+        pages.append({"title": title, "layout": _mosaic("row", stacks)})
+    panels["Tab!rig"] = {"activeTabIdx": 0, "tabs": pages}
+    whole = {"configById": panels, "globalVariables": {}, "userNodes": {}, "playbackConfig": {"speed": 1},
+             "layout": "Tab!rig"}
+    return json.dumps(whole, indent=1, ensure_ascii=False) + "\n"
+
+
+def _panel(panels: dict, place: str, title: str, names: list[str]) -> str:
+    """Put one panel in; returns its id."""
+    slug = "".join(c for c in place.lower() if c.isalnum())
+    paths = []
+    for name in names:
+        signal = catalogue().signal(name)
+        label = f"{name} ({_legend(signal)})" if signal.states else f"{name} [{signal.unit}]"
+        paths.append({"value": f"{signal.topic}.{signal.field}", "label": label, "enabled": True,
+                      "color": _colour(names, name), "timestampMethod": "receiveTime"})
+    if _states(names):
+        key = f"StateTransitions!{slug}"
+        panels[key] = {"foxglovePanelTitle": title, "isSynced": True, "paths": paths}
+        return key
+    key, unit = f"Plot!{slug}", catalogue().signal(names[0]).unit
+    panels[key] = {
+        "foxglovePanelTitle": f"{title} [{unit}]", "yAxisLabel": unit, "paths": paths,
+        "xAxisVal": "timestamp", "isSynced": True, "showLegend": True, "legendDisplay": "floating", "showPlotValuesInLegend": False,
+        "showXAxisLabels": True, "showYAxisLabels": True, "sidebarDimension": 240}
+    return key
+
+
+def _mosaic(direction: str, parts: list):
+    """Panels side by side ("row") or stacked ("column") in equal shares, as a tree of pairs."""
+    if len(parts) == 1:
+        return parts[0]
+    return {"direction": direction, "first": parts[0], "second": _mosaic(direction, parts[1:]),
+            "splitPercentage": 100 / len(parts)}

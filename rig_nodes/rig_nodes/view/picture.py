@@ -1,0 +1,171 @@
+"""A picture of a view without a display: a viewer draws it with a software Vulkan driver and hands it over.
+
+Used by `rig view`; the viewer is awaited, asked and ended here within a bounded time.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import signal
+import socket
+import subprocess
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+from ..errors import RigError
+from .viewer import PR_SET_PDEATHSIG, program, surroundings
+
+DRIVER_FOLDERS = ("/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d", "/etc/vulkan/icd.d")
+NO_DRIVER = ("no picture without a software Vulkan driver; install the Debian package mesa-vulkan-drivers "
+             "and try again")
+SIZE = (1600, 1400)
+LONGEST = 60.0  # s for the whole picture
+SETTLED = 3     # equal images in a row before the drawing counts as finished
+PAUSE = 0.25    # s between them
+
+
+def software_driver() -> Path | None:
+    """The description of the software Vulkan driver (Mesa lavapipe), None when it is not installed."""
+    for folder in DRIVER_FOLDERS:
+        for path in sorted(Path(folder).glob("lvp_icd*.json")):
+            return path
+    return None
+
+
+def require_driver() -> Path:
+    """The software Vulkan driver; RigError says where it comes from when it is missing."""
+    driver = software_driver()
+    if driver is None:
+        raise RigError(NO_DRIVER)
+    return driver
+
+
+def take_picture(files: list[Path], picture: Path, size: tuple[int, int] = SIZE,
+                 longest: float = LONGEST) -> list[str]:
+    """Draw a view (and a layout given after it) into a PNG; returns what the viewer reports as sentences.
+
+    size: width and height [px]. Raises RigError without a software Vulkan driver, when the picture cannot be
+    written, and when the viewer does not come to an end within ``longest`` [s].
+    """
+    with HeadlessViewer([str(file) for file in files], size, longest) as viewer:
+        image = viewer.image()
+        reports = viewer.reports()
+    try:
+        picture.write_bytes(image)
+    except OSError as error:
+        raise RigError(f"{picture}: the picture cannot be written ({error.strerror})") from None
+    return reports
+
+
+class HeadlessViewer:
+    """A viewer without a window, as a context manager; whatever is asked of it within it is bounded in time.
+
+    Inside, what the viewer's client (``client``, a rerun ViewerClient) raises becomes RigError.
+    """
+
+    def __init__(self, sources: list[str], size: tuple[int, int] = SIZE, longest: float = LONGEST):
+        """sources: files or the address of a live view; size: width and height [px]; longest: for all [s]."""
+        self.client = None
+        self._sources, self._size, self._longest = sources, size, longest
+
+    def __enter__(self) -> HeadlessViewer:
+        driver = require_driver()
+        self._folder = tempfile.TemporaryDirectory(prefix="rig-view-")
+        try:
+            self.process, port = _start(self._sources, self._size, driver, Path(self._folder.name))
+        except BaseException:
+            self._folder.cleanup()
+            raise
+        # not all calls of the client have a time limit of their own; they fail when the viewer is gone
+        self._deadline = time.monotonic() + self._longest
+        self._watchdog = threading.Timer(self._longest, self.process.kill)
+        self._watchdog.start()
+        try:
+            self._connect(port)
+        except BaseException as error:
+            self.__exit__(type(error), error, None)
+            raise
+        return self
+
+    def __exit__(self, _kind, error, _trace) -> None:
+        self._watchdog.cancel()
+        self.process.kill()
+        self.process.wait()
+        self._folder.cleanup()
+        if isinstance(error, (RuntimeError, ValueError, ConnectionError, OSError)) \
+                and not isinstance(error, RigError):
+            late = time.monotonic() >= self._deadline
+            reason = f"did not finish within {self._longest:g} s" if late else "gave up"
+            raise RigError(f"no picture: the viewer {reason} ({' '.join(str(error).split())})") from None
+
+    def state(self):
+        """What the viewer holds and shows, a rerun ViewerState."""
+        return self._answer(lambda: self.client.get_state())
+
+    def screenshot(self, view: str | None = None) -> bytes:
+        """PNG of all as it is now, or of the view with this id."""
+        return self._answer(lambda: self.client.take_screenshot(view))
+
+    def _answer(self, ask):
+        while True:
+            try:
+                return ask()
+            except TimeoutError:  # of this one call, on a busy machine; the watchdog ends it for good
+                if self.process.poll() is not None:
+                    raise
+
+    def image(self, view: str | None = None) -> bytes:
+        """PNG of all, or of the view with this id, once it stands still."""
+        last, same = b"", 0
+        while same < SETTLED:
+            image = self.screenshot(view)
+            same = same + 1 if image == last else 0
+            last = image
+            time.sleep(PAUSE)
+        return last
+
+    def reports(self) -> list[str]:
+        """What the viewer complains about, as sentences; none when all is well."""
+        return [f"{view.name}: {report.summary}" for view in self.state().views
+                for report in view.reports]
+
+    def _connect(self, port: int) -> None:
+        """Wait until the viewer answers and shows something; the client's error when it ends."""
+        from rerun.experimental import ViewerClient
+
+        while True:
+            try:
+                self.client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
+                state = self.state()
+                break
+            except (RuntimeError, ConnectionError):
+                if self.process.poll() is not None:
+                    raise
+                time.sleep(0.1)
+        while state.loading or not state.recordings or not state.views:
+            time.sleep(0.1)
+            state = self.state()
+
+
+def _start(sources: list[str], size: tuple[int, int], driver: Path,
+           folder: Path) -> tuple[subprocess.Popen, int]:
+    """The viewer without a window and the port it listens on; what it keeps, it keeps in ``folder``."""
+    environment = surroundings(folder)
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        environment.pop(name, None)
+    for name in ("XDG_RUNTIME_DIR", "XDG_DATA_HOME", "XDG_CACHE_HOME", "XDG_STATE_HOME"):
+        environment[name] = str(folder)
+    environment.update(VK_ICD_FILENAMES=str(driver), VK_DRIVER_FILES=str(driver), RUST_LOG="error")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    libc = ctypes.CDLL(None)
+    viewer = subprocess.Popen(
+        [program(), "--headless", "--bind", "127.0.0.1", "--port", str(port), "--hide-welcome-screen",
+         "--window-size", f"{size[0]}x{size[1]}", *sources],
+        env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        # a viewer must not outlive a command that was killed
+        preexec_fn=lambda: libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL))
+    return viewer, port

@@ -1,0 +1,75 @@
+"""The Rerun viewer as a process: its program, its surroundings, a window of its own for a person.
+
+Used by `rig view` and view.picture. The viewer listens on loopback only and reports nothing to its makers.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import tempfile
+from pathlib import Path
+
+from ..errors import RigError
+from .convert import import_rerun
+
+PR_SET_PDEATHSIG = 1
+START = 2.0  # s within which a viewer that cannot show a window has ended
+
+
+def program() -> str:
+    """Path of the viewer's program; RigError when rerun-sdk came without it.
+
+    The `rerun` on the PATH is a script that starts this program as its child and leaves it behind when ended.
+    """
+    import_rerun()
+    import rerun_cli
+
+    path = Path(rerun_cli.__file__).with_name("rerun")
+    if not os.access(path, os.X_OK):
+        raise RigError(f"{path}: rerun-sdk has no viewer here; install its wheel: 'pip install rerun-sdk'")
+    return str(path)
+
+
+def surroundings(folder: Path) -> dict[str, str]:
+    """Environment of a viewer that keeps its settings in ``folder``, with usage statistics switched off."""
+    settings = folder / "rerun" / "analytics.json"
+    settings.parent.mkdir(parents=True, exist_ok=True)
+    settings.write_text(json.dumps({
+        "analytics_enabled": False, "analytics_id": "", "metadata": {}, "config_file_path": str(settings),
+        "data_dir_path": str(folder / "rerun" / "analytics")}), encoding="utf-8")
+    return {**os.environ, "XDG_CONFIG_HOME": str(folder)}
+
+
+def has_display() -> bool:
+    """Whether a window can be opened."""
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def command_for(source: Path | str) -> str:
+    """What a person types to see a file or an address, with the version that reads it."""
+    rr = import_rerun()
+    return f"rerun {source} (rerun-sdk {rr.__version__}: pip install rerun-sdk=={rr.__version__})"
+
+
+def open_window(view: Path | str) -> int:
+    """Show a file, or the live view at an address, in a viewer that outlives this command.
+
+    Returns its process id. Raises RigError with the viewer's last words when it ends at once, e.g. for want of a graphics driver.
+    """
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    with tempfile.TemporaryFile() as words:
+        viewer = subprocess.Popen(
+            [program(), "--bind", "127.0.0.1", "--port", "auto", str(view)],
+            env=surroundings(Path(home, "rig_nodes")), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+            stderr=words, start_new_session=True)
+        try:
+            code = viewer.wait(START)
+        except subprocess.TimeoutExpired:
+            viewer.returncode = 0  # it is on its own from here: no warning that it still runs
+            return viewer.pid
+        words.seek(0)
+        lines = [line.strip() for line in words.read().decode(errors="replace").splitlines() if line.strip()]
+    raise RigError(f"the viewer ended at once with code {code} ({lines[-1] if lines else 'without a word'}); "
+                   f"'rig view RUN --picture view.png' needs no display")

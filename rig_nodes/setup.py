@@ -1,0 +1,59 @@
+"""Build description of rig_nodes, for colcon (ament_python) and for pip alike."""
+
+import re
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = "rig_nodes"
+VERSION = re.search(r'__version__ = "(.+?)"', Path(NAME, "__init__.py").read_text(encoding="utf-8")).group(1)
+
+DEVICES = ("motor", "valve_zr_p1", "valve_zr_p2", "load_pump", "gearbox", "clutch_s1", "clutch_s2",
+           "oil_supply", "instruments")
+
+
+def share_files(folder: str, into: str, pattern: str) -> list[tuple[str, list[str]]]:
+    """data_files entries that put `folder` below share/rig_nodes/<into>, one entry for each folder in it."""
+    entries: dict[str, list[str]] = {}
+    for path in sorted(Path(folder).rglob(pattern)):
+        target = Path("share", NAME, into, path.parent.relative_to(folder))
+        entries.setdefault(target.as_posix(), []).append(path.as_posix())
+    return list(entries.items())
+
+
+setup(
+    name=NAME,
+    version=VERSION,
+    description="The HydmAG virtual powertrain test rig as ROS 2 nodes",
+    license="Apache-2.0",
+    maintainer="Virtual rig maintainers",
+    maintainer_email="rig@example.invalid",
+    packages=find_packages(include=[NAME, NAME + ".*"]),
+    package_data={NAME: ["config/**/*.yaml", "config/*.xml", "controllers/include/*.h", "controllers/examples/*.c",
+                         "validation/*.yaml"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/" + NAME]),
+        ("share/" + NAME, ["package.xml"]),
+        *share_files(NAME + "/config", "config", "*.yaml"),
+        *share_files(NAME + "/config", "config", "*.xml"),
+        *share_files("launch", "launch", "*.py"),
+    ],
+    python_requires=">=3.11",
+    # rclpy and rig_msgs come with ROS 2, not from a package index; requirements.lock has wheels of rclpy.
+    install_requires=["setuptools", "numpy>=1.26", "scipy", "numba", "mcap", "mcap-ros2-support", "rosbags",
+                      "ruamel.yaml"],
+    extras_require={"view": ["rerun-sdk"], "test": ["pytest"]},
+    zip_safe=False,
+    entry_points={
+        "console_scripts": [
+            "rig = rig_nodes.cli.main:main",
+            "replay = rig_nodes.cli.replay:node",
+            "rig_container = rig_nodes.nodes.rig_container:main",
+            "alfa46 = rig_nodes.nodes.alfa46:main",
+            "sequencer = rig_nodes.nodes.sequencer:main",
+            "recorder = rig_nodes.nodes.recorder:main",
+            # devices outside the plant; those that cannot be say why
+            *(f"{name} = rig_nodes.nodes.cut_device:{name}" for name in DEVICES),
+        ],
+    },
+)

@@ -1,0 +1,149 @@
+"""The report of a run: what goes in, what a reader of the JSON and of the terminal sees."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from synthetic_shift import FakeBag, Shift
+
+from rig_nodes.analysis.metrics import KEYS
+from rig_nodes.analysis.report import build_report, format_report, read_report, write_report
+from rig_nodes.errors import BagError, RigError
+
+RUN = {"configuration": {"rig": "hydmag"}, "seed": 1, "versions": {"numpy": np.__version__}, "lost": 0,
+       "ticks": 3000, "overruns": 2, "lateness_ms": {"p50": 0.11, "p99": 1.5, "max": float("nan")},
+       "end": {"reason": "sequence done"}}
+
+
+def state_messages(length=3.0):
+    times = np.arange(0.0, length, 0.005)
+
+    def topic(**rates):
+        return [(int(round(t * 1e9)), SimpleNamespace(**{name: rate * t for name, rate in rates.items()}))
+                for t in times]
+
+    return {"/motor/state": topic(work=500.0), "/load_pump/state": topic(work=300.0),
+            "/clutch_s1/state": topic(heat=150.0), "/clutch_s2/state": topic(heat=49.0),
+            "/gearbox/state": topic(heat=0.0, w_wej=0.0, w_wyj=0.0)}
+
+
+def bag(events=None, **kwargs):
+    events = events if events is not None else [
+        (0.2, "/alfa46/events", "shift_ordered", "gear I ordered", 1.0),
+        (0.5, "/sequencer/events", "step", "step 2", 2.0),
+        (1.0, "/alfa46/events", "shift_ordered", "gear II ordered", 2.0)]
+    return FakeBag(Shift().recording(1), state_messages(), events=events, **kwargs)
+
+
+def test_orders_come_from_the_controllers_events():
+    rows = build_report(bag(), RUN)["shifts"]
+    orders = [(row["from_gear"], row["to_gear"], row["t_order_s"]) for row in rows]
+    assert orders == [(0, 1, 0.2), (1, 2, 1.0)]
+    assert set(KEYS) <= set(rows[1])
+    assert rows[1]["valid"] and rows[1]["t_c_s"] == pytest.approx(0.70, abs=2e-3)
+
+
+def test_energy_of_run_and_of_each_shift():
+    energy = build_report(bag(), RUN)["energy"]
+    assert energy["run"]["residual_j"] == pytest.approx(2.995)
+    assert len(energy["shifts"]) == 2
+    assert energy["shifts"][1]["t_start_s"] == pytest.approx(1.0)
+    assert energy["shifts"][1]["t_end_s"] == pytest.approx(1.795, abs=0.01)  # order + t_c + t_o
+    assert energy["shifts"][1]["residual_of_heat"] == pytest.approx(1.0 / 199.0)
+
+
+def test_inertias_are_those_of_the_rig_that_ran():
+    plain = build_report(bag(), RUN)
+    light = build_report(bag(), {**RUN, "configuration": {"gearbox": {"inertia_in": 0.0, "inertia_out_z5": 0.0}}})
+    # the output gains kinetic energy, which is a loss to who does not know of it
+    assert light["shifts"][1]["e_loss_j"] > plain["shifts"][1]["e_loss_j"] + 500.0
+
+
+def test_json_is_finite_ordered_and_repeatable(tmp_path):
+    first = write_report(tmp_path, build_report(bag(), RUN)).read_bytes()
+    assert write_report(tmp_path, build_report(bag(), dict(reversed(RUN.items())))).read_bytes() == first
+    report = json.loads(first, parse_constant=lambda name: pytest.fail(f"{name} in the report"))
+    assert list(report) == ["run", "shifts", "energy"]
+    assert list(report["run"]) == list(RUN)
+    assert report["run"]["lateness_ms"]["max"] is None
+    assert read_report(tmp_path) == report
+
+
+def test_failed_write_keeps_the_old_report(tmp_path):
+    write_report(tmp_path, build_report(bag(), RUN))
+    before = (tmp_path / "report.json").read_bytes()
+    with pytest.raises(ValueError):
+        write_report(tmp_path, {"run": float("inf")})
+    assert (tmp_path / "report.json").read_bytes() == before
+    assert [path.name for path in tmp_path.iterdir()] == ["report.json"]
+    with pytest.raises(RigError, match="cannot be written"):
+        write_report(tmp_path / "nowhere", build_report(bag(), RUN))
+
+
+def test_file_that_is_no_report_is_refused_in_one_sentence(tmp_path):
+    assert read_report(tmp_path) is None
+    for text in ("{", "[]", '{"shifts": []}'):
+        (tmp_path / "report.json").write_text(text)
+        with pytest.raises(RigError, match="is no report"):
+            read_report(tmp_path)
+
+
+def test_table_speaks_peoples_units():
+    lines = format_report(build_report(bag(), RUN)).splitlines()
+    cells = dict(zip(_split(lines[0]), _split(lines[2])))
+    assert cells["shift"] == "I -> II" and cells["valid"] == "yes"
+    assert cells["n_wej rpm"] == "1500"
+    assert float(cells["t_d ms"]) == pytest.approx(250, abs=3)
+    assert float(cells["t_c ms"]) == pytest.approx(700, abs=2)
+    assert float(cells["M_wej max Nm"]) == pytest.approx(250, abs=1)
+    assert len({len(line) for line in lines[:3]}) == 1
+    text = "\n".join(lines)
+    assert "messages lost: 0" in text
+    assert "lateness of ticks: median 0.11, p99 1.50 ms; 2 of 3000 ticks more than one tick late" in text
+    assert "end: sequence done" in text
+    assert "energy I -> II: clutch heat" in text and "+0.50 % of it" in text
+
+
+def _split(line):
+    return [cell.strip() for cell in line.split("  ") if cell.strip()]
+
+
+def test_bad_shift_is_named_under_the_table():
+    case = dataclasses.replace(Shift(), depart=5.0, end=6.0)  # the output stays in gear I
+    orders = [(t, "/alfa46/events", "shift_ordered", "", gear) for t, gear in ((0.3, 1.0), (1.0, 2.0))]
+    report = build_report(FakeBag(case.recording(), state_messages(), events=orders), RUN)
+    assert not report["shifts"][1]["valid"]
+    text = format_report(report)
+    assert "I -> II at 1.00 s is not valid: the output never settled on the ratio of gear II" in text
+
+
+def test_lost_messages_are_counted_from_the_bag_when_nobody_else_did():
+    report = build_report(bag(gaps={"/rig/state": 3, "/motor/n_wej": 2}), {})
+    assert report["run"]["lost"] == 5
+    assert report["run"]["end"] is None
+    assert "messages lost: 5" in format_report(report) and "end: unknown" in format_report(report)
+
+
+def test_damaged_bag_still_gives_a_report():
+    broken = bag()
+    broken.logger = lambda fill: (_ for _ in ()).throw(BagError("blocks are missing from 2.005 s on"))
+    broken._messages = {}
+    report = build_report(broken, RUN)
+    assert report["shifts"] == [] and report["energy"] == {"run": None, "shifts": []}
+    text = format_report(report)
+    assert "no shift metrics: blocks are missing from 2.005 s on" in text
+    assert "no energy balance" in text and "end: sequence done" in text
+
+
+def test_order_after_the_last_state_has_no_balance_but_the_others_have():
+    late = bag(events=[(1.0, "/alfa46/events", "shift_ordered", "", 1.0),
+                       (7.0, "/alfa46/events", "shift_ordered", "", 2.0)])
+    report = build_report(late, RUN)
+    assert report["energy"]["shifts"][0]["motor_work_j"] > 0.0
+    assert report["energy"]["shifts"][1] is None
+    assert "7.000 s" in report["run"]["problems"][0]
+    assert "does not cover the order at 7.000 s" in format_report(report)

@@ -1,0 +1,232 @@
+"""Shift metrics against shifts whose times were laid down by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from synthetic_shift import ENCODER, I1, I2, PERIOD, RPM, Shift
+
+from rig_nodes.analysis.metrics import KEYS, Inertias, Recording, shift_metrics, shifts
+from rig_nodes.errors import RigError
+
+UP = Shift()
+DOWN = Shift(up=False, fall=0.30, depart=0.36, end=0.42, settle=0.60, peak=180.0, engage=0.20, release=0.45)
+
+
+def only(recording, **kwargs):
+    rows = shifts(recording, **kwargs)
+    assert len(rows) == 1
+    return rows[0]
+
+
+@pytest.mark.parametrize("case", [UP, DOWN], ids=["up", "down"])
+@pytest.mark.parametrize("seed", [None, 1, 2, 3])
+def test_known_times_and_values(case, seed):
+    row = only(case.recording(seed))
+    clean = seed is None
+    assert list(row) == list(KEYS)
+    assert row["valid"] and row["why"] == []
+    assert (row["from_gear"], row["to_gear"]) == ((1, 2) if case.up else (2, 1))
+    assert row["n_wej_rpm"] == pytest.approx(1500.0, abs=0.01 if clean else 0.2)
+    assert row["m_wyj_nm"] == pytest.approx(80.0, abs=0.05)
+    within = 1.0e-3 if clean else 3.0e-3
+    assert row["t_c_s"] == pytest.approx(case.end, abs=within)
+    assert row["t_dt_s"] == pytest.approx(case.end - case.fall, abs=within)
+    assert row["t_p_s"] == pytest.approx(case.end - case.depart, abs=within)
+    assert row["overlap_s"] == pytest.approx(case.release - case.engage, abs=2e-3 if clean else 6e-3)
+    assert row["m_wej_max_nm"] == pytest.approx(case.peak, abs=0.1 if clean else 1.0)
+    # M_wej falls linearly to 88 Nm: it is settled when it is 5 % above that
+    settled = case.settle - (case.settle - case.end) * 0.05 * 88.0 / (150.0 - 88.0)
+    assert row["t_o_s"] == pytest.approx(settled - case.end, abs=1.5e-3 if clean else 4e-3)
+    # a downshift ends, and its minimum with it, when 0.1 % of slip and what encoders cannot resolve are left
+    assert row["n_wyj_min_rpm"] == pytest.approx(1500.0 / I1, abs=0.6 if case.up else 2.2)
+    assert row["k"] == pytest.approx(1.0, abs=5e-4 if case.up else 2e-3)
+
+
+def test_energy_loss_by_hand():
+    """Constant torques and input speed, output speed rising linearly: each term of (6.108) by hand."""
+    w, t_d, t_p = 150.0, 0.25, 0.1
+    case = dataclasses.replace(UP, rpm=w * RPM)
+    torque = np.full(int(case.length / PERIOD), 100.0)
+    row = only(case.recording(M_wej=torque, M_wyj=torque * 0.8))
+    w1, w2 = w / I1, w / I2
+    by_hand = (100.0 * w * t_d - 80.0 * (w1 * (t_d - t_p) + 0.5 * (w1 + w2) * t_p)
+               - 0.5 * 0.1273 * I2**2 * (w2**2 - w1**2))
+    assert row["e_loss_j"] == pytest.approx(by_hand, rel=3e-3)
+    assert row["t_o_s"] == 0.0
+    assert row["e_loss_settled_j"] == row["e_loss_j"]
+    no_inertia = only(case.recording(M_wej=torque, M_wyj=torque * 0.8), inertias=Inertias(0.0, 0.0))
+    stored = no_inertia["e_loss_j"] - row["e_loss_j"]
+    assert stored == pytest.approx(0.5 * 0.1273 * I2**2 * (w2**2 - w1**2), rel=2e-3)
+
+
+def test_energy_until_settled_adds_what_follows():
+    row = only(UP.recording())
+    w = 1500.0 / RPM
+    t_o = row["t_o_s"]
+    mean_torque = 0.5 * (150.0 + 88.0 * 1.05)
+    by_hand = (mean_torque * w - 80.0 * w / I2) * t_o
+    assert row["e_loss_settled_j"] - row["e_loss_j"] == pytest.approx(by_hand, rel=0.02)
+
+
+@pytest.mark.parametrize("seed", [None, 5])
+def test_dip_shows_in_k_and_leaves_the_shift_valid(seed):
+    row = only(dataclasses.replace(UP, depart=0.5, end=0.8, dip=0.4).recording(seed))
+    assert row["valid"]
+    assert row["k"] == pytest.approx(0.6, abs=0.01)
+    assert row["n_wyj_min_rpm"] == pytest.approx(0.6 * 1500.0 / I1, rel=0.01)
+    assert row["t_p_s"] == pytest.approx(0.3, abs=3e-3)
+
+
+@pytest.mark.parametrize("seed", [None, 6])
+def test_downshift_that_dips_ends_after_the_minimum(seed):
+    """The output falls through the ratio of gear I, 30 % below it, and comes back."""
+    case = dataclasses.replace(DOWN, depart=0.36, end=0.66, settle=0.8, dip=0.3)
+    row = only(case.recording(seed))
+    assert row["valid"]
+    assert row["t_c_s"] == pytest.approx(0.66, abs=3e-3)
+    assert row["k"] == pytest.approx(0.7, abs=0.01)
+
+
+def test_lingering_on_the_ratio_before_a_dip_does_not_end_a_downshift():
+    """30 ms on the ratio of gear I would pass for its end, were it not for the minimum that follows."""
+    t = np.arange(30000) * PERIOD - 1.0
+    w = 1500.0 / RPM
+    n_wyj = w * np.interp(t, [0.36, 0.42, 0.45, 0.50, 0.60], [1 / I2, 1 / I1, 1 / I1, 0.9 / I1, 1 / I1])
+    row = only(dataclasses.replace(DOWN, end=0.60, settle=0.8).recording(n_wyj=n_wyj))
+    assert row["t_c_s"] == pytest.approx(0.60, abs=1e-3)
+    shallow = w * np.interp(t, [0.36, 0.42, 0.45, 0.50, 0.60], [1 / I2, 1 / I1, 1 / I1, 0.96 / I1, 1 / I1])
+    row = only(dataclasses.replace(DOWN, end=0.60, settle=0.8).recording(n_wyj=shallow))
+    assert row["t_c_s"] == pytest.approx(0.42, abs=1e-3)
+
+
+def test_sagging_input_is_no_departure_of_the_output():
+    """A tie-up slows input and output together; the speed change begins when the old clutch lets go."""
+    channels = UP.channels()
+    t = np.arange(channels["p1"].size) * PERIOD - 1.0
+    sag = np.interp(t, [0.45, 0.62, 1.0], [1.0, 0.97, 1.0])
+    row = only(UP.recording(n_wej=channels["n_wej"] * sag, n_wyj=channels["n_wyj"] * sag))
+    assert row["t_p_s"] == pytest.approx(0.1, abs=1e-3)
+    assert row["n_wej_rpm"] == pytest.approx(1500.0, abs=0.01)
+    assert row["k"] == pytest.approx(np.interp(0.60, [0.45, 0.62], [1.0, 0.97]), abs=2e-3)
+
+
+def test_gap_between_the_clutches_is_a_negative_overlap():
+    row = only(dataclasses.replace(UP, fall=0.20, release=0.40, engage=0.55, depart=0.42).recording(7))
+    assert row["overlap_s"] == pytest.approx(-0.15, abs=6e-3)
+
+
+def test_slow_end_of_the_slip_is_met_at_the_threshold():
+    """The last 1 % of slip creeps out over 0.2 s: 0.05 % remain 10 ms before the end."""
+    t = np.arange(30000) * PERIOD - 1.0
+    n_wyj = 1500.0 / RPM * np.interp(t, [0.60, 0.70, 0.90], [1 / I1, 0.99 / I2, 1 / I2])
+    assert only(UP.recording(n_wyj=n_wyj))["t_c_s"] == pytest.approx(0.89, abs=1.5e-3)
+
+
+def test_undithered_encoders_do_not_hide_a_locked_clutch():
+    """Rounding alone may show more slip than the threshold for ever; it must not make the shift invalid."""
+    rounded_worst = 0.0
+    for rpm in (1001.1, 1004.2, 1500.0, 2008.9):
+        channels = dataclasses.replace(UP, rpm=rpm).channels()
+        for name in ("n_wej", "n_wyj"):
+            channels[name] = np.round(channels[name] / ENCODER) * ENCODER
+        rounded_worst = max(rounded_worst, abs(1 - channels["n_wyj"][-1] * I2 / channels["n_wej"][-1]))
+        row = only(Recording(0.0, PERIOD, channels, [(1.0, 1, 2)]))
+        assert row["valid"], row["why"]
+        assert row["t_c_s"] == pytest.approx(0.70, abs=1e-3)
+    assert rounded_worst > 0.0009
+
+
+def test_half_a_percent_of_slip_is_no_lock():
+    channels = UP.channels()
+    after = np.arange(channels["p1"].size) * PERIOD - 1.0 > 0.65
+    channels["n_wyj"] = np.where(after, np.minimum(channels["n_wyj"], 0.995 * channels["n_wej"] / I2),
+                                 channels["n_wyj"])
+    row = only(Recording(0.0, PERIOD, channels, [(1.0, 1, 2)]))
+    assert not row["valid"]
+    assert row["t_dt_s"] is None and row["e_loss_j"] is None
+    assert "never settled on the ratio of gear II" in row["why"][0]
+
+
+def test_no_supply_pressure():
+    """Nothing is clamped: neither the engagement nor the shift after it is valid, and nothing is raised."""
+    n = 60000
+    channels = dict.fromkeys(("M_wyj", "n_wyj", "p1", "p2"), np.zeros(n))
+    channels |= {"M_wej": np.full(n, 5.0), "n_wej": np.full(n, 157.0)}
+    rows = shifts(Recording(0.0, PERIOD, channels, [(1.0, 0, 1), (3.0, 1, 2)]))
+    assert [row["valid"] for row in rows] == [False, False]
+    assert any("p1 did not rise" in reason for reason in rows[0]["why"])
+    reasons = " / ".join(rows[1]["why"])
+    assert "gear I was not in" in reasons and "p1 was not up" in reasons and "p2 never rose" in reasons
+
+
+def test_swapped_valves():
+    """The gearbox is in II when I was ordered, and shifts the other way round."""
+    channels = DOWN.channels()
+    rows = shifts(Recording(0.0, PERIOD, channels, [(1.0, 1, 2)]))
+    assert not rows[0]["valid"]
+    assert any("gear I was not in when II was ordered" in reason for reason in rows[0]["why"])
+
+
+def test_engagement_from_neutral_counts_from_the_pressure():
+    t = np.arange(30000) * PERIOD - 1.0
+    w = 1500.0 / RPM
+    n = t.size
+    channels = {"M_wej": np.interp(t, [0.3, 0.5, 0.501], [10.0, 120.0, 70.0]), "n_wej": np.full(n, w),
+                "M_wyj": np.interp(t, [0.3, 0.5], [0.0, 80.0]),
+                "n_wyj": w / I1 * np.interp(t, [0.3, 0.5], [0.0, 1.0]),
+                "p1": np.interp(t, [0.2, 0.3, 0.6], [0.0, 0.17e6, 2.3e6]), "p2": np.zeros(n)}
+    row = only(Recording(0.0, PERIOD, channels, [(1.0, 0, 1)]))
+    assert row["valid"], row["why"]
+    assert row["t_dt_s"] == pytest.approx(0.3, abs=2e-3)
+    assert row["t_p_s"] == pytest.approx(0.2, abs=2e-3)
+    assert row["t_c_s"] == pytest.approx(0.5, abs=2e-3)
+    assert row["k"] is None and row["overlap_s"] is None
+
+
+def test_two_shifts_do_not_see_each_other():
+    """Up and, 2 s later, down; what is found of the first ends with the second order."""
+    up, down = UP.channels(), DOWN.channels()
+    channels = {name: np.concatenate([up[name], down[name]]) for name in up}
+    channels["M_wej"][30001:] = np.maximum(channels["M_wej"][30001:], 88.0)
+    rows = shifts(Recording(5.0, PERIOD, channels, [(9.0, 2, 1), (6.0, 1, 2)]))
+    assert [row["t_order_s"] for row in rows] == [6.0, 9.0]
+    assert [row["valid"] for row in rows] == [True, True]
+    assert rows[0]["t_c_s"] == pytest.approx(0.70, abs=1e-3)
+    assert rows[1]["t_c_s"] == pytest.approx(0.42, abs=1e-3)
+    assert shifts(Recording(5.0, PERIOD, channels, [(6.0, 1, 2), (9.0, 2, 0)]))[0]["valid"]
+
+
+def test_recording_that_ends_too_soon_names_what_is_missing():
+    full = UP.channels()
+    cut = {name: values[:17050] for name, values in full.items()}  # 5 ms after lock-up
+    row = only(Recording(0.0, PERIOD, cut, [(1.0, 1, 2)]))
+    assert not row["valid"] and row["t_c_s"] is None and row["n_wej_rpm"] == pytest.approx(1500.0)
+    cut = {name: values[:17600] for name, values in full.items()}
+    row = only(Recording(0.0, PERIOD, cut, [(1.0, 1, 2)]))
+    assert row["t_dt_s"] == pytest.approx(0.25, abs=1e-3) and row["t_o_s"] is None
+    assert row["why"] == ["the recording ends before M_wej can settle"]
+    cut = {name: values[:9000] for name, values in full.items()}
+    assert "does not cover the order" in only(Recording(0.0, PERIOD, cut, [(1.0, 1, 2)]))["why"][0]
+    empty = {name: values[:0] for name, values in full.items()}
+    assert not only(Recording(0.0, PERIOD, empty, [(1.0, 1, 2)]))["valid"]
+
+
+def test_nan_is_a_reason_not_a_crash():
+    channels = UP.channels()
+    channels["M_wej"][12000] = np.nan
+    row = shift_metrics(Recording(0.0, PERIOD, channels), (1.0, 1, 2))
+    assert not row["valid"] and row["why"] == ["M_wej has values that are no numbers"]
+
+
+def test_missing_channel_is_one_sentence():
+    channels = UP.channels()
+    del channels["p1"], channels["M_wyj"]
+    with pytest.raises(RigError, match="no channel M_wyj, p1; shift metrics need M_wej"):
+        Recording(0.0, PERIOD, channels)
+    channels = UP.channels()
+    channels["p2"] = channels["p2"][:-1]
+    with pytest.raises(RigError, match="1-D of one length"):
+        Recording(0.0, PERIOD, channels)

@@ -1,0 +1,185 @@
+"""The pure player under a clock of the test's own: what is due, when, in which order."""
+
+import math
+
+import pytest
+
+from rig_nodes.bags.metadata import profile_text, read_profile
+from rig_nodes.bags.player import BATCH, CLOCK, STRIDE, Player
+from rig_nodes.bags.reader import Bag
+from rig_nodes.errors import BagError
+
+MS = 1_000_000
+T0 = 5_000 * MS
+TIMES = [T0 + ms * MS for ms in (0, 0, 3, 10, 10, 10, 24, 40)]
+STEP = 0.001
+
+
+class Run:
+    """A player, driven every millisecond of a made-up wall clock."""
+
+    def __init__(self, **options):
+        self.now = 100.0
+        self.player = Player(options.pop("times", TIMES), options.pop("first", T0), period=10 * MS, **options)
+        self.taken = []  # (wall time since the start [ms], number or CLOCK, recorded time since T0 [ms])
+
+    def drive(self, ms):
+        """Let wall time pass; returns what became due meanwhile, with when."""
+        before = len(self.taken)
+        for _ in range(round(ms) + 1):
+            wall = round((self.now - 100.0) * 1e3)
+            self.taken += [(wall, number, (time - T0) // MS) for number, time in self.player.take(self.now)]
+            self.now += STEP
+        return self.taken[before:]
+
+
+def numbers(taken):
+    return [number for _, number, _ in taken if number != CLOCK]
+
+
+def clocks(taken):
+    return [time for _, number, time in taken if number == CLOCK]
+
+
+def test_everything_comes_once_in_recorded_order_at_its_time_and_behind_its_clock():
+    run = Run()
+    taken = run.drive(60)
+    assert taken == [(0, CLOCK, 0), (0, 0, 0), (0, 1, 0), (3, 2, 3), (10, CLOCK, 10), (10, 3, 10),
+                     (10, 4, 10), (10, 5, 10), (20, CLOCK, 20), (24, 6, 24), (30, CLOCK, 30),
+                     (40, CLOCK, 40), (40, 7, 40)]
+    assert run.player.finished and run.player.passes == 1 and run.player.behind == 0.0
+
+
+@pytest.mark.parametrize("rate", [0.1, 2.0, 10.0])
+def test_the_rate_divides_the_times(rate):
+    run = Run(rate=rate)
+    taken = run.drive(40 / rate + 2)
+    assert numbers(taken) == list(range(8))
+    for wall, _, time in taken:
+        assert 0 <= wall - time / rate < 1.01
+
+
+def test_max_waits_for_nothing_but_hands_out_no_more_than_a_batch():
+    times = [T0 + i * MS for i in range(3 * BATCH)]
+    player = Player(times, T0, rate=math.inf)
+    taken = []
+    while not player.finished:
+        assert player.wait(7.0) == 0.0
+        batch = player.take(7.0)
+        assert 0 < len(batch) <= BATCH
+        taken += batch
+    assert [number for number, _ in taken if number != CLOCK] == list(range(3 * BATCH))
+    assert [time for _, time in taken] == sorted(time for _, time in taken)
+
+
+def test_a_pause_takes_no_recorded_time_and_the_clock_stands():
+    run = Run()
+    run.drive(5)
+    run.player.pause()
+    assert run.drive(500) == [] and run.player.wait(run.now) == math.inf and run.player.clock == T0
+    run.player.resume(run.now)
+    resumed = round((run.now - 100.0) * 1e3)
+    taken = run.drive(60)
+    assert numbers(taken) == [3, 4, 5, 6, 7]
+    assert taken[0][0] - resumed == pytest.approx(10 - 5, abs=1)
+
+
+def test_paused_from_the_start_gives_the_clock_and_what_holds_from_before():
+    run = Run(first=T0 + 5 * MS, early=[1], paused=True)
+    assert run.drive(50) == [(0, CLOCK, 5), (0, 1, 0)]
+    run.player.resume(run.now)
+    assert numbers(run.drive(60)) == [3, 4, 5, 6, 7]
+
+
+def test_a_step_is_one_recorded_time_with_its_clock_and_needs_a_pause():
+    run = Run(paused=True)
+    run.drive(1)
+    steps = []
+    for _ in range(5):
+        assert run.player.step() and run.player.wait(run.now) == 0.0
+        steps.append([(number, time) for _, number, time in run.drive(3)])
+    assert steps == [[(0, 0), (1, 0)], [(CLOCK, 3), (2, 3)], [(CLOCK, 10), (3, 10), (4, 10), (5, 10)],
+                     [(CLOCK, 24), (6, 24)], [(CLOCK, 40), (7, 40)]]
+    assert run.player.finished
+    running = Run()
+    running.drive(1)
+    assert not running.player.step() and numbers(running.drive(0)) == []
+
+
+def test_after_a_step_the_rest_keeps_its_distance():
+    run = Run(paused=True)
+    run.drive(1)
+    for _ in range(3):
+        run.player.step()
+        run.drive(1)
+    run.player.resume(run.now)
+    resumed = round((run.now - 100.0) * 1e3)
+    taken = run.drive(40)
+    assert numbers(taken) == [6, 7] and clocks(taken) == [20, 30, 40]
+    assert taken[-1][0] - resumed == pytest.approx(40 - 10, abs=1)
+
+
+def test_a_loop_repeats_the_pass_one_clock_period_later_and_the_clock_jumps_back():
+    run = Run(loop=True, first=T0 + 10 * MS, early=[0])
+    taken = run.drive(2 * 40 + 5)
+    one = [0, 3, 4, 5, 6, 7]
+    assert numbers(taken) == one + one + [0, 3, 4, 5]
+    assert clocks(taken) == [10, 20, 30, 40, 10, 20, 30, 40, 10]
+    assert [wall for wall, number, _ in taken if number == 0] == [0, 40, 80]
+    assert not run.player.finished and run.player.passes == 3
+
+
+def test_stepping_goes_on_into_the_next_pass():
+    run = Run(loop=True, paused=True)
+    run.drive(1)
+    for _ in range(6):
+        run.player.step()
+    assert numbers(run.drive(1)) == [0, 1, 2, 3, 4, 5, 6, 7, 0, 1]
+
+
+def test_a_stall_is_not_made_up_for_and_is_told():
+    times = [T0 + ms * MS for ms in range(3000)]
+    player = Player(times, T0)
+    player.take(0.0)
+    burst = player.take(2.0)
+    assert max(time for _, time in burst) == T0 + round(STRIDE * 1e3) * MS
+    assert player.behind == pytest.approx(2.0 - STRIDE)
+    assert [number for number, _ in player.take(2.0015) if number != CLOCK] == [51]
+
+
+def test_lateness_counts_from_when_a_message_was_due():
+    player = Player(TIMES, T0, rate=2.0)
+    player.take(50.0)
+    player.take(50.004)  # recorded time 8 ms: message 2 at 3 ms was due at 1.5 ms
+    assert player.lateness(TIMES[2], 50.005) == pytest.approx(0.005 - 0.0015)
+
+
+def test_wait_tells_when_the_next_thing_is_due():
+    player = Player(TIMES, T0, rate=0.5)
+    assert player.wait(0.0) == 0.0
+    player.take(0.0)
+    assert player.wait(0.0) == pytest.approx(0.006)
+    assert player.wait(0.004) == pytest.approx(0.002)
+    assert player.wait(0.5) == 0.0
+
+
+def test_the_timeline_of_a_bag_is_by_time_and_within_a_time_as_written(tmp_path, messages, write_run):
+    write_run(tmp_path)
+    written = sorted(((ns, topic, data) for topic, ns, data in messages(0.35)), key=lambda row: row[0])
+    assert Bag(tmp_path).timeline() == written
+    some = ["/rig/state", "/alfa46/command"]
+    assert Bag(tmp_path).timeline(some) == [row for row in written if row[1] in some]
+
+
+def test_profiles_of_every_rosbag2_are_read():
+    recorded = read_profile(profile_text("command"))
+    assert recorded.reliable and not recorded.latched and recorded.deadline_ns == 100_000_000
+    assert read_profile(profile_text("latched")).latched
+    numbers_of_humble = ("- history: 1\n  depth: 10\n  reliability: 2\n  durability: 1\n"
+                         "  deadline:\n    sec: 9223372036\n    nsec: 854775807\n")
+    old = read_profile(numbers_of_humble)
+    assert not old.reliable and old.latched and old.deadline_ns == 0
+    assert read_profile(numbers_of_humble + profile_text("measurement")).reliable
+    assert read_profile("").reliable and not read_profile("").latched
+    with pytest.raises(BagError, match="no list of profiles"):
+        read_profile("best effort, please")

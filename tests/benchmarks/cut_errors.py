@@ -1,0 +1,78 @@
+"""How far a run with devices cut out is from the same run without: the table of docs/cuts.md.
+
+    .venv/bin/python tests/benchmarks/cut_errors.py [SEQUENCE]
+"""
+
+import sys
+import tempfile
+from pathlib import Path
+
+from rig_nodes.analysis.report import build_report
+from rig_nodes.bags.reader import Bag
+from rig_nodes.plant.cut import CUTTABLE
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.outputs import Outputs
+from rig_nodes.testbench.rig import Rig
+from rig_nodes.testbench.sequence import SequenceRunner, load_sequence
+from rig_nodes.testbench.simulate import LocalBench, simulate
+
+TIMES = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "overlap_s")
+CASES = [*((device,) for device in CUTTABLE), CUTTABLE]
+TICKS = ("1 ms", "2 ms", "5 ms")
+
+
+def settings(devices, tick):
+    """Overrides that cut these devices out."""
+    return {"cut.tick": tick, **{f"{device}.source": "topic" for device in devices}}
+
+
+def shifts(sequence, values=None):
+    """The report of a simulated sequence."""
+    with tempfile.TemporaryDirectory() as folder:
+        run = simulate(load_rig("hydmag", values), sequence, Path(folder))
+        return build_report(Bag(folder), run)
+
+
+def errors(reference, report) -> dict[str, float]:
+    """Greatest differences over all shifts: peak torque [share], times [s], k, settled loss [share]."""
+    pairs = list(zip(reference["shifts"], report["shifts"], strict=True))
+    return {"peak": max(abs(b["m_wej_max_nm"] / a["m_wej_max_nm"] - 1.0) for a, b in pairs),
+            "times": max(abs(b[name] - a[name]) for a, b in pairs for name in TIMES),
+            "k": max(abs(b["k"] - a["k"]) for a, b in pairs),
+            "loss": max(abs(b["e_loss_settled_j"] / a["e_loss_settled_j"] - 1.0) for a, b in pairs)}
+
+
+def works(sequence, values) -> dict[str, tuple[float, float]]:
+    """Energy over each cut at the end of the sequence [J]: (as the plant counts it, as the device does)."""
+    config = load_rig("hydmag", values)
+    rig = Rig(config)
+    outputs = Outputs(rig, {}, commands=True)
+    runner = SequenceRunner(sequence, LocalBench(rig, outputs), config.load_pump)
+    while not (rig.sample and rig.sample % 5 == 0 and runner.poll(rig.time)):
+        list(outputs.due())
+        rig.advance_samples(1)
+    cuts = rig.cuts
+    return {device: (cuts.work(device), cuts.answered(device)[1].work) for device in cuts.devices}
+
+
+def main() -> int:
+    """Print the table."""
+    sequence = load_sequence(sys.argv[1] if len(sys.argv) > 1 else "demo")
+    reference = shifts(sequence)
+    print("| cut out | tick | peak M_wej | times | k | loss | balance | work: plant, device |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
+    for tick in TICKS:
+        for devices in CASES:
+            values = settings(devices, tick)
+            report = shifts(sequence, values)
+            e = errors(reference, report)
+            both = "; ".join(f"{a:.1f} J, {b:.1f} J" for a, b in works(sequence, values).values())
+            name = "all four" if devices == CUTTABLE else devices[0]
+            balance = report["energy"]["run"]["residual_j"]
+            print(f"| {name} | {tick} | {100 * e['peak']:.2f} % | {1e3 * e['times']:.1f} ms | {e['k']:.4f} "
+                  f"| {100 * e['loss']:.2f} % | {balance:+.1e} J | {both} |", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

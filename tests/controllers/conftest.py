@@ -1,0 +1,89 @@
+"""Settings, the reference controllers, and ways to make a controller of a few lines in Python and in C."""
+
+import shutil
+import subprocess
+import textwrap
+from pathlib import Path
+
+import pytest
+
+import rig_nodes
+from rig_nodes.controllers import load_controller
+from rig_nodes.testbench.configuration import load_rig
+
+CONTROLLERS = Path(rig_nodes.__file__).parent / "controllers"
+INCLUDE, ALFA46_C = CONTROLLERS / "include", CONTROLLERS / "examples" / "alfa46.c"
+PYTHON, C = "python:rig_nodes.controllers.examples.alfa46:Alfa46", f"c:{ALFA46_C}"
+STRICT = ("-O2", "-ffp-contract=off", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", f"-I{INCLUDE}")
+
+needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")
+
+C_FRAME = """
+#include "rig_controller.h"
+const rig_controller_abi_info *rig_controller_abi(void) { RIG_CONTROLLER_DESCRIBE(RIG_LEVEL_DUTY); }
+int rig_controller_create(rig_controller_info *info, void **instance) {
+  (void)info; *instance = 0; return RIG_OK;
+}
+int rig_controller_step(void *instance, const rig_controller_inputs *in, rig_controller_outputs *out) {
+  (void)instance; (void)in; (void)out;
+  STEP
+  return RIG_OK;
+}
+void rig_controller_destroy(void *instance) { (void)instance; }
+"""
+
+
+@pytest.fixture(scope="session")
+def config():
+    return load_rig("hydmag")
+
+
+@pytest.fixture
+def python_controller(tmp_path, config):
+    """Loads a class whose step has the given body; ``levels`` and ``initialize`` may be given too."""
+
+    def make(step, head="", level=None):
+        body = textwrap.indent(textwrap.dedent(step).strip(), " " * 8)
+        path = tmp_path / "mine.py"
+        path.write_text(
+            "import math, sys\nfrom rig_nodes.controllers import ControllerOutputs as Out, Status\n\n\n"
+            f"class Mine:\n    {head or 'pass'}\n    def initialize(self, info):\n        self.info = info\n"
+            f"    def step(self, inputs):\n{body}\n"
+            "    def terminate(self):\n        open(__file__ + '.ended', 'a').write('x')\n"
+        )
+        return load_controller(f"python:{path}:Mine", config.alfa46, level)
+
+    return make
+
+
+@pytest.fixture
+def build(tmp_path):
+    """Compiles C text into a shared library of its own name and returns the path."""
+    count = iter(range(100))
+
+    def make(text, *flags):
+        stem = tmp_path / f"library{next(count)}"
+        stem.with_suffix(".c").write_text(text)
+        subprocess.run(
+            [
+                "cc",
+                "-fPIC",
+                "-shared",
+                f"-I{INCLUDE}",
+                *flags,
+                "-o",
+                stem.with_suffix(".so"),
+                stem.with_suffix(".c"),
+                "-lm",
+            ],
+            check=True,
+            capture_output=True,
+        )
+        return stem.with_suffix(".so")
+
+    return make
+
+
+def ask(plug, sample=0, current=(0.0, 0.0, 0.0)):
+    """One step at standstill."""
+    return plug.step(sample, current, 0.0, 0.0, 0.0, 0.0)

@@ -1,0 +1,277 @@
+"""C libraries: built without a warning, clean under the sanitizers, refused when they do not fit."""
+
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from rig_nodes.controllers import ControllerFailed, Status, load_controller
+from rig_nodes.errors import RigError
+
+from .conftest import ALFA46_C, C_FRAME, INCLUDE, STRICT, ask, needs_cc
+
+pytestmark = needs_cc
+
+
+def load(config, path, level=None):
+    return load_controller(f"c:{path}", config.alfa46, level)
+
+
+def frame(step):
+    return C_FRAME.replace("STEP", step)
+
+
+def test_a_library_answers_and_is_asked_in_its_own_units(build, config):
+    plug = load(
+        config,
+        build(
+            frame("""
+        out->command[0] = in->current[1]; out->command[1] = in->n_wej / 1000.0;
+        out->command[2] = in->p2 / 1e7;
+        out->setpoint[2] = in->time; out->gear = in->gear_request; out->shifting = in->sample == 7;
+        out->flags = 5;
+        if (in->size != sizeof *in || out->size != sizeof *out) return RIG_ERROR;
+        if (in->p1 != 1e5 || in->n_wyj != 50.0) return RIG_ERROR;
+    """),
+            "-Wall",
+            "-Wextra",
+            "-Werror",
+        ),
+    )
+    plug.order(2)
+    answer = plug.step(7, [0.0, 0.5, 0.0], 100.0, 50.0, 1e5, 1e6)
+    assert answer == ((0.5, 0.1, 0.1), (0.0, 0.0, 0.007))
+    assert (plug.gear, plug.shifting, plug.flags) == (2, True, 5)
+    assert plug.step(8, [0.0, 0.5, 0.0], 100.0, 50.0, 1e5, 1e6) is not None and not plug.shifting
+    plug.close()
+
+
+@pytest.mark.parametrize(
+    ("step", "status", "sentence"),
+    [
+        ("out->command[1] = 0.0 / out->command[0];", Status.ERROR, r"command\[1\] is -?nan, expected 0 to 1"),
+        ("out->command[2] = -0.5;", Status.ERROR, r"command\[2\] is -0.5"),
+        ("out->gear = 9;", Status.ERROR, "gear is 9"),
+        ("return 17;", Status.ERROR, "status is 17, expected 0"),
+        (
+            '__builtin_strcpy(out->message, "no speed signal"); return RIG_ERROR;',
+            Status.ERROR,
+            "error: no speed signal$",
+        ),
+        ("return RIG_FATAL;", Status.FATAL, "status fatal: it gave no reason"),
+    ],
+)
+def test_what_no_valve_can_be_given_trips(build, config, step, status, sentence):
+    plug = load(config, build(frame(step)))
+    with pytest.raises(ControllerFailed, match=sentence) as failure:
+        ask(plug, 3)
+    assert failure.value.status == status and "sample 3" in str(failure.value)
+    plug.close()
+
+
+def test_discard_is_no_answer(build, config):
+    assert ask(load(config, build(frame("return RIG_DISCARD;")))) is None
+
+
+def test_another_abi_is_named_found_and_wanted(build, config):
+    text = frame("").replace(
+        "RIG_CONTROLLER_DESCRIBE(RIG_LEVEL_DUTY);",
+        "static rig_controller_abi_info d = {7, 1, 0, 0, 0, 0}; return &d;",
+    )
+    with pytest.raises(RigError, match="made for ABI 7 of rig_controller.h, this rig has ABI 1"):
+        load(config, build(text))
+
+
+def test_structs_of_another_size_are_refused(build, config):
+    text = "#pragma pack(1)\n" + frame("")
+    with pytest.raises(RigError, match=r"library's info struct has 16\d bytes, this rig's 168"):
+        load(config, build(text))
+
+
+def test_missing_functions_are_named(build, config):
+    text = frame("").replace("void rig_controller_destroy", "void rig_controller_free")
+    with pytest.raises(RigError, match="does not export rig_controller_destroy;"):
+        load(config, build(text))
+
+
+def test_a_function_that_the_library_itself_lacks_is_named(build, config):
+    with pytest.raises(RigError, match="cannot be loaded: .*undefined symbol: model_step"):
+        load(config, build("void model_step(void);\n" + frame("model_step();")))
+
+
+def test_a_library_that_changes_the_arithmetic_of_the_process_is_refused(build):
+    """As -ffast-math does with many compilers; in a process of its own, which is spoilt by it."""
+    path = build(
+        "#include <xmmintrin.h>\n"
+        + frame("")
+        + "__attribute__((constructor)) static void flush(void) { _mm_setcsr(_mm_getcsr() | 0x8040); }\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "rig_nodes.cli.main", "simulate", "sample", "--controller", f"c:{path}"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        cwd=path.parent,
+    )
+    assert (
+        done.returncode == 2
+        and "build it without -ffast-math" in done.stderr
+        and done.stderr.count("\n") == 1
+    )
+
+
+def test_create_may_refuse_with_its_reason(build, config):
+    text = frame("").replace(
+        "(void)info;", '__builtin_strcpy(info->message, "licence is missing"); return RIG_ERROR;'
+    )
+    with pytest.raises(RigError, match="create refused with status 2: licence is missing"):
+        load(config, build(text))
+
+
+def test_a_level_that_the_library_does_not_know_is_refused(build, config):
+    with pytest.raises(RigError, match="works at level duty, not at level 'current'"):
+        load(config, build(frame("")), "current")
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (lambda data: b"this is my controller\n" * 10, "no shared library"),
+        (lambda data: b"", "no shared library"),
+        (lambda data: data[:40], "cut off: 40 bytes"),
+        (lambda data: data[: len(data) // 2], "cut off: .* bytes of at least"),
+        (lambda data: data[:18] + bytes([183, 0]) + data[20:], "is for aarch64, 64 bits; this machine is"),
+        (lambda data: data[:16] + bytes([1, 0]) + data[18:], "link it with -shared"),
+    ],
+)
+def test_files_that_are_no_library_for_this_machine_are_refused(build, config, change, sentence):
+    path = build(frame(""))
+    path.write_bytes(change(path.read_bytes()))
+    with pytest.raises(RigError, match=sentence) as refusal:
+        load(config, path)
+    assert str(path) in str(refusal.value) and "\n" not in str(refusal.value)
+
+
+def test_a_file_that_does_not_exist_is_refused(config):
+    with pytest.raises(RigError, match="no such file"):
+        load(config, "nowhere.so")
+
+
+def test_c_that_does_not_compile_is_refused_with_its_line(tmp_path, config):
+    path = tmp_path / "mine.c"
+    path.write_text(frame("out->no_such_member = 1;"))
+    with pytest.raises(RigError, match=r"does not compile: .*mine.c:9:6: error: .*no_such_member") as refusal:
+        load(config, path)
+    assert "\n" not in str(refusal.value)
+
+
+def test_without_a_compiler_the_sentence_says_what_to_do(tmp_path, config, monkeypatch):
+    (tmp_path / "mine.c").write_text(frame(""))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("CC", raising=False)
+    with pytest.raises(RigError, match="no C compiler here"):
+        load(config, tmp_path / "mine.c")
+
+
+@pytest.mark.parametrize("compiler", ["cc", "gcc", "clang"])
+def test_the_example_compiles_without_a_warning(tmp_path, compiler):
+    if not shutil.which(compiler):
+        pytest.skip(f"{compiler} is not installed")
+    subprocess.run(
+        [compiler, *STRICT, "-fPIC", "-shared", "-o", tmp_path / "alfa46.so", ALFA46_C, "-lm"], check=True
+    )
+
+
+def test_the_header_is_usable_from_cpp(tmp_path):
+    if not shutil.which("c++"):
+        pytest.skip("no C++ compiler here")
+    (tmp_path / "mine.cpp").write_text(frame(""))
+    subprocess.run(
+        [
+            "c++",
+            "-std=c++11",
+            "-pedantic",
+            "-Wall",
+            "-Wextra",
+            "-Werror",
+            f"-I{INCLUDE}",
+            "-fPIC",
+            "-shared",
+            "-o",
+            tmp_path / "mine.so",
+            tmp_path / "mine.cpp",
+        ],
+        check=True,
+    )
+    names = subprocess.run(
+        ["nm", "-D", "--defined-only", tmp_path / "mine.so"], capture_output=True, text=True, check=True
+    )
+    assert " T rig_controller_step\n" in names.stdout
+
+
+# shifts through all gears and levels, refuses what it must, and gives everything back
+DRIVER = r"""
+#include "rig_controller.h"
+#include <stdio.h>
+#include <string.h>
+static rig_parameter given[64];
+static char names[64][32];
+static uint32_t count;
+static void give(const char *name, double value) {
+  snprintf(names[count], sizeof names[count], "%s", name);
+  given[count].name = names[count];
+  given[count++].value = value;
+}
+int main(void) {
+  char name[32];
+  give("t12", -0.22); give("t21", 0.1); give("supply_voltage", 24); give("gain_p", 20); give("gain_i", 1000);
+  give("gain_d", 1); give("derivative_time", 0.02);
+  for (int k = 1; k <= 3; k++) for (int n = 1; n <= 6; n++) {
+    snprintf(name, sizeof name, "output_%d.P%d.time", k, n); give(name, 0.1 * ((n - 1) % 3 + 1));
+    snprintf(name, sizeof name, "output_%d.P%d.current", k, n); give(name, n < 4 ? 0.2 * n : 0.2 * (6 - n));
+  }
+  for (uint32_t level = RIG_LEVEL_DUTY; level <= RIG_LEVEL_CURRENT; level++) {
+    rig_controller_info info = {sizeof info, level, 1e-3, 1.0, given, count, ""};
+    rig_controller_inputs in = {sizeof in, 0, 0, 0, {0, 0, 0}, 0, 0, 0, 0};
+    void *box = NULL;
+    double sum = 0;
+    if (rig_controller_abi()->abi != RIG_CONTROLLER_ABI) return 6;
+    if (rig_controller_create(&info, &box) != RIG_OK) return 1;
+    for (in.sample = 0; in.sample < 6000; in.sample++) {
+      rig_controller_outputs out;
+      memset(&out, 0, sizeof out);
+      out.size = sizeof out;
+      in.gear_request = (uint32_t)(in.sample / 700 % 3);
+      if (rig_controller_step(box, &in, &out) != RIG_OK) return 2;
+      for (int k = 0; k < 3; k++) { in.current[k] = out.setpoint[k]; sum += out.command[k]; }
+    }
+    rig_controller_outputs out = {sizeof out, 0, 0, 0, {0, 0, 0}, {0, 0, 0}, ""};
+    in.gear_request = 4000000000u;
+    if (rig_controller_step(box, &in, &out) != RIG_ERROR || !out.message[0]) return 3;
+    rig_controller_destroy(box);
+    info.parameter_count = 20;
+    if (rig_controller_create(&info, &box) != RIG_ERROR || !info.message[0]) return 4;
+    printf("%.3f\n", sum);
+    if (!(sum > 100.0)) return 5;
+  }
+  return 0;
+}
+"""
+
+
+def test_the_example_is_clean_under_the_sanitizers(tmp_path):
+    sanitize = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    (tmp_path / "nothing.c").write_text("int main(void) { return 0; }\n")
+    probe = subprocess.run(
+        ["cc", *sanitize, "-o", tmp_path / "nothing", tmp_path / "nothing.c"], capture_output=True
+    )
+    if probe.returncode or subprocess.run([tmp_path / "nothing"], capture_output=True).returncode:
+        pytest.skip("the compiler's sanitizer libraries are not installed or do not run here")
+    (tmp_path / "driver.c").write_text(DRIVER)
+    subprocess.run(
+        ["cc", *STRICT, *sanitize, "-o", tmp_path / "driver", tmp_path / "driver.c", ALFA46_C, "-lm"],
+        check=True,
+    )
+    done = subprocess.run([tmp_path / "driver"], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0 and done.stderr == "", done.stderr

@@ -1,0 +1,293 @@
+"""Plugged controllers on the rig: both levels, failures, and docs/controllers.md word by word."""
+
+import json
+import re
+import shlex
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rig_nodes.bags.reader import Bag
+from rig_nodes.cli.main import main
+from rig_nodes.controllers import load_controller
+from rig_nodes.errors import RigError
+from rig_nodes.testbench.rig import Rig, RigStatus
+from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.testbench.simulate import advance_with, simulate
+
+from .conftest import PYTHON
+
+DOCS = Path(__file__).parents[2] / "docs" / "controllers.md"
+RUNNING = """
+description: first gear at 300 rpm, then on
+ready: {timeout: 1 s}
+steps:
+  - oil: {pressure: 4 MPa}
+  - wait: {for: 300 ms}
+  - shift: {to: I, timeout: 2 s}
+  - motor: {speed: 300 rpm}
+  - wait: {for: 1 s}
+"""
+# stands in for the Alfa46 until FAIL_AT and then does what the test wants
+WRAPPED = """
+from rig_nodes.controllers import ControllerOutputs, Status
+from rig_nodes.controllers.examples.alfa46 import Alfa46
+
+class Mine(Alfa46):
+    def step(self, inputs):
+        if inputs.sample >= FAIL_AT:
+            WHAT
+        return super().step(inputs)
+"""
+
+
+@pytest.fixture
+def sequence(tmp_path):
+    path = tmp_path / "running.yaml"
+    path.write_text(RUNNING)
+    return path
+
+
+@pytest.fixture
+def failing(tmp_path):
+    """The specification of a controller that does something from a sample on."""
+
+    def make(what, sample=1500):
+        path = tmp_path / "mine.py"
+        path.write_text(WRAPPED.replace("FAIL_AT", str(sample)).replace("WHAT", what))
+        return f"python:{path}:Mine"
+
+    return make
+
+
+# ---- the power stage at level current
+
+
+def powered(config, setpoint=0.4, samples=600):
+    """A rig at level current that got one setpoint for output 1 with every sample."""
+    rig = Rig(config, controller="external", level="current")
+    for sample in range(samples):
+        rig.advance_samples(1)
+        rig.set_current(sample, [setpoint, 0.0, 0.0], 1, False)
+    return rig
+
+
+def test_the_power_stage_brings_the_coil_to_its_setpoint(config):
+    rig = powered(config)
+    assert rig.measurement("I_zr_p1") == pytest.approx(0.4, abs=0.004)
+    assert rig.measurement("I_zr_p2") < 0.004
+    assert rig.setpoint.tolist() == [0.4, 0.0, 0.0]
+
+
+def test_it_goes_on_between_commands_however_time_is_cut(config):
+    whole, pieces = powered(config), powered(config)
+    whole.advance_samples(60)
+    for _ in range(60):
+        pieces.advance_samples(1)
+    assert whole.state_hash() == pieces.state_hash()
+    assert whole.measurement("I_zr_p1") == pytest.approx(0.4, abs=0.004)
+
+
+@pytest.mark.parametrize("level", [0, 1], ids=["duty", "current"])
+def test_the_first_command_says_at_which_level_a_rig_is_driven(config, level):
+    told, untold = (Rig(config, controller="external", level=kind) for kind in (("duty", "current")[level], None))
+    for sample in range(50):
+        for rig in (told, untold):
+            rig.advance_samples(1)
+            rig.set_command(level, sample, [0.2, 0.0, 0.0], [0.3, 0.0, 0.0], 1, False, 0)
+    assert untold.level == told.level and untold.state_hash() == told.state_hash()
+    assert (untold.duty.any(), untold.measurement("I_zr_p1") > 0.01) == (level == 0, True)
+    untold.reset()
+    untold.advance_samples(1)
+    with pytest.raises(RigError, match=f"level '{told.level}', found one at .*stays until its end"):
+        untold.set_command(1 - level, 50, [0.0] * 3, [0.0] * 3, 0, False, 0)
+    with pytest.raises(RigError, match="level 2 is neither"):
+        untold.set_command(2, 50, [0.0] * 3, [0.0] * 3, 0, False, 0)
+
+
+def test_silence_ends_in_the_safe_state_at_level_current_too(config):
+    rig = powered(config)
+    rig.advance(0.11)
+    assert rig.status == RigStatus.TRIPPED and "older than 100 ms" in rig.reason
+    rig.advance(0.2)
+    assert rig.valves["duty"].tolist() == [0.0, 0.0] and rig.measurement("I_zr_p1") < 0.005
+    rig.reset()
+    rig.advance(0.05)
+    assert rig.status == RigStatus.STARTING and rig.measurement("I_zr_p1") < 0.005, (
+        "the old setpoint is forgotten"
+    )
+
+
+def test_an_output_at_zero_is_off_unless_its_flag_holds_it(config):
+    """The loop of an output that is off starts anew, with a kick; a held one goes on where it was."""
+    seen = {}
+    for flags in (0, 1):
+        rig = powered(config)
+        for sample in range(600, 620):
+            rig.advance_samples(1)
+            rig.set_current(sample, [0.0 if sample < 602 else 0.4, 0.0, 0.0], 1, False, flags)
+        seen[flags] = rig.measurement("I_zr_p1")
+    assert abs(seen[1] - 0.4) < 0.01 < abs(seen[0] - 0.4)
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda rig: rig.set_current(9, [0.9, 0, 0], 1, False), "0 to 0.8 A"),
+        (lambda rig: rig.set_current(9, [-0.1, 0, 0], 1, False), "0 to 0.8 A"),
+        (lambda rig: rig.set_current(9, [float("nan"), 0, 0], 1, False), "3 finite numbers"),
+        (lambda rig: rig.set_current(9, [0.1, 0], 1, False), "3 finite numbers"),
+        (lambda rig: rig.set_current(4, [0.1, 0, 0], 1, False), "expected one after 4 and not after 10"),
+        (lambda rig: rig.set_current(11, [0.1, 0, 0], 1, False), "not after 10"),
+        (
+            lambda rig: rig.set_duty(9, [0.1, 0, 0], [0, 0, 0], 1, False),
+            "at level 'current', found one at level 'duty'",
+        ),
+    ],
+)
+def test_wrong_setpoints_are_refused_and_the_old_ones_stay(config, call, sentence):
+    rig = powered(config, samples=5)
+    rig.advance_samples(5)
+    with pytest.raises(RigError, match=sentence):
+        call(rig)
+    assert rig.setpoint.tolist() == [0.4, 0.0, 0.0]
+
+
+def test_setpoints_are_refused_at_level_duty(config):
+    with pytest.raises(RigError, match="at level 'duty', found one at level 'current'"):
+        Rig(config, controller="external").set_current(0, [0.1, 0, 0], 0, False)
+    with pytest.raises(RigError, match="level is 'volts'"):
+        Rig(config, controller="external", level="volts")
+
+
+def test_an_answer_acts_one_sample_later(config, python_controller):
+    plug = python_controller("return Out([1, 0, 0] if inputs.sample == 2 else [0, 0, 0])")
+    rig, acted = Rig(config, controller="external"), []
+    for _ in range(5):
+        advance_with(rig, plug)
+        acted.append(float(rig.valves["duty"][0]))
+    assert acted == [0.0, 0.0, 0.0, 1.0, 0.0], "what answers sample 2 acts from sample 3 to sample 4"
+
+
+# ---- failures
+
+
+@pytest.mark.parametrize(
+    ("what", "reason"),
+    [
+        (
+            "raise ValueError('the table is empty')",
+            r"sample 1500: step failed: mine.py line 8: ValueError: the table is empty",
+        ),
+        (
+            "return ControllerOutputs(status=Status.ERROR, message='no speed')",
+            "sample 1500: status error: no speed",
+        ),
+        ("return ControllerOutputs(status=Status.FATAL)", "sample 1500: status fatal"),
+        ("return ControllerOutputs([float('nan'), 0, 0])", r"sample 1500: command\[0\] is nan"),
+        ("return ControllerOutputs(status=Status.DISCARD)", "older than 100 ms"),
+    ],
+)
+def test_a_controller_that_fails_trips_the_rig_and_the_bag_is_whole(
+    config, sequence, failing, tmp_path, what, reason
+):
+    plug = load_controller(failing(what), config.alfa46)
+    run = simulate(config, load_sequence(sequence), tmp_path / "run", controller=plug)
+    assert run["end"]["state"] == "tripped" and re.search(reason, run["end"]["reason"])
+    bag = Bag(tmp_path / "run")
+    assert not any(bag.gaps().values())
+    tripped = [(t, text) for t, topic, name, text, _ in bag.events() if name == "rig_tripped"]
+    assert [text for _, text in tripped] == [run["end"]["reason"]]
+    silence = 0.1 if "older" in reason else 0.0
+    assert tripped[0][0] == pytest.approx(1.5 + silence, abs=0.0031)
+    t, current = bag.series("I_zr_p1")
+    assert np.interp(1.49, t, current) > 0.6, "in gear until then"
+    assert current[-1] < 0.02, "the safe state is in the bag"
+
+
+def test_a_controller_that_never_answers_trips_the_rig(config, sequence, failing, tmp_path):
+    plug = load_controller(failing("return ControllerOutputs(status=Status.DISCARD)", 0), config.alfa46)
+    run = simulate(config, load_sequence(sequence), tmp_path / "run", controller=plug)
+    assert "has not answered any of the first 101 samples" in run["end"]["reason"]
+    assert run["duration_s"] < 0.3
+
+
+def test_a_gear_that_is_not_taken_is_a_shift_that_does_not_end(config, sequence, python_controller, tmp_path):
+    run = simulate(
+        config, load_sequence(sequence), tmp_path / "run", controller=python_controller("return Out()")
+    )
+    assert (
+        run["end"]["state"] == "failed"
+        and "'shift to I' did not come true within 2 s" in run["end"]["reason"]
+    )
+
+
+def test_the_command_says_why_and_ends_with_1(sequence, failing, tmp_path, capsys):
+    arguments = [
+        "simulate",
+        str(sequence),
+        "--out",
+        str(tmp_path / "run"),
+        "--controller",
+        failing("return ControllerOutputs(status=1 / 0)"),
+    ]
+    assert main(arguments) == 1
+    said = capsys.readouterr()
+    assert re.fullmatch(
+        r"rig: controller python:.*mine.py:Mine, sample 1500: step failed: mine.py line 8: "
+        r"ZeroDivisionError: division by zero\n",
+        said.err,
+    )
+    assert "Traceback" not in said.out
+    report = json.loads((tmp_path / "run" / "report.json").read_text())
+    assert report["run"]["end"]["state"] == "tripped" and report["run"]["controller"]["level"] == "duty"
+    log = (tmp_path / "run" / "logs" / "controller.log").read_text()
+    assert "Traceback" in log and "1 / 0" in log
+
+
+def test_the_command_refuses_before_it_makes_a_folder(tmp_path, capsys):
+    for arguments in (
+        ["--controller", "c:nowhere.so"],
+        ["--controller", f"{PYTHON}@duty", "--level", "current"],
+    ):
+        assert main(["simulate", "sample", "--out", str(tmp_path / "run"), *arguments]) == 2
+        said = capsys.readouterr()
+        assert said.err.startswith("rig: controller ") and said.err.count("\n") == 1
+    assert not (tmp_path / "run").exists()
+
+
+# ---- the pages
+
+
+def doc_block(language):
+    return re.search(rf"```{language}\n(.*?)```", DOCS.read_text(encoding="utf-8"), re.S)[1]
+
+
+def doc_commands(heading):
+    section = DOCS.read_text(encoding="utf-8").split(f"## {heading}\n")[1].split("\n## ")[0]
+    return re.findall(r"^    (\S.*)$", re.sub(r"```.*?```", "", section, flags=re.S), re.M)
+
+
+@pytest.mark.parametrize("kind", ["Python", "C"])
+def test_the_first_shift_page_works_as_it_is_written(kind, tmp_path, monkeypatch):
+    if kind == "C" and not shutil.which("cc"):
+        pytest.skip("no C compiler here")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "rig_nodes").symlink_to(DOCS.parents[1] / "rig_nodes")
+    suffix = {"Python": "py", "C": "c"}[kind]
+    Path(f"my_controller.{suffix}").write_text(doc_block(kind.lower()))
+    commands = doc_commands(f"From your code to the first shift: {kind}")
+    assert len(commands) == {"Python": 1, "C": 3}[kind]
+    for command in map(shlex.split, commands):
+        if command[0] == "./rig":
+            assert main(command[1:]) == 0
+            shifts = json.loads(Path(command[-1], "report.json").read_text())["shifts"]
+            assert [(s["from_gear"], s["to_gear"], s["valid"]) for s in shifts] == [
+                (1, 2, True),
+                (2, 1, True),
+            ]
+        else:
+            subprocess.run(command, check=True)

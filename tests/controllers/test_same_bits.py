@@ -1,0 +1,133 @@
+"""One law, three plugs, two levels: the same numbers to the last bit, alone and on the rig."""
+
+import random
+
+import numpy as np
+import pytest
+
+from rig_nodes.alfa46.settings import Alfa46Config, Alfa46Values
+from rig_nodes.bags.reader import Bag
+from rig_nodes.controllers import load_controller
+from rig_nodes.errors import RigError
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.testbench.simulate import simulate
+
+from .conftest import PYTHON, C, needs_cc
+
+UP_AND_DOWN = """
+description: both gears, a shift up, a shift down and neutral
+steps:
+  - oil: {pressure: 4 MPa}
+  - wait: {for: 300 ms}
+  - motor: {speed: 300 rpm}
+  - shift: {to: I}
+  - load: {torque: 20 Nm}
+  - shift: {to: II}
+  - shift: {to: I}
+  - shift: {to: neutral}
+"""
+SETTINGS = {
+    "as it is": (1, {}),
+    "late": (7, {"alfa46.t12": "200 ms", "alfa46.t21": "-2.5 ms"}),
+}
+
+
+@pytest.fixture(scope="module")
+def sequence(tmp_path_factory):
+    path = tmp_path_factory.mktemp("sequence") / "up_and_down.yaml"
+    path.write_text(UP_AND_DOWN)
+    return load_sequence(path)
+
+
+@pytest.fixture(scope="module")
+def hashes(sequence, tmp_path_factory):
+    """canonical_hash of the run with a controller (None: the one inside the kernel) under named settings."""
+    known = {}
+
+    def get(name, spec):
+        if (name, spec) not in known:
+            seed, settings = SETTINGS[name]
+            config, folder = load_rig("hydmag", settings), tmp_path_factory.mktemp("run")
+            plug = load_controller(spec, config.alfa46) if spec else None
+            run = simulate(config, sequence, folder, seed, controller=plug)
+            assert run["end"]["state"] == "ended", run["end"]["reason"]
+            bag = Bag(folder)
+            # every command names its level, and only at level duty a duty: what it asks for is the same
+            asked = {name: bag.series(name)[1].tobytes() for name in ("I_set_zr_p1", "I_set_zr_p2", "gear_ordered")}
+            known[name, spec] = bag.canonical_hash() | asked
+        return known[name, spec]
+
+    return get
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+@pytest.mark.parametrize(
+    "spec",
+    [
+        pytest.param(f"{spec}{level}", marks=marks, id=f"{spec.partition(':')[0]}{level}")
+        for spec, marks in (("alfa46", ()), (PYTHON, ()), (C, needs_cc))
+        for level in ("", "@current")
+    ],
+)
+def test_every_topic_is_that_of_the_built_in_controller(hashes, name, spec):
+    built_in = hashes(name, None)
+    assert len(built_in) > 30 and "/alfa46/command" in built_in
+    other = {"/alfa46/command", "all"} if spec.endswith("@current") else set()
+    assert {topic for topic, value in hashes(name, spec).items() if built_in[topic] != value} == other
+    assert hashes(name, spec).keys() == built_in.keys()
+
+
+def test_the_settings_compared_differ(hashes):
+    one, other = hashes("as it is", None), hashes("late", None)
+    assert one["/alfa46/command"] != other["/alfa46/command"]
+
+
+def random_settings(rng) -> Alfa46Config:
+    """Any profile that the YAML would take, delays that fall between samples included."""
+    values = load_rig("hydmag").alfa46.values
+    changed = {
+        "t12": rng.choice((-0.22, 0.0, 0.0005, 0.0015, 0.0025, -0.0025, rng.uniform(-0.5, 0.5))),
+        "t21": rng.uniform(-0.5, 0.5),
+        "gain_d": rng.choice((0.0, 1.0)),
+        "gain_i": rng.uniform(0.0, 3000.0),
+    }
+    values = Alfa46Values(
+        **{**{name: getattr(values, name) for name in values.__dataclass_fields__}, **changed}
+    )
+    profiles = np.zeros((3, 6, 2))
+    for output in profiles:
+        for half in (slice(0, 3), slice(3, 6)):
+            output[half, 0] = np.cumsum([rng.uniform(1e-3, 0.2) for _ in range(3)])
+            output[half, 1] = [rng.choice((0.0, rng.uniform(0.0, 0.8))) for _ in range(3)]
+    return Alfa46Config(values, profiles)
+
+
+@needs_cc
+@pytest.mark.parametrize("level", ["duty", "current"])
+@pytest.mark.parametrize("seed", range(4))
+def test_any_settings_orders_and_currents_give_the_same_bits(seed, level):
+    rng = random.Random(seed)
+    settings = random_settings(rng)
+    plugs = [load_controller(spec, settings, level) for spec in (None, PYTHON, C)]
+    taken = 0
+    for sample in range(4000):
+        if rng.random() < 0.01:
+            gear, said = rng.randrange(3), set()
+            for plug in plugs:
+                try:
+                    plug.order(gear)
+                    said.add("")
+                except RigError as error:
+                    said.add(str(error))
+            assert len(said) == 1
+            taken += said == {""}
+        current = [rng.choice((0.0, rng.uniform(0.0, 0.9))) for _ in range(3)]
+        seen = {
+            (repr(plug.step(sample, current, 1.0, 2.0, 3.0, 4.0)), plug.gear, plug.shifting, plug.flags)
+            for plug in plugs
+        }
+        assert len(seen) == 1, f"sample {sample}"
+    assert taken > 3
+    for plug in plugs:
+        plug.close()

@@ -1,0 +1,205 @@
+"""What graph tests need: a live graph under the supervisor, a client of it in this process, `rig run` as a process."""
+
+import os
+import select
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import rclpy
+from rclpy.action import ActionClient
+from rclpy.context import Context
+from rclpy.experimental import EventsExecutor
+from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+
+from rig_nodes.catalogue import catalogue
+from rig_nodes.graph.domain import allocate
+from rig_nodes.graph.supervisor import Order, Supervisor
+from rig_nodes.nodes.device import message_class
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.rig import Rig
+
+SHORT = Path(__file__).with_name("short.yaml")
+PATIENCE = 20.0
+
+
+class Graph:
+    """A rig that runs until closed, under the same supervisor as `rig run`, without a sequence of its own."""
+
+    def __init__(self, folder: Path, **order):
+        """order: fields of the supervisor's Order, e.g. speed for a run in lockstep."""
+        self.folder = folder
+        folder.mkdir()
+        Rig(load_rig()).advance_samples(1)  # compiles, when nothing has done so before, outside the patience below
+        self.domain = allocate()
+        self.said = []
+        self.supervisor = Supervisor(Order(None, **order), folder, self.domain, lambda t, text: self.said.append(text))
+        self._thread = threading.Thread(target=self.supervisor.run)
+        self._thread.start()
+        if not self.supervisor.running.wait(PATIENCE) or self.supervisor.ended.is_set():
+            self.close()
+            raise AssertionError(f"the graph did not start: {self.said}")
+
+    def close(self):
+        """End it in order; returns how it ended."""
+        self.supervisor.stop()
+        self._thread.join()
+        self.domain.release()
+        return self.supervisor.end
+
+
+class Client:
+    """A user's own node: plain rclpy, default quality of service unless told otherwise."""
+
+    def __init__(self, domain, discovery="LOCALHOST"):
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = discovery
+        self.context = Context()
+        rclpy.init(context=self.context, domain_id=domain.number, signal_handler_options=SignalHandlerOptions.NO)
+        self.node = rclpy.create_node("user", context=self.context)
+        self.executor = EventsExecutor(context=self.context)
+        self.executor.add_node(self.node)
+
+    def close(self):
+        self.executor.remove_node(self.node)
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+    def until(self, predicate, what: str, timeout: float = PATIENCE):
+        """Serve callbacks until the predicate is true; returns its value."""
+        deadline = time.monotonic() + timeout
+        while not (value := predicate()):
+            assert time.monotonic() < deadline, f"waited {timeout} s for {what}"
+            self.executor.spin_until_future_complete(Future(), 0.02)
+        return value
+
+    def listen(self, topic: str) -> list:
+        """A list that grows with the messages of a topic."""
+        messages = []
+        kind = message_class(catalogue().topics[topic].ros_type)
+        subscription = self.node.create_subscription(kind, topic, messages.append, QoSProfile(depth=1000))
+        self.until(subscription.get_publisher_count, f"a publisher of {topic}")
+        return messages
+
+    def publisher(self, topic: str, profile=10):
+        """A publisher that the graph listens to."""
+        kind = message_class(catalogue().topics[topic].ros_type)
+        publisher = self.node.create_publisher(kind, topic, profile)
+        # recorder and device
+        self.until(lambda: publisher.get_subscription_count() >= 2, f"receivers of {topic}")
+        return publisher
+
+    def call(self, kind, name: str):
+        """Response of a service."""
+        client = self.node.create_client(kind, name)
+        self.until(client.service_is_ready, name)
+        asked = []
+
+        def answered():
+            # again after a while: the server may not know yet where its answers go
+            if not asked or time.monotonic() - asked[-1][1] > 2.0:
+                asked.append((client.call_async(kind.Request()), time.monotonic()))
+            return next((future for future, _ in asked if future.done()), None)
+
+        future = self.until(answered, f"the answer of {name}")
+        return future.result()
+
+    def order(self, kind, name: str, goal) -> "Goal":
+        """Send a goal."""
+        client = ActionClient(self.node, kind, name)
+        self.until(client.server_is_ready, name)
+        return Goal(self, client, goal)
+
+
+class Goal:
+    """A goal on its way: ``feedback`` grows, :meth:`result` waits for the end, which ``status`` names then."""
+
+    def __init__(self, user: Client, client: ActionClient, goal):
+        self.user, self.client, self.feedback, self._result, self.status = user, client, [], [], None
+        future = client.send_goal_async(goal, feedback_callback=lambda message: self.feedback.append(message.feedback))
+        user.until(future.done, "the goal's acceptance")
+        self.handle = future.result()
+        assert self.handle.accepted
+        self.handle.get_result_async().add_done_callback(self._on_result)
+
+    def _on_result(self, future):
+        self.status = future.result().status
+        self._result.append(future.result().result)
+
+    def cancel(self):
+        """Response to a request to cancel it."""
+        future = self.handle.cancel_goal_async()
+        self.user.until(future.done, "the answer to the cancel request")
+        return future.result()
+
+    def result(self):
+        """The result, when it is there."""
+        self.user.until(lambda: self._result, "the goal's result")
+        return self._result[0]
+
+
+class RigRun:
+    """`rig run` as a process of its own, as in a terminal."""
+
+    def __init__(self, folder: Path, *arguments: str, sequence=SHORT, env=None):
+        command = [sys.executable, "-P", "-m", "rig_nodes.cli.main", "run", str(sequence), "--out", str(folder), *arguments]
+        self.folder, self.output = folder, []
+        # as at most users: with it, the order of what comes out on stdout and stderr would not depend on our flushes
+        plain = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                                        start_new_session=True, env=plain | (env or {}))
+
+    def until(self, text: str) -> str:
+        """Read its output up to a line with this text."""
+        for line in self.process.stdout:
+            self.output.append(line)
+            if text in line:
+                return line
+        raise AssertionError(f"'{text}' was never printed:\n" + "".join(self.output))
+
+    def ctrl_c(self):
+        """What a terminal does on Ctrl-C: SIGINT to the whole foreground group."""
+        os.killpg(self.process.pid, signal.SIGINT)
+
+    def children(self) -> dict[str, int]:
+        """Process ids of the graph by module name."""
+        found = {}
+        for stat in Path("/proc").glob("[0-9]*/stat"):
+            try:
+                parent = int(stat.read_text().rpartition(")")[2].split()[1])
+                words = (stat.parent / "cmdline").read_bytes().split(b"\0")
+            except OSError:
+                continue
+            if parent == self.process.pid:
+                found |= {word.decode().rpartition(".")[2]: int(stat.parent.name)
+                          for word in words if word.startswith(b"rig_nodes.nodes.")}
+        return found
+
+    def end(self) -> tuple[int, str]:
+        """Exit code and whole output."""
+        rest, _ = self.process.communicate(timeout=60)
+        return self.process.returncode, "".join(self.output) + rest
+
+
+class Traces:
+    """What a run has on this machine now, and that it is gone later."""
+
+    def __init__(self, run: RigRun):
+        self.children = run.children()
+        self._descriptors = [os.pidfd_open(pid) for pid in self.children.values()]
+
+    def shared_memory(self) -> list[str]:
+        """Fast DDS segments that the processes use."""
+        maps = "".join(Path(f"/proc/{pid}/maps").read_text() for pid in self.children.values())
+        return [line for line in maps.splitlines() if "/dev/shm/fastrtps" in line]
+
+    def wait_gone(self):
+        """Wait until all processes have ended."""
+        for descriptor in self._descriptors:
+            ready, _, _ = select.select([descriptor], [], [], PATIENCE)
+            os.close(descriptor)
+            assert ready, "a process of the graph is still there"

@@ -1,0 +1,153 @@
+"""Devices in processes of their own: the bits of `simulate` in lockstep, noticed when they fall silent."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+
+import pytest
+from running_graph import SHORT, RigRun
+
+from rig_nodes.bags.reader import Bag
+from rig_nodes.graph.domain import allocate
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.testbench.simulate import simulate
+
+NOT_THE_PLANTS = {"/alfa46/events", "all"}
+GATE = "import sys; from rig_nodes.nodes import rig_container as c; c.GATE_TIMEOUT = 2.0; sys.exit(c.main())"
+
+
+class DeviceProcess:
+    """`rig device NAME` as in a second terminal; signals go to the node itself."""
+
+    def __init__(self, name: str, domain: int):
+        self.process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "rig_nodes.cli.main", "device", name, "--domain", str(domain)],
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
+        self.output = ""
+
+    def until(self, text: str) -> None:
+        """Read its output up to a line with this text."""
+        for line in self.process.stdout:
+            self.output += line
+            if text in line:
+                return
+        raise AssertionError(f"'{text}' was never said:\n{self.output}")
+
+    def end(self, number=signal.SIGINT) -> int:
+        """End it by a signal; returns its exit code."""
+        self.process.send_signal(number)
+        self.output += self.process.communicate(timeout=20)[0]
+        return self.process.returncode
+
+
+@pytest.fixture
+def start():
+    """Start devices that do not outlive the test: (run, names) -> processes, in the run's domain."""
+    started = []
+
+    def start(run, *names):
+        domain = int(re.search(r"--domain (\d+)", run.until("is cut out; start it with: ./rig device"))[1])
+        new = [DeviceProcess(name, domain) for name in names]
+        started.extend(new)
+        return new
+
+    yield start
+    for device in started:
+        if device.process.poll() is None:
+            device.process.kill()
+            device.process.communicate()
+
+
+def cut(*names):
+    return [part for name in names for part in ("--set", f"{name}.source=topic")]
+
+
+def messages(bag, topic):
+    return [data for _, data in bag.raw(topic)]
+
+
+def test_lockstep_gives_the_bits_of_simulate(tmp_path, start):
+    names = ("motor", "valve_zr_p2")
+    run = RigRun(tmp_path / "run", "--speed", "max", *cut(*names))
+    devices = start(run, *names)
+    config = load_rig("hydmag", {f"{name}.source": "topic" for name in names})
+    simulate(config, load_sequence(SHORT), tmp_path / "sim")
+    code, output = run.end()
+    assert code == 0, output
+    ours, theirs = Bag(tmp_path / "sim"), Bag(run.folder)
+    assert theirs.check() == [] and json.loads((run.folder / "report.json").read_text())["run"]["lost"] == 0
+    answers = {f"/{name}/cut/answer" for name in names}
+    a, b = ours.canonical_hash(), theirs.canonical_hash()
+    assert {topic for topic in {*a, *b} if a.get(topic) != b.get(topic)} <= answers | NOT_THE_PLANTS
+    for topic in answers:
+        # the last port is answered too, when nobody goes on from it
+        mine, its = messages(ours, topic), messages(theirs, topic)
+        assert len(mine) > 500 and its[:len(mine)] == mine and len(its) - len(mine) <= 1
+    for device in devices:
+        device.until("the rig has left")
+        assert device.end() == 0 and "Traceback" not in device.output
+
+
+def test_a_killed_device_trips_the_rig_within_100_ms_and_is_named(tmp_path, start):
+    run = RigRun(tmp_path / "run", *cut("motor"))
+    device, = start(run, "motor")
+    run.until("shift to II")
+    device.process.kill()
+    code, output = run.end()
+    assert code == 1
+    reason = "motor: no answer on /motor/cut/answer for 100 ms"
+    assert reason in output.splitlines()[-1]
+    bag = Bag(run.folder)
+    last = [message.sample for _, message in bag.messages("/motor/cut/answer")][-1] * 1e-3
+    tripped, = [t for t, _, name, text, _ in bag.events() if name == "rig_tripped" and text == reason]
+    assert 0.1 < tripped - last < 0.106
+    assert [m.torque for _, m in bag.messages("/motor/state")][-1] == 0.0
+
+
+def test_a_device_that_hangs_in_lockstep_trips_after_the_step_timeout(tmp_path, start):
+    run = RigRun(tmp_path / "run", "--speed", "1", "--step-timeout", "1", *cut("load_pump"))
+    device, = start(run, "load_pump")
+    run.until("shift to I")
+    device.process.send_signal(signal.SIGSTOP)
+    code, output = run.end()
+    device.process.send_signal(signal.SIGCONT)
+    assert code == 1
+    assert "load_pump: no answer on /load_pump/cut/answer within 1 s of real time" in output.splitlines()[-1]
+    assert Bag(run.folder).check() == []
+
+
+def test_without_its_device_the_rig_does_not_start_and_says_how():
+    with allocate() as domain:
+        env = os.environ | {"ROS_DOMAIN_ID": str(domain.number)}
+        done = subprocess.run([sys.executable, "-P", "-c", GATE, *cut("motor")], env=env, text=True,
+                              capture_output=True, timeout=60)
+        assert done.returncode != 0 and "Traceback" not in done.stderr
+        assert ("motor is cut out and nobody answers /motor/cut/port; start its node with: ./rig device "
+                f"motor --domain {domain.number}") in done.stderr
+
+
+def test_a_device_without_a_rig_says_so_and_ends_in_order():
+    with allocate() as domain:
+        device = DeviceProcess("valve_zr_p1", domain.number)
+        device.until(f"there is no rig in ROS domain {domain.number} yet")
+        assert device.end(signal.SIGTERM) == 0
+
+
+@pytest.mark.parametrize("module, arguments, sentence", [
+    ("cli.main", ["device", "gearbox"], "gearbox cannot be cut out of the plant: its shafts carry"),
+    ("nodes.cut_device", ["clutch_s1"], "clutch_s1 cannot be cut out of the plant: two clutches"),
+    ("nodes.cut_device", ["motr"], "there is no device 'motr'"),
+    ("nodes.cut_device", [], "name the device: motor, valve_zr_p1"),
+    ("cli.main", ["device", "motor"], "give --domain N"),
+    ("cli.main", ["device", "motor", "--domain", "300"], "expected a number from 0 to 232"),
+    ("cli.main", ["device", "motor", "--domain", "3", "--set", "motor.ramp=3 Nm"], "is a torque"),
+])
+def test_what_is_no_device_is_refused_in_one_sentence(module, arguments, sentence):
+    env = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
+    done = subprocess.run([sys.executable, "-P", "-m", f"rig_nodes.{module}", *arguments], text=True, env=env,
+                          capture_output=True, timeout=60)
+    assert done.returncode == 2 and sentence in done.stderr and len(done.stderr.strip().splitlines()) == 1

@@ -1,0 +1,83 @@
+"""`rig run --speed`: the graph in lockstep gives what `simulate` gives, bit for bit, whoever controls it and how fast."""
+
+import json
+import os
+import shutil
+import signal
+from pathlib import Path
+
+import pytest
+from running_graph import SHORT, RigRun, Traces
+
+import rig_nodes.controllers
+from rig_nodes.bags.reader import Bag
+from rig_nodes.controllers import load_controller
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.testbench.simulate import simulate
+
+EXAMPLES = Path(rig_nodes.controllers.__file__).parent / "examples"
+# orders of the sequencer reach the box over ROS: when it says so is its own affair
+NOT_THE_PLANTS = {"/alfa46/events", "all"}
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory):
+    """canonical_hash of `simulate`, by the level of the controller."""
+    hashes = {}
+    for level in ("duty", "current"):
+        config, folder = load_rig(), tmp_path_factory.mktemp("simulated") / level
+        plug = load_controller("alfa46", config.alfa46, level) if level == "current" else None
+        simulate(config, load_sequence(SHORT), folder, controller=plug)
+        hashes[level] = Bag(folder).canonical_hash()
+    return hashes
+
+
+@pytest.mark.parametrize("arguments", [
+    ("--speed", "max"),
+    ("--speed", "2"),
+    ("--speed", "max", "--controller", f"python:{EXAMPLES / 'alfa46.py'}:Alfa46"),
+    ("--speed", "max", "--controller", f"c:{EXAMPLES / 'alfa46.c'}"),
+    ("--speed", "max", "--controller", f"python:{EXAMPLES / 'alfa46.py'}:Alfa46", "--level", "current"),
+], ids=["max", "twice", "python", "c", "python-current"])
+def test_same_bits_as_simulate(tmp_path, simulated, arguments):
+    if arguments[-1].startswith("c:") and not shutil.which("cc"):
+        pytest.skip("no C compiler")
+    run = RigRun(tmp_path / "run", *arguments)
+    code, output = run.end()
+    assert code == 0, output
+    part = json.loads((run.folder / "report.json").read_text())["run"]
+    assert part["lost"] == 0 and part["speed_factor"] > 0.5
+    if "2" in arguments:
+        assert part["speed_factor"] <= 2.01
+    bag = Bag(run.folder)
+    assert bag.check() == []
+    level = "current" if arguments[-1].endswith("current") else "duty"
+    assert part["controller"]["level"] == level
+    hashes, expected = bag.canonical_hash(), simulated[level]
+    assert {topic for topic in expected if hashes.get(topic) != expected[topic]} <= NOT_THE_PLANTS
+
+
+def test_a_controller_that_dies_in_lockstep_trips_at_once(tmp_path):
+    run = RigRun(tmp_path / "run", "--speed", "1")
+    run.until("shift to II")
+    traces = Traces(run)
+    os.kill(traces.children["alfa46"], signal.SIGKILL)
+    code, _ = run.end()
+    assert code == 1
+    bag = Bag(run.folder)
+    trip, = [t for t, _, name, text, _ in bag.events() if name == "rig_tripped" and "process has ended" in text]
+    age = next(m.command_age for _, m in bag.messages("/valve_zr_p1/state") if m.safe)
+    assert age <= 0.007, "nothing is held from a dead controller"  # two samples, then up to a tick to the message
+    newest = max(m.stamp.sec + m.stamp.nanosec * 1e-9 for _, m in bag.messages("/alfa46/command"))
+    assert trip - newest < 0.05, "the recorder had all but the last moment of what it said"
+
+
+@pytest.mark.parametrize("arguments, sentence", [
+    (("--speed", "0"), "expected a number above 0 or max"), (("--speed", "fast"), "expected a number above 0 or max"),
+    (("--step-timeout", "-1"), "expected a number above 0"), (("--controller", "c:none.so"), "none.so"),
+])
+def test_wrong_options_are_refused(tmp_path, arguments, sentence):
+    run = RigRun(tmp_path / "run", *arguments)
+    code, output = run.end()
+    assert code == 2 and sentence in output

@@ -1,0 +1,252 @@
+"""`rig replay` as a user starts it: what reaches another process over DDS, how it is steered and ended."""
+
+import os
+import pickle
+import pty
+import re
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+from mcap.writer import Writer
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock
+from running_graph import Client
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from rig_nodes.bags import cdr
+from rig_nodes.bags.definitions import installed
+from rig_nodes.bags.reader import Bag
+from rig_nodes.bags.writer import BagWriter
+from rig_nodes.cli.main import main
+from rig_nodes.graph.domain import allocate, environment
+
+SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
+PATIENCE = 60.0
+TICK = 5_000_000  # ns, the default period of /clock
+LATCHED = "- history: keep_last\n  depth: 1\n  reliability: reliable\n  durability: transient_local\n"
+
+
+@pytest.fixture
+def domain():
+    with allocate() as domain:
+        yield domain
+
+
+class Replay:
+    """`rig replay` in a process of its own."""
+
+    def __init__(self, domain, bag, *arguments, stdin=subprocess.DEVNULL):
+        command = [sys.executable, "-P", "-m", "rig_nodes.cli.main", "replay", str(bag), *map(str, arguments)]
+        self.process = subprocess.Popen(command, stdin=stdin, stdout=subprocess.PIPE, text=True,
+                                        stderr=subprocess.STDOUT, start_new_session=True,
+                                        env=environment(domain))
+        self.output = ""
+        self._limit = threading.Timer(PATIENCE, self.process.kill)  # a hung replay must not hang the tests
+        self._limit.start()
+
+    def until(self, text):
+        """Read its output up to a line with this text."""
+        for line in self.process.stdout:
+            self.output += line
+            if text in line:
+                return
+        raise AssertionError(f"'{text}' was never printed:\n{self.output}")
+
+    def end(self, code=0):
+        """Wait for the end and check how it was; returns the output."""
+        rest, _ = self.process.communicate()
+        self._limit.cancel()
+        self.output += rest
+        assert self.process.returncode == code, self.output
+        return self.output
+
+
+def heard(domain, folder, bag, *arguments):
+    """Replay a bag to a listener in another process; what that got, by topic, and the replay's output."""
+    out = folder / "heard.pickle"
+    topics = {**bag.types, "/clock": "rosgraph_msgs/msg/Clock"}
+    command = [sys.executable, "-P", str(Path(__file__).with_name("listener.py")), str(out),
+               *(f"{topic}={kind}" for topic, kind in topics.items())]
+    listener = subprocess.Popen(command, env=environment(domain))
+    output = Replay(domain, bag.path, "--wait", len(bag.types), *arguments).end()
+    assert listener.wait(60) == 0
+    by_topic = {}
+    for topic, data in pickle.loads(out.read_bytes()):
+        by_topic.setdefault(topic, []).append(cdr.exact(installed(topics[topic]), data))
+    return by_topic, output
+
+
+@pytest.mark.parametrize("rate", [1, 10])
+def test_another_process_gets_the_whole_bag_in_order(domain, tmp_path, rate):
+    bag = Bag(SAMPLE)
+    by_topic, output = heard(domain, tmp_path, bag, "--rate", rate)
+    clock = by_topic.pop("/clock")
+    assert {topic: len(data) for topic, data in by_topic.items()} == bag.counts
+    for topic, data in by_topic.items():
+        assert data == [data for _, data in bag.raw(topic)], topic
+    with BagWriter(tmp_path / "again", "again") as writer:
+        for topic, messages in by_topic.items():
+            for data in messages:
+                writer.write(topic, bag.types[topic], data, cdr.stamp(data))
+    assert Bag(tmp_path / "again").canonical_hash() == bag.canonical_hash()
+    times = [message.sec * 10**9 + message.nanosec
+             for message in (cdr.decode("rosgraph_msgs/msg/Clock", data).clock for data in clock)]
+    length = bag.timeline()[-1][0]
+    assert times == list(range(0, length + 1, TICK))
+    assert f"{sum(bag.counts.values())} messages in" in output
+    assert all(re.search(rf"^  {topic} +{count}$", output, re.M) for topic, count in bag.counts.items())
+    assert float(re.search(r"messages in ([\d.]+) s", output).group(1)) >= round(length * 1e-9 / rate, 2) - 0.01
+
+
+@pytest.fixture
+def foreign(tmp_path):
+    """A bag as others make it: plain ROS types, a latched topic, a clock, unknown and unequal types."""
+    path = tmp_path / "foreign.mcap"
+    text = installed("std_msgs/msg/String").text
+    with open(path, "wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2")
+        channels = {}
+        for topic, name, definition, encoding in [
+                ("/chatter", "std_msgs/msg/String", text, "cdr"),
+                ("/about", "std_msgs/msg/String", text, "cdr"),
+                ("/clock", "rosgraph_msgs/msg/Clock", installed("rosgraph_msgs/msg/Clock").text, "cdr"),
+                ("/elsewhere", "their_msgs/msg/Thing", "int32 a\n", "cdr"),
+                ("/older", "std_msgs/msg/Bool", "int8 data\n", "cdr"),
+                ("/web", "Thing", "int32 a\n", "json")]:
+            schema = writer.register_schema(name, "ros2msg", definition.encode())
+            profile = {"offered_qos_profiles": LATCHED} if topic == "/about" else {}
+            channels[topic] = writer.register_channel(topic, encoding, schema, profile)
+
+        def add(topic, ms, data):
+            writer.add_message(channels[topic], 10**18 + ms * 10**6, data, 10**18 + ms * 10**6)
+
+        add("/about", 0, cdr.encode_any("std_msgs/msg/String", {"data": "what this is"}))
+        for i in range(20):
+            add("/chatter", 10 * i, cdr.encode_any("std_msgs/msg/String", {"data": f"{i}"}))
+        for topic in ("/clock", "/elsewhere", "/older", "/web"):
+            add(topic, 50, b"\0\1\0\0" + bytes(8))
+            add(topic, 60, b"\0\1\0\0" + bytes(8))
+        writer.finish()
+    return path
+
+
+@pytest.fixture
+def user(domain):
+    client = Client(domain)
+    yield client
+    client.close()
+
+
+def listen(user, kind, topic, latched=False):
+    """A list that grows with the messages of a topic."""
+    messages = []
+    durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+    user.node.create_subscription(kind, topic, messages.append, QoSProfile(depth=1000, durability=durability))
+    return messages
+
+
+def test_a_foreign_bag_from_its_middle_with_its_latched_topic_and_a_sentence_for_each_one_left_out(
+        domain, user, foreign):
+    chatter, clock = listen(user, String, "/chatter"), listen(user, Clock, "/clock")
+    replay = Replay(domain, foreign, "--start", 0.1, "--paused", "--wait", 1)
+    user.until(lambda: clock, "the clock")
+    about = listen(user, String, "/about", latched=True)
+    user.until(lambda: about, "the latched message of a late subscriber")
+    assert about[0].data == "what this is" and not chatter
+    assert user.call(Trigger, "/rig_replay/resume").success
+    user.until(lambda: len(chatter) == 10, "the second half")
+    output = replay.end()
+    assert [int(message.data) for message in chatter] == list(range(10, 20))
+    stamps = [message.clock.sec * 1000 + message.clock.nanosec // 10**6 - 10**12 for message in clock]
+    assert stamps == sorted(stamps) and stamps[0] == 100 and 180 <= stamps[-1] <= 190
+    for topic, why in [("/clock", "a clock of its own"),
+                       ("/elsewhere", "their_msgs/msg/Thing is not installed"),
+                       ("/older", "another version of std_msgs/msg/Bool"), ("/web", "encoded as json")]:
+        assert re.search(rf"^rig: {topic}: 2 messages are left out: .*{why}", output, re.M), output
+
+
+def test_pause_step_and_resume_by_service(domain, user):
+    clock = listen(user, Clock, "/clock")
+    replay = Replay(domain, SAMPLE, "--paused", "--topics", "/motor/state", "--start", 0.5)
+    samples = user.listen("/motor/state")
+    assert user.node.count_publishers("/clock") == 1
+    for number in (1, 2, 3):
+        assert user.call(Trigger, "/rig_replay/step").success
+        user.until(lambda: len(samples) == number, f"step {number}")
+    stamps = [message.stamp.nanosec for message in samples]
+    assert stamps == [500_000_000, 505_000_000, 510_000_000]
+    user.until(lambda: clock[-1].clock.nanosec == stamps[-1], "the clock of the step")
+    told = len(clock)
+    user.until(lambda: len(clock) > told, "the clock, repeated for those who come during the pause")
+    assert clock[-1].clock.nanosec == stamps[-1]
+    assert user.call(Trigger, "/rig_replay/resume").success
+    user.until(lambda: len(samples) > 20, "the replay to go on")
+    refused = user.call(Trigger, "/rig_replay/step")
+    assert not refused.success and "not paused" in refused.message
+    assert user.call(Trigger, "/rig_replay/pause").success
+    replay.process.send_signal(signal.SIGTERM)
+    output = replay.end(128 + signal.SIGTERM)
+    sent = int(re.search(r"/motor/state +(\d+)", output).group(1))
+    user.until(lambda: len(samples) == sent, "what was sent")
+
+
+def test_a_loop_begins_again_and_ctrl_c_ends_it_with_its_counts(domain, user):
+    clock = listen(user, Clock, "/clock")
+    replay = Replay(domain, SAMPLE, "--loop", "--start", 2.5, "--topics", "/rig/state,/rig/run_info")
+
+    def jumps():
+        times = [message.clock.sec + 1e-9 * message.clock.nanosec for message in clock]
+        return [later for earlier, later in zip(times, times[1:]) if later < earlier]
+
+    user.until(lambda: len(jumps()) >= 2, "two jumps of the clock")
+    os.killpg(replay.process.pid, signal.SIGINT)
+    output = replay.end(130)
+    assert jumps()[:2] == [2.5, 2.5]
+    passes = int(re.search(r"(\d+) passes", output).group(1))
+    assert int(re.search(r"/rig/run_info +(\d+)", output).group(1)) == passes >= 3
+    assert "Traceback" not in output
+
+
+def test_keys_of_the_terminal_steer_it(domain):
+    terminal, other = pty.openpty()
+    replay = Replay(domain, SAMPLE, "--paused", "--topics", "/rig/state", stdin=other)
+    os.close(other)
+    replay.until("paused at 0.000 s")
+    os.write(terminal, b"\x1b[C")
+    os.write(terminal, b" ")
+    replay.until("going on at 0.000 s")
+    os.write(terminal, b" ")
+    replay.until("paused at")
+    os.write(terminal, b"q")
+    output = replay.end()
+    os.close(terminal)
+    assert "space: pause" in output and int(re.search(r"/rig/state +(\d+)", output).group(1)) >= 1
+
+
+def test_a_second_clock_in_the_domain_is_refused(domain, user):
+    user.node.create_publisher(Clock, "/clock", 10)
+    assert "another node publishes /clock" in Replay(domain, SAMPLE).end(2)
+
+
+@pytest.mark.parametrize("arguments, sentence", [
+    (["no_such_bag"], "no_such_bag: there is no such file or folder"),
+    ([__file__], "does not begin as an MCAP file"),
+    ([SAMPLE, "--rate", "0"], "0 is no rate; give 0.01 to 100, or max"),
+    ([SAMPLE, "--rate", "101"], "101 is no rate"),
+    ([SAMPLE, "--start", "9"], f"the bag is {Bag(SAMPLE).timeline()[-1][0] * 1e-9:.3f} s long"),
+    ([SAMPLE, "--start", "-1"], "-1 is no time"),
+    ([SAMPLE, "--topics", "/motor/m_we"], "the bag has no such topic; it has /motor/m_wej"),
+    ([SAMPLE, "--topics", "/motor/command", "--start", "1"], "nothing is left to replay after 1 s"),
+    ([SAMPLE, "--clock", "0"], "0 is no frequency"),
+])
+def test_bad_input_is_one_sentence(arguments, sentence, capfd, monkeypatch):
+    monkeypatch.setattr(os, "environ", os.environ.copy())
+    assert main(["replay", *map(str, arguments)]) == 2
+    said = capfd.readouterr().err
+    assert sentence in said and said.count("\n") == 1

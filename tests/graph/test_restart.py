@@ -1,0 +1,116 @@
+"""A rig worked by hand outlives its processes: safe state, the reason, the process once more, a whole bag."""
+
+import shutil
+import signal
+import time
+from pathlib import Path
+
+import pytest
+from rclpy.action import ActionClient
+from rig_msgs.action import RunSequence, Shift
+from rig_msgs.msg import ValveCommand
+from running_graph import SHORT, Client, Graph
+from std_srvs.srv import Trigger
+
+import rig_nodes.controllers
+from rig_nodes.bags.reader import Bag
+from rig_nodes.graph.result import join_pieces, run_part
+
+C_BOX = Path(rig_nodes.controllers.__file__).parent / "examples" / "alfa46.c"
+TRIPPED = 3
+
+
+def seconds(stamp) -> float:
+    return stamp.sec + stamp.nanosec * 1e-9
+
+
+def shifting(user, commands) -> None:
+    """Run the short sequence up to its shift.
+
+    The dead sequencer is seen for 20 s more: an order that reaches only it is sent again.
+    """
+    client = ActionClient(user.node, RunSequence, "/sequencer/run")
+    user.until(client.server_is_ready, "a sequencer")
+    asked = []
+
+    def accepted():
+        if not asked or time.monotonic() - asked[-1][1] > 2.0:
+            asked.append((client.send_goal_async(RunSequence.Goal(name=str(SHORT))), time.monotonic()))
+        return any(future.done() for future, _ in asked)
+
+    user.until(accepted, "the goal's acceptance")
+    user.until(lambda: commands and commands[-1].shifting, "a shift that runs")
+
+
+@pytest.mark.parametrize("victim, controller", [
+    ("alfa46", None), ("sequencer", None), ("recorder", None), ("alfa46", f"c:{C_BOX}"),
+], ids=["alfa46", "sequencer", "recorder", "c-library"])
+def test_a_killed_process_is_started_again(tmp_path, victim, controller):
+    if controller and not shutil.which("cc"):
+        pytest.skip("no C compiler")
+    graph = Graph(tmp_path / "run", controller=controller)
+    user = Client(graph.domain)
+    try:
+        states, commands = user.listen("/rig/state"), user.listen("/alfa46/command")
+        shifting(user, commands)
+        others = {name: child.pid for name, child in graph.supervisor.children.items() if name != victim}
+        before = seconds(user.until(lambda: states and states[-1], "a state").stamp)
+        graph.supervisor.children[victim].process.send_signal(signal.SIGKILL)
+        tripped = user.until(lambda: next((s for s in states if s.state == TRIPPED), None), "the safe state")
+        assert seconds(tripped.stamp) - before < 0.1 + 0.02, "20 ms to see a state and send the signal"
+        assert tripped.reason == f"{victim} killed by signal 9 (SIGKILL)"
+
+        user.until(lambda: graph.supervisor.children[victim].life == 2, "its second life")
+        del commands[:]
+        works_again(user, states, commands)
+        assert {name: child.pid for name, child in graph.supervisor.children.items() if name != victim} == others
+        assert not any(child.ended() for child in graph.supervisor.children.values())
+        user.until(lambda: not commands[-1].shifting, "the end of the shift")
+        if victim == "recorder":
+            second = graph.folder / "run-2.mcap"
+            user.until(lambda: second.exists() and second.stat().st_size > 50_000, "a second piece of the bag")
+    finally:
+        user.close()
+        end = graph.close()
+    assert end.state == "interrupted", "stopped by the test and by nothing else"
+    join_pieces(graph.folder)
+    bag = Bag(graph.folder)
+    part = run_part(bag, graph.folder, {}, end, graph.supervisor.restarts)
+    assert [(r["process"], r["how"]) for r in part["restarts"]] == [(victim, "killed by signal 9 (SIGKILL)")]
+    times = bag.series("n_wej")[0]
+    if victim == "recorder":
+        stop = times[times < seconds(tripped.stamp)].max()
+        assert seconds(tripped.stamp) - stop < 0.2, "what a killed recorder had not written"
+        assert part["lost"] > 0 and bag.gaps(), "what nobody recorded is counted"
+    else:
+        assert part["lost"] == 0 and bag.check() == []
+        events = [(name, text) for _, _, name, text, _ in bag.events()]
+        assert ("rig_tripped", tripped.reason) in events
+        assert ("process_restarted", f"{tripped.reason} and was started again") in events
+
+
+def works_again(user, states, commands) -> None:
+    """Reset, and a gear goes in as before."""
+    user.until(lambda: commands, "commands")
+    assert user.call(Trigger, "/rig/reset").success
+    user.until(lambda: states[-1].state != TRIPPED, "the reset")
+    user.until(lambda: not commands[-1].shifting, "the end of the shift that was running")
+    if commands[-1].gear != ValveCommand.GEAR_NEUTRAL:
+        assert user.order(Shift, "/alfa46/shift", Shift.Goal(gear=ValveCommand.GEAR_NEUTRAL)).result().success
+    shifting(user, commands)
+
+
+def test_a_process_that_keeps_dying_ends_the_run(tmp_path):
+    graph = Graph(tmp_path / "run")
+    try:
+        for life in (1, 2, 3, 4):
+            assert graph.supervisor.children["sequencer"].life == life
+            killed = graph.supervisor.children["sequencer"]
+            killed.process.send_signal(signal.SIGKILL)
+            deadline = time.monotonic() + 20.0
+            while graph.supervisor.children["sequencer"] is killed and not graph.supervisor.ended.wait(0.02):
+                assert time.monotonic() < deadline
+    finally:
+        end = graph.close()
+    assert end.state == "failed" and "sequencer killed by signal 9" in end.reason
+    assert (graph.folder / "logs" / "sequencer-4.log").exists()

@@ -1,0 +1,146 @@
+"""`rig run` as a user starts it, and what is left when it or one of its processes is ended."""
+
+import json
+import os
+import signal
+
+import pytest
+from running_graph import RigRun, Traces
+
+from rig_nodes.bags.reader import Bag
+
+STARTED = "starting the nodes"
+CONNECTED = "all nodes are connected"
+SHIFTING = "shift to II"
+
+
+def report_of(run) -> dict:
+    return json.loads((run.folder / "report.json").read_text())
+
+
+def test_a_run_ends_well_and_a_dropped_message_is_counted(tmp_path):
+    run = RigRun(tmp_path / "run", "--drop", "/motor/m_wej:20")
+    code, output = run.end()
+    assert code == 0, output
+    part = report_of(run)["run"]
+    assert part["lost"] == 1 and part["lost_by_topic"] == {"/motor/m_wej": 1}
+    assert "1 messages did not reach the bag: /motor/m_wej 1" in output
+    bag = Bag(run.folder)
+    assert bag.gaps() == {"/motor/m_wej": 1}
+    assert part["end"] == {"state": "ended", "reason": "the sequence ended"}
+    assert 3.0 < part["duration_s"] < 10.0
+    assert part["ticks"] == pytest.approx(part["duration_s"] / 0.005) and part["overruns"] < 0.1 * part["ticks"]
+    assert 0.0 <= part["lateness_ms"]["p50"] <= part["lateness_ms"]["p99"] <= part["lateness_ms"]["max"]
+    assert [row["to_gear"] for row in report_of(run)["shifts"]] == [2]
+    steps = [text for _, topic, name, text, _ in bag.events() if topic == "/sequencer/events" and name == "step"]
+    assert len(steps) == 8 and all(text in output for text in steps)
+    assert bag.run_info()["sequence"] == "short"
+    assert {path.name for path in run.folder.iterdir()} == {"short.mcap", "metadata.yaml", "report.json", "logs"}
+
+
+def test_a_killed_controller_brings_the_safe_state_within_100_ms(tmp_path):
+    run = RigRun(tmp_path / "run")
+    run.until(SHIFTING)
+    traces = Traces(run)
+    os.kill(traces.children["alfa46"], signal.SIGKILL)
+    code, output = run.end()
+    assert code == 1
+    reason = report_of(run)["run"]["end"]["reason"]
+    assert "alfa46 killed by signal 9" in reason
+    assert reason in output.splitlines()[-1]
+    bag = Bag(run.folder)
+    last_command = [message.sample for _, message in bag.messages("/alfa46/command")][-1] * 1e-3
+    tripped = [t for t, _, name, *_ in bag.events() if name == "rig_tripped"]
+    assert len(tripped) == 1 and tripped[0] - last_command < 0.105
+    _, state = list(bag.messages("/rig/state"))[-1]
+    assert state.state == 3 and "alfa46 killed by signal 9" in state.reason
+    t, current = bag.series("I_zr_p2")
+    assert current[t > tripped[0] + 0.15].max() < 0.02, "the coils are without current"
+    traces.wait_gone()
+
+
+@pytest.mark.parametrize("module, name", [("rig_container", "container"), ("recorder", "recorder")])
+def test_another_killed_process_ends_the_run_with_its_name(tmp_path, module, name):
+    run = RigRun(tmp_path / "run")
+    run.until(SHIFTING)
+    traces = Traces(run)
+    os.kill(traces.children[module], signal.SIGKILL)
+    code, output = run.end()
+    assert code == 1 and f"{name} killed by signal 9" in output.splitlines()[-1]
+    assert f"{name} killed" in report_of(run)["run"]["end"]["reason"]
+    bag = Bag(run.folder, recover=True)
+    assert bag.counts["/instruments/controller"] > 500
+    traces.wait_gone()
+
+
+@pytest.mark.parametrize("moment", [STARTED, CONNECTED, SHIFTING])
+def test_ctrl_c_at_any_time_leaves_a_readable_bag_and_no_process(tmp_path, moment):
+    run = RigRun(tmp_path / "run")
+    run.until(moment)
+    traces = Traces(run)
+    run.ctrl_c()
+    code, output = run.end()
+    assert code == 130 and "Traceback" not in output
+    assert output.splitlines()[-1] == "rig: interrupted by Ctrl-C"
+    assert report_of(run)["run"]["end"] == {"state": "interrupted", "reason": "interrupted by Ctrl-C"}
+    bag = Bag(run.folder)
+    assert bag.check() == [] and (run.folder / "metadata.yaml").exists()
+    if moment == SHIFTING:
+        assert report_of(run)["run"]["lost"] == 0
+        assert [name for _, topic, name, *_ in bag.events() if topic == "/rig/events"][-1] == "rig_tripped"
+    traces.wait_gone()
+
+
+def test_sigterm_ends_in_order_too(tmp_path):
+    run = RigRun(tmp_path / "run")
+    run.until(CONNECTED)
+    run.process.terminate()
+    code, output = run.end()
+    assert code == 143 and Bag(run.folder).check() == []
+    assert output.splitlines()[-1] == "rig: ended by SIGTERM"
+
+
+def test_a_killed_supervisor_leaves_no_process_and_a_whole_bag(tmp_path):
+    run = RigRun(tmp_path / "run")
+    run.until(SHIFTING)
+    traces = Traces(run)
+    assert set(traces.children) == {"rig_container", "alfa46", "sequencer", "recorder"}
+    assert traces.shared_memory() == [], "killed processes would leave segments behind"
+    run.process.kill()
+    run.end()
+    traces.wait_gone()
+    assert Bag(run.folder).check() == []
+
+
+def test_the_users_domain_is_used(tmp_path):
+    from rig_nodes.graph.domain import allocate
+
+    with allocate() as domain:
+        run = RigRun(tmp_path / "run", env={"ROS_DOMAIN_ID": str(domain.number)})
+        assert f"ROS_DOMAIN_ID={domain.number}" in run.until(STARTED)
+        run.until(CONNECTED)
+        run.ctrl_c()
+        assert run.end()[0] == 130
+
+
+@pytest.mark.parametrize("arguments, sentence", [
+    (["--out-there"], "unrecognized arguments"),
+    (["--set", "alfa46.t12=1 bar"], "t12"),
+    (["--drop", "/motor/m_wej"], "expected a topic"),
+])
+def test_wrong_arguments_start_nothing(tmp_path, arguments, sentence):
+    code, output = RigRun(tmp_path / "run", *arguments).end()
+    assert code == 2 and sentence in output and len(output.strip().splitlines()) == 1
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_folder_with_something_in_it_is_not_touched(tmp_path):
+    (tmp_path / "mine.txt").write_text("mine")
+    code, output = RigRun(tmp_path).end()
+    assert code == 2 and "not an empty folder" in output
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_an_unknown_sequence_is_refused(tmp_path):
+    code, output = RigRun(tmp_path / "run", sequence="dmeo").end()
+    assert code == 2 and "demo" in output and not (tmp_path / "run").exists()

@@ -1,0 +1,28 @@
+"""Compiled code is kept under a key of its sources, whichever module is imported first."""
+
+import subprocess
+import sys
+
+import pytest
+
+import rig_nodes.compiled
+
+
+@pytest.mark.parametrize("first", ["rig_nodes.alfa46.law", "rig_nodes.testbench.configuration", "rig_nodes.instruments.noise",
+                                   "rig_nodes.plant.kernel", "numba"])
+def test_every_way_in_leads_to_the_keyed_folder(first):
+    code = (f"import {first}; from rig_nodes.plant import kernel; from rig_nodes.alfa46 import law; "
+            "print(kernel.advance._cache.cache_path); print(law.law_step._cache.cache_path)")
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    folder = str(rig_nodes.compiled.cache_root() / rig_nodes.compiled.cache_key())
+    assert all(path.startswith(folder) for path in out), out
+
+
+def test_an_edited_source_changes_the_key(tmp_path, monkeypatch):
+    package = tmp_path / "rig_nodes"
+    (package / "plant").mkdir(parents=True)
+    (package / "plant" / "valve.py").write_text("a = 1\n")
+    monkeypatch.setattr(rig_nodes.compiled, "__file__", str(package / "compiled.py"))
+    before = rig_nodes.compiled.cache_key()
+    (package / "plant" / "valve.py").write_text("a = 2\n")
+    assert rig_nodes.compiled.cache_key() != before

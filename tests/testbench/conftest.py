@@ -1,0 +1,33 @@
+"""A rig to try things on, and a way to bring it into a steady state."""
+
+import math
+
+import pytest
+
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.rig import Rig
+
+RPM = math.pi / 30.0
+
+
+@pytest.fixture(scope="session")
+def config():
+    return load_rig("hydmag")
+
+
+@pytest.fixture(scope="session")
+def steady_rig(config):
+    """Makes a rig that runs in a gear at a motor speed [rpm] with a relief setting [Pa], settled."""
+
+    def make(gear: int, rpm: float, relief: float, seed: int = 1) -> Rig:
+        rig = Rig(config, seed)
+        rig.set_oil(4e6, True)
+        rig.advance(0.3)
+        rig.order_gear(gear)
+        rig.advance(1.0)
+        rig.set_motor(rpm * RPM, True)
+        rig.set_load(relief, True)
+        rig.advance(round(rpm / 750.0) + 6.0)
+        return rig
+
+    return make

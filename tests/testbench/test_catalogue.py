@@ -1,0 +1,41 @@
+"""The catalogue against what it describes: messages, the kernel's channels, the written page."""
+
+from pathlib import Path
+
+import pytest
+
+from rig_nodes.bags.definitions import installed
+from rig_nodes.catalogue import catalogue
+from rig_nodes.cli.list import markdown
+from rig_nodes.cli.main import main
+from rig_nodes.plant.kernel import CHANNELS
+from rig_nodes.testbench.outputs import MEASURED
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.mark.parametrize("name", list(catalogue().signals))
+def test_every_signal_is_a_field_of_its_topics_message(name):
+    signal = catalogue().signals[name]
+    definition = installed(catalogue().topics[signal.topic].ros_type)
+    assert signal.field.partition("[")[0] in dict(definition.tree.fields)
+    assert signal.low < signal.high and signal.text.endswith(".") and signal.sign
+
+
+def test_the_logger_and_the_transducers_carry_the_kernels_channels():
+    assert [s.name for s in catalogue().logger_channels()] == list(CHANNELS[:9])
+    for topic, column in MEASURED.items():
+        assert [s.name for s in catalogue().on_topic(topic)] == [CHANNELS[column]]
+
+
+def test_the_signals_page_is_what_the_catalogue_says():
+    assert (ROOT / "docs" / "signals.md").read_text() == markdown(), \
+        "run: ./rig list signals --markdown > docs/signals.md"
+
+
+def test_a_list_says_what_its_columns_are(capsys):
+    assert main(["list", "signals"]) == 0
+    heading, *rows = capsys.readouterr().out.splitlines()
+    assert heading.split() == ["signal", "unit", "shown", "range", "device", "topic", "field", "rate", "sign", "meaning"]
+    assert len(rows) == len(catalogue().signals)
+    assert all(row[heading.index("topic"):].startswith("/") for row in rows)

@@ -1,0 +1,135 @@
+"""The demo sequence as a user sees it: two good shifts, and visibly bad ones when the rig is set up wrongly."""
+
+import numpy as np
+import pytest
+
+from rig_nodes.analysis.report import build_report
+from rig_nodes.bags.reader import Bag
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.testbench.simulate import simulate
+
+NO_SUPPLY = """
+description: the demo with the clutch oil off
+steps:
+  - oil: {off: true}
+  - shift: {to: I, timeout: 3 s}
+  - motor: {speed: 1500 rpm}
+  - wait: {until: {signal: n_wej, above: 1490 rpm}, timeout: 10 s}
+  - load: {torque: 80 Nm}
+  - wait: {for: 1 s}
+  - shift: {to: II, timeout: 5 s}
+  - shift: {to: I, timeout: 5 s}
+  - motor: {off: true}
+"""
+
+
+def run(folder, sequence="demo", **settings):
+    """(bag, report) of a simulated sequence with changed settings."""
+    values = {name.replace("__", "."): value for name, value in settings.items()}
+    record = simulate(load_rig("hydmag", values), load_sequence(sequence), folder)
+    bag = Bag(folder)
+    return bag, build_report(bag, record)
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    return run(tmp_path_factory.mktemp("demo"))
+
+
+def test_both_shifts_are_complete_and_without_a_deep_dip(demo):
+    _, report = demo
+    assert [(s["from_gear"], s["to_gear"]) for s in report["shifts"]] == [(1, 2), (2, 1)]
+    for shift in report["shifts"]:
+        assert shift["valid"], shift["why"]
+        assert shift["k"] >= 0.8
+        assert shift["n_wej_rpm"] == pytest.approx(1500, abs=5)
+        assert 0.1 < shift["t_dt_s"] < 0.5
+    assert report["shifts"][0]["m_wyj_nm"] == pytest.approx(80, abs=1)
+    assert report["run"]["end"]["state"] == "ended" and report["run"]["lost"] == 0
+
+
+def test_energy_balances_within_a_hundredth_of_the_clutch_heat(demo):
+    _, report = demo
+    for window in report["energy"]["shifts"]:
+        heat = window["heat_s1_j"] + window["heat_s2_j"]
+        assert heat > 100.0
+        assert abs(window["residual_j"]) < 0.01 * heat
+
+
+def test_the_output_never_turns_backwards(demo):
+    bag, _ = demo
+    assert bag.series("n_wyj")[1].min() >= 0.0
+    assert min(m.w_wyj for _, m in bag.messages("/gearbox/state")) >= 0.0
+
+
+def slope(p, t, low, high):
+    """Time [s] that a pressure takes from low to high [MPa], from the first passing of each."""
+    return t[np.argmax(p > high)] - t[np.argmax(p > low)]
+
+
+def test_pressures_show_fill_hold_and_rise(demo):
+    """Down: p1 fills slowly under the springs, overshoots into a hold that its current then overtakes, and rises."""
+    bag, report = demo
+    log = bag.logger()
+    for shift, name in zip(report["shifts"], ("p2", "p1")):
+        first = int((shift["t_order_s"] - log.t0) / log.period)
+        p = np.convolve(log.channels[name][first:first + 10_000], np.ones(30) / 30, "same") / 1e6
+        t = np.arange(len(p)) * log.period
+        assert p[:1000].max() < 0.15, "nothing before the current has opened the valve"
+        fill = {"p2": (0.22, 0.36), "p1": (0.12, 0.2)}[name]
+        rate = (fill[1] - fill[0]) / slope(p, t, *fill)
+        steep = 0.5 / slope(p, t, 0.7, 1.2)
+        assert rate < 3.0, "filling is limited by the flow and the springs, MPa/s"
+        assert steep > 1.5 * rate
+        assert p[-100:].mean() == pytest.approx(2.3, abs=0.08)
+    # after filling, p1 stands for at least 10 ms before its current lifts it to the end value
+    rising = (p > 0.45) & (p < 1.0)
+    assert np.sort(np.gradient(p, log.period)[rising])[100] < 2.0
+
+
+def test_times_and_currents_of_the_order_are_those_of_the_settings(demo):
+    """t12 = -220 ms: ZR-P2 is energised with the order, ZR-P1 falls 220 ms later (tab. 7.5, series 19)."""
+    bag, report = demo
+    t_order = report["shifts"][0]["t_order_s"]
+    t, engaging = bag.series("I_set_zr_p2")
+    _, releasing = bag.series("I_set_zr_p1")
+    after = np.round((t - t_order) * 1e3).astype(int)
+    at = {ms: np.flatnonzero(after == ms)[0] for ms in (125, 219, 330, 470, 580, 970, 1470)}
+    assert engaging[at[125]] == pytest.approx(0.215) and engaging[at[330]] == pytest.approx(0.215)
+    assert engaging[at[580]] == pytest.approx(0.740)
+    assert releasing[at[219]] == pytest.approx(0.740)
+    assert releasing[at[470]] == pytest.approx(0.130) and releasing[at[970]] == pytest.approx(0.130)
+    assert releasing[at[1470]] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_late_engagement_dips(tmp_path):
+    _, report = run(tmp_path, alfa46__t12="200 ms")
+    assert report["shifts"][0]["k"] < 0.5
+
+
+def test_swapped_valves_are_not_a_shift(tmp_path):
+    _, report = run(tmp_path, wiring="swapped")
+    assert not any(shift["valid"] for shift in report["shifts"])
+
+
+def test_without_supply_there_is_no_shift(tmp_path):
+    sequence = tmp_path / "no_supply.yaml"
+    sequence.write_text(NO_SUPPLY)
+    _, report = run(tmp_path / "run", str(sequence))
+    assert report["shifts"] and not any(shift["valid"] for shift in report["shifts"])
+
+
+def test_twice_the_same_bytes(demo, tmp_path):
+    bag, _ = demo
+    run(tmp_path / "again")
+    assert bag.path.read_bytes() == next((tmp_path / "again").glob("*.mcap")).read_bytes()
+
+
+def test_every_topic_of_the_catalogue_is_in_the_bag_without_gaps(demo):
+    from rig_nodes.catalogue import catalogue
+
+    bag, _ = demo
+    assert set(catalogue().topics) == set(bag.counts)
+    assert bag.gaps() == {}
+    assert bag.check() == []

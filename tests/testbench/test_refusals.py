@@ -1,0 +1,226 @@
+"""Bad configuration and sequences: one sentence with file and line, exit code 2, nothing written."""
+
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+from rig_nodes.config import CONFIG_DIR
+from rig_nodes.errors import RigError
+from rig_nodes.nodes.commands import Commands
+from rig_nodes.testbench.configuration import find_config, load_rig
+from rig_nodes.testbench.sequence import SequenceFailed, SequenceRunner, load_sequence
+from rig_nodes.testbench.simulate import simulate
+
+RIG = (CONFIG_DIR / "rigs" / "hydmag.yaml").read_text()
+ALFA46 = (CONFIG_DIR / "controllers" / "alfa46.yaml").read_text()
+DEMO = (CONFIG_DIR / "sequences" / "demo.yaml").read_text()
+
+
+def changed(text, old, new):
+    assert old in text
+    return text.replace(old, new, 1)
+
+
+@pytest.mark.parametrize("old, new, sentence", [
+    ("ready: {timeout: 20 s}", "redy: {timeout: 20 s}", r"seq\.yaml:\d+: unknown key 'redy'.*did you mean 'ready'"),
+    ("  - oil: {pressure: 4 MPa}", "  - oil: {pressure: 4 MPa, pressure: 5 MPa}", r"seq\.yaml:\d+:.*duplicate key"),
+    ("speed: 1500 rpm", "speed: 1500 Nm", r"seq\.yaml:\d+:.*is a torque, expected a angular velocity"),
+    ("speed: 1500 rpm", "speed: 1500", r"seq\.yaml:\d+:.*write a number with its unit"),
+    ("speed: 1500 rpm", "speed: 1500 rmp", r"unknown unit 'rmp'"),
+    ("speed: 1500 rpm", "speed: -1500 rpm", "the rig takes 0 to 314.2"),
+    ("speed: 1500 rpm", "speed: 1e6 rpm", r"seq\.yaml:\d+: motor.speed is 1e6 rpm; the rig takes 0 to 314.2"),
+    ("torque: 80 Nm", "torque: 800 Nm", "takes 0 to 500"),
+    ("timeout: 10 s", "timeout: -3 s", "expected 0 s to 86400 s"),
+    ("to: II", "to: III", "expected neutral, I, II"),
+    ("signal: n_wej, above: 1490 rpm", "signal: n_wei, above: 1490 rpm", "unknown signal 'n_wei'"),
+    ("{signal: n_wej, above: 1490 rpm}", "{signal: n_wej}", "needs 'above', 'below' or both"),
+    ("  - wait: {for: 3 s}", "  - wait: {for: 2 s, timeout: 3 s}", "takes no timeout"),
+    ("  - wait: {for: 3 s}", "  - repeat: {times: 0, steps: [{wait: {for: 2 s}}]}", "repeat.times is 0"),
+    ("  - oil: {pressure: 4 MPa}", "  - oil: {pressure: 4 MPa}\n    motor: {off: true}", "a step has one key"),
+    ("steps:", "steps: {", "expected YAML"),
+])
+def test_sequence_is_refused(tmp_path, old, new, sentence):
+    path = tmp_path / "seq.yaml"
+    path.write_text(changed(DEMO, old, new))
+    with pytest.raises(RigError, match=sentence):
+        load_sequence(path)
+
+
+@pytest.mark.parametrize("old, new, sentence", [
+    ("P2: [330 ms, 300 mA]", "P2: [150 ms, 300 mA]", r"alfa46.*:\d+: .*output_1\.P2 is at 150 ms; it must come after P1"),
+    ("P2: [330 ms, 300 mA]", "P2: [200 ms, 300 mA]", "must come after P1 at 200 ms"),
+    ("P5: [750 ms, 130 mA]", "P5: [100 ms, 130 mA]", "must come after P4 at 250 ms"),
+    ("P3: [650 ms, 740 mA]", "P3: [650 ms, 810 mA]", r"asks for 810 mA; the valve takes 0 to 800 mA"),
+    ("P3: [650 ms, 740 mA]", "P3: [650 ms, -1 mA]", "asks for -1 mA"),
+    ("P3: [650 ms, 740 mA]", "P3: [650 ms, 740 V]", "is a voltage, expected a current"),
+    ("P3: [650 ms, 740 mA]", "P3: [650 ms]", r"must be \[time, current\]"),
+    ("current_limit: [800 mA", "current_limit: [900 mA", "outside 0 to 0.8"),
+    ("gain_p: [20 V/A, \"thesis 3.4: P = 20; unit assumed\"]", "gain_p: 20 V/A", "its source"),
+])
+def test_controller_settings_are_refused(tmp_path, old, new, sentence):
+    controller = tmp_path / "alfa46_tried.yaml"
+    controller.write_text(changed(ALFA46, old, new))
+    rig = tmp_path / "rig.yaml"
+    rig.write_text(changed(RIG, "controller: alfa46", f"controller: {controller}"))
+    with pytest.raises(RigError, match=sentence):
+        load_rig(rig)
+
+
+@pytest.mark.parametrize("old, new, sentence", [
+    ("  speed_gain: [12 Nm s/rad", "  speed_gian: [12 Nm s/rad", r"rig\.yaml:\d+: unknown key 'speed_gian'"),
+    ("torque_limit: [500 Nm", "torque_limit: [500 kW", "is a power, expected a torque"),
+    ("valve_zr_p2: 2}", "valve_zr_p2: 1}", "both valves the same output"),
+    ("valve_zr_p2: 2}", "valve_zr_p2: 4}", "expected output 1 to 3"),
+    ("surfaces: [12 -", "surfaces: [0 -", "outside 1 to 40"),
+])
+def test_rig_is_refused(tmp_path, old, new, sentence):
+    path = tmp_path / "rig.yaml"
+    path.write_text(changed(RIG, old, new))
+    with pytest.raises(RigError, match=sentence):
+        load_rig(path)
+
+
+@pytest.mark.parametrize("name, sentence", [
+    ("demmo", "there is no sequence 'demmo'; known are demo"), ("no/such.yaml", "there is no such file"),
+])
+def test_unknown_names_are_refused(name, sentence):
+    with pytest.raises(RigError, match=sentence):
+        find_config("sequences", name)
+
+
+def rig_command(*arguments, cwd):
+    return subprocess.run([sys.executable, "-m", "rig_nodes.cli.main", *arguments], cwd=cwd, text=True,
+                          capture_output=True, timeout=60)
+
+
+@pytest.mark.parametrize("verb", ["simulate", "run"])
+@pytest.mark.parametrize("arguments, sentence", [
+    (["nothing"], "there is no sequence 'nothing'"),
+    (["demo", "--set", "alfa46.t12=200 mA"], "is a current, expected a time"),
+    (["demo", "--rig", "other"], "there is no rig 'other'"),
+    (["demo", "--seed", "99999999999999999999999"], "expected a whole number from 0"),
+    (["demo", "--out", "full"], "exists and is not an empty folder"),
+])
+def test_the_command_line_says_one_sentence_and_ends_with_2(tmp_path, verb, arguments, sentence):
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "mine.txt").write_text("mine")
+    done = rig_command(verb, *arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert sentence in done.stderr and len(done.stderr.strip().splitlines()) == 1
+    assert sorted(p.name for p in tmp_path.rglob("*")) == ["full", "mine.txt"], "nothing half-written"
+
+
+class FakeBench:
+    """A bench whose readings are set by the test and which refuses what it is told to."""
+
+    def __init__(self):
+        self.values, self.calls, self.is_ready, self.refuse = {"n_wej": 0.0, "n_wyj": 0.0}, [], True, None
+
+    def ready(self):
+        return self.is_ready
+
+    def reading(self, signal):
+        return self.values[signal]
+
+    def shift_done(self):
+        return True
+
+    def order_gear(self, gear):
+        if self.refuse:
+            raise RigError(self.refuse)
+        self.calls.append(("gear", gear))
+
+    def __getattr__(self, name):
+        return lambda *values: self.calls.append((name, *values))
+
+
+def runner(tmp_path, steps, bench):
+    path = tmp_path / "s.yaml"
+    path.write_text(f"description: x\nready: {{timeout: 1 s}}\nsteps: {steps}\n")
+    return SequenceRunner(load_sequence(path), bench, load_rig().load_pump)
+
+
+def test_readiness_gate_ends_with_a_sentence(tmp_path):
+    bench = FakeBench()
+    bench.is_ready = False
+    walk = runner(tmp_path, "[{wait: {for: 1 s}}]", bench)
+    assert not walk.poll(0.0)
+    with pytest.raises(SequenceFailed, match="not ready within 1 s"):
+        walk.poll(1.1)
+
+
+def test_a_wait_that_does_not_come_true_says_what_it_saw(tmp_path):
+    bench = FakeBench()
+    walk = runner(tmp_path, "[{wait: {until: {signal: n_wej, above: 100 rpm}, timeout: 2 s}}]", bench)
+    assert not walk.poll(0.0) and not walk.poll(1.9)
+    with pytest.raises(SequenceFailed, match="did not come true within 2 s; n_wej is 0 rpm"):
+        walk.poll(2.1)
+
+
+def test_hold_starts_again_when_the_condition_is_lost(tmp_path):
+    bench = FakeBench()
+    walk = runner(tmp_path, "[{wait: {until: {signal: n_wej, above: 100 rpm}, hold: 1 s, timeout: 9 s}}]", bench)
+    for t, n, done in ((0, 0, False), (1, 20, False), (1.8, 0, False), (2, 20, False), (2.9, 20, False), (3, 20, True)):
+        bench.values["n_wej"] = n
+        assert walk.poll(t) is done
+
+
+def test_repeats_and_refused_orders(tmp_path):
+    bench = FakeBench()
+    walk = runner(tmp_path, "[{repeat: {times: 2, steps: [{shift: {to: II}}, {shift: {to: I}}]}}]", bench)
+    t = 0.0
+    while not walk.poll(t):
+        t += 0.1
+    assert [c for c in bench.calls if c[0] == "gear"] == [("gear", 2), ("gear", 1)] * 2
+    bench.refuse = "shift refused: gear II is already ordered"
+    with pytest.raises(SequenceFailed, match="already ordered"):
+        runner(tmp_path, "[{shift: {to: II}}]", bench).poll(0.0)
+
+
+SMALL_PUMP = {"load_pump.displacement": "20 cm3/rev"}  # a torque that this pump reaches at no pressure the rig takes
+
+
+def test_a_setpoint_that_the_rig_refuses_fails_the_sequence_at_once(tmp_path):
+    path = tmp_path / "s.yaml"
+    path.write_text("description: x\nsteps:\n  - load: {torque: 500 Nm}\n  - wait: {for: 30 s}\n")
+    run = simulate(load_rig("hydmag", SMALL_PUMP), load_sequence(path), tmp_path / "run")
+    assert run["end"]["state"] == "failed" and run["duration_s"] < 0.1
+    assert "s.yaml:3: load_pressure of 1" in run["end"]["reason"] and "expected 0 to 4e+07 Pa" in run["end"]["reason"]
+
+
+class FakeOutputs:
+    """Takes the events of the rig's queue at a time that the test sets."""
+
+    def __init__(self):
+        self.rig, self.events = SimpleNamespace(time_ns=0), []
+
+    def event(self, topic, name, text, value):
+        self.events.append((self.rig.time_ns * 1e-9, text, value))
+
+
+def test_refused_commands_are_one_event_per_reason_and_second_however_they_mix(tmp_path):
+    outputs = FakeOutputs()
+    commands = Commands(outputs)
+
+    def refuse(sample, why):
+        raise RigError(f"valve command for sample {sample} refused: {why}")
+
+    for sample in range(2500):
+        outputs.rig.time_ns = sample * 1_000_000
+        commands.put("/alfa46/command", refuse, sample, f"duty must be 0 to 1, found [{sample * 0.5:g}, nan, 0.0]")
+        commands.put("/alfa46/command", lambda: None)  # a good one in between
+        if sample == 1200:
+            commands.put("/alfa46/command", refuse, sample, "level 7 is neither")
+        commands.apply()
+    said = [(t, text.partition(" more")[0], value) for t, text, value in outputs.events]
+    assert [t for t, *_ in said] == pytest.approx([0.0, 1.0, 1.2, 2.0])
+    assert [value for *_, value in said] == [1, 1000, 1, 1000]
+    assert said[1][1].endswith("sample 1000 refused: duty must be 0 to 1, found [500, nan, 0.0] (1000 times")
+    outputs.rig.time_ns = 4_000_000_000
+    commands.apply()
+    assert outputs.events[-1][2] == 499 and sum(value for *_, value in outputs.events) == 2501
+    outputs.rig.time_ns = 6_000_000_000
+    commands.apply()
+    assert len(outputs.events) == 5 and commands.refused["/alfa46/command"] == 2501

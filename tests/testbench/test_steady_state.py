@@ -1,0 +1,73 @@
+"""Both gears in steady state against a calculation by hand, and the signs that go with it."""
+
+import math
+
+import pytest
+
+# by hand, from the tables of the thesis and the values printed in config/rigs/hydmag.yaml
+RATIO = {1: 47 / 34, 2: 41 / 40}
+DISPLACEMENT = 100e-6 / (2 * math.pi)
+RELIEF = 5e6
+
+
+def open_drag(gear: int, n_wej: float, n_wyj: float) -> tuple[float, float]:
+    """(torque on w0, torque on wk) of the open clutch, after (6.4), released piston, speeds in rad/s."""
+    mean_radius = 2 / 3 * (0.038**3 - 0.025**3) / (0.038**2 - 0.025**2)
+    per_gap = 12 * math.pi * mean_radius**2 * (0.038**2 - 0.025**2) * 0.08
+    if gear == 1:  # S2 is open, 5.1 mm over 12 gaps
+        torque = per_gap / (5.1e-3 / 12) * (n_wej - 41 / 40 * n_wyj)
+        return torque, 41 / 40 * torque
+    torque = per_gap / (2.04e-3 / 12) * (34 / 47 * n_wej - n_wyj)
+    return 34 / 47 * torque, torque
+
+
+def hand(gear: int, rpm: float) -> dict:
+    """Speeds and torques where nothing accelerates; the output's losses depend on the load's torque alone."""
+    n_wyj = rpm / RATIO[gear]
+    factor = 3.84e-7 * n_wyj**2 - 6.36e-4 * n_wyj + 1.32
+    pressure = RELIEF * factor
+    m_wyj = DISPLACEMENT * pressure + 0.5
+    loss_out = 1.5 + 0.04 * m_wyj
+    drag_in, drag_out = open_drag(gear, rpm * math.pi / 30, n_wyj * math.pi / 30)
+    carried = m_wyj + loss_out - drag_out
+    clutch = carried * (1.0 if gear == 1 else 40 / 41)
+    speed_loss = -1.76e-6 * rpm**2 + 4.58e-3 * rpm + 2.56
+    m_wej = (carried / RATIO[gear] + drag_in + speed_loss) / (1 - 0.02)
+    return {"n_wyj": n_wyj, "p_po": pressure, "m_wyj": m_wyj, "m_wej": m_wej, "clutch": clutch}
+
+
+@pytest.mark.parametrize("gear", [1, 2])
+@pytest.mark.parametrize("rpm", [1000, 1500, 2000])
+def test_steady_state_equals_the_hand_calculation(steady_rig, gear, rpm):
+    rig, expected = steady_rig(gear, rpm, RELIEF), hand(gear, rpm)
+    rpm_of = 30 / math.pi
+    assert rig.v[0] * rpm_of == pytest.approx(rpm, abs=0.02)
+    assert rig.v[1] * rpm_of == pytest.approx(expected["n_wyj"], abs=0.02)
+    assert rig.plant["load_pressure"][0] == pytest.approx(expected["p_po"], rel=1e-4)
+    assert rig.plant["m_wyj"][0] == pytest.approx(expected["m_wyj"], rel=1e-3)
+    assert rig.plant["m_wej"][0] == pytest.approx(expected["m_wej"], rel=1e-3)
+    assert rig.clutch_torque(gear - 1) == pytest.approx(expected["clutch"], rel=1e-3)
+    assert rig.clutch_torque(2 - gear) == pytest.approx(0.0, abs=1e-9)
+    assert rig.plant["motor_torque"][0] == pytest.approx(rig.plant["m_wej"][0], rel=1e-3)
+    assert rig.slip(gear - 1) == pytest.approx(0.0, abs=1e-10)
+    assert rig.locked_gear() == gear
+
+
+def test_the_open_clutch_slips_with_the_sign_of_the_convention(steady_rig):
+    rpm = math.pi / 30
+    in_gear_i = steady_rig(1, 1000, RELIEF)
+    # gear I: wheel z5 runs slower than w0, so S2 slips forward: w0 - 41/40 * 34/47 w0
+    assert in_gear_i.slip(1) == pytest.approx(1000 * rpm * (1 - 41 / 40 * 34 / 47), rel=1e-4)
+    in_gear_ii = steady_rig(2, 1000, RELIEF)
+    # gear II: wheel z3 runs slower than the intermediate shaft, so S1 slips backward
+    assert in_gear_ii.slip(0) == pytest.approx(1000 * rpm * (34 / 47 - 40 / 41), rel=1e-4)
+
+
+def test_transducers_read_the_truth_within_their_noise(steady_rig, config):
+    rig, noise = steady_rig(1, 1500, RELIEF), config.instruments
+    truth = {"M_wej": (rig.plant["m_wej"][0], noise.torque_noise), "n_wej": (rig.v[0], noise.speed_noise),
+             "p1": (rig.cylinders["line"][0], noise.p1_noise), "I_zr_p1": (rig.valves["current"][0], noise.current_noise)}
+    for name, (value, deviation) in truth.items():
+        reading = rig.measurement(name)
+        assert reading != value
+        assert reading == pytest.approx(value, abs=3.5 * deviation)

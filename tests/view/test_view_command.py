@@ -1,0 +1,139 @@
+"""`rig view` as a person meets it: what it says, what it refuses, how it opens a window."""
+
+import os
+import signal
+import sys
+from pathlib import Path
+
+import pytest
+import rerun
+
+from rig_nodes.cli.main import main
+from rig_nodes.errors import RigError
+from rig_nodes.view import picture, viewer
+
+
+@pytest.fixture
+def no_display(monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+
+
+@pytest.fixture
+def no_driver(monkeypatch):
+    monkeypatch.setattr(picture, "DRIVER_FOLDERS", ())
+
+
+def test_without_display_and_driver_the_view_is_still_written(run, no_display, no_driver, capsys):
+    assert main(["view", str(run)]) == 0
+    said = capsys.readouterr()
+    assert f"{run / 'view.rrd'} written" in said.out and "rerun view.rrd" in said.out
+    assert f"rerun-sdk=={rerun.__version__}" in said.out, "another version may not read it"
+    assert "mesa-vulkan-drivers" in said.err
+    assert (run / "view.rrd").exists() and not (run / "view.png").exists()
+
+
+def test_a_picture_asked_for_needs_the_driver(run, no_driver, capsys):
+    assert main(["view", str(run), "--picture", str(run / "x.png")]) == 2
+    assert "mesa-vulkan-drivers" in capsys.readouterr().err
+    assert (run / "view.rrd").exists()
+
+
+def test_no_open_only_writes(run, monkeypatch, capsys):
+    monkeypatch.setenv("DISPLAY", ":77")
+    monkeypatch.setattr(viewer, "program", lambda: pytest.fail("a viewer was started"))
+    assert main(["view", str(run), "--no-open"]) == 0
+    assert main(["view", str(run), "--no-open"]) == 0
+    assert capsys.readouterr().out.splitlines() == [f"{run / 'view.rrd'} written",
+                                                    f"{run / 'view.rrd'} is up to date"]
+
+
+REFUSED = {
+    "nothing": (["--no-open"], "give one of these: the folder of a run, --live, or --layout"),
+    "two things": (["{run}", "--live"], "give one of these"),
+    "picture of a live view": (["--live", "--picture", "{run}/x.png"], "--picture goes with a run only"),
+    "domain of a run": (["{run}", "--domain", "0"], "--domain goes with --live only"),
+    "tab without picture": (["{run}", "--tab", "run"], "--tab goes with --picture only"),
+    "out without layout": (["{run}", "--out", "x.xml"], "--out goes with --layout only"),
+    "no domain": (["--live", "--domain", "x"], "x is no ROS domain; give a number from 0 to 232"),
+    "no port": (["--live", "--domain", "9", "--port", "0"], "0 is no port"),
+    "no span": (["--live", "--domain", "9", "--seconds", "0"], "0 is no span of a plot"),
+    "no tool": (["--layout", "excel"], "invalid choice: 'excel'"),
+    "layout into nowhere": (["--layout", "foxglove", "--out", "{run}/no/x.json"], "cannot be written"),
+    "no such run": (["nowhere"], "nowhere: there is no such file or folder"),
+    "one number": (["{run}", "--window", "3"], "3 is no window; write its start and end in s"),
+    "backwards": (["{run}", "--window", "5,3"], "5,3 is no window"),
+    "not finite": (["{run}", "--window", "0,inf"], "0,inf is no window"),
+    "outside": (["{run}", "--window", "50,60"], "lies outside the run, which goes from 0.00 s"),
+    "not a png": (["{run}", "--picture", "{run}/x.jpg"], "it ends in .png"),
+    "no folder": (["{run}", "--picture", "{run}/not/x.png"], "the folder of"),
+}
+
+
+@pytest.mark.parametrize("arguments, sentence", REFUSED.values(), ids=REFUSED)
+def test_refusals_are_one_sentence(run, arguments, sentence, capsys):
+    assert main(["view", *(a.format(run=run) for a in arguments)]) == 2
+    said = capsys.readouterr().err
+    assert sentence in said and len(said.splitlines()) == 1
+
+
+def test_without_rerun_one_sentence(run, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    assert main(["view", str(run)]) == 2
+    said = capsys.readouterr().err
+    assert "needs rerun-sdk" in said and len(said.splitlines()) == 1
+
+
+def test_a_folder_that_cannot_be_written_is_named(run, monkeypatch, capsys):
+    def refuse(*_, **__):
+        raise PermissionError(13, "Permission denied")
+    monkeypatch.setattr("tempfile.mkstemp", refuse)
+    assert main(["view", str(run), "--no-open"]) == 2
+    assert "view.rrd: cannot be written (Permission denied)" in capsys.readouterr().err
+
+
+def test_a_viewer_that_cannot_open_a_window_is_quoted(run, monkeypatch, tmp_path, capsys):
+    monkeypatch.setenv("DISPLAY", ":77")
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(viewer, "START", 20.0)
+    assert main(["view", str(run)]) == 2
+    said = capsys.readouterr().err
+    assert "the viewer ended at once" in said and "--picture" in said and len(said.splitlines()) == 1
+
+
+def test_the_window_outlives_the_command_and_listens_on_loopback_only(tmp_path, monkeypatch):
+    told = tmp_path / "told"
+    program = tmp_path / "viewer"
+    program.write_text(f'#!/bin/sh\n{{ echo "$@"; cat "$XDG_CONFIG_HOME/rerun/analytics.json"; }} > {told}\n'
+                       f'exec sleep 60\n')
+    program.chmod(0o755)
+    monkeypatch.setattr(viewer, "program", lambda: str(program))
+    monkeypatch.setattr(viewer, "START", 1.0)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    process = viewer.open_window(Path("view.rrd"))
+    try:
+        assert os.getsid(process) == process, "it would end with the terminal"
+        arguments, settings = told.read_text().splitlines()
+        assert arguments == "--bind 127.0.0.1 --port auto view.rrd"
+        assert '"analytics_enabled": false' in settings
+    finally:
+        os.kill(process, signal.SIGKILL)
+        os.waitpid(process, 0)
+
+
+def test_the_viewers_program_is_not_the_script_that_leaves_it_behind():
+    assert Path(viewer.program()).read_bytes()[:4] == b"\x7fELF"
+
+
+def test_a_viewer_that_does_not_answer_is_ended_in_time(run, monkeypatch, tmp_path):
+    mute = tmp_path / "viewer"
+    mute.write_text(f"#!/bin/sh\necho $$ > {tmp_path / 'pid'}\nexec sleep 60\n")
+    mute.chmod(0o755)
+    (tmp_path / "lvp_icd.json").write_text("{}")
+    monkeypatch.setattr(picture, "DRIVER_FOLDERS", (str(tmp_path),))
+    monkeypatch.setattr(picture, "program", lambda: str(mute))
+    with pytest.raises(RigError, match="did not finish within 1 s"):
+        picture.take_picture([run / "view.rrd"], tmp_path / "x.png", longest=1.0)
+    with pytest.raises(ProcessLookupError):
+        os.kill(int((tmp_path / "pid").read_text()), 0)

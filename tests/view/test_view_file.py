@@ -1,0 +1,226 @@
+"""The file that `rig view` writes: signals, states, events, report, layout, also of runs with parts missing."""
+
+import json
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from rig_nodes.bags.reader import Bag
+from rig_nodes.catalogue import catalogue
+from rig_nodes.errors import BagError, RigError
+from rig_nodes.view import layout
+from rig_nodes.view.convert import make_view
+
+
+@pytest.fixture(scope="module")
+def shown(recorded, tmp_path_factory, read_rrd):
+    """The view of the demo run, read back."""
+    folder = tmp_path_factory.mktemp("shown")
+    (folder / "demo.mcap").write_bytes((recorded / "demo.mcap").read_bytes())
+    (folder / "report.json").write_bytes((recorded / "report.json").read_bytes())
+    return read_rrd(make_view(folder).path)
+
+
+@pytest.fixture
+def orders(recorded):
+    """Times [s] of the two orders under way: to II, and back to I."""
+    return [t for t, _, name, _, _ in Bag(recorded).events() if name == "shift_ordered"][1:]
+
+
+def path_of(name):
+    return "/" + layout.entity(catalogue().signal(name))
+
+
+@pytest.mark.parametrize("name", [s.name for s in catalogue().signals.values() if not s.states])
+def test_curves_are_the_bags_values_in_peoples_units(shown, recorded, name):
+    bag, signal = Bag(recorded), catalogue().signal(name)
+    if signal.logger is not None:
+        logger = bag.logger()
+        t, values = logger.time(), logger.channels[name]
+    else:
+        t, values = bag.series(name)
+    times, curve = shown.rows(path_of(name), "Scalars:scalars")
+    np.testing.assert_array_equal(times, np.round(t * 1e9))
+    np.testing.assert_array_equal(curve, values * signal.scale)
+    assert shown.data[path_of(name)]["SeriesLines:names"] == [f"{name} [{signal.display_unit}]"]
+
+
+def test_logger_channels_come_at_ten_kilohertz(shown):
+    times, _ = shown.rows(path_of("M_wej"), "Scalars:scalars")
+    assert set(np.diff(times)) == {100_000}
+
+
+@pytest.mark.parametrize("name", [s.name for s in catalogue().signals.values() if s.states])
+def test_states_change_when_the_bag_says_so(shown, recorded, name):
+    t, values = Bag(recorded).series(name)
+    expected = []
+    for time, value in zip(t, values):
+        label = catalogue().signal(name).states[int(value)]
+        if not expected or expected[-1][1] != label:
+            expected.append((round(time * 1e9), label))
+    assert list(zip(*shown.rows(path_of(name), "StateChange:state"))) == expected
+
+
+def test_events_are_logged_with_their_time(shown, recorded):
+    logged = []
+    for node in ("alfa46", "rig", "sequencer"):
+        logged += zip(*shown.rows(f"/events/{node}", "TextLog:text"))
+    for t, topic, _, text, _ in Bag(recorded).events():
+        assert (round(t * 1e9), f"{t:.3f} s  {topic.split('/')[1]}: {text}") in logged
+    assert len(logged) == len(Bag(recorded).events())
+
+
+def test_an_upright_line_marks_each_order(shown, recorded):
+    orders = [t for t, _, name, _, _ in Bag(recorded).events() if name == "shift_ordered"]
+    times, values = shown.rows("/orders/shaft_torque", "Scalars:scalars")
+    upright = [(a, values[i], values[i + 1]) for i, (a, b) in enumerate(zip(times, times[1:])) if a == b
+               and values[i] < values[i + 1]]
+    assert [a for a, _, _ in upright] == [round(t * 1e9) for t in orders]
+
+
+def test_report_is_shown_as_tables(shown, recorded):
+    report = json.loads((recorded / "report.json").read_text())
+    text = shown.data["/report"]["TextDocument:text"][0]
+    assert shown.data["/report"]["TextDocument:media_type"] == ["text/markdown"]
+    assert "| shift | I → II | II → I |" in text
+    peaks = [f"{row['m_wej_max_nm']:.1f}" for row in report["shifts"]]
+    assert f"| M_wej max Nm | {peaks[0]} | {peaks[1]} |" in text
+    assert "End: the sequence ended" in text
+
+
+def test_layout_belongs_to_the_recording_and_shows_every_signal(shown, orders):
+    assert len(shown.applications) == 1
+    views = shown.views()
+    assert {"Coil current [mA]", "Clutch pressure [MPa]", "Shaft torque [Nm]", "Speed [rpm]", "Report",
+            "Events", *(f"{way} at {t:.3f} s" for way, t in zip(("I → II", "II → I"), orders))} <= set(views)
+    drawn = {entity for contents in views.values() for entity in contents}
+    assert {path_of(name) for name in catalogue().signals} <= drawn
+
+
+def window_of(rrd):
+    """The window [s] that linked plots open with."""
+    axis = rrd.layout[f"/view/{layout.SHARED_AXIS}/TimeAxis"]
+    view_range = axis["TimeAxis:view_range"][0]
+    return view_range["start"] / 1e9, view_range["end"] / 1e9
+
+
+def test_linked_plots_open_with_the_shifts(shown, orders):
+    window = layout.with_room((orders[0] - layout.BEFORE, orders[1] + layout.AFTER))
+    assert window_of(shown) == pytest.approx(window, abs=1e-6)
+
+
+def test_linked_plots_open_with_the_window_asked_for(run, read_rrd):
+    assert window_of(read_rrd(make_view(run, (1.0, 2.5)).path)) == pytest.approx((1.0, 2.5), abs=1e-6)
+
+
+def test_the_file_is_written_again_only_when_something_changed(run, read_rrd):
+    first = make_view(run)
+    assert first.written and first.path == run / "view.rrd"
+    before = first.path.stat()
+    assert not make_view(run).written
+    assert first.path.stat().st_mtime_ns == before.st_mtime_ns
+    keys = {read_rrd(first.path).key}
+
+    report = json.loads((run / "report.json").read_text())
+    report["run"]["seed"] = 7
+    (run / "report.json").write_text(json.dumps(report))
+    for window in (None, (3.0, 4.0)):
+        assert make_view(run, window).written
+        keys.add(read_rrd(first.path).key)
+    assert len(keys) == 3
+    assert sorted(p.name for p in run.iterdir()) == ["demo.mcap", "metadata.yaml", "report.json", "view.rrd"]
+
+
+@pytest.mark.parametrize("content", [b"", b"no Rerun file at all", None], ids=["empty", "text", "half"])
+def test_a_damaged_file_is_replaced(run, read_rrd, content):
+    path = make_view(run).path
+    path.write_bytes(path.read_bytes()[:path.stat().st_size // 2] if content is None else content)
+    assert make_view(run).written
+    assert path_of("p1") in read_rrd(path).data
+
+
+def test_a_cut_bag_is_shown_as_far_as_it_goes(run, read_rrd):
+    bag = run / "demo.mcap"
+    whole = Bag(run).logger().time()[-1]
+    bag.write_bytes(bag.read_bytes()[:bag.stat().st_size // 2])
+    (run / "report.json").unlink()
+    view = make_view(run)
+    assert any("recovered" in note for note in view.notes)
+    rrd = read_rrd(view.path)
+    times, _ = rrd.rows(path_of("p1"), "Scalars:scalars")
+    assert 0.4 * whole < times[-1] / 1e9 < 0.6 * whole
+    text = rrd.data["/report"]["TextDocument:text"][0]
+    assert "End: the run left no report" in text and "recovered" in text
+
+
+def test_a_run_without_report_gets_its_numbers_from_the_bag(run, recorded, read_rrd):
+    (run / "report.json").unlink()
+    text = read_rrd(make_view(run).path).data["/report"]["TextDocument:text"][0]
+    row = json.loads((recorded / "report.json").read_text())["shifts"][0]
+    assert f"| M_wej max Nm | {row['m_wej_max_nm']:.1f} |" in text
+    assert not (run / "report.json").exists()
+
+
+def test_a_report_that_is_none_is_named(run):
+    (run / "report.json").write_text("{")
+    assert any("report.json: is no report" in note for note in make_view(run).notes)
+
+
+def test_a_run_without_logger_is_drawn_from_the_transducers(without, recorded, read_rrd):
+    view = make_view(without("/instruments/hmg4000", "/instruments/channels"))
+    t, values = Bag(recorded).series("p1")
+    times, curve = read_rrd(view.path).rows(path_of("p1"), "Scalars:scalars")
+    np.testing.assert_array_equal(curve, values * 1e-6)
+    assert any("logger" in note for note in view.notes)
+
+
+def test_missing_topics_leave_no_empty_plot(without, read_rrd):
+    view = make_view(without("/clutch_s1/state", "/clutch_s2/state", "/alfa46/events"))
+    assert any("s1_torque" in note and "s2_piston" in note for note in view.notes)
+    rrd = read_rrd(view.path)
+    drawn = {entity for contents in rrd.views().values() for entity in contents if entity.startswith("/")}
+    assert {entity for entity in drawn if not entity.startswith("/orders/")} <= set(rrd.data)
+    assert not {"Clutch torque [Nm]", "Piston position [mm]"} & set(rrd.views())
+
+
+def test_a_tripped_run_shows_the_trip(tripped, read_rrd):
+    rrd = read_rrd(make_view(tripped).path)
+    assert rrd.data[path_of("rig_state")]["StateChange:state"][-1] == "tripped"
+    texts = dict(zip(rrd.data["/events/rig"]["TextLog:text"], rrd.data["/events/rig"]["TextLog:level"]))
+    assert [level for text, level in texts.items() if text.startswith("0.05")] == ["ERROR"]
+    assert "No shift was ordered." in rrd.data["/report"]["TextDocument:text"][0]
+
+
+@pytest.mark.parametrize("window", [(50.0, 60.0), (-2.0, 0.0)])
+def test_a_window_outside_the_run_is_refused(run, window):
+    with pytest.raises(RigError, match=r"lies outside the run, which goes from 0\.00 s to 1\d\.\d+ s"):
+        make_view(run, window)
+    assert not (run / "view.rrd").exists() and not list(run.glob(".view-*"))
+
+
+def test_a_folder_without_a_bag_is_refused(tmp_path):
+    with pytest.raises(BagError, match="holds one .mcap file"):
+        make_view(tmp_path)
+
+
+def test_signals_of_one_plot_can_be_told_apart():
+    for _, names in layout.MARKED_PLOTS:
+        assert len({catalogue().signal(name).display_unit for name in names}) == 1
+        for one, other in combinations(names, 2):
+            assert np.abs(np.subtract(layout.colour(one), layout.colour(other))).max() > 60, (one, other)
+
+
+ORDERS = {
+    "neutral to I only": ([(0.2, 0, 1)], [(0.2, 1.7)]),
+    "up and down": ([(0.2, 0, 1), (3.0, 1, 2), (6.0, 2, 1)], [(3.0, 4.5), (6.0, 7.5)]),
+    "repeats": ([(0.2, 0, 1), (3.0, 1, 2), (6.0, 2, 1), (9.0, 1, 2)], [(3.0, 4.5), (6.0, 7.5)]),
+    "close together": ([(0.2, 0, 1), (3.0, 1, 2), (4.0, 2, 1)], [(3.0, 3.8), (4.0, 5.5)]),
+    "none": ([], []),
+}
+
+
+@pytest.mark.parametrize("orders, expected", ORDERS.values(), ids=ORDERS)
+def test_the_first_shift_each_way_is_shown(orders, expected):
+    found = [time for shift in layout.choose(layout.shifts_of(orders)) for time in (shift.order, shift.end)]
+    assert found == pytest.approx([time for pair in expected for time in pair])
