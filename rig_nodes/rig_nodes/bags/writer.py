@@ -10,14 +10,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.writer import CompressionType, Writer
-
 from .. import __version__
 from ..catalogue import catalogue
 from ..errors import RigError
 from . import metadata
 from .cdr import exact
 from .definitions import Definition, installed
+from .mcap_writer import McapWriter
 
 FLUSH_NS = 100_000_000
 CHUNK_BYTES = 4 * 1024 * 1024
@@ -64,9 +63,7 @@ class BagWriter:
         except OSError as error:
             raise RigError(f"{self.path} cannot be made ({error.strerror}); "
                            f"name a folder that can be written") from None
-        self._writer = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD,
-                              enable_crcs=True, enable_data_crcs=True)
-        self._guard(self._begin)
+        self._writer = self._guard(self._begin)
 
     def write(self, topic: str, ros_type: str, data: bytes, log_time_ns: int) -> None:
         """Store one encoded message as it is, less the padding that DDS may have appended.
@@ -94,7 +91,7 @@ class BagWriter:
             self._interval = interval
         count = self.counts[topic]
         sequence = int.from_bytes(data[12:20], "little") & _SEQUENCE_MASK if known.counted else count
-        self._guard(self._writer.add_message, known.channel, log_time_ns, data, log_time_ns, sequence)
+        self._guard(self._writer.add_message, known.channel, log_time_ns, data, sequence)
         self.counts[topic] = count + 1
         if log_time_ns > self._last:
             self._last = log_time_ns
@@ -144,9 +141,10 @@ class BagWriter:
                 self._file.close()
             raise RigError(self._failure) from None
 
-    def _begin(self) -> None:
-        self._writer.start(profile="ros2", library=LIBRARY)
+    def _begin(self) -> McapWriter:
+        writer = McapWriter(self._file, "ros2", LIBRARY, CHUNK_BYTES)
         self._file.flush()
+        return writer
 
     def _add_topic(self, topic: str, ros_type: str) -> _Topic:
         definition = installed(ros_type)

@@ -1,0 +1,158 @@
+"""The MCAP container, written: the bytes that mcap.writer gives with chunks, zstd and all CRCs, in a third of its time.
+
+Used by the bag writer. Most of a run's messages are some hundred bytes long; for those the library's record by record,
+field by field costs more than all the rest of recording. Its record classes write everything but the messages.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from array import array
+from collections import defaultdict
+
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (Channel, ChunkIndex, DataEnd, Footer, Header, Metadata, MetadataIndex, Schema,
+                          Statistics, SummaryOffset)
+
+from .mcap_file import MAGIC
+
+COMPRESSION = "zstd"
+_MESSAGE = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
+_MESSAGE_HEAD = 2 + 4 + 8 + 8  # bytes of it that its length counts
+_MESSAGE_INDEX = struct.Struct("<BQHI")  # opcode, length, channel, bytes of the entries
+_CHUNK = struct.Struct("<BQQQQII4sQ")  # opcode, length, first and last time, size, CRC, compression, packed size
+_FOOTER = struct.Struct("<BQQQ")
+
+
+class McapWriter:
+    """Messages into a binary file that is at its start. The file is not closed. OSError as the file raises it."""
+
+    def __init__(self, file, profile: str, library: str, chunk_bytes: int):
+        """chunk_bytes: a chunk that is larger is closed without being told."""
+        self._file, self._chunk_bytes = file, chunk_bytes
+        self._compress = zstandard.ZstdCompressor().compress
+        self._data_crc = 0
+        self._schemas: list[Schema] = []
+        self._channels: list[Channel] = []
+        self._counts: dict[int, int] = defaultdict(int)
+        self._chunks: list[ChunkIndex] = []
+        self._metadata: list[MetadataIndex] = []
+        self._first = self._last = 0  # times of all messages in closed chunks
+        self._begin_chunk()
+        self._write(MAGIC)
+        self._write(_bytes(Header(profile, library)))
+
+    def register_schema(self, name: str, encoding: str, data: bytes) -> int:
+        """Number of a new schema."""
+        self._schemas.append(Schema(id=len(self._schemas) + 1, data=data, encoding=encoding, name=name))
+        self._into_chunk(_bytes(self._schemas[-1]))
+        return len(self._schemas)
+
+    def register_channel(self, topic: str, encoding: str, schema: int, metadata: dict[str, str]) -> int:
+        """Number of a new channel of a schema's messages."""
+        self._channels.append(Channel(id=len(self._channels) + 1, topic=topic, message_encoding=encoding,
+                                      schema_id=schema, metadata=metadata))
+        self._into_chunk(_bytes(self._channels[-1]))
+        return len(self._channels)
+
+    def add_message(self, channel: int, log_time: int, data: bytes, sequence: int) -> None:
+        """Store a message with its time [ns], which is that of its publication, too."""
+        index = self._indices.get(channel)
+        if index is None:
+            index = self._indices[channel] = array("Q")
+        index.append(log_time)
+        index.append(self._size)
+        size = _MESSAGE_HEAD + len(data)
+        self._parts.append(_MESSAGE.pack(Opcode.MESSAGE, size, channel, sequence, log_time, log_time))
+        self._parts.append(data)
+        self._size += 9 + size
+        if self._size > self._chunk_bytes:
+            self._end_chunk()
+
+    def add_metadata(self, name: str, values: dict[str, str]) -> None:
+        """Store named texts, outside the chunks."""
+        record, offset = _bytes(Metadata(name=name, metadata=values)), self._file.tell()
+        self._metadata.append(MetadataIndex(offset=offset, length=len(record), name=name))
+        self._write(record)
+
+    def flush(self) -> None:
+        """Close the chunk in progress, unless it has no message, and hand everything to the operating system."""
+        self._end_chunk()
+        self._file.flush()
+
+    def finish(self) -> None:
+        """Write the end of the file: summary, indices, magic."""
+        self._end_chunk()
+        self._write(_bytes(DataEnd(self._data_crc)))
+        start, summary, groups = self._file.tell(), RecordBuilder(), []
+        for opcode, records in ((Opcode.SCHEMA, self._schemas), (Opcode.CHANNEL, self._channels),
+                                (Opcode.STATISTICS, [self._statistics()]), (Opcode.CHUNK_INDEX, self._chunks),
+                                (Opcode.ATTACHMENT_INDEX, []), (Opcode.METADATA_INDEX, self._metadata)):
+            begin = summary.count
+            for record in records:
+                record.write(summary)
+            groups.append(SummaryOffset(group_opcode=opcode, group_start=start + begin,
+                                        group_length=summary.count - begin))
+        offsets = start + summary.count
+        for group in groups:
+            group.write(summary)
+        data = summary.end()
+        crc = zlib.crc32(_FOOTER.pack(Opcode.FOOTER, 8 + 8 + 4, start, offsets), zlib.crc32(data))
+        self._file.write(data)
+        self._file.write(_bytes(Footer(summary_start=start, summary_offset_start=offsets, summary_crc=crc)))
+        self._file.write(MAGIC)
+
+    def _statistics(self) -> Statistics:
+        return Statistics(attachment_count=0, channel_count=len(self._channels), channel_message_counts=self._counts,
+                          chunk_count=len(self._chunks), message_count=sum(self._counts.values()),
+                          metadata_count=len(self._metadata), message_start_time=self._first,
+                          message_end_time=self._last, schema_count=len(self._schemas))
+
+    def _begin_chunk(self) -> None:
+        self._parts: list[bytes] = []
+        self._size = 0
+        self._indices: dict[int, array] = {}  # by channel: log time and offset of each message
+
+    def _into_chunk(self, record: bytes) -> None:
+        self._parts.append(record)
+        self._size += len(record)
+
+    def _end_chunk(self) -> None:
+        if not self._indices:
+            return
+        first = min(min(index[::2]) for index in self._indices.values())
+        last = max(max(index[::2]) for index in self._indices.values())
+        self._first, self._last = (min(self._first, first) if self._chunks else first), max(self._last, last)
+        content = b"".join(self._parts)
+        packed = self._compress(content)
+        at = self._file.tell()
+        self._write(_CHUNK.pack(Opcode.CHUNK, _CHUNK.size - 9 + len(packed), first, last, len(content),
+                                zlib.crc32(content), len(COMPRESSION), COMPRESSION.encode(), len(packed)) + packed)
+        indices_at, places, rows = self._file.tell(), {}, []
+        for channel, index in self._indices.items():
+            places[channel] = indices_at + sum(map(len, rows))
+            entries = index.tobytes()
+            rows.append(_MESSAGE_INDEX.pack(Opcode.MESSAGE_INDEX, 6 + len(entries), channel, len(entries)) + entries)
+            self._counts[channel] += len(index) // 2
+        table = b"".join(rows)
+        self._write(table)
+        self._chunks.append(ChunkIndex(
+            message_start_time=first, message_end_time=last, chunk_start_offset=at, chunk_length=indices_at - at,
+            message_index_offsets=places, message_index_length=len(table), compression=COMPRESSION,
+            compressed_size=len(packed), uncompressed_size=len(content)))
+        self._begin_chunk()
+
+    def _write(self, data: bytes) -> None:
+        """Into the part of the file that the data's CRC covers."""
+        self._data_crc = zlib.crc32(data, self._data_crc)
+        self._file.write(data)
+
+
+def _bytes(record) -> bytes:
+    """A record of the library's as it stands in a file."""
+    builder = RecordBuilder()
+    record.write(builder)
+    return builder.end()

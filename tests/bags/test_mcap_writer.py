@@ -1,0 +1,45 @@
+"""Our writer of the container against the library's: the same calls, the same bytes."""
+
+import io
+
+from mcap.writer import CompressionType, Writer
+
+from rig_nodes.bags.mcap_writer import McapWriter
+
+CHUNK_BYTES = 20_000  # so that one is closed by its size
+
+
+def test_the_bytes_are_those_of_the_mcap_library(messages):
+    rows = messages(0.4)
+    topics = sorted({topic for topic, _, _ in rows})
+    theirs, ours = io.BytesIO(), io.BytesIO()
+    library = Writer(theirs, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_crcs=True,
+                     enable_data_crcs=True)
+    library.start(profile="ros2", library="a test")
+    writer = McapWriter(ours, "ros2", "a test", CHUNK_BYTES)
+    for one in (library, writer):
+        schema = one.register_schema("a/msg/Type", "ros2msg", b"float64 value")
+        channels = {topic: one.register_channel(topic, "cdr", schema, {"topic": topic}) for topic in topics}
+        for number, (topic, stamp, data) in enumerate(rows):
+            # not all of them in the order of time
+            stamp += 3_000_000 if number % 7 == 0 else 0
+            if one is writer:
+                one.add_message(channels[topic], stamp, data, number)
+            else:
+                one.add_message(channels[topic], stamp, data, stamp, number)
+            if number % 150 == 0:
+                one.flush()
+        one.flush()
+        one.flush()  # nothing in it
+        one.add_metadata("rosbag2", {"serialized_metadata": "text"})
+        one.finish()
+    assert len(ours.getvalue()) > 10 * 1000 and ours.getvalue() == theirs.getvalue()
+
+
+def test_a_file_without_a_message_is_the_librarys_too():
+    theirs, ours = io.BytesIO(), io.BytesIO()
+    library = Writer(theirs, compression=CompressionType.ZSTD, enable_data_crcs=True)
+    library.start(profile="ros2", library="a test")
+    library.finish()
+    McapWriter(ours, "ros2", "a test", CHUNK_BYTES).finish()
+    assert ours.getvalue() == theirs.getvalue()
