@@ -173,7 +173,7 @@ class Container:
     def is_over(self) -> bool:
         """Asked at every tick: tells the supervisor what changed, and brings an early end into the safe state."""
         rig = self.rig
-        self.outputs.overruns = self.clock.overruns
+        self.outputs.states.overruns = self.clock.overruns
         now = (rig.status, rig.reason)
         if now != self._seen or rig.sample % 1000 == 0:
             self._seen = now
