@@ -103,7 +103,8 @@ class Rows:
         self.rig, self.period = rig, period
         self._per_sample = round(SAMPLE_NS * 1e-9 / period)
         if abs(self._per_sample * period - SAMPLE_NS * 1e-9) > 1e-12 or self._per_sample < 1:
-            raise RigError(f"rows every {period * 1e6:g} us do not fit into samples of 1000 us; take e.g. 100 us or 8 us")
+            raise RigError(f"rows every {period * 1e6:g} us do not fit into samples of 1000 us; take e.g. 100 us or "
+                           "8 us")
         rig.rows_at(period, 0, 0)  # refuses a period that is no whole number of steps
         self._chunks: list[np.ndarray] = []
         self._taken = 0
