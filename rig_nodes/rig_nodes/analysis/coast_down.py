@@ -13,7 +13,7 @@ from .edges import first_true, odd_width, running_mean
 MEAN = 20e-3  # s over which the speed is averaged where its cut and its standstill are looked for
 BEFORE = 0.5  # s before the cut that give speed and torque
 STANDSTILL = 0.02  # share of the speed before the cut below which the shaft counts as standing
-FALL = 0.01  # share of the speed whose loss shows that the drive is cut off
+FALL = 0.01  # share of the speed whose loss shows that the drive is cut off; the first fall is five of it
 
 
 def coast_down(t: np.ndarray, w: np.ndarray, torque, t_cut: float | None = None, down_to: float = STANDSTILL,
@@ -90,20 +90,20 @@ def _torque(t: np.ndarray, torque, before: np.ndarray) -> float:
 
 
 def _cut(t: np.ndarray, smooth: np.ndarray, period: float) -> float:
-    """When the last long fall of the speed begins: from 1 to 5 % lost, followed back to the speed before."""
-    full = float(np.median(smooth[smooth > 0.5 * smooth.max()])) if smooth.max() > 0.0 else 0.0
-    lost = full - smooth
-    far = first_true(lost > 0.05 * full, int(np.argmax(smooth > 0.97 * full)))
-    if full <= 0.0 or far is None:
-        raise RigError("the speed never falls by 5 %; there is no coast-down in this recording")
-    held = np.flatnonzero(lost[:far] < FALL * full)
-    if held.size == 0:
+    """When the last long fall of the speed begins: a line through its first 5 %, followed back to the speed before."""
+    top = float(smooth.max())
+    far = int(np.flatnonzero(smooth >= 0.9 * top)[-1])
+    deep = first_true(smooth <= 0.8 * top, far)
+    if top <= 0.0 or deep is None or deep - far < 3:
+        raise RigError("the speed never falls by a fifth; there is no coast-down in this recording")
+    slope = np.polyfit(t[far : deep + 1], smooth[far : deep + 1], 1)[0]
+    # the fall is steepest at its start, so this guess is early
+    guess = t[far] + 0.1 * top / slope
+    steady = smooth[(t > guess - BEFORE) & (t < guess)]
+    if steady.size * period < 0.5 * BEFORE:
         return float(t[0])
-    part = slice(int(held[-1]) + 1, far + 1)
-    # the speed just before it begins to go, not the median: both may drift
-    near = slice(max(0, part.start - int(2.0 * BEFORE / period)), max(1, part.start - int(0.5 * BEFORE / period)))
-    level = float(np.median(smooth[near]))
-    if part.stop - part.start < 3:
-        return float(t[part.start])
+    full = float(np.median(steady))
+    begun = int(np.flatnonzero(smooth[: far + 1] >= (1.0 - FALL) * full)[-1])
+    part = slice(begun, max(begun + 3, first_true(smooth <= (1.0 - 5.0 * FALL) * full, begun) + 1))
     slope, offset = np.polyfit(t[part], smooth[part], 1)
-    return float(np.clip((level - offset) / slope, t[0], t[part.start])) if slope < 0.0 else float(t[part.start])
+    return float(np.clip((full - offset) / slope, t[0], t[begun]))

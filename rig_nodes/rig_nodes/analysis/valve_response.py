@@ -13,6 +13,7 @@ from .edges import first_true, odd_width, ramp_start, running_mean
 
 MAINS, HARMONICS = 50.0, 10  # Hz; the thesis prints 50 Hz and a period of 2 ms, the tenth harmonic
 MAINS_RANGE = 0.2  # Hz that a power grid strays
+HUM_MEAN = 1e-4  # s
 BEFORE = 0.1  # s of signal that must be there before the first pulse
 PULSE = 16e-6  # s that a pulse must last, two samples at 125 kHz: a single sample may be a spike
 COARSE_MEAN = 1e-3  # s, where no PWM frequency is found
@@ -89,28 +90,31 @@ def _first_pulse(coil: np.ndarray, period: float) -> tuple[int, float | None]:
 
 def _without_hum(t: np.ndarray, pressure: np.ndarray, pulse: int) -> tuple[np.ndarray, float, float]:
     """The pressure less the hum fitted before the pulse; the hum's frequency and amplitude."""
-    before = slice(0, pulse)
-    mean = float(np.mean(pressure[before]))
+    # on means over 0.1 ms, which leave 99.6 % of the tenth harmonic and a twelfth of the samples
+    step = max(1, int(round(HUM_MEAN * (t.size - 1) / (t[-1] - t[0]))))
+    rows = t.size // step * step
+    at, mean = (x[:rows].reshape(-1, step).mean(axis=1) for x in (t, pressure))
+    before = slice(0, max(1, pulse // step))
+    level = float(np.mean(mean[before]))
 
-    def base(at, hz):
-        angle = 2.0 * np.pi * hz * np.outer(at, np.arange(1, HARMONICS + 1))
-        return np.hstack([np.sin(angle), np.cos(angle), np.ones((at.size, 1))])
-
-    # the frequency is looked for on every 40th mean: the harmonics end far below half of that rate
-    step = max(1, int(round(4e-4 / ((t[-1] - t[0]) / (t.size - 1)))))
-    rows = pulse // step * step
-    coarse_t = t[:rows].reshape(-1, step).mean(axis=1)
-    coarse = pressure[:rows].reshape(-1, step).mean(axis=1) - mean
+    def base(times, hz):
+        angle = 2.0 * np.pi * hz * np.outer(times, np.arange(1, HARMONICS + 1))
+        return np.hstack([np.sin(angle), np.cos(angle), np.ones((times.size, 1))])
 
     def left(hz):
-        b = base(coarse_t, hz)
-        return float(np.sum((coarse - b @ np.linalg.lstsq(b, coarse, rcond=None)[0]) ** 2))
+        b = base(at[before], hz)
+        factors = np.linalg.lstsq(b, mean[before] - level, rcond=None)[0]
+        return float(np.sum((mean[before] - level - b @ factors) ** 2))
 
-    hz = float(minimize_scalar(left, bounds=(MAINS - MAINS_RANGE, MAINS + MAINS_RANGE), method="bounded").x)
-    factors = np.linalg.lstsq(base(t[before], hz), pressure[before] - mean, rcond=None)[0]
+    # high harmonics make several minima: the best of a grid, then the best near it
+    grid = np.linspace(MAINS - MAINS_RANGE, MAINS + MAINS_RANGE, 17)
+    best, step_hz = grid[int(np.argmin([left(hz) for hz in grid]))], grid[1] - grid[0]
+    hz = float(minimize_scalar(left, bounds=(best - step_hz, best + step_hz), method="bounded",
+                               options={"xatol": 1e-4}).x)
+    factors = np.linalg.lstsq(base(at[before], hz), mean[before] - level, rcond=None)[0]
     factors[-1] = 0.0
-    hum = base(t, hz) @ factors
-    return pressure - hum, hz, float(0.5 * (hum[before].max() - hum[before].min()))
+    hum = base(at, hz) @ factors
+    return pressure - np.interp(t, at, hum), hz, float(0.5 * np.ptp(hum[before]))
 
 
 def _rise(clean, smooth, pulse, noise, period) -> tuple[float, float, float]:
