@@ -61,8 +61,17 @@ def delay_series(conditions: dict, run) -> list[list[Record]]:
     return [found["I-II"][i] + found["II-I"][i] for i in range(count)]
 
 
-def grid(procedure: str, conditions: dict, run) -> list[list[Record]]:
-    """The shift of the grid's own direction, with its pressures over time and its torque before, during and after."""
+def grid_up(conditions: dict, run) -> list[list[Record]]:
+    """The upshift, with its pressures over time and its torque before, during and after."""
+    return _grid("grid_up", conditions, run)
+
+
+def grid_down(conditions: dict, run) -> list[list[Record]]:
+    """The downshift, likewise."""
+    return _grid("grid_down", conditions, run)
+
+
+def _grid(procedure: str, conditions: dict, run) -> list[list[Record]]:
     shift = conditions["shift"]
     rows = _rows(run.recording, shift)
     if not rows:
