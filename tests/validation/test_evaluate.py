@@ -119,7 +119,7 @@ def test_a_difference_pairs_like_with_like():
     records[-1].values["m_wej_max_nm"] = 201.0
     worst = evaluate(row, records)
     assert (worst.verdict, worst.value, worst.count) == ("outside", 99.0, 2)
-    assert worst.place == {"n_wej": pytest.approx(2000.0 * RPM), "m_wyj": 40.0, "shift": ("I-II", "II-I")}
+    assert worst.place == {"n_wej": pytest.approx(2000.0 * RPM)}  # the load is the same in both
     alone = evaluate(row, grid({(1000, 40): 1.0, (2000, 40): 1.0}) + grid({(1000, 80): 1.0, (2000, 80): 1.0}, shift="II-I"))
     assert alone.verdict == "not compared" and "both sides" in alone.reason
 

@@ -6,15 +6,15 @@ Used by validation.programme on the averaged records of everything that ran.
 from __future__ import annotations
 
 from ..analysis.engagement import engagement_ranks
-from .readers import NO_DIP
 from .records import Record, group
 
+NO_DIP = 0.95  # k, Annex A and 7.4.2.3
 TORQUE_ALIKE, TIME_ALIKE = 1.01, 0.01  # Nm, s: apart by less, two values count as equal (7.1, 9.2.2)
 
 
 def derive(records: list[Record]) -> list[Record]:
     """The further records; the given ones are not changed."""
-    return [*_ranks(records), *_delays(records), *_measured(records)]
+    return [*_ranks(records), *_dips(records), *_delays(records), *_measured(records)]
 
 
 def _whole(records, procedure: str, quantity: str, **conditions) -> list[Record]:
@@ -34,16 +34,29 @@ def _ranks(records) -> list[Record]:
     return out
 
 
+def _dips(records) -> list[Record]:
+    """dip of every shift, by the mean of its repeats."""
+    out = []
+    for name in ("delay_series", "grid_up", "grid_down"):
+        for r in _whole(records, name, "k"):
+            k = r.values["k"]
+            out.append(Record(name, r.conditions, {"dip": None if k is None else "dip" if k < NO_DIP else "no dip"},
+                              {"dip": r.why["k"]} if k is None and "k" in r.why else {}))
+    return out
+
+
 def _delays(records) -> list[Record]:
     """Which of the 19 series has the smallest upshift peak and the shortest downshift, and where the dip begins."""
     up = [r for r in _whole(records, "delay_series", "m_wej_max_nm", shift="I-II") if "series" in r.conditions]
     down = [r for r in _whole(records, "delay_series", "t_dt_s", shift="II-I") if "series" in r.conditions]
     out = _lowest(up, "m_wej_max_nm", TORQUE_ALIKE, "smallest", "not smallest")
     out += _lowest(down, "t_dt_s", TIME_ALIKE, "shortest", "not shortest")
-    begins, why = dip_begins(up) if up else (None, "")
-    # a result of all series together, held at each so that a row may ask for all
-    return out + [Record("delay_series", r.conditions, {"dip_begins_s": begins},
-                         {} if begins is not None else {"dip_begins_s": why}) for r in up]
+    if up:
+        begins, why = dip_begins(up)
+        together = {name: up[0].conditions[name] for name in ("shift", "n_wej", "m_wyj")}
+        out.append(Record("delay_series", {**together, "series": "all"}, {"dip_begins_s": begins},
+                          {} if begins is not None else {"dip_begins_s": why}))
+    return out
 
 
 def _lowest(series, quantity: str, alike: float, yes: str, no: str) -> list[Record]:

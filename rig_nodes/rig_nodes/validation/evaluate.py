@@ -100,8 +100,14 @@ def evaluate(target: Target, records: list[Record], absent: dict[str, str] | Non
         verdict, reason = NOT_COMPARED, f"for information: {target.why}"
     if worst is None:
         return Row(target, verdict, low=target.low, high=target.high, reason=reason, every=tuple(judged))
-    return Row(target, verdict, worst.value, worst.low, worst.high, worst.place, worst.judged_by, reason,
-               len(found), inside, tuple(judged))
+    return Row(target, verdict, worst.value, worst.low, worst.high, _telling(target, worst, judged), worst.judged_by,
+               reason, len(found), inside, tuple(judged))
+
+
+def _telling(target: Target, worst: Judged, judged) -> dict:
+    """The part of a place that tells it from the others."""
+    return {name: value for name, value in worst.place.items()
+            if name == target.over or any(one.place.get(name) != value for one in judged)}
 
 
 def _why_not(target, unknown, lacking, absent) -> str:
@@ -322,7 +328,7 @@ def _monotone(target, place, xs, ys) -> Judged:
     at = int(np.argmin(sign * steps))
     tolerance = _tolerance(target, ys)
     place = {**place, target.over: (xs[at + 1], xs[at])}
-    low, high = (-tolerance, None) if sign > 0.0 else (None, tolerance)
+    low, high = (0.0 - tolerance, None) if sign > 0.0 else (None, tolerance)
     return _within(float(steps[at]), low, high, place, "worst step")
 
 

@@ -24,7 +24,7 @@ PEOPLE = {"angular velocity": "rpm", "time": "ms", "pressure": "MPa", "length": 
 
 @dataclass(frozen=True)
 class Record:
-    """Results of one test under its conditions, SI throughout.
+    """Results of one test under its conditions, SI throughout; ``series`` may be "all" for what all gave together.
 
     conditions: names as in targets.yaml and the variable of a curve that has no such name (``s``); values:
     quantities of targets.yaml -> number, class (text), or None where it could not be found; why: quantity ->
@@ -95,6 +95,8 @@ def _missing_series(found, procedure: str) -> list[str]:
     out = []
     for valve in {r.conditions.get("valve") if None not in counts else None for r in found}:
         there = {r.conditions["series"] for r in found if valve in (None, r.conditions.get("valve"))}
+        if "all" in there:
+            continue  # a result of all series together
         lacking = sorted(set(range(1, counts.get(valve, 0) + 1)) - there)
         if lacking:
             out.append(f"series {', '.join(map(str, lacking))}" + (f" of {valve}" if valve else ""))
