@@ -176,8 +176,13 @@ def load_rig(name: str | Path = "hydmag", overrides: dict[str, str] | None = Non
         raise RigError(f"{where_of(path, node, 'controller')}: controller: {error}") from None
     config = RigConfig(name=Path(path).stem, kernel=kernel, wiring=_wiring(node["wiring"], path),
                        alfa46=read_alfa46(controller), cut=cut, cut_out=cut_out, **parts)
+    return with_overrides(config, overrides or {})
+
+
+def with_overrides(config: RigConfig, overrides: dict[str, str]) -> RigConfig:
+    """The rig with some values changed, as :func:`load_rig` takes them; RigError for those that do not fit."""
     points = {}
-    for key, text in (overrides or {}).items():
+    for key, text in overrides.items():
         if match := _POINT_KEY.fullmatch(key):
             points[match.groups()] = text
         else:
