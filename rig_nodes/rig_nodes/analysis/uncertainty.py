@@ -13,7 +13,7 @@ from .metrics import RATIO, RPM, TORQUE_SPEED_MEAN, Inertias
 PERIOD = 1e-4  # s between two samples of the logger HMG 4000
 # MPa/s at which chapter 9's fits of the releasing pressures begin to fall: the times count from there
 FALL_RATE = {1: 13.028e6, 2: 11.788e6}
-TIMES = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "overlap_s")
+STEEP_RISE = 45e-3  # s in which chapter 9's p2, and with it the torque, rises from contact to its end
 KISS_RATE = 0.5e6  # Pa/s at which a released clutch passes its kiss pressure
 
 
@@ -53,7 +53,8 @@ def uncertainty(row: dict, instruments: dict[str, Instrument] | None = None, ine
     row: of metrics.shift_metrics. instruments: torque, p1, p2, speed; those of tab. 7.1 by default. These are bounds,
     no standard deviations: all errors are taken at their largest and added (first order).
 
-    * n_wej, M_wyj, peak and lowest speed: the instrument's own. k: both speeds, relative errors added.
+    * n_wej, M_wyj, lowest speed: the instrument's own. k: both speeds, relative errors added. Peak: the torque meter's,
+      and what a mean over 2 ms takes off a torque that rises to it in 45 ms and then breaks down (it only reads low).
     * Times: one sample period, half the filter (1 ms), and at each end the instrument's error by the slope of what
       crosses a threshold there. Slip ends with both encoders' resolution by the slip's rate, which is the change of
       ratio by t_p. The releasing pressure falls as chapter 9 fitted it; its error counts in full although a constant
@@ -63,7 +64,9 @@ def uncertainty(row: dict, instruments: dict[str, Instrument] | None = None, ine
     """
     use = INSTRUMENTS if instruments is None else instruments
     torque, speed = use["torque"].error, use["speed"].error
-    found = {"n_wej_rpm": speed * RPM, "m_wyj_nm": torque, "m_wej_max_nm": torque, "n_wyj_min_rpm": speed * RPM}
+    found = {"n_wej_rpm": speed * RPM, "m_wyj_nm": torque, "n_wyj_min_rpm": speed * RPM}
+    if row["m_wej_max_nm"] is not None:
+        found["m_wej_max_nm"] = torque + 0.5 * TORQUE_SPEED_MEAN * abs(row["m_wej_max_nm"]) / STEEP_RISE
     w_in = None if row["n_wej_rpm"] is None else row["n_wej_rpm"] / RPM
     if row["k"] is not None:
         found["k"] = row["k"] * speed * RPM * (1.0 / row["n_wyj_min_rpm"] + 1.0 / row["n_wej_rpm"])
