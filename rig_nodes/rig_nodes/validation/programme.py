@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import fnmatch
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 from ..errors import RigError
 from ..testbench.campaign import Workers, run_campaign
@@ -44,7 +44,6 @@ class Result:
     rows: list[Row]
     records: list[Record]
     procedures: tuple[str, ...]
-    versions: dict[str, str] = field(default_factory=dict)
 
 
 def choose(patterns: Iterable[str] = (), procedures: Iterable[str] = ()) -> list[Target]:
@@ -58,12 +57,12 @@ def choose(patterns: Iterable[str] = (), procedures: Iterable[str] = ()) -> list
             raise RigError(f"unknown procedure '{name}', expected one of {', '.join(PROCEDURES)}")
     for pattern in patterns:
         if not any(fnmatch.fnmatchcase(target.id, pattern) for target in targets):
-            raise RigError(f"no row is called '{pattern}'; the ids stand in validation/targets.yaml, * matches any text")
+            raise RigError(f"no row is called '{pattern}'; ids stand in validation/targets.yaml, * matches any text")
     chosen = [target for target in targets
               if (not patterns or any(fnmatch.fnmatchcase(target.id, p) for p in patterns))
               and (not procedures or target.procedure in procedures)]
     if not chosen:
-        raise RigError(f"none of the rows {', '.join(patterns)} belongs to {', '.join(procedures)}")
+        raise RigError(f"no row of {', '.join(procedures)} is called {' or '.join(patterns)}")
     return chosen
 
 
