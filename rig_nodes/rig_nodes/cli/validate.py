@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 HELP = "hold the rig against everything that the laboratory printed"
+STARTING = 6.0  # what starting the processes costs, in the sizes of validation.programme
 
 
 def add_arguments(parser) -> None:
@@ -30,21 +31,19 @@ class Progress:
     """One line for each procedure on stderr, with the time that is left; on a terminal it is kept up to date."""
 
     def __init__(self, runs: dict[str, tuple[int, float]]):
-        self.sizes = {name: size / count for name, (count, size) in runs.items()}
-        self.whole = sum(size for _, size in runs.values())
-        self.before, self.now, self.start = 0.0, 0.0, time.monotonic()
+        self.sizes = {name: size for name, (_, size) in runs.items()}
+        self.left = sum(count * size for count, size in runs.values())
+        self.done, self.start = STARTING, time.monotonic()
         self.live = sys.stderr.isatty()
 
     def __call__(self, procedure: str, done: int, of: int) -> None:
-        self.now = done * self.sizes[procedure]
-        gone, share = time.monotonic() - self.start, (self.before + self.now) / self.whole
-        text = f"{procedure:<15} {done:>3} of {of} runs, {gone:.0f} s, about {gone / share - gone:.0f} s left"
+        self.done, self.left = self.done + self.sizes[procedure], self.left - self.sizes[procedure]
+        gone = time.monotonic() - self.start
+        text = f"{procedure:<15} {done:>3} of {of} runs, {gone:.0f} s, about {gone / self.done * self.left:.0f} s left"
         if self.live:
             print(f"\r{text:<79}", end="\n" if done == of else "", file=sys.stderr, flush=True)
         elif done == of:
             print(text, file=sys.stderr, flush=True)
-        if done == of:
-            self.before, self.now = self.before + self.now, 0.0
 
 
 def main(args) -> int:
@@ -67,11 +66,11 @@ def main(args) -> int:
         _make_folder(args.pictures)
 
     procedures = programme.needed(targets)
-    progress = Progress(programme.runs_of(procedures))
+    runs = programme.runs_of(procedures)
     # computed procedures need no processes
     many = Workers(args.jobs) if set(procedures) & set(programme.READERS) else contextlib.nullcontext()
     with many as workers:
-        result = programme.validate(targets, workers, args.rig, settings, progress)
+        result = programme.validate(targets, workers, args.rig, settings, Progress(runs))
 
     if args.json != "-":
         print(document.terminal(result.rows))

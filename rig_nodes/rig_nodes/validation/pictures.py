@@ -98,6 +98,7 @@ def figures(records: list[Record]) -> Iterator[tuple[str, Figure]]:
         found = [r for r in records if r.procedure == plan.procedure and plan.over in r.conditions
                  and isinstance(r.values.get(plan.quantity), float) and "phase" not in r.conditions
                  and ("time" in r.conditions) == (plan.over == "time")
+                 and r.conditions.get("m_wyj") != 0.0  # without load nothing was measured
                  and all(shown(name, r.conditions.get(name, "")) == shown(name, value) for name, value in plan.where)]
         if found:
             yield plan.name, _figure(plan, found, targets.get(plan.target))

@@ -8,6 +8,7 @@ from __future__ import annotations
 import fnmatch
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import cache
 
 from ..errors import RigError
 from ..testbench.campaign import Workers, run_campaign
@@ -34,7 +35,9 @@ PROCEDURES = (*READERS, *COMPUTED, *ABSENT)
 # rows that compare an up- with a downshift, whatever procedure they stand under, need both grids
 GRIDS = ("grid_up", "grid_down")
 BEYOND_T21 = ("-240 ms", "-260 ms")  # delays that the laboratory only expected something of, 7.3.3
-SIZES = {"valve_response": 10.0, "grid_up": 2.0, "grid_down": 2.0, "delay_series": 2.5}  # run time of one run, relative
+# seconds of one run on one core, about; only what they are against each other counts
+SIZES = {"valve_response": 2.5, "coast_down": 0.4, "profile_series": 0.15, "delay_series": 0.6, "grid_up": 0.5,
+         "grid_down": 0.7, "clutch_bench": 0.1, "spring_bench": 0.1}
 
 
 @dataclass(frozen=True)
@@ -46,12 +49,17 @@ class Result:
     procedures: tuple[str, ...]
 
 
+@cache
+def _targets() -> tuple[Target, ...]:
+    return tuple(load_targets())
+
+
 def choose(patterns: Iterable[str] = (), procedures: Iterable[str] = ()) -> list[Target]:
     """The targets whose id matches one of the patterns (shell wildcards) and that belong to one of the procedures.
 
     Empty: all. RigError for a pattern that matches nothing and for an unknown procedure.
     """
-    targets = load_targets()
+    targets = _targets()
     for name in procedures:
         if name not in PROCEDURES:
             raise RigError(f"unknown procedure '{name}', expected one of {', '.join(PROCEDURES)}")
@@ -130,12 +138,9 @@ def measure_procedure(procedure: str, workers: Workers | None = None, rig: str =
 
 
 def runs_of(procedures: Iterable[str]) -> dict[str, tuple[int, float]]:
-    """Procedure -> (number of runs, their size against each other), to tell the time that is left."""
-    out = {}
-    for name in procedures:
-        count = sum(one.repeats for one in series_of(name)) if name in READERS else 1
-        out[name] = (count, count * (SIZES.get(name, 1.0) if name in READERS else 0.1))
-    return out
+    """Procedure -> (number of runs, size of one), to tell the time that is left."""
+    return {name: (sum(one.repeats for one in series_of(name)) if name in READERS else 1, SIZES[name])
+            for name in procedures}
 
 
 def validate(targets: list[Target], workers: Workers | None = None, rig: str = "hydmag",
