@@ -56,6 +56,20 @@ def test_rows_orders_and_events_are_those_of_the_bag(tmp_path, config, text, sta
     assert sorted(told) == sorted(e for e in run.events if state == "ended" or e[0] <= told[-1][0])
 
 
+def test_the_truth_stands_beside_the_rows(tmp_path, config):
+    sequence = written(tmp_path, WAITS)
+    plain, run = record(config, sequence), record(config, sequence, truth=("s1_slip", "motor_torque"))
+    channels = run.recording.channels
+    assert all(np.array_equal(values, plain.recording.channels[name]) for name, values in channels.items())
+    # wheel z3 on w0 less the intermediate shaft on wk, but for the encoders' noise and steps
+    slip = 34.0 / 47.0 * channels["n_wej"] - channels["n_wyj"]
+    assert run.truth["s1_slip"].shape == slip.shape and np.abs(slip).max() > 5.0
+    assert np.abs(run.truth["s1_slip"] - slip)[::10].max() < 0.15, "in the first row of each millisecond"
+    assert len(np.unique(run.truth["motor_torque"][20_000:20_010])) == 1 and run.truth["motor_torque"].max() > 5.0
+    with pytest.raises(RigError, match="p1: only signals of state topics"):
+        record(config, sequence, truth=("p1",))
+
+
 def test_the_seed_is_that_of_the_noise(tmp_path, config):
     sequence = written(tmp_path, "description: x\nsteps: [{wait: {for: 20 ms}}]\n")
     first, again, other = (record(config, sequence, seed).recording.channels["p1"] for seed in (1, 1, 2))

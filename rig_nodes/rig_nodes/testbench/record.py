@@ -28,12 +28,39 @@ class Run:
     """What a recorded run gives.
 
     recording: all of kernel.CHANNELS, SI, with the orders of gear. end: ``state`` (ended, failed) and ``reason``.
-    events: (time [s], name, text, value) of sequencer and controller.
+    events: (time [s], name, text, value) of sequencer and controller. truth: signal -> what the plant knew, on the same
+    rows; it is known once a controller sample, which the rows of that millisecond share.
     """
 
     recording: Recording
     end: dict
     events: list[tuple[float, str, str, float]] = field(default_factory=list)
+    truth: dict[str, np.ndarray] = field(default_factory=dict)
+
+
+class Truth:
+    """Signals of the state topics, noted once a controller sample."""
+
+    def __init__(self, rig: Rig, signals: tuple[str, ...]):
+        self.signals, self._states, self._heard = signals, States(rig), Heard()
+        self._topics = sorted({Heard.topic(name) for name in signals})
+        unknown = [name for name in signals if Heard.topic(name) not in self._states.topics]
+        if unknown:
+            raise RigError(f"{', '.join(unknown)}: only signals of state topics are known without a transducer; "
+                           "docs/signals.md lists them")
+        self._values: list[list[float]] = []
+
+    def note(self) -> None:
+        """The values of now."""
+        self._states.refresh()
+        for topic in self._topics:
+            self._heard.fields[topic] = self._states.topics[topic]()
+        self._values.append([self._heard.reading(name) for name in self.signals])
+
+    def on_rows(self, rows: int, per_sample: int) -> dict[str, np.ndarray]:
+        """Signal -> values (rows,)."""
+        values = np.repeat(np.array(self._values).reshape(-1, len(self.signals)), per_sample, axis=0)[:rows]
+        return dict(zip(self.signals, np.ascontiguousarray(values.T)))
 
 
 class Listener:
@@ -42,9 +69,9 @@ class Listener:
     In place of Outputs: publishes nothing, but knows when it would have been published.
     """
 
-    def __init__(self, rig: Rig, signals: list[str]):
+    def __init__(self, rig: Rig, signals: list[str], truth: Truth | None = None):
         """signals: those that will be asked for; others of transducers may be asked too."""
-        self.rig, self.events, self.orders = rig, [], []
+        self.rig, self.truth, self.events, self.orders = rig, truth, [], []
         self._states, self._heard = States(rig), Heard()
         topics = {Heard.topic(name) for name in signals}
         self._command = COMMAND in topics
@@ -81,8 +108,12 @@ class Listener:
         self._go(samples)
 
     def _go(self, samples: int) -> None:
-        if samples:
+        if self.truth is None:
             self.rig.advance_samples(samples)
+            return
+        for _ in range(samples):
+            self.truth.note()
+            self.rig.advance_samples(1)
 
     def event(self, topic: str, name: str, text: str, value: float = 0.0) -> None:
         """Note an event of now."""
@@ -101,8 +132,8 @@ class Rows:
 
     def __init__(self, rig: Rig, period: float):
         self.rig, self.period = rig, period
-        self._per_sample = round(SAMPLE_NS * 1e-9 / period)
-        if abs(self._per_sample * period - SAMPLE_NS * 1e-9) > 1e-12 or self._per_sample < 1:
+        self.per_sample = round(SAMPLE_NS * 1e-9 / period)
+        if abs(self.per_sample * period - SAMPLE_NS * 1e-9) > 1e-12 or self.per_sample < 1:
             raise RigError(f"rows every {period * 1e6:g} us do not fit into samples of 1000 us; take e.g. 100 us or "
                            "8 us")
         rig.rows_at(period, 0, 0)  # refuses a period that is no whole number of steps
@@ -111,28 +142,29 @@ class Rows:
 
     def take(self, sample: int) -> None:
         """The rows before that of a sample."""
-        rows = sample * self._per_sample - self._taken
+        rows = sample * self.per_sample - self._taken
         self._chunks.append(self.rig.rows_at(self.period, self._taken, rows))
         self._taken += rows
 
     def channels(self) -> dict[str, np.ndarray]:
         """Channel -> values."""
-        rows = np.concatenate(self._chunks) if self._chunks else np.zeros((0, len(kernel.CHANNELS)))
-        return dict(zip(kernel.CHANNELS, np.ascontiguousarray(rows.T)))
+        return dict(zip(kernel.CHANNELS, np.ascontiguousarray(np.concatenate(self._chunks).T)))
 
 
 def record(config: RigConfig, sequence: Sequence, seed: int = 1, rows_per_second: int | None = None,
-           period: float | None = None) -> Run:
+           period: float | None = None, truth: tuple[str, ...] = ()) -> Run:
     """Run the sequence on a rig with its embedded Alfa46 and keep its rows.
 
     rows_per_second: 10000 if not given, as the logger HMG 4000; or ``period`` [s] between two rows, e.g. 8e-6 with a
     ``kernel.step`` of 8 us for every row of the kernel, as the NI-USB 6210. Rows are taken as they are, not averaged.
+    truth: names of signals of the state topics, e.g. ("s1_torque", "s1_slip"); asking for some takes twice as long.
     A sequence that fails keeps what was recorded until then. RigError when rows and steps do not fit.
     """
     if period is None:
         period = LOGGER_PERIOD if rows_per_second is None else 1.0 / rows_per_second
     rig = Rig(config, seed)
-    listener = Listener(rig, signals_of(sequence))
+    known = Truth(rig, truth) if truth else None
+    listener = Listener(rig, signals_of(sequence), known)
     runner = SequenceRunner(sequence, LocalBench(rig, listener), config.load_pump)
     rows = Rows(rig, period)
     end = {"state": "ended", "reason": "the sequence ended"}
@@ -147,7 +179,9 @@ def record(config: RigConfig, sequence: Sequence, seed: int = 1, rows_per_second
     except SequenceFailed as failure:
         end = {"state": "failed", "reason": str(failure)}
         rows.take(rig.sample - TICK_SAMPLES)  # as simulate, which publishes nothing more at this tick
-    return Run(Recording(0.0, period, rows.channels(), listener.orders), end, listener.events)
+    recording = Recording(0.0, period, rows.channels(), listener.orders)
+    on_rows = known.on_rows(recording.rows, rows.per_sample) if known else {}
+    return Run(recording, end, listener.events, on_rows)
 
 
 def signals_of(sequence: Sequence) -> list[str]:
