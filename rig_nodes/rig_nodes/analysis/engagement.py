@@ -307,18 +307,19 @@ def _longest_level(grid: np.ndarray, middle: np.ndarray, swing: float, slope: fl
     """First and last index of the longest stretch inside ``middle`` that swings by at most ``swing`` and whose fitted
     slope is at most ``slope`` per step; None where not even three values in a row are level.
     """
+    index, away = np.arange(grid.size), grid - grid[0]
+    total, moment = (np.concatenate(([0.0], np.cumsum(x))) for x in (away, index * away))
+    outside = np.concatenate(([0], np.cumsum(~middle)))
     for length in range(grid.size, 2, -1):
-        shift = length // 2
-        # value i of a filter of odd or even size, moved so that it belongs to the stretch that begins at i
-        count = grid.size - length + 1
-        highest = maximum_filter1d(grid, length, origin=0)[shift : shift + count]
-        lowest = minimum_filter1d(grid, length, origin=0)[shift : shift + count]
-        level = highest - lowest <= swing
-        if not level.any():
-            continue
-        inside = minimum_filter1d(middle.astype(np.uint8), length)[shift : shift + count] > 0
-        for i in np.flatnonzero(level & inside):
-            fit = np.polyfit(np.arange(length), grid[i : i + length], 1)[0]
-            if abs(fit) <= slope:
-                return int(i), int(i) + length - 1
+        shift, count = length // 2, grid.size - length + 1
+        # value i of a filter, moved so that it belongs to the stretch that begins at i
+        highest = maximum_filter1d(grid, length)[shift : shift + count]
+        lowest = minimum_filter1d(grid, length)[shift : shift + count]
+        first, last = index[:count], index[:count] + length
+        # least squares over each stretch, from running sums
+        centred = moment[last] - moment[first] - (first + 0.5 * (length - 1)) * (total[last] - total[first])
+        fitted = centred / (length * (length**2 - 1) / 12.0)
+        hit = first_true((highest - lowest <= swing) & (outside[last] == outside[first]) & (np.abs(fitted) <= slope))
+        if hit is not None:
+            return hit, hit + length - 1
     return None

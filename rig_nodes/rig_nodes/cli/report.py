@@ -37,6 +37,9 @@ def main(args) -> int:
     """Compute the report, write it beside the bag, print it."""
     if args.factor is not None and not args.annex_a:
         raise RigError("--factor is Annex A's; give --annex-a too")
+    if args.factor is not None and not args.factor > 1.0:
+        raise RigError(f"--factor is {args.factor:g}; it is the upper edge of a band around the settled torque, e.g. "
+                       f"{FACTOR_B}")
     annex = (FACTOR_B if args.factor is None else args.factor) if args.annex_a else None
     report = _report_of_csv(args, annex) if args.run.lower().endswith(".csv") else _report_of_bag(args, annex)
     print(json.dumps(report, indent=2, ensure_ascii=False) if args.json else format_report(report))
