@@ -23,11 +23,13 @@ def states():
     t = np.arange(0.0, 3.0, 0.005)
     w = np.full(t.size, 150.0)
     w_wyj = np.interp(t, [1.4, 1.45, 1.5, 1.6], np.array([1 / I1, 0.9 / I1, 1 / I1, 1 / I2]) * 150.0)
-    gearbox = {"t": t, "m_wej": np.interp(t, [1.3, 1.55, 1.6, 1.7], [60.0, 250.0, 240.0, 80.0]), "w_wej": w, "w_wyj": w_wyj}
+    m_wej = np.interp(t, [1.3, 1.55, 1.6, 1.7], [60.0, 250.0, 240.0, 80.0])
+    gearbox = {"t": t, "m_wej": m_wej, "w_wej": w, "w_wyj": w_wyj}
     one = {"t": t, "mode": np.where(t < 1.3, 2.0, 0.0), "heat": np.interp(t, [1.2, 1.4], [0.0, 50.0]),
            "torque": np.where(t < 1.3, 70.0, -15.0)}
     two = {"t": t, "mode": np.select([t < 1.3, t < 1.6 - 1e-9], [0.0, 1.0], 2.0),
-           "heat": np.interp(t, [1.3, 1.6, 1.65, 1.9], [10.0, 310.0, 312.0, 999.0]), "torque": np.where(t < 1.3, 0.0, 90.0)}
+           "heat": np.interp(t, [1.3, 1.6, 1.65, 1.9], [10.0, 310.0, 312.0, 999.0]),
+           "torque": np.where(t < 1.3, 0.0, 90.0)}
     return {"/gearbox/state": gearbox, "/clutch_s1/state": one, "/clutch_s2/state": two}
 
 
@@ -35,7 +37,8 @@ def test_metrics_by_hand():
     truth = truth_of(states(), ROW)
     assert truth["t_lock_s"] == pytest.approx(0.6)
     assert truth["m_wej_max_nm"] == pytest.approx(250.0)
-    assert truth["k"] == pytest.approx(0.9) and truth["n_wyj_min_rpm"] == pytest.approx(0.9 * 150 / I1 * 9.5493, rel=1e-4)
+    assert truth["k"] == pytest.approx(0.9)
+    assert truth["n_wyj_min_rpm"] == pytest.approx(0.9 * 150 / I1 * 9.5493, rel=1e-4)
     # from 1.0 s to the settled torque at 1.7 s
     assert truth["heat_s1_j"] == pytest.approx(50.0)
     assert truth["heat_s2_j"] == pytest.approx(302.0 + 687.0 * 0.05 / 0.25)
@@ -63,11 +66,13 @@ def test_on_the_sample_bag_truth_and_transducers_agree():
     assert truth["t_lock_s"] == pytest.approx(row["t_c_s"], abs=0.01)
     assert truth["k"] == pytest.approx(row["k"], abs=0.01)
     # states 5 ms apart may pass over the peak's tip, they never show more than there was
-    assert 0.5 * row["m_wej_max_nm"] < truth["m_wej_max_nm"] < row["m_wej_max_nm"] + report["uncertainty"][0]["m_wej_max_nm"]
-    assert truth["heat_s1_j"] + truth["heat_s2_j"] == pytest.approx(account["heat_s1_j"] + account["heat_s2_j"], rel=0.02)
+    peak = row["m_wej_max_nm"]
+    assert 0.5 * peak < truth["m_wej_max_nm"] < peak + report["uncertainty"][0]["m_wej_max_nm"]
+    for heat in ("heat_s1_j", "heat_s2_j"):
+        assert truth[heat] == pytest.approx(account[heat], rel=0.02, abs=1.0)
     text = format_report(report)
     assert f"order to lock-up {truth['t_lock_s'] * 1e3:.0f} ms ({row['t_c_s'] * 1e3:.0f})" in text
-    assert "not from states: t_dt_s" in text and "Annex A" in text
+    assert "not from states: t_d, t_p" in text and "Annex A" in text
 
 
 def test_a_bag_without_states_says_so():

@@ -88,7 +88,8 @@ class _Program:
         if not self.set_speed:
             self.why.append("the recording does not cover the time before the order")
             return
-        if not all(np.all(np.isfinite(x)) for x in (self.p[1], self.p[2], self.m_in, self.m_out, self.n_in, self.n_out)):
+        used = (self.p[1], self.p[2], self.m_in, self.m_out, self.n_in, self.n_out)
+        if not all(np.all(np.isfinite(channel)) for channel in used):
             self.why.append("a channel has values that are no numbers")
             return
         start = self.start()

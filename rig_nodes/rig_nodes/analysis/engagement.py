@@ -36,10 +36,10 @@ RISE_REACH = 30e-3  # s that the first rise is followed back at most
 NOISE_SWINGS, DIP_LEAST = 1.5, 0.005  # a dip counts above this many swings of the quiet pressure and this share
 
 # one row of engagement_metrics; times in s after the order, SI
-KEYS = ("gear", "t_order_s", "n_wej_before", "p_rest", "p_end", "rise_start_s", "rise_end_s", "slip_end_s", "engagement_s",
-        "engagement_peak_nm", "m_wej_mean_nm", "p_kiss", "kiss_s", "fill_start_s", "fill_end_s", "fill_r2", "fill_slope",
-        "growth_fill", "growth_contact", "hold", "hold_s", "hold_start_s", "hold_end_s", "hold_pressure", "pressure_rise",
-        "dip", "disturbance_start_s", "disturbance_end_s", "disturbed", "valid", "why")
+KEYS = ("gear", "t_order_s", "n_wej_before", "p_rest", "p_end", "rise_start_s", "rise_end_s", "slip_end_s",
+        "engagement_s", "engagement_peak_nm", "m_wej_mean_nm", "p_kiss", "kiss_s", "fill_start_s", "fill_end_s",
+        "fill_r2", "fill_slope", "growth_fill", "growth_contact", "hold", "hold_s", "hold_start_s", "hold_end_s",
+        "hold_pressure", "pressure_rise", "dip", "disturbance_start_s", "disturbance_end_s", "disturbed", "valid", "why")
 
 
 def engagement_metrics(recording: Recording, order: tuple[float, int, int],
@@ -120,7 +120,8 @@ class _Engagement:
             why.append(f"{', '.join(bad)} has values that are no numbers")
             return None
         lengths = {name: PRESSURE_MEAN if name in PRESSURE.values() else TORQUE_SPEED_MEAN for name in NEEDED}
-        smooth = {name: running_mean(raw[name], odd_width(length, recording.period)) for name, length in lengths.items()}
+        widths = {name: odd_width(length, recording.period) for name, length in lengths.items()}
+        smooth = {name: running_mean(raw[name], widths[name]) for name in NEEDED}
         return cls(recording.period, at - first, int(gear), raw, smooth, why)
 
     def samples(self, seconds: float) -> int:
@@ -169,14 +170,16 @@ class _Engagement:
         """
         size, noise = end - rest, float(np.std(p[: self.order]))
         if size < max(20.0 * noise, 1e5):
-            self.why.append(f"{name} did not rise: {rest / 1e6:.2f} MPa before the order, {end / 1e6:.2f} MPa at the end")
+            self.why.append(f"{name} did not rise: {rest / 1e6:.2f} MPa before the order, {end / 1e6:.2f} MPa at the "
+                            "end")
             return None
         moved = p - rest
         clear = first_true(moved >= RISEN * size, self.order)
         level = min(max(4.0 * noise, RISE_LEVEL * size), RISEN * size)
         below = np.flatnonzero(moved[:clear] < level)
         at = int(below[-1]) + 1 if below.size else clear
-        return max(float(self.order), ramp_start(self.raw[name] - rest, moved, at, RISEN * size, self.samples(RISE_REACH)))
+        start = ramp_start(self.raw[name] - rest, moved, at, RISEN * size, self.samples(RISE_REACH))
+        return max(float(self.order), start)
 
     def locking(self, row: dict, start: float) -> None:
         """Slip end, engagement time, peak torque and the torque of the closed clutch."""
@@ -228,7 +231,8 @@ class _Engagement:
         self.why.append(f"neither M_wyj nor M_wej rose by {TORQUE_CLEAR:g} Nm")
         return None
 
-    def hold(self, p: np.ndarray, rest: float, end: float, start: int, reached: int) -> tuple[float, float, float] | None:
+    def hold(self, p: np.ndarray, rest: float, end: float, start: int,
+             reached: int) -> tuple[float, float, float] | None:
         """(Start, end, pressure) of the hold phase, None without one: the longest level stretch of the rise.
 
         Level: swing and slope within their limits; between fill and regulation: neither near the rest nor near the end

@@ -58,8 +58,8 @@ def valve_delay(t: np.ndarray, coil: np.ndarray, pressure: np.ndarray) -> dict[s
 
 def _period(t, coil, pressure) -> float:
     if not (t.ndim == 1 and t.shape == coil.shape == pressure.shape and t.size > 100):
-        raise RigError(f"a valve response needs time, coil and pressure of one length, more than 100 samples; these have "
-                       f"the shapes {t.shape}, {coil.shape}, {pressure.shape}")
+        raise RigError("a valve response needs time, coil and pressure of one length, more than 100 samples; these "
+                       f"have the shapes {t.shape}, {coil.shape}, {pressure.shape}")
     for name, values in (("time", t), ("coil signal", coil), ("pressure", pressure)):
         if not np.all(np.isfinite(values)):
             raise RigError(f"the {name} of the valve response has values that are no numbers")
