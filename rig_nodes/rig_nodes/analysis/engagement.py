@@ -39,7 +39,8 @@ NOISE_SWINGS, DIP_LEAST = 1.5, 0.005  # a dip counts above this many swings of t
 KEYS = ("gear", "t_order_s", "n_wej_before", "p_rest", "p_end", "rise_start_s", "rise_end_s", "slip_end_s",
         "engagement_s", "engagement_peak_nm", "m_wej_mean_nm", "p_kiss", "kiss_s", "fill_start_s", "fill_end_s",
         "fill_r2", "fill_slope", "growth_fill", "growth_contact", "hold", "hold_s", "hold_start_s", "hold_end_s",
-        "hold_pressure", "pressure_rise", "dip", "disturbance_start_s", "disturbance_end_s", "disturbed", "valid", "why")
+        "hold_pressure", "level_s", "pressure_rise", "dip", "disturbance_start_s", "disturbance_end_s", "disturbed",
+        "valid", "why")
 
 
 def engagement_metrics(recording: Recording, order: tuple[float, int, int],
@@ -55,8 +56,9 @@ def engagement_metrics(recording: Recording, order: tuple[float, int, int],
     in that time. m_wej_mean_nm: 0.2 to 0.5 s after it, or as far as there is. p_kiss: pressure where M_wyj (M_wej
     where M_wyj does not grow) begins to rise clearly. fill: from the first rise to contact or to the hold phase,
     whichever is first; fill_r2 of the straight line through it. growth_fill, growth_contact: growth of pressure [Pa]
-    in the 20 ms before and after contact. hold: "hold" or "no hold"; hold_s is 0 without one. pressure_rise: "three
-    phases" or "no hold". dip: largest fall of the pressure between first rise and the end pressure [Pa], from
+    in the 20 ms before and after contact. hold: "hold" or "no hold"; hold_s is 0 without one. level_s: length of the
+    longest level stretch, also where it is too short for a hold: what repeats should be averaged over. pressure_rise:
+    "three phases" or "no hold". dip: largest fall of the pressure between first rise and the end pressure [Pa], from
     disturbance_start_s to disturbance_end_s; disturbed: "dips" or "monotone".
     """
     row = dict.fromkeys(KEYS)
@@ -148,8 +150,10 @@ class _Engagement:
         row["rise_start_s"], row["rise_end_s"] = self.since(start), self.since(reached)
         self.locking(row, start)
         kiss = self.kiss(row, start)
-        hold = self.hold(p, rest, end, int(start), reached)
-        row["hold_s"] = 0.0 if hold is None else (hold[1] - hold[0]) * self.period
+        level = self.level_stretch(p, rest, end, int(start), reached)
+        row["level_s"] = 0.0 if level is None else max(0.0, (level[1] - level[0]) * self.period)
+        hold = level if row["level_s"] >= HOLD_SHORTEST else None
+        row["hold_s"] = 0.0 if hold is None else row["level_s"]
         row["hold"] = "no hold" if hold is None else "hold"
         row["pressure_rise"] = "no hold" if hold is None else "three phases"
         if hold is not None:
@@ -231,9 +235,9 @@ class _Engagement:
         self.why.append(f"neither M_wyj nor M_wej rose by {TORQUE_CLEAR:g} Nm")
         return None
 
-    def hold(self, p: np.ndarray, rest: float, end: float, start: int,
-             reached: int) -> tuple[float, float, float] | None:
-        """(Start, end, pressure) of the hold phase, None without one: the longest level stretch of the rise.
+    def level_stretch(self, p: np.ndarray, rest: float, end: float, start: int,
+                      reached: int) -> tuple[float, float, float] | None:
+        """(Start, end, pressure) of the longest level stretch of the rise, None without one.
 
         Level: swing and slope within their limits; between fill and regulation: neither near the rest nor near the end
         pressure. Its ends are where the pressure leaves the level, followed back along the slopes.
@@ -255,10 +259,7 @@ class _Engagement:
         up = ramp_start(p - level, p - level, self.leaving(p - level, last, swing), span, reach)
         turned = level - p[::-1]
         down = p.size - 1 - ramp_start(turned, turned, self.leaving(turned, p.size - 1 - first, swing), span, reach)
-        down = max(down, float(start))
-        if (up - down) * self.period < HOLD_SHORTEST:
-            return None
-        return down, up, level
+        return max(down, float(start)), up, level
 
     @staticmethod
     def leaving(rise: np.ndarray, near: int, swing: float) -> int:
