@@ -76,8 +76,8 @@ def test_energy_is_the_printed_sum():
 
 def test_plain_and_annex_agree_where_the_recipe_is_sound():
     recording = Shift().recording(2)
-    recording = Recording(0.0, PERIOD, recording.channels | {name: Shift().channels()[name] for name in ("n_wej", "n_wyj")},
-                          recording.orders)
+    speeds = {name: Shift().channels()[name] for name in ("n_wej", "n_wyj")}
+    recording = Recording(0.0, PERIOD, recording.channels | speeds, recording.orders)
     (mine,), (annex,) = shifts(recording), shifts_annex_a(recording)
     assert annex["t_dt_s"] == pytest.approx(mine["t_dt_s"], abs=10e-3)
     assert annex["t_p_s"] == pytest.approx(mine["t_p_s"], abs=5e-3)
@@ -104,8 +104,8 @@ def test_what_the_recipe_cannot_answer_has_its_reason():
     down = Shift(up=False).recording()
     rests = Recording(0.0, PERIOD, down.channels | {"p1": down.channels["p1"] + 0.1e6}, down.orders)
     row = shift_metrics_annex_a(rests, DOWN)
-    assert row["t_c_s"] is None and row["why"] == ["t_c is counted from where p1 leaves exactly zero, and p1 was not at "
-                                                   "zero 1 s before p2 fell"]
+    assert row["t_c_s"] is None and len(row["why"]) == 1
+    assert "p1 was not at zero 1 s before p2 fell" in row["why"][0]
     assert row["t_dt_s"] is not None
     neutral = shift_metrics_annex_a(Shift().recording(), (1.0, 0, 2))
     assert neutral["why"] == ["Annex A knows only changes between I and II"]
@@ -119,4 +119,5 @@ def test_rows_come_for_the_same_orders_as_the_plain_ones():
     recording = Shift().recording()
     channels = {name: np.concatenate([values, values]) for name, values in recording.channels.items()}
     twice = Recording(0.0, PERIOD, channels, [(1.0, 1, 2), (2.9, 2, 0), (4.0, 1, 2)])
-    assert [row["t_order_s"] for row in shifts_annex_a(twice)] == [row["t_order_s"] for row in shifts(twice)] == [1.0, 4.0]
+    for rows in (shifts(twice), shifts_annex_a(twice)):
+        assert [row["t_order_s"] for row in rows] == [1.0, 4.0]

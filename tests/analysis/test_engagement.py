@@ -46,6 +46,7 @@ def test_only_a_level_longer_than_a_mains_period_is_a_hold(length, hold):
     row = metrics(Engagement(plateau_for=length))
     assert row["hold"] == hold
     assert row["hold_s"] == pytest.approx(length if hold == "hold" else 0.0, abs=6e-3)
+    assert row["level_s"] == pytest.approx(length, abs=6e-3)
 
 
 @pytest.mark.parametrize("engagement", [

@@ -89,7 +89,8 @@ def test_times_with_too_few_digits(tmp_path):
     path = write(tmp_path / "run.csv", rows=40)
     header, *lines = path.read_text(encoding="utf-8").splitlines()
     short = [line[:4] + line[line.index(";"):] for line in lines]  # 0,00
-    path.write_text("\n".join([header, *short[:1], *[s.replace("0,00", "0,01", 1) for s in short[1:]]]), encoding="utf-8")
+    later = [line.replace("0,00", "0,01", 1) for line in short[1:]]
+    path.write_text("\n".join([header, short[0], *later]), encoding="utf-8")
     with pytest.raises(RigError, match="too few digits"):
         read_logger_csv(path)
 

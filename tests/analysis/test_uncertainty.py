@@ -39,8 +39,8 @@ def test_metrics_by_hand():
     assert found["t_dt_s"] == pytest.approx(slip_end + 1.1e-3 + 0.1 / 13.028, rel=1e-3)
     assert found["t_o_s"] == pytest.approx(slip_end + 1.1e-3 + 0.14 * 1.01 / 264, rel=1e-3)
     w_in, w_out = 157.08, 157.08 / 1.025
-    by_hand = (1.01 * (w_in + w_out) + 0.10681 * 344) * 0.37 + 2 * 0.10681 * (0.709 * w_in + 0.1273 * 1.025**2 * w_out) \
-        + 1800 / 0.37 * found["t_dt_s"]
+    by_hand = (1.01 * (w_in + w_out) + 0.10681 * 344) * 0.37 + 1800 / 0.37 * found["t_dt_s"]
+    by_hand += 2 * 0.10681 * (0.709 * w_in + 0.1273 * 1.025**2 * w_out)
     assert found["e_loss_j"] == pytest.approx(by_hand, rel=1e-3)
     assert found["e_loss_settled_j"] > 0.0
 

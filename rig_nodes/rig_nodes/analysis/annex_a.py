@@ -33,14 +33,15 @@ VALVE_DELAY = {2: 0.330576, 1: 0.19516}  # s added to t_c for the engaging valve
 
 def shifts_annex_a(recording: Recording, inertias: Inertias = Inertias(), **factors) -> list[dict]:
     """One row for each order that :func:`metrics.shifts` gives a row, in the same order; see the next function."""
-    return [shift_metrics_annex_a(recording, order, inertias, end, **factors) for order, end in orders_of(recording)]
+    return [shift_metrics_annex_a(recording, order, end, inertias, **factors) for order, end in orders_of(recording)]
 
 
-def shift_metrics_annex_a(recording: Recording, order: tuple[float, int, int], inertias: Inertias = Inertias(),
-                          next_order_time: float | None = None, n_wej: float | None = None, a: float = FACTOR_A,
+def shift_metrics_annex_a(recording: Recording, order: tuple[float, int, int], next_order_time: float | None = None,
+                          inertias: Inertias = Inertias(), n_wej: float | None = None, a: float = FACTOR_A,
                           b: float = FACTOR_B, c: float = RISE_C) -> dict:
     """The metrics of one shift by Annex A, under the keys of :data:`metrics.KEYS`.
 
+    recording, order, next_order_time, inertias: as in metrics.shift_metrics; nothing after the next order is read.
     n_wej: the set input speed [rad/s] the program asks for, by default the mean of 0.2 s before the order. a, b:
     factors of the torque bands after II-I and I-II; c: rise of p2 over its rest [bar]. What the recipe does not give
     is None, with its reason in ``why``; overlap_s is not in it and has no reason. Engagements from neutral are none
@@ -88,7 +89,8 @@ class _Program:
         if not self.set_speed:
             self.why.append("the recording does not cover the time before the order")
             return
-        if not all(np.all(np.isfinite(x)) for x in (self.p[1], self.p[2], self.m_in, self.m_out, self.n_in, self.n_out)):
+        used = (self.p[1], self.p[2], self.m_in, self.m_out, self.n_in, self.n_out)
+        if not all(np.all(np.isfinite(channel)) for channel in used):
             self.why.append("a channel has values that are no numbers")
             return
         start = self.start()
@@ -172,7 +174,8 @@ class _Program:
         """First sample after which 999 samples of torque lie in the band, the engaging clutch above 20 bar."""
         late = recovered + SETTLED_AFTER
         if late + SETTLED_FOR >= self.m_in.size:
-            self.why.append("the recording ends before the 0.6 s that Annex A takes for the settled torque")
+            self.why.append("the recording ends, or the next order comes, before the 0.6 s that Annex A takes for the "
+                            "settled torque")
             return None
         # 1001 samples by 1000, as printed
         value = float(np.sum(self.m_in[late : late + SETTLED_FOR + 1])) / SETTLED_FOR

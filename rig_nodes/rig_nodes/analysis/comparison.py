@@ -39,9 +39,9 @@ def truth_lines(names: list[str], rows: list[dict], truths: list[dict | None]) -
                  f"n_wyj min {truth['n_wyj_min_rpm']:.0f} rpm ({_cell(row['n_wyj_min_rpm'], 1.0, 0)})"]
         if truth["k"] is not None:
             pairs.append(f"k {truth['k']:.3f} ({_cell(row['k'], 1.0, 3)})")
-        heat = "; ".join(f"{clutch}: heat {truth[f'heat_{key}_j']:.0f} J, highest torque {truth[f'torque_{key}_max_nm']:.0f} Nm"
-                         for clutch, key in (("S1", "s1"), ("S2", "s2")))
-        lines += [f"  {name}: {', '.join(pairs)}", f"    {heat}"]
+        clutches = [f"{key.upper()}: heat {truth[f'heat_{key}_j']:.0f} J, "
+                    f"highest torque {truth[f'torque_{key}_max_nm']:.0f} Nm" for key in ("s1", "s2")]
+        lines += [f"  {name}: {', '.join(pairs)}", f"    {'; '.join(clutches)}"]
     return lines + [f"  not from states: {WHY_NOT}"]
 
 

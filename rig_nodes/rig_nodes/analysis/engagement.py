@@ -36,10 +36,11 @@ RISE_REACH = 30e-3  # s that the first rise is followed back at most
 NOISE_SWINGS, DIP_LEAST = 1.5, 0.005  # a dip counts above this many swings of the quiet pressure and this share
 
 # one row of engagement_metrics; times in s after the order, SI
-KEYS = ("gear", "t_order_s", "n_wej_before", "p_rest", "p_end", "rise_start_s", "rise_end_s", "slip_end_s", "engagement_s",
-        "engagement_peak_nm", "m_wej_mean_nm", "p_kiss", "kiss_s", "fill_start_s", "fill_end_s", "fill_r2", "fill_slope",
-        "growth_fill", "growth_contact", "hold", "hold_s", "hold_start_s", "hold_end_s", "hold_pressure", "pressure_rise",
-        "dip", "disturbance_start_s", "disturbance_end_s", "disturbed", "valid", "why")
+KEYS = ("gear", "t_order_s", "n_wej_before", "p_rest", "p_end", "rise_start_s", "rise_end_s", "slip_end_s",
+        "engagement_s", "engagement_peak_nm", "m_wej_mean_nm", "p_kiss", "kiss_s", "fill_start_s", "fill_end_s",
+        "fill_r2", "fill_slope", "growth_fill", "growth_contact", "hold", "hold_s", "hold_start_s", "hold_end_s",
+        "hold_pressure", "level_s", "pressure_rise", "dip", "disturbance_start_s", "disturbance_end_s", "disturbed",
+        "valid", "why")
 
 
 def engagement_metrics(recording: Recording, order: tuple[float, int, int],
@@ -55,8 +56,9 @@ def engagement_metrics(recording: Recording, order: tuple[float, int, int],
     in that time. m_wej_mean_nm: 0.2 to 0.5 s after it, or as far as there is. p_kiss: pressure where M_wyj (M_wej
     where M_wyj does not grow) begins to rise clearly. fill: from the first rise to contact or to the hold phase,
     whichever is first; fill_r2 of the straight line through it. growth_fill, growth_contact: growth of pressure [Pa]
-    in the 20 ms before and after contact. hold: "hold" or "no hold"; hold_s is 0 without one. pressure_rise: "three
-    phases" or "no hold". dip: largest fall of the pressure between first rise and the end pressure [Pa], from
+    in the 20 ms before and after contact. hold: "hold" or "no hold"; hold_s is 0 without one. level_s: length of the
+    longest level stretch, also where it is too short for a hold: what repeats should be averaged over. pressure_rise:
+    "three phases" or "no hold". dip: largest fall of the pressure between first rise and the end pressure [Pa], from
     disturbance_start_s to disturbance_end_s; disturbed: "dips" or "monotone".
     """
     row = dict.fromkeys(KEYS)
@@ -120,7 +122,8 @@ class _Engagement:
             why.append(f"{', '.join(bad)} has values that are no numbers")
             return None
         lengths = {name: PRESSURE_MEAN if name in PRESSURE.values() else TORQUE_SPEED_MEAN for name in NEEDED}
-        smooth = {name: running_mean(raw[name], odd_width(length, recording.period)) for name, length in lengths.items()}
+        widths = {name: odd_width(length, recording.period) for name, length in lengths.items()}
+        smooth = {name: running_mean(raw[name], widths[name]) for name in NEEDED}
         return cls(recording.period, at - first, int(gear), raw, smooth, why)
 
     def samples(self, seconds: float) -> int:
@@ -147,8 +150,10 @@ class _Engagement:
         row["rise_start_s"], row["rise_end_s"] = self.since(start), self.since(reached)
         self.locking(row, start)
         kiss = self.kiss(row, start)
-        hold = self.hold(p, rest, end, int(start), reached)
-        row["hold_s"] = 0.0 if hold is None else (hold[1] - hold[0]) * self.period
+        level = self.level_stretch(p, rest, end, int(start), reached)
+        row["level_s"] = 0.0 if level is None else max(0.0, (level[1] - level[0]) * self.period)
+        hold = level if row["level_s"] >= HOLD_SHORTEST else None
+        row["hold_s"] = 0.0 if hold is None else row["level_s"]
         row["hold"] = "no hold" if hold is None else "hold"
         row["pressure_rise"] = "no hold" if hold is None else "three phases"
         if hold is not None:
@@ -169,14 +174,16 @@ class _Engagement:
         """
         size, noise = end - rest, float(np.std(p[: self.order]))
         if size < max(20.0 * noise, 1e5):
-            self.why.append(f"{name} did not rise: {rest / 1e6:.2f} MPa before the order, {end / 1e6:.2f} MPa at the end")
+            self.why.append(f"{name} did not rise: {rest / 1e6:.2f} MPa before the order, {end / 1e6:.2f} MPa at the "
+                            "end")
             return None
         moved = p - rest
         clear = first_true(moved >= RISEN * size, self.order)
         level = min(max(4.0 * noise, RISE_LEVEL * size), RISEN * size)
         below = np.flatnonzero(moved[:clear] < level)
         at = int(below[-1]) + 1 if below.size else clear
-        return max(float(self.order), ramp_start(self.raw[name] - rest, moved, at, RISEN * size, self.samples(RISE_REACH)))
+        start = ramp_start(self.raw[name] - rest, moved, at, RISEN * size, self.samples(RISE_REACH))
+        return max(float(self.order), start)
 
     def locking(self, row: dict, start: float) -> None:
         """Slip end, engagement time, peak torque and the torque of the closed clutch."""
@@ -228,8 +235,9 @@ class _Engagement:
         self.why.append(f"neither M_wyj nor M_wej rose by {TORQUE_CLEAR:g} Nm")
         return None
 
-    def hold(self, p: np.ndarray, rest: float, end: float, start: int, reached: int) -> tuple[float, float, float] | None:
-        """(Start, end, pressure) of the hold phase, None without one: the longest level stretch of the rise.
+    def level_stretch(self, p: np.ndarray, rest: float, end: float, start: int,
+                      reached: int) -> tuple[float, float, float] | None:
+        """(Start, end, pressure) of the longest level stretch of the rise, None without one.
 
         Level: swing and slope within their limits; between fill and regulation: neither near the rest nor near the end
         pressure. Its ends are where the pressure leaves the level, followed back along the slopes.
@@ -251,10 +259,7 @@ class _Engagement:
         up = ramp_start(p - level, p - level, self.leaving(p - level, last, swing), span, reach)
         turned = level - p[::-1]
         down = p.size - 1 - ramp_start(turned, turned, self.leaving(turned, p.size - 1 - first, swing), span, reach)
-        down = max(down, float(start))
-        if (up - down) * self.period < HOLD_SHORTEST:
-            return None
-        return down, up, level
+        return max(down, float(start)), up, level
 
     @staticmethod
     def leaving(rise: np.ndarray, near: int, swing: float) -> int:
@@ -307,18 +312,19 @@ def _longest_level(grid: np.ndarray, middle: np.ndarray, swing: float, slope: fl
     """First and last index of the longest stretch inside ``middle`` that swings by at most ``swing`` and whose fitted
     slope is at most ``slope`` per step; None where not even three values in a row are level.
     """
+    index, away = np.arange(grid.size), grid - grid[0]
+    total, moment = (np.concatenate(([0.0], np.cumsum(x))) for x in (away, index * away))
+    outside = np.concatenate(([0], np.cumsum(~middle)))
     for length in range(grid.size, 2, -1):
-        shift = length // 2
-        # value i of a filter of odd or even size, moved so that it belongs to the stretch that begins at i
-        count = grid.size - length + 1
-        highest = maximum_filter1d(grid, length, origin=0)[shift : shift + count]
-        lowest = minimum_filter1d(grid, length, origin=0)[shift : shift + count]
-        level = highest - lowest <= swing
-        if not level.any():
-            continue
-        inside = minimum_filter1d(middle.astype(np.uint8), length)[shift : shift + count] > 0
-        for i in np.flatnonzero(level & inside):
-            fit = np.polyfit(np.arange(length), grid[i : i + length], 1)[0]
-            if abs(fit) <= slope:
-                return int(i), int(i) + length - 1
+        shift, count = length // 2, grid.size - length + 1
+        # value i of a filter, moved so that it belongs to the stretch that begins at i
+        highest = maximum_filter1d(grid, length)[shift : shift + count]
+        lowest = minimum_filter1d(grid, length)[shift : shift + count]
+        first, last = index[:count], index[:count] + length
+        # least squares over each stretch, from running sums
+        centred = moment[last] - moment[first] - (first + 0.5 * (length - 1)) * (total[last] - total[first])
+        fitted = centred / (length * (length**2 - 1) / 12.0)
+        hit = first_true((highest - lowest <= swing) & (outside[last] == outside[first]) & (np.abs(fitted) <= slope))
+        if hit is not None:
+            return hit, hit + length - 1
     return None

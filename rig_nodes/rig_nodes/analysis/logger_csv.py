@@ -45,8 +45,8 @@ def read_logger_csv(path: str | Path, period: float | None = None,
     columns = {name: table[:, i] * factors[i] for i, name in enumerate(names) if name}
     missing = [name for name in NEEDED if name not in columns]
     if missing:
-        raise RigError(f"{path}: has no column {', '.join(missing)}; the analysis needs {', '.join(NEEDED)}, each with its "
-                       "unit, e.g. 'M_wej [Nm]'")
+        raise RigError(f"{path}: has no column {', '.join(missing)}; the analysis needs {', '.join(NEEDED)}, each with "
+                       "its unit, e.g. 'M_wej [Nm]'")
     t0, period = _time(path, columns.pop("t", None), period, number)
     ordered = columns.pop("gear_ordered", None)
     if orders is None:
@@ -84,7 +84,7 @@ def _lines(path: Path) -> tuple[list[str], list[str], int, str]:
     lines = text.splitlines()
     at = next((i for i, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")), None)
     if at is None:
-        raise RigError(f"{path}: holds no header; the first line names the columns, e.g. 'M_wej [Nm]; n_wej [rpm]; ...'")
+        raise RigError(f"{path}: holds no header; the first line names the columns, e.g. 'M_wej [Nm]; n_wej [rpm]'")
     separator = next((s for s in (";", "\t", ",") if s in lines[at]), None)
     if separator is None:
         raise RigError(f"{path}: line {at + 1} has no ';', tab or ',' between column names: '{lines[at][:60]}'")
@@ -173,9 +173,9 @@ def _time(path: Path, t: np.ndarray | None, period: float | None, number: int) -
     # times with few digits repeat themselves, missing rows jump
     if not np.isfinite(step) or step <= 0.0 or steps.min() <= 0.0 or steps.max() > 1.5 * step:
         at = int(np.argmax(~(steps > 0.0) | (steps > 1.5 * step)))
-        raise RigError(f"{path}: the times must grow in equal steps, but go from {t[at]:g} s to {t[at + 1]:g} s at line "
-                       f"{number + at + 1}; rows are missing or the times have too few digits (leave the column out and "
-                       "give --period)")
+        raise RigError(f"{path}: the times must grow in equal steps, but go from {t[at]:g} s to {t[at + 1]:g} s at "
+                       f"line {number + at + 1}; rows are missing or the times have too few digits (leave the column "
+                       "out and give --period)")
     return float(t[0]), step
 
 

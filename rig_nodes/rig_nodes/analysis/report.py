@@ -1,4 +1,4 @@
-"""The report of a run: run data, shift metrics with their errors, energy balance, as JSON and as a table for the terminal.
+"""The report of a run: run data, shift metrics with errors, energy balance, as JSON and as a table for the terminal.
 
 Used by `rig run`, `rig simulate` and `rig report`; everything but the run data is computed from the bag. What stands
 beside the metrics on request (Annex A, plant truth) is written by analysis.comparison.
@@ -36,7 +36,7 @@ COLUMNS = (("n_wej rpm", "n_wej_rpm", 1.0, 0), ("M_wyj Nm", "m_wyj_nm", 1.0, 1),
 
 
 def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = False) -> dict:
-    """The report of a bag: ``{"run": ..., "shifts": [...], "energy": {"run": ..., "shifts": [...]}, "uncertainty": [...]}``.
+    """The report of a bag: ``{"run", "shifts": [...], "energy": {"run", "shifts": [...]}, "uncertainty": [...]}``.
 
     bag: an open :class:`rig_nodes.bags.reader.Bag`. run: what only the runner knows (:data:`RUN_KEYS`; absent
     ones become None, ``lost`` is then counted from the bag's gaps). The inertias are those of its configuration.

@@ -15,10 +15,10 @@ FIELDS = {"/gearbox/state": ("m_wej", "w_wej", "w_wyj"), "/clutch_s1/state": ("m
 LOCKED = 2
 CLUTCH = {1: "/clutch_s1/state", 2: "/clutch_s2/state"}
 BEFORE = 0.2  # s before the order whose mean is the speed the shift starts from
-KEYS = ("t_lock_s", "m_wej_max_nm", "n_wyj_min_rpm", "k", "heat_s1_j", "heat_s2_j", "torque_s1_max_nm", "torque_s2_max_nm")
-WHY_NOT = ("t_dt_s, t_p_s, overlap_s: their starts lie between two states; t_o_s, e_loss_j, e_loss_settled_j: defined by "
-           "the torque meters and their settling, the plant's own account is the energy balance; n_wej_rpm, m_wyj_nm: "
-           "set values")
+KEYS = ("t_lock_s", "m_wej_max_nm", "n_wyj_min_rpm", "k", "heat_s1_j", "heat_s2_j", "torque_s1_max_nm",
+        "torque_s2_max_nm")
+WHY_NOT = ("t_d, t_p and overlap (their starts lie between two states), t_o and E_loss (defined by the torque meters; "
+           "the plant's own account is the energy balance)")
 
 States = dict[str, dict[str, np.ndarray]]
 
@@ -27,7 +27,8 @@ def states_of(bag) -> States | None:
     """Topic -> {t [s], fields} of a bag's state topics; None where it holds no plant's states (a real recording)."""
     found: States = {}
     for topic, names in FIELDS.items():
-        rows = [(stamp * 1e-9, *(float(getattr(message, name)) for name in names)) for stamp, message in bag.messages(topic)]
+        rows = [(stamp * 1e-9, *(float(getattr(message, name)) for name in names))
+                for stamp, message in bag.messages(topic)]
         if not rows:
             return None
         found[topic] = dict(zip(("t", *names), np.asarray(rows).T))

@@ -48,7 +48,7 @@ def temperature_error(t_oil: float) -> float:
 
 def uncertainty(row: dict, instruments: dict[str, Instrument] | None = None, inertias: Inertias = Inertias(),
                 period: float = PERIOD) -> dict[str, float]:
-    """Largest error of each metric of a row, under the metric's own key and in its unit; metrics that are None have none.
+    """Largest error of each metric of a row, under the metric's own key and in its unit; those that are None have none.
 
     row: of metrics.shift_metrics. instruments: torque, p1, p2, speed; those of tab. 7.1 by default. These are bounds,
     no standard deviations: all errors are taken at their largest and added (first order).
@@ -99,7 +99,8 @@ def _times(row: dict, use: dict[str, Instrument], w_in: float, period: float) ->
     return found
 
 
-def _energies(row: dict, errors: dict, torque: float, speed: float, w_in: float, inertias: Inertias) -> dict[str, float]:
+def _energies(row: dict, errors: dict, torque: float, speed: float, w_in: float,
+              inertias: Inertias) -> dict[str, float]:
     """Errors of both energy losses; empty where the row lacks what they need."""
     needed = ("m_wej_max_nm", "n_wyj_min_rpm", "t_dt_s", "m_wyj_nm")
     if any(row[key] is None for key in needed) or "t_dt_s" not in errors:

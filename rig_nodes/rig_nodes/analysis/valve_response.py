@@ -58,8 +58,8 @@ def valve_delay(t: np.ndarray, coil: np.ndarray, pressure: np.ndarray) -> dict[s
 
 def _period(t, coil, pressure) -> float:
     if not (t.ndim == 1 and t.shape == coil.shape == pressure.shape and t.size > 100):
-        raise RigError(f"a valve response needs time, coil and pressure of one length, more than 100 samples; these have "
-                       f"the shapes {t.shape}, {coil.shape}, {pressure.shape}")
+        raise RigError("a valve response needs time, coil and pressure of one length, more than 100 samples; these "
+                       f"have the shapes {t.shape}, {coil.shape}, {pressure.shape}")
     for name, values in (("time", t), ("coil signal", coil), ("pressure", pressure)):
         if not np.all(np.isfinite(values)):
             raise RigError(f"the {name} of the valve response has values that are no numbers")
@@ -101,17 +101,21 @@ def _without_hum(t: np.ndarray, pressure: np.ndarray, pulse: int) -> tuple[np.nd
         angle = 2.0 * np.pi * hz * np.outer(times, np.arange(1, HARMONICS + 1))
         return np.hstack([np.sin(angle), np.cos(angle), np.ones((times.size, 1))])
 
-    def left(hz):
+    def fitted(hz):
         b = base(at[before], hz)
-        factors = np.linalg.lstsq(b, mean[before] - level, rcond=None)[0]
-        return float(np.sum((mean[before] - level - b @ factors) ** 2))
+        # sines over five periods and more are nearly orthogonal: the normal equations are safe
+        factors = np.linalg.solve(b.T @ b, b.T @ (mean[before] - level))
+        return factors, mean[before] - level - b @ factors
+
+    def left(hz):
+        return float(np.sum(fitted(hz)[1] ** 2))
 
     # high harmonics make several minima: the best of a grid, then the best near it
     grid = np.linspace(MAINS - MAINS_RANGE, MAINS + MAINS_RANGE, 17)
     best, step_hz = grid[int(np.argmin([left(hz) for hz in grid]))], grid[1] - grid[0]
     hz = float(minimize_scalar(left, bounds=(best - step_hz, best + step_hz), method="bounded",
                                options={"xatol": 1e-4}).x)
-    factors = np.linalg.lstsq(base(at[before], hz), mean[before] - level, rcond=None)[0]
+    factors = fitted(hz)[0]
     factors[-1] = 0.0
     hum = base(at, hz) @ factors
     return pressure - np.interp(t, at, hum), hz, float(0.5 * np.ptp(hum[before]))

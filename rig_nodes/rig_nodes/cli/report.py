@@ -26,10 +26,11 @@ def add_arguments(parser) -> None:
     parser.add_argument("--json", action="store_true", help="print the report as JSON instead of a table")
     parser.add_argument("--annex-a", action="store_true",
                         help="also by the recipe of the laboratory's program (Annex A), with the difference")
-    parser.add_argument("--factor", type=float, metavar="B", help=f"Annex A's factor of the settled torque ({FACTOR_B})")
+    parser.add_argument("--factor", type=float, metavar="B",
+                        help=f"Annex A's factor of the settled torque ({FACTOR_B})")
     parser.add_argument("--truth", action="store_true", help="also what the plant's states in the bag say")
     parser.add_argument("--orders", metavar="LIST",
-                        help="for a CSV: when which gear was ordered, e.g. '3.845:I-II, 8.32:II-I' (s in the recording)")
+                        help="for a CSV: when (s) which gear was ordered, e.g. '3.845:I-II, 8.32:II-I'")
     parser.add_argument("--period", metavar="TIME", help="for a CSV without times: between its rows, e.g. '0.1 ms'")
 
 
@@ -37,6 +38,9 @@ def main(args) -> int:
     """Compute the report, write it beside the bag, print it."""
     if args.factor is not None and not args.annex_a:
         raise RigError("--factor is Annex A's; give --annex-a too")
+    if args.factor is not None and not args.factor > 1.0:
+        raise RigError(f"--factor is {args.factor:g}; it is the upper edge of a band around the settled torque, e.g. "
+                       f"{FACTOR_B}")
     annex = (FACTOR_B if args.factor is None else args.factor) if args.annex_a else None
     report = _report_of_csv(args, annex) if args.run.lower().endswith(".csv") else _report_of_bag(args, annex)
     print(json.dumps(report, indent=2, ensure_ascii=False) if args.json else format_report(report))
