@@ -102,7 +102,8 @@ def test_a_coast_down_gives_inertia_and_speed_over_time():
 
 def delays(values, shift="I-II", quantity="k"):
     """Records from {series: (t12, value)}."""
-    return [Record("delay_series", {"shift": shift, "series": n, "t12": t12, "t21": t12, "n_wej": 500.0 * RPM, "m_wyj": 60.0},
+    return [Record("delay_series", {"shift": shift, "series": n, "t12": t12, "t21": t12, "n_wej": 500.0 * RPM,
+                                    "m_wyj": 60.0},
                    {"k": 1.0, "m_wej_max_nm": 250.0, "t_dt_s": 0.3, quantity: value})
             for n, (t12, value) in values.items()]
 
