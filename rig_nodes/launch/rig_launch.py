@@ -29,6 +29,7 @@ from rig_nodes.testbench.folders import run_folder
 ARGUMENTS = (
     ("sequence", "", "name or .yaml file of a sequence, with whose end the launch ends; "
                      "empty: the rig runs until Ctrl-C and takes orders over ROS"),
+    ("with", "", "values of the sequence's parameters, NAME=VALUE, several with commas between them"),
     ("rig", "hydmag", "name or .yaml file of the rig's configuration"),
     ("out", "", "new or empty folder for bag, report and logs; empty: runs/<sequence>-<n>"),
     ("seed", "1", "seed of the transducers' noise"),
@@ -111,6 +112,8 @@ def start(context) -> list:
     folder = run_folder(given["out"] or None, name) if record else None
     rig = ["--rig", given["rig"]]
     chosen = ["--sequence", sequence] if sequence else []
+    for text in filter(None, given["with"].split(",")):
+        chosen += ["--with", text.strip()]
     run = Run(sequence, folder)
     if folder is not None:
         (folder / "logs").mkdir()

@@ -1,11 +1,11 @@
-"""``rig list WHAT``: installed sequences and rigs, topics and signals; ``--markdown`` writes docs/signals.md."""
+"""``rig list WHAT``: installed sequences, procedures and rigs, topics and signals; ``--markdown`` writes docs/signals.md."""
 
 from __future__ import annotations
 
 import json
 
-HELP = "list sequences, rigs, topics or signals"
-WHAT = ("sequences", "rigs", "controllers", "topics", "signals")
+HELP = "list sequences, procedures, rigs, topics or signals"
+WHAT = ("sequences", "procedures", "rigs", "controllers", "topics", "signals")
 
 
 def add_arguments(parser) -> None:
@@ -64,7 +64,7 @@ def _signals():
              "sign": s.sign, "meaning": s.text} for s in catalogue().signals.values()]
 
 
-_ROWS = {"sequences": _files("sequences"), "rigs": _files("rigs"), "controllers": _files("controllers"),
+_ROWS = {**{kind: _files(kind) for kind in ("sequences", "procedures", "rigs", "controllers")},
          "topics": _topics, "signals": _signals}
 
 

@@ -18,11 +18,13 @@ from rig_nodes.errors import RigError
 VERBS = {
     "run": "run a sequence on the ROS 2 node graph and record it",
     "simulate": "run a test sequence without ROS traffic, as fast as it goes",
+    "procedure": "run series of a measuring procedure of the laboratory, with bags",
     "device": "start a device of its own, for a rig with source: topic",
     "replay": "publish a recorded bag again, with /clock",
     "view": "show a run or a running rig in Rerun, or make a picture",
     "report": "print the shift metrics of a run",
-    "list": "list sequences, rigs, topics or signals",
+    "validate": "hold the rig against everything that the laboratory printed",
+    "list": "list sequences, procedures, rigs, topics or signals",
     "doctor": "check this machine and the environment",
     "test": "run the tests",
 }

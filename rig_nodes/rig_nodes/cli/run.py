@@ -64,16 +64,20 @@ def main(args) -> int:
 def run(args) -> int:
     """As :func:`main`; KeyboardInterrupt before the first process is started."""
     from ..controllers.load import load_controller, split_level
+    from ..errors import RigError
     from ..graph.domain import from_environment
     from ..graph.dropping import parse_drop
     from ..graph.supervisor import Order, Supervisor
     from ..testbench.configuration import load_rig
-    from ..testbench.folders import parse_settings, run_folder
+    from ..testbench.folders import parse_parameters, parse_settings, run_folder
     from ..testbench.rig import Rig
     from ..testbench.sequence import BY_HAND, load_sequence
     from ..testbench.simulate import run_record
 
-    sequence = load_sequence(args.sequence) if args.sequence else BY_HAND
+    parameters = parse_parameters(args.parameters)
+    if parameters and not args.sequence:
+        raise RigError("--with gives values to a sequence's parameters; name the sequence too")
+    sequence = load_sequence(args.sequence, parameters) if args.sequence else BY_HAND
     config = load_rig(args.rig, parse_settings(args.settings))
     parse_drop(args.drop)
     controller = load_controller(args.controller, config.alfa46, args.level)
@@ -85,7 +89,7 @@ def run(args) -> int:
             show(None, f"{device} is cut out; start it with: ./rig device {device} --domain {domain.number}")
         folder = run_folder(args.out, sequence.name if args.sequence else "by-hand")
         order = Order(args.sequence, args.rig, args.seed, args.settings, args.drop, args.speed, args.step_timeout,
-                      f"{split_level(args.controller or 'alfa46', args.level)[0]}@{controller.level}")
+                      f"{split_level(args.controller or 'alfa46', args.level)[0]}@{controller.level}", args.parameters)
         supervisor = Supervisor(order, folder, domain, show)
         with live_view(domain.number) if args.view else contextlib.nullcontext():
             end = supervisor.run()

@@ -39,11 +39,11 @@ def main(args) -> int:
     from ..bags.reader import Bag
     from ..controllers import load_controller
     from ..testbench.configuration import load_rig
-    from ..testbench.folders import parse_settings, run_folder
+    from ..testbench.folders import parse_parameters, parse_settings, run_folder
     from ..testbench.sequence import load_sequence
     from ..testbench.simulate import simulate
 
-    sequence = load_sequence(args.sequence)
+    sequence = load_sequence(args.sequence, parse_parameters(args.parameters))
     config = load_rig(args.rig, parse_settings(args.settings))
     controller = None
     if args.controller or args.level:

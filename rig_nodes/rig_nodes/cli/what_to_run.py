@@ -16,7 +16,7 @@ def seed(text: str) -> int:
 
 
 def add_shared_arguments(parser, by_hand: bool = False) -> None:
-    """Sequence, output folder, rig, seed, changed values, controller and its level.
+    """Sequence and its parameters, output folder, rig, seed, changed values, controller and its level.
 
     by_hand: it goes without a sequence too.
     """
@@ -31,6 +31,8 @@ def add_shared_arguments(parser, by_hand: bool = False) -> None:
     parser.add_argument("--seed", type=seed, default=1, help="seed of the transducers' noise (default: 1)")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
                         help='change one value of the rig, e.g. alfa46.t12="200 ms" (may be repeated)')
+    parser.add_argument("--with", action="append", default=[], metavar="NAME=VALUE", dest="parameters",
+                        help='give a parameter of the sequence a value, e.g. speed="1500 rpm" (may be repeated)')
     parser.add_argument("--controller", metavar="SPEC",
                         help="your controller in place of the Alfa46: python:FILE.py:CLASS, "
                              "python:MODULE:CLASS, c:FILE.so or c:FILE.c (docs/controllers.md)")

@@ -42,6 +42,12 @@ SI = {dimension: unit for unit, (dimension, factor) in reversed(UNITS.items()) i
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*$")
 
 
+def dimension_of(text: str) -> str | None:
+    """Dimension of e.g. ``"1500 rpm"``; None when it is no number with a known unit."""
+    match = _QUANTITY.match(text)
+    return None if match is None or match[2] not in UNITS else UNITS[match[2]][0]
+
+
 def quantity(text, dimension: str, where: str) -> float:
     """SI value of e.g. ``"1500 rpm"``; ``where`` opens the sentence when it is refused (RigError)."""
     known = ", ".join(u for u, (d, _) in UNITS.items() if d == dimension)

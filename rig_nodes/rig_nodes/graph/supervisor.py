@@ -40,11 +40,13 @@ class Order:
     speed: float | None = None  # None: real time, nobody waits for anybody; else lockstep, inf for no pacing
     step_timeout: float | None = 5.0  # s for one sample of the controller in lockstep, None: for ever
     controller: str | None = None
+    parameters: list[str] = field(default_factory=list)  # of the sequence, NAME=VALUE
 
     def arguments(self, name: str) -> list[str]:
         """Command line of one of the processes, without what is the same for all."""
         rig = ["--rig", self.rig, *(part for text in self.settings for part in ("--set", text))]
         sequence = [] if self.sequence is None else ["--sequence", self.sequence]
+        sequence += [part for text in self.parameters for part in ("--with", text)]
         drop = [] if self.drop is None else ["--drop", self.drop]
         speed = [] if self.speed is None else ["--speed", str(self.speed)]
         if self.speed is not None and self.step_timeout is not None:

@@ -30,7 +30,8 @@ from ..graph.domain import use_own_transports
 from ..graph.link import Link
 from ..graph.tap import Tap
 from ..testbench.configuration import RigConfig, load_rig
-from ..testbench.folders import parse_settings
+from ..testbench.folders import parse_parameters, parse_settings
+from ..testbench.sequence import Sequence, load_sequence
 
 PR_SET_PDEATHSIG = 1
 PATIENCE = 20.0  # s between the order to end and the end by force
@@ -40,6 +41,8 @@ RIG_OPTIONS = [
     ("--set", {"action": "append", "default": [], "dest": "settings", "metavar": "KEY=VALUE",
                "help": "change one value of the rig"}),
 ]
+SEQUENCE_PARAMETERS = ("--with", {"action": "append", "default": [], "dest": "parameters", "metavar": "NAME=VALUE",
+                                  "help": "give a parameter of the sequence a value"})
 
 
 class Process:
@@ -193,6 +196,11 @@ class Process:
 def rig_config(arguments) -> RigConfig:
     """The rig that RIG_OPTIONS name."""
     return load_rig(arguments.rig, parse_settings(arguments.settings))
+
+
+def chosen_sequence(arguments) -> Sequence | None:
+    """The sequence of --sequence with the parameters of --with, None without one; RigError when refused."""
+    return load_sequence(arguments.sequence, parse_parameters(arguments.parameters)) if arguments.sequence else None
 
 
 def run(main) -> int:

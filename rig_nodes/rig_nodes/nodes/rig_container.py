@@ -17,7 +17,7 @@ from ..errors import RigError
 from ..graph.dropping import parse_drop
 from ..testbench.outputs import SCALAR_SAMPLES, Outputs
 from ..testbench.rig import SAMPLE_NS, TICK_SAMPLES, Rig, RigStatus
-from ..testbench.sequence import BY_HAND, load_sequence
+from ..testbench.sequence import BY_HAND
 from ..testbench.simulate import run_record
 from .clutch import Clutch
 from .commands import Commands
@@ -30,7 +30,7 @@ from .lockstep import Lockstep
 from .matching import silent
 from .motor import Motor
 from .oil_supply import OilSupply
-from .process import RIG_OPTIONS, rig_config, run
+from .process import RIG_OPTIONS, SEQUENCE_PARAMETERS, chosen_sequence, rig_config, run
 from .realtime import MESSAGES, RealTime, prefer_process
 from .rig_health import RigHealth
 from .rig_node import RigNode
@@ -41,7 +41,7 @@ LAST_TICKS = 4  # recorded after an early end, so that the bag shows the safe st
 OTHERS = {"alfa46", "sequencer"}
 CLOCK_BYTES = struct.Struct("<4siI")  # encapsulation, sec, nanosec
 OPTIONS = [
-    *RIG_OPTIONS,
+    *RIG_OPTIONS, SEQUENCE_PARAMETERS,
     ("--sequence", {"metavar": "NAME", "help": "sequence that will be run, for the run's record"}),
     ("--seed", {"type": int, "default": 1, "help": "seed of the transducers' noise"}),
     ("--speed", {"type": float, "help": "lockstep at so many times real time, inf for as fast as it goes"}),
@@ -58,7 +58,7 @@ class Container:
         arguments = process.arguments
         self.dropped = parse_drop(arguments.drop)
         config = rig_config(arguments)
-        sequence = load_sequence(arguments.sequence) if arguments.sequence else BY_HAND
+        sequence = chosen_sequence(arguments) or BY_HAND
         record = run_record(config, sequence, arguments.seed)
         warm_up(config, record)
         self.rig = Rig(config, seed=arguments.seed, controller="external", level=None, devices="external")
@@ -173,7 +173,7 @@ class Container:
     def is_over(self) -> bool:
         """Asked at every tick: tells the supervisor what changed, and brings an early end into the safe state."""
         rig = self.rig
-        self.outputs.overruns = self.clock.overruns
+        self.outputs.states.overruns = self.clock.overruns
         now = (rig.status, rig.reason)
         if now != self._seen or rig.sample % 1000 == 0:
             self._seen = now

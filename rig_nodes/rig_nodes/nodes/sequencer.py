@@ -23,7 +23,7 @@ from ..testbench.sequence import SequenceFailed, SequenceRunner, load_sequence
 from .action_server import GoalServer, finish
 from .diagnostics import OK, WARN, Diagnostics, Health
 from .matching import silent
-from .process import RIG_OPTIONS, rig_config, run
+from .process import RIG_OPTIONS, SEQUENCE_PARAMETERS, chosen_sequence, rig_config, run
 from .qos import recorder_profile
 from .ros_bench import EVENTS, RosBench
 
@@ -31,7 +31,7 @@ SAMPLES = "/instruments/controller"
 RECEIVERS = {"/motor/command": "motor", "/load_pump/command": "load_pump", "/oil_supply/command": "oil_supply"}
 FEEDBACK_TICKS = 100  # 2 Hz beside every new step
 OPTIONS = [
-    *RIG_OPTIONS,
+    *RIG_OPTIONS, SEQUENCE_PARAMETERS,
     ("--sequence", {"metavar": "NAME", "help": "name or file of a sequence to run at once"}),
     ("--once", {"action": "store_true",
                 "help": "end with the sequence of --sequence, with exit code 1 when it failed"}),
@@ -198,7 +198,7 @@ def work(process) -> None:
     """Gate, sequence, orderly end."""
     arguments = process.arguments
     config = rig_config(arguments)
-    sequence = None if arguments.sequence is None else load_sequence(arguments.sequence)
+    sequence = chosen_sequence(arguments)
     executor = process.start_ros()
     node = Sequencer(config, process)
     executor.add_node(node)

@@ -5,11 +5,12 @@ Used by every verb that needs a rig; the numbers go to testbench.rig, their reco
 
 from __future__ import annotations
 
+import re
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from ..alfa46 import law
-from ..alfa46.settings import Alfa46Config, read_alfa46
+from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, check_profile, read_alfa46
 from ..config import CONFIG_DIR, load_marked
 from ..config.schema import build, check_keys, entry, field_value, param, where_of
 from ..config.units import quantity
@@ -67,6 +68,8 @@ PARTS = {
     "load_pump": LoadConfig, "instruments": InstrumentsConfig, "effects": EffectsConfig,
 }
 VALVES = ("valve_zr_p1", "valve_zr_p2")
+_POINT_KEY = re.compile(rf"alfa46\.({'|'.join(OUTPUT_KEYS)})\.({'|'.join(POINTS)})")
+_POINT = re.compile(r"\s*([-+\d.eE]+\s*[a-zA-Z]+)[\s,]+([-+\d.eE]+\s*[a-zA-Z]+)\s*")
 
 
 @dataclass(frozen=True)
@@ -207,13 +210,40 @@ def _changed(part, node, path, what: str):
 
 
 def load_rig(name: str | Path = "hydmag", overrides: dict[str, str] | None = None) -> RigConfig:
-    """The rig of this name or file. ``overrides``: e.g. {"alfa46.t12": "200 ms", "wiring": "swapped"}."""
+    """The rig of this name or file. ``overrides``: e.g. {"alfa46.t12": "200 ms", "wiring": "swapped",
+    "alfa46.output_1.P1": "200 ms 160 mA"}.
+    """
     path = find_config("rigs", name)
     node = load_marked(path)
     config = _on_base(node, path) if isinstance(node, dict) and "base" in node else _whole(node, path)
-    for key, text in (overrides or {}).items():
-        config = _override(config, key, text)
-    return config
+    return with_overrides(config, overrides or {})
+
+
+def with_overrides(config: RigConfig, overrides: dict[str, str]) -> RigConfig:
+    """The rig with some values changed, as :func:`load_rig` takes them; RigError for those that do not fit."""
+    points = {}
+    for key, text in overrides.items():
+        if match := _POINT_KEY.fullmatch(key):
+            points[match.groups()] = text
+        else:
+            config = _override(config, key, text)
+    return _with_points(config, points) if points else config
+
+
+def _with_points(config: RigConfig, points: dict[tuple[str, str], str]) -> RigConfig:
+    """The rig with points (output, P1 to P6) of the controller's profiles moved; checked when all have been."""
+    profiles = config.alfa46.profiles.copy()
+    for (output, point), text in points.items():
+        where = f"setting alfa46.{output}.{point}={text}"
+        parts = _POINT.fullmatch(text)
+        if parts is None:
+            raise RigError(f"{where}: expected time and current, e.g. \"200 ms 160 mA\"")
+        profiles[OUTPUT_KEYS.index(output), POINTS.index(point)] = (
+            quantity(parts[1], "time", where), quantity(parts[2], "current", where))
+    for output in {output for output, _ in points}:
+        check_profile(profiles[OUTPUT_KEYS.index(output)], f"setting alfa46.{output}",
+                      config.alfa46.values.current_limit)
+    return replace(config, alfa46=Alfa46Config(config.alfa46.values, profiles))
 
 
 def _override(config: RigConfig, key: str, text: str) -> RigConfig:
@@ -229,6 +259,8 @@ def _override(config: RigConfig, key: str, text: str) -> RigConfig:
     owner = config.alfa46.values if part == "alfa46" else getattr(config, part) if part in own else None
     if owner is None or name not in type(owner).__dataclass_fields__:
         known = ", ".join(type(owner).__dataclass_fields__) if owner else ", ".join([*own, "alfa46"])
+        if part == "alfa46":
+            known += ", output_1.P1 to output_3.P6"
         raise RigError(f"{where}: there is no such value; known are {known}")
     value = field_value(type(owner).__dataclass_fields__[name], text, where)
     owner = replace(owner, **{name: value})

@@ -1,4 +1,4 @@
-"""Where a run is written, and settings given on the command line; used by ``run`` and ``simulate``."""
+"""Where a run is written, and settings and parameters given on the command line; used by ``run`` and ``simulate``."""
 
 from __future__ import annotations
 
@@ -26,12 +26,21 @@ def run_folder(out: str | None, name: str) -> Path:
 
 def parse_settings(settings: list[str]) -> dict[str, str]:
     """KEY=VALUE pairs of --set as a dict; RigError when one is not a pair or comes twice."""
+    return _pairs("--set", settings, 'KEY=VALUE, e.g. alfa46.t12="200 ms"')
+
+
+def parse_parameters(parameters: list[str]) -> dict[str, str]:
+    """NAME=VALUE pairs of --with as a dict; RigError as :func:`parse_settings`."""
+    return _pairs("--with", parameters, 'NAME=VALUE, e.g. speed="1500 rpm"')
+
+
+def _pairs(option: str, texts: list[str], example: str) -> dict[str, str]:
     out: dict[str, str] = {}
-    for text in settings:
+    for text in texts:
         key, sign, value = text.partition("=")
         if not sign or not key or not value:
-            raise RigError(f"--set {text}: expected KEY=VALUE, e.g. alfa46.t12=\"200 ms\"")
+            raise RigError(f"{option} {text}: expected {example}")
         if key in out:
-            raise RigError(f"--set {key} is given twice")
+            raise RigError(f"{option} {key} is given twice")
         out[key] = value
     return out

@@ -9,52 +9,36 @@ import json
 from collections.abc import Callable, Iterator
 
 from ..bags.cdr import Form, encoder
-from ..bags.definitions import installed
 from ..catalogue import catalogue
-from ..controllers.seam import LEVELS
 from ..plant import kernel
 from .cuts import topic_of
 from .rig import SAMPLE_NS, TICK_SAMPLES, Rig
+from .topics import COMMAND, MEASURED, SCALAR_SAMPLES, Heard, States
 
 ATMOSPHERE = 101_325.0  # Pa, for the mirrors in absolute pressure
-SCALAR_SAMPLES = 10  # controller samples between scalars (100 Hz)
 ROWS_PER_TICK = 50
-MEASURED = {  # topic of a transducer -> its logger column
-    "/motor/m_wej": kernel.M_WEJ, "/motor/n_wej": kernel.N_WEJ, "/load_pump/m_wyj": kernel.M_WYJ,
-    "/load_pump/n_wyj": kernel.N_WYJ, "/load_pump/p_po": kernel.P_PO, "/clutch_s1/p1": kernel.P_1,
-    "/clutch_s2/p2": kernel.P_2, "/valve_zr_p1/current": kernel.I_1, "/valve_zr_p2/current": kernel.I_2,
-    "/oil_supply/p_p": kernel.P_P, "/oil_supply/t_oil": kernel.T_OIL,
-}
 BLOCK = "/instruments/hmg4000"
 
 
 class Outputs:
-    """Messages due at each sample boundary; keeps the sequence numbers. ``overruns`` is set by whoever keeps time.
+    """Messages due at each sample boundary; keeps the sequence numbers.
 
     ``commands``: /alfa46/command too, where no node of the controller's publishes it (default: an embedded one's).
     """
 
     def __init__(self, rig: Rig, run_info: dict, commands: bool | None = None):
-        self.rig, self.overruns = rig, 0
+        self.rig, self.states, self._heard = rig, States(rig), Heard()
+        self.reading = self._heard.reading
         self.commands = rig.embedded if commands is None else commands
         self._answered = -1  # sample of the newest command that went out
         self._cut_answered = dict.fromkeys(rig.cuts.devices, -1)  # the same of cut devices that answer inside
         self.counts: dict[str, int] = {}
-        self._places: dict[str, tuple] = {}  # of signals: topic, number of the field, index in it
-        self._last: dict[str, tuple] = {}  # values of the newest message of each topic
         self._types = {name: topic.ros_type for name, topic in catalogue().all_topics.items()}
         self._encoders: dict[str, Callable] = {}
         self._queued: list[tuple] = []
         self._run_info = run_info
-        self._energy: dict[str, float] = {}  # of this tick
         self._mirrors = self._make_mirrors()
         self._status, self._started = rig.status, False
-        self._states = {
-            "/motor/state": self._motor, "/gearbox/state": self._gearbox, "/load_pump/state": self._load,
-            "/oil_supply/state": self._oil, "/rig/state": self._rig_state,
-            "/clutch_s1/state": lambda: self._clutch(0), "/clutch_s2/state": lambda: self._clutch(1),
-            "/valve_zr_p1/state": lambda: self._valve(0), "/valve_zr_p2/state": lambda: self._valve(1),
-        }
 
     def event(self, topic: str, name: str, text: str, value: float = 0.0) -> None:
         """Queue an Event of now; it goes out with the next :meth:`due`."""
@@ -76,8 +60,7 @@ class Outputs:
         answered = rig.newest_command
         if self.commands and answered > self._answered:
             self._answered = answered
-            yield self._message("/alfa46/command", answered * SAMPLE_NS, answered, rig.duty, rig.setpoint, rig.gear,
-                                rig.shifting, LEVELS.index(rig.level), rig.flags)
+            yield self._message(COMMAND, answered * SAMPLE_NS, *self.states.command())
         yield from self._cuts(now)
         self._watch_status()
         for topic, stamp, *values in self._queued:
@@ -87,8 +70,8 @@ class Outputs:
         yield self._message("/instruments/controller", now, sample, rig.coil_currents(), float(row[kernel.N_WEJ]),
                             float(row[kernel.N_WYJ]), float(row[kernel.P_1]), float(row[kernel.P_2]))
         if sample % TICK_SAMPLES == 0:
-            self._energy = rig.energy()
-            for topic, fields in self._states.items():
+            self.states.refresh()
+            for topic, fields in self.states.topics.items():
                 yield self._message(topic, now, *fields())
             if sample > 0:
                 first, rows = rig.take_rows(ROWS_PER_TICK)
@@ -117,21 +100,8 @@ class Outputs:
             encode = self._encoders[topic] = encoder(self._types[topic]).encode
         seq = self.counts.get(topic, 0)
         self.counts[topic] = seq + 1
-        self._last[topic] = values
+        self._heard.fields[topic] = values
         return topic, stamp, encode(stamp, seq, *values)
-
-    def reading(self, name: str) -> float:
-        """The newest value of a signal that went out, SI, as a listener has it; NaN before the first."""
-        if name not in self._places:
-            signal = catalogue().signal(name)
-            field, _, index = signal.field.partition("[")
-            names = [name for name, _ in installed(self._types[signal.topic]).tree.fields[2:]]
-            self._places[name] = signal.topic, names.index(field), int(index[:-1]) if index else None
-        topic, place, index = self._places[name]
-        values = self._last.get(topic)
-        if values is None:
-            return float("nan")
-        return float(values[place] if index is None else values[place][index])
 
     def _make_mirrors(self) -> list[tuple]:
         """(topic, form, its values from a logger row) of the standard messages for other tools.
@@ -158,42 +128,3 @@ class Outputs:
             self._status = status
             self.event("/rig/events", f"rig_{status.name.lower()}", self.rig.reason or f"the rig is {status.name.lower()}",
                        float(status))
-
-    def _motor(self):
-        rig, plant = self.rig, self.rig.plant[0]
-        return (float(rig.v[0]), float(plant["motor_setpoint"]), float(plant["motor_torque"]),
-                self._energy["motor"], bool(rig.settings["motor_on"][0] > 0.0))
-
-    def _gearbox(self):
-        rig, plant = self.rig, self.rig.plant[0]
-        energy = self._energy
-        return (rig.locked_gear(), float(rig.v[0]), float(rig.v[1]), float(plant["m_wej"]), float(plant["m_wyj"]),
-                float(plant["loss_in"]), float(plant["loss_out"]), energy["loss_in"] + energy["loss_out"])
-
-    def _clutch(self, k: int):
-        rig, cylinder = self.rig, self.rig.cylinders[k]
-        slip = rig.slip(k)
-        return (rig.clutch_mode(k), rig.clutch_torque(k), float(cylinder["drag"]) * slip, float(cylinder["kinetic"]),
-                float(cylinder["static"]), slip, float(cylinder["clamp"]), float(cylinder["chamber"]),
-                float(cylinder["piston"]), self._energy[f"heat_s{k + 1}"])
-
-    def _valve(self, k: int):
-        rig, valve = self.rig, self.rig.valves[k]
-        return (float(valve["duty"]), float(valve["current"]), float(valve["spool"]), float(valve["flow"]),
-                float(rig.cylinders["line"][k]), rig.command_age, bool(rig.settings["safe"][0] > 0.0))
-
-    def _load(self):
-        rig = self.rig
-        return (rig.load_torque(), rig.load_capacity(), float(rig.plant["load_pressure"][0]),
-                float(rig.settings["load_pressure"][0]), self._energy["load"])
-
-    def _oil(self):
-        rig = self.rig
-        return (float(rig.plant["supply"][0]), float(rig.settings["oil_pressure"][0]),
-                max(0.0, float(rig.valves["flow"].sum())), rig.config.oil_supply.temperature,
-                bool(rig.settings["oil_on"][0] > 0.0))
-
-    def _rig_state(self):
-        rig = self.rig
-        return (int(rig.status), rig.reason, rig.stopped_by_person, rig.sample // TICK_SAMPLES, self.overruns,
-                self._energy["residual"])

@@ -365,6 +365,11 @@ class Rig:
         return self._shifting
 
     @property
+    def shift_end(self) -> int:
+        """Sample at which the last profile of the embedded controller's newest shift ends; 0 before the first."""
+        return int(self._law_state["shift_end"][0])
+
+    @property
     def duty(self) -> np.ndarray:
         """Duty that the controller commands (3,), as it acts from the next boundary on; 0 at level "current"."""
         return self._law_outputs["duty"] if self.embedded else self._duty
@@ -381,9 +386,10 @@ class Rig:
 
     def row(self) -> np.ndarray:
         """The newest logger row, columns as kernel.CHANNELS, SI."""
-        return self._row_of(self.sample)
+        return self.row_of(self.sample)
 
-    def _row_of(self, sample: int) -> np.ndarray:
+    def row_of(self, sample: int) -> np.ndarray:
+        """The row of a controller sample of the last two seconds."""
         return self._log[(sample * self._steps_per_sample) % len(self._log)]
 
     def measurement(self, name: str) -> float:
@@ -407,13 +413,25 @@ class Rig:
 
     def take_rows(self, rows: int) -> tuple[int, np.ndarray]:
         """(index of the first, the next ``rows`` 10 kHz logger rows); RigError when they are not there any more."""
-        first, stride = self._drained, self._logger_stride
+        first = self._drained
+        values = self.rows_at(1e-4, first, rows)[:, :len(self.logger_names)]
+        self._drained += rows
+        return first, values
+
+    def rows_at(self, period: float, first: int, rows: int) -> np.ndarray:
+        """Rows (rows, channels) ``first`` to ``first + rows - 1``, one every ``period`` [s] from time 0, of all
+        kernel.CHANNELS; RigError when they are not there any more or the period is no whole number of steps.
+        """
+        steps = period / self.config.kernel.step
+        stride = round(steps)
+        if abs(steps - stride) > 1e-9 or stride < 1:
+            raise RigError(f"the plant's step of {self.config.kernel.step * 1e6:g} us does not divide the "
+                           f"{period * 1e6:g} us between two rows")
         index = (first + np.arange(rows)) * stride
         now = self.sample * self._steps_per_sample
-        if index[-1] > now or now - index[0] >= len(self._log):
-            raise RigError(f"logger rows {first} to {first + rows - 1} are not in the ring at {self.time:g} s")
-        self._drained += rows
-        return first, self._log[index % len(self._log), :len(self.logger_names)]
+        if rows and (index[-1] > now or now - index[0] >= len(self._log)):
+            raise RigError(f"rows {first} to {first + rows - 1} are not in the ring at {self.time:g} s")
+        return self._log[index % len(self._log)]
 
     def clutch_mode(self, k: int) -> int:
         """0 open, 1 slipping, 2 locked, as in rig_msgs/ClutchState."""

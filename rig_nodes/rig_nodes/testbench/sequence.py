@@ -5,6 +5,7 @@ Used by ``rig simulate`` in one process and by the sequencer node over ROS; the 
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -12,7 +13,7 @@ from typing import Protocol
 from ..catalogue import catalogue
 from ..config import load_marked
 from ..config.schema import check_keys, where_of
-from ..config.units import quantity
+from ..config.units import dimension_of, quantity
 from ..errors import RigError
 from ..plant.load_pump import LoadConfig, relief_setting_for
 from .configuration import find_config
@@ -23,6 +24,7 @@ DEFAULT_TIMEOUT = 30.0
 LONGEST_TIME = 86_400.0  # s of one wait
 SETTING_OF = {"motor": "n_wej", "load": "p_po", "oil": "p_p"}  # signals whose range a setting must keep to
 LONGEST = 10_000  # steps after unrolling repeats
+PARAMETER = re.compile(r"\$\{(\w+)\}")
 # what the catalogue calls a quantity, and what config.units calls its dimension
 DIMENSIONS = {"volume flow": "volume flow", "electric current": "current"}
 
@@ -75,28 +77,86 @@ class Step:
 
 @dataclass(frozen=True)
 class Sequence:
-    """A checked sequence."""
+    """A checked sequence. parameters: name -> value that its steps were read with, as it is written."""
 
     name: str
     description: str
     ready_timeout: float
     steps: list[Step] = field(default_factory=list)
+    parameters: dict[str, str | int] = field(default_factory=dict)
 
 
 BY_HAND = Sequence("none", "ordered over ROS", 0.0)  # in the record of a run without a sequence of its own
 
 
-def load_sequence(name: str | Path) -> Sequence:
-    """The installed sequence of this name, or a file; RigError with file and line when it is not right."""
+def load_sequence(name: str | Path, values: dict[str, str] | None = None) -> Sequence:
+    """The installed sequence of this name, or a file; RigError with file and line when it is not right.
+
+    ``values``: of its parameters, in place of their defaults, e.g. {"speed": "1500 rpm"}.
+    """
     path = find_config("sequences", name)
     node = load_marked(path)
-    check_keys(path, node, ("description", "ready", "steps"), ("description", "steps"), "the sequence")
+    check_keys(path, node, ("description", "parameters", "ready", "steps"), ("description", "steps"), "the sequence")
+    parameters = _parameters(node, path, values or {})
+    node["steps"] = _filled(node["steps"], path, parameters, where_of(path, node, "steps"))
     timeout = DEFAULT_TIMEOUT
     if "ready" in node:
         check_keys(path, node["ready"], ("timeout",), ("timeout",), "ready")
         timeout = _time(node["ready"]["timeout"], f"{where_of(path, node, 'ready')}: ready.timeout")
     steps = _steps(node["steps"], path, "steps")
-    return Sequence(Path(path).stem, str(node["description"]), timeout, steps)
+    return Sequence(Path(path).stem, str(node["description"]), timeout, steps, parameters)
+
+
+def _parameters(node, path, values: dict[str, str]) -> dict[str, str | int]:
+    """Every parameter's value: the given one, checked against the kind of the default, or the default."""
+    defaults = node.get("parameters") or {}
+    if not isinstance(defaults, dict):
+        raise RigError(f"{where_of(path, node, 'parameters')}: parameters must be a map of names and defaults")
+    for name in values:
+        if name not in defaults:
+            known = f"known are {', '.join(defaults)}" if defaults else "it has none"
+            raise RigError(f"sequence '{Path(path).stem}' has no parameter '{name}'; {known}")
+    out: dict[str, str | int] = {}
+    for name, default in defaults.items():
+        where = f"{where_of(path, defaults, name)}: parameter {name}"
+        if not isinstance(default, (str, int)) or isinstance(default, bool):
+            raise RigError(f"{where} is {default!r}; expected a value with its unit, a whole number or a name")
+        out[name] = _like(default, values[name], f"parameter {name}={values[name]}") if name in values else default
+        if f"${{{name}}}" not in str(node["steps"]):
+            raise RigError(f"{where} is used by no step; write ${{{name}}} where its value belongs, or leave it out")
+    return out
+
+
+def _like(default: str | int, text: str, where: str) -> str | int:
+    """A given value of the same kind as the default: a whole number, a quantity of its dimension, or a name."""
+    if isinstance(default, int):
+        if not re.fullmatch(r"-?\d+", str(text)):
+            raise RigError(f"{where}: expected a whole number, e.g. {default}")
+        return int(text)
+    dimension = dimension_of(default)
+    if dimension is not None:
+        quantity(text, dimension, where)
+    return text
+
+
+def _filled(node, path, parameters: dict, where: str):
+    """The node with the values of parameters in place of their ${names}; maps and lists keep their marks."""
+    if isinstance(node, dict):
+        for key in node:
+            node[key] = _filled(node[key], path, parameters, where_of(path, node, key))
+    elif isinstance(node, list):
+        for k, item in enumerate(node):
+            node[k] = _filled(item, path, parameters, where)
+    elif isinstance(node, str):
+        names = PARAMETER.findall(node)
+        for name in names:
+            if name not in parameters:
+                known = f"known are {', '.join(parameters)}" if parameters else "the sequence has no 'parameters'"
+                raise RigError(f"{where}: unknown parameter ${{{name}}}; {known}")
+        if names and node == f"${{{names[0]}}}":
+            return parameters[names[0]]
+        return PARAMETER.sub(lambda match: str(parameters[match[1]]), node)
+    return node
 
 
 def _steps(nodes, path, what: str) -> list[Step]:
@@ -177,7 +237,7 @@ def _wait(body, path, where):
 
 
 def _condition(node, path, where):
-    check_keys(path, node, ("signal", "above", "below"), ("signal",), "wait.until")
+    check_keys(path, node, ("signal", "above", "below", "near", "within"), ("signal",), "wait.until")
     signal = catalogue().signals.get(str(node["signal"]))
     if signal is None:
         raise RigError(f"{where}: unknown signal '{node['signal']}'; see docs/signals.md")
@@ -187,8 +247,13 @@ def _condition(node, path, where):
         low, text = quantity(node["above"], dimension, f"{where}.above"), f"{text} above {node['above']}"
     if "below" in node:
         high, text = quantity(node["below"], dimension, f"{where}.below"), f"{text} below {node['below']}"
+    if "near" in node or "within" in node:
+        check_keys(path, node, ("signal", "near", "within"), ("signal", "near", "within"), "wait.until")
+        middle = quantity(node["near"], dimension, f"{where}.near")
+        width = quantity(node["within"], dimension, f"{where}.within")
+        low, high, text = middle - width, middle + width, f"{text} within {node['within']} of {node['near']}"
     if not low < high or (low == float("-inf") and high == float("inf")):
-        raise RigError(f"{where}: needs 'above', 'below' or both with above < below")
+        raise RigError(f"{where}: needs 'above', 'below' or both with above < below, or 'near' with 'within'")
     return Condition(signal.name, low, high), text
 
 

@@ -26,7 +26,8 @@ AFTER_TRIP = 100  # samples recorded after a trip, so that the bag shows the saf
 
 def run_record(config: RigConfig, sequence: Sequence, seed: int) -> dict:
     """What a bag says about its own making: configuration, sequence, seed and version, no clock and no host."""
-    return {"configuration": config.as_dict(), "sequence": sequence.name, "description": sequence.description,
+    chosen = {"parameters": dict(sequence.parameters)} if sequence.parameters else {}
+    return {"configuration": config.as_dict(), "sequence": sequence.name, "description": sequence.description, **chosen,
             "seed": seed, "versions": {"rig_nodes": __version__}}
 
 

@@ -1,0 +1,55 @@
+"""``rig procedure NAME``: series of a measuring procedure, each repeat into a bag with its report."""
+
+from __future__ import annotations
+
+import sys
+
+HELP = "run series of a measuring procedure of the laboratory, with bags"
+
+
+def add_arguments(parser) -> None:
+    """The arguments of the verb."""
+    parser.add_argument("procedure", help="name of an installed procedure or a .yaml file")
+    parser.add_argument("--series", metavar="A,B",
+                        help="labels or numbers of series, e.g. 19,20 (default: all; --labels lists them)")
+    parser.add_argument("--labels", action="store_true", help="print the labels of the series and run nothing")
+    parser.add_argument("--out", metavar="DIR", help="folder for the runs (default: runs/<procedure>-<n>)")
+    parser.add_argument("--rig", default="hydmag", metavar="NAME", help="rig or .yaml file (default: hydmag)")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
+                        help="change one value of the rig that the series do not set themselves (may be repeated)")
+
+
+def main(args) -> int:
+    """Run the chosen series one after the other; 0 only when every sequence came to its end."""
+    from ..analysis.report import build_report, format_report, write_report
+    from ..bags.reader import Bag
+    from ..testbench.folders import parse_settings, run_folder
+    from ..testbench.procedure import load_procedure, prepare
+    from ..testbench.simulate import simulate
+
+    procedure = load_procedure(args.procedure)
+    chosen = procedure.series(args.series.split(",") if args.series else None)
+    if args.labels:
+        print("\n".join(series.label for series in chosen))
+        return 0
+    settings = parse_settings(args.settings)
+    ready = [(series, *prepare(series, args.rig, settings)) for series in chosen]
+    folder = run_folder(args.out, procedure.name)
+    failed = 0
+    for series, config, sequence in ready:
+        for repeat in range(series.repeats):
+            run_into = folder / f"{series.label}-{repeat + 1}"
+            run_into.mkdir()
+            print(f"series {series.label}, run {repeat + 1} of {series.repeats}", flush=True)
+            run = simulate(config, sequence, run_into, series.first_seed + repeat)
+            report = build_report(Bag(run_into), run)
+            write_report(run_into, report)
+            print(format_report(report), end="\n\n", flush=True)
+            if run["end"]["state"] == "interrupted":
+                print("rig: interrupted by Ctrl-C", file=sys.stderr)
+                return 130
+            if run["end"]["state"] != "ended":
+                failed += 1
+                print(f"rig: series {series.label}: {run['end']['reason']}", file=sys.stderr)
+    print(f"written to {folder}; look at one with: ./rig view {folder}/<series>-<run>", flush=True)
+    return 1 if failed else 0

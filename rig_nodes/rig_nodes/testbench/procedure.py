@@ -1,0 +1,203 @@
+"""Measuring procedures of the laboratory: YAML of a sequence, the series it is run for, and how often each.
+
+Used by ``rig procedure`` and by the validation; testbench.campaign runs many series on all cores.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import product
+from pathlib import Path
+
+from ..config import load_marked
+from ..config.schema import check_keys, where_of
+from ..config.units import quantity
+from ..errors import RigError
+from ..validation.targets import CONDITIONS
+from .configuration import RigConfig, find_config, load_rig, with_overrides
+from .record import LOGGER_PERIOD, Run, record
+from .sequence import PARAMETER, Sequence, load_sequence
+
+MOST_REPEATS = 100
+BLOCK_KEYS = ("table", "grid", "label", "conditions", "parameters", "settings")
+
+
+@dataclass(frozen=True)
+class Series:
+    """One setting under which a procedure is run.
+
+    label: short name, alone in its procedure. conditions: names of validation.targets.CONDITIONS, SI. parameters: of
+    the sequence. overrides: of the rig. period: between two rows [s]. first_seed: of the first repeat; the others'
+    follow, and no two runs of a procedure share one.
+    """
+
+    procedure: str
+    label: str
+    conditions: dict[str, float | int | str]
+    sequence: str
+    parameters: dict[str, str]
+    overrides: dict[str, str]
+    repeats: int
+    period: float
+    first_seed: int
+
+
+@dataclass(frozen=True)
+class Procedure:
+    """A checked procedure. source: where the laboratory's is described."""
+
+    name: str
+    description: str
+    source: str
+    sequence: str
+    repeats: int
+    all_series: tuple[Series, ...]
+
+    def series(self, chosen: list[str] | None = None) -> list[Series]:
+        """All series, or those chosen by label or by number of series, in the procedure's order; RigError otherwise."""
+        if chosen is None:
+            return list(self.all_series)
+        out = set()
+        for name in chosen:
+            found = [k for k, series in enumerate(self.all_series)
+                     if name == series.label or name == str(series.conditions.get("series"))]
+            if not found:
+                known = ", ".join(series.label for series in self.all_series)
+                raise RigError(f"procedure '{self.name}' has no series '{name}'; known are {known}")
+            out.update(found)
+        return [self.all_series[k] for k in sorted(out)]
+
+
+def load_procedure(name: str | Path) -> Procedure:
+    """The installed procedure of this name, or a file; RigError with file and line when it is not right."""
+    path = find_config("procedures", name)
+    node = load_marked(path)
+    needed = ("description", "source", "sequence", "repeats", "series")
+    check_keys(path, node, (*needed, "period", "settings"), needed, "the procedure")
+    repeats = node["repeats"]
+    if not isinstance(repeats, int) or isinstance(repeats, bool) or not 1 <= repeats <= MOST_REPEATS:
+        raise RigError(f"{where_of(path, node, 'repeats')}: repeats is {repeats!r}, expected a whole number from 1 to "
+                       f"{MOST_REPEATS}")
+    period = LOGGER_PERIOD
+    if "period" in node:
+        period = quantity(node["period"], "time", f"{where_of(path, node, 'period')}: period")
+    blocks = node["series"]
+    if not isinstance(blocks, list) or not blocks:
+        raise RigError(f"{where_of(path, node, 'series')}: series must be a list with at least one block")
+    sequence = _sequence(node, path)
+    settings = _texts(node, "settings", {}, path)
+    name, all_series = Path(path).stem, []
+    for block in blocks:
+        check_keys(path, block, BLOCK_KEYS, ("label", "conditions"), "a block of series")
+        where = where_of(path, block)
+        for row in _rows(block, path, where):
+            label = "".join(_fill(str(block["label"]), row, where).split())  # it names a folder too
+            if any(label == series.label for series in all_series):
+                raise RigError(f"{where}: the label '{label}' is there twice")
+            all_series.append(Series(
+                name, label, _conditions(block, row, path), sequence,
+                _texts(block, "parameters", row, path), {**settings, **_texts(block, "settings", row, path)},
+                repeats, period, 1 + len(all_series) * repeats))
+    return Procedure(name, str(node["description"]), str(node["source"]), sequence, repeats,
+                     tuple(all_series))
+
+
+def _sequence(node, path) -> str:
+    """The name of the sequence, or its file, which stands beside the procedure's."""
+    name = str(node["sequence"])
+    if name.endswith((".yaml", ".yml")):
+        name = str(Path(path).parent / name)
+    try:
+        find_config("sequences", name)
+    except RigError as error:
+        raise RigError(f"{where_of(path, node, 'sequence')}: sequence: {error}") from None
+    return name
+
+
+def _rows(block, path, where: str) -> list[dict[str, str]]:
+    """What stands for the ${names} of a block, once for each of its series."""
+    if "table" in block and "grid" in block:
+        raise RigError(f"{where}: a block of series has a table or a grid, not both")
+    if "table" in block:
+        return read_table(Path(path).parent / str(block["table"]), f"{where_of(path, block, 'table')}: table")
+    grid = block.get("grid") or {}
+    for name, values in grid.items():
+        if not isinstance(values, list) or not values:
+            raise RigError(f"{where_of(path, grid, name)}: grid.{name} must be a list of values, found {values!r}")
+    return [dict(zip(grid, map(str, values))) for values in product(*grid.values())]
+
+
+def read_table(path: Path, where: str) -> list[dict[str, str]]:
+    """Rows of a CSV file with a heading; lines that open with # are comments. RigError when rows do not fit it."""
+    try:
+        lines = [line for line in path.read_text(encoding="utf-8").splitlines() if line and not line.startswith("#")]
+    except (OSError, UnicodeDecodeError) as error:
+        raise RigError(f"{where}: {path} cannot be read ({error})") from None
+    heading, *rows = csv.reader(lines) if lines else [[]]
+    if not rows or any(len(row) != len(heading) for row in rows):
+        raise RigError(f"{where}: {path.name} needs a heading and rows of as many values as it has columns")
+    return [dict(zip(heading, row)) for row in rows]
+
+
+def _fill(text: str, row: dict[str, str], where: str) -> str:
+    for name in PARAMETER.findall(text):
+        if name not in row:
+            raise RigError(f"{where}: unknown name ${{{name}}}; known are {', '.join(row) or 'none'}")
+    return PARAMETER.sub(lambda match: row[match[1]], text)
+
+
+def _texts(node, key: str, row: dict[str, str], path) -> dict[str, str]:
+    """A map of names and texts, filled."""
+    entries = node.get(key) or {}
+    if not isinstance(entries, dict):
+        raise RigError(f"{where_of(path, node, key)}: {key} must be a map of names and values, found {entries!r}")
+    return {str(name): _fill(str(value), row, where_of(path, entries, name)) for name, value in entries.items()}
+
+
+def _conditions(block, row, path) -> dict[str, float | int | str]:
+    out: dict[str, float | int | str] = {}
+    for name, text in _texts(block, "conditions", row, path).items():
+        where = where_of(path, block["conditions"], name)
+        kind = CONDITIONS.get(name)
+        if kind is None:
+            raise RigError(f"{where}: unknown condition '{name}'; known are {', '.join(CONDITIONS)}")
+        if kind is int:
+            if not text.isdigit():
+                raise RigError(f"{where}: {name} is '{text}', expected a whole number")
+            out[name] = int(text)
+        elif isinstance(kind, tuple):
+            if text not in kind:
+                raise RigError(f"{where}: {name} is '{text}', expected {', '.join(kind)}")
+            out[name] = text
+        else:
+            out[name] = quantity(text, kind, f"{where}: {name}")
+    return out
+
+
+# ---- running
+
+@lru_cache(maxsize=4)
+def _base(rig: str) -> RigConfig:
+    return load_rig(rig)
+
+
+def prepare(series: Series, rig: str = "hydmag", settings: dict[str, str] | None = None) -> tuple[RigConfig, Sequence]:
+    """Rig and sequence of a series. settings: of the rig, beside the series' own; RigError where both name a value."""
+    both = sorted(set(settings or {}) & set(series.overrides))
+    if both:
+        raise RigError(f"setting {both[0]}: series '{series.label}' of '{series.procedure}' sets it itself")
+    config = with_overrides(_base(rig), {**(settings or {}), **series.overrides})
+    return config, load_sequence(series.sequence, series.parameters)
+
+
+def run_repeat(series: Series, repeat: int, rig: str = "hydmag", settings: dict[str, str] | None = None) -> Run:
+    """One run of a series; repeat counts from 0."""
+    config, sequence = prepare(series, rig, settings)
+    return record(config, sequence, series.first_seed + repeat, period=series.period)
+
+
+def run_series(series: Series, rig: str = "hydmag", settings: dict[str, str] | None = None) -> list[Run]:
+    """All runs of a series, one for each repeat, with seeds of their own."""
+    return [run_repeat(series, repeat, rig, settings) for repeat in range(series.repeats)]

@@ -1,0 +1,202 @@
+"""A sequence on the rig, its logger's rows straight into memory: no ROS, no bag, no encoding.
+
+Used by testbench.procedure for campaigns; gives the same rows, bit for bit, as the bag of ``simulate``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..analysis.metrics import Recording
+from ..errors import RigError
+from ..plant import kernel
+from .configuration import RigConfig
+from .rig import SAMPLE_NS, TICK_SAMPLES, Rig
+from .sequence import Sequence, SequenceFailed, SequenceRunner
+from .simulate import LocalBench
+from .topics import COMMAND, MEASURED, SCALAR_SAMPLES, Heard, States
+
+LOGGER_PERIOD = 1e-4  # s, 10 kHz
+CHUNK = 500  # controller samples between two looks into the ring of rows, which holds at least 1.9 s
+ORDER = "shift_ordered"  # event of the controller with the gear as value
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a recorded run gives.
+
+    recording: all of kernel.CHANNELS, SI, with the orders of gear. end: ``state`` (ended, failed) and ``reason``.
+    events: (time [s], name, text, value) of sequencer and controller. truth: signal -> what the plant knew, on the same
+    rows; it is known once a controller sample, which the rows of that millisecond share.
+    """
+
+    recording: Recording
+    end: dict
+    events: list[tuple[float, str, str, float]] = field(default_factory=list)
+    truth: dict[str, np.ndarray] = field(default_factory=dict)
+
+
+class Truth:
+    """Signals of the state topics, noted once a controller sample."""
+
+    def __init__(self, rig: Rig, signals: tuple[str, ...]):
+        self.signals, self._states, self._heard = signals, States(rig), Heard()
+        self._topics = sorted({Heard.topic(name) for name in signals})
+        unknown = [name for name in signals if Heard.topic(name) not in self._states.topics]
+        if unknown:
+            raise RigError(f"{', '.join(unknown)}: only signals of state topics are known without a transducer; "
+                           "docs/signals.md lists them")
+        self._values: list[list[float]] = []
+
+    def note(self) -> None:
+        """The values of now."""
+        self._states.refresh()
+        for topic in self._topics:
+            self._heard.fields[topic] = self._states.topics[topic]()
+        self._values.append([self._heard.reading(name) for name in self.signals])
+
+    def on_rows(self, rows: int, per_sample: int) -> dict[str, np.ndarray]:
+        """Signal -> values (rows,)."""
+        values = np.repeat(np.array(self._values).reshape(-1, len(self.signals)), per_sample, axis=0)[:rows]
+        return dict(zip(self.signals, np.ascontiguousarray(values.T)))
+
+
+class Listener:
+    """What a listener on the topics has heard when a sequence asks, and what the sequence's bench tells.
+
+    In place of Outputs: publishes nothing, but knows when it would have been published.
+    """
+
+    def __init__(self, rig: Rig, signals: list[str], truth: Truth | None = None):
+        """signals: those that will be asked for; others of transducers may be asked too."""
+        self.rig, self.truth, self.events, self.orders = rig, truth, [], []
+        self._states, self._heard = States(rig), Heard()
+        topics = {Heard.topic(name) for name in signals}
+        self._command = COMMAND in topics
+        self._ticked = sorted(topics & self._states.topics.keys())
+        unknown = topics - {COMMAND} - self._states.topics.keys() - MEASURED.keys()
+        if unknown:
+            raise RigError(f"{', '.join(sorted(unknown))}: no topic that a recorded sequence can wait for")
+
+    def period(self, signal: str) -> int:
+        """Controller samples between two messages with this signal."""
+        topic = Heard.topic(signal)
+        return SCALAR_SAMPLES if topic in MEASURED else 1 if topic == COMMAND else TICK_SAMPLES
+
+    def reading(self, name: str) -> float:
+        """As Outputs.reading; asked at a tick, when nothing of that tick has gone out yet."""
+        topic = Heard.topic(name)
+        if topic in MEASURED and self.rig.sample:
+            newest = (self.rig.sample - 1) // SCALAR_SAMPLES * SCALAR_SAMPLES
+            self._heard.fields[topic] = (self.rig.row_of(newest)[MEASURED[topic]],)
+        return self._heard.reading(name)
+
+    def advance(self, samples: int) -> None:
+        """Move the rig by a whole number of ticks, hearing what goes out on the way."""
+        if self._ticked:
+            self._go(samples - TICK_SAMPLES)
+            samples = TICK_SAMPLES
+            self._states.refresh()
+            for topic in self._ticked:
+                self._heard.fields[topic] = self._states.topics[topic]()
+        if self._command:
+            self._go(samples - 1)
+            samples = 1
+            self._heard.fields[COMMAND] = self._states.command()
+        self._go(samples)
+
+    def _go(self, samples: int) -> None:
+        if self.truth is None:
+            self.rig.advance_samples(samples)
+            return
+        for _ in range(samples):
+            self.truth.note()
+            self.rig.advance_samples(1)
+
+    def event(self, topic: str, name: str, text: str, value: float = 0.0) -> None:
+        """Note an event of now."""
+        now = self.rig.time_ns / 1e9
+        self.events.append((now, name, text, float(value)))
+        if name == ORDER:
+            before = self.orders[-1][2] if self.orders else 0
+            self.orders.append((now, before, int(value)))
+
+    def setpoint(self, topic: str, value: float, enable: bool) -> None:
+        """A setpoint that the rig has taken; nobody listens to it here."""
+
+
+class Rows:
+    """Collects the rows of a rig, one every ``period`` [s], before its ring overwrites them."""
+
+    def __init__(self, rig: Rig, period: float):
+        self.rig, self.period = rig, period
+        self.per_sample = round(SAMPLE_NS * 1e-9 / period)
+        if abs(self.per_sample * period - SAMPLE_NS * 1e-9) > 1e-12 or self.per_sample < 1:
+            raise RigError(f"rows every {period * 1e6:g} us do not fit into samples of 1000 us; take e.g. 100 us or "
+                           "8 us")
+        rig.rows_at(period, 0, 0)  # refuses a period that is no whole number of steps
+        self._chunks: list[np.ndarray] = []
+        self._taken = 0
+
+    def take(self, sample: int) -> None:
+        """The rows before that of a sample."""
+        rows = sample * self.per_sample - self._taken
+        self._chunks.append(self.rig.rows_at(self.period, self._taken, rows))
+        self._taken += rows
+
+    def channels(self) -> dict[str, np.ndarray]:
+        """Channel -> values."""
+        return dict(zip(kernel.CHANNELS, np.ascontiguousarray(np.concatenate(self._chunks).T)))
+
+
+def record(config: RigConfig, sequence: Sequence, seed: int = 1, rows_per_second: int | None = None,
+           period: float | None = None, truth: tuple[str, ...] = ()) -> Run:
+    """Run the sequence on a rig with its embedded Alfa46 and keep its rows.
+
+    rows_per_second: 10000 if not given, as the logger HMG 4000; or ``period`` [s] between two rows, e.g. 8e-6 with a
+    ``kernel.step`` of 8 us for every row of the kernel, as the NI-USB 6210. Rows are taken as they are, not averaged.
+    truth: names of signals of the state topics, e.g. ("s1_torque", "s1_slip"); asking for some takes twice as long.
+    A sequence that fails keeps what was recorded until then. RigError when rows and steps do not fit.
+    """
+    if period is None:
+        period = LOGGER_PERIOD if rows_per_second is None else 1.0 / rows_per_second
+    rig = Rig(config, seed)
+    known = Truth(rig, truth) if truth else None
+    listener = Listener(rig, signals_of(sequence), known)
+    runner = SequenceRunner(sequence, LocalBench(rig, listener), config.load_pump)
+    rows = Rows(rig, period)
+    end = {"state": "ended", "reason": "the sequence ended"}
+    listener.advance(TICK_SAMPLES)
+    try:
+        while not runner.poll(rig.time):
+            upto = next_poll(runner, rig, listener)
+            while rig.sample < upto:
+                rows.take(rig.sample)
+                listener.advance(min(upto - rig.sample, CHUNK))
+        rows.take(rig.sample)
+    except SequenceFailed as failure:
+        end = {"state": "failed", "reason": str(failure)}
+        rows.take(rig.sample - TICK_SAMPLES)  # as simulate, which publishes nothing more at this tick
+    recording = Recording(0.0, period, rows.channels(), listener.orders)
+    on_rows = known.on_rows(recording.rows, rows.per_sample) if known else {}
+    return Run(recording, end, listener.events, on_rows)
+
+
+def signals_of(sequence: Sequence) -> list[str]:
+    """The signals that a sequence waits for."""
+    return [step.condition.signal for step in sequence.steps if step.condition is not None]
+
+
+def next_poll(runner: SequenceRunner, rig: Rig, listener: Listener) -> int:
+    """Sample of the next tick at which the sequence may have something to do."""
+    tick = rig.sample // TICK_SAMPLES
+    look = runner.next_look()
+    due = int(look["until"] * 1e9 / (TICK_SAMPLES * SAMPLE_NS))
+    if "gear" in look:  # an order that is not taken yet still shows the end of the shift before
+        due = min(due, -(-(rig.shift_end + 1) // TICK_SAMPLES))
+    if "signal" in look:
+        every = max(1, listener.period(look["signal"]) // TICK_SAMPLES)
+        due = min(due, -(-tick // every) * every + 1)  # the tick after the next message
+    return max(tick + 1, due) * TICK_SAMPLES

@@ -1,0 +1,112 @@
+"""What the rig's topics say and how often, as fields of their messages, and what a listener has heard last.
+
+Used by testbench.outputs, which encodes the fields, and by testbench.record, which only reads them.
+"""
+
+from __future__ import annotations
+
+from ..bags.definitions import installed
+from ..catalogue import catalogue
+from ..controllers.seam import LEVELS
+from ..plant import kernel
+from .rig import TICK_SAMPLES, Rig
+
+SCALAR_SAMPLES = 10  # controller samples between scalars (100 Hz)
+MEASURED = {  # topic of a transducer -> its logger column
+    "/motor/m_wej": kernel.M_WEJ, "/motor/n_wej": kernel.N_WEJ, "/load_pump/m_wyj": kernel.M_WYJ,
+    "/load_pump/n_wyj": kernel.N_WYJ, "/load_pump/p_po": kernel.P_PO, "/clutch_s1/p1": kernel.P_1,
+    "/clutch_s2/p2": kernel.P_2, "/valve_zr_p1/current": kernel.I_1, "/valve_zr_p2/current": kernel.I_2,
+    "/oil_supply/p_p": kernel.P_P, "/oil_supply/t_oil": kernel.T_OIL,
+}
+COMMAND = "/alfa46/command"
+
+
+class Heard:
+    """The newest fields of each topic that went out, and the readings that a listener takes from them."""
+
+    def __init__(self):
+        self.fields: dict[str, tuple] = {}  # by topic
+        self._places: dict[str, tuple] = {}  # of signals: topic, number of the field, index in it
+
+    @staticmethod
+    def topic(name: str) -> str:
+        """The topic of a signal."""
+        return catalogue().signal(name).topic
+
+    def reading(self, name: str) -> float:
+        """The newest value of a signal that went out, SI, as a listener has it; NaN before the first."""
+        topic, place, index = self._place(name)
+        fields = self.fields.get(topic)
+        if fields is None:
+            return float("nan")
+        return float(fields[place] if index is None else fields[place][index])
+
+    def _place(self, name: str) -> tuple:
+        if name not in self._places:
+            signal = catalogue().signal(name)
+            field, _, index = signal.field.partition("[")
+            names = [name for name, _ in installed(catalogue().topics[signal.topic].ros_type).tree.fields[2:]]
+            self._places[name] = signal.topic, names.index(field), int(index[:-1]) if index else None
+        return self._places[name]
+
+
+class States:
+    """Fields of the state topics, from the rig as it is; :meth:`refresh` before each tick's."""
+
+    def __init__(self, rig: Rig):
+        self.rig, self.overruns = rig, 0  # overruns: set by whoever keeps time
+        self._energy: dict[str, float] = {}  # of this tick
+        self.topics = {
+            "/motor/state": self._motor, "/gearbox/state": self._gearbox, "/load_pump/state": self._load,
+            "/oil_supply/state": self._oil, "/rig/state": self._rig_state,
+            "/clutch_s1/state": lambda: self._clutch(0), "/clutch_s2/state": lambda: self._clutch(1),
+            "/valve_zr_p1/state": lambda: self._valve(0), "/valve_zr_p2/state": lambda: self._valve(1),
+        }
+
+    def refresh(self) -> None:
+        """Take the energies of this tick."""
+        self._energy = self.rig.energy()
+
+    def command(self) -> tuple:
+        """Fields of the newest valve command, whose topic comes with every sample."""
+        rig = self.rig
+        return (rig.newest_command, rig.duty, rig.setpoint, rig.gear, rig.shifting, LEVELS.index(rig.level), rig.flags)
+
+    def _motor(self):
+        rig, plant = self.rig, self.rig.plant[0]
+        return (float(rig.v[0]), float(plant["motor_setpoint"]), float(plant["motor_torque"]),
+                self._energy["motor"], bool(rig.settings["motor_on"][0] > 0.0))
+
+    def _gearbox(self):
+        rig, plant = self.rig, self.rig.plant[0]
+        energy = self._energy
+        return (rig.locked_gear(), float(rig.v[0]), float(rig.v[1]), float(plant["m_wej"]), float(plant["m_wyj"]),
+                float(plant["loss_in"]), float(plant["loss_out"]), energy["loss_in"] + energy["loss_out"])
+
+    def _clutch(self, k: int):
+        rig, cylinder = self.rig, self.rig.cylinders[k]
+        slip = rig.slip(k)
+        return (rig.clutch_mode(k), rig.clutch_torque(k), float(cylinder["drag"]) * slip, float(cylinder["kinetic"]),
+                float(cylinder["static"]), slip, float(cylinder["clamp"]), float(cylinder["chamber"]),
+                float(cylinder["piston"]), self._energy[f"heat_s{k + 1}"])
+
+    def _valve(self, k: int):
+        rig, valve = self.rig, self.rig.valves[k]
+        return (float(valve["duty"]), float(valve["current"]), float(valve["spool"]), float(valve["flow"]),
+                float(rig.cylinders["line"][k]), rig.command_age, bool(rig.settings["safe"][0] > 0.0))
+
+    def _load(self):
+        rig = self.rig
+        return (rig.load_torque(), rig.load_capacity(), float(rig.plant["load_pressure"][0]),
+                float(rig.settings["load_pressure"][0]), self._energy["load"])
+
+    def _oil(self):
+        rig = self.rig
+        return (float(rig.plant["supply"][0]), float(rig.settings["oil_pressure"][0]),
+                max(0.0, float(rig.valves["flow"].sum())), rig.config.oil_supply.temperature,
+                bool(rig.settings["oil_on"][0] > 0.0))
+
+    def _rig_state(self):
+        rig = self.rig
+        return (int(rig.status), rig.reason, rig.stopped_by_person, rig.sample // TICK_SAMPLES, self.overruns,
+                self._energy["residual"])

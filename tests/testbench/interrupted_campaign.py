@@ -1,0 +1,29 @@
+"""A campaign of hundreds of runs for test_procedures.py to interrupt: interrupted_campaign.py PROCEDURE."""
+
+import sys
+
+from rig_nodes.testbench.campaign import Workers, run_campaign
+from rig_nodes.testbench.procedure import load_procedure
+
+SHOWN = []
+
+
+def rows(_series, run):
+    """Measured of a run."""
+    return run.recording.rows
+
+
+def show(_done, _of):
+    """Say once that runs come back."""
+    if not SHOWN:
+        SHOWN.append(True)
+        print("running", flush=True)
+
+
+if __name__ == "__main__":
+    try:
+        with Workers(2) as workers:
+            run_campaign(load_procedure(sys.argv[1]).series() * 500, rows, workers=workers, progress=show)
+    except KeyboardInterrupt:
+        print("interrupted", flush=True)
+        sys.exit(130)
