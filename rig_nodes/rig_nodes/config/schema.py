@@ -20,6 +20,16 @@ def param(dimension: str, low: float, high: float):
     return dataclasses.field(metadata={"dimension": dimension, "low": low, "high": high})
 
 
+def choice(*names: str):
+    """A dataclass field: one of these words."""
+    return dataclasses.field(metadata={"dimension": "choice", "choices": names})
+
+
+def switch():
+    """A dataclass field: True or False, written on or off."""
+    return dataclasses.field(metadata={"dimension": "switch", "choices": ("on", "off")})
+
+
 def limits(cls, name: str) -> tuple[float, float]:
     """Lowest and highest value (SI, inclusive) of a :func:`param` field."""
     meta = cls.__dataclass_fields__[name].metadata
@@ -59,24 +69,44 @@ def build(cls, node, path, what: str, others: tuple = ()):
     values = {}
     for field in dataclasses.fields(cls):
         where = f"{where_of(path, node, field.name)}: {what}.{field.name}"
-        entry = node[field.name]
-        if not (isinstance(entry, list) and len(entry) == 2 and isinstance(entry[1], str) and entry[1].strip()):
-            raise RigError(f"{where} must be [value with unit, \"its source\"], found {entry!r}")
-        value = quantity(entry[0], field.metadata["dimension"], where)
-        low, high = field.metadata["low"], field.metadata["high"]
-        if not low <= value <= high:
-            raise RigError(f"{where} is {entry[0]}, outside {low:g} to {high:g} (SI)")
-        values[field.name] = value
+        values[field.name] = entry(field, node[field.name], where)
     return cls(**values)
 
 
+def entry(field, node, where: str):
+    """Value of a field from its [value with unit, "its source"]; RigError otherwise."""
+    if not (isinstance(node, list) and len(node) == 2 and isinstance(node[1], str) and node[1].strip()):
+        raise RigError(f"{where} must be [value with unit, \"its source\"], found {node!r}")
+    return field_value(field, node[0], where)
+
+
+def field_value(field, text, where: str):
+    """What a field of a part takes from the words of its YAML or an override; RigError otherwise."""
+    meta = field.metadata
+    if "choices" in meta:
+        if meta["dimension"] == "switch" and isinstance(text, bool):
+            return text  # YAML's own
+        if text not in meta["choices"]:
+            raise RigError(f"{where} is '{text}', expected one of {', '.join(meta['choices'])}")
+        return text == "on" if meta["dimension"] == "switch" else text
+    value = quantity(text, meta["dimension"], where)
+    if not meta["low"] <= value <= meta["high"]:
+        raise RigError(f"{where} is {text}, outside {meta['low']:g} to {meta['high']:g} (SI)")
+    return value
+
+
+def _numbers(cls) -> list:
+    """The fields that the kernel reads: all but words."""
+    return [f for f in dataclasses.fields(cls) if f.metadata["dimension"] != "choice"]
+
+
 def record_dtype(*classes) -> np.dtype:
-    """One float64 per field of the dataclasses, in order: what the compiled kernel reads."""
-    return np.dtype([(f.name, np.float64) for cls in classes for f in dataclasses.fields(cls)])
+    """One float64 per field of the dataclasses but words, in order: what the compiled kernel reads."""
+    return np.dtype([(f.name, np.float64) for cls in classes for f in _numbers(cls)])
 
 
 def fill(record, *instances) -> None:
     """Copy dataclass values into a numpy record of :func:`record_dtype`."""
     for instance in instances:
-        for field in dataclasses.fields(instance):
+        for field in _numbers(type(instance)):
             record[field.name] = getattr(instance, field.name)

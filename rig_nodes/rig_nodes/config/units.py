@@ -17,7 +17,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "Hz": ("frequency", 1.0), "kHz": ("frequency", 1e3),
     "rad/s": ("angular velocity", 1.0), "rpm": ("angular velocity", math.pi / 30.0),
     "rad/s2": ("angular acceleration", 1.0), "rpm/s": ("angular acceleration", math.pi / 30.0),
-    "Nm": ("torque", 1.0), "kg m2": ("inertia", 1.0), "W": ("power", 1.0), "kW": ("power", 1e3),
+    "Nm": ("torque", 1.0), "1/Nm": ("torque per torque squared", 1.0), "kg m2": ("inertia", 1.0), "W": ("power", 1.0), "kW": ("power", 1e3),
     "J": ("energy", 1.0), "kJ": ("energy", 1e3),
     "Nm s/rad": ("torque per speed", 1.0), "Nm/rad": ("torque per angle", 1.0),
     "Pa": ("pressure", 1.0), "kPa": ("pressure", 1e3), "MPa": ("pressure", 1e6), "bar": ("pressure", 1e5),
@@ -34,7 +34,9 @@ UNITS: dict[str, tuple[str, float]] = {
     "A": ("current", 1.0), "mA": ("current", 1e-3), "V": ("voltage", 1.0),
     "ohm": ("resistance", 1.0), "H": ("inductance", 1.0), "mH": ("inductance", 1e-3),
     "V/A": ("resistance", 1.0), "V/(A s)": ("gain integral", 1.0), "V s/A": ("inductance", 1.0),
-    "degC": ("temperature", 1.0),
+    "degC": ("temperature", 1.0), "1/K": ("per temperature", 1.0), "%/K": ("per temperature", 0.01),
+    "J/K": ("heat capacity", 1.0), "W/K": ("thermal conductance", 1.0), "um/MJ": ("wear rate", 1e-12),
+    "N/MPa2": ("force per pressure squared", 1e-12), "N/MPa": ("area", 1e-6),
 }
 SI = {dimension: unit for unit, (dimension, factor) in reversed(UNITS.items()) if factor == 1.0}
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*$")

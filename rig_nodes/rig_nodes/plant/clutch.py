@@ -1,4 +1,4 @@
-"""Wet multi-plate clutch: cylinder with piston against disc springs, plate pack, friction after (6.54), drag.
+"""Wet multi-plate clutch: cylinder with piston against disc springs, plate pack, friction, drag, heat and wear.
 
 Called by plant.kernel for S1 and S2; the models of torque and drag themselves are in plant.friction.
 """
@@ -9,10 +9,9 @@ from dataclasses import dataclass
 
 from numba import njit
 
-from ..config.schema import param
+from ..config.schema import choice, param
 from ..errors import RigError
-from .friction.closed import thesis
-from .friction.drag import kitabayashi
+from .friction import closed, drag
 from .friction.geometry import PackGeometry
 from .valve import held_flow, port_flow
 
@@ -26,6 +25,15 @@ class PlatePack(PackGeometry):
     friction_spline: float = param("ratio", 0.0, 1.0)
     film_gap: float = param("length", 1e-6, 1e-2)
     film_force: float = param("force", 1.0, 1e5)
+    film_radius: float = param("length", 1e-3, 1.0)
+    liquid_share: float = param("ratio", 0.0, 1.0)
+    mist_viscosity_share: float = param("ratio", 0.0, 1.0)
+    heat_capacity: float = param("heat capacity", 1.0, 1e6)
+    cooling: float = param("thermal conductance", 0.0, 1e6)
+    friction_per_kelvin: float = param("per temperature", -0.02, 0.02)
+    friction_temperature: float = param("temperature", -30.0, 300.0)
+    wear_rate: float = param("wear rate", 0.0, 1e-6)
+    wear_per_kelvin: float = param("per temperature", 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -44,19 +52,57 @@ class Cylinder:
     line_volume: float = param("volume", 1e-7, 1e-2)
     chamber_volume: float = param("volume", 1e-7, 1e-2)
     feed_area: float = param("area", 1e-8, 1e-2)
+    friction_model: str = choice("thesis", "traditional", "osinski", "newcomb", "chen")
+    drag_model: str = choice("kitabayashi", "davis", "pahlovy", "peng_yuan", "iqbal")
+    friction_correction: float = param("ratio", 0.1, 10.0)
+    rest_torque: float = param("torque", 0.0, 500.0)
 
 
-def torque_per_force(pack: PlatePack, friction: float, releasing: bool = False) -> float:
-    """Torque per clamp force [Nm/N] of the whole pack after (6.54), (6.55); RigError for a pack that cannot be."""
+def torque_per_force(pack: PlatePack, friction: float, releasing: bool = False, model: str = "thesis") -> float:
+    """Torque per clamp force [Nm/N] of the whole pack by a model of chapter 6; RigError for a pack that cannot be.
+
+    Only for the thesis's model there is a reading of the release (its spline friction turned round); with the others
+    the pack follows its clamp force.
+    """
+    spline = pack.friction_spline
     try:
-        return thesis(pack, 1.0, friction, pack.friction_spline, releasing=releasing)
+        if model == "thesis":
+            return closed.thesis(pack, 1.0, friction, spline, releasing=releasing)
+        if model == "traditional":
+            return closed.traditional(pack, 1.0, friction)
+        if model == "osinski":
+            return closed.osinski(pack, 1.0, friction, beyond_table=True)
+        return {"newcomb": closed.newcomb, "chen": closed.chen}[model](pack, 1.0, friction, spline)
     except ValueError as error:
         raise RigError(f"plate_pack: {error}") from None
 
 
-def drag_factor(pack: PlatePack) -> float:
-    """Kitabayashi's drag (6.4) per viscosity, slip and reciprocal gap: n pi r_m^2 (R_z^2 - R_w^2) [m4]."""
-    return kitabayashi(pack, slip=1.0, viscosity=1.0, gap=1.0)
+def drag_factor(pack: PlatePack, model: str = "kitabayashi") -> float:
+    """Viscous drag of a model of chapter 6 per viscosity, slip and reciprocal gap [m4]; RigError as above."""
+    try:
+        if model == "kitabayashi":
+            return drag.kitabayashi(pack, 1.0, 1.0, 1.0)
+        if model == "davis":
+            return drag.davis_viscous(pack, 1.0, 1.0, 1.0)
+        if model == "iqbal":
+            return drag.iqbal(pack, 1.0, 1.0, 1.0, pack.film_radius, pack.liquid_share, pack.mist_viscosity_share)
+        return {"pahlovy": drag.pahlovy, "peng_yuan": drag.peng_yuan}[model](pack, 1.0, 1.0, 1.0, pack.film_radius)
+    except ValueError as error:
+        raise RigError(f"plate_pack: {error}") from None
+
+
+@njit(cache=True)
+def friction_factor(temperature, clutch):
+    """Friction of the plates at their temperature [degC] over that at ``friction_temperature``."""
+    return max(0.2, 1.0 + clutch.friction_per_kelvin * (temperature - clutch.friction_temperature))
+
+
+@njit(cache=True)
+def plates_after(temperature, wear, heat, oil_temperature, h, clutch):
+    """(temperature [degC], wear of the whole pack [m]) of the plates after h, in which they took ``heat`` [J]."""
+    rate = clutch.wear_rate * max(0.0, 1.0 + clutch.wear_per_kelvin * (temperature - clutch.friction_temperature))
+    cooled = clutch.cooling * (temperature - oil_temperature) * h
+    return temperature + (heat - cooled) / clutch.heat_capacity, wear + rate * heat
 
 
 @njit(cache=True)
@@ -72,6 +118,13 @@ def held_torque(before, clamp, engaging, releasing):
     """Torque capacity [Nm] with the memory of the splines: rises along ``engaging`` times the clamp force, stays
     while the plates stick on their splines, falls along ``releasing`` times the clamp force [Nm/N]."""
     return min(max(before, engaging * clamp), releasing * clamp)
+
+
+@njit(cache=True)
+def prescribed_clamp(pressure, clutch):
+    """Clamp force [N] at a prescribed pressure [Pa]: F_p of Annex D less the springs' force at the kiss point."""
+    push = (clutch.force_square * pressure + clutch.force_linear) * pressure + clutch.force_offset
+    return max(0.0, push - clutch.contact_force)
 
 
 @njit(cache=True)

@@ -78,7 +78,7 @@ MOTOR_SIDE = np.dtype([
     ("torque", "f8"), ("integral", "f8"), ("setpoint", "f8"), ("mean", "f8"), ("work", "f8"),
 ])
 LOAD_SIDE = np.dtype([("pressure", "f8"), ("mean", "f8"), ("work", "f8")])
-VALVE_SIDE = np.dtype([("spool", "f8"), ("share", "f8"), ("mean", "f8"), ("slope", "f8"), ("work", "f8")])
+VALVE_SIDE = np.dtype([("magnet", "f8"), ("spool", "f8"), ("share", "f8"), ("mean", "f8"), ("slope", "f8"), ("work", "f8")])
 
 
 @njit(cache=True)
@@ -113,7 +113,8 @@ def valve_tick(side, old_current, new_current, pressure, supply, density, steps,
     side.mean = side.slope = 0.0
     for i in range(steps):
         current = old_current + (new_current - old_current) * (i + 1) / steps
-        side.spool = valve_model.spool_position(side.spool, current, pressure, h, valve)
+        side.magnet = valve_model.magnet_pressure(side.magnet, current, valve)
+        side.spool = valve_model.spool_position(side.spool, side.magnet, pressure, h, valve)
         side.share = valve_model.opening(side.spool, valve)
         flow, slope = valve_model.port_flow(side.share, pressure, supply, density, valve)
         side.mean += flow / steps
@@ -163,7 +164,7 @@ class OtherSide:
             return Answer(torque=float(ahead["mean"]), setpoint=float(ahead["setpoint"]), work=work)
         if self.device == LOAD:
             return Answer(torque=float(ahead["mean"]), pressure=float(ahead["pressure"]), work=work)
-        slope = self._slope(ahead, port, later)
+        slope = self._slope(ahead, port)
         return Answer(flow=float(ahead["mean"]), flow_slope=slope, pressure=port.pressure,
                       position=float(ahead["spool"]), work=work)
 
@@ -186,14 +187,14 @@ class OtherSide:
             valve_tick(side, port.current, current, port.pressure, port.supply, self._density, steps, self._h,
                        self._values)
 
-    def _slope(self, side, port: Port, current: float) -> float:
+    def _slope(self, side, port: Port) -> float:
         """Change of a valve's answer by port pressure: the steeper of the orifice's and the way to no flow.
 
         The latter ends at the port pressure that, held from the port on, would have closed the valve in the
         middle of the tick in which the answer acts. In a stiff line the pressure gets there within that tick;
         a slope that knew the orifice alone would let it swing.
         """
-        closed = valve_model.closing_pressure(float(self._side["spool"]), side["mean"] > 0.0, current,
+        closed = valve_model.closing_pressure(float(self._side["spool"]), side["mean"] > 0.0, float(side["magnet"]),
                                               1.5 * port.tick, self._values)
         slope = float(side["slope"])
         if side["mean"] != 0.0 and closed != port.pressure:

@@ -24,15 +24,19 @@ RPM = pi / 30.0
 
 @dataclass(frozen=True)
 class GearboxConfig:
-    """Inertias and losses. Losses: constant + by speed (quadratic in n) and a share of the torque carried."""
+    """Inertias and losses: by speed on w0, and on both sides a parabola of the torque carried (Annex D)."""
 
     inertia_in: float = param("inertia", 1e-3, 100.0)
     inertia_in_gearbox: float = param("inertia", 0.0, 100.0)
     inertia_out_z5: float = param("inertia", 1e-4, 100.0)
     inertia_pump: float = param("inertia", 0.0, 100.0)
-    loss_in_share: float = param("ratio", 0.0, 0.5)
-    loss_out_constant: float = param("torque", 0.0, 100.0)
-    loss_out_share: float = param("ratio", 0.0, 0.5)
+    loss_in_speed: float = param("ratio", 0.0, 10.0)
+    loss_in_constant: float = param("torque", -100.0, 100.0)
+    loss_in_share: float = param("ratio", -0.5, 0.5)
+    loss_in_square: float = param("torque per torque squared", -0.01, 0.01)
+    loss_out_constant: float = param("torque", -100.0, 100.0)
+    loss_out_share: float = param("ratio", -0.5, 0.5)
+    loss_out_square: float = param("torque per torque squared", -0.01, 0.01)
 
 
 def build_driveline(gearbox: GearboxConfig):
@@ -54,12 +58,19 @@ def build_driveline(gearbox: GearboxConfig):
 
 @njit(cache=True)
 def loss_in(speed, torque, gearbox):
-    """Loss torque on w0 [Nm]: speed part of Annex D plus a share of the torque carried."""
-    n = abs(speed) / RPM
-    return max(0.0, -1.76e-6 * n * n + 4.58e-3 * n + 2.56) + gearbox.loss_in_share * abs(torque)
+    """Loss torque on w0 [Nm], (6.72) and Annex D: a part by speed and a part by the torque that w0 carries [Nm]."""
+    n, u = abs(speed) / RPM, abs(torque)
+    by_speed = gearbox.loss_in_speed * max(0.0, -1.76e-6 * n * n + 4.58e-3 * n + 2.56)
+    # the parabola falls behind its top; a loss does not
+    if gearbox.loss_in_square < 0.0:
+        u = min(u, -0.5 * gearbox.loss_in_share / gearbox.loss_in_square)
+    by_torque = gearbox.loss_in_constant + gearbox.loss_in_share * u + gearbox.loss_in_square * u * u
+    return by_speed + max(0.0, by_torque)
 
 
 @njit(cache=True)
 def loss_out(torque, gearbox):
-    """Loss torque on wk [Nm]: bearings and seals plus a share of the torque carried (meshes z5-z4-z7-z8)."""
-    return gearbox.loss_out_constant + gearbox.loss_out_share * abs(torque)
+    """Loss torque on wk [Nm] by the torque of the load [Nm]; Annex D has it on the z5 axis, hence the ratio."""
+    u = abs(torque)
+    on_z5 = gearbox.loss_out_constant + gearbox.loss_out_share * u + gearbox.loss_out_square * u * u
+    return max(0.0, on_z5) * (Z8 / Z5)

@@ -8,21 +8,23 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from ..alfa46.law import OFF, OUTPUTS, current_loop, law_step
+from ..alfa46.law import OFF, ON, OUTPUTS, current_loop, law_step
 from ..instruments.noise import noise
 from . import clutch as clutch_model
 from . import gearbox as gearbox_model
 from . import load_pump, oil_supply
 from . import motor as motor_model
 from . import valve as valve_model
-from .driveline_algebra import HI0, HI1, KIN0, KIN1, LAM, LO0, LO1, VISC
+from .driveline_algebra import E_FRIC, E_VISC, HI0, HI1, KIN0, KIN1, LAM, LO0, LO1, VISC
 from .driveline_kernel import driveline_step
 from .gearbox import LOAD, LOSS_IN, LOSS_OUT, S1
 
 VALVES = 2
 # columns of the logger's rows; the signal catalogue must agree (testbench.rig checks it)
-CHANNELS = ("M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2", "p_po", "I_zr_p1", "I_zr_p2", "p_p", "T_oil")
-M_WEJ, N_WEJ, M_WYJ, N_WYJ, P_1, P_2, P_PO, I_1, I_2, P_P, T_OIL = range(len(CHANNELS))
+CHANNELS = ("M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2", "p_po", "I_zr_p1", "I_zr_p2", "p_p", "T_oil",
+            "U_zr_p1", "U_zr_p2")
+M_WEJ, N_WEJ, M_WYJ, N_WYJ, P_1, P_2, P_PO, I_1, I_2, P_P, T_OIL, U_1, U_2 = range(len(CHANNELS))
+SIGNALS = ("U_zr_p1", "U_zr_p2")  # no transducer's: share of the supply voltage on the coil, in this step
 NOISE, LOW, HIGH, QUANTUM = range(4)  # rows of the transducers' table
 # who drives the coils: duty from outside, the embedded law, or the plant's power stage on setpoints from outside
 BY_DUTY, BY_LAW, BY_SETPOINT = range(3)
@@ -30,13 +32,16 @@ BY_DUTY, BY_LAW, BY_SETPOINT = range(3)
 # work: given to the port since time 0; cut > 0: the valve but for its coil stands outside (plant.cut), and
 # cut_* is its answer
 VALVE_STATE = np.dtype([
-    ("duty", "f8"), ("pending", "f8"), ("current", "f8"), ("spool", "f8"), ("flow", "f8"), ("share", "f8"),
+    ("duty", "f8"), ("on", "f8"), ("pending", "f8"), ("current", "f8"), ("magnet", "f8"), ("spool", "f8"), ("flow", "f8"), ("share", "f8"),
     ("work", "f8"), ("cut", "f8"), ("cut_flow", "f8"), ("cut_slope", "f8"), ("cut_pressure", "f8"),
 ])
 CLUTCH_STATE = np.dtype([
-    ("line", "f8"), ("chamber", "f8"), ("piston", "f8"), ("clamp", "f8"), ("kinetic", "f8"), ("static", "f8"),
-    ("drag", "f8"),
+    ("line", "f8"), ("chamber", "f8"), ("piston", "f8"), ("clamp", "f8"), ("held_kinetic", "f8"),
+    ("held_static", "f8"), ("kinetic", "f8"), ("static", "f8"), ("drag", "f8"), ("temperature", "f8"), ("wear", "f8"),
+    ("heat", "f8"),
 ])
+# what of the thesis's error sources acts here; the others are parameters. pwm: frequency, 0 where it is averaged
+EFFECTS = np.dtype([("current_loop", "f8"), ("motor_speed", "f8"), ("pwm", "f8"), ("prescribed", "f8")])
 PLANT_STATE = np.dtype([
     ("motor_torque", "f8"), ("motor_integral", "f8"), ("motor_setpoint", "f8"), ("supply", "f8"),
     ("load_pressure", "f8"), ("m_wej", "f8"), ("m_wyj", "f8"), ("loss_in", "f8"), ("loss_out", "f8"),
@@ -54,24 +59,42 @@ SETTINGS = np.dtype([
 
 
 @njit(cache=True)
-def clutch_capacity(valve, cylinder, h, supply, oil, valve_parameters, clutch):
-    """One valve and clutch over h: coil, spool, line, chamber, piston, pack; leaves capacities in ``cylinder``."""
-    valve.current = valve_model.coil_current(valve.current, valve.duty, h, valve_parameters)
-    if valve.cut == 0.0:
-        valve.spool = valve_model.spool_position(
-            valve.spool, valve.current, cylinder.line, h, valve_parameters)
-        valve.share = valve_model.opening(valve.spool, valve_parameters)
-    line, chamber, piston, flow = clutch_model.cylinder_step(
-        cylinder.line, cylinder.chamber, cylinder.piston, valve, supply, h, oil, valve_parameters, clutch)
-    valve.flow = flow
-    valve.work += line * flow * h
-    cylinder.line, cylinder.chamber, cylinder.piston = line, chamber, piston
-    cylinder.clamp = clutch_model.pack_force(piston, clutch)[0]
-    cylinder.kinetic = clutch_model.held_torque(
-        cylinder.kinetic, cylinder.clamp, clutch.engaging_kinetic, clutch.releasing_kinetic)
-    cylinder.static = clutch_model.held_torque(
-        cylinder.static, cylinder.clamp, clutch.engaging_static, clutch.releasing_static)
-    cylinder.drag = clutch_model.drag_coefficient(piston, cylinder.clamp, oil.viscosity, clutch)
+def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch, effects, curve):
+    """One valve and clutch from t over h: coil, spool, line, chamber, piston, pack; leaves capacities in ``cylinder``.
+
+    ``curve``: the line's pressure where it is prescribed, which leaves out all before the pack.
+    """
+    if effects.prescribed > 0.0:
+        cylinder.line = cylinder.chamber = curve
+        cylinder.clamp = clutch_model.prescribed_clamp(curve, clutch)
+        cylinder.piston = clutch.clearance if cylinder.clamp > 0.0 else 0.0
+    else:
+        valve.on = valve.duty if effects.pwm == 0.0 else valve_model.on_share(t, h, valve.duty, effects.pwm)
+        if effects.current_loop > 0.0:
+            valve.current = valve_model.coil_current(valve.current, valve.on, h, valve_parameters)
+        if valve.cut == 0.0:
+            valve.magnet = valve_model.magnet_pressure(valve.magnet, valve.current, valve_parameters)
+            valve.spool = valve_model.spool_position(
+                valve.spool, valve.magnet, cylinder.line, h, valve_parameters)
+            valve.share = valve_model.opening(valve.spool, valve_parameters)
+        clutch.clearance = clutch.new_clearance + cylinder.wear
+        line, chamber, piston, flow = clutch_model.cylinder_step(
+            cylinder.line, cylinder.chamber, cylinder.piston, valve, supply, h, oil, valve_parameters, clutch)
+        valve.flow = flow
+        valve.work += line * flow * h
+        cylinder.line, cylinder.chamber, cylinder.piston = line, chamber, piston
+        cylinder.clamp = clutch_model.pack_force(piston, clutch)[0]
+    cylinder.held_kinetic = clutch_model.held_torque(
+        cylinder.held_kinetic, cylinder.clamp, clutch.engaging_kinetic, clutch.releasing_kinetic)
+    cylinder.held_static = clutch_model.held_torque(
+        cylinder.held_static, cylinder.clamp, clutch.engaging_static, clutch.releasing_static)
+    # (6.56): what an unclamped pack still asks for is there as soon as the asperities carry
+    rest = clutch.rest_torque * min(1.0, cylinder.clamp / clutch.film_force)
+    factor = clutch_model.friction_factor(cylinder.temperature, clutch)
+    cylinder.kinetic = factor * cylinder.held_kinetic + rest
+    cylinder.static = factor * cylinder.held_static + rest
+    viscosity = oil_supply.viscosity_at(cylinder.temperature, oil)
+    cylinder.drag = clutch_model.drag_coefficient(cylinder.piston, cylinder.clamp, viscosity, clutch)
 
 
 @njit(cache=True)
@@ -86,28 +109,36 @@ def measure(row, seed, index, v, valves, cylinders, plant, oil, gauges):
     row[P_PO], row[P_P] = plant.load_pressure, plant.supply
     row[I_1], row[I_2] = valves[0].current, valves[1].current
     row[T_OIL] = oil.temperature
+    row[U_1], row[U_2] = valves[0].on, valves[1].on
     for c in range(row.size):
         value = row[c] + gauges[NOISE, c] * noise(seed, c, index)
         value = min(max(value, gauges[LOW, c]), gauges[HIGH, c])
-        row[c] = round(value / gauges[QUANTUM, c]) * gauges[QUANTUM, c]
+        quantum = gauges[QUANTUM, c]
+        row[c] = round(value / quantum) * quantum if quantum > 0.0 else value
 
 
 @njit(cache=True)
 def plant_step(h, t, settings, valves, cylinders, plant, held, v, twist, mode, el, shaft, e_in, events, count,
-               work, q, cap, minv, w, sh, kc, motor, gearbox, oil, load, valve_parameters, clutches):
+               work, q, cap, minv, w, sh, kc, motor, gearbox, oil, load, valve_parameters, clutches, effects, curves):
     """The plant from t to t + h: hydraulics first, then the driveline between the old and the new capacities."""
     drawn = valves[0].flow + valves[1].flow
     plant.supply = oil_supply.supply_pressure(plant.supply, settings.oil_pressure, settings.oil_on > 0.0, drawn, h, oil)
     for k in range(VALVES):
         f = S1 + k
         cap[KIN0, f], cap[HI0, f] = cylinders[k].kinetic, cylinders[k].static
-        clutch_capacity(valves[k], cylinders[k], h, plant.supply, oil, valve_parameters[k], clutches[k])
+        clutch_capacity(valves[k], cylinders[k], t, h, plant.supply, oil, valve_parameters[k], clutches[k], effects,
+                        curves[k])
         cap[KIN1, f], cap[HI1, f] = cylinders[k].kinetic, cylinders[k].static
         cap[LO0, f], cap[LO1, f] = -cap[HI0, f], -cap[HI1, f]
         cap[VISC, f] = cylinders[k].drag
 
     drive = settings.motor_on > 0.0 and settings.safe == 0.0
-    if held.motor > 0.0:
+    if effects.motor_speed == 0.0:
+        # w0 is so heavy here (testbench.rig) that no clutch is felt; it is pushed to the setpoint of the step's end
+        before = plant.motor_setpoint
+        plant.motor_setpoint = motor_model.next_setpoint(before, settings.motor_speed, v[0], drive, h, motor)
+        q[0, 0] = plant.motor_torque = (plant.motor_setpoint - v[0]) / (minv[0, 0] * h) if drive else 0.0
+    elif held.motor > 0.0:
         plant.motor_setpoint = held.motor_setpoint
         plant.motor_torque = held.motor_torque if settings.safe == 0.0 else 0.0
         q[0, 0] = plant.motor_torque
@@ -127,7 +158,8 @@ def plant_step(h, t, settings, valves, cylinders, plant, held, v, twist, mode, e
         plant.load_pressure = load_pump.line_pressure(
             plant.load_pressure, settings.load_pressure, settings.load_on > 0.0, v[1], h, load)
         cap[KIN1, LOAD] = load_pump.torque_capacity(plant.load_pressure, load)
-    plant.loss_in = gearbox_model.loss_in(v[0], plant.m_wej, gearbox)
+    carried = w[S1, 0] * el[LAM, S1] + w[S1 + 1, 0] * el[LAM, S1 + 1]  # by w0 into the clutches
+    plant.loss_in = gearbox_model.loss_in(v[0], carried, gearbox)
     plant.loss_out = gearbox_model.loss_out(plant.m_wyj, gearbox)
     cap[KIN1, LOSS_IN], cap[KIN1, LOSS_OUT] = plant.loss_in, plant.loss_out
     for f in (LOSS_IN, LOSS_OUT, LOAD):
@@ -137,9 +169,35 @@ def plant_step(h, t, settings, valves, cylinders, plant, held, v, twist, mode, e
 
     old_in, old_out = v[0], v[1]
     driveline_step(h, t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_in, events, count, work)
+    for k in range(VALVES):
+        cylinder, heat = cylinders[k], el[E_FRIC, S1 + k] + el[E_VISC, S1 + k]
+        cylinder.temperature, cylinder.wear = clutch_model.plates_after(
+            cylinder.temperature, cylinder.wear, heat - cylinder.heat, oil.temperature, h, clutches[k])
+        cylinder.heat = heat
     # the torque meters sit between motor and gearbox and between gearbox and pump
-    plant.m_wej = 0.5 * (q[0, 0] + q[1, 0]) - (gearbox.inertia_in - gearbox.inertia_in_gearbox) * (v[0] - old_in) / h
+    if effects.motor_speed == 0.0:
+        plant.m_wej = w[S1, 0] * el[LAM, S1] + w[S1 + 1, 0] * el[LAM, S1 + 1] + plant.loss_in  # (6.82)
+    else:
+        outside = gearbox.inertia_in - gearbox.inertia_in_gearbox
+        plant.m_wej = 0.5 * (q[0, 0] + q[1, 0]) - outside * (v[0] - old_in) / h
     plant.m_wyj = el[LAM, LOAD] + gearbox.inertia_pump * (v[1] - old_out) / h
+
+
+@njit(cache=True)
+def prescribed_pressure(since, phase, pieces):
+    """Pressure [Pa] ``since`` s after the switch signal of a valve's phase; none before the first.
+
+    pieces (2, n, 5): for switching on and off, rows of end [s] and the coefficients of a cubic [Pa, s], lowest power
+    first; a row without end is the last one.
+    """
+    if phase == OFF:
+        return 0.0
+    rows = pieces[0] if phase == ON else pieces[1]
+    for row in range(rows.shape[0]):
+        if since <= rows[row, 0]:
+            p = rows[row, 1] + since * (rows[row, 2] + since * (rows[row, 3] + since * rows[row, 4]))
+            return max(0.0, p)
+    return 0.0
 
 
 @njit(cache=True)
@@ -159,7 +217,7 @@ def power_stage(row, safe, wiring, currents, outputs, config):
 def advance(samples, first_sample, steps_per_sample, h, seed, drive, wiring, settings, valves, cylinders, plant,
             held, v, twist, mode, el, shaft, e_in, events, count, work, q, cap, minv, w, sh, kc, motor, gearbox,
             oil, load, gauges, valve_parameters, clutches, law_config, law_profiles, law_outputs, law_state,
-            currents, log):
+            currents, log, effects, pieces, curves):
     """Move everything by whole controller samples; row j of the ring ``log`` is the time j * h after 0.
 
     Order at each controller sample: the duty answered to the last sample is applied, then (drive BY_LAW) the law
@@ -182,9 +240,18 @@ def advance(samples, first_sample, steps_per_sample, h, seed, drive, wiring, set
             law_step(s, currents, law_config[0], law_profiles, law_outputs, law_state[0])
         for k in range(VALVES):
             valves[k].duty = 0.0 if settings[0].safe > 0.0 else valves[k].pending
+        if effects[0].current_loop == 0.0:
+            for k in range(VALVES):
+                on = settings[0].safe == 0.0
+                valves[k].current = law_outputs[wiring[k]].setpoint if on else 0.0
         for i in range(steps_per_sample):
             index = s * steps_per_sample + i
+            if effects[0].prescribed > 0.0:
+                for k in range(VALVES):
+                    out = law_outputs[wiring[k]]
+                    since = (index + 1 - out.start * steps_per_sample) * h
+                    curves[k] = prescribed_pressure(since, out.phase, pieces[k])
             plant_step(h, index * h, settings[0], valves, cylinders, plant[0], held[0], v, twist, mode, el,
                        shaft, e_in, events, count, work, q, cap, minv, w, sh, kc, motor[0], gearbox[0], oil[0],
-                       load[0], valve_parameters, clutches)
+                       load[0], valve_parameters, clutches, effects[0], curves)
             measure(log[(index + 1) % rows], seed, index + 1, v, valves, cylinders, plant[0], oil[0], gauges)

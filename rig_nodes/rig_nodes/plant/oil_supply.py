@@ -22,7 +22,15 @@ class OilSupplyConfig:
     bulk_modulus: float = param("pressure", 1e7, 3e9)
     density: float = param("density", 500.0, 1200.0)
     viscosity: float = param("viscosity", 1e-4, 5.0)
+    viscosity_per_kelvin: float = param("per temperature", 0.0, 0.2)
+    viscosity_temperature: float = param("temperature", -30.0, 150.0)
     temperature: float = param("temperature", -30.0, 150.0)
+
+
+@njit(cache=True)
+def viscosity_at(temperature, oil):
+    """Dynamic viscosity [Pa s] at a temperature [degC]: exponential around that of ``viscosity_temperature``."""
+    return oil.viscosity * exp(-oil.viscosity_per_kelvin * (temperature - oil.viscosity_temperature))
 
 
 @njit(cache=True)

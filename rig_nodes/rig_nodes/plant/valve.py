@@ -1,4 +1,4 @@
-"""Proportional pressure-reducing valve: coil, spool with dead band, orifice with a flow limit.
+"""Proportional pressure-reducing valve: coil, spool with friction and dead band, orifice with a flow limit.
 
 Called by plant.kernel for ZR-P1 and ZR-P2 (type 3WZCDE6, thesis tab. 3.4); nothing here prescribes a pressure.
 """
@@ -6,7 +6,7 @@ Called by plant.kernel for ZR-P1 and ZR-P2 (type 3WZCDE6, thesis tab. 3.4); noth
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp, inf, sqrt
+from math import exp, floor, inf, sqrt
 
 from numba import njit
 
@@ -23,6 +23,8 @@ class ValveConfig:
     cracking_current: float = param("current", 0.0, 0.5)
     pressure_gain: float = param("pressure per current", 1e5, 2e7)
     pressure_limit: float = param("pressure", 1e5, 1e7)
+    hysteresis: float = param("ratio", 0.0, 0.2)
+    friction_pressure: float = param("pressure", 0.0, 1e6)
     spool_stroke: float = param("length", 1e-5, 1e-2)
     spool_dead_band: float = param("length", 0.0, 5e-3)
     full_opening_pressure: float = param("pressure", 1e3, 5e6)
@@ -40,26 +42,55 @@ def coil_current(current, duty, h, valve):
 
 
 @njit(cache=True)
-def commanded_pressure(current, valve):
-    """Pressure [Pa] at which the magnet's force balances the port: static line above the cracking current."""
-    pressure = valve.pressure_gain * (current - valve.cracking_current)
-    return min(max(pressure, 0.0), valve.pressure_limit)
+def on_share(t, h, duty, frequency):
+    """Share of the time from t to t + h in which a PWM of this frequency [Hz] is on; on from the start of a period."""
+    first, last = t * frequency, (t + h) * frequency
+    turns = floor(first)
+    on = 0.0
+    while turns < last:
+        on += max(0.0, min(last, turns + duty) - max(first, turns))
+        turns += 1.0
+    return min(1.0, on / (h * frequency))
 
 
 @njit(cache=True)
-def spool_position(spool, current, port_pressure, h, valve):
-    """Spool position [m] after h: first-order towards the force balance, between its stops.
+def magnet_pressure(before, current, valve):
+    """Magnet's force [Pa of port pressure]: g i with hysteresis, the share of the force that iron and armature keep.
+
+    It rises along (1 - share) g i, stays while the current turns round, and falls along (1 + share) g i. ``before``:
+    the force of the last step.
+    """
+    force = valve.pressure_gain * current
+    return min(max(before, (1.0 - valve.hysteresis) * force), (1.0 + valve.hysteresis) * force)
+
+
+@njit(cache=True)
+def held_pressures(magnet, valve):
+    """(lowest, highest) port pressure [Pa, gauge] at which the spool stays where it is, by the magnet's force [Pa].
+
+    Magnet against port pressure and spring; friction holds the spool within a band of that. What the port can be
+    brought to ends at ``pressure_limit``.
+    """
+    middle = magnet - valve.pressure_gain * valve.cracking_current
+    lowest = min(middle - valve.friction_pressure, valve.pressure_limit)
+    return lowest, max(lowest, middle + valve.friction_pressure)
+
+
+@njit(cache=True)
+def spool_position(spool, magnet, port_pressure, h, valve):
+    """Spool position [m] after h: first-order towards the band that friction holds it in, between its stops.
 
     0 is the edge of the reducing side; the relieving side opens only after the overlap (dead band).
     """
-    deviation = (commanded_pressure(current, valve) - port_pressure) / valve.full_opening_pressure
-    target = valve.spool_stroke * deviation
+    lowest, highest = held_pressures(magnet, valve)
+    gain = valve.spool_stroke / valve.full_opening_pressure
+    target = min(max(spool, gain * (lowest - port_pressure)), gain * (highest - port_pressure))
     target = min(max(target, -valve.spool_dead_band - valve.spool_stroke), valve.spool_stroke)
     return target + (spool - target) * exp(-h / valve.spool_time)
 
 
 @njit(cache=True)
-def closing_pressure(spool, reducing, current, h, valve):
+def closing_pressure(spool, reducing, magnet, h, valve):
     """Port pressure [Pa] that, held over h, brings the spool to its edge; infinite where none does.
 
     reducing: the edge towards the supply is meant, else that of the relieving side.
@@ -69,7 +100,10 @@ def closing_pressure(spool, reducing, current, h, valve):
     target = (edge - spool * decay) / (1.0 - decay)
     if not -valve.spool_dead_band - valve.spool_stroke <= target <= valve.spool_stroke:
         return inf
-    return commanded_pressure(current, valve) - target / valve.spool_stroke * valve.full_opening_pressure
+    lowest, highest = held_pressures(magnet, valve)
+    # a spool that closes the supply is pushed by the highest, one that closes the drain by the lowest
+    held = highest if target < spool else lowest
+    return held - target / valve.spool_stroke * valve.full_opening_pressure
 
 
 @njit(cache=True)

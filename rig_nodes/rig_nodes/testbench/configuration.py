@@ -12,15 +12,17 @@ from pathlib import Path
 from ..alfa46 import law
 from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, check_profile, read_alfa46
 from ..config import CONFIG_DIR, load_marked
-from ..config.schema import build, check_keys, param, where_of
+from ..config.schema import build, check_keys, entry, field_value, param, where_of
 from ..config.units import quantity
 from ..errors import RigError
 from ..plant.clutch import Cylinder, PlatePack
 from ..plant.cut import CUTTABLE, NOT_CUT, why_not
+from ..plant.effects import EffectsConfig
 from ..plant.gearbox import GearboxConfig
 from ..plant.load_pump import LoadConfig
 from ..plant.motor import MotorConfig
 from ..plant.oil_supply import OilSupplyConfig
+from ..plant.prescribed import Prescribed, read_prescribed
 from ..plant.valve import ValveConfig
 
 
@@ -63,7 +65,7 @@ SOURCES = ("plant", "topic")
 PARTS = {
     "motor": MotorConfig, "gearbox": GearboxConfig, "plate_pack": PlatePack, "clutch_s1": Cylinder,
     "clutch_s2": Cylinder, "valve_zr_p1": ValveConfig, "valve_zr_p2": ValveConfig, "oil_supply": OilSupplyConfig,
-    "load_pump": LoadConfig, "instruments": InstrumentsConfig,
+    "load_pump": LoadConfig, "instruments": InstrumentsConfig, "effects": EffectsConfig,
 }
 VALVES = ("valve_zr_p1", "valve_zr_p2")
 _POINT_KEY = re.compile(rf"alfa46\.({'|'.join(OUTPUT_KEYS)})\.({'|'.join(POINTS)})")
@@ -89,15 +91,19 @@ class RigConfig:
     oil_supply: OilSupplyConfig
     load_pump: LoadConfig
     instruments: InstrumentsConfig
+    effects: EffectsConfig
     alfa46: Alfa46Config
     cut: CutConfig = CutConfig(SAMPLE)
     cut_out: tuple[str, ...] = ()
+    prescribed: Prescribed | None = None
 
     def as_dict(self) -> dict:
         """Plain SI values, for the run's record in bag and report; ``cut`` only where a device is cut out."""
         out = {name: asdict(getattr(self, name)) for name in ("kernel", *PARTS)}
         if self.cut_out:
             out["cut"] = {**asdict(self.cut), "devices": list(self.cut_out)}
+        if self.prescribed:
+            out["prescribed"] = self.prescribed.as_dict()
         return {"name": self.name, "wiring": list(self.wiring), **out, "alfa46": self.alfa46.as_dict()}
 
 
@@ -147,12 +153,8 @@ def _with_source(cut_out: tuple[str, ...], device: str, source, where: str) -> t
     return tuple(name for name in CUTTABLE if name in wanted)
 
 
-def load_rig(name: str | Path = "hydmag", overrides: dict[str, str] | None = None) -> RigConfig:
-    """The rig of this name or file. ``overrides``: e.g. {"alfa46.t12": "200 ms", "wiring": "swapped",
-    "alfa46.output_1.P1": "200 ms 160 mA"}.
-    """
-    path = find_config("rigs", name)
-    node = load_marked(path)
+def _whole(node, path) -> RigConfig:
+    """A rig that names all its values."""
     keys = ("description", "controller", "step", "wiring", *PARTS)
     check_keys(path, node, [*keys, "cut"], keys, "the rig")
     kernel = build(KernelConfig, node, path, "the rig", others=(*keys, "cut"))
@@ -174,8 +176,46 @@ def load_rig(name: str | Path = "hydmag", overrides: dict[str, str] | None = Non
         controller = find_config("controllers", named)
     except RigError as error:
         raise RigError(f"{where_of(path, node, 'controller')}: controller: {error}") from None
-    config = RigConfig(name=Path(path).stem, kernel=kernel, wiring=_wiring(node["wiring"], path),
-                       alfa46=read_alfa46(controller), cut=cut, cut_out=cut_out, **parts)
+    return RigConfig(name=Path(path).stem, kernel=kernel, wiring=_wiring(node["wiring"], path),
+                     alfa46=read_alfa46(controller), cut=cut, cut_out=cut_out, **parts)
+
+
+def _on_base(node, path) -> RigConfig:
+    """A rig that names another one and what differs from it."""
+    check_keys(path, node, ("description", "base", "controller_values", "prescribed", *PARTS), ("description", "base"),
+               "a rig on a base")
+    try:
+        config = load_rig(str(node["base"]))
+    except RigError as error:
+        raise RigError(f"{where_of(path, node, 'base')}: base: {error}") from None
+    config = replace(config, name=Path(path).stem)
+    for part in PARTS:
+        if part in node:
+            config = replace(config, **{part: _changed(getattr(config, part), node[part], path, part)})
+    if "controller_values" in node:
+        values = _changed(config.alfa46.values, node["controller_values"], path, "controller_values")
+        config = replace(config, alfa46=Alfa46Config(values, config.alfa46.profiles))
+    if "prescribed" in node:
+        config = replace(config, prescribed=read_prescribed(node["prescribed"], path))
+    return config
+
+
+def _changed(part, node, path, what: str):
+    """A part with the values that a map names, each [value with unit, "its source"]."""
+    names = list(type(part).__dataclass_fields__)
+    check_keys(path, node, names, (), what)
+    values = {name: entry(type(part).__dataclass_fields__[name], node[name],
+                          f"{where_of(path, node, name)}: {what}.{name}") for name in node}
+    return replace(part, **values)
+
+
+def load_rig(name: str | Path = "hydmag", overrides: dict[str, str] | None = None) -> RigConfig:
+    """The rig of this name or file. ``overrides``: e.g. {"alfa46.t12": "200 ms", "wiring": "swapped",
+    "alfa46.output_1.P1": "200 ms 160 mA"}.
+    """
+    path = find_config("rigs", name)
+    node = load_marked(path)
+    config = _on_base(node, path) if isinstance(node, dict) and "base" in node else _whole(node, path)
     return with_overrides(config, overrides or {})
 
 
@@ -222,10 +262,7 @@ def _override(config: RigConfig, key: str, text: str) -> RigConfig:
         if part == "alfa46":
             known += ", output_1.P1 to output_3.P6"
         raise RigError(f"{where}: there is no such value; known are {known}")
-    meta = type(owner).__dataclass_fields__[name].metadata
-    value = quantity(text, meta["dimension"], where)
-    if not meta["low"] <= value <= meta["high"]:
-        raise RigError(f"{where}: outside {meta['low']:g} to {meta['high']:g} (SI)")
+    value = field_value(type(owner).__dataclass_fields__[name], text, where)
     owner = replace(owner, **{name: value})
     if part == "cut":
         _check_tick(owner, where)

@@ -27,6 +27,9 @@ class Gauges:
     def __init__(self, config: InstrumentsConfig):
         rows = []
         for name in kernel.CHANNELS:
+            if name in kernel.SIGNALS:
+                rows.append((0.0, 0.0, 1.0, 0.0))
+                continue
             field = NOISE_FIELDS.get(name)
             noise = getattr(config, field) if field else 0.0
             high = getattr(config, field.replace("_noise", "_range")) if field else config.temperature_range

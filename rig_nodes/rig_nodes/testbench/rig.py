@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 from enum import IntEnum
 
 import numpy as np
@@ -19,14 +19,17 @@ from ..config.schema import fill, limits, record_dtype
 from ..controllers.seam import LEVELS
 from ..errors import RigError
 from ..plant import clutch, driveline_algebra, kernel
+from ..plant.effects import leave_out
 from ..plant.gearbox import S1, S2, build_driveline
-from .configuration import RigConfig
+from ..plant.prescribed import Force
+from .configuration import PARTS, RigConfig
 from .cuts import Cuts
 from .gauges import Gauges
 
 SAMPLE_NS = 1_000_000  # controller sample; commands apply on its boundaries
 TICK_SAMPLES = 5  # controller samples per graph tick
 COMMAND_TIMEOUT = 0.1  # s: a valve command older than this trips the rig
+UNMOVED = 1e6  # kg m2 on w0 where n_wej is to stay, whatever happens
 LOG_ROWS = 20_000  # ring of logger rows, 2 s at 10 kHz
 SETPOINTS = {"motor_speed": "n_wej", "load_pressure": "p_po", "oil_pressure": "p_p"}  # and whose range they keep to
 
@@ -87,8 +90,9 @@ class Rig:
         self._drained = 0  # logger rows handed out
 
     def _build(self) -> None:
-        c = self.config
-        system = build_driveline(c.gearbox)
+        effects = self.config.effects
+        c = replace(self.config, **leave_out({name: getattr(self.config, name) for name in PARTS}, effects))
+        system = build_driveline(c.gearbox if effects.motor_speed else replace(c.gearbox, inertia_in=UNMOVED))
         self._minv, self._w, self._sh, self._kc = system.minv, system.w, system.sh, system.kc
         self.mass = system.mass
         start = system.state()
@@ -105,14 +109,30 @@ class Rig:
         self._oil, self._load, self.gauges = record(c.oil_supply), record(c.load_pump), Gauges(c.instruments)
         self._valve_parameters = np.concatenate([record(c.valve_zr_p1), record(c.valve_zr_p2)])
         friction = {"kinetic": c.plate_pack.friction_kinetic, "static": c.plate_pack.friction_static}
-        extra = [f"{way}_{kind}" for way in ("engaging", "releasing") for kind in friction] + ["drag_factor"]
-        self._clutches = np.concatenate([record(x, c.plate_pack, extra=extra) for x in (c.clutch_s1, c.clutch_s2)])
-        for kind, mu in friction.items():
-            self._clutches[f"engaging_{kind}"] = clutch.torque_per_force(c.plate_pack, mu)
-            self._clutches[f"releasing_{kind}"] = clutch.torque_per_force(c.plate_pack, mu, releasing=True)
-        self._clutches["drag_factor"] = clutch.drag_factor(c.plate_pack)
+        extra = [f"{way}_{kind}" for way in ("engaging", "releasing") for kind in friction]
+        extra += ["drag_factor", "new_clearance", *(field.name for field in fields(Force))]
+        packs = (c.clutch_s1, c.clutch_s2)
+        self._clutches = np.concatenate([record(x, c.plate_pack, extra=extra) for x in packs])
+        for row, cylinder in zip(self._clutches, packs):
+            model = cylinder.friction_model
+            for kind, mu in friction.items():
+                for way in ("engaging", "releasing"):
+                    turned = way == "releasing" and effects.spline_hysteresis
+                    row[f"{way}_{kind}"] = cylinder.friction_correction * clutch.torque_per_force(
+                        c.plate_pack, mu, turned, model)
+            row["drag_factor"] = clutch.drag_factor(c.plate_pack, cylinder.drag_model)
+            row["new_clearance"] = cylinder.clearance
+        self._effects = np.zeros(1, kernel.EFFECTS)
+        self._effects["current_loop"], self._effects["motor_speed"] = effects.current_loop, effects.motor_speed
+        self._effects["pwm"] = effects.pwm_frequency
+        self._pieces, self._curves = np.full((2, 2, 1, 5), np.inf), np.zeros(2)
+        if c.prescribed:
+            self._effects["prescribed"], self._pieces = 1.0, c.prescribed.pieces[list(c.wiring)]
+            for row, force in zip(self._clutches, c.prescribed.forces):
+                fill(row, force)
         self.settings = np.zeros(1, kernel.SETTINGS)
         self.valves, self.cylinders = np.zeros(2, kernel.VALVE_STATE), np.zeros(2, kernel.CLUTCH_STATE)
+        self.cylinders["temperature"] = c.oil_supply.temperature
         self.plant, self.held = np.zeros(1, kernel.PLANT_STATE), np.zeros(1, kernel.HELD)
         self._wiring = np.array(c.wiring, np.int64)
         self._law_config = c.alfa46.law_config()
@@ -168,7 +188,8 @@ class Rig:
             self._twist, self.mode, self._el, self._shaft, self._e_in, self._events, self._count, self._work,
             self._q, self._cap, self._minv, self._w, self._sh, self._kc, self._motor, self._gearbox,
             self._oil, self._load, self.gauges.table, self._valve_parameters, self._clutches, self._law_config,
-            self._law_profiles, self._law_outputs, self._law_state, self._currents, self._log)
+            self._law_profiles, self._law_outputs, self._law_state, self._currents, self._log, self._effects,
+            self._pieces, self._curves)
         self.sample += samples
 
     # ---- commands, applied at the next sample boundary

@@ -1,0 +1,76 @@
+"""Clutch pressures that are prescribed, not made by valves and cylinders: chapter 9's own simulation.
+
+Read by testbench.configuration from a rig's YAML, used by testbench.rig to fill the kernel's tables.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..config.schema import build, check_keys, param, where_of
+from ..errors import RigError
+
+CLUTCHES = ("clutch_s1", "clutch_s2")
+WAYS = ("engaging", "releasing")
+MPA = 1e6
+
+
+@dataclass(frozen=True)
+class Force:
+    """Force on the plates: square p^2 + linear p + offset (Annex D) less the springs' at the kiss point."""
+
+    force_square: float = param("force per pressure squared", 0.0, 1e-6)
+    force_linear: float = param("area", 0.0, 1.0)
+    force_offset: float = param("force", -1e5, 1e5)
+    contact_force: float = param("force", 0.0, 1e5)
+
+
+@dataclass(frozen=True)
+class Prescribed:
+    """Force of both clutches, and ``pieces`` (2 clutches, engaging and releasing, rows, 5): rows of end [s] and the
+    coefficients of a cubic in time since the switch signal [Pa, s], lowest power first; the last ones never end.
+    """
+
+    forces: tuple[Force, Force]
+    pieces: np.ndarray
+
+    def as_dict(self) -> dict:
+        """Plain values; a piece without end has none."""
+        rows = [[[[None if np.isinf(x) else float(x) for x in row] for row in way] for way in clutch]
+                for clutch in self.pieces]
+        return {"forces": [vars(force) for force in self.forces], "pieces": rows}
+
+
+def read_prescribed(node, path) -> Prescribed:
+    """From the key ``prescribed`` of a rig: for each clutch the force, and for each way rows [end s, MPa, MPa/s,
+    MPa/s2, MPa/s3], the last one with the end "end"; RigError with file and line otherwise.
+    """
+    check_keys(path, node, CLUTCHES, CLUTCHES, "prescribed")
+    forces, tables = [], []
+    for name in CLUTCHES:
+        part = node[name]
+        forces.append(build(Force, part, path, f"prescribed.{name}", others=WAYS))
+        for way in WAYS:
+            if way not in part:
+                raise RigError(f"{where_of(path, node, name)}: prescribed.{name} lacks '{way}'")
+            tables.append(_rows(part[way], f"{where_of(path, part, way)}: prescribed.{name}.{way}"))
+    longest = max(map(len, tables))
+    full = [rows + [rows[-1]] * (longest - len(rows)) for rows in tables]
+    return Prescribed((forces[0], forces[1]), np.array(full).reshape(2, 2, longest, 5))
+
+
+def _rows(node, where: str) -> list[list[float]]:
+    rows, last = [], 0.0
+    for row in node if isinstance(node, list) else []:
+        numbers = [x for x in row[1:] if isinstance(x, (int, float)) and not isinstance(x, bool)]
+        end = np.inf if row and row[0] == "end" else row[0] if row and isinstance(row[0], (int, float)) else None
+        if len(row) != 5 or len(numbers) != 4 or end is None or not end > last:
+            raise RigError(f"{where}: a row is [end in s or \"end\", MPa, MPa/s, MPa/s2, MPa/s3] with rising ends, found "
+                           f"{list(row)}")
+        rows.append([float(end), *(MPA * float(x) for x in numbers)])
+        last = end
+    if not rows or not np.isinf(rows[-1][0]):
+        raise RigError(f"{where} must be a list of rows, the last of them up to \"end\"")
+    return rows
