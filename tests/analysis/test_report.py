@@ -67,7 +67,7 @@ def test_json_is_finite_ordered_and_repeatable(tmp_path):
     first = write_report(tmp_path, build_report(bag(), RUN)).read_bytes()
     assert write_report(tmp_path, build_report(bag(), dict(reversed(RUN.items())))).read_bytes() == first
     report = json.loads(first, parse_constant=lambda name: pytest.fail(f"{name} in the report"))
-    assert list(report) == ["run", "shifts", "energy"]
+    assert list(report) == ["run", "shifts", "energy", "uncertainty"]
     assert list(report["run"]) == list(RUN)
     assert report["run"]["lateness_ms"]["max"] is None
     assert read_report(tmp_path) == report
@@ -94,13 +94,16 @@ def test_file_that_is_no_report_is_refused_in_one_sentence(tmp_path):
 
 def test_table_speaks_peoples_units():
     lines = format_report(build_report(bag(), RUN)).splitlines()
-    cells = dict(zip(_split(lines[0]), _split(lines[2])))
+    at = next(i for i, line in enumerate(lines) if line.startswith("I -> II"))
+    cells = dict(zip(_split(lines[0]), _split(lines[at])))
     assert cells["shift"] == "I -> II" and cells["valid"] == "yes"
     assert cells["n_wej rpm"] == "1500"
     assert float(cells["t_d ms"]) == pytest.approx(250, abs=3)
     assert float(cells["t_c ms"]) == pytest.approx(700, abs=2)
     assert float(cells["M_wej max Nm"]) == pytest.approx(250, abs=1)
-    assert len({len(line) for line in lines[:3]}) == 1
+    errors = lines[at + 1].split()
+    assert errors[:3] == ["+-", "1", "1.0"]  # rpm and Nm of tab. 7.1
+    assert len({len(line) for line in lines[:at + 2]}) == 1
     text = "\n".join(lines)
     assert "messages lost: 0" in text
     assert "lateness of ticks: median 0.11, p99 1.50 ms; 2 of 3000 ticks more than one tick late" in text
@@ -110,6 +113,35 @@ def test_table_speaks_peoples_units():
 
 def _split(line):
     return [cell.strip() for cell in line.split("  ") if cell.strip()]
+
+
+def test_errors_stand_under_a_key_of_their_own():
+    report = build_report(bag(), RUN)
+    assert len(report["uncertainty"]) == len(report["shifts"])
+    assert report["uncertainty"][1]["m_wyj_nm"] == pytest.approx(1.01)
+    assert "annex_a" not in report and "truth" not in report
+
+
+def test_annex_a_beside_the_plain_definitions():
+    report = build_report(bag(), RUN, annex_a=1.1)
+    assert report["annex_a"]["factor"] == 1.1
+    plain, annex = report["shifts"][1], report["annex_a"]["shifts"][1]
+    assert annex["t_order_s"] == plain["t_order_s"]
+    lines = format_report(report).splitlines()
+    at = next(i for i, line in enumerate(lines) if line.startswith("I -> II at 1.00 s"))
+    difference = dict(zip(_split(lines[at]), _split(lines[at + 3])))
+    assert float(difference["M_wej max Nm"]) == pytest.approx(annex["m_wej_max_nm"] - plain["m_wej_max_nm"], abs=0.05)
+    assert "0 -> I at 0.20 s" in "\n".join(lines) and "not by Annex A: Annex A knows only" in "\n".join(lines)
+
+
+def test_annex_a_of_another_sample_rate_is_a_problem_not_a_crash():
+    slow = bag()
+    r = slow.recording
+    slow.logger = lambda fill: SimpleNamespace(t0=0.0, period=1e-3,
+                                               channels={name: values[::10] for name, values in r.channels.items()})
+    report = build_report(slow, RUN, annex_a=1.05)
+    assert "annex_a" not in report and len(report["shifts"]) == 2
+    assert "no results by Annex A: Annex A counts samples of 10 kHz" in report["run"]["problems"][0]
 
 
 def test_bad_shift_is_named_under_the_table():

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from synthetic_shift import FakeBag, Shift
 
@@ -82,3 +83,40 @@ def test_a_cut_bag_is_reported_as_far_as_it_is_whole(tmp_path):
                           capture_output=True)
     assert done.returncode == 0, done.stderr
     assert "recover" in done.stderr and "I -> II" in done.stdout
+
+
+def test_a_loggers_csv_is_reported_and_nothing_is_written(rig_report, tmp_path, capsys):
+    recording = Shift().recording(1)
+    names = ("M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2")
+    head = ";".join(f"{name} [{unit}]" for name, unit in zip(names, ("Nm", "rad/s", "Nm", "rad/s", "Pa", "Pa")))
+    rows = np.array([recording.channels[name] for name in names]).T
+    path = tmp_path / "series 19.CSV"
+    path.write_text("\n".join([head, *(";".join(f"{x:.8g}" for x in row) for row in rows)]).replace(".", ","))
+    assert rig_report(path, "--period", "0.1 ms", "--orders", "1:I-II", "--annex-a", "--factor", "1.2") == 0
+    out = capsys.readouterr().out
+    assert "I -> II" in out and "factor 1.2" in out and "messages lost" not in out
+    assert rig_report(path, "--period", "0.1 ms", "--orders", "1:I-II", "--json") == 0
+    row, = json.loads(capsys.readouterr().out)["shifts"]
+    assert row["t_c_s"] == pytest.approx(0.70, abs=2e-3)
+    assert [p.name for p in tmp_path.iterdir()] == ["series 19.CSV"]
+    with pytest.raises(RigError, match="no order of a gear; give them with --orders"):
+        rig_report(path, "--period", "0.1 ms")
+    with pytest.raises(RigError, match="--truth is for bags"):
+        rig_report(path, "--truth")
+
+
+def test_options_that_do_not_fit_are_refused(rig_report, tmp_path):
+    with pytest.raises(RigError, match="--orders is for a logger's .csv"):
+        rig_report(tmp_path, "--orders", "1:I-II")
+    with pytest.raises(RigError, match="give --annex-a too"):
+        rig_report(tmp_path, "--factor", "1.1")
+    with pytest.raises(RigError, match="upper edge of a band"):
+        rig_report(tmp_path, "--annex-a", "--factor", "0.9")
+
+
+def test_a_bad_csv_ends_in_one_sentence(tmp_path):
+    (tmp_path / "a.csv").write_text("M_wej;n_wej\n1;2\n3;4\n")
+    done = subprocess.run([sys.executable, "-m", "rig_nodes.cli.main", "report", str(tmp_path / "a.csv")], text=True,
+                          capture_output=True)
+    assert done.returncode == 2 and "Traceback" not in done.stderr
+    assert "column 'M_wej' has no unit" in done.stderr and done.stderr.strip().count("\n") == 0

@@ -10,7 +10,8 @@ import numpy as np
 
 def odd_width(seconds: float, period: float) -> int:
     """The odd number of samples nearest to a filter length, at least one."""
-    return max(1, 2 * int(round((seconds / period - 1.0) / 2.0)) + 1)
+    # without the noise of the division, which would decide between 49 and 51 samples for 50
+    return max(1, 2 * int(round((round(seconds / period, 6) - 1.0) / 2.0)) + 1)
 
 
 def running_mean(x: np.ndarray, width: int) -> np.ndarray:

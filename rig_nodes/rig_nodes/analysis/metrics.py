@@ -113,9 +113,14 @@ def shifts(recording: Recording, inertias: Inertias = Inertias()) -> list[dict]:
 
     A gear laid in while the input shaft stands still is no shift and gets no row.
     """
+    return [shift_metrics(recording, order, end, inertias) for order, end in orders_of(recording)]
+
+
+def orders_of(recording: Recording) -> list[tuple[tuple[float, int, int], float | None]]:
+    """The orders that are shifts, each with the time of the order after it (None for the last)."""
     orders = sorted(recording.orders)
     ends = [order[0] for order in orders[1:]] + [None]
-    return [shift_metrics(recording, order, end, inertias) for order, end in zip(orders, ends)
+    return [(order, end) for order, end in zip(orders, ends)
             if order[2] in RATIO and not (order[1] == 0 and _stands(recording, order[0]))]
 
 

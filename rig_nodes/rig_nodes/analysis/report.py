@@ -1,6 +1,7 @@
-"""The report of a run: run data, shift metrics and energy balance, as JSON and as a table for the terminal.
+"""The report of a run: run data, shift metrics with errors, energy balance, as JSON and as a table for the terminal.
 
-Used by `rig run`, `rig simulate` and `rig report`; everything but the run data is computed from the bag.
+Used by `rig run`, `rig simulate` and `rig report`; everything but the run data is computed from the bag. What stands
+beside the metrics on request (Annex A, plant truth) is written by analysis.comparison.
 """
 
 from __future__ import annotations
@@ -14,8 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import RigError
+from .annex_a import shifts_annex_a
+from .comparison import annex_lines, truth_lines
 from .energy import balance, energies_of
 from .metrics import LONGEST, Inertias, Recording, shifts
+from .truth import states_of, truth_of
+from .uncertainty import uncertainty
 
 GEAR = {0: "0", 1: "I", 2: "II"}
 REPORT_FILE = "report.json"
@@ -30,23 +35,27 @@ COLUMNS = (("n_wej rpm", "n_wej_rpm", 1.0, 0), ("M_wyj Nm", "m_wyj_nm", 1.0, 1),
            ("overlap ms", "overlap_s", 1e3, 0))
 
 
-def build_report(bag, run: dict) -> dict:
-    """The report of a bag: ``{"run": ..., "shifts": [...], "energy": {"run": ..., "shifts": [...]}}``.
+def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = False) -> dict:
+    """The report of a bag: ``{"run", "shifts": [...], "energy": {"run", "shifts": [...]}, "uncertainty": [...]}``.
 
     bag: an open :class:`rig_nodes.bags.reader.Bag`. run: what only the runner knows (:data:`RUN_KEYS`; absent
     ones become None, ``lost`` is then counted from the bag's gaps). The inertias are those of its configuration.
+    ``uncertainty`` holds for each shift the largest error of each of its metrics. annex_a: the factor of Annex A's
+    torque band; adds ``"annex_a": {"factor": ..., "shifts": [...]}``. truth: adds ``"truth"``, for each shift what the
+    plant's states say, None where the bag does not hold them.
 
     The energy of a shift is taken from its order until its torque has settled. A bag that is too damaged or
     too short for a part leaves that part empty (or a shift's energy None) and its sentence in
     ``run["problems"]``; numbers that are missing are None, never NaN.
     """
     problems: list[str] = []
-    rows: list[dict] = []
-    inertias = inertias_of(run)
+    recording, inertias = None, inertias_of(run)
     try:
-        rows = shifts(recording_of(bag), inertias)
+        recording = recording_of(bag)
     except RigError as error:
         problems.append(f"no shift metrics: {error}")
+    metrics = _metrics(recording, inertias, annex_a, problems)
+    rows = metrics["shifts"]
     energy = {"run": None, "shifts": [None] * len(rows)}
     try:
         energies = energies_of(bag, inertias)
@@ -55,13 +64,52 @@ def build_report(bag, run: dict) -> dict:
             energy["shifts"][i] = balance(energies, *_window(row, rows[i + 1 :]))
     except RigError as error:
         problems.append(f"no energy balance: {error}")
+    if truth:
+        metrics["truth"] = _truth(bag, rows)
     data = {key: run.get(key) for key in RUN_KEYS}
     if data["lost"] is None:
         data["lost"] = sum(bag.gaps().values())
     data.update((key, run[key]) for key in sorted(run) if key not in RUN_KEYS and key != "problems")
+    return _assembled(data, problems, metrics, energy)
+
+
+def report_of_recording(recording: Recording, annex_a: float | None = None) -> dict:
+    """The report of a recording that is no bag (a logger's CSV): as :func:`build_report`, without energy balance.
+
+    The inertias are the laboratory's; ``run`` knows nothing. Raises RigError for a recording without an order.
+    """
+    if not recording.orders:
+        raise RigError("the recording holds no order of a gear; give them with --orders, e.g. '3.845:I-II, 8.32:II-I'")
+    problems: list[str] = []
+    metrics = _metrics(recording, Inertias(), annex_a, problems)
+    energy = {"run": None, "shifts": [None] * len(metrics["shifts"])}
+    return _assembled(dict.fromkeys(RUN_KEYS), problems, metrics, energy)
+
+
+def _metrics(recording: Recording | None, inertias: Inertias, annex_a: float | None, problems: list[str]) -> dict:
+    """Everything that comes from the logger's channels."""
+    rows = [] if recording is None else shifts(recording, inertias)
+    found = {"shifts": rows, "uncertainty": [uncertainty(row, inertias=inertias) for row in rows]}
+    if annex_a is not None and recording is not None:
+        try:
+            found["annex_a"] = {"factor": annex_a, "shifts": shifts_annex_a(recording, inertias, a=annex_a, b=annex_a)}
+        except RigError as error:
+            problems.append(f"no results by Annex A: {error}")
+    return found
+
+
+def _truth(bag, rows: list[dict]) -> list[dict | None]:
+    states = states_of(bag)
+    ends = [row["t_order_s"] for row in rows[1:]] + [None]
+    return [None if states is None else truth_of(states, row, end) for row, end in zip(rows, ends)]
+
+
+def _assembled(run: dict, problems: list[str], metrics: dict, energy: dict) -> dict:
+    """The parts in their order, as plain JSON values."""
     if problems:
-        data["problems"] = problems
-    return _plain({"run": data, "shifts": rows, "energy": energy})
+        run["problems"] = problems
+    rest = {key: metrics[key] for key in ("uncertainty", "annex_a", "truth") if key in metrics}
+    return _plain({"run": run, "shifts": metrics["shifts"], "energy": energy, **rest})
 
 
 def inertias_of(run: dict) -> Inertias:
@@ -148,11 +196,21 @@ def read_report(folder: str | Path) -> dict | None:
 
 
 def format_report(report: dict) -> str:
-    """The report as a table in rpm, Nm, ms and J with a line each on losses, lateness, energy and the end."""
-    lines = _shift_table(report["shifts"]) if report["shifts"] else ["no shift was ordered"]
-    for row in report["shifts"]:
+    """The report as a table in rpm, Nm, ms and J with a line each on losses, lateness, energy and the end.
+
+    Under each shift stands the largest error of each metric, after "+-". Annex A and plant truth follow where the
+    report holds them.
+    """
+    rows, errors = report["shifts"], report.get("uncertainty", [])
+    lines = _shift_table(rows, errors) if rows else ["no shift was ordered"]
+    for row in rows:
         shift = f"{_gears(row)} at {row['t_order_s']:.2f} s"
         lines += [f"  {shift} is not valid: {reason}" for reason in row["why"]]
+    names = [f"{_gears(row)} at {row['t_order_s']:.2f} s" for row in rows]
+    if "annex_a" in report:
+        lines += ["", *annex_lines(COLUMNS, names, rows, report["annex_a"])]
+    if "truth" in report:
+        lines += ["", *truth_lines(names, rows, report["truth"])]
     return "\n".join(lines + [""] + _energy_lines(report) + _run_lines(report["run"]))
 
 
@@ -160,12 +218,15 @@ def _gears(row: dict) -> str:
     return " -> ".join(GEAR.get(row[key], str(row[key])) for key in ("from_gear", "to_gear"))
 
 
-def _shift_table(rows: list[dict]) -> list[str]:
+def _shift_table(rows: list[dict], errors: list[dict]) -> list[str]:
     table = [["shift"] + [heading for heading, *_ in COLUMNS] + ["valid"]]
-    for row in rows:
+    for i, row in enumerate(rows):
         cells = ["-" if row[key] is None else f"{row[key] * factor:.{digits}f}"
                  for _, key, factor, digits in COLUMNS]
         table.append([_gears(row)] + cells + ["yes" if row["valid"] else "NO"])
+        if i < len(errors) and errors[i]:
+            table.append(["  +-"] + [f"{errors[i][key] * factor:.{digits}f}" if key in errors[i] else ""
+                                     for _, key, factor, digits in COLUMNS] + [""])
     widths = [max(len(line[i]) for line in table) for i in range(len(table[0]))]
     return ["  ".join(cell.ljust(width) if i == 0 else cell.rjust(width)
                       for i, (cell, width) in enumerate(zip(line, widths))) for line in table]
@@ -185,6 +246,8 @@ def _energy_lines(report: dict) -> list[str]:
 
 
 def _run_lines(run: dict) -> list[str]:
+    if all(run[key] is None for key in RUN_KEYS):
+        return [f"problem: {problem}" for problem in run.get("problems", [])]  # no run of the rig: a logger's file
     lines = [f"messages lost: {'unknown' if run['lost'] is None else run['lost']}"]
     late = run["lateness_ms"]
     if late:

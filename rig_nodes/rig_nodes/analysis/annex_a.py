@@ -1,0 +1,257 @@
+"""The recipe of the laboratory's own program (thesis Annex A) on one shift, beside the plain definitions of metrics.
+
+Used by `rig report --annex-a` and the validation. Thresholds, search windows, factors and 3.14 are the printed ones,
+with the misprints that change a result; docs/analysis.md lists them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import RigError
+from .edges import first_true
+from .metrics import KEYS, RATIO, RPM, Inertias, Recording, orders_of
+
+PERIOD = 1e-4  # s; the program counts samples of 10 kHz
+BLOCK = 10  # samples in a mean of a pressure
+BAR = 1e5
+PI = 3.14  # as printed
+# The program asks for these: bands of the torque after a down- and an upshift, and the rise of p2 [bar] that counts as
+# the valve's reaction. What the laboratory typed in is not printed; 1.05 is the band of metrics.SETTLED_BAND.
+FACTOR_A, FACTOR_B, RISE_C = 1.05, 1.05, 0.5
+UP_FROM, UP_BELOW, UP_FALLS, UP_LATER = 20.0, 20.0, 4, 50  # bar, bar, means in a row, means later
+DOWN_FROM, DOWN_BELOW, DOWN_FALLS, DOWN_LATER = 22.0, 15.0, 3, 100
+SLIP_UP, SLIP_DOWN = 0.05, 0.1  # %
+SPEED_UP, SPEED_DOWN = 0.99, 1.01  # shares of the set speed at which the input counts as recovered
+DIP = 0.95
+MINIMUM_SEARCH = 20000  # samples after the start, downshift
+SETTLED_AFTER, SETTLED_FOR = 5000, 1000  # samples
+CLAMPED = 20.0  # bar that the engaging clutch must have when the torque counts as settled
+REST_BEFORE, REST_FOR, OPEN = 10000, 2000, 3.0  # samples, samples, bar
+VALVE_DELAY = {2: 0.330576, 1: 0.19516}  # s added to t_c for the engaging valve
+
+
+def shifts_annex_a(recording: Recording, inertias: Inertias = Inertias(), **factors) -> list[dict]:
+    """One row for each order that :func:`metrics.shifts` gives a row, in the same order; see the next function."""
+    return [shift_metrics_annex_a(recording, order, end, inertias, **factors) for order, end in orders_of(recording)]
+
+
+def shift_metrics_annex_a(recording: Recording, order: tuple[float, int, int], next_order_time: float | None = None,
+                          inertias: Inertias = Inertias(), n_wej: float | None = None, a: float = FACTOR_A,
+                          b: float = FACTOR_B, c: float = RISE_C) -> dict:
+    """The metrics of one shift by Annex A, under the keys of :data:`metrics.KEYS`.
+
+    recording, order, next_order_time, inertias: as in metrics.shift_metrics; nothing after the next order is read.
+    n_wej: the set input speed [rad/s] the program asks for, by default the mean of 0.2 s before the order. a, b:
+    factors of the torque bands after II-I and I-II; c: rise of p2 over its rest [bar]. What the recipe does not give
+    is None, with its reason in ``why``; overlap_s is not in it and has no reason. Engagements from neutral are none
+    of its cases. Raises RigError for a recording that is not sampled at 10 kHz, or a factor not above 1.
+    """
+    if abs(recording.period - PERIOD) > 1e-9:
+        raise RigError(f"Annex A counts samples of 10 kHz; this recording has one every {recording.period * 1e3:g} ms")
+    for name, factor in (("a", a), ("b", b)):
+        if not factor > 1.0:
+            raise RigError(f"Annex A's factor {name} is {factor:g}; it is the upper edge of a band, e.g. 1.05")
+    t_order, from_gear, to_gear = order
+    row = dict.fromkeys(KEYS)
+    row.update(from_gear=int(from_gear), to_gear=int(to_gear), t_order_s=float(t_order), valid=False, why=[])
+    if {from_gear, to_gear} != {1, 2}:
+        row["why"].append("Annex A knows only changes between I and II")
+        return row
+    _Program(recording, order, next_order_time, n_wej, row).run(a if to_gear == 1 else b, c, inertias)
+    row["valid"] = not row["why"]
+    return row
+
+
+class _Program:
+    """The channels in the program's units (bar, rpm, Nm); indices count from 0."""
+
+    def __init__(self, recording, order, next_order_time, n_wej, row):
+        until = recording.rows if next_order_time is None else \
+            min(recording.rows, int(np.ceil((next_order_time - recording.t0) / PERIOD)))
+        self.order = int(np.ceil((order[0] - recording.t0) / PERIOD - 1e-6))
+        self.up, self.row, self.why = order[2] == 2, row, row["why"]
+        cut = {name: np.asarray(values[:until], dtype=float) for name, values in recording.channels.items()}
+        self.p = {1: cut["p1"] / BAR, 2: cut["p2"] / BAR}
+        self.m_in, self.m_out = cut["M_wej"], cut["M_wyj"]
+        self.n_in, self.n_out = cut["n_wej"] * RPM, cut["n_wyj"] * RPM
+        before = slice(max(0, self.order - 2000), max(0, self.order))
+        self.set_speed = n_wej * RPM if n_wej is not None else None
+        if before.stop > before.start:
+            row["n_wej_rpm"] = float(np.mean(self.n_in[before]))
+            row["m_wyj_nm"] = float(np.mean(self.m_out[before]))
+            if self.set_speed is None:
+                self.set_speed = row["n_wej_rpm"]
+
+    def run(self, factor: float, c: float, inertias: Inertias) -> None:
+        """Fill the row in the program's order of steps; each needs what the one before found."""
+        row, new = self.row, 2 if self.up else 1
+        if not self.set_speed:
+            self.why.append("the recording does not cover the time before the order")
+            return
+        used = (self.p[1], self.p[2], self.m_in, self.m_out, self.n_in, self.n_out)
+        if not all(np.all(np.isfinite(channel)) for channel in used):
+            self.why.append("a channel has values that are no numbers")
+            return
+        start = self.start()
+        if start is None:
+            return
+        lowest_down = self.lowest_down(start)
+        end = self.slip_end(start, lowest_down)
+        if end is None:
+            return
+        row["t_dt_s"] = (end - start) * PERIOD
+        row["t_c_s"] = self.total(start, end, c)
+        row["t_p_s"] = self.speed_change(start, end)
+        row["e_loss_j"] = self.energy(start, end, inertias)
+        recovered = self.recovered(end)
+        if recovered is None:
+            return
+        lowest = float(self.n_out[start : recovered + 1].min()) if self.up else lowest_down[0]
+        row["n_wyj_min_rpm"], row["k"] = lowest, lowest / self.set_speed * RATIO[1]
+        settled = self.settled(end, recovered, factor, self.p[new])
+        if settled is None:
+            return
+        row["t_o_s"] = (settled - end) * PERIOD
+        # the unaveraged torque, to the end of t_o; the program makes means of 20 samples and never reads them
+        row["m_wej_max_nm"] = float(self.m_in[start : settled + 1].max())
+        # this sum takes each sample after counting on: one later than the other one
+        row["e_loss_settled_j"] = self.energy(start + 1, settled + 1, inertias)
+
+    def start(self) -> int | None:
+        """Last sample of the first mean from which the releasing pressure falls by the printed rule."""
+        name, falls = ("p1", UP_FALLS) if self.up else ("p2", DOWN_FALLS)
+        high, low, later = (UP_FROM, UP_BELOW, UP_LATER) if self.up else (DOWN_FROM, DOWN_BELOW, DOWN_LATER)
+        pressure = self.p[1 if self.up else 2]
+        means = pressure[: pressure.size // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1)
+        count = means.size - later
+        if count > 0:
+            met = (means[:count] > high) & (means[later : later + count] < low)
+            for i in range(falls):
+                met &= means[i : i + count] > means[i + 1 : i + 1 + count]
+            at = first_true(met, -(-self.order // BLOCK))
+            if at is not None:
+                return at * BLOCK + BLOCK - 1
+        self.why.append(f"{name} has no {falls} falling means in a row from above {high:g} bar to below {low:g} bar "
+                        f"{later} ms later")
+        return None
+
+    def slip(self, gear: int) -> np.ndarray:
+        """(6.85) of a gear in percent."""
+        ideal = np.maximum(self.n_in, 1e-3) / RATIO[gear]
+        return (ideal - self.n_out) * 100.0 / ideal
+
+    def lowest_down(self, start: int) -> tuple[float, int]:
+        """Lowest output speed in the 2 s of a downshift, and the sample after it was first reached."""
+        part = self.n_out[start : start + MINIMUM_SEARCH + 1]
+        at = int(part.argmin())
+        return float(part[at]), start + at + (1 if at else 0)
+
+    def slip_end(self, start: int, lowest: tuple[float, int]) -> int | None:
+        if self.up:
+            end = first_true(self.slip(2) <= SLIP_UP, start)
+        else:
+            begin = lowest[1] if lowest[0] < DIP * self.set_speed / RATIO[1] else start
+            end = first_true((np.abs(self.slip(1)) <= SLIP_DOWN) & (self.n_out != lowest[0]), begin)
+        if end is None:
+            self.why.append(f"the unfiltered slip never came within {SLIP_UP if self.up else SLIP_DOWN:g} %")
+        return end
+
+    def recovered(self, end: int) -> int | None:
+        """Sample where the mean over 10 of the input speed is back at the set speed."""
+        # movmean of an even window takes one sample more before than after
+        total = np.concatenate(([0.0], np.cumsum(self.n_in)))
+        index = np.arange(self.n_in.size)
+        low, high = np.maximum(index - 5, 0), np.minimum(index + 5, self.n_in.size)
+        mean = (total[high] - total[low]) / (high - low)
+        back = mean > SPEED_UP * self.set_speed if self.up else mean < SPEED_DOWN * self.set_speed
+        at = first_true(back, end)
+        if at is None:
+            self.why.append("n_wej did not come back to its set speed")
+        return at
+
+    def settled(self, end: int, recovered: int, factor: float, clamped: np.ndarray) -> int | None:
+        """First sample after which 999 samples of torque lie in the band, the engaging clutch above 20 bar."""
+        late = recovered + SETTLED_AFTER
+        if late + SETTLED_FOR >= self.m_in.size:
+            self.why.append("the recording ends, or the next order comes, before the 0.6 s that Annex A takes for the "
+                            "settled torque")
+            return None
+        # 1001 samples by 1000, as printed
+        value = float(np.sum(self.m_in[late : late + SETTLED_FOR + 1])) / SETTLED_FOR
+        inside = (self.m_in < factor * value) & (self.m_in > (2.0 - factor) * value)
+        outside = np.concatenate(([0], np.cumsum(~inside)))
+        at = np.arange(end, late + 1)
+        last = np.minimum(at + SETTLED_FOR, self.m_in.size)
+        met = (outside[last] - outside[at + 1] == 0) & (clamped[at] > CLAMPED) & (at + SETTLED_FOR <= self.m_in.size)
+        hit = first_true(met)
+        if hit is None:
+            self.why.append(f"M_wej did not stay within {factor:g} of {value:.1f} Nm for 999 samples")
+            return None
+        return int(at[hit])
+
+    def total(self, start: int, end: int, c: float) -> float | None:
+        """t_c: from the reaction of the engaging pressure to the slip end, plus the valve's response time."""
+        if start < REST_BEFORE:
+            self.why.append("t_c needs 1 s of recording before the releasing pressure falls")
+            return None
+        rise = self.rise_of_p2(start, end, c) if self.up else self.rise_of_p1(start)
+        return None if rise is None else (end - rise) * PERIOD + VALVE_DELAY[2 if self.up else 1]
+
+    def rise_of_p2(self, start: int, end: int, c: float) -> int | None:
+        """Backwards from the slip end: below 3 bar, then five samples in a row at most c above the rest."""
+        p2 = self.p[2]
+        rest = float(np.mean(p2[start - REST_BEFORE + 1 : start - REST_BEFORE + 1 + REST_FOR]))
+        low = np.flatnonzero(p2[: end + 1] <= OPEN)
+        if low.size:
+            calm = np.convolve(p2[: low[-1] + 1] > rest + c, np.ones(5), "valid") < 0.5
+            hits = np.flatnonzero(calm)
+            if hits.size:
+                return int(hits[-1]) + 4 - 5
+        self.why.append("p2 was not at rest before it rose")
+        return None
+
+    def rise_of_p1(self, start: int) -> int | None:
+        """From 1 s before the start on: where three samples of p1 in a row are not exactly zero."""
+        first = start - REST_BEFORE
+        zero = self.p[1][first : start + 1] == 0.0
+        near = zero[:-2] | zero[1:-1] | zero[2:]
+        at = first_true(~near)
+        if at is None or at == 0:
+            self.why.append("t_c is counted from where p1 leaves exactly zero, and p1 "
+                            + ("never left it" if at is None else "was not at zero 1 s before p2 fell"))
+            return None
+        return first + at
+
+    def speed_change(self, start: int, end: int) -> float | None:
+        """t_p: from the departure of n_wyj by the printed rules to the slip end."""
+        n, i = self.n_out, np.arange(start, end + 1)
+
+        def at(later: int) -> np.ndarray:
+            return n[np.minimum(i + later, n.size - 1)]
+
+        if self.up:
+            old = self.set_speed / RATIO[1]
+            grown = 1.025 * old
+            rising = (at(0) <= at(1)) & (at(1) <= at(2)) & (at(2) <= at(3)) & (at(3) <= at(4))
+            falling = (at(0) >= at(1)) & (at(1) >= at(2)) & (at(2) >= at(3)) & (at(3) >= at(4))
+            met = (at(0) > old) & rising & (at(50) > grown) & (at(100) > grown)
+            met |= (at(0) < old) & falling & (at(800) > grown) & (at(1000) > grown)
+        else:
+            old = self.set_speed / RATIO[2]
+            met = (at(0) < old) & (at(10) <= at(0)) & (at(1) > at(2)) & (at(100) <= 0.95 * old)
+        departure = first_true(met)
+        if departure is None:
+            self.why.append("n_wyj has no departure by Annex A's rule")
+            return None
+        return (end - int(i[departure])) * PERIOD
+
+    def energy(self, first: int, last: int, inertias: Inertias) -> float:
+        """The program's sum from ``first`` to ``last`` [J]: J_od is divided by (41/40)^2, pi is 3.14."""
+        last = min(last, self.m_in.size - 1)
+        part, rate = slice(first, last + 1), 2.0 * PI / 60.0
+        work = rate * PERIOD * float(np.sum(self.m_in[part] * self.n_in[part] - self.m_out[part] * self.n_out[part]))
+        # the differences of squares from sample to sample add up to those of the ends
+        grown_in, grown_out = (float(n[last] ** 2 - n[first - 1] ** 2) for n in (self.n_in, self.n_out))
+        stored = 0.5 * rate**2 * (inertias.driving * grown_in + inertias.driven / RATIO[2] ** 2 * grown_out)
+        return work - stored

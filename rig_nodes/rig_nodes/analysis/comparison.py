@@ -1,0 +1,59 @@
+"""Lines of the report that set other results beside the plain metrics: Annex A's recipe, and what the plant knows.
+
+Used by analysis.report; formats only.
+"""
+
+from __future__ import annotations
+
+from .truth import WHY_NOT
+
+
+def annex_lines(columns, names: list[str], rows: list[dict], annex: dict) -> list[str]:
+    """For each shift a table of plain definition, Annex A and their difference, then what Annex A did not give.
+
+    columns: (heading, key, factor, digits) of the metrics; names: of the shifts; annex: the report's part.
+    """
+    lines = [f"Annex A's recipe beside the plain definitions (factor {annex['factor']:g}):"]
+    shown = [column for column in columns if column[1] != "overlap_s"]  # no part of the recipe
+    for name, row, other in zip(names, rows, annex["shifts"]):
+        table = [[name, *(heading for heading, *_ in shown)]]
+        table.append(["  plain", *(_cell(row[key], factor, digits) for _, key, factor, digits in shown)])
+        table.append(["  Annex A", *(_cell(other[key], factor, digits) for _, key, factor, digits in shown)])
+        table.append(["  difference", *(_difference(row[key], other[key], factor, digits)
+                                        for _, key, factor, digits in shown)])
+        lines += _aligned(table) + [f"  not by Annex A: {reason}" for reason in other["why"]]
+    return lines
+
+
+def truth_lines(names: list[str], rows: list[dict], truths: list[dict | None]) -> list[str]:
+    """For each shift what the plant's states say, beside the measured value where there is one."""
+    lines = ["plant truth (states at 200 Hz, no transducers), measured in brackets:"]
+    if not any(truths):
+        return [lines[0], "  this recording holds no states of a plant that cover a shift"]
+    for name, row, truth in zip(names, rows, truths):
+        if truth is None:
+            lines.append(f"  {name}: the engaging clutch never locked, or the states do not cover it")
+            continue
+        pairs = [f"order to lock-up {truth['t_lock_s'] * 1e3:.0f} ms ({_cell(row['t_c_s'], 1e3, 0)})",
+                 f"M_wej max {truth['m_wej_max_nm']:.1f} Nm ({_cell(row['m_wej_max_nm'], 1.0, 1)})",
+                 f"n_wyj min {truth['n_wyj_min_rpm']:.0f} rpm ({_cell(row['n_wyj_min_rpm'], 1.0, 0)})"]
+        if truth["k"] is not None:
+            pairs.append(f"k {truth['k']:.3f} ({_cell(row['k'], 1.0, 3)})")
+        clutches = [f"{key.upper()}: heat {truth[f'heat_{key}_j']:.0f} J, "
+                    f"highest torque {truth[f'torque_{key}_max_nm']:.0f} Nm" for key in ("s1", "s2")]
+        lines += [f"  {name}: {', '.join(pairs)}", f"    {'; '.join(clutches)}"]
+    return lines + [f"  not from states: {WHY_NOT}"]
+
+
+def _cell(value: float | None, factor: float, digits: int) -> str:
+    return "-" if value is None else f"{value * factor:.{digits}f}"
+
+
+def _difference(plain: float | None, other: float | None, factor: float, digits: int) -> str:
+    return "" if plain is None or other is None else f"{(other - plain) * factor:+.{digits}f}"
+
+
+def _aligned(table: list[list[str]]) -> list[str]:
+    widths = [max(len(line[i]) for line in table) for i in range(len(table[0]))]
+    return ["  ".join(cell.ljust(width) if i == 0 else cell.rjust(width)
+                      for i, (cell, width) in enumerate(zip(line, widths))) for line in table]

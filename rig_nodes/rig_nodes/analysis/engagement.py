@@ -1,0 +1,330 @@
+"""One engagement of one clutch from neutral, as in the profile series (thesis 7.1.3.3, 7.1.4, 7.3.2), on arrays.
+
+Used by the validation on the 37 + 10 series: time, peak torque, kiss pressure and the shape of the rising pressure.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+from .edges import first_true, mean_ahead, odd_width, quantum, ramp_start, running_mean, white_noise
+from .metrics import BEFORE, HOLD, NEEDED, PRESSURE, PRESSURE_MEAN, RATIO, TORQUE_SPEED_MEAN, Recording
+from .uncertainty import INSTRUMENTS
+
+LONGEST = 3.0  # s after the order in which an engagement is looked for
+SLIP = 0.01e-2  # thesis 7.3.2
+SLIP_INSTRUMENT_LIMIT = 0.5e-2  # what the encoders may add: half a step of each is 0.24 % at 500 rpm
+CLOSED_AFTER, CLOSED_FOR = 0.2, 0.3  # s: the closed clutch, after the lock-up has rung out
+TORQUE_CLEAR = 10.0  # Nm that certainly are a rise
+TORQUE_ERROR = INSTRUMENTS["torque"].error
+CONTACT = 20e-3  # s just before and just after contact whose growths of pressure are compared
+SHAPE_MEAN = 5e-3  # s: whole periods of a PWM of 200 Hz and more, and of a 2 ms hum to half a period
+GRID = 1e-3  # s between the values in which level stretches are looked for
+
+# A level stretch (docs/analysis.md): all shares are of the whole rise, from rest to end pressure.
+LEVEL_SLOPE = 0.1  # its slope is at most this share of the mean slope of the rise
+LEVEL_SWING = 0.02  # it swings by at most this share, or by what the noise swings
+LEVEL_BELOW = 0.8  # it lies below this share, with a regulation after it, and above the rest by more than the
+# transducer's largest error, with a fill before it
+HOLD_SHORTEST = 20e-3  # s, one period of the mains hum: a shorter one cannot be told from it on the traces
+RISEN, RISE_LEVEL = 0.05, 0.004  # shares at which the pressure has certainly risen, and left its rest
+REACHED = 0.95  # share at which the end pressure counts as reached
+RISE_REACH = 30e-3  # s that the first rise is followed back at most
+NOISE_SWINGS, DIP_LEAST = 1.5, 0.005  # a dip counts above this many swings of the quiet pressure and this share
+
+# one row of engagement_metrics; times in s after the order, SI
+KEYS = ("gear", "t_order_s", "n_wej_before", "p_rest", "p_end", "rise_start_s", "rise_end_s", "slip_end_s",
+        "engagement_s", "engagement_peak_nm", "m_wej_mean_nm", "p_kiss", "kiss_s", "fill_start_s", "fill_end_s",
+        "fill_r2", "fill_slope", "growth_fill", "growth_contact", "hold", "hold_s", "hold_start_s", "hold_end_s",
+        "hold_pressure", "level_s", "pressure_rise", "dip", "disturbance_start_s", "disturbance_end_s", "disturbed",
+        "valid", "why")
+
+
+def engagement_metrics(recording: Recording, order: tuple[float, int, int],
+                       next_order_time: float | None = None) -> dict:
+    """The engagement of one clutch by one order from neutral, under :data:`KEYS`; never raises for a bad one.
+
+    recording: of a logger; order: (time [s], 0, gear), as in Recording.orders; next_order_time: where the engagement
+    ends at the latest, 3 s after the order by default. Values are SI (rad/s, Pa, Nm); times count from the order.
+    What cannot be found is None, with its reason in ``why``.
+
+    engagement_s: from the first rise of the clutch's pressure to slip (6.85) below 0.01 % (7.3.2), to which is added
+    what the encoders show for the closed clutch (docs/analysis.md). engagement_peak_nm: highest M_wej (mean over 2 ms)
+    in that time. m_wej_mean_nm: 0.2 to 0.5 s after it, or as far as there is. p_kiss: pressure where M_wyj (M_wej
+    where M_wyj does not grow) begins to rise clearly. fill: from the first rise to contact or to the hold phase,
+    whichever is first; fill_r2 of the straight line through it. growth_fill, growth_contact: growth of pressure [Pa]
+    in the 20 ms before and after contact. hold: "hold" or "no hold"; hold_s is 0 without one. level_s: length of the
+    longest level stretch, also where it is too short for a hold: what repeats should be averaged over. pressure_rise:
+    "three phases" or "no hold". dip: largest fall of the pressure between first rise and the end pressure [Pa], from
+    disturbance_start_s to disturbance_end_s; disturbed: "dips" or "monotone".
+    """
+    row = dict.fromkeys(KEYS)
+    row.update(gear=int(order[2]), t_order_s=float(order[0]), valid=False, why=[])
+    engagement = _Engagement.cut(recording, order, next_order_time, row["why"])
+    if engagement is not None:
+        engagement.fill_row(row)
+    row["valid"] = not row["why"]
+    return row
+
+
+def engagement_ranks(rows: list[dict]) -> list[str | None]:
+    """"dominated" or "not dominated" for each of a valve's series (7.3.2), None for one without all three values.
+
+    A series is dominated when another one with a hold phase is better in peak torque (by more than 1.01 Nm, the torque
+    meter's largest error), engagement time and length of the hold (each shorter by more than 0.01 s). A hold was asked
+    for, so one that is missing (hold_s 0) is worse than any. rows: of :func:`engagement_metrics`, or any with
+    engagement_peak_nm, engagement_s, hold_s.
+    """
+    ranks: list[str | None] = []
+    for row in rows:
+        own = [row[key] for key in ("engagement_peak_nm", "engagement_s", "hold_s")]
+        if None in own:
+            ranks.append(None)
+            continue
+        better = any(other["hold_s"] and None not in (other["engagement_peak_nm"], other["engagement_s"])
+                     and own[0] - other["engagement_peak_nm"] > TORQUE_ERROR and own[1] - other["engagement_s"] > 0.01
+                     and (own[2] or np.inf) - other["hold_s"] > 0.01 for other in rows)
+        ranks.append("dominated" if better else "not dominated")
+    return ranks
+
+
+@dataclass
+class _Engagement:
+    """Channels around one order; sample 0 lies up to BEFORE ahead of it."""
+
+    period: float
+    order: int
+    gear: int
+    raw: dict[str, np.ndarray]
+    smooth: dict[str, np.ndarray]
+    why: list[str]
+
+    @classmethod
+    def cut(cls, recording, order, next_order_time, why):
+        """The samples around the order, or None with the reason in ``why``."""
+        t_order, from_gear, gear = order
+        if from_gear in RATIO or gear not in RATIO:
+            why.append(f"an engagement goes from neutral (0) to gear 1 or 2, not from {from_gear} to {gear}")
+            return None
+        at = int(np.ceil((t_order - recording.t0) / recording.period - 1e-6))
+        first = max(0, at - int(round(BEFORE / recording.period)))
+        until = t_order + LONGEST if next_order_time is None else min(next_order_time, t_order + LONGEST)
+        last = min(recording.rows, int((until - recording.t0) / recording.period) + 1)
+        if (at - first) * recording.period < 0.05 or (last - at) * recording.period < 0.2:
+            why.append(f"the recording does not cover the order at {t_order:.3f} s and the time around it")
+            return None
+        raw = {name: np.asarray(recording.channels[name][first:last], dtype=float) for name in NEEDED}
+        bad = [name for name in NEEDED if not np.all(np.isfinite(raw[name]))]
+        if bad:
+            why.append(f"{', '.join(bad)} has values that are no numbers")
+            return None
+        lengths = {name: PRESSURE_MEAN if name in PRESSURE.values() else TORQUE_SPEED_MEAN for name in NEEDED}
+        widths = {name: odd_width(length, recording.period) for name, length in lengths.items()}
+        smooth = {name: running_mean(raw[name], widths[name]) for name in NEEDED}
+        return cls(recording.period, at - first, int(gear), raw, smooth, why)
+
+    def samples(self, seconds: float) -> int:
+        return max(1, int(round(seconds / self.period)))
+
+    def since(self, sample: float) -> float:
+        """Seconds after the order."""
+        return float((sample - self.order) * self.period)
+
+    def fill_row(self, row: dict) -> None:
+        """Every value that can be found, a reason for every one that cannot."""
+        row["n_wej_before"] = float(np.mean(self.raw["n_wej"][: self.order]))
+        if row["n_wej_before"] < 1.0:
+            self.why.append("the input shaft did not turn when the engagement was ordered")
+            return
+        name = PRESSURE[self.gear]
+        p = running_mean(self.raw[name], odd_width(SHAPE_MEAN, self.period))
+        rest, end = self.levels(p)
+        row["p_rest"], row["p_end"] = rest, end
+        start = self.first_rise(name, p, rest, end)
+        if start is None:
+            return
+        reached = first_true(p >= rest + REACHED * (end - rest), int(start))
+        row["rise_start_s"], row["rise_end_s"] = self.since(start), self.since(reached)
+        self.locking(row, start)
+        kiss = self.kiss(row, start)
+        level = self.level_stretch(p, rest, end, int(start), reached)
+        row["level_s"] = 0.0 if level is None else max(0.0, (level[1] - level[0]) * self.period)
+        hold = level if row["level_s"] >= HOLD_SHORTEST else None
+        row["hold_s"] = 0.0 if hold is None else row["level_s"]
+        row["hold"] = "no hold" if hold is None else "hold"
+        row["pressure_rise"] = "no hold" if hold is None else "three phases"
+        if hold is not None:
+            row["hold_start_s"], row["hold_end_s"] = self.since(hold[0]), self.since(hold[1])
+            row["hold_pressure"] = hold[2]
+        self.filling(row, start, kiss, hold)
+        self.dip(row, p, int(start), reached)
+
+    def levels(self, p: np.ndarray) -> tuple[float, float]:
+        """Pressure at rest before the order, and the end pressure: what the last tenth of the samples keeps."""
+        return float(np.median(p[: self.order])), float(np.median(p[-max(1, (p.size - self.order) // 10):]))
+
+    def first_rise(self, name: str, p: np.ndarray, rest: float, end: float) -> float | None:
+        """First rise of the pressure, as a fractional sample.
+
+        The last passing of a level just above the rest before 5 % of the rise are reached, so that a sag or a spike
+        before is none, followed back along its slope.
+        """
+        size, noise = end - rest, float(np.std(p[: self.order]))
+        if size < max(20.0 * noise, 1e5):
+            self.why.append(f"{name} did not rise: {rest / 1e6:.2f} MPa before the order, {end / 1e6:.2f} MPa at the "
+                            "end")
+            return None
+        moved = p - rest
+        clear = first_true(moved >= RISEN * size, self.order)
+        level = min(max(4.0 * noise, RISE_LEVEL * size), RISEN * size)
+        below = np.flatnonzero(moved[:clear] < level)
+        at = int(below[-1]) + 1 if below.size else clear
+        start = ramp_start(self.raw[name] - rest, moved, at, RISEN * size, self.samples(RISE_REACH))
+        return max(float(self.order), start)
+
+    def locking(self, row: dict, start: float) -> None:
+        """Slip end, engagement time, peak torque and the torque of the closed clutch."""
+        ratio, w = RATIO[self.gear], np.maximum(self.smooth["n_wej"], 1.0)
+        slip = 1.0 - self.smooth["n_wyj"] * ratio / w
+        # what the instruments show for the closed clutch, at the end of the recording
+        tail = slip[-self.samples(BEFORE):]
+        speed = row["n_wej_before"]
+        half_steps = 0.5 * (quantum(self.raw["n_wej"]) + ratio * quantum(self.raw["n_wyj"])) / speed
+        noise = 2.6 * np.hypot(white_noise(self.raw["n_wej"][: self.order]), ratio
+                               * white_noise(self.raw["n_wyj"][: self.order])) / speed \
+            / np.sqrt(odd_width(TORQUE_SPEED_MEAN, self.period))
+        shown = max(half_steps, noise, float(np.percentile(np.abs(tail), 99.0)))
+        limit = SLIP + min(shown, SLIP_INSTRUMENT_LIMIT)
+        end = first_true((slip < limit) & (np.abs(mean_ahead(slip, self.samples(HOLD))) < limit), int(start))
+        if end is None:
+            self.why.append(f"the clutch never closed (least slip {100.0 * float(slip[int(start):].min()):.2f} %)")
+            return
+        row["slip_end_s"], row["engagement_s"] = self.since(end), float((end - start) * self.period)
+        row["engagement_peak_nm"] = float(self.smooth["M_wej"][int(start) : end + 1].max())
+        first = end + self.samples(CLOSED_AFTER)
+        closed = self.raw["M_wej"][first : first + self.samples(CLOSED_FOR)]
+        if closed.size < self.samples(0.1):
+            self.why.append("the recording ends too early after the clutch has closed to know its torque")
+        else:
+            row["m_wej_mean_nm"] = float(np.mean(closed))
+
+    def kiss(self, row: dict, start: float) -> int | None:
+        """Where the transmitted torque begins to rise clearly: sample, and its pressure into the row.
+
+        The last passing of the torque meter's largest error above the torque before (or 4 standard deviations) before
+        10 Nm are added, followed back along its slope. Drag of the open pack grows slowly and does not count.
+        """
+        for name in ("M_wyj", "M_wej"):
+            before = self.smooth[name][: self.order]
+            # the torque may drift until the clutch fills; the level is that at the first rise
+            near = self.smooth[name][max(0, int(start) - self.samples(20e-3)) : int(start) + 1]
+            grown = self.smooth[name] - float(np.mean(near))
+            clear = first_true(grown >= TORQUE_CLEAR, int(start))
+            if clear is None:
+                continue
+            level = min(max(TORQUE_ERROR, 4.0 * float(np.std(before))), TORQUE_CLEAR)
+            below = np.flatnonzero(grown[int(start) : clear] < level)
+            at = int(start) + (int(below[-1]) + 1 if below.size else 0)
+            raw = self.raw[name] - float(np.mean(near))
+            at = int(round(max(start, ramp_start(raw, grown, at, 0.5 * TORQUE_CLEAR, self.samples(20e-3)))))
+            row["kiss_s"], row["p_kiss"] = self.since(at), float(self.smooth[PRESSURE[self.gear]][at])
+            return at
+        self.why.append(f"neither M_wyj nor M_wej rose by {TORQUE_CLEAR:g} Nm")
+        return None
+
+    def level_stretch(self, p: np.ndarray, rest: float, end: float, start: int,
+                      reached: int) -> tuple[float, float, float] | None:
+        """(Start, end, pressure) of the longest level stretch of the rise, None without one.
+
+        Level: swing and slope within their limits; between fill and regulation: neither near the rest nor near the end
+        pressure. Its ends are where the pressure leaves the level, followed back along the slopes.
+        """
+        size, step = end - rest, self.samples(GRID)
+        limit = LEVEL_SLOPE * size / max((reached - start) * self.period, GRID)
+        swing = max(LEVEL_SWING * size, self.quiet_swing(p))
+        grid = p[start : reached + 1 : step]
+        above = INSTRUMENTS[PRESSURE[self.gear]].error
+        middle = (grid > rest + above) & (grid < rest + LEVEL_BELOW * size)
+        found = _longest_level(grid, middle, swing, limit * step * self.period)
+        if found is None:
+            return None
+        first, last = (start + i * step for i in found)
+        part = p[first : last + 1]
+        level = float(np.median(part))
+        reach, span = self.samples(20e-3), 2.0 * swing
+        # forwards the rise from the level, backwards the fall below it
+        up = ramp_start(p - level, p - level, self.leaving(p - level, last, swing), span, reach)
+        turned = level - p[::-1]
+        down = p.size - 1 - ramp_start(turned, turned, self.leaving(turned, p.size - 1 - first, swing), span, reach)
+        return max(down, float(start)), up, level
+
+    @staticmethod
+    def leaving(rise: np.ndarray, near: int, swing: float) -> int:
+        """First sample beyond the swing around a level, from inside the level on."""
+        at = first_true(rise > 0.5 * swing, near - 1)
+        return near if at is None else at
+
+    def quiet_swing(self, p: np.ndarray) -> float:
+        """Largest swing of the filtered pressure while nothing moves it: before the order and at the end."""
+        tail = p[-self.samples(BEFORE):]
+        return max(float(np.ptp(part)) for part in (p[: self.order], tail))
+
+    def filling(self, row: dict, start: float, kiss: int | None, hold) -> None:
+        """Fill phase with its straight line, and the growth of pressure around contact."""
+        p = self.smooth[PRESSURE[self.gear]]
+        ends = [e for e in (kiss, None if hold is None else int(hold[0])) if e is not None]
+        first = int(round(start))
+        if ends and min(ends) - first >= self.samples(5e-3):
+            part = np.arange(first, min(ends) + 1)
+            slope, offset = np.polyfit((part - first) * self.period, p[part], 1)
+            rest = p[part] - offset - slope * (part - first) * self.period
+            row["fill_start_s"], row["fill_end_s"] = self.since(start), self.since(min(ends))
+            row["fill_slope"] = float(slope)
+            row["fill_r2"] = float(1.0 - np.sum(rest**2) / np.sum((p[part] - np.mean(p[part])) ** 2))
+        else:
+            self.why.append("no fill phase could be told from what follows")
+        if kiss is not None and kiss - self.samples(CONTACT) >= 0 and kiss + self.samples(CONTACT) < p.size:
+            row["growth_fill"] = float(p[kiss] - p[kiss - self.samples(CONTACT)])
+            row["growth_contact"] = float(p[kiss + self.samples(CONTACT)] - p[kiss])
+
+    def dip(self, row: dict, p: np.ndarray, start: int, reached: int) -> None:
+        """Largest fall of the pressure from a peak after the first rise, and when it is made good again.
+
+        Looked for until 0.2 s after the end pressure is reached: an overshoot over it may come down only then.
+        """
+        part = p[start : reached + self.samples(BEFORE)]
+        highest = np.maximum.accumulate(part)
+        low = int(np.argmax(highest - part))
+        row["dip"] = float(highest[low] - part[low])
+        least = max(NOISE_SWINGS * self.quiet_swing(p), DIP_LEAST * (row["p_end"] - row["p_rest"]))
+        row["disturbed"] = "dips" if row["dip"] > least else "monotone"
+        if row["disturbed"] == "dips":
+            peak = int(np.argmax(part[: low + 1]))
+            again = first_true(part >= highest[low], low)
+            row["disturbance_start_s"] = self.since(start + peak)
+            row["disturbance_end_s"] = self.since(start + (part.size - 1 if again is None else again))
+
+
+def _longest_level(grid: np.ndarray, middle: np.ndarray, swing: float, slope: float) -> tuple[int, int] | None:
+    """First and last index of the longest stretch inside ``middle`` that swings by at most ``swing`` and whose fitted
+    slope is at most ``slope`` per step; None where not even three values in a row are level.
+    """
+    index, away = np.arange(grid.size), grid - grid[0]
+    total, moment = (np.concatenate(([0.0], np.cumsum(x))) for x in (away, index * away))
+    outside = np.concatenate(([0], np.cumsum(~middle)))
+    for length in range(grid.size, 2, -1):
+        shift, count = length // 2, grid.size - length + 1
+        # value i of a filter, moved so that it belongs to the stretch that begins at i
+        highest = maximum_filter1d(grid, length)[shift : shift + count]
+        lowest = minimum_filter1d(grid, length)[shift : shift + count]
+        first, last = index[:count], index[:count] + length
+        # least squares over each stretch, from running sums
+        centred = moment[last] - moment[first] - (first + 0.5 * (length - 1)) * (total[last] - total[first])
+        fitted = centred / (length * (length**2 - 1) / 12.0)
+        hit = first_true((highest - lowest <= swing) & (outside[last] == outside[first]) & (np.abs(fitted) <= slope))
+        if hit is not None:
+            return hit, hit + length - 1
+    return None

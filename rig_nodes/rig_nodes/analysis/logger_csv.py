@@ -1,0 +1,189 @@
+"""A logger's CSV as a Recording, so that real measurements are analysed by the same code as the rig's.
+
+Used by `rig report FILE.csv`. Columns carry their unit in the header, as "M_wej [Nm]"; names are the catalogue's.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from pathlib import Path
+
+import numpy as np
+
+from ..catalogue import catalogue
+from ..config.units import UNITS
+from ..errors import RigError
+from .metrics import NEEDED, Recording
+
+TIME_NAMES = ("t", "time", "czas")
+ORDER_NAMES = ("gear_ordered", "order")
+# what loggers and people write for a unit of config.units
+ALIASES = {"N.m": "Nm", "N m": "Nm", "N*m": "Nm", "N·m": "Nm", "1/min": "rpm", "min-1": "rpm", "r/min": "rpm",
+           "obr/min": "rpm", "°C": "degC", "C": "degC", "µs": "us"}
+GEARS = {"0": 0, "N": 0, "I": 1, "1": 1, "II": 2, "2": 2}
+_HEADING = re.compile(r"\s*(.+?)\s*(?:\[\s*(.*?)\s*\]|\(\s*(.*?)\s*\))?\s*$")
+_ORDER = re.compile(r"\s*([0-9]*\.?[0-9]+)\s*(?:s\s*)?:\s*(\w+)\s*-+>?\s*(\w+)\s*$")
+
+
+def read_logger_csv(path: str | Path, period: float | None = None,
+                    orders: list[tuple[float, int, int]] | None = None) -> Recording:
+    """Read a logger's CSV.
+
+    Separator ";", tab or ","; decimal point, or with the first two also a comma; lines that begin with # before the
+    header are passed over. A column is named as in the signal catalogue and has its unit in brackets (any unit of
+    config.units of that quantity, rpm also as 1/min); M_wej, n_wej, M_wyj, n_wyj, p1, p2 must be there, pressures
+    gauge; columns that the catalogue does not know are passed over. Times from a column "t [s]" (time, czas), which
+    must grow in equal steps, or from ``period`` [s]. Orders from a column gear_ordered [-] (0, 1, 2; each change is
+    one, from the gear before) or from ``orders``, as Recording has them, which win. Raises RigError in one sentence.
+    """
+    path = Path(path)
+    header, lines, number, separator = _lines(path)
+    names, factors = _columns(path, header)
+    table = _table(path, lines, number, separator, len(header))
+    # a heading that was passed over has the name ""
+    columns = {name: table[:, i] * factors[i] for i, name in enumerate(names) if name}
+    missing = [name for name in NEEDED if name not in columns]
+    if missing:
+        raise RigError(f"{path}: has no column {', '.join(missing)}; the analysis needs {', '.join(NEEDED)}, each with "
+                       "its unit, e.g. 'M_wej [Nm]'")
+    t0, period = _time(path, columns.pop("t", None), period, number)
+    ordered = columns.pop("gear_ordered", None)
+    if orders is None:
+        orders = [] if ordered is None else _orders(path, ordered, t0, period, number)
+    return Recording(t0, period, columns, sorted(orders))
+
+
+def parse_orders(text: str) -> list[tuple[float, int, int]]:
+    """Orders from the command line, ``"3.845:I-II, 8.32:II-I"``: time in the recording [s], gear before, gear ordered.
+
+    Gears are I, II and 0 for neutral. Raises RigError with an example.
+    """
+    orders = []
+    for part in filter(str.strip, re.split(r"[,;]", text)):
+        match = _ORDER.match(part)
+        if match is None or match[2] not in GEARS or match[3] not in GEARS:
+            raise RigError(f"--orders: '{part.strip()}' is no order; write the time in s and the gears, e.g. "
+                           "'3.845:I-II, 8.32:II-I' (0 is neutral)")
+        orders.append((float(match[1]), GEARS[match[2]], GEARS[match[3]]))
+    if not orders:
+        raise RigError("--orders is empty; write e.g. '3.845:I-II, 8.32:II-I'")
+    return sorted(orders)
+
+
+def _lines(path: Path) -> tuple[list[str], list[str], int, str]:
+    """Fields of the header, the lines below it, the number of the first of these, the separator."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise RigError(f"{path}: cannot be read ({error.strerror})") from None
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("cp1250", errors="replace")  # what a Polish logger's program writes
+    lines = text.splitlines()
+    at = next((i for i, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")), None)
+    if at is None:
+        raise RigError(f"{path}: holds no header; the first line names the columns, e.g. 'M_wej [Nm]; n_wej [rpm]'")
+    separator = next((s for s in (";", "\t", ",") if s in lines[at]), None)
+    if separator is None:
+        raise RigError(f"{path}: line {at + 1} has no ';', tab or ',' between column names: '{lines[at][:60]}'")
+    fields = [field.strip().strip('"').strip() for field in lines[at].split(separator)]
+    while fields and not fields[-1]:
+        fields.pop()  # a separator at the end of the line
+    below = lines[at + 1:]
+    while below and not below[-1].strip():
+        below.pop()
+    if len(below) < 2:
+        raise RigError(f"{path}: has {len(below)} rows below its header; a recording needs more")
+    return fields, below, at + 2, separator
+
+
+def _columns(path: Path, header: list[str]) -> tuple[list[str], list[float]]:
+    """Name in the catalogue ("" for a column that is passed over) and factor to SI of every column."""
+    signals = catalogue().signals
+    names, factors = [], []
+    for heading in header:
+        match = _HEADING.match(heading)
+        name, unit = (match[1], match[2] or match[3]) if match else ("", None)
+        if name.lower() in TIME_NAMES:
+            name, dimension, own = "t", "time", "s"
+        elif name in ORDER_NAMES:
+            name, dimension, own, unit = "gear_ordered", "ratio", "-", unit or "-"
+        elif name in signals:
+            own = signals[name].display_unit
+            dimension = UNITS[own][0]
+        else:
+            names.append("")
+            factors.append(1.0)
+            continue
+        if not unit:
+            raise RigError(f"{path}: column '{heading}' has no unit; write it in brackets, e.g. '{name} [{own}]'")
+        unit = ALIASES.get(unit, unit)
+        if unit not in UNITS or UNITS[unit][0] != dimension:
+            known = ", ".join(u for u, (d, _) in UNITS.items() if d == dimension)
+            raise RigError(f"{path}: column '{heading}' is in {unit}; a {dimension} is in {known}")
+        if name in names:
+            raise RigError(f"{path}: column {name} is there twice")
+        names.append(name)
+        factors.append(UNITS[unit][1])
+    return names, factors
+
+
+def _table(path: Path, lines: list[str], number: int, separator: str, columns: int) -> np.ndarray:
+    """The numbers, (rows, columns)."""
+    text = "\n".join(lines)
+    if separator != ",":
+        text = text.replace(",", ".")
+    try:
+        table = np.loadtxt(io.StringIO(text), delimiter=separator, ndmin=2, comments=None, usecols=range(columns))
+    except ValueError:
+        raise RigError(_first_fault(path, text.split("\n"), number, separator, columns)) from None
+    if len(table) != len(lines):
+        empty = next(i for i, line in enumerate(lines) if not line.strip())
+        raise RigError(f"{path}: line {number + empty} is empty; rows must follow each other")
+    return table
+
+
+def _first_fault(path: Path, lines: list[str], number: int, separator: str, columns: int) -> str:
+    """The sentence about the first line that is no row of numbers."""
+    for i, line in enumerate(lines):
+        fields = line.split(separator)
+        if len(fields) < columns:
+            return f"{path}: line {number + i} has {len(fields)} fields where the header names {columns}"
+        for field in fields[:columns]:
+            try:
+                float(field)
+            except ValueError:
+                comma = "; with ',' between columns numbers need a decimal point" if separator == "," else ""
+                return f"{path}: line {number + i} has '{field.strip()}' where a number is expected{comma}"
+    return f"{path}: holds no table of numbers"
+
+
+def _time(path: Path, t: np.ndarray | None, period: float | None, number: int) -> tuple[float, float]:
+    """Time of the first row and period."""
+    if t is None:
+        if period is None:
+            raise RigError(f"{path}: has no time column; add one, e.g. 't [s]', or give --period, e.g. '0.1 ms'")
+        return 0.0, period
+    if period is not None:
+        return float(t[0]), period
+    step = float(t[-1] - t[0]) / (len(t) - 1)
+    steps = np.diff(t)
+    # times with few digits repeat themselves, missing rows jump
+    if not np.isfinite(step) or step <= 0.0 or steps.min() <= 0.0 or steps.max() > 1.5 * step:
+        at = int(np.argmax(~(steps > 0.0) | (steps > 1.5 * step)))
+        raise RigError(f"{path}: the times must grow in equal steps, but go from {t[at]:g} s to {t[at + 1]:g} s at "
+                       f"line {number + at + 1}; rows are missing or the times have too few digits (leave the column "
+                       "out and give --period)")
+    return float(t[0]), step
+
+
+def _orders(path: Path, gear: np.ndarray, t0: float, period: float, number: int) -> list[tuple[float, int, int]]:
+    """Orders from the changes of the ordered gear."""
+    wrong = ~np.isin(gear, (0.0, 1.0, 2.0))
+    if wrong.any():
+        at = int(np.argmax(wrong))
+        raise RigError(f"{path}: line {number + at} orders the gear {gear[at]:g}; gears are 0 (neutral), 1 and 2")
+    changes = np.flatnonzero(np.diff(gear)) + 1
+    return [(t0 + period * i, int(gear[i - 1]), int(gear[i])) for i in changes]

@@ -1,0 +1,118 @@
+"""Largest errors of the laboratory's instruments by (7.1) (thesis tab. 7.1, 8.4), carried into the shift metrics.
+
+Used by the report, which shows them beside each metric, and by the validation; needs nothing but a row of metrics.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+
+from .metrics import RATIO, RPM, TORQUE_SPEED_MEAN, Inertias
+
+PERIOD = 1e-4  # s between two samples of the logger HMG 4000
+# MPa/s at which chapter 9's fits of the releasing pressures begin to fall: the times count from there
+FALL_RATE = {1: 13.028e6, 2: 11.788e6}
+STEEP_RISE = 45e-3  # s in which chapter 9's p2, and with it the torque, rises from contact to its end
+KISS_RATE = 0.5e6  # Pa/s at which a released clutch passes its kiss pressure
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """One instrument in SI: measuring range, accuracy class [% of the range], readability."""
+
+    range: float
+    accuracy_class: float
+    readability: float = 0.0
+
+    @property
+    def error(self) -> float:
+        """Largest error by (7.1): range * class / 100 + readability."""
+        return self.range * self.accuracy_class / 100.0 + self.readability
+
+
+INSTRUMENTS = {
+    # tab. 7.1: gearbox rig
+    "torque": Instrument(500.0, 0.2, 0.01),
+    "p1": Instrument(40e6, 0.25),
+    "p2": Instrument(25e6, 0.25),
+    "p_po": Instrument(40e6, 0.5, 1e6),
+    "speed": Instrument(2.0 * pi * 60.0, 0.0, 2.0 * pi * 0.017),
+}
+
+
+def temperature_error(t_oil: float) -> float:
+    """Largest error of the PT100 [K] at an oil temperature [degC], (7.2)."""
+    return 0.3 + 0.005 * abs(t_oil)
+
+
+def uncertainty(row: dict, instruments: dict[str, Instrument] | None = None, inertias: Inertias = Inertias(),
+                period: float = PERIOD) -> dict[str, float]:
+    """Largest error of each metric of a row, under the metric's own key and in its unit; those that are None have none.
+
+    row: of metrics.shift_metrics. instruments: torque, p1, p2, speed; those of tab. 7.1 by default. These are bounds,
+    no standard deviations: all errors are taken at their largest and added (first order).
+
+    * n_wej, M_wyj, lowest speed: the instrument's own. k: both speeds, relative errors added. Peak: the torque meter's,
+      and what a mean over 2 ms takes off a torque that rises to it in 45 ms and then breaks down (it only reads low).
+    * Times: one sample period, half the filter (1 ms), and at each end the instrument's error by the slope of what
+      crosses a threshold there. Slip ends with both encoders' resolution by the slip's rate, which is the change of
+      ratio by t_p. The releasing pressure falls as chapter 9 fitted it; its error counts in full although a constant
+      part of it would cancel. t_c starts at the order, which is known. Torque settles from its peak within t_o.
+    * Energies: torques by w t, speeds by M t and J w at both ends, and the times' errors by the power they cut off; the
+      torque over the shift is taken as its peak, the output speed as its lowest.
+    """
+    use = INSTRUMENTS if instruments is None else instruments
+    torque, speed = use["torque"].error, use["speed"].error
+    found = {"n_wej_rpm": speed * RPM, "m_wyj_nm": torque, "n_wyj_min_rpm": speed * RPM}
+    if row["m_wej_max_nm"] is not None:
+        found["m_wej_max_nm"] = torque + 0.5 * TORQUE_SPEED_MEAN * abs(row["m_wej_max_nm"]) / STEEP_RISE
+    w_in = None if row["n_wej_rpm"] is None else row["n_wej_rpm"] / RPM
+    if row["k"] is not None:
+        found["k"] = row["k"] * speed * RPM * (1.0 / row["n_wyj_min_rpm"] + 1.0 / row["n_wej_rpm"])
+    if w_in:
+        found |= _times(row, use, w_in, period)
+        found |= _energies(row, found, torque, speed, w_in, inertias)
+    return {key: value for key, value in found.items() if row.get(key) is not None}
+
+
+def _times(row: dict, use: dict[str, Instrument], w_in: float, period: float) -> dict[str, float]:
+    """Errors of the times; those that lack what they are estimated from are left out."""
+    ends = period + 0.5 * TORQUE_SPEED_MEAN
+    new, old = row["to_gear"], row["from_gear"]
+    found = {}
+    slip_end = None
+    if row["t_p_s"]:
+        # from neutral the slip of the new gear goes from 1 to 0
+        change = abs(1.0 - RATIO[new] / RATIO[old]) if old in RATIO else 1.0
+        resolution = use["speed"].error * (1.0 + RATIO[new]) / w_in
+        slip_end = ends + resolution * row["t_p_s"] / change
+        found["t_p_s"] = 2.0 * slip_end
+        found["t_c_s"] = slip_end
+        falling = old if old in RATIO else new
+        found["t_dt_s"] = slip_end + ends + use[f"p{falling}"].error / FALL_RATE[falling]
+    if slip_end is not None and row["t_o_s"] is not None and row["m_wej_max_nm"]:
+        found["t_o_s"] = slip_end + ends + use["torque"].error * row["t_o_s"] / row["m_wej_max_nm"]
+    if old in RATIO:
+        # the pressure rises steeply through the kiss point of the engaging clutch and falls slowly through the other
+        found["overlap_s"] = ends + use[f"p{old}"].error / KISS_RATE
+    return found
+
+
+def _energies(row: dict, errors: dict, torque: float, speed: float, w_in: float,
+              inertias: Inertias) -> dict[str, float]:
+    """Errors of both energy losses; empty where the row lacks what they need."""
+    needed = ("m_wej_max_nm", "n_wyj_min_rpm", "t_dt_s", "m_wyj_nm")
+    if any(row[key] is None for key in needed) or "t_dt_s" not in errors:
+        return {}
+    w_out, m_in, m_out = w_in / RATIO[row["to_gear"]], row["m_wej_max_nm"], row["m_wyj_nm"]
+    rate = torque * (w_in + w_out) + speed * (m_in + abs(m_out))
+    ends = 2.0 * speed * (inertias.driving * w_in + inertias.driven * RATIO[2] ** 2 * w_out)
+    found = {}
+    for key, span, error in (("e_loss_j", row["t_dt_s"], errors["t_dt_s"]),
+                             ("e_loss_settled_j", row["t_dt_s"] + (row["t_o_s"] or 0.0),
+                              errors["t_dt_s"] + errors.get("t_o_s", 0.0))):
+        if row[key] is not None and span > 0.0:
+            # what the window's error cuts off: the mean power of the loss
+            found[key] = rate * span + ends + abs(row[key]) / span * error
+    return found

@@ -1,0 +1,143 @@
+"""Response time of a valve: from the first PWM pulse on its coil to the first rise of the clutch pressure (thesis 7.2).
+
+Used on the valve-response tests, 125 kHz for 5 s (7.1.3.1); knows nothing of bags or ROS.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from ..errors import RigError
+from .edges import first_true, odd_width, ramp_start, running_mean
+
+MAINS, HARMONICS = 50.0, 10  # Hz; the thesis prints 50 Hz and a period of 2 ms, the tenth harmonic
+MAINS_RANGE = 0.2  # Hz that a power grid strays
+HUM_MEAN = 1e-4  # s
+BEFORE = 0.1  # s of signal that must be there before the first pulse
+PULSE = 16e-6  # s that a pulse must last, two samples at 125 kHz: a single sample may be a spike
+COARSE_MEAN = 1e-3  # s, where no PWM frequency is found
+LONGEST_PERIOD = 20e-3  # s: slower pulses are no PWM
+CLEAR_RISE = 0.05  # share of the whole rise at which the pressure has certainly risen
+LEVEL = 0.01  # share of the whole rise that counts as left its rest, at least 5 standard deviations
+SPAN, REACH = 0.05, 20e-3  # ramp that is followed back to the rest: share of the whole rise, s
+
+
+def valve_delay(t: np.ndarray, coil: np.ndarray, pressure: np.ndarray) -> dict[str, float | None]:
+    """Delay of a valve by (7.5), (7.6).
+
+    t: equally spaced times [s]; coil: voltage or duty of the coil; pressure: of the clutch, in any unit; 1-D of one
+    length. The thesis reads both moments by eye on the unfiltered trace. Here:
+
+    * first pulse: the coil signal passes half of its height for at least two samples, counted at the sample before;
+    * hum: 50 Hz and its harmonics are fitted to the pressure before the first pulse and taken off everywhere;
+    * pickup: a centred mean over whole PWM periods, the period being that of the coil signal, leaves nothing of it and
+      moves no edge;
+    * first rise: the last passing of a level just above the rest (1 % of the whole rise or 5 standard deviations)
+      before the pressure has clearly risen (5 %), followed back along its slope to the rest. A sag or a spike before
+      is no rise. The rest is that of the time after the first pulse: pickup may shift it.
+
+    Returns valve_delay_s, t_pulse_s, t_rise_s, pwm_hz (None for a constant coil voltage), hum_hz and hum (amplitude
+    of the fitted hum), noise (standard deviation that is left before the pulse), rest and end (levels of the pressure).
+    Raises RigError when the signals do not fit, there is no pulse or no rise, or less than 0.1 s before the pulse.
+    """
+    t, coil, pressure = (np.asarray(x, dtype=float) for x in (t, coil, pressure))
+    period = _period(t, coil, pressure)
+    pulse, pwm = _first_pulse(coil, period)
+    if pulse * period < BEFORE:
+        raise RigError(f"the first pulse comes {pulse * period:.3f} s after the start of the recording; {BEFORE:g} s "
+                       "before it are needed to know rest and hum of the pressure")
+    clean, hum_hz, hum = _without_hum(t, pressure, pulse)
+    width = odd_width(COARSE_MEAN if pwm is None else max(1.0, round(COARSE_MEAN * pwm)) / pwm, period)
+    smooth = running_mean(clean, width)
+    noise = float(np.std(smooth[width:pulse - width]))
+    at, rest, end = _rise(clean, smooth, pulse, noise, period)
+    return {"valve_delay_s": (at - pulse) * period, "t_pulse_s": float(t[pulse]), "t_rise_s": float(t[0] + at * period),
+            "pwm_hz": pwm, "hum_hz": hum_hz, "hum": hum, "noise": noise, "rest": rest, "end": end}
+
+
+def _period(t, coil, pressure) -> float:
+    if not (t.ndim == 1 and t.shape == coil.shape == pressure.shape and t.size > 100):
+        raise RigError("a valve response needs time, coil and pressure of one length, more than 100 samples; these "
+                       f"have the shapes {t.shape}, {coil.shape}, {pressure.shape}")
+    for name, values in (("time", t), ("coil signal", coil), ("pressure", pressure)):
+        if not np.all(np.isfinite(values)):
+            raise RigError(f"the {name} of the valve response has values that are no numbers")
+    period = (t[-1] - t[0]) / (t.size - 1)
+    if period <= 0.0 or np.max(np.abs(np.diff(t) - period)) > 0.5 * period:
+        raise RigError("the times of a valve response must grow in equal steps")
+    return float(period)
+
+
+def _first_pulse(coil: np.ndarray, period: float) -> tuple[int, float | None]:
+    """Sample of the first pulse and the frequency of the pulses."""
+    low, high = np.percentile(coil, [0.1, 99.9])
+    early = np.median(coil[: max(3, coil.size // 100)])
+    on = coil > 0.5 * (low + high)
+    if high - low <= 0.0 or early > 0.5 * (low + high):
+        raise RigError("the coil signal has no first pulse: it is constant or switched on from the start")
+    length = max(2, int(round(PULSE / period)))
+    run = np.convolve(on, np.ones(length), "valid") > length - 0.5
+    first = first_true(run)
+    if first is None:
+        raise RigError("the coil signal has no pulse that lasts two samples")
+    edges = np.flatnonzero(run[1:] & ~run[:-1]) + 1
+    gaps = np.diff(edges[edges >= first]) * period
+    gaps = gaps[gaps < LONGEST_PERIOD]
+    # the sample before is the last without a pulse
+    return max(0, first - 1), float(1.0 / np.median(gaps)) if gaps.size >= 3 else None
+
+
+def _without_hum(t: np.ndarray, pressure: np.ndarray, pulse: int) -> tuple[np.ndarray, float, float]:
+    """The pressure less the hum fitted before the pulse; the hum's frequency and amplitude."""
+    # on means over 0.1 ms, which leave 99.6 % of the tenth harmonic and a twelfth of the samples
+    step = max(1, int(round(HUM_MEAN * (t.size - 1) / (t[-1] - t[0]))))
+    rows = t.size // step * step
+    at, mean = (x[:rows].reshape(-1, step).mean(axis=1) for x in (t, pressure))
+    before = slice(0, max(1, pulse // step))
+    level = float(np.mean(mean[before]))
+
+    def base(times, hz):
+        angle = 2.0 * np.pi * hz * np.outer(times, np.arange(1, HARMONICS + 1))
+        return np.hstack([np.sin(angle), np.cos(angle), np.ones((times.size, 1))])
+
+    def fitted(hz):
+        b = base(at[before], hz)
+        # sines over five periods and more are nearly orthogonal: the normal equations are safe
+        factors = np.linalg.solve(b.T @ b, b.T @ (mean[before] - level))
+        return factors, mean[before] - level - b @ factors
+
+    def left(hz):
+        return float(np.sum(fitted(hz)[1] ** 2))
+
+    # high harmonics make several minima: the best of a grid, then the best near it
+    grid = np.linspace(MAINS - MAINS_RANGE, MAINS + MAINS_RANGE, 17)
+    best, step_hz = grid[int(np.argmin([left(hz) for hz in grid]))], grid[1] - grid[0]
+    hz = float(minimize_scalar(left, bounds=(best - step_hz, best + step_hz), method="bounded",
+                               options={"xatol": 1e-4}).x)
+    factors = fitted(hz)[0]
+    factors[-1] = 0.0
+    hum = base(at, hz) @ factors
+    return pressure - np.interp(t, at, hum), hz, float(0.5 * np.ptp(hum[before]))
+
+
+def _rise(clean, smooth, pulse, noise, period) -> tuple[float, float, float]:
+    """Fractional sample of the first rise, pressure at rest and at the end of the rise."""
+    rest = float(np.median(smooth[:pulse]))
+    # what the pressure keeps, not a spike on it
+    end = float(np.percentile(smooth[pulse:], 90.0))
+    size = end - rest
+    if size < 20.0 * noise:
+        raise RigError(f"the pressure does not rise after the first pulse: {size:.3g} over a noise of {noise:.3g}")
+    clear = first_true(smooth > rest + CLEAR_RISE * size, pulse)
+    for _ in range(2):
+        level = min(max(5.0 * noise, LEVEL * size), CLEAR_RISE * size)
+        below = np.flatnonzero(smooth[pulse:clear] - rest < level)
+        at = pulse + (int(below[-1]) + 1 if below.size else 0)
+        # once more from the rest between pulse and rise
+        quiet = smooth[pulse : at - int(REACH / period)]
+        if quiet.size < int(REACH / period):
+            break
+        rest = float(np.median(quiet))
+    reach = int(round(REACH / period))
+    return ramp_start(clean - rest, smooth - rest, at, SPAN * size, reach), rest, end

@@ -1,0 +1,130 @@
+"""``rig validate``: every number and trend that the laboratory printed, held against the rig."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import platform
+import sys
+import time
+from pathlib import Path
+
+HELP = "hold the rig against everything that the laboratory printed"
+STARTING = 6.0  # what starting the processes costs, in the sizes of validation.programme
+
+
+def add_arguments(parser) -> None:
+    parser.add_argument("--rows", nargs="+", default=[], metavar="PATTERN",
+                        help="only these rows of validation/targets.yaml; * matches any text, e.g. 'up_t_*'")
+    parser.add_argument("--procedures", nargs="+", default=[], metavar="NAME",
+                        help="only rows of these procedures, e.g. grid_up delay_series")
+    parser.add_argument("--json", metavar="FILE", help="write rows, summary and versions as JSON; - for stdout")
+    parser.add_argument("--pictures", metavar="FOLDER", help="write the figures of chapters 7 to 9 as SVG")
+    parser.add_argument("--write-docs", action="store_true", help="write docs/validation.md of the checkout")
+    parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes that run series (default: 2)")
+    parser.add_argument("--rig", default="hydmag", metavar="NAME", help="rig or .yaml file (default: hydmag)")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
+                        help="change one value of the rig (may be repeated)")
+
+
+class Progress:
+    """One line for each procedure on stderr, with the time that is left; on a terminal it is kept up to date."""
+
+    def __init__(self, runs: dict[str, tuple[int, float]]):
+        self.sizes = {name: size for name, (_, size) in runs.items()}
+        self.left = sum(count * size for count, size in runs.values())
+        self.done, self.start = STARTING, time.monotonic()
+        self.live = sys.stderr.isatty()
+
+    def __call__(self, procedure: str, done: int, of: int) -> None:
+        self.done, self.left = self.done + self.sizes[procedure], self.left - self.sizes[procedure]
+        gone = time.monotonic() - self.start
+        text = f"{procedure:<15} {done:>3} of {of} runs, {gone:.0f} s, about {gone / self.done * self.left:.0f} s left"
+        if self.live:
+            print(f"\r{text:<79}", end="\n" if done == of else "", file=sys.stderr, flush=True)
+        elif done == of:
+            print(text, file=sys.stderr, flush=True)
+
+
+def main(args) -> int:
+    from ..errors import RigError
+    from ..testbench.campaign import Workers
+    from ..testbench.configuration import load_rig
+    from ..testbench.folders import parse_settings
+    from ..validation import document, pictures, programme
+
+    if args.jobs < 1:
+        raise RigError(f"--jobs is {args.jobs}, expected at least 1")
+    if args.write_docs and (args.rows or args.procedures or args.settings):
+        raise RigError("--write-docs writes about all rows of a rig as it is; without --rows, --procedures and --set")
+    page = _page() if args.write_docs else None
+    explanations = document.load_explanations()
+    targets = programme.choose(args.rows, args.procedures)
+    settings = parse_settings(args.settings)
+    load_rig(args.rig, settings)  # what is wrong with it is said before anything runs
+    if args.pictures:
+        _make_folder(args.pictures)
+
+    procedures = programme.needed(targets)
+    runs = programme.runs_of(procedures)
+    # computed procedures need no processes
+    many = Workers(args.jobs) if set(procedures) & set(programme.READERS) else contextlib.nullcontext()
+    with many as workers:
+        result = programme.validate(targets, workers, args.rig, settings, Progress(runs))
+
+    if args.json != "-":
+        print(document.terminal(result.rows))
+    if args.json:
+        _write_json(args.json, {
+            "rows": [row.as_dict() for row in result.rows], "summary": programme.summary(result.rows),
+            "versions": _versions(), "rig": args.rig, "settings": settings, "procedures": list(result.procedures)})
+    if args.pictures:
+        count = len(pictures.write_pictures(result.records, args.pictures))
+        print(f"{count} figures written to {args.pictures}", file=sys.stderr)
+    if page:
+        page.write_text(document.document(result.rows, explanations, args.rig), encoding="utf-8")
+        print(f"written to {page}", file=sys.stderr)
+    return 0
+
+
+def _page() -> Path:
+    """docs/validation.md of the checkout."""
+    import rig_nodes
+
+    from ..errors import RigError
+
+    docs = Path(rig_nodes.__file__).resolve().parents[2] / "docs"
+    if not docs.is_dir():
+        raise RigError(f"there is no folder {docs}; --write-docs works in a checkout only")
+    return docs / "validation.md"
+
+
+def _make_folder(name: str) -> None:
+    from ..errors import RigError
+
+    try:
+        Path(name).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RigError(f"--pictures {name}: the folder cannot be made ({error.strerror})") from None
+
+
+def _versions() -> dict[str, str]:
+    from importlib.metadata import version
+
+    import rig_nodes
+
+    return {"rig_nodes": rig_nodes.__version__, "python": platform.python_version(),
+            **{name: version(name) for name in ("numpy", "scipy", "numba")}}
+
+
+def _write_json(name: str, content: dict) -> None:
+    from ..errors import RigError
+
+    text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    if name == "-":
+        sys.stdout.write(text)
+        return
+    try:
+        Path(name).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise RigError(f"--json {name}: cannot be written ({error.strerror})") from None

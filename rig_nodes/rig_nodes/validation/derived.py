@@ -1,0 +1,95 @@
+"""Quantities of targets.yaml that need more than one series: ranks, extremes, the border of the dip.
+
+Used by validation.programme on the averaged records of everything that ran.
+"""
+
+from __future__ import annotations
+
+from ..analysis.engagement import engagement_ranks
+from .records import Record, group
+
+NO_DIP = 0.95  # k, Annex A and 7.4.2.3
+TORQUE_ALIKE, TIME_ALIKE = 1.01, 0.01  # Nm, s: apart by less, two values count as equal (7.1, 9.2.2)
+
+
+def derive(records: list[Record]) -> list[Record]:
+    """The further records; the given ones are not changed."""
+    return [*_ranks(records), *_dips(records), *_delays(records), *_measured(records)]
+
+
+def _whole(records, procedure: str, quantity: str, **conditions) -> list[Record]:
+    """Records of whole tests with a number, or None, for a quantity."""
+    return [r for r in records if r.procedure == procedure and quantity in r.values
+            and not {"phase", "time"} & set(r.conditions) and not isinstance(r.values[quantity], str)
+            and all(r.conditions.get(name) == value for name, value in conditions.items())]
+
+
+def _ranks(records) -> list[Record]:
+    """engagement_rank of each profile series among those of its valve."""
+    out = []
+    for _, series in group(_whole(records, "profile_series", "engagement_peak_nm"), ("valve",)):
+        for record, rank in zip(series, engagement_ranks([r.values for r in series])):
+            why = {} if rank else {"engagement_rank": "peak, time or hold of this series was not found"}
+            out.append(Record("profile_series", record.conditions, {"engagement_rank": rank}, why))
+    return out
+
+
+def _dips(records) -> list[Record]:
+    """dip of every shift, by the mean of its repeats."""
+    out = []
+    for name in ("delay_series", "grid_up", "grid_down"):
+        for r in _whole(records, name, "k"):
+            k = r.values["k"]
+            out.append(Record(name, r.conditions, {"dip": None if k is None else "dip" if k < NO_DIP else "no dip"},
+                              {"dip": r.why["k"]} if k is None and "k" in r.why else {}))
+    return out
+
+
+def _delays(records) -> list[Record]:
+    """Which of the 19 series has the smallest upshift peak and the shortest downshift, and where the dip begins."""
+    up = [r for r in _whole(records, "delay_series", "m_wej_max_nm", shift="I-II") if "series" in r.conditions]
+    down = [r for r in _whole(records, "delay_series", "t_dt_s", shift="II-I") if "series" in r.conditions]
+    out = _lowest(up, "m_wej_max_nm", TORQUE_ALIKE, "smallest", "not smallest")
+    out += _lowest(down, "t_dt_s", TIME_ALIKE, "shortest", "not shortest")
+    if up:
+        begins, why = dip_begins(up)
+        together = {name: up[0].conditions[name] for name in ("shift", "n_wej", "m_wyj")}
+        out.append(Record("delay_series", {**together, "series": "all"}, {"dip_begins_s": begins},
+                          {} if begins is not None else {"dip_begins_s": why}))
+    return out
+
+
+def _lowest(series, quantity: str, alike: float, yes: str, no: str) -> list[Record]:
+    found = [r.values[quantity] for r in series if r.values[quantity] is not None]
+    out = []
+    for r in series:
+        value = r.values[quantity]
+        word = None if value is None else yes if value - min(found) <= alike else no
+        out.append(Record("delay_series", r.conditions, {quantity: word},
+                          {} if word else {quantity: r.why.get(quantity, "was not found")}))
+    return out
+
+
+def dip_begins(series: list[Record]) -> tuple[float | None, str]:
+    """The t12 above which every series dips: k over t12 (mean of like delays) crosses 0.95 for the last time, between
+    two delays on a straight line [s]; None with the reason where it does not cross."""
+    points = []
+    for key, same in group(series, ("t12",)):
+        values = [r.values["k"] for r in same]
+        if None in values:
+            return None, f"k was not found at t12 = {key['t12'] * 1e3:g} ms"
+        points.append((key["t12"], sum(values) / len(values)))
+    points.sort()
+    if points[-1][1] >= NO_DIP:
+        return None, f"no dip at the highest t12, {points[-1][0] * 1e3:g} ms"
+    for (t_low, k_low), (t_high, k_high) in reversed(list(zip(points, points[1:]))):
+        if k_low >= NO_DIP:
+            return t_low + (t_high - t_low) * (k_low - NO_DIP) / (k_low - k_high), ""
+    return None, f"every series dips, down to t12 = {points[0][0] * 1e3:g} ms"
+
+
+def _measured(records) -> list[Record]:
+    """The grids once more as what chapter 9 compares its simulation with: here the rig stands for the laboratory."""
+    return [Record("chapter9", {**r.conditions, "source": "measured"},
+                   {key: r.values[key] for key in ("m_wej_max_nm", "t_p_s")}, r.why)
+            for name in ("grid_up", "grid_down") for r in _whole(records, name, "t_p_s")]

@@ -1,0 +1,232 @@
+"""The result of a validation for people: the terminal's summary, and docs/validation.md.
+
+Used by the verb ``validate``. Explanations of misses are written by hand in explanations.yaml (id -> text).
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from ..config import load_marked
+from ..config.schema import where_of
+from ..config.units import SI, UNITS
+from ..errors import RigError
+from .evaluate import INSIDE, NOT_COMPARED, OUTSIDE, Row
+from .programme import ABSENT, summary
+from .records import place_text
+from .targets import Target, load_targets
+
+EXPLANATIONS_FILE = Path(__file__).resolve().with_name("explanations.yaml")
+SECTIONS = {
+    "7.1": "7.1: instruments, definitions, shape of the rising pressure", "7.2": "7.2: response of the valves",
+    "7.3.1": "7.3.1: coast-down", "7.3.2": "7.3.2: valve profiles", "7.3.3": "7.3.3: delays",
+    "7.4": "7.4: single records", "7.4.1": "7.4.1: I to II over load and speed",
+    "7.4.2": "7.4.2: II to I over load and speed", "7.5": "7.5: conclusions of the gearbox tests",
+    "8": "Chapter 8: plate clutches", "9": "Chapter 9: the thesis's own simulation", "10": "Chapter 10: conclusions",
+}
+HEAD = """# Validation
+
+Made by `./rig validate --write-docs`; a change by hand is lost. Explanations of misses are written in
+`rig_nodes/rig_nodes/validation/explanations.yaml`.
+
+## How
+
+`./rig validate` repeats the measuring programme of thesis 7.1.3 on the rig: every series of every procedure, each as
+often as the laboratory did it (twice, with other noise of the transducers), evaluates the logger's channels by the
+definitions of 7.1.5 ([analysis.md](analysis.md)), averages the repeats, and holds each row of
+[targets.yaml](../validation/targets.yaml) against the result. What a row accepts was set down before anything was
+calibrated; nothing is added to it, and every single value must lie inside (a trend: every line, a curve: every shift),
+unless the row speaks of a mean, a spread or of most. Where several values are judged, the worst one is shown with its
+place.
+
+**Calibrated** rows may be fitted, **predicted** ones must come out by themselves, rows for **information** cannot be
+judged; their value is shown where there is one. A row is *not compared* when something that it needs is missing.
+
+The packs of chapter 8 follow the thesis's model with stated friction ([friction_models.md](friction_models.md)): its
+k_kor against that model is 1 by construction, so those rows say what the other models make of the same packs, not that
+the model is right. The bench's springs and cylinder are the printed polynomials themselves.
+"""
+
+
+def load_explanations(path: str | Path | None = None) -> dict[str, str]:
+    """id of a row -> why the rig misses it. RigError with file and line for an unknown row or a text without words."""
+    path = EXPLANATIONS_FILE if path is None else Path(path)
+    node = load_marked(path) or {}
+    known = {target.id for target in load_targets()}
+    if not isinstance(node, dict):
+        raise RigError(f"{path}: explanations must be a map of row ids and texts, found {node!r}")
+    for name, text in node.items():
+        if name not in known:
+            raise RigError(f"{where_of(path, node, name)}: '{name}' is no row of targets.yaml")
+        if not (isinstance(text, str) and text.strip()):
+            raise RigError(f"{where_of(path, node, name)}: {name} must be explained in words, found {text!r}")
+    return {str(name): " ".join(text.split()) for name, text in node.items()}
+
+
+# --- pieces that terminal and document share ------------------------------------------------------
+
+
+def number(target: Target, value: float) -> str:
+    """A value of a row in the laboratory's unit, with it."""
+    unit = target.unit if UNITS[target.unit][0] == target.dimension else SI[target.dimension]
+    text = f"{value / UNITS[unit][1]:.4g}"
+    return text if unit == "-" else f"{text} {unit}"
+
+
+def of_rig(row: Row) -> str:
+    """The rig's value, what it is, how many of how many are inside and where the worst stands."""
+    t = row.target
+    if row.value is None:
+        return "-"
+    if isinstance(row.value, str):
+        text = row.value
+    else:
+        text = f"{row.value:.4g}" if t.kind == "fit" else number(t, row.value)
+    parts = [row.judged_by] if row.judged_by else []
+    parts += [f"{row.inside} of {row.count} inside"] if row.count > 1 else []
+    parts += [place_text(row.place)] if row.place else []
+    return text + (f" ({'; '.join(parts)})" if parts else "")
+
+
+def accepted(row: Row) -> str:
+    """What the row accepts, in the laboratory's unit."""
+    t = row.target
+    if t.kind == "classification":
+        return t.expected
+    if t.kind == "trend":
+        tolerance = f"{t.tolerance * 100:g} %" if t.tolerance_is_share else number(t, t.tolerance)
+        over = f"over {t.over}"
+        return f"flat {over} within {tolerance}" if t.sign == "flat" else f"{t.sign} {over}, steps back to {tolerance}"
+    if t.kind == "fit":
+        return f"{t.shape} over {t.over}, R2 at least {t.low:g}"
+    if t.kind == "curve":
+        return f"printed curve within {number(t, t.tolerance)}"
+    if t.low is None:
+        return f"at most {number(t, t.high)}"
+    if t.high is None:
+        return f"at least {number(t, t.low)}"
+    return f"{number(t, t.low)} to {number(t, t.high)}"
+
+
+def verdict_line(rows: list[Row]) -> str:
+    """One sentence with the counts."""
+    counts = summary(rows)
+    parts = [f"{basis} inside {counts[basis][INSIDE]} of {counts[basis]['rows']}"
+             + (f" ({counts[basis][NOT_COMPARED]} not compared)" if counts[basis][NOT_COMPARED] else "")
+             for basis in ("calibrated", "predicted") if counts[basis]["rows"]]
+    parts.append(f"information, not judged: {counts['information']['rows']}")
+    return "; ".join(parts)
+
+
+def terminal(rows: list[Row]) -> str:
+    """Counts, misses and what could not be compared."""
+    lines = [verdict_line(rows)]
+    for title, verdict in (("misses", OUTSIDE), ("not compared", NOT_COMPARED)):
+        found = [row for row in rows if row.verdict == verdict and row.basis != "information"]
+        if found:
+            lines += ["", f"{title}:"]
+        width = max((len(row.target.id) for row in found), default=0)
+        for row in found:
+            said = f"{of_rig(row)}; accepted: {accepted(row)}" if verdict == OUTSIDE else row.reason
+            lines.append(f"  {row.target.id:<{width}}  {row.basis:<10}  {said}")
+    return "\n".join(lines)
+
+
+# --- the document ---------------------------------------------------------------------------------
+
+
+def section(target: Target) -> str:
+    """Key of SECTIONS, from the first place that the row names."""
+    chapter = re.search(r"chapter (\d+)|Annex (D)", target.where)
+    found = re.search(r"(?<![\d.])(7(?:\.\d)+|[89](?:\.\d)*)", target.where)
+    if found is None:
+        number_of = "9" if chapter is not None and chapter[2] else chapter[1] if chapter is not None else ""
+        return number_of if number_of in SECTIONS else "7.1"
+    if found[1][0] != "7":
+        return found[1][0]
+    return next(key for key in (found[1][:5], found[1][:3]) if key in SECTIONS)
+
+
+def document(rows: list[Row], explanations: dict[str, str], rig: str) -> str:
+    """docs/validation.md as text."""
+    parts = [HEAD, _summary(rows, rig), _hold(rows), _misses(rows, explanations)]
+    for key, title in SECTIONS.items():
+        found = [row for row in rows if section(row.target) == key]
+        if found:
+            parts.append(f"## {title}\n\n" + _table(
+                ("row", "what is claimed", "laboratory", "rig", "verdict"),
+                [(f"`{row.target.id}`", f"{row.target.text} ({row.target.where})", accepted(row), of_rig(row),
+                  _verdict(row)) for row in found]))
+    return "\n".join(parts)
+
+
+def _verdict(row: Row) -> str:
+    if row.basis == "information":
+        return "information"
+    if row.verdict == NOT_COMPARED:
+        return f"not compared: {row.reason}"
+    word = f"**{OUTSIDE}**" if row.verdict == OUTSIDE else INSIDE
+    return f"{word}, {row.basis}"
+
+
+def _table(head, rows) -> str:
+    def line(cells):
+        return "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |"
+
+    return "\n".join([line(head), "|" + " --- |" * len(head), *map(line, rows), ""])
+
+
+def _summary(rows, rig: str) -> str:
+    counts = summary(rows)
+    table = _table(("basis", "rows", "inside", "outside", "not compared"),
+                   [(basis, c["rows"], c[INSIDE], c[OUTSIDE], c[NOT_COMPARED]) for basis, c in counts.items()
+                    if basis != "information"])
+    absent = "".join(f"\nRows of `{name}` are not compared: {why}.\n" for name, why in ABSENT.items())
+    by_procedure = []
+    for name in dict.fromkeys(row.target.procedure for row in rows):
+        judged = [row for row in rows if row.target.procedure == name and row.basis != "information"]
+        found = [sum(row.verdict == verdict for row in judged) for verdict in (INSIDE, OUTSIDE, NOT_COMPARED)]
+        by_procedure.append((name, len(judged), *found))
+    return (f"## Summary\n\nRig `{rig}`. {counts['information']['rows']} rows are for information.\n\n{table}"
+            f"{absent}\nBy procedure, both bases together:\n\n"
+            + _table(("procedure", "rows", "inside", "outside", "not compared"), by_procedure))
+
+
+def _hold(rows) -> str:
+    """Confusion matrix of the hold phase, and the pairs of series that contradict each other."""
+    held = {row.target.id: row for row in rows if row.target.quantity == "hold" and row.target.expected}
+    if not held:
+        return ""
+    lines = []
+    for valve in ("ZR-P1", "ZR-P2", "both"):
+        of_valve = [row for row in held.values() if valve in ("both", *row.target.conditions["valve"])]
+        for said in ("hold", "no hold"):
+            found = [row.value for row in of_valve if row.target.expected == said]
+            lines.append((valve, said, *(found.count(value) for value in ("hold", "no hold", None))))
+    pairs = []
+    for name, row in held.items():
+        for other, sentence in row.target.conflicts.items():
+            if other in held and name < other:
+                seen = "; ".join(f"{n}: {held[n].value or 'undecided'}, {held[n].verdict}" for n in (name, other))
+                pairs.append((f"`{name}`, `{other}`", sentence, seen))
+    return ("## The hold phase of the 47 profile series\n\n"
+            + _table(("valve", "laboratory", "rig: hold", "rig: no hold", "rig: undecided"), lines)
+            + "\nPairs of series that contradict each other, or nearly: hardly any rig meets both.\n\n"
+            + _table(("rows", "why", "rig"), pairs))
+
+
+def _misses(rows, explanations: dict[str, str]) -> str:
+    missed = [row for row in rows if row.verdict == OUTSIDE]
+    if not missed:
+        return "## Misses\n\nNone.\n"
+    ids = {row.target.id for row in rows if row.verdict == INSIDE}
+    cells = []
+    for row in missed:
+        text = explanations.get(row.target.id, "unexplained")
+        pulls = [f"`{other}`: {why}" for other, why in row.target.conflicts.items() if other in ids]
+        text += f" Pulls against what is inside: {' '.join(pulls)}" if pulls else ""
+        cells.append((f"`{row.target.id}`", row.basis, accepted(row), of_rig(row), text))
+    unexplained = sum(row.target.id not in explanations for row in missed)
+    return (f"## Misses\n\n{len(missed)} rows are outside, {unexplained} of them unexplained.\n\n"
+            + _table(("row", "basis", "laboratory", "rig", "explanation"), cells))

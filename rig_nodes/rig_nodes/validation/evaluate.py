@@ -1,0 +1,417 @@
+"""One target held against the rig's records: value, accepted ends, verdict, and where the worst value stands.
+
+Used by validation.programme and the verb ``validate``. What each kind means says the head of targets.yaml;
+nothing here adds to a row's tolerance and both ends count as inside.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+
+from ..config.units import SI, UNITS
+from .records import Record, canonical, group, missing, place_text, select
+from .targets import Target
+
+BASIS = {"calibrate": "calibrated", "predict": "predicted", "information": "information"}
+INSIDE, OUTSIDE, NOT_COMPARED = "inside", "outside", "not compared"
+# variable of a curve -> condition of a record
+VARIABLES = {"t": "time", "p_z": "pressure", "n_wej": "n_wej", "s": "s"}
+# variables that one test runs through; fits and trends over them hold for each test by itself
+WITHIN_A_TEST = ("time", "pressure")
+COVER = 0.05  # share of a curve's span that may be without a point at either end
+# rows that speak of most loads: inside when more than half of what is gone through is, as their notes say
+OF_MOST = ("up_t_dt_grows_with_speed",)
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One value of a row: the number or class, its ends (None: open), inside or not, where; None: not found."""
+
+    value: float | str | None
+    inside: bool | None
+    place: dict
+    low: float | None = None
+    high: float | None = None
+    margin: float = 0.0  # distance to the nearer end, negative outside; how the worst one is found
+    judged_by: str = ""
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A target with the rig's answer. Numbers are SI; value, low, high, place and judged_by are those of the
+    worst single value; count and inside: how many single values were judged and how many lie inside."""
+
+    target: Target
+    verdict: str
+    value: float | str | None = None
+    low: float | None = None
+    high: float | None = None
+    place: dict = field(default_factory=dict)
+    judged_by: str = ""
+    reason: str = ""
+    count: int = 0
+    inside: int = 0
+    every: tuple[Judged, ...] = ()
+
+    @property
+    def basis(self) -> str:
+        return BASIS[self.target.role]
+
+    def as_dict(self) -> dict:
+        """What programs read, JSON's types only."""
+        t = self.target
+        return {"id": t.id, "basis": self.basis, "value": self.value, "low": self.low, "high": self.high,
+                "verdict": self.verdict, "unit": SI[t.dimension] if t.kind != "classification" else None,
+                "kind": t.kind, "quantity": t.quantity, "procedure": t.procedure, "where": t.where, "text": t.text,
+                "expected": t.expected, "printed": list(t.printed), "judged_by": self.judged_by,
+                "count": self.count, "inside": self.inside,
+                "place": {k: list(v) if isinstance(v, tuple) else v for k, v in self.place.items()},
+                "reason": self.reason, "conflicts": sorted(t.conflicts)}
+
+
+def evaluate(target: Target, records: list[Record], absent: dict[str, str] | None = None) -> Row:
+    """The row of a target, from the records there are. Never raises for what the rig did.
+
+    absent: procedure -> why it gave no records. A value that is outside makes the row outside even where others
+    are missing; a row is inside only when nothing is missing. Rows for information get their value, no verdict.
+    """
+    judged, lacking = _JUDGES[target.kind](target, records)
+    found = [one for one in judged if one.inside is not None]
+    unknown = [one for one in judged if one.inside is None]
+    inside = sum(one.inside for one in found)
+    worst = min(found, key=lambda one: (one.inside, one.margin), default=None)
+    reason = ""
+    if target.id in OF_MOST and found and not unknown and not lacking:
+        verdict = INSIDE if 2 * inside > len(found) else OUTSIDE
+    elif inside < len(found):
+        verdict = OUTSIDE
+    elif found and not unknown and not lacking:
+        verdict = INSIDE
+    else:
+        verdict = NOT_COMPARED
+        reason = _why_not(target, unknown, lacking, absent or {})
+    if target.role == "information":
+        verdict, reason = NOT_COMPARED, f"for information: {target.why}"
+    if worst is None:
+        return Row(target, verdict, low=target.low, high=target.high, reason=reason, every=tuple(judged))
+    return Row(target, verdict, worst.value, worst.low, worst.high, _telling(target, worst, judged), worst.judged_by,
+               reason, len(found), inside, tuple(judged))
+
+
+def _telling(target: Target, worst: Judged, judged) -> dict:
+    """The part of a place that tells it from the others."""
+    return {name: value for name, value in worst.place.items()
+            if name == target.over or any(one.place.get(name) != value for one in judged)}
+
+
+def _why_not(target, unknown, lacking, absent) -> str:
+    if target.procedure in absent:
+        return absent[target.procedure]
+    if unknown:
+        more = f" (and {len(unknown) - 1} more)" if len(unknown) > 1 else ""
+        at = place_text(unknown[0].place)
+        return f"{target.quantity}{' at ' + at if at else ''}: {unknown[0].reason}{more}"
+    return f"no record for {'; '.join(lacking[:3])}" + (f" (and {len(lacking) - 3} more)" if len(lacking) > 3 else "")
+
+
+# --- numbers --------------------------------------------------------------------------------------
+
+
+class _Missing(Exception):
+    """A value that a judgement needs is not there; the text says which."""
+
+
+def _number(record: Record, quantity: str) -> float:
+    value = record.values[quantity]
+    if value is None:
+        raise _Missing(record.why.get(quantity, "was not found"))
+    if not math.isfinite(value):
+        raise _Missing("is not a finite number")
+    return float(value)
+
+
+def _is_number(record: Record, quantity: str) -> bool:
+    return not isinstance(record.values[quantity], (str, bool))
+
+
+def _spread(values) -> float:
+    return max(values) - min(values)
+
+
+def _spread_share(values) -> float:
+    if min(values) == 0.0:
+        raise _Missing("the lowest value is 0, so there is no share of it")
+    return _spread(values) / min(values)
+
+
+_STATISTICS: dict[str, Callable] = {
+    "mean": lambda values: math.fsum(values) / len(values), "lowest": min, "highest": max, "spread": _spread,
+    "spread_share": _spread_share,
+}
+
+
+def _statistic(target: Target, records) -> float:
+    values = [_number(r, target.quantity) for r in records]
+    if target.statistic in ("spread", "spread_share") and len(values) < 2:
+        raise _Missing("a single value has no spread")
+    return _STATISTICS[target.statistic](values)
+
+
+def _numbers(target: Target, records, conditions, named=()) -> list[Record]:
+    found = select(records, target.procedure, target.quantity, conditions, (*target.fixed, *named))
+    return [r for r in found if _is_number(r, target.quantity)]
+
+
+def _single(target: Target) -> set[str]:
+    """The conditions that the row fixes to one value, so that a place need not say them."""
+    return {name for name, wanted in target.conditions.items()
+            if isinstance(wanted, tuple) and len(wanted) == 1 and wanted[0] != "all"}
+
+
+def _varying(target: Target, record: Record) -> dict:
+    return {name: value for name, value in record.conditions.items() if name not in _single(target)}
+
+
+def _within(value, low, high, place, judged_by="") -> Judged:
+    margins = [value - low] if low is not None else []
+    margins += [high - value] if high is not None else []
+    margin = min(margins)
+    return Judged(value, margin >= 0.0, place, low, high, margin, judged_by)
+
+
+def _unknown(place, reason) -> Judged:
+    return Judged(None, None, place, reason=str(reason))
+
+
+def _values(target: Target, found) -> list[tuple[dict, Callable[[], float]]]:
+    """(place, function that gives the number or raises _Missing) for each single value or statistic."""
+    if not target.statistic:
+        return [(_varying(target, r), lambda r=r: _number(r, target.quantity)) for r in found]
+    names = [n for n in dict.fromkeys((*target.fixed, *target.conditions)) if n != target.across]
+    out = []
+    for key, members in group(found, names):
+        place = {n: v for n, v in key.items() if n not in _single(target)}
+        out.append((place, lambda members=members: _statistic(target, members)))
+    return out
+
+
+def _judge_value(target: Target, records):
+    """value, range, upper, lower: each number between low and high."""
+    across = (target.across,) if target.across else ()
+    found = _numbers(target, records, target.conditions, across)
+    judged = []
+    for place, number in _values(target, found):
+        try:
+            judged.append(_within(number(), target.low, target.high, place, target.statistic or ""))
+        except _Missing as reason:
+            judged.append(_unknown(place, reason))
+    return judged, missing(found, target.procedure, target.conditions)
+
+
+def _judge_pair(target: Target, records):
+    """difference and ratio: every number under `of` with every one under `to` that agrees in the row's other
+    conditions."""
+    own = {*target.of, *target.to, target.across}
+    names = [n for n in dict.fromkeys((*target.conditions, *target.fixed)) if n not in own]
+    sides, lacking = [], []
+    for side in (target.of, target.to):
+        conditions = {**target.conditions, **side}
+        found = _numbers(target, records, conditions)
+        lacking += missing(found, target.procedure, conditions)
+        sides.append({tuple(map(canonical, key.values())): (key, members) for key, members in group(found, names)})
+    judged = []
+    for key in [key for key in sides[0] if key in sides[1]]:
+        judged += _pairs(target, *sides[0][key], sides[1][key][1])
+    if not judged and not lacking:
+        lacking = ["the same conditions on both sides"]
+    return judged, lacking
+
+
+def _pairs(target: Target, common, of_records, to_records):
+    def numbers(records, side):
+        if target.statistic:
+            names = [n for n in side if n != target.across]
+            return [(key, lambda m=m: _statistic(target, m)) for key, m in group(records, names)]
+        return [(r.conditions, lambda r=r: _number(r, target.quantity)) for r in records]
+
+    judged = []
+    named = tuple(dict.fromkeys((*target.of, *target.to)))
+    for (of_place, of_number), (to_place, to_number) in product(numbers(of_records, target.of),
+                                                                numbers(to_records, target.to)):
+        place = {n: v for n, v in common.items() if n not in _single(target)}
+        place.update({n: (of_place[n], to_place[n]) for n in named if n in of_place and n in to_place})
+        try:
+            of_value, to_value = of_number(), to_number()
+            if target.kind == "ratio":
+                if to_value == 0.0:
+                    raise _Missing("is 0 in the denominator")
+                value = of_value / to_value
+            else:
+                value = of_value - to_value
+            value = abs(value) if target.absolute else value
+            judged.append(_within(value, target.low, target.high, place, target.statistic or ""))
+        except _Missing as reason:
+            judged.append(_unknown(place, reason))
+    return judged
+
+
+# --- over a condition -----------------------------------------------------------------------------
+
+
+def _lines(target: Target, records, variable: str):
+    """(place, [(x, records at x)]) with rising x for each line that is judged by itself; a variable within a
+    test makes each test a line, otherwise the conditions in `fixed` do."""
+    across = (target.across,) if target.across else ()
+    found = _numbers(target, records, target.conditions, (variable, *across))
+    lines = []
+    if variable in WITHIN_A_TEST:
+        tests: dict[tuple, list[Record]] = {}
+        for r in found:
+            tests.setdefault(tuple(sorted((n, v) for n, v in r.conditions.items() if n != variable)), []).append(r)
+        groups = [({n: v for n, v in _varying(target, m[0]).items() if n != variable}, m) for m in tests.values()]
+    else:
+        groups = group(found, target.fixed)
+    for place, members in groups:
+        points = sorted(((key[variable], same) for key, same in group(members, [variable])), key=lambda p: p[0])
+        lines.append((place, points))
+    return lines, missing(found, target.procedure, target.conditions)
+
+
+def _at(target: Target, records) -> float:
+    """The number at one x: the statistic, or the mean of what was tested there."""
+    if target.statistic:
+        return _statistic(target, records)
+    return math.fsum(_number(r, target.quantity) for r in records) / len(records)
+
+
+def _judge_trend(target: Target, records):
+    lines, lacking = _lines(target, records, target.over)
+    judged = []
+    for place, points in lines:
+        if len(points) < 2:
+            continue  # one value has no trend, whatever the other lines say
+        try:
+            xs, ys = [x for x, _ in points], [_at(target, same) for _, same in points]
+        except _Missing as reason:
+            judged.append(_unknown(place, reason))
+            continue
+        judged.append(_flat(target, place, xs, ys) if target.sign == "flat" else _monotone(target, place, xs, ys))
+    if not judged and not lacking:
+        lacking = [f"two values over {target.over}"]
+    return judged, lacking
+
+
+def _tolerance(target: Target, ys) -> float:
+    return target.tolerance * min(map(abs, ys)) if target.tolerance_is_share else target.tolerance
+
+
+def _flat(target, place, xs, ys) -> Judged:
+    low, high = int(np.argmin(ys)), int(np.argmax(ys))
+    place = {**place, target.over: (xs[high], xs[low])}
+    return _within(ys[high] - ys[low], None, _tolerance(target, ys), place, "highest less lowest")
+
+
+def _monotone(target, place, xs, ys) -> Judged:
+    """The last value beyond the first, strictly, and no step back by more than the tolerance."""
+    sign = 1.0 if target.sign == "grows" else -1.0
+    whole, steps = ys[-1] - ys[0], np.diff(ys)
+    if not sign * whole > 0.0:
+        margin = min(sign * whole, -0.0)
+        ends = (0.0, None) if sign > 0.0 else (None, 0.0)
+        return Judged(whole, False, {**place, target.over: (xs[-1], xs[0])}, *ends, margin, "last less first")
+    at = int(np.argmin(sign * steps))
+    tolerance = _tolerance(target, ys)
+    place = {**place, target.over: (xs[at + 1], xs[at])}
+    low, high = (0.0 - tolerance, None) if sign > 0.0 else (None, tolerance)
+    return _within(float(steps[at]), low, high, place, "worst step")
+
+
+def _judge_fit(target: Target, records):
+    degree = {"linear": 1, "quadratic": 2}[target.shape]
+    lines, lacking = _lines(target, records, target.over)
+    judged = []
+    for place, points in lines:
+        try:
+            if len(points) < degree + 2:
+                raise _Missing(f"{len(points)} values over {target.over} are too few for a {target.shape} fit")
+            x, y = np.transpose([(x, _number(r, target.quantity)) for x, same in points for r in same])
+            judged.append(_within(r_squared(x, y, degree), target.low, None, place, "R2"))
+        except _Missing as reason:
+            judged.append(_unknown(place, reason))
+    return judged, lacking
+
+
+def r_squared(x, y, degree: int) -> float:
+    """Coefficient of determination of the least-squares polynomial of this degree; 1-D arrays of one length."""
+    about = y - y.mean()
+    total = float(about @ about)
+    if total <= (1e-12 * np.abs(y).max()) ** 2 * y.size:
+        raise _Missing("does not change at all, so a fit explains nothing")
+    scaled = (x - x.mean()) / np.ptp(x)
+    rest = y - np.polyval(np.polyfit(scaled, y, degree), scaled)
+    return 1.0 - float(rest @ rest) / total
+
+
+def _judge_curve(target: Target, records):
+    variable = VARIABLES[target.variable]
+    lines, lacking = _lines(target, records, variable)
+    judged = []
+    for place, points in lines:
+        try:
+            x = np.array([x for x, _ in points]) / UNITS[target.variable_unit][1]
+            y = np.array([_at(target, same) for _, same in points]) / UNITS[target.unit][1]
+            rms = _deviation(target, x, y) * UNITS[target.unit][1]
+            judged.append(_within(rms, None, target.tolerance, place, "root mean square deviation"))
+        except _Missing as reason:
+            judged.append(_unknown(place, reason))
+    return judged, lacking
+
+
+def _deviation(target: Target, x, y) -> float:
+    """Root mean square deviation from the pieces, weighted by the variable (trapezoids), in their unit."""
+    start, end = target.pieces[0][0], target.pieces[-1][1]
+    inside = (x >= start - 1e-9 * (end - start)) & (x <= end + 1e-9 * (end - start))
+    x, y = x[inside], y[inside]
+    if x.size < 3 or x[0] - start > COVER * (end - start) or end - x[-1] > COVER * (end - start):
+        span = f"{x[0]:g} to {x[-1]:g}" if x.size else "nothing"
+        raise _Missing(f"covers {span} of {start:g} to {end:g} {target.variable_unit}")
+    square = (y - curve(target, x)) ** 2
+    return math.sqrt(float(np.trapezoid(square, x) if hasattr(np, "trapezoid") else np.trapz(square, x))
+                     / float(x[-1] - x[0]))
+
+
+def curve(target: Target, x):
+    """The printed curve at x, in variable_unit; values in the curve's unit. At a joint the later piece counts."""
+    x = np.asarray(x, dtype=float)
+    out = np.full(x.shape, np.nan)
+    for start, end, coefficients in target.pieces:
+        part = (x >= start - 1e-12) & (x <= end + 1e-9 * abs(end))
+        out[part] = np.polyval(coefficients, x[part])
+    return out
+
+
+def _judge_classification(target: Target, records):
+    found = select(records, target.procedure, target.quantity, target.conditions, target.fixed)
+    found = [r for r in found if r.values[target.quantity] in (None, *target.classes)]
+    judged = []
+    for r in found:
+        value = r.values[target.quantity]
+        if value is None:
+            judged.append(_unknown(_varying(target, r), r.why.get(target.quantity, "was not decided")))
+        else:
+            met = value == target.expected
+            judged.append(Judged(value, met, _varying(target, r), margin=0.0 if met else -1.0))
+    return judged, missing(found, target.procedure, target.conditions)
+
+
+_JUDGES = {
+    "value": _judge_value, "range": _judge_value, "upper": _judge_value, "lower": _judge_value,
+    "difference": _judge_pair, "ratio": _judge_pair, "trend": _judge_trend, "fit": _judge_fit,
+    "curve": _judge_curve, "classification": _judge_classification,
+}

@@ -1,0 +1,168 @@
+"""The laboratory's measuring programme on the rig: which procedures chosen rows need, run, and turned into records.
+
+Used by the verb ``validate``; the series are testbench.procedure's, what each run gives says validation.readers.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from functools import cache
+
+from ..errors import RigError
+from ..testbench.campaign import Workers, run_campaign
+from ..testbench.procedure import Series, load_procedure
+from ..testbench.record import Run
+from . import bench_records, readers
+from .derived import derive
+from .evaluate import Row, evaluate
+from .records import Record, average
+from .targets import Target, load_targets
+
+# procedure -> what turns (conditions, run) into repeats of records
+READERS: dict[str, Callable[[dict, Run], list[list[Record]]]] = {
+    "valve_response": readers.valve_response, "coast_down": readers.coast_down,
+    "profile_series": readers.profile_series, "delay_series": readers.delay_series,
+    "grid_up": readers.grid_up, "grid_down": readers.grid_down,
+}
+# procedures without a run: computed from the bench's parts
+COMPUTED: dict[str, Callable[[], list[Record]]] = {
+    "clutch_bench": bench_records.clutch_bench, "spring_bench": bench_records.spring_bench,
+}
+ABSENT = {"chapter9": "chapter 9's configuration is not there"}
+PROCEDURES = (*READERS, *COMPUTED, *ABSENT)
+# rows that compare an up- with a downshift, whatever procedure they stand under, need both grids
+GRIDS = ("grid_up", "grid_down")
+BEYOND_T21 = ("-240 ms", "-260 ms")  # delays that the laboratory only expected something of, 7.3.3
+# seconds of one run on one core, about; only what they are against each other counts
+SIZES = {"valve_response": 2.5, "coast_down": 0.4, "profile_series": 0.15, "delay_series": 0.6, "grid_up": 0.5,
+         "grid_down": 0.7, "clutch_bench": 0.1, "spring_bench": 0.1}
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a programme gave: the rows in the order of the targets, and the records they were judged by."""
+
+    rows: list[Row]
+    records: list[Record]
+    procedures: tuple[str, ...]
+
+
+@cache
+def _targets() -> tuple[Target, ...]:
+    return tuple(load_targets())
+
+
+def choose(patterns: Iterable[str] = (), procedures: Iterable[str] = ()) -> list[Target]:
+    """The targets whose id matches one of the patterns (shell wildcards) and that belong to one of the procedures.
+
+    Empty: all. RigError for a pattern that matches nothing and for an unknown procedure.
+    """
+    targets = _targets()
+    for name in procedures:
+        if name not in PROCEDURES:
+            raise RigError(f"unknown procedure '{name}', expected one of {', '.join(PROCEDURES)}")
+    for pattern in patterns:
+        if not any(fnmatch.fnmatchcase(target.id, pattern) for target in targets):
+            raise RigError(f"no row is called '{pattern}'; ids stand in validation/targets.yaml, * matches any text")
+    chosen = [target for target in targets
+              if (not patterns or any(fnmatch.fnmatchcase(target.id, p) for p in patterns))
+              and (not procedures or target.procedure in procedures)]
+    if not chosen:
+        raise RigError(f"no row of {', '.join(procedures)} is called {' or '.join(patterns)}")
+    return chosen
+
+
+def needed(targets: Iterable[Target]) -> tuple[str, ...]:
+    """The procedures that must run for these targets, in the order in which they do. Rows for information alone
+    make nothing run."""
+    wanted = set()
+    for target in targets:
+        if target.role == "information" or target.procedure in ABSENT:
+            continue
+        wanted.add(target.procedure)
+        if target.procedure in GRIDS:
+            shifts = {shift for side in (target.conditions, target.of, target.to) for shift in side.get("shift", ())}
+            wanted.update(grid for grid, shift in zip(GRIDS, ("I-II", "II-I")) if shift in shifts)
+    return tuple(name for name in PROCEDURES if name in wanted)
+
+
+def series_of(procedure: str) -> list[Series]:
+    """The procedure's own series and those that rows ask for beyond the laboratory's."""
+    series = load_procedure(procedure).series()
+    if procedure == "grid_up":
+        # 7.4.1.1 says what an upshift without load should be like; it was not measured
+        lowest = {one.conditions["n_wej"]: one for one in reversed(series)}
+        series += [_further(one, f"{one.label} without load", {"m_wyj": 0.0}, {"load_up": "0 Nm", "load_down": "0 Nm"})
+                   for one in lowest.values()]
+    if procedure == "delay_series":
+        last = next(one for one in series if one.conditions["series"] == 19)
+        for t21 in BEYOND_T21:
+            further = _further(last, f"t21 {t21}", {"t21": float(t21.split()[0]) * 1e-3}, {})
+            del further.conditions["series"]
+            series.append(replace(further, overrides={**last.overrides, "alfa46.t21": t21}))
+    return series
+
+
+def _further(one: Series, label: str, conditions: dict, parameters: dict) -> Series:
+    return replace(one, label=label, conditions={**one.conditions, **conditions},
+                   parameters={**one.parameters, **parameters})
+
+
+def measure(series: Series, run: Run) -> list[list[Record]] | str:
+    """Repeats of records of one run, or the reason why it gave none; runs where the rows are."""
+    if run.end["state"] != "ended":
+        return run.end["reason"]
+    try:
+        return READERS[series.procedure](series.conditions, run)
+    except RigError as reason:
+        return str(reason)
+
+
+def measure_procedure(procedure: str, workers: Workers | None = None, rig: str = "hydmag",
+                      settings: dict[str, str] | None = None,
+                      progress: Callable[[int, int], None] | None = None) -> list[Record]:
+    """The records of one procedure, repeats averaged. progress(done, of) counts runs."""
+    if procedure in COMPUTED:
+        return COMPUTED[procedure]()
+    series = series_of(procedure)
+    records: list[Record] = []
+    for one, runs in zip(series, run_campaign(series, measure, rig, settings, workers, progress)):
+        reason = next((run for run in runs if isinstance(run, str)), None)
+        if reason is not None:
+            records += readers.failed(procedure, one.conditions, f"{one.label}: {reason}")
+        else:
+            records += average([repeat for run in runs for repeat in run])
+    return records
+
+
+def runs_of(procedures: Iterable[str]) -> dict[str, tuple[int, float]]:
+    """Procedure -> (number of runs, size of one), to tell the time that is left."""
+    return {name: (sum(one.repeats for one in series_of(name)) if name in READERS else 1, SIZES[name])
+            for name in procedures}
+
+
+def validate(targets: list[Target], workers: Workers | None = None, rig: str = "hydmag",
+             settings: dict[str, str] | None = None,
+             progress: Callable[[str, int, int], None] | None = None) -> Result:
+    """Run what the targets need and judge them. progress(procedure, done, of) counts runs."""
+    procedures = needed(targets)
+    records: list[Record] = []
+    for name in procedures:
+        told = None if progress is None else lambda done, of, name=name: progress(name, done, of)
+        records += measure_procedure(name, workers, rig, settings, told)
+        if name in COMPUTED and told:
+            told(1, 1)
+    records += derive(records)
+    return Result([evaluate(target, records, ABSENT) for target in targets], records, procedures)
+
+
+def summary(rows: Iterable[Row]) -> dict[str, dict[str, int]]:
+    """Basis -> how many rows are inside, outside, not compared, and how many there are."""
+    out = {basis: {"inside": 0, "outside": 0, "not compared": 0, "rows": 0}
+           for basis in ("calibrated", "predicted", "information")}
+    for row in rows:
+        out[row.basis][row.verdict] += 1
+        out[row.basis]["rows"] += 1
+    return out

@@ -1,0 +1,241 @@
+"""From a recorded run of a procedure to records, one function for each procedure of the gearbox rig.
+
+Used by validation.programme. Each takes a series' conditions and its Run and gives a list of repeats, each a list of
+records, or raises RigError with why there are none; quantities derived from one shift are computed here.
+"""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+
+from ..analysis.coast_down import coast_down as fit_coast_down
+from ..analysis.edges import first_true, odd_width, ramp_start, running_mean
+from ..analysis.engagement import engagement_metrics
+from ..analysis.metrics import KISS, PRESSURE, PRESSURE_MEAN, Recording, shifts
+from ..analysis.valve_response import valve_delay
+from ..errors import RigError
+from .records import Record
+
+GEARS = {"I-II": (1, 2), "II-I": (2, 1)}
+SHIFT_KEYS = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "m_wej_max_nm", "k", "e_loss_j", "e_loss_settled_j")
+SHIFT_VALUES = (*SHIFT_KEYS, "n_wyj_min_rpm", "e_loss_release_j", "speed_delay_s", "peak_share")
+STEADY_AFTER, STEADY_FOR = 0.5, 0.1  # s after M_wej has settled; s, as Annex A takes the settled torque
+TRACE_STEP, TRACE = 2e-3, 0.6  # s; the curves of Annex D end by then, but for p2 falling
+LONG_TRACE = 1.0  # s
+SPEED_STEP = 50e-3  # s between the values of a coast-down, each a mean over SPEED_MEAN
+SPEED_MEAN = 20e-3
+ENGAGEMENT = {"m_wej_mean_nm": "m_wej_mean_nm", "p_kiss_mpa": "p_kiss", "engagement_s": "engagement_s",
+              "engagement_peak_nm": "engagement_peak_nm", "hold": "hold", "hold_s": "hold_s"}
+
+
+class NotMeasured(RigError):
+    """A run did not show what its procedure is for; the sentence becomes the reason of every missing value."""
+
+
+def failed(procedure: str, conditions: dict, reason: str) -> list[Record]:
+    """The records of a series that could not be measured: every value None, with the reason."""
+    values = {"valve_response": ("valve_delay_s",), "coast_down": ("coast_down_tangent_s", "coast_down_m_wej_nm"),
+              "profile_series": tuple(ENGAGEMENT)}.get(procedure, SHIFT_VALUES)
+    places = [{**conditions, "shift": shift} for shift in GEARS] if procedure == "delay_series" else [conditions]
+    records = [Record(procedure, place, dict.fromkeys(values), dict.fromkeys(values, reason)) for place in places]
+    if procedure == "coast_down":
+        records.append(Record(procedure, {"side": "driving"}, {"inertia": None}, {"inertia": reason}))
+    return records
+
+
+# --- shifts ---------------------------------------------------------------------------------------
+
+
+def delay_series(conditions: dict, run) -> list[list[Record]]:
+    """Each I-II and each II-I of one run is a repeat of its own."""
+    found = {shift: [_shift(conditions, "delay_series", shift, row) for row in _rows(run.recording, shift)]
+             for shift in GEARS}
+    for record, row in zip(found["II-I"], _rows(run.recording, "II-I")):
+        record += _rise_class("delay_series", record[0].conditions, run.recording, row)
+    count = min(map(len, found.values()))
+    if not count:
+        raise NotMeasured("the shifts I-II-I did not take place")
+    return [found["I-II"][i] + found["II-I"][i] for i in range(count)]
+
+
+def grid_up(conditions: dict, run) -> list[list[Record]]:
+    """The upshift, with its pressures over time and its torque before, during and after."""
+    return _grid("grid_up", conditions, run)
+
+
+def grid_down(conditions: dict, run) -> list[list[Record]]:
+    """The downshift, likewise."""
+    return _grid("grid_down", conditions, run)
+
+
+def _grid(procedure: str, conditions: dict, run) -> list[list[Record]]:
+    shift = conditions["shift"]
+    rows = _rows(run.recording, shift)
+    if not rows:
+        raise NotMeasured(f"the shift {shift} did not take place")
+    repeats = []
+    for row in rows:
+        records = _shift(conditions, procedure, shift, row)
+        records += _torques(procedure, conditions, run.recording, row)
+        if conditions["m_wyj"] > 0.0:  # the laboratory's curves are of loaded shifts
+            records += [trace for gear in (1, 2) for trace in _trace(procedure, conditions, run.recording, row, gear)]
+        repeats.append(records)
+    return repeats
+
+
+def _rows(recording: Recording, shift: str) -> list[dict]:
+    return [row for row in shifts(recording) if (row["from_gear"], row["to_gear"]) == GEARS[shift]]
+
+
+def _shift(conditions: dict, procedure: str, shift: str, row: dict) -> list[Record]:
+    values = {key: row[key] for key in SHIFT_KEYS}
+    lowest = row["n_wyj_min_rpm"]
+    values["n_wyj_min_rpm"] = None if lowest is None else lowest * pi / 30.0
+    values["e_loss_release_j"] = _less(row["e_loss_settled_j"], row["e_loss_j"])
+    values["speed_delay_s"] = _less(row["t_dt_s"], row["t_p_s"])
+    load, peak = conditions["m_wyj"], row["m_wej_max_nm"]
+    values["peak_share"] = None if peak is None or load <= 0.0 else peak / load
+    reason = "; ".join(row["why"]) or "was not found"
+    why = {name: reason for name, value in values.items() if value is None}
+    return [Record(procedure, {**conditions, "shift": shift}, values, why)]
+
+
+def _less(one, other):
+    return None if one is None or other is None else one - other
+
+
+def _torques(procedure: str, conditions: dict, recording: Recording, row: dict) -> list[Record]:
+    """m_wej_max_nm of the shift, and the larger of the steady torques before and after it (phase "before")."""
+    steady = None
+    if row["t_c_s"] is not None and row["t_o_s"] is not None:
+        after = row["t_order_s"] + row["t_c_s"] + row["t_o_s"] + STEADY_AFTER
+        means = [_mean(recording, "M_wej", row["t_order_s"] - STEADY_FOR), _mean(recording, "M_wej", after)]
+        steady = None if None in means else max(means)
+    why = {"m_wej_max_nm": "; ".join(row["why"]) or "M_wej was not recorded long enough after the shift"}
+    return [Record(procedure, {**conditions, "phase": phase}, {"m_wej_max_nm": value}, {} if value is not None else why)
+            for phase, value in (("shift", row["m_wej_max_nm"]), ("before", steady))]
+
+
+def _mean(recording: Recording, name: str, since: float) -> float | None:
+    first = int(round((since - recording.t0) / recording.period))
+    part = recording.channels[name][max(first, 0): first + int(round(STEADY_FOR / recording.period))]
+    return float(np.mean(part)) if len(part) >= 0.9 * STEADY_FOR / recording.period else None
+
+
+def _trace(procedure: str, conditions: dict, recording: Recording, row: dict, gear: int) -> list[Record]:
+    """The pressure of one clutch over the time since its own fall or rise began."""
+    name, quantity = PRESSURE[gear], f"{PRESSURE[gear]}_mpa"
+    falling = gear == row["from_gear"]
+    smooth = running_mean(recording.channels[name], odd_width(PRESSURE_MEAN, recording.period))
+    if falling:
+        start = None if row["t_dt_s"] is None else row["t_order_s"] + row["t_c_s"] - row["t_dt_s"]
+        why = "; ".join(row["why"])
+    else:
+        start = rise_start(recording, smooth, gear, row["t_order_s"])
+        why = f"{name} did not rise"
+    if start is None:
+        return [Record(procedure, {**conditions, "time": 0.0}, {quantity: None}, {quantity: why})]
+    last = LONG_TRACE if falling and gear == 2 else TRACE
+    times = np.arange(0.0, last + 0.5 * TRACE_STEP, TRACE_STEP)
+    rows = np.rint((start + times - recording.t0) / recording.period).astype(int)
+    return [Record(procedure, {**conditions, "time": round(float(t), 6)}, {quantity: float(smooth[at])})
+            for t, at in zip(times, rows) if at < smooth.size]
+
+
+def rise_start(recording: Recording, smooth: np.ndarray, gear: int, t_order: float) -> float | None:
+    """When the pressure of an engaging clutch begins to rise after an order [s], None where it does not.
+
+    As the fall in analysis.metrics: the last passing of a level just above the rest before the kiss pressure is
+    reached, followed back along its slope.
+    """
+    order = int(np.ceil((t_order - recording.t0) / recording.period))
+    before = smooth[max(0, order - 1000): order]
+    rest, noise = float(np.median(before)), float(np.std(before))
+    rise = max(KISS[gear] - rest, 0.1 * KISS[gear])
+    moved = smooth - rest
+    far = first_true(moved >= rise, order)
+    if far is None:
+        return None
+    level = min(max(4.0 * noise, 0.02 * KISS[gear]), 0.4 * rise)
+    below = np.flatnonzero(moved[order:far] < level)
+    at = order + (int(below[-1]) + 1 if below.size else 0)
+    reach = int(round(20e-3 / recording.period))
+    raw = recording.channels[PRESSURE[gear]] - rest
+    return recording.t0 + ramp_start(raw, moved, at, 0.1 * rise, reach) * recording.period
+
+
+def _rise_class(procedure: str, conditions: dict, recording: Recording, row: dict) -> list[Record]:
+    """Whether the pressure of the engaging clutch dips; the shape of a rise does not ask what the other clutch did,
+    so the order is taken as one from neutral."""
+    rise = engagement_metrics(recording, (row["t_order_s"], 0, row["to_gear"]))
+    why = {} if rise["disturbed"] else {"pressure_rise": "; ".join(rise["why"])}
+    return [Record(procedure, conditions, {"pressure_rise": rise["disturbed"]}, why)]
+
+
+# --- single engagements, valves, coast-down -------------------------------------------------------
+
+
+def profile_series(conditions: dict, run) -> list[list[Record]]:
+    """Each engagement of the series' clutch from neutral is a repeat."""
+    gear = {"S1": 1, "S2": 2}[conditions["clutch"]]
+    orders = run.recording.orders
+    ends = [order[0] for order in orders[1:]] + [None]
+    found = [(order, end) for order, end in zip(orders, ends) if order[1] == 0 and order[2] == gear]
+    rows = [row for row in (engagement_metrics(run.recording, *one) for one in found)
+            if row["n_wej_before"] is None or row["n_wej_before"] >= 1.0]
+    # the load is set with the clutch closed, before; the engagement that is measured is the last one
+    if not rows:
+        raise NotMeasured("the engagement did not take place")
+    return [_engagement(conditions, run.recording, rows[-1])]
+
+
+def _engagement(conditions: dict, recording: Recording, row: dict) -> list[Record]:
+    reason = "; ".join(row["why"]) or "was not found"
+
+    def record(extra, values):
+        return Record("profile_series", {**conditions, **extra}, values,
+                      {name: reason for name, value in values.items() if value is None})
+
+    records = [record({}, {name: row[key] for name, key in ENGAGEMENT.items()}),
+               record({}, {"pressure_rise": row["pressure_rise"]}), record({}, {"pressure_rise": row["disturbed"]}),
+               record({"phase": "fill"}, {"pressure_rise": row["growth_fill"]}),
+               record({"phase": "after contact"}, {"pressure_rise": row["growth_contact"]})]
+    if row["fill_start_s"] is None:
+        return records + [record({"time": 0.0}, {"pressure_rise": None})]
+    smooth = running_mean(recording.channels[PRESSURE[row["gear"]]], odd_width(PRESSURE_MEAN, recording.period))
+    first, last = (int(round((row["t_order_s"] + row[key] - recording.t0) / recording.period))
+                   for key in ("fill_start_s", "fill_end_s"))
+    step = max(1, int(round(1e-3 / recording.period)))
+    return records + [record({"time": i * recording.period}, {"pressure_rise": float(smooth[i])})
+                      for i in range(first, last + 1, step)]
+
+
+def valve_response(conditions: dict, run) -> list[list[Record]]:
+    """The delay from coil voltage and pressure."""
+    number = {"ZR-P1": 1, "ZR-P2": 2}[conditions["valve"]]
+    channels, recording = run.recording.channels, run.recording
+    coil = f"U_zr_p{number}"
+    if coil not in channels:
+        raise NotMeasured(f"the recording has no coil voltage {coil}, only the mean of its pulses")
+    t = recording.t0 + recording.period * np.arange(recording.rows)
+    delay = valve_delay(t, channels[coil], channels[f"p{number}"])["valve_delay_s"]
+    return [[Record("valve_response", conditions, {"valve_delay_s": delay})]]
+
+
+def coast_down(conditions: dict, run) -> list[list[Record]]:
+    """Tangent, torque and inertia, and the speed over the time since the drive was cut off."""
+    recording = run.recording
+    t = recording.t0 + recording.period * np.arange(recording.rows)
+    w = recording.channels["n_wej"]
+    fit = fit_coast_down(t, w, recording.channels["M_wej"])
+    records = [Record("coast_down", conditions, {key: fit[key] for key in
+                                                 ("coast_down_tangent_s", "coast_down_m_wej_nm")}),
+               Record("coast_down", {"side": "driving"}, {"inertia": fit["inertia"]})]
+    smooth = running_mean(w, odd_width(SPEED_MEAN, recording.period))
+    times = np.arange(0.0, t[-1] - fit["t_cut_s"], SPEED_STEP)
+    rows = np.rint((fit["t_cut_s"] + times - recording.t0) / recording.period).astype(int)
+    records += [Record("coast_down", {**conditions, "time": round(float(s), 6)}, {"w_wej": float(smooth[at])})
+                for s, at in zip(times, rows)]
+    return [records]

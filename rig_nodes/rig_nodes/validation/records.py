@@ -1,0 +1,178 @@
+"""What the rig gave under known conditions, as records that can be selected like the rows of targets.yaml.
+
+Made by validation.programme, read by validation.evaluate; knows nothing of how a procedure is run.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from ..config.units import SI, UNITS
+from ..errors import RigError
+from .targets import CONDITIONS, Span
+
+REL = 1e-9  # two settings are the same within this share; they come from the same decimal numbers
+# how many series "all" means: procedure -> valve (None: whatever the valve) -> number, tab. 7.4, Annexes B and C
+SERIES = {"delay_series": {None: 19}, "profile_series": {"ZR-P1": 37, "ZR-P2": 10}}
+# a record under such a condition shows a part or a moment of a test and answers only rows that name it
+ASPECTS = ("phase", "time", "pressure")
+# rows of one grid compare with shifts of the other one
+SHARED = {"grid_up": ("grid_up", "grid_down"), "grid_down": ("grid_up", "grid_down")}
+PEOPLE = {"angular velocity": "rpm", "time": "ms", "pressure": "MPa", "length": "mm"}
+
+
+@dataclass(frozen=True)
+class Record:
+    """Results of one test under its conditions, SI throughout; ``series`` may be "all" for what all gave together.
+
+    conditions: names as in targets.yaml and the variable of a curve that has no such name (``s``); values:
+    quantities of targets.yaml -> number, class (text), or None where it could not be found; why: quantity ->
+    the reason of a None.
+    """
+
+    procedure: str
+    conditions: dict[str, float | int | str]
+    values: dict[str, float | str | bool | None]
+    why: dict[str, str] = field(default_factory=dict)
+
+
+def same(one, other) -> bool:
+    """Whether two values of a condition are the same: text exactly, numbers within REL of the larger."""
+    if isinstance(one, str) or isinstance(other, str):
+        return one == other
+    return math.isclose(one, other, rel_tol=REL, abs_tol=1e-12)
+
+
+def allowed(value, wanted) -> bool:
+    """Whether a record's value of a condition is among those wanted: a tuple of values ("all": every one) or a
+    Span, ends included."""
+    if isinstance(wanted, Span):
+        if isinstance(value, str):
+            return False
+        slack = REL * max(abs(wanted.low), abs(wanted.high))
+        return wanted.low - slack <= value <= wanted.high + slack
+    return any(one == "all" or same(value, one) for one in wanted)
+
+
+def select(records, procedure: str, quantity: str, conditions: dict, named=()) -> list[Record]:
+    """The records of a procedure that hold a quantity under the given conditions, in their order.
+
+    conditions: name -> tuple or Span, as a Target has them; named: further conditions that a record must have.
+    A record with a condition out of ASPECTS that is neither is left out.
+    """
+    procedures = SHARED.get(procedure, (procedure,))
+    known = {*conditions, *named}
+    return [r for r in records
+            if r.procedure in procedures and quantity in r.values
+            and all(name in r.conditions for name in known)
+            and all(name in known for name in ASPECTS if name in r.conditions)
+            and all(allowed(r.conditions[name], wanted) for name, wanted in conditions.items())]
+
+
+def missing(records, procedure: str, conditions: dict) -> list[str]:
+    """What is wanted by name and has no record, one short text each.
+
+    Every combination of listed values must be there; of a Span, something; of ``series: all``, each series of
+    the procedure.
+    """
+    combinations = [{}]
+    for name, wanted in conditions.items():
+        if isinstance(wanted, tuple) and "all" not in wanted:
+            combinations = [{**c, name: (one,)} for c in combinations for one in wanted]
+    out = []
+    for wanted in combinations:
+        found = [r for r in records if all(allowed(r.conditions[name], one) for name, one in wanted.items())]
+        if not found:
+            out.append(", ".join(f"{shown(name, one[0])}" for name, one in wanted.items()) or "any record")
+        elif "all" in conditions.get("series", ()):
+            out += _missing_series(found, procedure)
+    return out
+
+
+def _missing_series(found, procedure: str) -> list[str]:
+    counts = SERIES.get(procedure, {})
+    out = []
+    for valve in {r.conditions.get("valve") if None not in counts else None for r in found}:
+        there = {r.conditions["series"] for r in found if valve in (None, r.conditions.get("valve"))}
+        if "all" in there:
+            continue  # a result of all series together
+        lacking = sorted(set(range(1, counts.get(valve, 0) + 1)) - there)
+        if lacking:
+            out.append(f"series {', '.join(map(str, lacking))}" + (f" of {valve}" if valve else ""))
+    return out
+
+
+def group(records, names) -> list[tuple[dict, list[Record]]]:
+    """Records that agree in all of ``names``, as (those conditions, records), in the order of first sight."""
+    groups: dict[tuple, tuple[dict, list[Record]]] = {}
+    for record in records:
+        key = tuple(canonical(record.conditions[name]) for name in names)
+        groups.setdefault(key, ({name: record.conditions[name] for name in names}, []))[1].append(record)
+    return list(groups.values())
+
+
+def canonical(value):
+    """A condition's value as a key: equal for all that are :func:`same`, but for the last digit's luck."""
+    return value if isinstance(value, str) else float(f"{value:.8e}") + 0.0
+
+
+def average(repeats: list[list[Record]]) -> list[Record]:
+    """One list of records for the repeats of a test, each a list of records in the same order.
+
+    Numbers become their mean, as the laboratory averaged its repeats (7.1.3). A number that one repeat lacks is
+    None, and so is a class on which the repeats disagree. Traces (records with a time) are the first repeat's.
+    Raises RigError when the repeats do not hold the same records.
+    """
+    if len(repeats) == 1:
+        return list(repeats[0])
+    single = [[r for r in one if "time" not in r.conditions] for one in repeats]
+    traces = [r for r in repeats[0] if "time" in r.conditions]
+    if len({len(one) for one in single}) != 1:
+        raise RigError(f"repeats of one test gave {', '.join(str(len(one)) for one in single)} results; "
+                       "expected as many from each")
+    return [_mean(records) for records in zip(*single)] + traces
+
+
+def _mean(records) -> Record:
+    first = records[0]
+    for other in records[1:]:
+        if (other.procedure, other.conditions, set(other.values)) != (
+                first.procedure, first.conditions, set(first.values)):
+            raise RigError(f"repeats of one test differ in what they are: {first.procedure} "
+                           f"{place_text(first.conditions)} and {other.procedure} {place_text(other.conditions)}")
+    values, why = {}, {}
+    for name in first.values:
+        found = [r.values[name] for r in records]
+        lacking = next((r for r in records if r.values[name] is None), None)
+        if lacking is not None:
+            values[name], why[name] = None, lacking.why.get(name, "not found in one of the repeats")
+        elif isinstance(found[0], (str, bool)):
+            agree = all(one == found[0] for one in found)
+            values[name] = found[0] if agree else None
+            if not agree:
+                why[name] = f"the repeats disagree: {', '.join(map(str, found))}"
+        else:
+            values[name] = math.fsum(found) / len(found)
+    return Record(first.procedure, dict(first.conditions), values, why)
+
+
+def shown(name: str, value) -> str:
+    """A condition for people, in their unit: ``1500 rpm``, ``series 19``, ``ZR-P1``."""
+    takes = CONDITIONS.get(name)
+    if isinstance(value, str):
+        return value if name != "series" else f"series {value}"
+    if takes is int:
+        return f"{name} {value:g}" if name == "series" else f"{value:g} {name}"
+    if isinstance(takes, str):
+        unit = PEOPLE.get(takes, SI[takes])
+        text = f"{value / UNITS[unit][1]:.6g} {unit}"
+        return text if name in ("n_wej", "m_wyj") else f"{name} {text}"
+    return f"{name} {value:.6g}"
+
+
+def place_text(place: dict) -> str:
+    """A place (conditions, or [one, other] for the two sides of a comparison) for people."""
+    parts = [" against ".join(shown(name, one) for one in value) if isinstance(value, (list, tuple))
+             else shown(name, value) for name, value in place.items()]
+    return ", ".join(parts)

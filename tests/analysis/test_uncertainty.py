@@ -1,0 +1,63 @@
+"""Errors of the instruments and of the metrics, against the thesis's table and sums done by hand."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from rig_nodes.analysis.metrics import KEYS
+from rig_nodes.analysis.uncertainty import INSTRUMENTS, Instrument, temperature_error, uncertainty
+
+ROW = dict.fromkeys(KEYS) | dict(
+    from_gear=1, to_gear=2, n_wej_rpm=1500.0, m_wyj_nm=80.0, t_dt_s=0.37, t_p_s=0.10, t_c_s=0.65, t_o_s=0.14,
+    m_wej_max_nm=264.0, n_wyj_min_rpm=925.0, k=0.852, e_loss_j=1800.0, e_loss_settled_j=1200.0, overlap_s=0.16)
+
+
+def test_table_7_1():
+    errors = {name: instrument.error for name, instrument in INSTRUMENTS.items()}
+    assert errors["torque"] == pytest.approx(1.01)
+    assert errors["p1"] == pytest.approx(0.1e6)
+    assert errors["p2"] == pytest.approx(0.0625e6)  # printed 0.063
+    assert errors["p_po"] == pytest.approx(1.2e6)
+    assert errors["speed"] == pytest.approx(0.1068, abs=1e-4)  # 0.017 rev/s
+    assert temperature_error(40.0) == pytest.approx(0.5)
+
+
+def test_metrics_by_hand():
+    found = uncertainty(ROW)
+    assert found["m_wyj_nm"] == pytest.approx(1.01)
+    assert found["n_wyj_min_rpm"] == pytest.approx(1.02)
+    assert found["k"] == pytest.approx(0.852 * (1.02 / 925 + 1.02 / 1500), rel=1e-3)
+    # 1 ms of a rise of 264 Nm in 45 ms
+    assert found["m_wej_max_nm"] == pytest.approx(1.01 + 264 / 45, rel=1e-3)
+    # 0.107 rad/s of each encoder in 157 rad/s are 0.138 % of slip, which changes by 25.9 % in 0.1 s: 0.53 ms
+    slip_end = 1.1e-3 + 0.1 * (0.10681 * 2.025 / 157.08) / (1 - 41 / 40 * 34 / 47)
+    assert found["t_c_s"] == pytest.approx(slip_end, rel=1e-3)
+    assert found["t_p_s"] == pytest.approx(2 * slip_end, rel=1e-3)
+    # 0.1 MPa at 13.028 MPa/s
+    assert found["t_dt_s"] == pytest.approx(slip_end + 1.1e-3 + 0.1 / 13.028, rel=1e-3)
+    assert found["t_o_s"] == pytest.approx(slip_end + 1.1e-3 + 0.14 * 1.01 / 264, rel=1e-3)
+    w_in, w_out = 157.08, 157.08 / 1.025
+    by_hand = (1.01 * (w_in + w_out) + 0.10681 * 344) * 0.37 + 1800 / 0.37 * found["t_dt_s"]
+    by_hand += 2 * 0.10681 * (0.709 * w_in + 0.1273 * 1.025**2 * w_out)
+    assert found["e_loss_j"] == pytest.approx(by_hand, rel=1e-3)
+    assert found["e_loss_settled_j"] > 0.0
+
+
+def test_better_instruments_give_smaller_errors_only_where_they_count():
+    fine = {**INSTRUMENTS, "torque": Instrument(500.0, 0.02)}
+    plain, better = uncertainty(ROW), uncertainty(ROW, fine)
+    assert better["m_wyj_nm"] == pytest.approx(0.1)
+    assert better["e_loss_j"] < plain["e_loss_j"]
+    assert better["k"] == plain["k"] and better["t_p_s"] == plain["t_p_s"]
+
+
+def test_what_is_missing_has_no_error():
+    assert uncertainty(dict.fromkeys(KEYS) | {"from_gear": 1, "to_gear": 2}) == {}
+    half = uncertainty(ROW | {"t_p_s": None, "k": None, "e_loss_settled_j": None})
+    assert {"t_p_s", "k", "t_dt_s", "e_loss_j", "e_loss_settled_j"}.isdisjoint(half)
+    assert half["m_wej_max_nm"] > 1.01
+    neutral = uncertainty(ROW | {"from_gear": 0, "k": None, "overlap_s": None})
+    assert "k" not in neutral and neutral["t_dt_s"] > 0.0
+    assert all(math.isfinite(value) for value in neutral.values())

@@ -1,0 +1,6 @@
+"""Lets the tests of this folder use the shifts made by hand of the analysis's tests."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "analysis"))

@@ -1,0 +1,166 @@
+"""`rig validate`: what people and programs get from it, its refusals, its figures, and that Ctrl-C ends it."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from math import pi
+
+import pytest
+
+from rig_nodes.cli.main import main
+from rig_nodes.errors import RigError
+from rig_nodes.validation import document
+from rig_nodes.validation.evaluate import evaluate
+from rig_nodes.validation.figures import Band, Figure, Series, ticks
+from rig_nodes.validation.pictures import figures
+from rig_nodes.validation.records import Record
+from rig_nodes.validation.targets import load_targets
+
+RPM = pi / 30.0
+TARGETS = {target.id: target for target in load_targets()}
+COMMAND = [sys.executable, "-m", "rig_nodes.cli.main", "validate"]
+
+
+def shift(rpm, nm, **values):
+    return Record("grid_up", {"shift": "I-II", "n_wej": rpm * RPM, "m_wyj": float(nm)}, values)
+
+
+# --- the command ----------------------------------------------------------------------------------
+
+
+def test_rows_without_a_run_come_back_as_json_and_misses_do_not_fail(capsys, tmp_path):
+    assert main(["validate", "--rows", "bench_50x76_*", "--json", "-"]) == 0
+    out = capsys.readouterr()
+    content = json.loads(out.out)
+    rows = {row["id"]: row for row in content["rows"]}
+    assert rows["bench_50x76_n10_error"]["verdict"] == "outside"
+    assert {"id", "basis", "value", "low", "high", "verdict"} <= set(rows["bench_50x76_k_kor"])
+    assert (rows["bench_50x76_k_kor"]["low"], rows["bench_50x76_k_kor"]["high"]) == (0.88, 1.02)
+    assert {row["basis"] for row in rows.values()} == {"predicted", "information"}
+    counts = content["summary"]["predicted"]
+    assert counts["inside"] + counts["outside"] + counts["not compared"] == counts["rows"]
+    assert content["versions"]["rig_nodes"] and "clutch_bench" in out.err
+
+    file = tmp_path / "rows.json"
+    assert main(["validate", "--rows", "bench_50x76_*", "--json", str(file), "--pictures", str(tmp_path / "p")]) == 0
+    out = capsys.readouterr().out
+    assert "predicted inside" in out and "bench_50x76_n10_error" in out and "2 % to 22 %" in out
+    assert json.loads(file.read_text())["rows"] == content["rows"]
+    assert (tmp_path / "p" / "fig_8_22.svg").is_file()
+
+
+@pytest.mark.parametrize(("arguments", "said"), [
+    (["--rows", "peaks"], "no row is called 'peaks'"),
+    (["--procedures", "grid"], "unknown procedure 'grid'"),
+    (["--jobs", "0"], "--jobs is 0"),
+    (["--write-docs", "--rows", "up_*"], "--write-docs"),
+    (["--rows", "bench_*", "--set", "motor.speed=1"], "motor.speed"),
+    (["--rows", "bench_*", "--json", "/no/such/folder/x.json"], "/no/such/folder/x.json"),
+])
+def test_bad_arguments_are_refused_in_one_sentence(arguments, said, capsys):
+    assert main(["validate", *arguments]) == 2
+    err = capsys.readouterr().err.splitlines()
+    assert said in err[-1] and err[-1].startswith("rig: ") and not any("Traceback" in line for line in err)
+
+
+def test_ctrl_c_ends_it_without_a_word():
+    process = subprocess.Popen([*COMMAND, "--rows", "coast_down_torque", "hold_*"], stdout=subprocess.PIPE,
+                               stderr=subprocess.PIPE, text=True, start_new_session=True, env=dict(os.environ))
+    first = process.stderr.readline()
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert first.startswith("coast_down") and "s left" in first
+    assert (process.returncode, out) == (130, "") and "Traceback" not in err
+
+
+# --- the document ---------------------------------------------------------------------------------
+
+
+def test_every_row_has_its_section_and_what_it_accepts():
+    for target in TARGETS.values():
+        assert document.section(target) in document.SECTIONS, target.id
+        assert document.accepted(evaluate(target, [])), target.id
+    sections = {name: document.section(TARGETS[name]) for name in (
+        "rise_disturbed", "valve_delay_zr_p1", "hold_zr_p1_19", "delay_up_peak_spread", "up_t_dt_range",
+        "bench_m_eks_linear", "ch9_load_law_minimum", "concl_dip_negligible")}
+    assert sections == {"rise_disturbed": "7.1", "valve_delay_zr_p1": "7.2", "hold_zr_p1_19": "7.3.2",
+                        "delay_up_peak_spread": "7.5", "up_t_dt_range": "7.5", "bench_m_eks_linear": "8",
+                        "ch9_load_law_minimum": "9", "concl_dip_negligible": "10"}
+
+
+def test_numbers_are_in_the_laboratorys_unit():
+    row = evaluate(TARGETS["up_peak_torque_range"], [shift(rpm, 80, m_wej_max_nm=300.0 + rpm / 1000)
+                                                     for rpm in (1000, 1200, 1500, 1800, 2000)])
+    assert document.accepted(row) == "244 Nm to 293 Nm"
+    assert document.of_rig(row) == "302 Nm (0 of 5 inside; 2000 rpm)"
+    delay = evaluate(TARGETS["delay_up_dip_begins"], [Record("delay_series", {
+        "shift": "I-II", "n_wej": 500.0 * RPM, "m_wyj": 60.0, "series": "all"}, {"dip_begins_s": -0.18})])
+    assert document.of_rig(delay) == "-180 ms" and delay.verdict == "inside"
+
+
+def hold(number, word):
+    return Record("profile_series", {"valve": "ZR-P1", "series": number, "n_wej": 500.0 * RPM, "m_wyj": 30.0},
+                  {"hold": word})
+
+
+def test_the_document_counts_holds_and_explains_misses():
+    records = [hold(7, "hold"), hold(8, "no hold"), hold(9, "hold"), hold(10, "no hold"), hold(11, None)]
+    rows = [evaluate(TARGETS[f"hold_zr_p1_{n:02d}"], records) for n in (7, 8, 9, 10, 11)]
+    text = document.document(rows, {"hold_zr_p1_07": "The spool closes late."}, "hydmag")
+    # laboratory: 7 and 8 without a hold phase, 9 to 11 with one
+    assert "| ZR-P1 | hold | 1 | 1 | 1 |" in text and "| ZR-P1 | no hold | 1 | 1 | 0 |" in text
+    assert "| predicted | 5 | 2 | 2 | 1 |" in text
+    assert "2 rows are outside, 1 of them unexplained." in text
+    miss = next(line for line in text.splitlines() if line.startswith("| `hold_zr_p1_07` | predicted"))
+    assert "The spool closes late." in miss and "`hold_zr_p1_09`" in miss
+    assert any(line.startswith("| `hold_zr_p1_10` | predicted") and "unexplained" in line for line in text.splitlines())
+    assert any(line.startswith("| `hold_zr_p1_08`, `hold_zr_p1_09` |") for line in text.splitlines())
+
+
+def test_explanations_name_rows_that_exist(tmp_path):
+    assert set(document.load_explanations()) <= set(TARGETS)
+    path = tmp_path / "e.yaml"
+    path.write_text("up_t_dt_range: late\npeaks: high\n")
+    with pytest.raises(RigError, match=r"e.yaml:2: 'peaks' is no row"):
+        document.load_explanations(path)
+    path.write_text("up_t_dt_range: 3\n")
+    with pytest.raises(RigError, match="in words"):
+        document.load_explanations(path)
+
+
+# --- figures --------------------------------------------------------------------------------------
+
+
+def test_ticks_enclose_the_values_with_round_steps():
+    assert ticks(0.0, 1.0) == [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]
+    assert ticks(244.0, 293.0)[0] <= 244.0 and ticks(244.0, 293.0)[-1] >= 293.0
+    assert ticks(5.0, 5.0)[0] < 5.0 < ticks(5.0, 5.0)[-1]
+
+
+def test_a_figure_draws_every_point_where_it_belongs():
+    figure = Figure("a < b", "x", "y", [Series("one", [0.0, 1.0, 2.0, 3.0], [0.0, 10.0, None, 5.0])],
+                    [Band("accepted", None, 5.0)])
+    root = ElementTree.fromstring(figure.svg())
+    circles = [(float(c.get("cx")), float(c.get("cy"))) for c in root.iter("{http://www.w3.org/2000/svg}circle")]
+    assert len(circles) == 3 and circles[0][0] < circles[1][0] < circles[2][0]
+    assert circles[1][1] < circles[2][1] < circles[0][1]  # y points down on the sheet
+    # the gap cuts the line: only the first two points are joined
+    (line,) = root.iter("{http://www.w3.org/2000/svg}polyline")
+    assert len(line.get("points").split()) == 2
+    assert "a < b" in [t.text for t in root.iter("{http://www.w3.org/2000/svg}text")]
+    with pytest.raises(ValueError, match="no point"):
+        Figure("empty", "x", "y", [Series("one", [1.0], [None])]).svg()
+
+
+def test_figures_show_the_grid_and_what_is_accepted():
+    records = [shift(rpm, nm, t_dt_s=0.3 + nm * 1e-4) for rpm in (1000, 2000) for nm in (40, 80, 120)]
+    found = dict(figures(records + [shift(1000, 0, t_dt_s=9.0)]))
+    figure = found["fig_7_35"]
+    assert [s.name for s in figure.series] == ["1000 rpm", "2000 rpm"]
+    assert figure.series[0].x == [40.0, 80.0, 120.0] and figure.series[0].y[0] == pytest.approx(0.304)
+    assert (figure.bands[0].low, figure.bands[0].high) == (0.26, 0.4)
+    assert found["fig_7_36"].series[0].x == pytest.approx([1000.0, 2000.0])
+    assert "fig_7_44" not in found
