@@ -232,6 +232,27 @@ def test_two_processes_give_what_one_gives(small):
         assert run_campaign(series, highest_supply, workers=there) == alone, "the processes live on"
 
 
+def pid_of(_item):
+    """Of the process that works."""
+    return os.getpid()
+
+
+def broken(item):
+    """Not a RigError."""
+    return 1 / item
+
+
+def test_a_killed_process_and_a_fault_end_a_campaign_with_a_sentence():
+    with Workers(2) as workers:
+        with pytest.raises(RuntimeError, match="ZeroDivisionError"):
+            workers.map(broken, [1, 0, 2])
+        pids = set(workers.map(pid_of, range(50)))
+        assert os.getpid() not in pids and 1 <= len(pids) <= 2
+        os.kill(pids.pop(), signal.SIGKILL)
+        with pytest.raises(RigError, match="a process of the campaign was killed"):
+            workers.map(pid_of, range(50))
+
+
 def test_an_interrupt_ends_a_campaign_without_a_word_of_its_processes(small):
     program = Path(__file__).with_name("interrupted_campaign.py")
     process = subprocess.Popen([sys.executable, program, small], text=True, stdout=subprocess.PIPE,
