@@ -13,7 +13,7 @@ from ..config.schema import where_of
 from ..config.units import SI, UNITS
 from ..errors import RigError
 from .evaluate import INSIDE, NOT_COMPARED, OUTSIDE, Row
-from .programme import ABSENT, summary
+from .programme import summary
 from .records import place_text
 from .targets import Target, load_targets
 
@@ -182,14 +182,13 @@ def _summary(rows, rig: str) -> str:
     table = _table(("basis", "rows", "inside", "outside", "not compared"),
                    [(basis, c["rows"], c[INSIDE], c[OUTSIDE], c[NOT_COMPARED]) for basis, c in counts.items()
                     if basis != "information"])
-    absent = "".join(f"\nRows of `{name}` are not compared: {why}.\n" for name, why in ABSENT.items())
     by_procedure = []
     for name in dict.fromkeys(row.target.procedure for row in rows):
         judged = [row for row in rows if row.target.procedure == name and row.basis != "information"]
         found = [sum(row.verdict == verdict for row in judged) for verdict in (INSIDE, OUTSIDE, NOT_COMPARED)]
         by_procedure.append((name, len(judged), *found))
     return (f"## Summary\n\nRig `{rig}`. {counts['information']['rows']} rows are for information.\n\n{table}"
-            f"{absent}\nBy procedure, both bases together:\n\n"
+            f"\nBy procedure, both bases together:\n\n"
             + _table(("procedure", "rows", "inside", "outside", "not compared"), by_procedure))
 
 
