@@ -7,12 +7,15 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 from math import pi
+from types import SimpleNamespace
 
 import pytest
+from synthetic_shift import Shift
 
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
-from rig_nodes.validation import document
+from rig_nodes.testbench.procedure import load_procedure
+from rig_nodes.validation import document, time_courses
 from rig_nodes.validation.evaluate import evaluate
 from rig_nodes.validation.figures import Band, Figure, Series, ticks
 from rig_nodes.validation.pictures import figures
@@ -164,3 +167,17 @@ def test_figures_show_the_grid_and_what_is_accepted():
     assert (figure.bands[0].low, figure.bands[0].high) == (0.26, 0.4)
     assert found["fig_7_36"].series[0].x == pytest.approx([1000.0, 2000.0])
     assert "fig_7_44" not in found
+
+
+def test_every_figure_over_time_has_its_series_and_is_cut_around_its_order():
+    for course in time_courses.COURSES:
+        assert len(load_procedure(course.procedure).series([course.series])) == 1, course.figure
+    recording = Shift(up=True, peak=250.0).recording()
+    course = next(one for one in time_courses.COURSES if one.figure == "7_19")
+    found = dict(time_courses.draw(course, SimpleNamespace(recording=recording)))
+    assert set(found) == {"fig_7_19_torque", "fig_7_19_speed", "fig_7_19_pressure"}
+    torque = found["fig_7_19_torque"].series[0]
+    assert torque.name == "M_wej" and torque.x[0] == pytest.approx(-0.1) and torque.x[-1] == pytest.approx(1.2)
+    assert max(torque.y) == pytest.approx(250.0, rel=5e-3)
+    downwards = next(one for one in time_courses.COURSES if one.figure == "7_25")
+    assert time_courses.draw(downwards, SimpleNamespace(recording=recording)) == []

@@ -39,8 +39,8 @@ SIMULATED_SPEEDS = (1200.0, 1500.0)  # rpm, 9.2
 GRIDS = ("grid_up", "grid_down")
 BEYOND_T21 = ("-240 ms", "-260 ms")  # delays that the laboratory only expected something of, 7.3.3
 # seconds of one run on one core, about; only what they are against each other counts
-SIZES = {"valve_response": 2.5, "coast_down": 0.4, "profile_series": 0.15, "delay_series": 0.6, "grid_up": 0.5,
-         "grid_down": 0.7, "chapter9": 0.7, "clutch_bench": 0.1, "spring_bench": 0.1}
+SIZES = {"valve_response": 5.0, "coast_down": 0.4, "profile_series": 0.35, "delay_series": 0.9, "grid_up": 0.4,
+         "grid_down": 0.5, "chapter9": 0.3, "clutch_bench": 0.1, "spring_bench": 0.1}
 
 
 @dataclass(frozen=True)
