@@ -1,5 +1,6 @@
 """Each device's equations against values computed by hand from their source."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -48,28 +49,82 @@ def test_coil_rises_with_its_time_constant(config):
     assert valve.coil_current(steady, 0.0, 10 * tau, v) < 1e-3 * steady
 
 
-@pytest.mark.parametrize("current, pressure", [(0.10, 0.0), (0.130, 0.0), (0.23, 0.427e6), (0.74, 2.3e6)])
-def test_static_line_of_the_valve(config, current, pressure):
-    assert valve.commanded_pressure(current, record(config.valve_zr_p1)) == pytest.approx(pressure, abs=1.0)
+@pytest.fixture
+def zr(config):
+    """A valve in round numbers: 4 MPa/A from 100 mA, 10 % hysteresis, 0.1 MPa friction, 0.1 MPa for the full stroke."""
+    return record(dataclasses.replace(
+        config.valve_zr_p1, pressure_gain=4e6, cracking_current=0.1, hysteresis=0.1, friction_pressure=0.1e6,
+        pressure_limit=2.3e6, full_opening_pressure=0.1e6, spool_stroke=0.5e-3, spool_dead_band=0.5e-3))
 
 
-def test_spool_has_a_dead_band_on_the_relieving_side(config):
-    v = record(config.valve_zr_p1)
-    settled = 1.0  # s, far above the spool's time
-    within = valve.spool_position(0.0, 0.23, 0.427e6 + 0.09e6, settled, v)
-    assert valve.opening(within, v) == 0.0
-    assert valve.opening(valve.spool_position(0.0, 0.23, 0.427e6 + 0.15e6, settled, v), v) == pytest.approx(-0.5)
-    assert valve.opening(valve.spool_position(0.0, 0.23, 0.427e6 - 0.05e6, settled, v), v) == pytest.approx(0.5)
-    assert valve.opening(valve.spool_position(0.0, 0.74, 0.0, settled, v), v) == pytest.approx(1.0)
+def test_the_magnet_rises_and_falls_along_different_lines(zr):
+    force, seen = 0.0, []
+    for current in (0.3, 0.5, 0.45, 0.42, 0.3):
+        force = valve.magnet_pressure(force, current, zr)
+        seen.append(force)
+    # 0.9 g i on the way up, nothing while 1.1 g i is above that, 1.1 g i on the way down
+    assert seen == pytest.approx([1.08e6, 1.8e6, 1.8e6, 1.8e6, 1.32e6])
+
+
+@pytest.mark.parametrize("magnet, lowest, highest", [
+    (1.0e6, 0.5e6, 0.7e6), (0.4e6, -0.1e6, 0.1e6), (4.0e6, 2.3e6, 3.7e6)])
+def test_friction_holds_the_spool_in_a_band_around_the_balance(zr, magnet, lowest, highest):
+    """Magnet less spring (4 MPa/A x 0.1 A), 0.1 MPa of friction to both sides, no regulation above 2.3 MPa."""
+    assert valve.held_pressures(magnet, zr) == pytest.approx((lowest, highest))
+
+
+def test_spool_opens_closes_and_has_a_dead_band_on_the_relieving_side(zr):
+    def opening(start, port):
+        # magnet for 0.5 to 0.7 MPa; 1 s is far above the spool's time
+        return valve.opening(valve.spool_position(start, 1.0e6, port, 1.0, zr), zr)
+
+    assert opening(0.0, 0.45e6) == pytest.approx(0.5) and opening(0.0, 0.0) == pytest.approx(1.0)
+    assert opening(0.1e-3, 0.6e6) == pytest.approx(0.2), "inside the band it stays where it is"
+    assert opening(0.1e-3, 0.7e6) == pytest.approx(0.0, abs=1e-9), "closed at the upper end of the band"
+    assert opening(0.0, 0.79e6) == 0.0 and opening(0.0, 0.85e6) == pytest.approx(-0.5)
+
+
+def test_a_closing_pressure_closes(zr):
+    for spool, reducing, edge in ((0.3e-3, True, 0.0), (-0.8e-3, False, -0.5e-3)):
+        port = valve.closing_pressure(spool, reducing, 1.0e6, 8e-3, zr)
+        assert valve.spool_position(spool, 1.0e6, port, 8e-3, zr) == pytest.approx(edge, abs=1e-12)
+
+
+def test_pulses_are_on_for_their_duty():
+    """1 kHz, duty 0.3: on from 0 to 0.3 ms of each period."""
+    assert valve.on_share(0.0, 1e-4, 0.3, 1e3) == 1.0 and valve.on_share(4e-4, 1e-4, 0.3, 1e3) == 0.0
+    assert valve.on_share(2.5e-4, 1e-4, 0.3, 1e3) == pytest.approx(0.5)
+    assert sum(valve.on_share(k * 1e-4, 1e-4, 0.3, 1e3) for k in range(100)) == pytest.approx(30.0)
+
+
+@pytest.mark.parametrize("model, by_hand", [
+    # one surface after the other has mu r_m F, 12 of them; k_os(12) = 1 - 0.03 x 10
+    ("traditional", 12 * 0.17 * 0.031948), ("osinski", 0.7 * 12 * 0.17 * 0.031948)])
+def test_models_without_splines_follow_their_clamp_force(config, model, by_hand):
+    assert clutch.torque_per_force(config.plate_pack, 0.17, model=model) == pytest.approx(by_hand, rel=1e-4)
+    assert clutch.torque_per_force(config.plate_pack, 0.17, True, model) == pytest.approx(by_hand, rel=1e-4)
+
+
+def test_plates_heat_cool_and_wear(config):
+    c = record(config.clutch_s1, dataclasses.replace(
+        config.plate_pack, heat_capacity=200.0, cooling=50.0, friction_per_kelvin=-1e-3, friction_temperature=40.0,
+        wear_rate=1e-15, wear_per_kelvin=0.01))
+    hot, wear = clutch.plates_after(40.0, 0.0, 1000.0, 40.0, 1e-3, c)
+    assert hot == pytest.approx(45.0) and wear == pytest.approx(1e-12)
+    assert clutch.friction_factor(hot, c) == pytest.approx(0.995)
+    cooler, more = clutch.plates_after(hot, wear, 0.0, 40.0, 0.1, c)
+    assert cooler == pytest.approx(45.0 - 50.0 * 5.0 * 0.1 / 200.0) and more == wear
+    assert clutch.plates_after(50.0, 0.0, 1000.0, 50.0, 1e-3, c)[1] == pytest.approx(1.1e-12), "hot plates wear faster"
 
 
 def test_orifice_limits_the_filling_flow(config):
     v = record(config.valve_zr_p1)
     flow, slope = valve.port_flow(1.0, 0.2e6, 4e6, 870.0, v)
-    assert flow == pytest.approx(0.65e-6 * math.sqrt(2 * 3.8e6 / 870), rel=1e-6)
+    assert flow == pytest.approx(config.valve_zr_p1.orifice_area * math.sqrt(2 * 3.8e6 / 870), rel=1e-6)
     assert slope < 0.0
     assert valve.port_flow(1.0, 5e6, 4e6, 870.0, v)[0] == 0.0, "no flow back into the supply"
-    assert valve.port_flow(-1.0, 1e6, 4e6, 870.0, v)[0] == pytest.approx(-0.35e-6 * math.sqrt(2e6 / 870), rel=1e-4)
+    assert valve.port_flow(-1.0, 1e6, 4e6, 870.0, v)[0] == pytest.approx(
+        -config.valve_zr_p1.drain_area * math.sqrt(2e6 / 870), rel=1e-4)
 
 
 @pytest.mark.parametrize("part, kiss", [("clutch_s1", 0.17e6), ("clutch_s2", 0.36e6)])
@@ -78,12 +133,16 @@ def test_kiss_point_lies_where_the_thesis_puts_it(config, part, kiss):
     c = getattr(config, part)
     spring = c.spring_preload + c.spring_rate * c.clearance
     pressure = (spring + c.seal_friction) / (c.piston_area * (1 - c.seal_friction_share))
-    assert pressure == pytest.approx(kiss, rel=0.05)
+    # as far as the transducer that it was read with may be wrong (tab. 7.1)
+    assert pressure == pytest.approx(kiss, abs=0.1e6 if part == "clutch_s1" else 0.063e6)
 
 
 def test_piston_rests_on_its_seals_and_moves_against_its_springs(config):
-    c = record(config.clutch_s1, config.plate_pack)
-    cylinder = config.clutch_s1
+    """128 N + 128 N/mm against 2480 mm2, seals 24 N and 3 %, pack 600 N/mm that is flat after 1.4 mm."""
+    cylinder = dataclasses.replace(
+        config.clutch_s1, piston_area=2480e-6, spring_preload=128.0, spring_rate=128e3, seal_friction=24.0,
+        seal_friction_share=0.03, clearance=2.04e-3, pack_rate=600e3, pack_travel=1.4e-3, piston_damping=2000.0)
+    c = record(cylinder, config.plate_pack)
     x, slope = clutch.piston_step(0.001, (128 + 128) / 2480e-6, 1e-4, c)  # springs balanced: within seal friction
     assert (x, slope) == (0.001, 0.0)
     x = 0.0
@@ -91,8 +150,8 @@ def test_piston_rests_on_its_seals_and_moves_against_its_springs(config):
         x, _ = clutch.piston_step(x, 0.12e6, 1e-4, c)
     by_hand = (2480e-6 * 0.12e6 * 0.97 - 24 - 128) / 128e3
     assert x == pytest.approx(by_hand, rel=1e-3)
-    assert clutch.pack_force(x, c)[0] == 0.0 and clutch.pack_force(cylinder.clearance + 0.7e-3, c)[0] == \
-        pytest.approx(600e3 * 0.7e-3 / (1 - 0.7 / 1.4))
+    assert clutch.pack_force(x, c)[0] == 0.0
+    assert clutch.pack_force(2.04e-3 + 0.7e-3, c)[0] == pytest.approx(600e3 * 0.7e-3 / (1 - 0.7 / 1.4))
 
 
 def test_load_is_what_the_relief_valve_makes_of_the_speed(config):

@@ -24,7 +24,7 @@ RPM = math.pi / 30.0
 NAMES = sorted(path.stem for path in (CONFIG_DIR / "procedures").glob("*.yaml"))
 COUNTS = {"coast_down": 1, "delay_series": 19, "grid_down": 33, "grid_up": 30, "profile_series": 47,
           "valve_response": 2}
-ORDERS = {"coast_down": [], "delay_series": [1, 2, 1, 2, 1], "grid_down": [1, 2, 1], "grid_up": [1, 2, 1],
+ORDERS = {"coast_down": [], "delay_series": [2, 0, 1, 2, 1, 2, 1], "grid_down": [2, 0, 1, 2, 1], "grid_up": [2, 0, 1, 2, 1],
           "profile_series": [1, 0, 1], "valve_response": [1]}
 
 SMALL = """description: two loads
