@@ -62,6 +62,7 @@ def test_rows_without_a_run_come_back_as_json_and_misses_do_not_fail(capsys, tmp
     (["--write-docs", "--rows", "up_*"], "--write-docs"),
     (["--rows", "bench_*", "--set", "motor.speed=1"], "motor.speed"),
     (["--rows", "bench_*", "--json", "/no/such/folder/x.json"], "/no/such/folder/x.json"),
+    (["--procedures", "delay_series", "--set", "alfa46.t12=0 ms"], "series '1' of delay_series sets it itself"),
 ])
 def test_bad_arguments_are_refused_in_one_sentence(arguments, said, capsys):
     assert main(["validate", *arguments]) == 2
@@ -97,11 +98,12 @@ def test_every_row_has_its_section_and_what_it_accepts():
 def test_numbers_are_in_the_laboratorys_unit():
     row = evaluate(TARGETS["up_peak_torque_range"], [shift(rpm, 80, m_wej_max_nm=300.0 + rpm / 1000)
                                                      for rpm in (1000, 1200, 1500, 1800, 2000)])
-    assert document.accepted(row) == "244 Nm to 293 Nm"
+    assert document.accepted(row) == document.laboratory(row) == "244 Nm to 293 Nm"
     assert document.of_rig(row) == "302 Nm (0 of 5 inside; 2000 rpm)"
     delay = evaluate(TARGETS["delay_up_dip_begins"], [Record("delay_series", {
         "shift": "I-II", "n_wej": 500.0 * RPM, "m_wyj": 60.0, "series": "all"}, {"dip_begins_s": -0.18})])
     assert document.of_rig(delay) == "-180 ms" and delay.verdict == "inside"
+    assert document.laboratory(delay) == "-175 ms; accepted: -200 ms to -150 ms"
 
 
 def hold(number, word):

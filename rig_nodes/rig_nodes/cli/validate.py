@@ -63,10 +63,12 @@ def main(args) -> int:
     targets = programme.choose(args.rows, args.procedures)
     settings = parse_settings(args.settings)
     load_rig(args.rig, settings)  # what is wrong with it is said before anything runs
+    procedures = programme.needed(targets)
+    programme.check_settings(procedures, settings)
     if args.pictures:
         _make_folder(args.pictures)
-
-    procedures = programme.needed(targets)
+    if args.json not in (None, "-") and not Path(args.json).absolute().parent.is_dir():
+        raise RigError(f"--json {args.json}: there is no such folder")
     runs = programme.runs_of(procedures)
     # computed procedures need no processes
     many = Workers(args.jobs) if set(procedures) & set(programme.READERS) else contextlib.nullcontext()

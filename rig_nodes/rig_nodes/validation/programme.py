@@ -6,6 +6,7 @@ Used by the verb ``validate``; the series are testbench.procedure's, what each r
 from __future__ import annotations
 
 import fnmatch
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cache
@@ -22,6 +23,7 @@ from .records import Record, average, same
 from .targets import Target, load_targets
 
 RPM = pi / 30.0
+FOLDER = re.compile(r"\S*/(?=\S+\.ya?ml:\d)")
 # procedure -> what turns (conditions, run) into repeats of records
 READERS: dict[str, Callable[[dict, Run], list[list[Record]]]] = {
     "valve_response": readers.valve_response, "coast_down": readers.coast_down,
@@ -128,7 +130,7 @@ def _further(one: Series, label: str, conditions: dict, parameters: dict) -> Ser
 def measure(series: Series, run: Run) -> list[list[Record]] | str:
     """Repeats of records of one run, or the reason why it gave none; runs where the rows are."""
     if run.end["state"] != "ended":
-        return run.end["reason"]
+        return FOLDER.sub("", run.end["reason"])  # where the rig is installed is no part of a result
     try:
         return READERS[series.procedure](series.conditions, run)
     except RigError as reason:
@@ -152,6 +154,16 @@ def measure_procedure(procedure: str, workers: Workers | None = None, rig: str =
         else:
             records += average([repeat for run in runs for repeat in run])
     return records
+
+
+def check_settings(procedures: Iterable[str], settings: dict[str, str]) -> None:
+    """RigError when a series sets one of these values of the rig itself."""
+    for name in procedures:
+        for one in series_of(name) if name in READERS and name != SIMULATION else ():
+            both = sorted(set(settings) & set(one.overrides))
+            if both:
+                raise RigError(f"setting {both[0]}: series '{one.label}' of {name} sets it itself; choose other "
+                               "--procedures")
 
 
 def runs_of(procedures: Iterable[str]) -> dict[str, tuple[int, float]]:
