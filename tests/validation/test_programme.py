@@ -59,7 +59,8 @@ def test_a_run_without_its_shift_says_so_in_every_value():
     empty = run_of(Recording(recording.t0, recording.period, recording.channels, []))
     series = SimpleNamespace(procedure="grid_up", conditions=UP)
     assert programme.measure(series, empty) == "the shift I-II did not take place"
-    stopped = SimpleNamespace(recording=recording, end={"state": "failed", "reason": "/x/y/a.yaml:5: did not come true"})
+    stopped = SimpleNamespace(recording=recording, end={
+        "state": "failed", "reason": "/x/y/a.yaml:5: did not come true"})
     assert programme.measure(series, stopped) == "a.yaml:5: did not come true"  # without the machine's folders
     records = readers.failed("grid_up", UP, "step 5 did not come true")
     row = evaluate(TARGETS["up_t_p_upper"], records)

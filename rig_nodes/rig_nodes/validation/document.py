@@ -75,7 +75,7 @@ def load_explanations(path: str | Path | None = None) -> dict[str, str]:
 def number(target: Target, value: float) -> str:
     """A value of a row in the laboratory's unit, with it."""
     unit = target.unit if UNITS[target.unit][0] == target.dimension else SI[target.dimension]
-    text = f"{value / UNITS[unit][1]:.4g}"
+    text = f"{value / UNITS[unit][1]:.5g}"
     return text if unit == "-" else f"{text} {unit}"
 
 
@@ -87,7 +87,7 @@ def of_rig(row: Row) -> str:
     if isinstance(row.value, str):
         text = row.value
     else:
-        text = f"{row.value:.4g}" if t.kind == "fit" else number(t, row.value)
+        text = f"{row.value:.5g}" if t.kind == "fit" else number(t, row.value)
     parts = [row.judged_by] if row.judged_by else []
     parts += [f"{row.inside} of {row.count} inside"] if row.count > 1 else []
     parts += [place_text(row.place)] if row.place else []
@@ -111,6 +111,8 @@ def accepted(row: Row) -> str:
         return f"at most {number(t, t.high)}"
     if t.high is None:
         return f"at least {number(t, t.low)}"
+    if t.low == t.high:
+        return number(t, t.low)
     return f"{number(t, t.low)} to {number(t, t.high)}"
 
 
