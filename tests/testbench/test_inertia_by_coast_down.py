@@ -1,4 +1,4 @@
-"""What the coast-down procedure says of the driving side's inertia, from the logger's channels of rigs that are known."""
+"""What the coast-down procedure says of an inertia that is known, from the logger's channels."""
 
 import numpy as np
 import pytest
