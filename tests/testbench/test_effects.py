@@ -18,7 +18,8 @@ STRONG = {
     "gearbox.loss_in_share": "5 %", "gearbox.loss_out_constant": "1 Nm", "gearbox.loss_out_share": "5 %",
     "plate_pack.friction_per_kelvin": "-0.2 %/K", "plate_pack.friction_temperature": "20 degC",
     "plate_pack.wear_rate": "0.003 um/MJ", "plate_pack.friction_spline": "0.12 -",
-    "oil_supply.viscosity_per_kelvin": "3 %/K", "oil_supply.viscosity_temperature": "40 degC", "oil_supply.temperature": "20 degC",
+    "oil_supply.viscosity_per_kelvin": "3 %/K", "oil_supply.viscosity_temperature": "40 degC",
+    "oil_supply.temperature": "20 degC",
     **{f"valve_zr_p{k}.hysteresis": "8 %" for k in (1, 2)},
     **{f"clutch_s{k}.{name}": value for k in (1, 2) for name, value in (
         ("seal_friction", "60 N"), ("seal_friction_share", "2 %"), ("friction_model", "thesis"))},
