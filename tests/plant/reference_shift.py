@@ -36,7 +36,7 @@ W_IN, W_OUT, TORQUE, INTEGRAL, LOAD, SUPPLY, FIRST = range(7)
 SPOOL, LINE, CHAMBER, PISTON, KINETIC, STATIC, HEAT, WEAR, PER_CLUTCH = range(9)
 # absolute tolerances, each far below what is read of it: rad/s, Nm, Pa; m, Nm, K, m
 ATOL = (1e-9, 1e-9, 1e-7, 1e-7, 1e-1, 1e-1, *2 * (1e-13, 1e-2, 1e-2, 1e-13, 1e-7, 1e-7, 1e-9, 1e-20))
-CHANNELS = ("M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2")
+CHANNELS = ("M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2", "p_p")
 
 
 def clamp(value, low, high):
@@ -229,7 +229,7 @@ class Equations:
         *_, (accelerations, *_, meter) = self.whole(t, y.tolist())
         g = self.c.gearbox
         m_wej = y[TORQUE] - (g.inertia_in - g.inertia_in_gearbox) * accelerations[0]
-        return m_wej, y[W_IN], meter, y[W_OUT], y[FIRST + LINE], y[FIRST + PER_CLUTCH + LINE]
+        return m_wej, y[W_IN], meter, y[W_OUT], y[FIRST + LINE], y[FIRST + PER_CLUTCH + LINE], y[SUPPLY]
 
     # ---- stick and slip
 
@@ -257,7 +257,7 @@ class Equations:
 
 
 def solve(config, start: Start, duty: np.ndarray, rtol: float = 1e-8, method: str = "Radau"):
-    """(channels, events): logger rows of CHANNELS (1 + 10 n, 6) from the order on, and (time, clutch, new mode).
+    """(channels, events): logger rows of CHANNELS (1 + 10 n, 7) from the order on, and (time, clutch, new mode).
 
     duty (n, 2): on both coils in each millisecond after the order.
     """

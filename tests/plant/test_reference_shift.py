@@ -22,8 +22,11 @@ CLOSE = 2e-3
 
 
 def whole_rig():
-    """The rig with every effect on, averaged PWM, the thesis's clutch models, no noise and the finest resolution."""
-    config = load_rig("hydmag")
+    """The rig with every effect on, averaged PWM, the thesis's clutch models, no noise and the finest resolution.
+
+    Its oil supply gives way enough to be seen.
+    """
+    config = load_rig("hydmag", {"oil_supply.relief_droop": "0.1 bar/(l/min)"})
     on = {f.name: True for f in dataclasses.fields(config.effects) if f.type == "bool"}
     silent = {f.name: 0.0 for f in dataclasses.fields(config.instruments) if f.name.endswith("_noise")}
     models = {"friction_model": "thesis", "drag_model": "kitabayashi"}
@@ -54,7 +57,7 @@ def state_of(rig):
 
 
 class RigShift:
-    """One shift of a rig: state at the order, duty (ms, 2), channels (rows, 6), and after each ms who is locked."""
+    """One shift of a rig: state at the order, duty (ms, 2), channels (rows, 7), and after each ms who is locked."""
 
     def __init__(self, config, old, new, rpm, load):
         self.config, self.order = config, (BEFORE * 1e-3, old, new)
