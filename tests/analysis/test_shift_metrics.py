@@ -230,3 +230,16 @@ def test_missing_channel_is_one_sentence():
     channels["p2"] = channels["p2"][:-1]
     with pytest.raises(RigError, match="1-D of one length"):
         Recording(0.0, PERIOD, channels)
+
+
+def test_a_fall_that_slows_down_starts_where_it_starts():
+    """As on the rig: 0.15 MPa within 8 ms, then a slow part, then the rest; at the noise of the rig's transducers."""
+    shift = Shift()
+    recording = shift.recording()
+    t = np.arange(recording.rows) * recording.period - 1.0
+    fall = [shift.fall, shift.fall + 8e-3, shift.fall + 40e-3, shift.fall + 0.14, shift.release, shift.release + 0.06]
+    p1 = np.interp(t, fall, [2.3e6, 2.15e6, 2.05e6, 0.8e6, 0.17e6, 0.0])
+    p1 = p1 + np.random.default_rng(1).normal(0.0, 5e3, t.size)
+    row = shift_metrics(Recording(0.0, recording.period, recording.channels | {"p1": p1}, recording.orders),
+                        recording.orders[0])
+    assert row["t_dt_s"] == pytest.approx(shift.end - shift.fall, abs=2.5e-3)

@@ -75,23 +75,24 @@ class _Program:
         self.p = {1: cut["p1"] / BAR, 2: cut["p2"] / BAR}
         self.m_in, self.m_out = cut["M_wej"], cut["M_wyj"]
         self.n_in, self.n_out = cut["n_wej"] * RPM, cut["n_wyj"] * RPM
-        before = slice(max(0, self.order - 2000), max(0, self.order))
-        self.set_speed = n_wej * RPM if n_wej is not None else None
-        if before.stop > before.start:
-            row["n_wej_rpm"] = float(np.mean(self.n_in[before]))
-            row["m_wyj_nm"] = float(np.mean(self.m_out[before]))
-            if self.set_speed is None:
-                self.set_speed = row["n_wej_rpm"]
+        self.set_speed = None if n_wej is None else n_wej * RPM
 
     def run(self, factor: float, c: float, inertias: Inertias) -> None:
         """Fill the row in the program's order of steps; each needs what the one before found."""
         row, new = self.row, 2 if self.up else 1
-        if not self.set_speed:
-            self.why.append("the recording does not cover the time before the order")
+        before = slice(max(0, self.order - REST_FOR), max(0, self.order))
+        if self.order <= 0 or self.order >= self.n_in.size:
+            self.why.append(f"the recording does not cover the order at {row['t_order_s']:.3f} s")
             return
         used = (self.p[1], self.p[2], self.m_in, self.m_out, self.n_in, self.n_out)
         if not all(np.all(np.isfinite(channel)) for channel in used):
             self.why.append("a channel has values that are no numbers")
+            return
+        row["n_wej_rpm"], row["m_wyj_nm"] = float(np.mean(self.n_in[before])), float(np.mean(self.m_out[before]))
+        if self.set_speed is None:
+            self.set_speed = row["n_wej_rpm"]
+        if self.set_speed < 10.0:
+            self.why.append("the input shaft did not turn when the shift was ordered")
             return
         start = self.start()
         if start is None:

@@ -65,8 +65,9 @@ def ramp_start(rise: np.ndarray, smooth: np.ndarray, at: int, span: float, reach
 
     ``rise`` is the distance from the level (unfiltered, growing), ``smooth`` the same filtered. A threshold
     alone would find every start late by threshold / slope, so a line is fitted from ``at`` to where the
-    distance has grown by ``span`` and followed back to zero. The result is never after ``at`` and at most
-    ``reach`` samples before it.
+    distance has grown by ``span`` and followed back to zero. The result is never after ``at``, at most ``reach``
+    samples before it, and never before the last sample at which ``smooth`` was still at its level: where the ramp
+    has a knee, the line across it is too flat.
     """
     stop = first_true(smooth[: at + 5 * reach] >= smooth[at] + span, at)
     stop = min(at + 5 * reach, rise.size - 1) if stop is None else stop
@@ -76,4 +77,8 @@ def ramp_start(rise: np.ndarray, smooth: np.ndarray, at: int, span: float, reach
     slope, offset = np.polyfit(index - at, rise[index], 1)
     if slope <= 0.0:
         return float(at)
-    return float(min(at, max(at - reach, at - offset / slope)))
+    earliest = max(0, at - reach)
+    level = np.flatnonzero(smooth[earliest:at] <= 0.0)
+    if level.size:
+        earliest += int(level[-1])
+    return float(min(at, max(earliest, at - offset / slope)))

@@ -12,13 +12,12 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from .edges import first_true, mean_ahead, odd_width, quantum, ramp_start, running_mean, white_noise
 from .metrics import BEFORE, HOLD, NEEDED, PRESSURE, PRESSURE_MEAN, RATIO, TORQUE_SPEED_MEAN, Recording
-from .uncertainty import INSTRUMENTS
+from .uncertainty import INSTRUMENTS, TORQUE_CLEAR
 
 LONGEST = 3.0  # s after the order in which an engagement is looked for
 SLIP = 0.01e-2  # thesis 7.3.2
 SLIP_INSTRUMENT_LIMIT = 0.5e-2  # what the encoders may add: half a step of each is 0.24 % at 500 rpm
 CLOSED_AFTER, CLOSED_FOR = 0.2, 0.3  # s: the closed clutch, after the lock-up has rung out
-TORQUE_CLEAR = 10.0  # Nm that certainly are a rise
 TORQUE_ERROR = INSTRUMENTS["torque"].error
 CONTACT = 20e-3  # s just before and just after contact whose growths of pressure are compared
 SHAPE_MEAN = 5e-3  # s: whole periods of a PWM of 200 Hz and more, and of a 2 ms hum to half a period

@@ -171,7 +171,7 @@ def _time(path: Path, t: np.ndarray | None, period: float | None, number: int) -
     step = float(t[-1] - t[0]) / (len(t) - 1)
     steps = np.diff(t)
     # times with few digits repeat themselves, missing rows jump
-    if not np.isfinite(step) or step <= 0.0 or steps.min() <= 0.0 or steps.max() > 1.5 * step:
+    if not (step > 0.0 and np.all(steps > 0.0) and np.all(steps <= 1.5 * step)):
         at = int(np.argmax(~(steps > 0.0) | (steps > 1.5 * step)))
         raise RigError(f"{path}: the times must grow in equal steps, but go from {t[at]:g} s to {t[at + 1]:g} s at "
                        f"line {number + at + 1}; rows are missing or the times have too few digits (leave the column "

@@ -1,6 +1,7 @@
-"""Largest errors of the laboratory's instruments by (7.1) (thesis tab. 7.1, 8.4), carried into the shift metrics.
+"""Largest errors of the laboratory's instruments by (7.1) (thesis tab. 7.1), carried into what is taken from them.
 
-Used by the report, which shows them beside each metric, and by the validation; needs nothing but a row of metrics.
+Used by the report, which shows them beside each metric, and by whoever compares with the laboratory; needs nothing but
+the results: a row of shift metrics, of a single engagement, or of a coast-down.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ PERIOD = 1e-4  # s between two samples of the logger HMG 4000
 # MPa/s at which chapter 9's fits of the releasing pressures begin to fall: the times count from there
 FALL_RATE = {1: 13.028e6, 2: 11.788e6}
 STEEP_RISE = 45e-3  # s in which chapter 9's p2, and with it the torque, rises from contact to its end
+TORQUE_CLEAR = 10.0  # Nm that certainly are a rise of torque
 KISS_RATE = 0.5e6  # Pa/s at which a released clutch passes its kiss pressure
 
 
@@ -116,3 +118,39 @@ def _energies(row: dict, errors: dict, torque: float, speed: float, w_in: float,
             # what the window's error cuts off: the mean power of the loss
             found[key] = rate * span + ends + abs(row[key]) / span * error
     return found
+
+
+def engagement_uncertainty(row: dict, instruments: dict[str, Instrument] | None = None,
+                           period: float = PERIOD) -> dict[str, float]:
+    """Largest errors of a row of engagement.engagement_metrics, as :func:`uncertainty`; only of what was found.
+
+    Pressures have the transducer's; the kiss pressure also what the pressure grows while the torque rises by the torque
+    meter's error (to 10 Nm in the 20 ms after contact, at the least). Times: a sample and half a filter at each end;
+    the engagement also the transducer's error by the fill's slope, and both encoders' resolution by the slip's rate.
+    """
+    use = INSTRUMENTS if instruments is None else instruments
+    torque, speed, pressure = use["torque"].error, use["speed"].error, use[f"p{row['gear']}"].error
+    ends = period + 0.5 * TORQUE_SPEED_MEAN
+    found = {"m_wej_mean_nm": torque, "p_rest": pressure, "p_end": pressure, "hold_pressure": pressure,
+             "p_kiss": pressure}
+    if row["engagement_peak_nm"] is not None:
+        found["engagement_peak_nm"] = torque + 0.5 * TORQUE_SPEED_MEAN * row["engagement_peak_nm"] / STEEP_RISE
+    if row["growth_contact"] is not None:
+        found["p_kiss"] += abs(row["growth_contact"]) * torque / TORQUE_CLEAR
+    if row["engagement_s"] and row["fill_slope"]:
+        resolution = speed * (1.0 + RATIO[row["gear"]]) / row["n_wej_before"]
+        found["engagement_s"] = 2.0 * ends + pressure / abs(row["fill_slope"]) + resolution * row["engagement_s"]
+    if row["hold_s"]:
+        found["hold_s"] = 2.0 * ends
+    return {key: value for key, value in found.items() if row[key] is not None}
+
+
+def coast_down_uncertainty(result: dict, instruments: dict[str, Instrument] | None = None) -> dict[str, float]:
+    """Largest errors of coast_down.coast_down: torque; tangent, by two encoder steps over its first second; inertia."""
+    use = INSTRUMENTS if instruments is None else instruments
+    torque, tangent = result["coast_down_m_wej_nm"], result["coast_down_tangent_s"]
+    slope = -result["coefficients"][-2]
+    found = {"coast_down_m_wej_nm": use["torque"].error,
+             "coast_down_tangent_s": tangent * 2.0 * use["speed"].error / slope}
+    share = use["torque"].error / torque + found["coast_down_tangent_s"] / tangent
+    return found | {"inertia": result["inertia"] * share}

@@ -13,7 +13,7 @@ from .edges import first_true, odd_width, ramp_start, running_mean
 
 MAINS, HARMONICS = 50.0, 10  # Hz; the thesis prints 50 Hz and a period of 2 ms, the tenth harmonic
 MAINS_RANGE = 0.2  # Hz that a power grid strays
-HUM_MEAN = 1e-4  # s
+HUM_MEAN = 2e-4  # s
 BEFORE = 0.1  # s of signal that must be there before the first pulse
 PULSE = 16e-6  # s that a pulse must last, two samples at 125 kHz: a single sample may be a spike
 COARSE_MEAN = 1e-3  # s, where no PWM frequency is found
@@ -35,7 +35,7 @@ def valve_delay(t: np.ndarray, coil: np.ndarray, pressure: np.ndarray) -> dict[s
       moves no edge;
     * first rise: the last passing of a level just above the rest (1 % of the whole rise or 5 standard deviations)
       before the pressure has clearly risen (5 %), followed back along its slope to the rest. A sag or a spike before
-      is no rise. The rest is that of the time after the first pulse: pickup may shift it.
+      is no rise. The rest is that of the 60 ms before, after the pulse: pickup may shift it.
 
     Returns valve_delay_s, t_pulse_s, t_rise_s, pwm_hz (None for a constant coil voltage), hum_hz and hum (amplitude
     of the fitted hum), noise (standard deviation that is left before the pulse), rest and end (levels of the pressure).
@@ -90,7 +90,7 @@ def _first_pulse(coil: np.ndarray, period: float) -> tuple[int, float | None]:
 
 def _without_hum(t: np.ndarray, pressure: np.ndarray, pulse: int) -> tuple[np.ndarray, float, float]:
     """The pressure less the hum fitted before the pulse; the hum's frequency and amplitude."""
-    # on means over 0.1 ms, which leave 99.6 % of the tenth harmonic and a twelfth of the samples
+    # on means over 0.2 ms, which leave 98.4 % of the tenth harmonic and a 25th of the samples
     step = max(1, int(round(HUM_MEAN * (t.size - 1) / (t[-1] - t[0]))))
     rows = t.size // step * step
     at, mean = (x[:rows].reshape(-1, step).mean(axis=1) for x in (t, pressure))
@@ -103,9 +103,10 @@ def _without_hum(t: np.ndarray, pressure: np.ndarray, pulse: int) -> tuple[np.nd
 
     def fitted(hz):
         b = base(at[before], hz)
-        # sines over five periods and more are nearly orthogonal: the normal equations are safe
-        factors = np.linalg.solve(b.T @ b, b.T @ (mean[before] - level))
-        return factors, mean[before] - level - b @ factors
+        # sines over five periods and more are nearly orthogonal: the normal equations are safe. einsum, because the
+        # threads of a matrix library cost more than such a thin product where other work has the cores
+        factors = np.linalg.solve(np.einsum("ij,ik->jk", b, b), np.einsum("ij,i->j", b, mean[before] - level))
+        return factors, mean[before] - level - np.einsum("ij,j->i", b, factors)
 
     def left(hz):
         return float(np.sum(fitted(hz)[1] ** 2))
@@ -134,8 +135,8 @@ def _rise(clean, smooth, pulse, noise, period) -> tuple[float, float, float]:
         level = min(max(5.0 * noise, LEVEL * size), CLEAR_RISE * size)
         below = np.flatnonzero(smooth[pulse:clear] - rest < level)
         at = pulse + (int(below[-1]) + 1 if below.size else 0)
-        # once more from the rest between pulse and rise
-        quiet = smooth[pulse : at - int(REACH / period)]
+        # once more from the rest just before the rise: pickup grows with the duty
+        quiet = smooth[max(pulse, at - int(4.0 * REACH / period)) : at - int(REACH / period)]
         if quiet.size < int(REACH / period):
             break
         rest = float(np.median(quiet))
