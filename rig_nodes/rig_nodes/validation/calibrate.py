@@ -205,9 +205,14 @@ def steady_torque(config: RigConfig, gear: int, speed: float, load: float) -> fl
 
 
 def loss_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
-    """The rows of coast-down and of the mean torques of 7.3.2, in steady state."""
+    """The rows of coast-down and of the mean torques of 7.3.2, in steady state.
+
+    The tangent at the start of the coast-down meets zero after J w / M, what the open driving side's torque makes of it.
+    """
     rpm = np.pi / 30.0
-    values = {"coast_down_torque": steady_torque(config, 0, 470 * rpm, 0.0),
+    coasting = steady_torque(config, 0, 470 * rpm, 0.0)
+    values = {"coast_down_torque": coasting,
+              "coast_down_tangent_time": config.gearbox.inertia_in * 470 * rpm / coasting,
               "valve_mean_torque_s1": steady_torque(config, 1, 500 * rpm, 30.0),
               "valve_mean_torque_s2": steady_torque(config, 2, 500 * rpm, 30.0)}
     return [Miss(name, value, (value - targets[name].printed[0]) / targets[name].tolerance)
