@@ -112,8 +112,8 @@ def test_current_loop_reaches_its_setpoint_whatever_the_coil():
 
 
 def test_ramp_lag_is_that_of_the_integral_part():
-    """On a ramp of s A/s a PI loop on an R-L coil lags by s R / I: 1.375 A/s 22 ohm / 1000 V/(A s) = 30 mA."""
+    """On a ramp of s A/s a PI loop on an R-L coil lags by s R / I: 1.375 A/s 22 ohm / 2000 V/(A s) = 15 mA."""
     box = box_with()
     box.order(1)
     seen = coil_run(box, 640)
-    assert seen[630, 0] - seen[630, 1] == pytest.approx(1.375 * 22 / 1000, rel=0.1)
+    assert seen[630, 0] - seen[630, 1] == pytest.approx(1.375 * 22 / 2000, rel=0.1)

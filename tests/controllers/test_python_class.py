@@ -25,7 +25,7 @@ def test_it_gets_what_the_wires_carry(python_controller):
 
 def test_it_gets_the_settings_of_the_rig_as_flat_names(python_controller, config):
     given = python_controller("return Out()").info.parameters
-    assert given["t12"] == -0.22 and given["gain_i"] == 1000.0
+    assert given["t12"] == -0.22 and given["gain_i"] == 2000.0
     assert (given["output_1.P1.time"], given["output_1.P1.current"]) == (0.2, 0.16)
     assert len(given) == 10 + 3 * 6 * 2
 

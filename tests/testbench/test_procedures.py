@@ -24,7 +24,7 @@ RPM = math.pi / 30.0
 NAMES = sorted(path.stem for path in (CONFIG_DIR / "procedures").glob("*.yaml"))
 COUNTS = {"coast_down": 1, "delay_series": 19, "grid_down": 33, "grid_up": 30, "profile_series": 47,
           "valve_response": 2}
-ORDERS = {"coast_down": [], "delay_series": [1, 2, 1, 2, 1], "grid_down": [1, 2, 1], "grid_up": [1, 2, 1],
+ORDERS = {"coast_down": [], "delay_series": [2, 0, 1, 2, 1, 2, 1], "grid_down": [2, 0, 1, 2, 1], "grid_up": [2, 0, 1, 2, 1],
           "profile_series": [1, 0, 1], "valve_response": [1]}
 
 SMALL = """description: two loads
@@ -231,6 +231,27 @@ def test_two_processes_give_what_one_gives(small):
         with pytest.raises(RigError, match="too much for this test"):
             run_campaign(load_procedure(small).series(), highest_supply, workers=there)
         assert run_campaign(series, highest_supply, workers=there) == alone, "the processes live on"
+
+
+def pid_of(_item):
+    """Of the process that works."""
+    return os.getpid()
+
+
+def broken(item):
+    """Not a RigError."""
+    return 1 / item
+
+
+def test_a_killed_process_and_a_fault_end_a_campaign_with_a_sentence():
+    with Workers(2) as workers:
+        with pytest.raises(RuntimeError, match="ZeroDivisionError"):
+            workers.map(broken, [1, 0, 2])
+        pids = set(workers.map(pid_of, range(50)))
+        assert os.getpid() not in pids and 1 <= len(pids) <= 2
+        os.kill(pids.pop(), signal.SIGKILL)
+        with pytest.raises(RigError, match="a process of the campaign was killed"):
+            workers.map(pid_of, range(50))
 
 
 def test_an_interrupt_ends_a_campaign_without_a_word_of_its_processes(small):

@@ -57,7 +57,7 @@ def test_sequence_is_refused(tmp_path, old, new, sentence):
     ("P3: [650 ms, 740 mA]", "P3: [650 ms, 740 V]", "is a voltage, expected a current"),
     ("P3: [650 ms, 740 mA]", "P3: [650 ms]", r"must be \[time, current\]"),
     ("current_limit: [800 mA", "current_limit: [900 mA", "outside 0 to 0.8"),
-    ("gain_p: [20 V/A, \"thesis 3.4: P = 20; unit assumed\"]", "gain_p: 20 V/A", "its source"),
+    ("gain_d: [2 V s/A, \"thesis 3.4: D = 1; unit as P\"]", "gain_d: 2 V s/A", "its source"),
 ])
 def test_controller_settings_are_refused(tmp_path, old, new, sentence):
     controller = tmp_path / "alfa46_tried.yaml"

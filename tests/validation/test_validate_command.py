@@ -7,12 +7,15 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 from math import pi
+from types import SimpleNamespace
 
 import pytest
+from synthetic_shift import Shift
 
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
-from rig_nodes.validation import document
+from rig_nodes.testbench.procedure import load_procedure
+from rig_nodes.validation import document, time_courses
 from rig_nodes.validation.evaluate import evaluate
 from rig_nodes.validation.figures import Band, Figure, Series, ticks
 from rig_nodes.validation.pictures import figures
@@ -59,6 +62,7 @@ def test_rows_without_a_run_come_back_as_json_and_misses_do_not_fail(capsys, tmp
     (["--write-docs", "--rows", "up_*"], "--write-docs"),
     (["--rows", "bench_*", "--set", "motor.speed=1"], "motor.speed"),
     (["--rows", "bench_*", "--json", "/no/such/folder/x.json"], "/no/such/folder/x.json"),
+    (["--procedures", "delay_series", "--set", "alfa46.t12=0 ms"], "series '1' of delay_series sets it itself"),
 ])
 def test_bad_arguments_are_refused_in_one_sentence(arguments, said, capsys):
     assert main(["validate", *arguments]) == 2
@@ -94,11 +98,12 @@ def test_every_row_has_its_section_and_what_it_accepts():
 def test_numbers_are_in_the_laboratorys_unit():
     row = evaluate(TARGETS["up_peak_torque_range"], [shift(rpm, 80, m_wej_max_nm=300.0 + rpm / 1000)
                                                      for rpm in (1000, 1200, 1500, 1800, 2000)])
-    assert document.accepted(row) == "244 Nm to 293 Nm"
+    assert document.accepted(row) == document.laboratory(row) == "244 Nm to 293 Nm"
     assert document.of_rig(row) == "302 Nm (0 of 5 inside; 2000 rpm)"
     delay = evaluate(TARGETS["delay_up_dip_begins"], [Record("delay_series", {
         "shift": "I-II", "n_wej": 500.0 * RPM, "m_wyj": 60.0, "series": "all"}, {"dip_begins_s": -0.18})])
     assert document.of_rig(delay) == "-180 ms" and delay.verdict == "inside"
+    assert document.laboratory(delay) == "-175 ms; accepted: -200 ms to -150 ms"
 
 
 def hold(number, word):
@@ -164,3 +169,17 @@ def test_figures_show_the_grid_and_what_is_accepted():
     assert (figure.bands[0].low, figure.bands[0].high) == (0.26, 0.4)
     assert found["fig_7_36"].series[0].x == pytest.approx([1000.0, 2000.0])
     assert "fig_7_44" not in found
+
+
+def test_every_figure_over_time_has_its_series_and_is_cut_around_its_order():
+    for course in time_courses.COURSES:
+        assert len(load_procedure(course.procedure).series([course.series])) == 1, course.figure
+    recording = Shift(up=True, peak=250.0).recording()
+    course = next(one for one in time_courses.COURSES if one.figure == "7_19")
+    found = dict(time_courses.draw(course, SimpleNamespace(recording=recording)))
+    assert set(found) == {"fig_7_19_torque", "fig_7_19_speed", "fig_7_19_pressure"}
+    torque = found["fig_7_19_torque"].series[0]
+    assert torque.name == "M_wej" and torque.x[0] == pytest.approx(-0.1) and torque.x[-1] == pytest.approx(1.2)
+    assert max(torque.y) == pytest.approx(250.0, rel=5e-3)
+    downwards = next(one for one in time_courses.COURSES if one.figure == "7_25")
+    assert time_courses.draw(downwards, SimpleNamespace(recording=recording)) == []

@@ -13,6 +13,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "config/controllers/alfa46.yaml; without it nothing is changed")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write values, misses, sensitivities and spreads")
     parser.add_argument("--generations", type=int, default=120, metavar="N", help="of the search (default 120, some 10 min)")
+    parser.add_argument("--stages", nargs="+", metavar="NAME", help="only these: losses, clutch_s1, clutch_s2")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes (default 2)")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the search (default 1)")
     parser.epilog = "What may change, and how far, stands in validation/calibration.yaml of the package."
@@ -27,30 +28,32 @@ def main(args: argparse.Namespace) -> int:
     for name in ("generations", "jobs"):
         if getattr(args, name) < 1:
             raise RigError(f"--{name} is {getattr(args, name)}, expected at least 1")
-    parameters = c.load_parameters()
+    unknown = sorted(set(args.stages or ()) - set(c.ROWS))
+    if unknown:
+        raise RigError(f"--stages: there is no stage '{unknown[0]}'; known are {', '.join(c.ROWS)}")
+    parameters = {f"{stage}.{name}": p for stage, those in c.load_stages().items() for name, p in those.items()}
 
     def progress(stage: str, turn: int, cost: float) -> None:
         print(f"\r{stage}: generation {turn}, sum of squared misses {cost:.3f}   ", end="", file=sys.stderr, flush=True)
 
     try:
-        found = c.calibrate(load_rig(), args.generations, args.jobs, args.seed, progress)
+        found = c.calibrate(load_rig(), args.generations, args.jobs, args.seed, args.stages, progress)
     except KeyboardInterrupt:
         print("\nrig: interrupted by Ctrl-C; nothing was changed", file=sys.stderr)
         return 130
     print(file=sys.stderr)
-    print(f"{'parameter':22} {'value':>12} {'spread':>12}  SI")
+    print(f"{'parameter':24} {'value':>12} {'spread':>12}  (SI)")
     for name, value in found.values.items():
-        unit = next(iter(parameters[name].of)) if name in parameters else ""
-        print(f"{name:22} {value:12.5g} {found.spread[name]:12.3g}  {unit}")
-    print(f"\n{'row':26} {'before':>12} {'after':>12} {'miss':>8}  (SI; miss in tolerances)")
+        print(f"{name:24} {value:12.5g} {found.spread[name]:12.3g}  {', '.join(parameters[name].of)}")
+    print(f"\n{'row':30} {'before':>12} {'after':>12} {'miss':>8}  (SI; miss in tolerances)")
     for before, after in zip(found.before, found.after):
-        print(f"{after.row:26} {before.value:12.5g} {after.value:12.5g} {after.tolerances:8.2f}")
+        print(f"{after.row:30} {before.value:12.5g} {after.value:12.5g} {after.tolerances:8.2f}")
     if args.json:
         args.json.write_text(json.dumps({
             "values": found.values, "spread": found.spread, "sensitivities": found.sensitivities,
             "before": [vars(miss) for miss in found.before], "after": [vars(miss) for miss in found.after],
             "bounds": {n: [p.low, p.high] for n, p in parameters.items()}, "units": SI}, indent=1))
     if args.write:
-        c.write_values(found.values, parameters, find_config("rigs", "hydmag"), find_config("controllers", "alfa46"))
+        c.write_values(found.values, find_config("rigs", "hydmag"), find_config("controllers", "alfa46"))
         print("written to the rig's configuration")
     return 0

@@ -23,6 +23,7 @@ VERBS = {
     "replay": "publish a recorded bag again, with /clock",
     "view": "show a run or a running rig in Rerun, or make a picture",
     "report": "print the shift metrics of a run",
+    "calibrate": "find the rig's unknown parameters on the laboratory's rows",
     "validate": "hold the rig against everything that the laboratory printed",
     "list": "list sequences, procedures, rigs, topics or signals",
     "doctor": "check this machine and the environment",

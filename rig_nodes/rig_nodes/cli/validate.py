@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 HELP = "hold the rig against everything that the laboratory printed"
-STARTING = 6.0  # what starting the processes costs, in the sizes of validation.programme
+STARTING = 2.0  # what starting the processes costs, in the sizes of validation.programme
 
 
 def add_arguments(parser) -> None:
@@ -39,7 +39,8 @@ class Progress:
     def __call__(self, procedure: str, done: int, of: int) -> None:
         self.done, self.left = self.done + self.sizes[procedure], self.left - self.sizes[procedure]
         gone = time.monotonic() - self.start
-        text = f"{procedure:<15} {done:>3} of {of} runs, {gone:.0f} s, about {gone / self.done * self.left:.0f} s left"
+        left = gone / self.done * max(self.left, 0.0)
+        text = f"{procedure:<15} {done:>3} of {of} runs, {gone:.0f} s, about {left:.0f} s left"
         if self.live:
             print(f"\r{text:<79}", end="\n" if done == of else "", file=sys.stderr, flush=True)
         elif done == of:
@@ -51,7 +52,7 @@ def main(args) -> int:
     from ..testbench.campaign import Workers
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_settings
-    from ..validation import document, pictures, programme
+    from ..validation import document, pictures, programme, time_courses
 
     if args.jobs < 1:
         raise RigError(f"--jobs is {args.jobs}, expected at least 1")
@@ -62,15 +63,20 @@ def main(args) -> int:
     targets = programme.choose(args.rows, args.procedures)
     settings = parse_settings(args.settings)
     load_rig(args.rig, settings)  # what is wrong with it is said before anything runs
+    procedures = programme.needed(targets)
+    programme.check_settings(procedures, settings)
     if args.pictures:
         _make_folder(args.pictures)
-
-    procedures = programme.needed(targets)
+    if args.json not in (None, "-") and not Path(args.json).absolute().parent.is_dir():
+        raise RigError(f"--json {args.json}: there is no such folder")
     runs = programme.runs_of(procedures)
     # computed procedures need no processes
     many = Workers(args.jobs) if set(procedures) & set(programme.READERS) else contextlib.nullcontext()
+    drawn = []
     with many as workers:
         result = programme.validate(targets, workers, args.rig, settings, Progress(runs))
+        if args.pictures and workers is not None:
+            drawn = time_courses.time_courses(procedures, workers, args.rig, settings)
 
     if args.json != "-":
         print(document.terminal(result.rows))
@@ -79,7 +85,7 @@ def main(args) -> int:
             "rows": [row.as_dict() for row in result.rows], "summary": programme.summary(result.rows),
             "versions": _versions(), "rig": args.rig, "settings": settings, "procedures": list(result.procedures)})
     if args.pictures:
-        count = len(pictures.write_pictures(result.records, args.pictures))
+        count = len(pictures.write_pictures([*pictures.figures(result.records), *drawn], args.pictures))
         print(f"{count} figures written to {args.pictures}", file=sys.stderr)
     if page:
         page.write_text(document.document(result.rows, explanations, args.rig), encoding="utf-8")

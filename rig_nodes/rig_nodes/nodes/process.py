@@ -200,7 +200,12 @@ def rig_config(arguments) -> RigConfig:
 
 def chosen_sequence(arguments) -> Sequence | None:
     """The sequence of --sequence with the parameters of --with, None without one; RigError when refused."""
-    return load_sequence(arguments.sequence, parse_parameters(arguments.parameters)) if arguments.sequence else None
+    parameters = parse_parameters(arguments.parameters)
+    if arguments.sequence:
+        return load_sequence(arguments.sequence, parameters)
+    if parameters:
+        raise RigError("--with gives values to a sequence's parameters; name the sequence with --sequence")
+    return None
 
 
 def run(main) -> int:

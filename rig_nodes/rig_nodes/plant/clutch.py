@@ -23,6 +23,7 @@ class PlatePack(PackGeometry):
     friction_static: float = param("ratio", 0.0, 1.0)
     friction_kinetic: float = param("ratio", 0.0, 1.0)
     friction_spline: float = param("ratio", 0.0, 1.0)
+    friction_spline_static: float = param("ratio", 0.0, 1.0)
     film_gap: float = param("length", 1e-6, 1e-2)
     film_force: float = param("force", 1.0, 1e5)
     film_radius: float = param("length", 1e-3, 1.0)
@@ -61,10 +62,10 @@ class Cylinder:
 def torque_per_force(pack: PlatePack, friction: float, releasing: bool = False, model: str = "thesis") -> float:
     """Torque per clamp force [Nm/N] of the whole pack by a model of chapter 6; RigError for a pack that cannot be.
 
-    Only for the thesis's model there is a reading of the release (its spline friction turned round); with the others
-    the pack follows its clamp force.
+    Only for the thesis's model there is a reading of the release: plates that stick on their splines, so its spline
+    friction is that of rest, turned round. With the others the pack follows its clamp force.
     """
-    spline = pack.friction_spline
+    spline = pack.friction_spline_static if releasing else pack.friction_spline
     try:
         if model == "thesis":
             return closed.thesis(pack, 1.0, friction, spline, releasing=releasing)

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import signal
 import threading
+import traceback
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
-from multiprocessing import get_context
+from multiprocessing import connection, get_context
 from typing import Any
 
 from ..errors import RigError
@@ -26,66 +26,113 @@ class Workers:
     """Processes that work off lists of items; a context manager. jobs 1: everything in this process.
 
     They are spawned, not forked, and load the compiled plant from the cache, which :func:`warm_up` has filled. Ctrl-C
-    reaches this process only; what has begun is finished, what has not is left.
+    reaches this process only: what has begun is finished, what has not is left. They end with this process, however it
+    ends. Not concurrent.futures: its threads may hang when an interrupt comes, and leave its processes behind.
     """
 
     def __init__(self, jobs: int = 2):
         self.jobs = max(1, jobs)
-        self._pool: ProcessPoolExecutor | None = None
+        self._processes: list = []
+        self._ends: list[connection.Connection] = []
+        self._busy: dict[connection.Connection, int] = {}  # with which task
+        self._task = 0  # tasks given so far
 
     def __enter__(self) -> Workers:
         if self.jobs > 1:
             warm_up()
-            self._pool = ProcessPoolExecutor(self.jobs, get_context("spawn"))
-            with _interrupts_ignored():  # by the processes too, which are started here
+            context = get_context("spawn")
+            with _interrupts_ignored():  # by the processes too, which inherit it
                 for _ in range(self.jobs):
-                    self._pool.submit(_begin)
+                    here, there = context.Pipe()
+                    process = context.Process(target=_work, args=(there,), daemon=True)
+                    process.start()
+                    there.close()
+                    self._ends.append(here)
+                    self._processes.append(process)
         return self
 
     def __exit__(self, *_error) -> None:
-        if self._pool is not None:
-            self._pool.shutdown(wait=True, cancel_futures=True)
-            self._pool = None
+        self._leave()
+        for process in self._processes:
+            process.join()
+        self._processes = []
+
+    def _leave(self) -> None:
+        for end in self._ends:
+            end.close()
+        self._ends, self._busy = [], {}
 
     def map(self, function: Callable[[Any], Any], items: Iterable,
             progress: Callable[[int, int], None] | None = None) -> list:
         """function(item) of each item, in their order. Function, items and results must be picklable, results small.
 
-        progress(done, of) is called in this process as results come. An exception of any item ends the whole.
+        progress(done, of) is called in this process as results come. An error of any item ends the whole: a RigError
+        as it was raised, another one as RuntimeError with its traceback. After an interrupt, or when a process was killed,
+        only __exit__ is left.
         """
         items = list(items)
-        if self._pool is None:
+        if self.jobs == 1:
             results = []
             for item in items:
                 results.append(function(item))
                 if progress:
                     progress(len(results), len(items))
             return results
-        futures = [self._pool.submit(function, item) for item in items]
-        left, told = set(futures), 0
         try:
-            while left:
-                done, left = wait(left, return_when=FIRST_COMPLETED)
-                for future in done:
-                    future.result()
-                    told += 1
-                    if progress:
-                        progress(told, len(items))
-        except BrokenProcessPool:
-            raise RigError("a process of the campaign was killed from outside; with less memory take jobs=1") from None
-        finally:
-            for future in left:
-                future.cancel()
-        return [future.result() for future in futures]
+            return self._map(function, items, progress)
+        except KeyboardInterrupt:
+            self._leave()
+            raise
+        except (EOFError, ConnectionError):
+            self._leave()
+            raise RigError("a process of the campaign was killed from outside; where memory is short, give it one "
+                           "job") from None
+
+    def _map(self, function, items: list, progress) -> list:
+        results, told = [None] * len(items), 0
+        left, places = deque(range(len(items))), {}  # items not begun; task -> item
+        while told < len(items):
+            for end in self._ends:
+                if end not in self._busy and left:
+                    self._task += 1
+                    self._busy[end], places[self._task] = self._task, left.popleft()
+                    end.send((function, items[places[self._task]]))
+            for end in connection.wait(list(self._busy)):
+                error, result = end.recv()
+                place = places.get(self._busy.pop(end))
+                if place is None:
+                    continue  # of a list that has ended with an error
+                if error is not None:
+                    raise error
+                results[place] = result
+                told += 1
+                if progress:
+                    progress(told, len(items))
+        return results
+
+
+def _work(end: connection.Connection) -> None:
+    """A process: answers (function, item) with (error, result) until the other side is gone."""
+    while True:
+        try:
+            function, item = end.recv()
+        except (EOFError, ConnectionError):
+            return
+        try:
+            answer = None, function(item)
+        except RigError as error:
+            answer = error, None
+        except Exception:
+            answer = RuntimeError(traceback.format_exc()), None
+        try:
+            end.send(answer)
+        except ConnectionError:
+            return
 
 
 def warm_up() -> None:
     """Compile the plant, or load it: so that of several processes none does it beside another."""
     Rig(load_rig()).advance_samples(1)
-
-
-def _begin() -> None:
-    """First task of a process."""
 
 
 @contextmanager

@@ -282,7 +282,7 @@ def _override(config: RigConfig, key: str, text: str) -> RigConfig:
         if part == "alfa46":
             known += ", output_1.P1 to output_3.P6"
         raise RigError(f"{where}: there is no such value; known are {known}")
-    value = field_value(type(owner).__dataclass_fields__[name], text, where)
+    value = field_value(type(owner).__dataclass_fields__[name], text, f"{where}: the value")
     owner = replace(owner, **{name: value})
     if part == "cut":
         _check_tick(owner, where)

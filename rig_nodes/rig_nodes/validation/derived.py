@@ -5,7 +5,7 @@ Used by validation.programme on the averaged records of everything that ran.
 
 from __future__ import annotations
 
-from ..analysis.engagement import engagement_ranks
+from ..analysis.engagement import HOLD_SHORTEST, engagement_ranks
 from .records import Record, group
 
 NO_DIP = 0.95  # k, Annex A and 7.4.2.3
@@ -14,7 +14,7 @@ TORQUE_ALIKE, TIME_ALIKE = 1.01, 0.01  # Nm, s: apart by less, two values count 
 
 def derive(records: list[Record]) -> list[Record]:
     """The further records; the given ones are not changed."""
-    return [*_ranks(records), *_dips(records), *_delays(records), *_measured(records)]
+    return [*_holds(records), *_ranks(records), *_dips(records), *_delays(records), *_measured(records)]
 
 
 def _whole(records, procedure: str, quantity: str, **conditions) -> list[Record]:
@@ -24,11 +24,27 @@ def _whole(records, procedure: str, quantity: str, **conditions) -> list[Record]
             and all(r.conditions.get(name) == value for name, value in conditions.items())]
 
 
+def _holds(records) -> list[Record]:
+    """hold, and the phases of the rise, of each profile series: by the mean length of the level stretch."""
+    out = []
+    for r in _whole(records, "profile_series", "level_s"):
+        level = r.values["level_s"]
+        words = (None, None) if level is None else ("hold", "three phases") if level >= HOLD_SHORTEST else (
+            "no hold", "no hold")
+        out += [Record("profile_series", r.conditions, {name: word}, {} if word else {name: r.why["level_s"]})
+                for name, word in zip(("hold", "pressure_rise"), words)]
+    return out
+
+
 def _ranks(records) -> list[Record]:
     """engagement_rank of each profile series among those of its valve."""
     out = []
     for _, series in group(_whole(records, "profile_series", "engagement_peak_nm"), ("valve",)):
-        for record, rank in zip(series, engagement_ranks([r.values for r in series])):
+        rows = []
+        for r in series:
+            level = r.values["level_s"]
+            rows.append({**r.values, "hold_s": 0.0 if level is not None and level < HOLD_SHORTEST else level})
+        for record, rank in zip(series, engagement_ranks(rows)):
             why = {} if rank else {"engagement_rank": "peak, time or hold of this series was not found"}
             out.append(Record("profile_series", record.conditions, {"engagement_rank": rank}, why))
     return out

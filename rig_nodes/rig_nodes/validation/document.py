@@ -5,6 +5,7 @@ Used by the verb ``validate``. Explanations of misses are written by hand in exp
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from ..config.schema import where_of
 from ..config.units import SI, UNITS
 from ..errors import RigError
 from .evaluate import INSIDE, NOT_COMPARED, OUTSIDE, Row
-from .programme import ABSENT, summary
+from .programme import summary
 from .records import place_text
 from .targets import Target, load_targets
 
@@ -45,7 +46,11 @@ judged; their value is shown where there is one. A row is *not compared* when so
 
 The packs of chapter 8 follow the thesis's model with stated friction ([friction_models.md](friction_models.md)): its
 k_kor against that model is 1 by construction, so those rows say what the other models make of the same packs, not that
-the model is right. The bench's springs and cylinder are the printed polynomials themselves.
+the model is right. The bench's springs and cylinder are the printed polynomials themselves. Rows that compare chapter
+9's simulation with a measurement take the rig `chapter9` for the one and this rig for the other, for the measured
+figures are lost.
+
+`./rig validate --pictures FOLDER` draws the figures of chapters 7 to 9 that the text lets one redraw.
 """
 
 
@@ -70,7 +75,7 @@ def load_explanations(path: str | Path | None = None) -> dict[str, str]:
 def number(target: Target, value: float) -> str:
     """A value of a row in the laboratory's unit, with it."""
     unit = target.unit if UNITS[target.unit][0] == target.dimension else SI[target.dimension]
-    text = f"{value / UNITS[unit][1]:.4g}"
+    text = f"{value / UNITS[unit][1]:.5g}"
     return text if unit == "-" else f"{text} {unit}"
 
 
@@ -82,7 +87,7 @@ def of_rig(row: Row) -> str:
     if isinstance(row.value, str):
         text = row.value
     else:
-        text = f"{row.value:.4g}" if t.kind == "fit" else number(t, row.value)
+        text = f"{row.value:.5g}" if t.kind == "fit" else number(t, row.value)
     parts = [row.judged_by] if row.judged_by else []
     parts += [f"{row.inside} of {row.count} inside"] if row.count > 1 else []
     parts += [place_text(row.place)] if row.place else []
@@ -106,7 +111,18 @@ def accepted(row: Row) -> str:
         return f"at most {number(t, t.high)}"
     if t.high is None:
         return f"at least {number(t, t.low)}"
+    if t.low == t.high:
+        return number(t, t.low)
     return f"{number(t, t.low)} to {number(t, t.high)}"
+
+
+def laboratory(row: Row) -> str:
+    """What was printed, where it is a number, and what is accepted."""
+    t = row.target
+    ends = [end for end in (t.low, t.high) if end is not None]
+    if not t.printed or t.kind == "fit" or all(any(math.isclose(p, end) for end in ends) for p in t.printed):
+        return accepted(row)
+    return f"{' to '.join(number(t, p) for p in t.printed)}; accepted: {accepted(row)}"
 
 
 def verdict_line(rows: list[Row]) -> str:
@@ -156,7 +172,7 @@ def document(rows: list[Row], explanations: dict[str, str], rig: str) -> str:
         if found:
             parts.append(f"## {title}\n\n" + _table(
                 ("row", "what is claimed", "laboratory", "rig", "verdict"),
-                [(f"`{row.target.id}`", f"{row.target.text} ({row.target.where})", accepted(row), of_rig(row),
+                [(f"`{row.target.id}`", f"{row.target.text} ({row.target.where})", laboratory(row), of_rig(row),
                   _verdict(row)) for row in found]))
     return "\n".join(parts)
 
@@ -182,14 +198,13 @@ def _summary(rows, rig: str) -> str:
     table = _table(("basis", "rows", "inside", "outside", "not compared"),
                    [(basis, c["rows"], c[INSIDE], c[OUTSIDE], c[NOT_COMPARED]) for basis, c in counts.items()
                     if basis != "information"])
-    absent = "".join(f"\nRows of `{name}` are not compared: {why}.\n" for name, why in ABSENT.items())
     by_procedure = []
     for name in dict.fromkeys(row.target.procedure for row in rows):
         judged = [row for row in rows if row.target.procedure == name and row.basis != "information"]
         found = [sum(row.verdict == verdict for row in judged) for verdict in (INSIDE, OUTSIDE, NOT_COMPARED)]
         by_procedure.append((name, len(judged), *found))
     return (f"## Summary\n\nRig `{rig}`. {counts['information']['rows']} rows are for information.\n\n{table}"
-            f"{absent}\nBy procedure, both bases together:\n\n"
+            f"\nBy procedure, both bases together:\n\n"
             + _table(("procedure", "rows", "inside", "outside", "not compared"), by_procedure))
 
 

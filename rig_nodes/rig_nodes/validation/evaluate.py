@@ -75,11 +75,11 @@ class Row:
                 "reason": self.reason, "conflicts": sorted(t.conflicts)}
 
 
-def evaluate(target: Target, records: list[Record], absent: dict[str, str] | None = None) -> Row:
+def evaluate(target: Target, records: list[Record]) -> Row:
     """The row of a target, from the records there are. Never raises for what the rig did.
 
-    absent: procedure -> why it gave no records. A value that is outside makes the row outside even where others
-    are missing; a row is inside only when nothing is missing. Rows for information get their value, no verdict.
+    A value that is outside makes the row outside even where others are missing; a row is inside only when nothing is
+    missing. Rows for information get their value, no verdict.
     """
     judged, lacking = _JUDGES[target.kind](target, records)
     found = [one for one in judged if one.inside is not None]
@@ -95,7 +95,7 @@ def evaluate(target: Target, records: list[Record], absent: dict[str, str] | Non
         verdict = INSIDE
     else:
         verdict = NOT_COMPARED
-        reason = _why_not(target, unknown, lacking, absent or {})
+        reason = _why_not(target, unknown, lacking)
     if target.role == "information":
         verdict, reason = NOT_COMPARED, f"for information: {target.why}"
     if worst is None:
@@ -110,9 +110,7 @@ def _telling(target: Target, worst: Judged, judged) -> dict:
             if name == target.over or any(one.place.get(name) != value for one in judged)}
 
 
-def _why_not(target, unknown, lacking, absent) -> str:
-    if target.procedure in absent:
-        return absent[target.procedure]
+def _why_not(target, unknown, lacking) -> str:
     if unknown:
         more = f" (and {len(unknown) - 1} more)" if len(unknown) > 1 else ""
         at = place_text(unknown[0].place)

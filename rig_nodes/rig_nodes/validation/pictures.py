@@ -6,7 +6,7 @@ as the printed curve.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
@@ -19,6 +19,7 @@ from .records import Record, group, shown
 from .targets import load_targets
 
 RPM = pi / 30.0
+MOST_MARKS = 50  # points of a line that are marked; more are a curve
 AXES = {  # condition or quantity -> (name with unit, factor from SI)
     "n_wej": ("n_wej [rpm]", 1.0 / RPM), "m_wyj": ("M_wyj before the shift [Nm]", 1.0), "series": ("series", 1.0),
     "t12": ("t12 [ms]", 1e3), "t21": ("t21 [ms]", 1e3), "time": ("time [s]", 1.0), "surfaces": ("surfaces", 1.0),
@@ -29,6 +30,7 @@ AXES = {  # condition or quantity -> (name with unit, factor from SI)
     "engagement_s": ("engagement time [s]", 1.0), "engagement_peak_nm": ("highest M_wej [Nm]", 1.0),
     "hold_s": ("hold phase t_O [s]", 1.0), "w_wej": ("w_wej [rad/s]", 1.0), "p1_mpa": ("p1 [MPa]", 1e-6),
     "p2_mpa": ("p2 [MPa]", 1e-6), "k_kor": ("k_kor", 1.0), "m_eks": ("torque at slip [Nm]", 1.0),
+    "s": ("deflection s [mm]", 1e3), "spring_force_n": ("F_s [N]", 1.0), "cylinder_force_n": ("F_p [N]", 1.0),
 }
 
 
@@ -82,6 +84,22 @@ def _plans() -> list[_Plan]:
         where = (("ring", ring),) + ((("thickness", thickness),) if thickness else ())
         plans.append(_Plan(f"fig_8_{number}", f"Fig. 8.{number}: k_kor of {ring}", "clutch_bench", "k_kor", "surfaces",
                            by="model", where=where))
+    for number, ring, thickness in (("10", "80x115", 2e-3), ("12", "80x115", 1.5e-3), ("14", "80x115", 1e-3),
+                                    ("16", "80x101.9", 2e-3), ("18", "65x115", 2e-3), ("20", "46x88.9", 2.5e-3),
+                                    ("21", "50x76", None)):
+        where = (("ring", ring),) + ((("thickness", thickness),) if thickness else ())
+        plans.append(_Plan(f"fig_8_{number}", f"Fig. 8.{number}: M_eks of {ring}", "clutch_bench", "m_eks", "pressure",
+                           by="surfaces", where=where))
+    plans.append(_Plan("fig_8_8", "Fig. 8.8: springs of the bench", "spring_bench", "spring_force_n", "s",
+                       target="spring_force_curve"))
+    plans.append(_Plan("fig_8_9", "Fig. 8.9: cylinder of the bench", "spring_bench", "cylinder_force_n", "pressure",
+                       target="cylinder_force_curve"))
+    for number, shift, quantity in (("5", "I-II", "m_wej_max_nm"), ("6", "II-I", "m_wej_max_nm"),
+                                    ("7", "I-II", "t_p_s"), ("8", "II-I", "t_p_s")):
+        for rpm in (1200, 1500):
+            plans.append(_Plan(f"fig_9_{number}_{rpm}", f"Fig. 9.{number}: {shift}, {rpm} rpm, rig and simulation",
+                               "chapter9", quantity, "m_wyj", by="source",
+                               where=(("shift", shift), ("n_wej", rpm * RPM))))
     for number, procedure in (("3", "grid_up"), ("4", "grid_down")):
         for gear in (1, 2):
             way = procedure.removeprefix("grid_")
@@ -110,7 +128,9 @@ def _figure(plan: _Plan, found, target) -> Figure:
     for key, members in group(found, [plan.by] if plan.by else []):
         points = sorted((r.conditions[plan.over] * x_factor, r.values[plan.quantity] * y_factor) for r in members)
         name = shown(plan.by, key[plan.by]) if plan.by else "rig"
-        figure.series.append(Series(name, *map(list, zip(*points)), line=plan.line, marks=plan.over != "time"))
+        name = {"measured": "rig", "simulated": "chapter 9"}.get(name, name)
+        dense = len(points) > MOST_MARKS
+        figure.series.append(Series(name, *map(list, zip(*points)), line=plan.line, marks=not dense))
     if target is not None and target.pieces:
         x = np.linspace(target.pieces[0][0], target.pieces[-1][1], 400)
         figure.series.append(Series("printed", x.tolist(), curve(target, x).tolist(), marks=False, dashed=True))
@@ -120,12 +140,12 @@ def _figure(plan: _Plan, found, target) -> Figure:
     return figure
 
 
-def write_pictures(records: list[Record], folder: str | Path) -> list[Path]:
-    """Write every figure as SVG into a folder, which is made; the files in the order of the thesis."""
+def write_pictures(found: Iterable[tuple[str, Figure]], folder: str | Path) -> list[Path]:
+    """Write (name, figure) as SVG files into a folder, which is made; their paths."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
-    for name, figure in figures(records):
+    for name, figure in found:
         paths.append(folder / f"{name}.svg")
         paths[-1].write_text(figure.svg(), encoding="utf-8")
     return paths

@@ -6,9 +6,11 @@ Used by the verb ``validate``; the series are testbench.procedure's, what each r
 from __future__ import annotations
 
 import fnmatch
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cache
+from math import pi
 
 from ..errors import RigError
 from ..testbench.campaign import Workers, run_campaign
@@ -17,27 +19,30 @@ from ..testbench.record import Run
 from . import bench_records, readers
 from .derived import derive
 from .evaluate import Row, evaluate
-from .records import Record, average
+from .records import Record, average, same
 from .targets import Target, load_targets
 
+RPM = pi / 30.0
+FOLDER = re.compile(r"\S*/(?=\S+\.ya?ml:\d)")
 # procedure -> what turns (conditions, run) into repeats of records
 READERS: dict[str, Callable[[dict, Run], list[list[Record]]]] = {
     "valve_response": readers.valve_response, "coast_down": readers.coast_down,
     "profile_series": readers.profile_series, "delay_series": readers.delay_series,
-    "grid_up": readers.grid_up, "grid_down": readers.grid_down,
+    "grid_up": readers.grid_up, "grid_down": readers.grid_down, "chapter9": readers.chapter9,
 }
 # procedures without a run: computed from the bench's parts
 COMPUTED: dict[str, Callable[[], list[Record]]] = {
     "clutch_bench": bench_records.clutch_bench, "spring_bench": bench_records.spring_bench,
 }
-ABSENT = {"chapter9": "chapter 9's configuration is not there"}
-PROCEDURES = (*READERS, *COMPUTED, *ABSENT)
+PROCEDURES = (*READERS, *COMPUTED)
+SIMULATION = "chapter9"  # rig of the thesis's own simulation, and the procedure of the rows on it
+SIMULATED_SPEEDS = (1200.0, 1500.0)  # rpm, 9.2
 # rows that compare an up- with a downshift, whatever procedure they stand under, need both grids
 GRIDS = ("grid_up", "grid_down")
 BEYOND_T21 = ("-240 ms", "-260 ms")  # delays that the laboratory only expected something of, 7.3.3
 # seconds of one run on one core, about; only what they are against each other counts
-SIZES = {"valve_response": 2.5, "coast_down": 0.4, "profile_series": 0.15, "delay_series": 0.6, "grid_up": 0.5,
-         "grid_down": 0.7, "clutch_bench": 0.1, "spring_bench": 0.1}
+SIZES = {"valve_response": 5.0, "coast_down": 0.4, "profile_series": 0.35, "delay_series": 0.9, "grid_up": 0.4,
+         "grid_down": 0.5, "chapter9": 0.3, "clutch_bench": 0.1, "spring_bench": 0.1}
 
 
 @dataclass(frozen=True)
@@ -79,9 +84,11 @@ def needed(targets: Iterable[Target]) -> tuple[str, ...]:
     make nothing run."""
     wanted = set()
     for target in targets:
-        if target.role == "information" or target.procedure in ABSENT:
+        if target.role == "information":
             continue
         wanted.add(target.procedure)
+        if target.procedure == SIMULATION:
+            wanted.update(GRIDS)  # what the simulation is compared with
         if target.procedure in GRIDS:
             shifts = {shift for side in (target.conditions, target.of, target.to) for shift in side.get("shift", ())}
             wanted.update(grid for grid, shift in zip(GRIDS, ("I-II", "II-I")) if shift in shifts)
@@ -90,6 +97,8 @@ def needed(targets: Iterable[Target]) -> tuple[str, ...]:
 
 def series_of(procedure: str) -> list[Series]:
     """The procedure's own series and those that rows ask for beyond the laboratory's."""
+    if procedure == SIMULATION:
+        return _simulated()
     series = load_procedure(procedure).series()
     if procedure == "grid_up":
         # 7.4.1.1 says what an upshift without load should be like; it was not measured
@@ -105,6 +114,14 @@ def series_of(procedure: str) -> list[Series]:
     return series
 
 
+def _simulated() -> list[Series]:
+    """The grids' points at the speeds of 9.2, once each, for the rig of the simulation."""
+    return [replace(one, procedure=SIMULATION, label=f"{name} {one.label}", repeats=1,
+                    conditions={**one.conditions, "source": "simulated"})
+            for name in GRIDS for one in load_procedure(name).series()
+            if any(same(one.conditions["n_wej"], rpm * RPM) for rpm in SIMULATED_SPEEDS)]
+
+
 def _further(one: Series, label: str, conditions: dict, parameters: dict) -> Series:
     return replace(one, label=label, conditions={**one.conditions, **conditions},
                    parameters={**one.parameters, **parameters})
@@ -113,7 +130,7 @@ def _further(one: Series, label: str, conditions: dict, parameters: dict) -> Ser
 def measure(series: Series, run: Run) -> list[list[Record]] | str:
     """Repeats of records of one run, or the reason why it gave none; runs where the rows are."""
     if run.end["state"] != "ended":
-        return run.end["reason"]
+        return FOLDER.sub("", run.end["reason"])  # where the rig is installed is no part of a result
     try:
         return READERS[series.procedure](series.conditions, run)
     except RigError as reason:
@@ -127,6 +144,8 @@ def measure_procedure(procedure: str, workers: Workers | None = None, rig: str =
     if procedure in COMPUTED:
         return COMPUTED[procedure]()
     series = series_of(procedure)
+    if procedure == SIMULATION:
+        rig, settings = SIMULATION, None  # the rig's own changes are none of the simulation's
     records: list[Record] = []
     for one, runs in zip(series, run_campaign(series, measure, rig, settings, workers, progress)):
         reason = next((run for run in runs if isinstance(run, str)), None)
@@ -135,6 +154,16 @@ def measure_procedure(procedure: str, workers: Workers | None = None, rig: str =
         else:
             records += average([repeat for run in runs for repeat in run])
     return records
+
+
+def check_settings(procedures: Iterable[str], settings: dict[str, str]) -> None:
+    """RigError when a series sets one of these values of the rig itself."""
+    for name in procedures:
+        for one in series_of(name) if name in READERS and name != SIMULATION else ():
+            both = sorted(set(settings) & set(one.overrides))
+            if both:
+                raise RigError(f"setting {both[0]}: series '{one.label}' of {name} sets it itself; choose other "
+                               "--procedures")
 
 
 def runs_of(procedures: Iterable[str]) -> dict[str, tuple[int, float]]:
@@ -155,7 +184,11 @@ def validate(targets: list[Target], workers: Workers | None = None, rig: str = "
         if name in COMPUTED and told:
             told(1, 1)
     records += derive(records)
-    return Result([evaluate(target, records, ABSENT) for target in targets], records, procedures)
+    holding: dict[str, list[Record]] = {}
+    for record in records:
+        for quantity in record.values:
+            holding.setdefault(quantity, []).append(record)
+    return Result([evaluate(target, holding.get(target.quantity, [])) for target in targets], records, procedures)
 
 
 def summary(rows: Iterable[Row]) -> dict[str, dict[str, int]]:

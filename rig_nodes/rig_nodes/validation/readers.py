@@ -27,7 +27,7 @@ LONG_TRACE = 1.0  # s
 SPEED_STEP = 50e-3  # s between the values of a coast-down, each a mean over SPEED_MEAN
 SPEED_MEAN = 20e-3
 ENGAGEMENT = {"m_wej_mean_nm": "m_wej_mean_nm", "p_kiss_mpa": "p_kiss", "engagement_s": "engagement_s",
-              "engagement_peak_nm": "engagement_peak_nm", "hold": "hold", "hold_s": "hold_s"}
+              "engagement_peak_nm": "engagement_peak_nm", "level_s": "level_s"}
 
 
 class NotMeasured(RigError):
@@ -68,6 +68,14 @@ def grid_up(conditions: dict, run) -> list[list[Record]]:
 def grid_down(conditions: dict, run) -> list[list[Record]]:
     """The downshift, likewise."""
     return _grid("grid_down", conditions, run)
+
+
+def chapter9(conditions: dict, run) -> list[list[Record]]:
+    """The shift of the thesis's own simulation; its pressures are prescribed."""
+    rows = _rows(run.recording, conditions["shift"])
+    if not rows:
+        raise NotMeasured(f"the shift {conditions['shift']} did not take place")
+    return [_shift(conditions, "chapter9", conditions["shift"], row) for row in rows]
 
 
 def _grid(procedure: str, conditions: dict, run) -> list[list[Record]]:
@@ -199,7 +207,7 @@ def _engagement(conditions: dict, recording: Recording, row: dict) -> list[Recor
                       {name: reason for name, value in values.items() if value is None})
 
     records = [record({}, {name: row[key] for name, key in ENGAGEMENT.items()}),
-               record({}, {"pressure_rise": row["pressure_rise"]}), record({}, {"pressure_rise": row["disturbed"]}),
+               record({}, {"pressure_rise": row["disturbed"]}),
                record({"phase": "fill"}, {"pressure_rise": row["growth_fill"]}),
                record({"phase": "after contact"}, {"pressure_rise": row["growth_contact"]})]
     if row["fill_start_s"] is None:
