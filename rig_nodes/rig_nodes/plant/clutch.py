@@ -42,6 +42,7 @@ class Cylinder:
     """Cylinder, return springs, seals, the pack's axial elasticity and the oil in front of the piston."""
 
     piston_area: float = param("area", 1e-5, 1e-1)
+    force_per_pressure_squared: float = param("force per pressure squared", 0.0, 1e-9)
     spring_preload: float = param("force", 0.0, 1e5)
     spring_rate: float = param("stiffness", 1e2, 1e9)
     clearance: float = param("length", 1e-5, 5e-2)
@@ -145,15 +146,17 @@ def pack_force(piston, clutch):
 def piston_step(piston, pressure, h, clutch):
     """(piston position after h, its derivative by pressure): implicit step of the massless, damped piston.
 
-    Balance: area p = springs + pack + damping v + seal friction, which holds the piston while the rest is smaller.
+    Balance: push = springs + pack + damping v + seal friction, which holds the piston while the rest is smaller. The
+    push is area p and a square term, which the laboratory's force over pressure has (Annex D).
     """
-    push = clutch.piston_area * pressure
+    square = clutch.force_per_pressure_squared * max(pressure, 0.0)
+    push, slope = (clutch.piston_area + square) * pressure, clutch.piston_area + 2.0 * square
     seal = clutch.seal_friction + clutch.seal_friction_share * abs(push)
     resist = clutch.spring_preload + clutch.spring_rate * piston + pack_force(piston, clutch)[0]
     if push - resist > seal:
-        drive, gain = push - seal, clutch.piston_area * (1.0 - clutch.seal_friction_share)
+        drive, gain = push - seal, slope * (1.0 - clutch.seal_friction_share)
     elif push - resist < -seal and piston > 0.0:
-        drive, gain = push + seal, clutch.piston_area * (1.0 + clutch.seal_friction_share)
+        drive, gain = push + seal, slope * (1.0 + clutch.seal_friction_share)
     else:
         return piston, 0.0
     rate = clutch.piston_damping / h

@@ -123,7 +123,9 @@ def pressures(config: RigConfig, clutch: int) -> tuple[np.ndarray, np.ndarray]:
 def kiss_pressure(cylinder: Cylinder) -> float:
     """Pressure [Pa] at which the rising piston meets the plates: springs and seals at the clearance."""
     resist = cylinder.spring_preload + cylinder.spring_rate * cylinder.clearance + cylinder.seal_friction
-    return resist / (cylinder.piston_area * (1.0 - cylinder.seal_friction_share))
+    slope, square = cylinder.piston_area, cylinder.force_per_pressure_squared
+    share = 1.0 - cylinder.seal_friction_share
+    return 2.0 * resist / share / (slope + np.sqrt(slope * slope + 4.0 * square * resist / share))
 
 
 def first_true(values: np.ndarray, missing: float) -> float:
