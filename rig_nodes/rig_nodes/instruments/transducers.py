@@ -1,4 +1,4 @@
-"""What lies between a true value and a logger row: one analog transducer, one encoder, the mains, the logger's converter.
+"""What lies between a true value and a logger row: analog transducer, encoder, mains, the logger's converter.
 
 Compiled parts are called by plant.kernel for each channel and row; testbench.gauges fills the table that they read.
 """

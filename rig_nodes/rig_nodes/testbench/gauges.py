@@ -95,7 +95,7 @@ class Gauges:
                 table[parts.QUANTUM, c] = full / 2.0**config.resolution_bits
 
     def switch(self, on: bool) -> None:
-        """Noise, hum and pickup of all channels on, at the levels that are set, or off; RigError without transducers."""
+        """Noise, hum and pickup of all channels on, as they are set, or off; RigError without transducers."""
         if on and not self.present:
             raise RigError("noise refused: this rig shows true values (effects.transducers is off)")
         self.on = on
