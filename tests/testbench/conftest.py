@@ -1,6 +1,7 @@
 """A rig to try things on, and a way to bring it into a steady state."""
 
 import math
+from dataclasses import fields, replace
 
 import pytest
 
@@ -13,6 +14,17 @@ RPM = math.pi / 30.0
 @pytest.fixture(scope="session")
 def config():
     return load_rig("hydmag")
+
+
+@pytest.fixture(scope="session")
+def noiseless():
+    """Makes a rig's configuration from one with noise: none of it, and the finest resolution."""
+
+    def make(config):
+        silent = {f.name: 0.0 for f in fields(config.instruments) if f.name.endswith("_noise")}
+        return replace(config, instruments=replace(config.instruments, resolution_bits=32.0, **silent))
+
+    return make
 
 
 @pytest.fixture(scope="session")

@@ -133,7 +133,7 @@ def measure(row, index, h, v, valves, cylinders, plant, oil, effects, gauges):
 def plant_step(h, t, settings, valves, cylinders, plant, held, v, twist, mode, el, shaft, e_in, events, count,
                work, q, cap, minv, w, sh, kc, motor, gearbox, oil, load, valve_parameters, clutches, effects, curves):
     """The plant from t to t + h: hydraulics first, then the driveline between the old and the new capacities."""
-    drawn = valves[0].flow + valves[1].flow
+    drawn = max(0.0, valves[0].flow) + max(0.0, valves[1].flow)  # what a valve lets out goes to the tank
     plant.supply = oil_supply.supply_pressure(plant.supply, settings.oil_pressure, settings.oil_on > 0.0, drawn, h, oil)
     for k in range(VALVES):
         f = S1 + k

@@ -1,0 +1,288 @@
+"""One shift by scipy's adaptive integrator: the plant's equations written down again, apart from its kernel.
+
+Used by test_reference_shift.py. Nothing here knows the kernel's step or its order of doing things: every device is a
+differential equation in continuous time, solved to a relative tolerance between events.
+
+How what is not smooth is treated:
+
+* duty: constant over a controller sample, so each millisecond is integrated for itself; in it the coil's current is an
+  exponential, and the magnet's hysteresis (a play operator) has its exact value, as the current does not turn round.
+* clutches that slip, stick, break away: events; the speeds are projected on the locked state, torques jump there.
+* splines' hysteresis of the capacities (play operators on the clamp force): pulled into their band within PULL.
+* feed orifice at no flow, where the square root has no finite slope: linear below FEED_LINEAR.
+* friction of spool and seals, stops, limits: continuous with corners, left to the tolerance control.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import copysign, exp, pi, sqrt
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from rig_nodes.plant.friction import closed, drag
+
+SAMPLE = 1e-3  # s between two duties
+ROW = 1e-4  # s between two logger rows
+PULL = 1e-6  # s
+FEED_LINEAR = 10.0  # Pa
+LAMINAR = 2e3  # Pa, below which the valve's orifice is linear (docstring of its flow)
+RPM = pi / 30.0
+# slips over the speeds (w_wej, w_wyj), by the teeth of tab. 3.2: wheel z3 less w_pos, w0 less wheel z5
+SLIPS = ((34 / 47, -41 / 41), (1.0, -41 / 40))
+STUCK = 0
+W_IN, W_OUT, TORQUE, INTEGRAL, LOAD, SUPPLY, FIRST = range(7)
+SPOOL, LINE, CHAMBER, PISTON, KINETIC, STATIC, HEAT, WEAR, PER_CLUTCH = range(9)
+# absolute tolerances, each far below what is read of it: rad/s, Nm, Pa; m, Nm, K, m
+ATOL = (1e-9, 1e-9, 1e-7, 1e-7, 1e-1, 1e-1, *2 * (1e-13, 1e-2, 1e-2, 1e-13, 1e-7, 1e-7, 1e-9, 1e-20))
+CHANNELS = ("M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2", "p_p")
+
+
+def clamp(value, low, high):
+    return min(max(value, low), high)
+
+
+@dataclass
+class Start:
+    """State of the plant at the order: ``y`` as the integrator has it, currents [A] and magnets [Pa] of both valves,
+    modes of both clutches (1 slipping forward, -1 backward, STUCK); setpoints of motor [rad/s], load and oil [Pa].
+    """
+
+    y: np.ndarray
+    current: list[float]
+    magnet: list[float]
+    modes: list[int]
+    motor: float
+    load: float
+    oil: float
+
+
+class Equations:
+    """The right-hand side for one millisecond. config: RigConfig, all values of one rig with every effect on."""
+
+    def __init__(self, config, start: Start):
+        self.c, self.start = config, start
+        self.valves = (config.valve_zr_p1, config.valve_zr_p2)
+        self.cylinders = (config.clutch_s1, config.clutch_s2)
+        pack = self.pack = config.plate_pack
+        per_force = [[closed.thesis(pack, 1.0, mu, pack.friction_spline, releasing=way) for way in (False, True)]
+                     for mu in (pack.friction_kinetic, pack.friction_static)]
+        self.per_force = [[[x.friction_correction * f for f in kind] for kind in per_force] for x in self.cylinders]
+        self.film = drag.kitabayashi(pack, 1.0, 1.0, 1.0)
+        self.j_in, self.j_out = config.gearbox.inertia_in, config.gearbox.inertia_out_z5 * (41 / 40) ** 2
+        self.stiff = [a * a / self.j_in + b * b / self.j_out for a, b in SLIPS]
+        self.modes = list(start.modes)
+        self.current, self.magnet = list(start.current), list(start.magnet)
+        self.duty, self.t0 = (0.0, 0.0), 0.0
+
+    # ---- coil and magnet, in closed form over the millisecond that began at t0
+
+    def current_at(self, k, t):
+        v = self.valves[k]
+        steady = self.duty[k] * v.coil_voltage / v.coil_resistance
+        decay = exp(-(t - self.t0) * v.coil_resistance / v.coil_inductance)
+        return max(0.0, steady + (self.current[k] - steady) * decay)
+
+    def magnet_at(self, k, t):
+        v = self.valves[k]
+        force = v.pressure_gain * self.current_at(k, t)
+        return clamp(self.magnet[k], (1.0 - v.hysteresis) * force, (1.0 + v.hysteresis) * force)
+
+    def next_sample(self, t, duty):
+        """Go on from t with other duties."""
+        for k in range(2):
+            self.magnet[k], self.current[k] = self.magnet_at(k, t), self.current_at(k, t)
+        self.duty, self.t0 = duty, t
+
+    # ---- hydraulics of one clutch
+
+    def clamp_force(self, k, piston, wear):
+        x = self.cylinders[k]
+        squeeze = piston - x.clearance - wear
+        return x.pack_rate * squeeze / max(1e-4, 1.0 - squeeze / x.pack_travel) if squeeze > 0.0 else 0.0
+
+    def valve_flow(self, k, spool, line, supply):
+        """Into the line, from the supply or to the tank [m3/s]."""
+        v = self.valves[k]
+        if spool > 0.0:
+            area, drop, sign = spool / v.spool_stroke * v.orifice_area, max(0.0, supply - line), 1.0
+        elif spool < -v.spool_dead_band:
+            area, drop, sign = -(spool + v.spool_dead_band) / v.spool_stroke * v.drain_area, line, -1.0
+        else:
+            return 0.0
+        return sign * area * sqrt(2.0 / self.c.oil_supply.density) * drop / (drop * drop + LAMINAR**2) ** 0.25
+
+    def hydraulics(self, k, t, z, supply):
+        """(rates of SPOOL to STATIC, flow through the valve, clamp force) for the clutch's part z of the state."""
+        v, x, oil = self.valves[k], self.cylinders[k], self.c.oil_supply
+        spool, line, chamber, piston = z[SPOOL], z[LINE], z[CHAMBER], z[PISTON]
+        middle = self.magnet_at(k, t) - v.pressure_gain * v.cracking_current
+        lowest = min(middle - v.friction_pressure, v.pressure_limit)
+        highest = max(lowest, middle + v.friction_pressure)
+        per_pascal = v.spool_stroke / v.full_opening_pressure
+        target = clamp(spool, per_pascal * (lowest - line), per_pascal * (highest - line))
+        target = clamp(target, -v.spool_dead_band - v.spool_stroke, v.spool_stroke)
+
+        flow = self.valve_flow(k, spool, line, supply)
+        drop = line - chamber
+        feed = x.feed_area * sqrt(2.0 / oil.density) * drop / (drop * drop + FEED_LINEAR**2) ** 0.25
+        force = self.clamp_force(k, piston, z[WEAR])
+        push = x.piston_area * chamber
+        rest = push - x.spring_preload - x.spring_rate * piston - force
+        seal = x.seal_friction + x.seal_friction_share * abs(push)
+        speed = (rest - clamp(rest, -seal, seal)) / x.piston_damping
+        if piston <= 0.0:
+            speed = max(0.0, speed)
+        held = [(clamp(z[kind], engaging * force, releasing * force) - z[kind]) / PULL
+                for kind, (engaging, releasing) in zip((KINETIC, STATIC), self.per_force[k])]
+        return ((target - spool) / v.spool_time, (flow - feed) * oil.bulk_modulus / x.line_volume,
+                (feed - x.piston_area * speed) * oil.bulk_modulus / x.chamber_volume, speed, *held), flow, force
+
+    # ---- clutches and shafts
+
+    def capacities(self, k, z, force):
+        """(kinetic torque [Nm], limit while stuck [Nm], drag [Nm s/rad])."""
+        x, pack, oil = self.cylinders[k], self.pack, self.c.oil_supply
+        rest = x.rest_torque * min(1.0, force / pack.film_force)
+        factor = max(0.2, 1.0 + pack.friction_per_kelvin * (z[HEAT] - pack.friction_temperature))
+        kinetic, static = factor * z[KINETIC] + rest, factor * z[STATIC] + rest
+        viscosity = oil.viscosity * exp(-oil.viscosity_per_kelvin * (z[HEAT] - oil.viscosity_temperature))
+        gap = max((x.clearance + z[WEAR] - z[PISTON]) / pack.surfaces, pack.film_gap)
+        return kinetic, max(kinetic, static), self.film * viscosity / gap * max(0.0, 1.0 - force / pack.film_force)
+
+    def shafts(self, y, capacities):
+        """(accelerations, friction torques and drag torques of the clutches, their slips, torque at the output's
+        meter) with the modes as they are; the first four for w_wej and w_wyj or S1 and S2.
+        """
+        w = (y[W_IN], y[W_OUT])
+        if min(w) <= 0.0:
+            raise ValueError("this reference knows shafts that turn forwards only")
+        load = self.c.load_pump.displacement * y[LOAD] + self.c.load_pump.mechanical_loss
+        g, n = self.c.gearbox, w[0] / RPM
+        by_speed = g.loss_in_speed * max(0.0, -1.76e-6 * n * n + 4.58e-3 * n + 2.56)
+        slips = [a * w[0] + b * w[1] for a, b in SLIPS]
+        viscous = [capacity[2] * slip for capacity, slip in zip(capacities, slips)]
+        stuck = [k for k in range(2) if self.modes[k] == STUCK]
+        if len(stuck) > 1:
+            raise ValueError("both clutches stick")
+        carried, meter = 0.0, load
+        for _ in range(60):  # the losses depend on the torques that they load: a contraction by a factor below 0.2
+            u = abs(carried) if g.loss_in_square >= 0.0 else min(
+                abs(carried), -0.5 * g.loss_in_share / g.loss_in_square)
+            loss_in = by_speed + max(0.0, g.loss_in_constant + g.loss_in_share * u + g.loss_in_square * u * u)
+            m = abs(meter)
+            loss_out = 41 / 40 * max(0.0, g.loss_out_constant + g.loss_out_share * m + g.loss_out_square * m * m)
+            free = [y[TORQUE] - loss_in, -load - loss_out]
+            torques = [mode * capacity[0] for mode, capacity in zip(self.modes, capacities)]
+            for k, (a, b) in enumerate(SLIPS):
+                free[0] -= a * (viscous[k] + torques[k])
+                free[1] -= b * (viscous[k] + torques[k])
+            for k in stuck:
+                a, b = SLIPS[k]
+                torques[k] = (a * free[0] / self.j_in + b * free[1] / self.j_out) / self.stiff[k]
+                free[0] -= a * torques[k]
+                free[1] -= b * torques[k]
+            rates = (free[0] / self.j_in, free[1] / self.j_out)
+            before = carried, meter
+            carried = sum(a * torque for (a, _), torque in zip(SLIPS, torques))
+            meter = load + g.inertia_pump * rates[1]
+            if abs(carried - before[0]) + abs(meter - before[1]) < 1e-12 * (1.0 + abs(meter)):
+                return rates, torques, viscous, slips, meter
+        raise ValueError("the losses by torque do not settle")
+
+    def whole(self, t, y):
+        """All at once: (hydraulics of both, capacities of both, shafts)."""
+        parts = [y[FIRST + k * PER_CLUTCH:FIRST + (k + 1) * PER_CLUTCH] for k in range(2)]
+        oil = [self.hydraulics(k, t, parts[k], y[SUPPLY]) for k in range(2)]
+        capacities = [self.capacities(k, parts[k], oil[k][2]) for k in range(2)]
+        return parts, oil, capacities, self.shafts(y, capacities)
+
+    def rates(self, t, y):
+        """dy/dt."""
+        y = y.tolist()
+        parts, oil, _, (accelerations, torques, viscous, slips, _) = self.whole(t, y)
+        c, m = self.c, self.c.motor
+        upper = min(m.torque_limit, m.power_limit / max(y[W_IN], 1.0))
+        lower = -min(m.braking_limit, upper)
+        error = self.start.motor - y[W_IN]
+        integral = m.speed_gain_integral * error
+        if (y[INTEGRAL] >= upper and integral > 0.0) or (y[INTEGRAL] <= lower and integral < 0.0):
+            integral = 0.0
+        asked = clamp(m.speed_gain * error + y[INTEGRAL], lower, upper)
+        n = y[W_OUT] / RPM
+        relief = min(self.start.load * (3.84e-7 * n * n - 6.36e-4 * n + 1.32), c.load_pump.pressure_limit)
+        drawn = sum(max(0.0, flow) for _, flow, _ in oil)
+        supply = max(0.0, self.start.oil - c.oil_supply.relief_droop * drawn)
+        out = [*accelerations, (asked - y[TORQUE]) / m.torque_time, integral,
+               (relief - y[LOAD]) / c.load_pump.pressure_time, (supply - y[SUPPLY]) / c.oil_supply.pressure_time]
+        for k in range(2):
+            power = (torques[k] + viscous[k]) * slips[k]
+            warmer = (power - self.pack.cooling * (parts[k][HEAT] - c.oil_supply.temperature)) / self.pack.heat_capacity
+            wear = self.pack.wear_rate * max(0.0, 1.0 + self.pack.wear_per_kelvin * (
+                parts[k][HEAT] - self.pack.friction_temperature)) * power
+            out += [*oil[k][0], warmer, wear]
+        return out
+
+    def meters(self, t, y):
+        """What the logger would read, as CHANNELS: the torque meters sit outside the gearbox's own inertia."""
+        *_, (accelerations, *_, meter) = self.whole(t, y.tolist())
+        g = self.c.gearbox
+        m_wej = y[TORQUE] - (g.inertia_in - g.inertia_in_gearbox) * accelerations[0]
+        return m_wej, y[W_IN], meter, y[W_OUT], y[FIRST + LINE], y[FIRST + PER_CLUTCH + LINE], y[SUPPLY]
+
+    # ---- stick and slip
+
+    def margin(self, k, t, y):
+        """What falls through zero at the next event of clutch k: its slip, or while it sticks the torque to spare."""
+        y = y.tolist()
+        if self.modes[k] != STUCK:
+            a, b = SLIPS[k]
+            return self.modes[k] * (a * y[W_IN] + b * y[W_OUT])
+        _, _, capacities, (_, torques, *_) = self.whole(t, y)
+        return capacities[k][1] - abs(torques[k])
+
+    def after_event(self, k, t, y):
+        """Another mode of clutch k at its event, and the speeds with a slip that is exactly zero."""
+        a, b = SLIPS[k]
+        before = self.modes[k]
+        self.modes[k] = STUCK
+        _, _, capacities, (_, torques, *_) = self.whole(t, y.tolist())
+        spare = capacities[k][1] - abs(torques[k])
+        if before == STUCK or spare < 0.0:
+            self.modes[k] = int(copysign(1, torques[k])) if before == STUCK else -before
+        slip = a * y[W_IN] + b * y[W_OUT]
+        y[W_IN] -= a / self.j_in * slip / self.stiff[k]
+        y[W_OUT] -= b / self.j_out * slip / self.stiff[k]
+
+
+def solve(config, start: Start, duty: np.ndarray, rtol: float = 1e-8, method: str = "Radau"):
+    """(channels, events): logger rows of CHANNELS (1 + 10 n, 7) from the order on, and (time, clutch, new mode).
+
+    duty (n, 2): on both coils in each millisecond after the order.
+    """
+    eq = Equations(config, start)
+    eq.duty = tuple(duty[0])
+    y, events = np.array(start.y, float), []
+    rows = [eq.meters(0.0, y)]
+    watch = [lambda t, y, k=k: eq.margin(k, t, y) for k in range(2)]
+    for event in watch:
+        event.terminal, event.direction = True, -1.0
+    for sample in range(len(duty)):
+        t, end = sample * SAMPLE, (sample + 1) * SAMPLE
+        eq.next_sample(t, tuple(duty[sample]))
+        due = t + ROW * np.arange(1, 11)
+        due[-1] = end
+        while t < end:
+            done = solve_ivp(eq.rates, (t, end), y, method, t_eval=due[due > t], events=watch, rtol=rtol, atol=ATOL)
+            if done.status < 0:
+                raise ValueError(f"at {t:.4f} s: {done.message}")
+            rows.extend(eq.meters(when, state) for when, state in zip(done.t, np.transpose(done.y)))
+            if done.status == 0:
+                t, y = end, done.y[:, -1].copy()
+                continue
+            k = next(k for k in range(2) if len(done.t_events[k]))
+            t, y = done.t_events[k][-1], done.y_events[k][-1].copy()
+            eq.after_event(k, t, y)
+            events.append((t, k, eq.modes[k]))
+    return np.array(rows), events

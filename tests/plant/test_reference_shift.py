@@ -1,0 +1,149 @@
+"""A shift of the rig, at its own step, against the reference solution of the same equations (reference_shift.py)."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+import reference_shift
+
+from rig_nodes.analysis.metrics import Inertias, Recording, shift_metrics
+from rig_nodes.plant import kernel
+from rig_nodes.plant.load_pump import relief_setting_for
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.rig import Rig
+
+RPM = math.pi / 30.0
+BEFORE, AFTER = 200, 1800  # ms recorded before and after the order
+FINER = 10  # rows between two logger rows, by straight lines: the metrics count in whole rows
+METRICS = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "m_wej_max_nm", "n_wyj_min_rpm", "k", "e_loss_j", "e_loss_settled_j",
+           "overlap_s")
+CLOSE = 2e-3
+
+
+def whole_rig():
+    """The rig with every effect on, averaged PWM, the thesis's clutch models, no noise and the finest resolution.
+
+    Its oil supply gives way enough to be seen.
+    """
+    config = load_rig("hydmag", {"oil_supply.relief_droop": "0.1 bar/(l/min)"})
+    on = {f.name: True for f in dataclasses.fields(config.effects) if f.type == "bool"}
+    silent = {f.name: 0.0 for f in dataclasses.fields(config.instruments) if f.name.endswith("_noise")}
+    models = {"friction_model": "thesis", "drag_model": "kitabayashi"}
+    return dataclasses.replace(
+        config, effects=dataclasses.replace(config.effects, pwm_frequency=0.0, **on),
+        instruments=dataclasses.replace(config.instruments, resolution_bits=32.0, **silent),
+        clutch_s1=dataclasses.replace(config.clutch_s1, **models),
+        clutch_s2=dataclasses.replace(config.clutch_s2, **models))
+
+
+def locked(rig):
+    return [rig.clutch_mode(k) == 2 for k in range(2)]
+
+
+def state_of(rig):
+    """The rig's present state, as the reference has it."""
+    valves, cylinders, plant = rig.valves, rig.cylinders, rig.plant[0]
+    y = [*rig.v, plant["motor_torque"], plant["motor_integral"], plant["load_pressure"], plant["supply"]]
+    for k in range(2):
+        y += [valves["spool"][k], *(cylinders[name][k] for name in (
+            "line", "chamber", "piston", "held_kinetic", "held_static", "temperature", "wear"))]
+    modes = [reference_shift.STUCK if stuck else int(math.copysign(1, rig.slip(k)))
+             for k, stuck in enumerate(locked(rig))]
+    settings = rig.settings[0]
+    return reference_shift.Start(
+        np.array(y), list(valves["current"]), list(valves["magnet"]), modes, plant["motor_setpoint"],
+        settings["load_pressure"], settings["oil_pressure"])
+
+
+class RigShift:
+    """One shift of a rig: state at the order, duty (ms, 2), channels (rows, 7), and after each ms who is locked."""
+
+    def __init__(self, config, old, new, rpm, load):
+        self.config, self.order = config, (BEFORE * 1e-3, old, new)
+        rig = Rig(config)
+        rig.set_oil(4e6, True)
+        rig.advance(0.3)
+        rig.order_gear(old)
+        rig.advance(1.5)
+        rig.set_motor(rpm * RPM, True)
+        rig.advance(4.0)
+        rig.set_load(relief_setting_for(load, rig.v[1], config.load_pump), True)
+        rig.advance(3.0)
+        assert rig.locked_gear() == old
+        self.start, first = state_of(rig), rig.sample
+        rows, self.locked = [rig.rows_at(1e-4, 10 * (first - BEFORE), 10 * BEFORE + 1)], []
+        rig.order_gear(new)
+        for _ in range(AFTER):
+            rig.advance_samples(1)
+            rows.append(rig.rows_at(1e-4, 10 * rig.sample - 9, 10))
+            self.locked.append(locked(rig))
+        rows = np.concatenate(rows)
+        self.duty = rows[10 * BEFORE + 1::10, [kernel.U_1, kernel.U_2]]
+        self.channels = rows[:, [kernel.CHANNELS.index(name) for name in reference_shift.CHANNELS]]
+
+    def metrics(self, channels):
+        """Shift metrics of the channels from the order on, after those before it."""
+        whole = np.concatenate([self.channels[:10 * BEFORE], channels])
+        rows = np.arange(len(whole))
+        finer = np.arange(FINER * (len(whole) - 1) + 1) / FINER
+        by_name = {name: np.interp(finer, rows, column) for name, column in zip(reference_shift.CHANNELS, whole.T)}
+        gearbox = self.config.gearbox
+        return shift_metrics(Recording(0.0, 1e-4 / FINER, by_name), self.order,
+                             inertias=Inertias(gearbox.inertia_in, gearbox.inertia_out_z5))
+
+
+def far_apart(one, other, close):
+    return {name: (one[name], other[name]) for name in METRICS if one[name] != pytest.approx(other[name], rel=close)}
+
+
+@pytest.fixture(scope="module", params=[(1, 2), (2, 1)], ids=["I-II", "II-I"])
+def shift(request):
+    return RigShift(whole_rig(), *request.param, 1500.0, 60.0)
+
+
+@pytest.fixture(scope="module")
+def reference(shift):
+    return reference_shift.solve(shift.config, shift.start, shift.duty)
+
+
+def test_every_metric_is_that_of_the_reference(shift, reference):
+    rig, other = (shift.metrics(x) for x in (shift.channels[10 * BEFORE:], reference[0]))
+    assert other["valid"], other["why"]
+    assert not far_apart(rig, other, CLOSE)
+
+
+def test_channels_and_lock_ups_are_those_of_the_reference(shift, reference):
+    """Metrics look at a few moments; between them no channel is off by a twentieth of a percent of its span."""
+    rows, events = reference
+    off = np.abs(shift.channels[10 * BEFORE:] - rows).mean(axis=0) / np.ptp(rows, axis=0)
+    assert off.max() < 5e-4, dict(zip(reference_shift.CHANNELS, off))
+    told, at = np.array(shift.locked), 1e-3 * np.arange(1, AFTER + 1)
+    expected = np.repeat([[mode == reference_shift.STUCK for mode in shift.start.modes]], AFTER, axis=0)
+    for t, k, mode in events:
+        expected[at >= t, k] = mode == reference_shift.STUCK
+    new = shift.order[2] - 1
+    assert expected[-1, new] and not expected[0, new] and not expected[-1, 1 - new]
+    assert np.count_nonzero(told != expected) <= 1, "an event just beside a whole millisecond"
+
+
+@pytest.mark.campaign
+def test_the_reference_is_converged(shift, reference, monkeypatch):
+    """A tenth of the tolerance, of the pull into the splines' band and of the feed's linear part, another method."""
+    first = shift.metrics(reference[0])
+    monkeypatch.setattr(reference_shift, "PULL", 1e-7)
+    monkeypatch.setattr(reference_shift, "FEED_LINEAR", 1.0)
+    for method, rtol in (("Radau", 1e-9), ("BDF", 1e-8)):
+        rows, _ = reference_shift.solve(shift.config, shift.start, shift.duty, rtol, method)
+        assert not far_apart(shift.metrics(rows), first, 5e-4)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("old, new, rpm, load", [
+    (1, 2, 1000, 30), (1, 2, 1800, 100), (1, 2, 2000, 60), (2, 1, 1000, 60), (2, 1, 1800, 120)])
+def test_other_speeds_and_loads(old, new, rpm, load):
+    shift = RigShift(whole_rig(), old, new, rpm, load)
+    rows, _ = reference_shift.solve(shift.config, shift.start, shift.duty)
+    rig, other = (shift.metrics(x) for x in (shift.channels[10 * BEFORE:], rows))
+    assert other["valid"], other["why"]
+    assert not far_apart(rig, other, CLOSE)
