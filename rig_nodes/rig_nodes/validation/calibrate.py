@@ -99,18 +99,16 @@ def with_values(config: RigConfig, parameters: dict[str, Parameter], values: dic
     return config
 
 
-# ---- what the rig does, without noise
+# ---- what the rig does, without its transducers
 
 
 def pressures(config: RigConfig, clutch: int) -> tuple[np.ndarray, np.ndarray]:
     """Pressure [Pa] of clutch 1 or 2 each millisecond, engaged and then released, from each order on.
 
-    At the settings of the rig's controller, shafts at rest, no noise; the second time, because a piston that has never
-    moved lies deeper than its seals let it return.
+    At the settings of the rig's controller, shafts at rest, true values; the second time, because a piston that has
+    never moved lies deeper than its seals let it return.
     """
-    config = replace(config, instruments=replace(config.instruments, resolution_bits=32.0))
-    rig = Rig(config)
-    rig.gauges.switch(False)
+    rig = Rig(replace(config, effects=replace(config.effects, transducers=False)))
     rig.set_oil(SUPPLY, True)
     rig.advance_samples(SETTLE)
     rig.take_rows(10 * SETTLE)
@@ -189,9 +187,8 @@ def hydraulic_misses(config: RigConfig, targets: dict[str, Target], clutch: int)
 
 
 def steady_torque(config: RigConfig, gear: int, speed: float, load: float) -> float:
-    """M_wej [Nm] that turns the rig in a gear (0: neutral) at an input speed [rad/s] under a load [Nm], no noise."""
-    rig = Rig(config)
-    rig.gauges.switch(False)
+    """M_wej [Nm] that turns the rig in a gear (0: neutral) at an input speed [rad/s] under a load [Nm], true value."""
+    rig = Rig(replace(config, effects=replace(config.effects, transducers=False)))
     rig.set_oil(SUPPLY, True)
     rig.advance_samples(SETTLE)
     if gear:
