@@ -119,7 +119,7 @@ class Equations:
         spool, line, chamber, piston = z[SPOOL], z[LINE], z[CHAMBER], z[PISTON]
         middle = self.magnet_at(k, t) - v.pressure_gain * v.cracking_current
         lowest = min(middle - v.friction_pressure, v.pressure_limit)
-        highest = max(lowest, middle + v.friction_pressure)
+        highest = min(middle + v.friction_pressure, v.pressure_limit)
         per_pascal = v.spool_stroke / v.full_opening_pressure
         target = clamp(spool, per_pascal * (lowest - line), per_pascal * (highest - line))
         target = clamp(target, -v.spool_dead_band - v.spool_stroke, v.spool_stroke)

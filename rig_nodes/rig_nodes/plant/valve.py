@@ -68,12 +68,12 @@ def magnet_pressure(before, current, valve):
 def held_pressures(magnet, valve):
     """(lowest, highest) port pressure [Pa, gauge] at which the spool stays where it is, by the magnet's force [Pa].
 
-    Magnet against port pressure and spring; friction holds the spool within a band of that. What the port can be
-    brought to ends at ``pressure_limit``.
+    Magnet against port pressure and spring; friction holds the spool within a band of that. Nothing regulates above
+    ``pressure_limit``: more is let off, whatever the magnet asks for.
     """
     middle = magnet - valve.pressure_gain * valve.cracking_current
-    lowest = min(middle - valve.friction_pressure, valve.pressure_limit)
-    return lowest, max(lowest, middle + valve.friction_pressure)
+    return (min(middle - valve.friction_pressure, valve.pressure_limit),
+            min(middle + valve.friction_pressure, valve.pressure_limit))
 
 
 @njit(cache=True)
