@@ -228,8 +228,7 @@ def power_stage(row, safe, wiring, currents, outputs, config):
 def advance(samples, first_sample, steps_per_sample, h, drive, wiring, settings, valves, cylinders, plant,
             held, v, twist, mode, el, shaft, e_in, events, count, work, q, cap, minv, w, sh, kc, motor, gearbox,
             oil, load, table, keys, hum, gauge_state, counts, valve_parameters, clutches, law_config, law_profiles,
-            law_outputs, law_state,
-            currents, log, effects, pieces, curves):
+            law_outputs, law_state, currents, log, effects, pieces, curves):
     """Move everything by whole controller samples; row j of the ring ``log`` is the time j * h after 0.
 
     Order at each controller sample: the duty answered to the last sample is applied, then (drive BY_LAW) the law
