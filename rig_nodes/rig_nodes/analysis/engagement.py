@@ -11,6 +11,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from .edges import first_true, mean_ahead, odd_width, quantum, ramp_start, running_mean, white_noise
+from .hum import QUIET, without_hum
 from .metrics import BEFORE, HOLD, NEEDED, PRESSURE, PRESSURE_MEAN, RATIO, TORQUE_SPEED_MEAN, Recording
 from .uncertainty import INSTRUMENTS, TORQUE_CLEAR
 
@@ -120,6 +121,10 @@ class _Engagement:
         if bad:
             why.append(f"{', '.join(bad)} has values that are no numbers")
             return None
+        if (at - first) * recording.period >= QUIET - 1e-9:
+            # as the valves' response: hum on a level stretch would hide it
+            t = recording.period * np.arange(last - first)
+            raw[PRESSURE[gear]] = without_hum(t, raw[PRESSURE[gear]], at - first)[0]
         lengths = {name: PRESSURE_MEAN if name in PRESSURE.values() else TORQUE_SPEED_MEAN for name in NEEDED}
         widths = {name: odd_width(length, recording.period) for name, length in lengths.items()}
         smooth = {name: running_mean(raw[name], widths[name]) for name in NEEDED}

@@ -6,15 +6,11 @@ Used on the valve-response tests, 125 kHz for 5 s (7.1.3.1); knows nothing of ba
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from ..errors import RigError
 from .edges import first_true, odd_width, ramp_start, running_mean
+from .hum import QUIET, without_hum
 
-MAINS, HARMONICS = 50.0, 10  # Hz; the thesis prints 50 Hz and a period of 2 ms, the tenth harmonic
-MAINS_RANGE = 0.2  # Hz that a power grid strays
-HUM_MEAN = 2e-4  # s
-BEFORE = 0.1  # s of signal that must be there before the first pulse
 PULSE = 8e-6  # s that a pulse must last, one sample at 125 kHz: the first ones are short
 COARSE_MEAN = 1e-3  # s, where no PWM frequency is found
 LONGEST_PERIOD = 20e-3  # s: slower pulses are no PWM
@@ -45,10 +41,10 @@ def valve_delay(t: np.ndarray, coil: np.ndarray, pressure: np.ndarray) -> dict[s
     t, coil, pressure = (np.asarray(x, dtype=float) for x in (t, coil, pressure))
     period = _period(t, coil, pressure)
     pulse, pwm = _first_pulse(coil, period)
-    if pulse * period < BEFORE:
-        raise RigError(f"the first pulse comes {pulse * period:.3f} s after the start of the recording; {BEFORE:g} s "
+    if pulse * period < QUIET:
+        raise RigError(f"the first pulse comes {pulse * period:.3f} s after the start of the recording; {QUIET:g} s "
                        "before it are needed to know rest and hum of the pressure")
-    clean, hum_hz, hum = _without_hum(t, pressure, pulse)
+    clean, hum_hz, hum = without_hum(t, pressure, pulse)
     width = odd_width(COARSE_MEAN if pwm is None else max(1.0, round(COARSE_MEAN * pwm)) / pwm, period)
     smooth = running_mean(clean, width)
     noise = float(np.std(smooth[width:pulse - width]))
@@ -90,40 +86,6 @@ def _first_pulse(coil: np.ndarray, period: float) -> tuple[int, float | None]:
     gaps = gaps[gaps < LONGEST_PERIOD]
     # the sample before is the last without a pulse
     return max(0, first - 1), float(1.0 / np.median(gaps)) if gaps.size >= 3 else None
-
-
-def _without_hum(t: np.ndarray, pressure: np.ndarray, pulse: int) -> tuple[np.ndarray, float, float]:
-    """The pressure less the hum fitted before the pulse; the hum's frequency and amplitude."""
-    # on means over 0.2 ms, which leave 98.4 % of the tenth harmonic and a 25th of the samples
-    step = max(1, int(round(HUM_MEAN * (t.size - 1) / (t[-1] - t[0]))))
-    rows = t.size // step * step
-    at, mean = (x[:rows].reshape(-1, step).mean(axis=1) for x in (t, pressure))
-    before = slice(0, max(1, pulse // step))
-    level = float(np.mean(mean[before]))
-
-    def base(times, hz):
-        angle = 2.0 * np.pi * hz * np.outer(times, np.arange(1, HARMONICS + 1))
-        return np.hstack([np.sin(angle), np.cos(angle), np.ones((times.size, 1))])
-
-    def fitted(hz):
-        b = base(at[before], hz)
-        # sines over five periods and more are nearly orthogonal: the normal equations are safe. einsum, because the
-        # threads of a matrix library cost more than such a thin product where other work has the cores
-        factors = np.linalg.solve(np.einsum("ij,ik->jk", b, b), np.einsum("ij,i->j", b, mean[before] - level))
-        return factors, mean[before] - level - np.einsum("ij,j->i", b, factors)
-
-    def left(hz):
-        return float(np.sum(fitted(hz)[1] ** 2))
-
-    # high harmonics make several minima: the best of a grid, then the best near it
-    grid = np.linspace(MAINS - MAINS_RANGE, MAINS + MAINS_RANGE, 17)
-    best, step_hz = grid[int(np.argmin([left(hz) for hz in grid]))], grid[1] - grid[0]
-    hz = float(minimize_scalar(left, bounds=(best - step_hz, best + step_hz), method="bounded",
-                               options={"xatol": 1e-4}).x)
-    factors = fitted(hz)[0]
-    factors[-1] = 0.0
-    hum = base(at, hz) @ factors
-    return pressure - np.interp(t, at, hum), hz, float(0.5 * np.ptp(hum[before]))
 
 
 def _rise(clean, smooth, pulse, noise, period) -> tuple[float, float, float]:

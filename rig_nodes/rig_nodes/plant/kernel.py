@@ -100,12 +100,11 @@ def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch
 
 
 @njit(cache=True)
-def measure(row, index, h, v, valves, cylinders, plant, oil, effects, gauges):
+def measure(row, index, h, v, valves, cylinders, plant, oil, effects, table, keys, hum, state, counts):
     """One logger row: true values as transducers, encoders and converter show them at the end of a step.
 
-    gauges: testbench.gauges' table, keys of the noise, hum by row, state (channels,) and counts (gate, channels).
+    table and what follows: ``arrays`` of testbench.gauges. No tuple, whose parts would be counted in and out each row.
     """
-    table, keys, hum, state, counts = gauges
     row[M_WEJ], row[M_WYJ] = plant.m_wej, plant.m_wyj
     row[N_WEJ], row[N_WYJ] = v[0], v[1]
     row[P_1], row[P_2] = cylinders[0].line, cylinders[1].line
@@ -228,8 +227,8 @@ def power_stage(row, safe, wiring, currents, outputs, config):
 @njit(cache=True, nogil=True)
 def advance(samples, first_sample, steps_per_sample, h, drive, wiring, settings, valves, cylinders, plant,
             held, v, twist, mode, el, shaft, e_in, events, count, work, q, cap, minv, w, sh, kc, motor, gearbox,
-            oil, load, gauges, valve_parameters, clutches, law_config, law_profiles, law_outputs, law_state,
-            currents, log, effects, pieces, curves):
+            oil, load, table, keys, hum, gauge_state, counts, valve_parameters, clutches, law_config, law_profiles,
+            law_outputs, law_state, currents, log, effects, pieces, curves):
     """Move everything by whole controller samples; row j of the ring ``log`` is the time j * h after 0.
 
     Order at each controller sample: the duty answered to the last sample is applied, then (drive BY_LAW) the law
@@ -266,4 +265,5 @@ def advance(samples, first_sample, steps_per_sample, h, drive, wiring, settings,
             plant_step(h, index * h, settings[0], valves, cylinders, plant[0], held[0], v, twist, mode, el,
                        shaft, e_in, events, count, work, q, cap, minv, w, sh, kc, motor[0], gearbox[0], oil[0],
                        load[0], valve_parameters, clutches, effects[0], curves)
-            measure(log[(index + 1) % rows], index + 1, h, v, valves, cylinders, plant[0], oil[0], effects[0], gauges)
+            measure(log[(index + 1) % rows], index + 1, h, v, valves, cylinders, plant[0], oil[0], effects[0], table, keys,
+                    hum, gauge_state, counts)

@@ -146,7 +146,7 @@ class Rig:
         self._duty = np.zeros(law.OUTPUTS)
         self._log = np.zeros((LOG_ROWS * self._logger_stride, len(kernel.CHANNELS)))
         kernel.measure(self._log[0], 0, c.kernel.step, self.v, self.valves, self.cylinders, self.plant[0],
-                       self._oil[0], self._effects[0], self.gauges.arrays)
+                       self._oil[0], self._effects[0], *self.gauges.arrays)
 
     # ---- time
 
@@ -189,7 +189,7 @@ class Rig:
             self._wiring, self.settings, self.valves, self.cylinders, self.plant, self.held, self.v,
             self._twist, self.mode, self._el, self._shaft, self._e_in, self._events, self._count, self._work,
             self._q, self._cap, self._minv, self._w, self._sh, self._kc, self._motor, self._gearbox,
-            self._oil, self._load, self.gauges.arrays, self._valve_parameters, self._clutches, self._law_config,
+            self._oil, self._load, *self.gauges.arrays, self._valve_parameters, self._clutches, self._law_config,
             self._law_profiles, self._law_outputs, self._law_state, self._currents, self._log, self._effects,
             self._pieces, self._curves)
         self.sample += samples
