@@ -140,7 +140,7 @@ def test_kiss_point_lies_where_the_thesis_puts_it(config, part, kiss):
 def test_piston_rests_on_its_seals_and_moves_against_its_springs(config):
     """128 N + 128 N/mm against 2480 mm2, seals 24 N and 3 %, pack 600 N/mm that is flat after 1.4 mm."""
     cylinder = dataclasses.replace(
-        config.clutch_s1, piston_area=2480e-6, spring_preload=128.0, spring_rate=128e3, seal_friction=24.0,
+        config.clutch_s1, piston_area=2480e-6, force_per_pressure_squared=0.0, spring_preload=128.0, spring_rate=128e3, seal_friction=24.0,
         seal_friction_share=0.03, clearance=2.04e-3, pack_rate=600e3, pack_travel=1.4e-3, piston_damping=2000.0)
     c = record(cylinder, config.plate_pack)
     x, slope = clutch.piston_step(0.001, (128 + 128) / 2480e-6, 1e-4, c)  # springs balanced: within seal friction
@@ -152,6 +152,19 @@ def test_piston_rests_on_its_seals_and_moves_against_its_springs(config):
     assert x == pytest.approx(by_hand, rel=1e-3)
     assert clutch.pack_force(x, c)[0] == 0.0
     assert clutch.pack_force(2.04e-3 + 0.7e-3, c)[0] == pytest.approx(600e3 * 0.7e-3 / (1 - 0.7 / 1.4))
+
+
+@pytest.mark.parametrize("part, linear, square", [("clutch_s1", 2408.2, 140.0), ("clutch_s2", 2454.4, 123.55)])
+def test_the_clamp_force_grows_with_the_pressure_as_annex_d_says(config, part, linear, square):
+    """F_p = linear p + square p^2 (p in MPa) less an offset: what a rising piston gains from 1 to 2 MPa."""
+    cylinder = dataclasses.replace(getattr(config, part), pack_rate=5e6, pack_travel=5e-3)
+    c, forces = record(cylinder, config.plate_pack), []
+    for pressure in (1e6, 2e6):
+        x = 0.0
+        for _ in range(200):
+            x, _ = clutch.piston_step(x, pressure, 1e-2, c)
+        forces.append(clutch.pack_force(x, c)[0] + cylinder.spring_rate * x)
+    assert forces[1] - forces[0] == pytest.approx((linear + square * 3.0), rel=0.02)
 
 
 def test_load_is_what_the_relief_valve_makes_of_the_speed(config):
