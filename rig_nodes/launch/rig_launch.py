@@ -32,7 +32,7 @@ ARGUMENTS = (
     ("with", "", "values of the sequence's parameters, NAME=VALUE, several with commas between them"),
     ("rig", "hydmag", "name or .yaml file of the rig's configuration"),
     ("out", "", "new or empty folder for bag, report and logs; empty: runs/<sequence>-<n>"),
-    ("seed", "1", "seed of the transducers' noise"),
+    ("seed", "1", "seed of the transducers' noise and errors"),
     ("controller", "", "your controller in place of the Alfa46: python:FILE.py:CLASS or c:FILE.c"),
 )
 AFTER_FAILURE = 1.0  # s in which the rig notices that its controller is gone and the bag gets the safe state

@@ -123,7 +123,7 @@ def user(graph):
     ("oil_supply", {"pressure": 3e6}, "/oil_supply/state", lambda m: m.pressure_setting == 3e6),
     ("oil_supply", {"enabled": True}, "/oil_supply/state", lambda m: m.enabled and m.pressure > 0.0),
     ("oil_supply", {"temperature": 55.0}, "/oil_supply/state", lambda m: m.temperature == 55.0),
-    ("oil_supply", {"temperature": 60.0}, "/oil_supply/t_oil", lambda m: abs(m.value - 60.0) < 0.1),
+    ("oil_supply", {"temperature": 60.0}, "/oil_supply/t_oil", lambda m: abs(m.value - 60.0) < 1.0),
     ("load_pump", {"relief_pressure": 5e6}, "/load_pump/state", lambda m: m.relief_setting == 5e6),
     ("load_pump", {"enabled": True}, "/load_pump/state", lambda m: m.pressure > 0.0),
     ("motor", {"enabled": True}, "/motor/state", lambda m: m.enabled),
@@ -147,7 +147,7 @@ def test_noise_is_set_per_channel_and_switched_off_and_on(user):
         return max(np.ptp(np.reshape(block.data, (block.rows, -1))[:, column]) for block in later)
 
     usual, most = spread(0.0), limits(InstrumentsConfig, "p1_noise")[1]
-    # negative pressure is not shown, so half of the noise remains at an idle clutch
+    # below zero only its largest error is shown, so half of the noise remains at an idle clutch
     assert spread(user.set("instruments", noise__p1=most)) > 5.0 * usual
     assert spread(user.set("instruments", noise=False)) == 0.0
     assert user.get("instruments", "noise.p1") == most

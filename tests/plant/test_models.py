@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from rig_nodes.config.schema import fill, record_dtype
-from rig_nodes.instruments.noise import noise
 from rig_nodes.plant import clutch, load_pump, motor, valve
 from rig_nodes.testbench.configuration import load_rig
 
@@ -193,11 +192,3 @@ def test_drive_without_permission_has_no_torque(config):
     assert torque == pytest.approx(500.0), "limited by the torque limit"
     torque, _ = motor.drive_torque(0.0, 0.0, 300.0, 200.0, True, 1.0, m)
     assert torque == pytest.approx(350.0), "limited by 70 kW at 200 rad/s"
-
-
-def test_noise_is_counter_based_with_unit_variance():
-    values = np.array([noise(7, 3, k) for k in range(20_000)])
-    assert values.mean() == pytest.approx(0.0, abs=0.03) and values.std() == pytest.approx(1.0, abs=0.02)
-    assert np.abs(values).max() < 3.5
-    assert noise(7, 3, 1234) == values[1234] != noise(7, 4, 1234)
-    assert abs(np.corrcoef(values[:-1], values[1:])[0, 1]) < 0.03

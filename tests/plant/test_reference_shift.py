@@ -21,17 +21,15 @@ CLOSE = 2e-3
 
 
 def whole_rig():
-    """The rig with every effect on, averaged PWM, the thesis's clutch models, no noise and the finest resolution.
+    """The rig with every effect on the plant, averaged PWM, the thesis's clutch models, channels that show the truth.
 
     Its oil supply gives way enough to be seen.
     """
     config = load_rig("hydmag", {"oil_supply.relief_droop": "0.1 bar/(l/min)"})
-    on = {f.name: True for f in dataclasses.fields(config.effects) if f.type == "bool"}
-    silent = {f.name: 0.0 for f in dataclasses.fields(config.instruments) if f.name.endswith("_noise")}
+    on = {f.name: f.name != "transducers" for f in dataclasses.fields(config.effects) if f.type == "bool"}
     models = {"friction_model": "thesis", "drag_model": "kitabayashi"}
     return dataclasses.replace(
         config, effects=dataclasses.replace(config.effects, pwm_frequency=0.0, **on),
-        instruments=dataclasses.replace(config.instruments, resolution_bits=32.0, **silent),
         clutch_s1=dataclasses.replace(config.clutch_s1, **models),
         clutch_s2=dataclasses.replace(config.clutch_s2, **models))
 

@@ -1,7 +1,7 @@
 """A rig to try things on, and a way to bring it into a steady state."""
 
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import pytest
 
@@ -18,11 +18,10 @@ def config():
 
 @pytest.fixture(scope="session")
 def noiseless():
-    """Makes a rig's configuration from one with noise: none of it, and the finest resolution."""
+    """Makes a rig's configuration whose channels show the truth from one with transducers."""
 
     def make(config):
-        silent = {f.name: 0.0 for f in fields(config.instruments) if f.name.endswith("_noise")}
-        return replace(config, instruments=replace(config.instruments, resolution_bits=32.0, **silent))
+        return replace(config, effects=replace(config.effects, transducers=False))
 
     return make
 

@@ -82,7 +82,8 @@ def test_pressures_show_fill_hold_and_rise(demo):
         steep = 0.5 / slope(p, t, 0.7, 1.2)
         assert rate < 3.0, "filling is limited by the flow and the springs, MPa/s"
         assert steep > 1.5 * rate
-        assert p[-100:].mean() == pytest.approx(2.3, abs=0.08)
+        # before the last 30 rows, where the mean runs out of values; 0.1 and 0.063 MPa are the transducers' own
+        assert p[-130:-30].mean() == pytest.approx(2.3, abs=0.08 + {"p1": 0.1, "p2": 0.063}[name])
     # after filling, p1 stands for at least 10 ms before its current lifts it to the end value
     rising = (p > 0.45) & (p < 1.0)
     assert np.sort(np.gradient(p, log.period)[rising])[100] < 2.0

@@ -69,9 +69,9 @@ def strong(noiseless):
 
 @pytest.fixture(scope="module")
 def whole(strong):
-    """With every effect but the resolved pulses, which are no part of the rig's own settings."""
+    """With every effect on the plant but the resolved pulses, which are no part of the rig's own settings."""
     effects = dataclasses.replace(strong.effects, pwm_frequency=0.0, **{
-        f.name: True for f in dataclasses.fields(strong.effects) if f.type == "bool"})
+        f.name: f.name != "transducers" for f in dataclasses.fields(strong.effects) if f.type == "bool"})
     return Shift(dataclasses.replace(strong, effects=effects))
 
 
@@ -167,7 +167,8 @@ def test_an_effect_that_is_left_out(strong, whole, name, changes, unmoved):
 
 
 def test_every_effect_is_in_the_table(strong):
-    assert {row[0] for row in TABLE} | {"pwm_frequency"} == {f.name for f in dataclasses.fields(strong.effects)}
+    # transducers act on nothing but the channels: test_gauges
+    assert {row[0] for row in TABLE} | {"pwm_frequency", "transducers"} == {f.name for f in dataclasses.fields(strong.effects)}
 
 
 def test_resolved_pulses_make_a_ripple_of_current(strong, whole):

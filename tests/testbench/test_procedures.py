@@ -153,7 +153,8 @@ def test_the_shaft_runs_out_by_itself(first_runs):
     assert run.recording.channels["M_wej"][start - 10_000:start].mean() > 3.0
     seconds = n[start:start + 10_000 * int((len(n) - start) // 10_000)].reshape(-1, 10_000).mean(axis=1)
     assert np.all(np.diff(seconds) < 0.0) and n[-100:].mean() < 2 * RPM
-    assert max(run.recording.channels["p1"].max(), run.recording.channels["p2"].max()) < 0.05e6, "both clutches open"
+    # as far as the transducers' class, hum and noise let one say so
+    assert max(run.recording.channels["p1"].max(), run.recording.channels["p2"].max()) < 0.1e6, "both clutches open"
 
 
 def test_the_valve_is_recorded_for_five_seconds_at_125_khz(first_runs):

@@ -66,11 +66,15 @@ def test_the_open_clutch_slips_with_the_sign_of_the_convention(steady_rig):
     assert in_gear_ii.slip(0) == pytest.approx(1000 * rpm * (34 / 47 - 40 / 41), rel=1e-4)
 
 
-def test_transducers_read_the_truth_within_their_noise(steady_rig, config):
-    rig, noise = steady_rig(1, 1500, RELIEF), config.instruments
-    truth = {"M_wej": (rig.plant["m_wej"][0], noise.torque_noise), "n_wej": (rig.v[0], noise.speed_noise),
-             "p1": (rig.cylinders["line"][0], noise.p1_noise), "I_zr_p1": (rig.valves["current"][0], noise.current_noise)}
-    for name, (value, deviation) in truth.items():
+def test_transducers_read_the_truth_within_their_largest_errors(steady_rig, config):
+    """Tab. 7.1 and (7.1), and beside them what scatters: 3.5 deviations of noise, hum (up to 0.3 and 0.15 more), pulses."""
+    rig, parts = steady_rig(1, 1500, RELIEF), config.instruments
+    truth = {
+        "M_wej": (rig.plant["m_wej"][0], 500 * 0.2e-2 + 3.5 * parts.torque_noise + 1.45 * parts.torque_hum),
+        "n_wej": (rig.v[0], 2 * math.pi / 60 + 3.5 * parts.speed_noise),
+        "p1": (rig.cylinders["line"][0], 40e6 * 0.25e-2 + 3.5 * parts.p1_noise + 1.45 * parts.p1_hum + parts.p1_pickup),
+        "I_zr_p1": (rig.valves["current"][0], 3.5 * parts.current_noise + 0.5 / 4096)}
+    for name, (value, most) in truth.items():
         reading = rig.measurement(name)
         assert reading != value
-        assert reading == pytest.approx(value, abs=3.5 * deviation)
+        assert reading == pytest.approx(value, abs=most)

@@ -15,7 +15,7 @@ MAINS, HARMONICS = 50.0, 10  # Hz; the thesis prints 50 Hz and a period of 2 ms,
 MAINS_RANGE = 0.2  # Hz that a power grid strays
 HUM_MEAN = 2e-4  # s
 BEFORE = 0.1  # s of signal that must be there before the first pulse
-PULSE = 16e-6  # s that a pulse must last, two samples at 125 kHz: a single sample may be a spike
+PULSE = 8e-6  # s that a pulse must last, one sample at 125 kHz: the first ones are short
 COARSE_MEAN = 1e-3  # s, where no PWM frequency is found
 LONGEST_PERIOD = 20e-3  # s: slower pulses are no PWM
 CLEAR_RISE = 0.05  # share of the whole rise at which the pressure has certainly risen
@@ -29,7 +29,8 @@ def valve_delay(t: np.ndarray, coil: np.ndarray, pressure: np.ndarray) -> dict[s
     t: equally spaced times [s]; coil: voltage or duty of the coil; pressure: of the clutch, in any unit; 1-D of one
     length. The thesis reads both moments by eye on the unfiltered trace. Here:
 
-    * first pulse: the coil signal passes half of its height for at least two samples, counted at the sample before;
+    * first pulse: the coil signal passes half of its height for at least 8 us and again within 20 ms, counted at the sample
+      before;
     * hum: 50 Hz and its harmonics are fitted to the pressure before the first pulse and taken off everywhere;
     * pickup: a centred mean over whole PWM periods, the period being that of the coil signal, leaves nothing of it and
       moves no edge;
@@ -76,11 +77,14 @@ def _first_pulse(coil: np.ndarray, period: float) -> tuple[int, float | None]:
     on = coil > 0.5 * (low + high)
     if high - low <= 0.0 or early > 0.5 * (low + high):
         raise RigError("the coil signal has no first pulse: it is constant or switched on from the start")
-    length = max(2, int(round(PULSE / period)))
+    length = max(1, int(round(PULSE / period)))
     run = np.convolve(on, np.ones(length), "valid") > length - 0.5
-    first = first_true(run)
-    if first is None:
-        raise RigError("the coil signal has no pulse that lasts two samples")
+    # a pulse that nothing follows is a spike
+    starts, reach = np.flatnonzero(run), int(LONGEST_PERIOD / period)
+    followed = np.searchsorted(starts, starts + reach, "right") - np.arange(starts.size) > length
+    if not followed.any():
+        raise RigError("the coil signal has no pulse that lasts 8 us and is followed by another")
+    first = int(starts[np.argmax(followed)])
     edges = np.flatnonzero(run[1:] & ~run[:-1]) + 1
     gaps = np.diff(edges[edges >= first]) * period
     gaps = gaps[gaps < LONGEST_PERIOD]

@@ -1,6 +1,6 @@
 """Counter-based noise: the same (seed, channel, sample) gives the same number, whatever was drawn before.
 
-Called by plant.kernel; it is what makes a run independent of how it is cut into pieces.
+Called by plant.kernel and testbench.gauges; it is what makes a run independent of how it is cut into pieces.
 """
 
 from __future__ import annotations
@@ -21,12 +21,24 @@ def _mix(z):
 
 
 @njit(cache=True)
-def noise(seed, channel, sample):
+def channel_key(seed, channel):
+    """Where the numbers of a channel begin (uint64), for :func:`noise_at`."""
+    return _mix(np.uint64(seed) * _GOLDEN + np.uint64(channel) * _CHANNEL)
+
+
+@njit(cache=True)
+def noise_at(key, sample):
     """A number of zero mean and unit variance: sum of four 16-bit uniforms, so never beyond 3.5."""
-    z = _mix(np.uint64(seed) * _GOLDEN + np.uint64(channel) * _CHANNEL)
-    z = _mix(z + np.uint64(sample) * _GOLDEN)
+    z = _mix(key + np.uint64(sample) * _GOLDEN)
     low = np.uint64(0xFFFF)
     total = float(z & low) + float((z >> np.uint64(16)) & low)
     total += float((z >> np.uint64(32)) & low) + float(z >> np.uint64(48))
     # four uniforms on 0..65535: mean 131070, variance 4 (65536^2 - 1) / 12
     return (total - 131070.0) / 37837.22722
+
+
+@njit(cache=True)
+def uniform(seed, channel, sample):
+    """A number from 0 to below 1, each as likely as the other."""
+    z = _mix(channel_key(seed, channel) + np.uint64(sample) * _GOLDEN)
+    return float(z >> np.uint64(11)) / 9007199254740992.0  # 53 bits

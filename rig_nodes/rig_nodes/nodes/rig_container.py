@@ -43,7 +43,7 @@ CLOCK_BYTES = struct.Struct("<4siI")  # encapsulation, sec, nanosec
 OPTIONS = [
     *RIG_OPTIONS, SEQUENCE_PARAMETERS,
     ("--sequence", {"metavar": "NAME", "help": "sequence that will be run, for the run's record"}),
-    ("--seed", {"type": int, "default": 1, "help": "seed of the transducers' noise"}),
+    ("--seed", {"type": int, "default": 1, "help": "seed of the transducers' noise and errors"}),
     ("--speed", {"type": float, "help": "lockstep at so many times real time, inf for as fast as it goes"}),
     ("--step-timeout", {"type": float, "help": "s that the controller may take for one sample in lockstep"}),
     ("--drop", {"metavar": "TOPIC:N", "help": "do not send message N of a topic, to see that the loss is counted"}),

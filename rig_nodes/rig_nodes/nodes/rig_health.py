@@ -114,4 +114,6 @@ class RigHealth:
 
     def instruments(self) -> Health:
         """Whether the transducers have their noise."""
-        return Health("instruments", OK, "measures" if self.rig.gauges.on else "measures without noise")
+        gauges = self.rig.gauges
+        says = "measures" if gauges.on else "measures without noise" if gauges.present else "shows true values"
+        return Health("instruments", OK, says)

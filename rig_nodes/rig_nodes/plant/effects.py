@@ -18,7 +18,9 @@ class EffectsConfig:
     motor_speed: n_wej gives way under load; off: it is the setpoint. torque_losses: losses by torque; off: by speed
     alone. valve_hysteresis: iron and friction of the magnet. seal_friction: rise and release of a piston differ.
     spline_hysteresis: capacity outlasts the clamp force on release. oil_temperature: viscosity by temperature.
-    plate_heat: friction by the plates' temperature. wear: clearance grows with slip. pwm_frequency: of the resolved PWM, 0 Hz for its average.
+    plate_heat: friction by the plates' temperature. wear: clearance grows with slip. transducers: errors, disturbances,
+    range and resolution of what is measured; off: the true values. pwm_frequency: of the resolved PWM, 0 Hz for its
+    average.
     """
 
     current_loop: bool = switch()
@@ -30,6 +32,7 @@ class EffectsConfig:
     oil_temperature: bool = switch()
     plate_heat: bool = switch()
     wear: bool = switch()
+    transducers: bool = switch()
     pwm_frequency: float = param("frequency", 0.0, 1e5)
 
 

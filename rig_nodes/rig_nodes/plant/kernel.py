@@ -9,7 +9,8 @@ import numpy as np
 from numba import njit
 
 from ..alfa46.law import OFF, ON, OUTPUTS, current_loop, law_step
-from ..instruments.noise import noise
+from ..instruments.noise import noise_at
+from ..instruments.transducers import HUM, NOISE, PICKUP, STEP, analog, encoder, logged
 from . import clutch as clutch_model
 from . import gearbox as gearbox_model
 from . import load_pump, oil_supply
@@ -25,7 +26,6 @@ CHANNELS = ("M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2", "p_po", "I_zr_p1", "
             "U_zr_p1", "U_zr_p2")
 M_WEJ, N_WEJ, M_WYJ, N_WYJ, P_1, P_2, P_PO, I_1, I_2, P_P, T_OIL, U_1, U_2 = range(len(CHANNELS))
 SIGNALS = ("U_zr_p1", "U_zr_p2")  # no transducer's: share of the supply voltage on the coil, in this step
-NOISE, LOW, HIGH, QUANTUM = range(4)  # rows of the transducers' table
 # who drives the coils: duty from outside, the embedded law, or the plant's power stage on setpoints from outside
 BY_DUTY, BY_LAW, BY_SETPOINT = range(3)
 
@@ -40,8 +40,10 @@ CLUTCH_STATE = np.dtype([
     ("held_static", "f8"), ("kinetic", "f8"), ("static", "f8"), ("drag", "f8"), ("temperature", "f8"), ("wear", "f8"),
     ("heat", "f8"),
 ])
-# what of the thesis's error sources acts here; the others are parameters. pwm: frequency, 0 where it is averaged
-EFFECTS = np.dtype([("current_loop", "f8"), ("motor_speed", "f8"), ("pwm", "f8"), ("prescribed", "f8")])
+# what of the thesis's error sources acts here; the others are parameters. pwm: frequency, 0 where it is averaged;
+# pulses: of the coils' voltage as the transducers pick it up, there also where the plant takes the average
+EFFECTS = np.dtype([("current_loop", "f8"), ("motor_speed", "f8"), ("pwm", "f8"), ("pulses", "f8"),
+                    ("prescribed", "f8")])
 PLANT_STATE = np.dtype([
     ("motor_torque", "f8"), ("motor_integral", "f8"), ("motor_setpoint", "f8"), ("supply", "f8"),
     ("load_pressure", "f8"), ("m_wej", "f8"), ("m_wyj", "f8"), ("loss_in", "f8"), ("loss_out", "f8"),
@@ -98,11 +100,12 @@ def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch
 
 
 @njit(cache=True)
-def measure(row, seed, index, v, valves, cylinders, plant, oil, gauges):
-    """One logger row: true value plus the transducer's noise, held inside its range, in steps of the logger.
+def measure(row, index, h, v, valves, cylinders, plant, oil, effects, gauges):
+    """One logger row: true values as transducers, encoders and converter show them at the end of a step.
 
-    gauges (4, channels): rows NOISE (standard deviation), LOW, HIGH (range) and QUANTUM (resolution).
+    gauges: testbench.gauges' table, keys of the noise, hum by row, state (channels,) and counts (gate, channels).
     """
+    table, keys, hum, state, counts = gauges
     row[M_WEJ], row[M_WYJ] = plant.m_wej, plant.m_wyj
     row[N_WEJ], row[N_WYJ] = v[0], v[1]
     row[P_1], row[P_2] = cylinders[0].line, cylinders[1].line
@@ -110,11 +113,20 @@ def measure(row, seed, index, v, valves, cylinders, plant, oil, gauges):
     row[I_1], row[I_2] = valves[0].current, valves[1].current
     row[T_OIL] = oil.temperature
     row[U_1], row[U_2] = valves[0].on, valves[1].on
+    mains = hum[index % hum.size]
     for c in range(row.size):
-        value = row[c] + gauges[NOISE, c] * noise(seed, c, index)
-        value = min(max(value, gauges[LOW, c]), gauges[HIGH, c])
-        quantum = gauges[QUANTUM, c]
-        row[c] = round(value / quantum) * quantum if quantum > 0.0 else value
+        if table[STEP, c] > 0.0:
+            value = encoder(row[c], index, c, keys[c], table, state, counts)
+        else:
+            disturbance = table[HUM, c] * mains
+            if table[PICKUP, c] > 0.0:
+                duty = valves[c - P_1].duty  # nothing is induced by the mean
+                on = valve_model.on_share((index - 1) * h, h, duty, effects.pulses) if duty > 0.0 else 0.0
+                disturbance += table[PICKUP, c] * (on - duty)
+            value = analog(row[c], disturbance, c, table, state)
+            if table[NOISE, c] > 0.0:
+                value += table[NOISE, c] * noise_at(keys[c], index)
+        row[c] = logged(value, c, table)
 
 
 @njit(cache=True)
@@ -214,7 +226,7 @@ def power_stage(row, safe, wiring, currents, outputs, config):
 
 
 @njit(cache=True, nogil=True)
-def advance(samples, first_sample, steps_per_sample, h, seed, drive, wiring, settings, valves, cylinders, plant,
+def advance(samples, first_sample, steps_per_sample, h, drive, wiring, settings, valves, cylinders, plant,
             held, v, twist, mode, el, shaft, e_in, events, count, work, q, cap, minv, w, sh, kc, motor, gearbox,
             oil, load, gauges, valve_parameters, clutches, law_config, law_profiles, law_outputs, law_state,
             currents, log, effects, pieces, curves):
@@ -254,4 +266,4 @@ def advance(samples, first_sample, steps_per_sample, h, seed, drive, wiring, set
             plant_step(h, index * h, settings[0], valves, cylinders, plant[0], held[0], v, twist, mode, el,
                        shaft, e_in, events, count, work, q, cap, minv, w, sh, kc, motor[0], gearbox[0], oil[0],
                        load[0], valve_parameters, clutches, effects[0], curves)
-            measure(log[(index + 1) % rows], seed, index + 1, v, valves, cylinders, plant[0], oil[0], gauges)
+            measure(log[(index + 1) % rows], index + 1, h, v, valves, cylinders, plant[0], oil[0], effects[0], gauges)

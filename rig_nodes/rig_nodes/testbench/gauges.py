@@ -1,64 +1,121 @@
-"""The transducers' table: noise, range and resolution of each channel, and the noise as it is set while the rig runs.
+"""The transducers' table: errors, disturbances, range and resolution of each channel, and the noise as it is set live.
 
-Owned by testbench.rig; the kernel reads ``table``, which is changed in place.
+Owned by testbench.rig; the kernel reads ``arrays``, which are changed in place.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
 from ..config.schema import limits
 from ..errors import RigError
+from ..instruments import transducers as parts
+from ..instruments.noise import channel_key, uniform
 from ..plant import kernel
 from .configuration import InstrumentsConfig
 
-# field of InstrumentsConfig with the noise of each channel; the thermometer has none
-NOISE_FIELDS = {
-    "M_wej": "torque_noise", "n_wej": "speed_noise", "M_wyj": "torque_noise", "n_wyj": "speed_noise",
-    "p1": "p1_noise", "p2": "p2_noise", "p_po": "p_po_noise", "I_zr_p1": "current_noise",
-    "I_zr_p2": "current_noise", "p_p": "p1_noise",
+# what each channel is measured with: the first word of the fields of InstrumentsConfig
+KINDS = {
+    "M_wej": "torque", "n_wej": "speed", "M_wyj": "torque", "n_wyj": "speed", "p1": "p1", "p2": "p2", "p_po": "p_po",
+    "I_zr_p1": "current", "I_zr_p2": "current", "p_p": "p1", "T_oil": "temperature",
 }
-SIGNED = ("torque_noise",)
+# field with the noise of each channel; the thermometer has none
+NOISE_FIELDS = {channel: f"{kind}_noise" for channel, kind in KINDS.items() if kind != "temperature"}
+SIGNED = ("torque",)
+FILTERED = ("torque", "p1", "p2", "p_po")
+DISTURBANCES = [parts.NOISE, parts.HUM, parts.PICKUP]
+DRAWS = 1 << 32  # number of the first channel whose noise is drawn for what stays the same in a run
+NO_TRANSDUCER = {parts.GAIN: 1.0, parts.LOW: -math.inf, parts.HIGH: math.inf}  # rows that are not 0
 
 
 class Gauges:
-    """``table`` (4, channels): rows NOISE, LOW, HIGH, QUANTUM of kernel.measure, SI."""
+    """``arrays``: what kernel.measure reads, table (rows of instruments.transducers, channels), keys of the noise
+    (channels,), hum by row, state (channels,) and counts (rows of a gate, channels).
 
-    def __init__(self, config: InstrumentsConfig):
-        rows = []
-        for name in kernel.CHANNELS:
-            if name in kernel.SIGNALS:
-                rows.append((0.0, 0.0, 1.0, 0.0))
-                continue
-            field = NOISE_FIELDS.get(name)
-            noise = getattr(config, field) if field else 0.0
-            high = getattr(config, field.replace("_noise", "_range")) if field else config.temperature_range
-            low = -high if field in SIGNED else 0.0
-            rows.append((noise, low, high, (high - low) / 2.0**config.resolution_bits))
-        self.table = np.ascontiguousarray(np.array(rows).T)
-        self.on = True
-        self._noise = self.table[kernel.NOISE].copy()
+    ``on`` False: every channel shows its true value. ``seed`` draws the class errors, the phase of the mains and the
+    places of the encoders' discs, beside the noise; ``step`` [s] is the time of a row.
+    """
+
+    def __init__(self, config: InstrumentsConfig, seed: int, step: float, on: bool = True):
+        self.config, self.present, self.on = config, on, on
+        size = len(kernel.CHANNELS)
+        self.table, self.state = np.zeros((parts.ROWS, size)), np.zeros(size)
+        for row, value in NO_TRANSDUCER.items():
+            self.table[row] = value
+        gate = self._gate(step) if on and config.speed_step > 0.0 else 1
+        self.counts = np.zeros((gate, size))
+        if on:
+            for name, kind in KINDS.items():
+                self._fill(name, kind, seed, step)
+        keys = np.array([channel_key(seed, c) for c in range(size)], np.uint64)
+        hum = parts.mains(step, config.hum_frequency, uniform(seed, DRAWS, 0))
+        self.arrays = self.table, keys, hum, self.state, self.counts
+        self._set = self.table[DISTURBANCES]
+
+    def _gate(self, step: float) -> int:
+        rows = self.config.speed_gate / step
+        if abs(rows - round(rows)) > 1e-6 or rows < 0.5:
+            raise RigError(f"instruments.speed_gate of {self.config.speed_gate * 1e3:g} ms is no whole number of the "
+                           f"plant's steps of {step * 1e6:g} us; give e.g. 2 ms")
+        return round(rows)
+
+    def _fill(self, name: str, kind: str, seed: int, step: float) -> None:
+        config, c, table = self.config, kernel.CHANNELS.index(name), self.table
+        def value(what: str) -> float:
+            return getattr(config, f"{kind}_{what}", 0.0)
+
+        def drawn(number: int) -> float:
+            return 2.0 * uniform(seed, DRAWS + 1 + c, number) - 1.0
+
+        high = value("range")
+        if kind == "temperature":
+            offset, gain = config.temperature_offset, config.temperature_gain
+        else:
+            offset = gain = 0.5 * value("class")  # together the class, at the end of the range
+            offset *= high
+        table[parts.OFFSET, c], table[parts.GAIN, c] = offset * drawn(0), 1.0 + gain * drawn(1)
+        # a transducer shows its error below zero too
+        low = -high if kind in SIGNED else -value("class") * high
+        table[parts.LOW, c], table[parts.HIGH, c] = low, high
+        table[parts.NOISE, c], table[parts.HUM, c] = value("noise"), value("hum")
+        if name == kind:  # p_p is measured like p1, but no valve's wire runs beside its own
+            table[parts.PICKUP, c] = value("pickup")
+        if kind in FILTERED and config.anti_alias > 0.0:
+            table[parts.KEEP, c] = math.exp(-2.0 * math.pi * config.anti_alias * step)
+        if kind == "speed" and config.speed_step > 0.0:
+            table[parts.STEP, c] = config.speed_step
+            table[parts.TURN, c] = 1.0 / (config.speed_step * len(self.counts))
+            self.state[c] = uniform(seed, DRAWS + 1 + c, 0)
+        else:
+            self.state[c] = table[parts.OFFSET, c]
+            if config.resolution_bits > 0.0:
+                full = high if kind not in SIGNED else 2.0 * high
+                table[parts.QUANTUM, c] = full / 2.0**config.resolution_bits
 
     def switch(self, on: bool) -> None:
-        """All noise on, at the levels that are set, or off."""
+        """Noise, hum and pickup of all channels on, as they are set, or off; RigError without transducers."""
+        if on and not self.present:
+            raise RigError("noise refused: this rig shows true values (effects.transducers is off)")
         self.on = on
-        self.table[kernel.NOISE] = self._noise if on else 0.0
+        self.table[DISTURBANCES] = self._set if on else 0.0
 
     def set_noise(self, channel: str, value: float) -> None:
         """Standard deviation of one channel [SI]; RigError when there is no such channel or it is out of range."""
         low, high = noise_limits(channel)
         if not low <= value <= high:
             raise RigError(f"noise of {channel} of {value:g} refused; expected {low:g} to {high:g}")
-        self._noise[kernel.CHANNELS.index(channel)] = value
+        self._set[0, kernel.CHANNELS.index(channel)] = value
         self.switch(self.on)
 
     def noise(self, channel: str) -> float:
         """Standard deviation that is set, switched on or not [SI]."""
-        return float(self._noise[kernel.CHANNELS.index(channel)])
+        return float(self._set[0, kernel.CHANNELS.index(channel)])
 
     def effective(self, channel: str) -> float:
         """Standard deviation that acts [SI]."""
-        return float(self.table[kernel.NOISE, kernel.CHANNELS.index(channel)])
+        return float(self.table[parts.NOISE, kernel.CHANNELS.index(channel)])
 
 
 def noise_limits(channel: str) -> tuple[float, float]:

@@ -108,19 +108,19 @@ class Outputs:
 
         FluidPressure means absolute pressure, so ambient is added; its variance is that of the transducer's noise now.
         """
-        def absolute(clutch: str, column: int, noise: str) -> tuple:
+        def absolute(clutch: str, name: str) -> tuple:
+            column = kernel.CHANNELS.index(name)
             form = Form("sensor_msgs/msg/FluidPressure", lambda value, variance: {
                 "header": {"stamp": 0, "frame_id": clutch}, "fluid_pressure": value, "variance": variance}, 2)
-            return form, lambda row: (float(row[column]) + ATMOSPHERE,
-                                      getattr(self.rig.config.instruments, noise)**2)
+            return form, lambda row: (float(row[column]) + ATMOSPHERE, self.rig.gauges.effective(name)**2)
 
         joints = Form("sensor_msgs/msg/JointState", lambda *values: {
             "header": {"stamp": 0, "frame_id": ""}, "name": ["w0", "wk"], "position": [],
             "velocity": list(values[:2]), "effort": list(values[2:])}, 4)
         columns = [kernel.N_WEJ, kernel.N_WYJ, kernel.M_WEJ, kernel.M_WYJ]
         return [("/instruments/joint_states", joints, lambda row: row[columns].tolist()),
-                ("/instruments/p1_absolute", *absolute("clutch_s1", kernel.P_1, "p1_noise")),
-                ("/instruments/p2_absolute", *absolute("clutch_s2", kernel.P_2, "p2_noise"))]
+                ("/instruments/p1_absolute", *absolute("clutch_s1", "p1")),
+                ("/instruments/p2_absolute", *absolute("clutch_s2", "p2"))]
 
     def _watch_status(self) -> None:
         status = self.rig.status

@@ -106,7 +106,8 @@ class Rig:
             return out
 
         self._motor, self._gearbox = record(c.motor), record(c.gearbox)
-        self._oil, self._load, self.gauges = record(c.oil_supply), record(c.load_pump), Gauges(c.instruments)
+        self._oil, self._load = record(c.oil_supply), record(c.load_pump)
+        self.gauges = Gauges(c.instruments, self.seed, c.kernel.step, effects.transducers)
         self._valve_parameters = np.concatenate([record(c.valve_zr_p1), record(c.valve_zr_p2)])
         friction = {"kinetic": c.plate_pack.friction_kinetic, "static": c.plate_pack.friction_static}
         extra = [f"{way}_{kind}" for way in ("engaging", "releasing") for kind in friction]
@@ -125,6 +126,7 @@ class Rig:
         self._effects = np.zeros(1, kernel.EFFECTS)
         self._effects["current_loop"], self._effects["motor_speed"] = effects.current_loop, effects.motor_speed
         self._effects["pwm"] = effects.pwm_frequency
+        self._effects["pulses"] = effects.pwm_frequency or c.alfa46.values.pwm_frequency
         self._pieces, self._curves = np.full((2, 2, 1, 5), np.inf), np.zeros(2)
         if c.prescribed:
             self._effects["prescribed"], self._pieces = 1.0, c.prescribed.pieces[list(c.wiring)]
@@ -143,8 +145,8 @@ class Rig:
         self._setpoint, self._gear, self._shifting, self._flags = np.zeros(law.OUTPUTS), 0, False, 0
         self._duty = np.zeros(law.OUTPUTS)
         self._log = np.zeros((LOG_ROWS * self._logger_stride, len(kernel.CHANNELS)))
-        kernel.measure(self._log[0], self.seed, 0, self.v, self.valves, self.cylinders, self.plant[0], self._oil[0],
-                       self.gauges.table)
+        kernel.measure(self._log[0], 0, c.kernel.step, self.v, self.valves, self.cylinders, self.plant[0],
+                       self._oil[0], self._effects[0], self.gauges.arrays)
 
     # ---- time
 
@@ -183,11 +185,11 @@ class Rig:
 
     def _advance(self, samples: int) -> None:
         kernel.advance(
-            samples, self.sample, self._steps_per_sample, self.config.kernel.step, self.seed, self._drive,
+            samples, self.sample, self._steps_per_sample, self.config.kernel.step, self._drive,
             self._wiring, self.settings, self.valves, self.cylinders, self.plant, self.held, self.v,
             self._twist, self.mode, self._el, self._shaft, self._e_in, self._events, self._count, self._work,
             self._q, self._cap, self._minv, self._w, self._sh, self._kc, self._motor, self._gearbox,
-            self._oil, self._load, self.gauges.table, self._valve_parameters, self._clutches, self._law_config,
+            self._oil, self._load, self.gauges.arrays, self._valve_parameters, self._clutches, self._law_config,
             self._law_profiles, self._law_outputs, self._law_state, self._currents, self._log, self._effects,
             self._pieces, self._curves)
         self.sample += samples
@@ -231,8 +233,6 @@ class Rig:
             self.gauges.set_noise(name.removeprefix("instruments.noise."), value)
         else:
             raise RigError(f"'{name}' cannot be set while the rig runs")
-        noise = {f"{p}_noise": self.gauges.effective(p) for p in ("p1", "p2")}  # what the mirrors tell
-        self.config = replace(c, instruments=replace(c.instruments, **noise))
 
     def set_command(self, level: int, sample: int, duty, setpoint, gear: int, shifting: bool, flags: int) -> None:
         """The fields of a rig_msgs/ValveCommand, at the level that it names; RigError when refused."""
@@ -483,7 +483,8 @@ class Rig:
         """Digest of the whole state: equal for equal histories, however they were cut into calls."""
         digest = hashlib.sha256()
         for part in (self.v, self._twist, self.mode, self._el, self._e_in, self.valves, self.cylinders, self.plant,
-                     self.held, self._law_outputs, self._law_state, self.settings):
+                     self.held, self._law_outputs, self._law_state, self.settings, self.gauges.state,
+                     self.gauges.counts):
             digest.update(np.ascontiguousarray(part).tobytes())
         digest.update(str(self.sample).encode())
         return digest.hexdigest()

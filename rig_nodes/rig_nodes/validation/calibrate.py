@@ -99,18 +99,16 @@ def with_values(config: RigConfig, parameters: dict[str, Parameter], values: dic
     return config
 
 
-# ---- what the rig does, without noise
+# ---- what the rig does, without its transducers
 
 
 def pressures(config: RigConfig, clutch: int) -> tuple[np.ndarray, np.ndarray]:
     """Pressure [Pa] of clutch 1 or 2 each millisecond, engaged and then released, from each order on.
 
-    At the settings of the rig's controller, shafts at rest, no noise; the second time, because a piston that has never
-    moved lies deeper than its seals let it return.
+    At the settings of the rig's controller, shafts at rest, true values; the second time, because a piston that has
+    never moved lies deeper than its seals let it return.
     """
-    config = replace(config, instruments=replace(config.instruments, resolution_bits=32.0))
-    rig = Rig(config)
-    rig.gauges.switch(False)
+    rig = Rig(replace(config, effects=replace(config.effects, transducers=False)))
     rig.set_oil(SUPPLY, True)
     rig.advance_samples(SETTLE)
     rig.take_rows(10 * SETTLE)
@@ -189,9 +187,8 @@ def hydraulic_misses(config: RigConfig, targets: dict[str, Target], clutch: int)
 
 
 def steady_torque(config: RigConfig, gear: int, speed: float, load: float) -> float:
-    """M_wej [Nm] that turns the rig in a gear (0: neutral) at an input speed [rad/s] under a load [Nm], no noise."""
-    rig = Rig(config)
-    rig.gauges.switch(False)
+    """M_wej [Nm] that turns the rig in a gear (0: neutral) at an input speed [rad/s] under a load [Nm], true value."""
+    rig = Rig(replace(config, effects=replace(config.effects, transducers=False)))
     rig.set_oil(SUPPLY, True)
     rig.advance_samples(SETTLE)
     if gear:
@@ -205,9 +202,14 @@ def steady_torque(config: RigConfig, gear: int, speed: float, load: float) -> fl
 
 
 def loss_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
-    """The rows of coast-down and of the mean torques of 7.3.2, in steady state."""
+    """The rows of coast-down and of the mean torques of 7.3.2, in steady state.
+
+    The tangent at the start of the coast-down meets zero after J w / M, what the open driving side's torque makes of it.
+    """
     rpm = np.pi / 30.0
-    values = {"coast_down_torque": steady_torque(config, 0, 470 * rpm, 0.0),
+    coasting = steady_torque(config, 0, 470 * rpm, 0.0)
+    values = {"coast_down_torque": coasting,
+              "coast_down_tangent_time": config.gearbox.inertia_in * 470 * rpm / coasting,
               "valve_mean_torque_s1": steady_torque(config, 1, 500 * rpm, 30.0),
               "valve_mean_torque_s2": steady_torque(config, 2, 500 * rpm, 30.0)}
     return [Miss(name, value, (value - targets[name].printed[0]) / targets[name].tolerance)

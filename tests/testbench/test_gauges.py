@@ -1,0 +1,170 @@
+"""What the rig's channels show beside the truth: each transducer's error, hum, pickup and steps, one by one."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rig_nodes.errors import RigError
+from rig_nodes.plant import kernel
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.rig import Rig
+
+RPM = math.pi / 30
+QUIET = {f"instruments.{name}": value for name, value in {
+    "torque_noise": "0 Nm", "torque_class": "0 %", "torque_hum": "0 Nm", "speed_noise": "0 rpm", "speed_step": "0 rpm",
+    "p1_noise": "0 Pa", "p1_class": "0 %", "p1_hum": "0 Pa", "p1_pickup": "0 Pa", "p2_noise": "0 Pa",
+    "p2_class": "0 %", "p2_hum": "0 Pa", "p2_pickup": "0 Pa", "p_po_noise": "0 Pa", "p_po_class": "0 %",
+    "current_noise": "0 A", "temperature_offset": "0 degC", "temperature_gain": "0 %", "anti_alias": "0 Hz",
+    "resolution_bits": "0 -"}.items()}
+# largest errors of tab. 7.1 and, for 40 degC, of (7.2), less the 0.01 Nm and the 1 MPa of a person who reads
+LARGEST = {"M_wej": 1.0, "M_wyj": 1.0, "p1": 0.1e6, "p2": 0.0625e6, "p_po": 0.2e6, "T_oil": 0.5}
+
+
+def rows(rig, seconds: float) -> np.ndarray:
+    """The logger's rows of the next seconds, all channels; at most one second."""
+    first = rig.sample * 10 + 1
+    rig.advance(seconds)
+    return rig.rows_at(1e-4, first, round(seconds * 1e4)).copy()
+
+
+def column(values, name: str) -> np.ndarray:
+    return values[:, kernel.CHANNELS.index(name)]
+
+
+def only(seed=1, **parts) -> Rig:
+    """A rig whose instruments have only these parts."""
+    return Rig(load_rig("hydmag", QUIET | {f"instruments.{name}": value for name, value in parts.items()}), seed)
+
+
+def turned(rig, rpm: float = 1500.0) -> Rig:
+    """With oil, in gear I, at a speed and under a load."""
+    rig.set_oil(4e6, True)
+    rig.advance(0.3)
+    rig.order_gear(1)
+    rig.advance(1.0)
+    rig.set_motor(rpm * RPM, True)
+    rig.set_load(5e6, True)
+    rig.advance(3.5)
+    return rig
+
+
+def truth(rig) -> dict:
+    return {"M_wej": rig.plant["m_wej"][0], "n_wej": rig.v[0], "M_wyj": rig.plant["m_wyj"][0], "n_wyj": rig.v[1],
+            "p1": rig.cylinders["line"][0], "p2": rig.cylinders["line"][1], "p_po": rig.plant["load_pressure"][0],
+            "I_zr_p1": rig.valves["current"][0], "p_p": rig.plant["supply"][0], "T_oil": 40.0}
+
+
+def test_without_transducers_every_channel_shows_the_truth():
+    shown = [turned(Rig(load_rig("hydmag", {"effects.transducers": "off"}), seed)) for seed in (1, 2)]
+    for name, value in truth(shown[0]).items():
+        assert shown[0].measurement(name) == value
+    assert np.array_equal(shown[0].row(), shown[1].row()), "no seed is left in them"
+    with pytest.raises(RigError, match="shows true values"):
+        shown[0].set_value("instruments.noise", True)
+
+
+def test_each_part_is_left_out_by_its_zero():
+    rig = turned(only())
+    for name, value in truth(rig).items():
+        assert rig.measurement(name) == value
+
+
+def test_class_errors_stay_in_a_run_and_inside_the_largest_error_of_7_1():
+    classes = {"torque_class": "0.2 %", "p1_class": "0.25 %", "p2_class": "0.25 %", "p_po_class": "0.5 %",
+               "temperature_offset": "0.3 degC", "temperature_gain": "0.5 %"}
+    zeros = []
+    for seed in range(1, 21):
+        standing = rows(only(seed, **classes), 0.01)
+        assert np.ptp(standing, axis=0).max() < 1e-4  # Pa that the oil keeps
+        zeros.append(standing[0])
+    for name, largest in LARGEST.items():
+        errors = column(np.array(zeros), name) - (40.0 if name == "T_oil" else 0.0)
+        # zero of the torque meters and pressure transducers: half of the class; (7.2) has no zero at 40 degC
+        most = largest if name == "T_oil" else 0.5 * largest
+        assert 0.5 * most < np.abs(errors).max() <= most and errors.min() < 0.0 < errors.max()
+    assert abs(np.corrcoef(column(np.array(zeros), "M_wej"), column(np.array(zeros), "M_wyj"))[0, 1]) < 0.6
+
+
+def test_a_class_error_has_a_gain_as_well_as_an_offset():
+    for seed in (1, 2, 3):
+        rig = only(seed, p1_class="0.25 %")
+        offset = rig.measurement("p1")
+        turned(rig)
+        grown = rig.measurement("p1") - rig.cylinders["line"][0] - offset
+        assert 0.0 < abs(grown) <= 0.00125 * rig.cylinders["line"][0]
+
+
+def test_hum_is_on_torques_and_pressures_with_the_amplitude_that_is_set():
+    """A second of a standing rig: sine of 50 Hz by Fourier, its third and fifth 0.3 and 0.15 of it."""
+    seen = rows(only(torque_hum="0.1 Nm", p1_hum="8 kPa", p2_hum="5 kPa", p1_class="0.25 %", p2_class="0.25 %"), 1.0)
+    t = 1e-4 * np.arange(len(seen))
+    for name, amplitude in (("M_wej", 0.1), ("M_wyj", 0.1), ("p1", 8e3), ("p2", 5e3)):
+        lines = [2.0 * abs(np.mean(column(seen, name) * np.exp(-2j * np.pi * f * t))) for f in (50, 100, 150, 250)]
+        assert lines == pytest.approx(amplitude * np.array([1.0, 0.0, 0.3, 0.15]), rel=1e-6, abs=1e-6 * amplitude)
+    assert np.all(column(seen, "n_wej") == 0.0) and np.all(column(seen, "I_zr_p1") == 0.0)
+
+
+def pulses(rig) -> np.ndarray:
+    """What is added to p1 in 20 ms at half duty on ZR-P1."""
+    for sample in range(100):
+        rig.set_duty(sample, [0.5, 0.0, 0.0], [0.5, 0.0, 0.0], 1, True)
+        rig.advance_samples(1)
+    found = []
+    for sample in range(100, 120):
+        rig.set_duty(sample, [0.5, 0.0, 0.0], [0.5, 0.0, 0.0], 1, True)
+        found.append(rows(rig, 1e-3))
+    found = np.concatenate(found)
+    assert np.abs(column(found, "p2")).max() < 1e-4, "the other coil is off"
+    return column(found, "p1")
+
+
+def test_the_coil_induces_its_pulses_in_its_own_pressure_though_the_plant_takes_their_mean():
+    """1 kHz at duty 0.5 without oil: five rows up, five down, half of the height each way."""
+    quiet = {"p1_pickup": "20 kPa", "p1_class": "0.25 %", "p2_pickup": "12.5 kPa"}
+    config = load_rig("hydmag", QUIET | {f"instruments.{name}": value for name, value in quiet.items()})
+    rig = Rig(config, controller="external")
+    zero = rig.measurement("p1")
+    induced = pulses(rig) - zero
+    assert induced == pytest.approx(np.tile([1e4] * 5 + [-1e4] * 5, 20), abs=1e-3)
+    assert set(np.round(rig.valves["on"], 12)) == {0.5, 0.0}, "the plant's own coil has the mean"
+
+
+def test_an_encoder_shows_whole_rpm_around_the_true_speed():
+    rig = turned(only(speed_step="1 rpm"), 1000.0)
+    shown = column(rows(rig, 0.5), "n_wyj") / RPM
+    assert np.abs(shown - np.round(shown)).max() < 1e-6 and len(np.unique(np.round(shown))) == 2
+    true = rig.v[1] / RPM
+    assert np.abs(shown - true).max() < 1.05 and shown.mean() == pytest.approx(true, abs=0.05)
+
+
+def test_the_converter_divides_the_range_and_shows_errors_below_zero():
+    parts = {"p1_class": "0.25 %", "p1_noise": "5 kPa", "resolution_bits": "12 -"}
+    seen = [rows(only(seed, **parts), 0.1) for seed in range(1, 9)]
+    for values in seen:
+        steps = column(values, "p1") / (40e6 / 4096)
+        assert np.abs(steps - np.round(steps)).max() < 1e-9
+    assert min(column(values, "p1").min() for values in seen) < 0.0
+
+
+def test_noise_off_takes_hum_and_pickup_too_and_leaves_the_class_error():
+    rig = Rig(load_rig("hydmag"))
+    assert np.ptp(column(rows(rig, 0.1), "p1")) > 20e3
+    rig.set_value("instruments.noise", False)
+    rows(rig, 0.01)
+    standing = column(rows(rig, 0.1), "p1")
+    assert np.ptp(standing) == 0.0 and standing[0] != 0.0
+    rig.set_value("instruments.noise", True)
+    assert np.ptp(column(rows(rig, 0.1), "p1")) > 20e3
+
+
+def test_transducers_change_nothing_of_the_plant_but_what_the_current_loop_reads():
+    with_them, without = (turned(only(**parts)) for parts in (
+        {"p1_class": "0.25 %", "torque_class": "0.2 %", "torque_hum": "0.1 Nm", "speed_step": "1 rpm",
+         "anti_alias": "1 kHz", "p1_pickup": "20 kPa"}, {}))
+    assert np.array_equal(with_them.v, without.v) and np.array_equal(with_them.cylinders, without.cylinders)
+
+
+def test_a_gate_that_is_no_whole_number_of_rows_is_refused():
+    with pytest.raises(RigError, match=r"speed_gate of 2\.05 ms is no whole number of the plant's steps of 100 us"):
+        only(speed_step="1 rpm", speed_gate="2.05 ms")
