@@ -66,7 +66,8 @@ class Equations:
         self.valves = (config.valve_zr_p1, config.valve_zr_p2)
         self.cylinders = (config.clutch_s1, config.clutch_s2)
         pack = self.pack = config.plate_pack
-        per_force = [[closed.thesis(pack, 1.0, mu, pack.friction_spline, releasing=way) for way in (False, True)]
+        splines = ((False, pack.friction_spline), (True, pack.friction_spline_static))
+        per_force = [[closed.thesis(pack, 1.0, mu, spline, releasing=way) for way, spline in splines]
                      for mu in (pack.friction_kinetic, pack.friction_static)]
         self.per_force = [[[x.friction_correction * f for f in kind] for kind in per_force] for x in self.cylinders]
         self.film = drag.kitabayashi(pack, 1.0, 1.0, 1.0)
@@ -122,13 +123,14 @@ class Equations:
         highest = min(middle + v.friction_pressure, v.pressure_limit)
         per_pascal = v.spool_stroke / v.full_opening_pressure
         target = clamp(spool, per_pascal * (lowest - line), per_pascal * (highest - line))
+        target = min(target, max(per_pascal * (v.pressure_limit - line), -v.spool_dead_band))
         target = clamp(target, -v.spool_dead_band - v.spool_stroke, v.spool_stroke)
 
         flow = self.valve_flow(k, spool, line, supply)
         drop = line - chamber
         feed = x.feed_area * sqrt(2.0 / oil.density) * drop / (drop * drop + FEED_LINEAR**2) ** 0.25
         force = self.clamp_force(k, piston, z[WEAR])
-        push = x.piston_area * chamber
+        push = (x.piston_area + x.force_per_pressure_squared * max(0.0, chamber)) * chamber
         rest = push - x.spring_preload - x.spring_rate * piston - force
         seal = x.seal_friction + x.seal_friction_share * abs(push)
         speed = (rest - clamp(rest, -seal, seal)) / x.piston_damping

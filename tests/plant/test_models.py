@@ -83,6 +83,15 @@ def test_spool_opens_closes_and_has_a_dead_band_on_the_relieving_side(zr):
     assert opening(0.0, 0.79e6) == 0.0 and opening(0.0, 0.85e6) == pytest.approx(-0.5)
 
 
+def test_friction_holds_the_supply_open_up_to_the_limit_and_no_further(zr):
+    """Magnet for 3.5 to 3.7 MPa, limit 2.3 MPa: a spool a tenth open closes there, and nothing is let out above it."""
+    def after(port):
+        return valve.opening(valve.spool_position(0.05e-3, 4.0e6, port, 1.0, zr), zr)
+
+    assert after(2.25e6) == pytest.approx(0.5) and after(2.295e6) == pytest.approx(0.05)
+    assert after(2.31e6) == after(2.5e6) == after(3.7e6) == 0.0 and after(3.9e6) == pytest.approx(-1.0)
+
+
 def test_a_closing_pressure_closes(zr):
     for spool, reducing, edge in ((0.3e-3, True, 0.0), (-0.8e-3, False, -0.5e-3)):
         port = valve.closing_pressure(spool, reducing, 1.0e6, 8e-3, zr)
