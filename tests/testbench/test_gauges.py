@@ -122,7 +122,8 @@ def pulses(rig) -> np.ndarray:
 def test_the_coil_induces_its_pulses_in_its_own_pressure_though_the_plant_takes_their_mean():
     """1 kHz at duty 0.5 without oil: five rows up, five down, half of the height each way."""
     quiet = {"p1_pickup": "20 kPa", "p1_class": "0.25 %", "p2_pickup": "12.5 kPa"}
-    config = load_rig("hydmag", QUIET | {f"instruments.{name}": value for name, value in quiet.items()})
+    config = load_rig("hydmag", QUIET | {"alfa46.pwm_frequency": "1 kHz"} | {
+        f"instruments.{name}": value for name, value in quiet.items()})
     rig = Rig(config, controller="external")
     zero = rig.measurement("p1")
     induced = pulses(rig) - zero
