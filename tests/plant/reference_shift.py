@@ -123,7 +123,6 @@ class Equations:
         highest = min(middle + v.friction_pressure, v.pressure_limit)
         per_pascal = v.spool_stroke / v.full_opening_pressure
         target = clamp(spool, per_pascal * (lowest - line), per_pascal * (highest - line))
-        target = min(target, max(per_pascal * (v.pressure_limit - line), -v.spool_dead_band))
         target = clamp(target, -v.spool_dead_band - v.spool_stroke, v.spool_stroke)
 
         flow = self.valve_flow(k, spool, line, supply)

@@ -80,13 +80,11 @@ def held_pressures(magnet, valve):
 def spool_position(spool, magnet, port_pressure, h, valve):
     """Spool position [m] after h: first-order towards the band that friction holds it in, between its stops.
 
-    0 is the edge of the reducing side; the relieving side opens only after the overlap (dead band). Friction may hold
-    the supply open up to ``pressure_limit`` at the port: above it the spool goes back into the overlap.
+    0 is the edge of the reducing side; the relieving side opens only after the overlap (dead band).
     """
     lowest, highest = held_pressures(magnet, valve)
     gain = valve.spool_stroke / valve.full_opening_pressure
     target = min(max(spool, gain * (lowest - port_pressure)), gain * (highest - port_pressure))
-    target = min(target, max(gain * (valve.pressure_limit - port_pressure), -valve.spool_dead_band))
     target = min(max(target, -valve.spool_dead_band - valve.spool_stroke), valve.spool_stroke)
     return target + (spool - target) * exp(-h / valve.spool_time)
 
@@ -104,7 +102,7 @@ def closing_pressure(spool, reducing, magnet, h, valve):
         return inf
     lowest, highest = held_pressures(magnet, valve)
     # a spool that closes the supply is pushed by the highest, one that closes the drain by the lowest
-    held = min(highest, valve.pressure_limit) if target < spool else lowest
+    held = highest if target < spool else lowest
     return held - target / valve.spool_stroke * valve.full_opening_pressure
 
 
