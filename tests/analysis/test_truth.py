@@ -65,9 +65,9 @@ def test_on_the_sample_bag_truth_and_transducers_agree():
     (row,), (truth,), (account,) = report["shifts"], report["truth"], report["energy"]["shifts"]
     assert truth["t_lock_s"] == pytest.approx(row["t_c_s"], abs=0.01)
     assert truth["k"] == pytest.approx(row["k"], abs=0.01)
-    # states 5 ms apart may pass over the peak's tip, they never show more than there was
+    # states 5 ms apart may pass over the peak's tip, or hit it where the metric's mean over 2 ms takes it down
     peak = row["m_wej_max_nm"]
-    assert 0.5 * peak < truth["m_wej_max_nm"] < peak + report["uncertainty"][0]["m_wej_max_nm"]
+    assert 0.5 * peak < truth["m_wej_max_nm"] < 1.1 * peak + report["uncertainty"][0]["m_wej_max_nm"]
     for heat in ("heat_s1_j", "heat_s2_j"):
         assert truth[heat] == pytest.approx(account[heat], rel=0.02, abs=1.0)
     text = format_report(report)
