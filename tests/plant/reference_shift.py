@@ -173,7 +173,12 @@ class Equations:
                 abs(carried), -0.5 * g.loss_in_share / g.loss_in_square)
             loss_in = by_speed + max(0.0, g.loss_in_constant + g.loss_in_share * u + g.loss_in_square * u * u)
             m = abs(meter)
-            loss_out = 41 / 40 * max(0.0, g.loss_out_constant + g.loss_out_share * m + g.loss_out_square * m * m)
+            loss_out = 41 / 40 * max(0.0, g.loss_out_constant)
+            by_load = 41 / 40 * max(0.0, g.loss_out_share * m + g.loss_out_square * m * m)
+            if g.loss_by_load_side == "driving":
+                loss_in += by_load * min(1.0, w[1] / w[0])  # the same power
+            else:
+                loss_out += by_load
             free = [y[TORQUE] - loss_in, -load - loss_out]
             torques = [mode * capacity[0] for mode, capacity in zip(self.modes, capacities)]
             for k, (a, b) in enumerate(SLIPS):

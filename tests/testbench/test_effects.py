@@ -16,6 +16,7 @@ CHANNELS = ("current", "setpoint", "line", "piston", "clamp", "kinetic", "drag",
 # strong enough to be seen, whatever the rig's own values are; the oil is colder than what its viscosity is given for
 STRONG = {
     "gearbox.loss_in_share": "5 %", "gearbox.loss_out_constant": "1 Nm", "gearbox.loss_out_share": "5 %",
+    "gearbox.loss_by_load_side": "driven",
     "plate_pack.friction_per_kelvin": "-0.2 %/K", "plate_pack.friction_temperature": "20 degC",
     "plate_pack.wear_rate": "0.003 um/MJ", "plate_pack.friction_spline": "0.12 -",
     "plate_pack.friction_spline_static": "0.12 -",

@@ -1,8 +1,11 @@
 """Both gears in steady state against a calculation by hand, and the signs that go with it."""
 
+import dataclasses
 import math
 
 import pytest
+
+from rig_nodes.testbench.rig import Rig
 
 # by hand, from the tables of the thesis and, where they were calibrated, the values of config/rigs/hydmag.yaml
 RATIO = {1: 47 / 34, 2: 41 / 40}
@@ -22,21 +25,45 @@ def open_drag(config, gear: int, n_wej: float, n_wyj: float) -> tuple[float, flo
 
 
 def hand(config, gear: int, rpm: float) -> dict:
-    """Speeds and torques where nothing accelerates: losses of Annex D, by the load's torque and by w0's speed and torque."""
+    """Speeds and torques where nothing accelerates: losses of Annex D, by the load's torque and by w0's speed and torque.
+
+    The loss by the load brakes w0 with the power that it takes, or behind the clutches (loss_by_load_side).
+    """
     g = config.gearbox
     n_wyj = rpm / RATIO[gear]
     factor = 3.84e-7 * n_wyj**2 - 6.36e-4 * n_wyj + 1.32
     pressure = RELIEF * factor
     m_wyj = DISPLACEMENT * pressure + 0.5
-    loss_out = 41 / 40 * (g.loss_out_constant + g.loss_out_share * m_wyj + g.loss_out_square * m_wyj**2)
+    by_load = 41 / 40 * (g.loss_out_share * m_wyj + g.loss_out_square * m_wyj**2)
+    before = g.loss_by_load_side == "driving"
+    loss_out = 41 / 40 * g.loss_out_constant + (0.0 if before else by_load)
     drag_in, drag_out = open_drag(config, gear, rpm * math.pi / 30, n_wyj * math.pi / 30)
     carried = m_wyj + loss_out - drag_out
     clutch = carried * (1.0 if gear == 1 else 40 / 41)
     u = carried / RATIO[gear]
     speed_loss = g.loss_in_speed * (-1.76e-6 * rpm**2 + 4.58e-3 * rpm + 2.56)
     torque_loss = g.loss_in_constant + g.loss_in_share * u + g.loss_in_square * u**2
-    m_wej = u + drag_in + speed_loss + torque_loss
+    m_wej = u + drag_in + speed_loss + torque_loss + (by_load / RATIO[gear] if before else 0.0)
     return {"n_wyj": n_wyj, "p_po": pressure, "m_wyj": m_wyj, "m_wej": m_wej, "clutch": clutch}
+
+
+def test_the_loss_by_load_costs_the_motor_the_same_on_either_side(config):
+    """Equal power: without Annex D's parabola of w0's own torque, M_wej is the same in both readings."""
+    found = []
+    for side in ("driving", "driven"):
+        gearbox = dataclasses.replace(config.gearbox, loss_by_load_side=side, loss_in_constant=0.0, loss_in_share=0.0,
+                                      loss_in_square=0.0)
+        rig = Rig(dataclasses.replace(config, gearbox=gearbox))
+        rig.set_oil(4e6, True)
+        rig.advance(0.3)
+        rig.order_gear(2)
+        rig.advance(1.0)
+        rig.set_motor(1000 * math.pi / 30, True)
+        rig.set_load(RELIEF, True)
+        rig.advance(6.0)
+        found.append((rig.plant["m_wej"][0], rig.clutch_torque(1)))
+    assert found[0][0] == pytest.approx(found[1][0], rel=1e-4)
+    assert found[0][1] < found[1][1] - 5.0, "what stands before the clutches they need not carry"
 
 
 @pytest.mark.parametrize("gear", [1, 2])

@@ -10,7 +10,7 @@ from math import pi
 
 from numba import njit
 
-from ..config.schema import param
+from ..config.schema import choice, param
 from .driveline import Driveline
 
 # tab. 3.2: teeth of the wheels on the two power paths
@@ -24,7 +24,11 @@ RPM = pi / 30.0
 
 @dataclass(frozen=True)
 class GearboxConfig:
-    """Inertias and losses: by speed on w0, and on both sides a parabola of the torque carried (Annex D)."""
+    """Inertias and losses: by speed on w0, and on both sides a parabola of the torque carried (Annex D).
+
+    loss_by_load_side: where the loss by the load's torque brakes, behind the clutches (driven, as Annex D has it) or
+    before them (driving); M_wej in steady state is the same, what the clutches carry is not.
+    """
 
     inertia_in: float = param("inertia", 1e-3, 100.0)
     inertia_in_gearbox: float = param("inertia", 0.0, 100.0)
@@ -37,6 +41,7 @@ class GearboxConfig:
     loss_out_constant: float = param("torque", -100.0, 100.0)
     loss_out_share: float = param("ratio", -0.5, 0.5)
     loss_out_square: float = param("torque per torque squared", -0.01, 0.01)
+    loss_by_load_side: str = choice("driven", "driving")
 
 
 def build_driveline(gearbox: GearboxConfig):
@@ -69,8 +74,13 @@ def loss_in(speed, torque, gearbox):
 
 
 @njit(cache=True)
-def loss_out(torque, gearbox):
-    """Loss torque on wk [Nm] by the torque of the load [Nm]; Annex D has it on the z5 axis, hence the ratio."""
+def loss_out(gearbox):
+    """Loss torque on wk [Nm] whatever the load is, bearings and seals; given on the z5 axis as in Annex D."""
+    return max(0.0, gearbox.loss_out_constant) * (Z8 / Z5)
+
+
+@njit(cache=True)
+def loss_by_load(torque, gearbox):
+    """Loss torque on wk [Nm] that comes with the load's torque [Nm], Annex D: a parabola on the z5 axis."""
     u = abs(torque)
-    on_z5 = gearbox.loss_out_constant + gearbox.loss_out_share * u + gearbox.loss_out_square * u * u
-    return max(0.0, on_z5) * (Z8 / Z5)
+    return max(0.0, gearbox.loss_out_share * u + gearbox.loss_out_square * u * u) * (Z8 / Z5)

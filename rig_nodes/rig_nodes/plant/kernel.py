@@ -43,7 +43,7 @@ CLUTCH_STATE = np.dtype([
 # what of the thesis's error sources acts here; the others are parameters. pwm: frequency, 0 where it is averaged;
 # pulses: of the coils' voltage as the transducers pick it up, there also where the plant takes the average
 EFFECTS = np.dtype([("current_loop", "f8"), ("motor_speed", "f8"), ("pwm", "f8"), ("pulses", "f8"),
-                    ("prescribed", "f8")])
+                    ("prescribed", "f8"), ("loss_driving", "f8")])
 PLANT_STATE = np.dtype([
     ("motor_torque", "f8"), ("motor_integral", "f8"), ("motor_setpoint", "f8"), ("supply", "f8"),
     ("load_pressure", "f8"), ("m_wej", "f8"), ("m_wyj", "f8"), ("loss_in", "f8"), ("loss_out", "f8"),
@@ -171,7 +171,11 @@ def plant_step(h, t, settings, valves, cylinders, plant, held, v, twist, mode, e
         cap[KIN1, LOAD] = load_pump.torque_capacity(plant.load_pressure, load)
     carried = w[S1, 0] * el[LAM, S1] + w[S1 + 1, 0] * el[LAM, S1 + 1]  # by w0 into the clutches
     plant.loss_in = gearbox_model.loss_in(v[0], carried, gearbox)
-    plant.loss_out = gearbox_model.loss_out(plant.m_wyj, gearbox)
+    plant.loss_out, by_load = gearbox_model.loss_out(gearbox), gearbox_model.loss_by_load(plant.m_wyj, gearbox)
+    if effects.loss_driving == 0.0:
+        plant.loss_out += by_load
+    elif v[0] > 1.0:
+        plant.loss_in += by_load * min(1.0, max(0.0, v[1] / v[0]))  # the same power on the other shaft
     cap[KIN1, LOSS_IN], cap[KIN1, LOSS_OUT] = plant.loss_in, plant.loss_out
     for f in (LOSS_IN, LOSS_OUT, LOAD):
         # held over the step: their change is slow, and one torque per step keeps work and meters consistent

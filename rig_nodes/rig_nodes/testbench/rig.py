@@ -126,6 +126,7 @@ class Rig:
         self._effects = np.zeros(1, kernel.EFFECTS)
         self._effects["current_loop"], self._effects["motor_speed"] = effects.current_loop, effects.motor_speed
         self._effects["pwm"] = effects.pwm_frequency
+        self._effects["loss_driving"] = c.gearbox.loss_by_load_side == "driving"
         self._effects["pulses"] = effects.pwm_frequency or c.alfa46.values.pwm_frequency
         self._pieces, self._curves = np.full((2, 2, 1, 5), np.inf), np.zeros(2)
         if c.prescribed:
