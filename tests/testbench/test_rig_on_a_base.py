@@ -1,0 +1,67 @@
+"""Rigs that name another one and what differs, and clutch pressures that are prescribed."""
+
+import pytest
+
+from rig_nodes.config import CONFIG_DIR
+from rig_nodes.errors import RigError
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.rig import Rig
+
+CHAPTER9 = (CONFIG_DIR / "rigs" / "chapter9.yaml").read_text()
+
+
+def test_what_is_not_named_is_that_of_the_base():
+    base, other = load_rig(), load_rig("chapter9")
+    assert other.name == "chapter9" and other.plate_pack == base.plate_pack and other.load_pump == base.load_pump
+    assert not other.effects.motor_speed and base.effects.motor_speed
+    assert other.alfa46.values.t12 == 0.0 and base.alfa46.values.t12 == -0.22
+    assert other.as_dict()["prescribed"]["forces"][0]["contact_force"] == 389.0 and "prescribed" not in base.as_dict()
+
+
+@pytest.mark.parametrize("old, new, sentence", [
+    ("base: hydmag", "base: hydmga", r"rig\.yaml:\d+: base: there is no rig 'hydmga'"),
+    ("  ramp: [750 rpm/s", "  rmap: [750 rpm/s", r"rig\.yaml:\d+: unknown key 'rmap' in motor"),
+    ("[off, \"chapter 9: n_wej is constant\"]", "[of, \"x\"]", "is 'of', expected one of on, off"),
+    ("- [0.38869, 2.3, -13.028, 18.294, 0]", "- [0.38869, 2.3, -13.028, 18.294]", "a row is"),
+    ("      - [end, 0, 0, 0, 0]\n", "", "the last of them up to \"end\""),
+    ("    contact_force: [389 N", "    contact_force: [389 Nm", "expected a force"),
+])
+def test_a_wrong_rig_on_a_base_is_refused(tmp_path, old, new, sentence):
+    assert old in CHAPTER9
+    path = tmp_path / "rig.yaml"
+    path.write_text(CHAPTER9.replace(old, new, 1))
+    with pytest.raises(RigError, match=sentence):
+        load_rig(path)
+
+
+def test_prescribed_pressures_follow_the_printed_curves_from_the_order_on():
+    """S2 engages: 1.3297 t MPa at first, 2.3 MPa from 0.2829 s; then S2 releases: 2.3 - 11.788 t + 18.322 t^2."""
+    rig = Rig(load_rig("chapter9"))
+    rig.advance(0.1)
+    rig.order_gear(2)
+    line = rig.cylinders["line"]
+    rig.advance(0.2)
+    assert line[1] == pytest.approx(1.3297e6 * 0.2, rel=0.01) and line[0] == 0.0
+    rig.advance(1.0)
+    assert line[1] == pytest.approx(2.3e6)
+    rig.order_gear(0)
+    rig.advance(0.1)
+    assert line[1] == pytest.approx((2.3 - 1.1788 + 0.18322) * 1e6, rel=0.01)
+    # Annex D: 123.55 p^2 + 2454.4 p - 242.45 N less 657 N at the kiss point
+    p = line[1] * 1e-6
+    assert rig.cylinders["clamp"][1] == pytest.approx(123.55 * p * p + 2454.4 * p - 242.45 - 657.0, rel=1e-6)
+
+
+def test_a_constant_input_speed_stays_whatever_the_shift_asks_for():
+    rig = Rig(load_rig("chapter9"))
+    rig.order_gear(1)
+    rig.advance(1.3)
+    rig.set_motor(100.0, True)
+    rig.set_load(5e6, True)
+    rig.advance(4.0)
+    rig.order_gear(2)
+    lowest = 100.0
+    for _ in range(600):
+        rig.advance(0.001)
+        lowest = min(lowest, float(rig.v[0]))
+    assert lowest == pytest.approx(100.0, abs=0.01) and rig.locked_gear() == 2
