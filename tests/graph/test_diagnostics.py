@@ -86,7 +86,7 @@ def test_it_is_told_at_1_hz_when_nothing_changes(user):
     for name in ("rig/alfa46", "rig/sequencer"):
         times = user.came[name][-4:]
         assert 2.7 < times[-1] - times[0] < 3.6, name
-    assert user.stamps[-1] > 3.0, "simulated time"
+    assert max(user.stamps) > 3.0, "simulated time"
 
 
 def test_a_stop_is_told_at_once_with_its_reason(user):

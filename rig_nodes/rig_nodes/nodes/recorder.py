@@ -51,6 +51,7 @@ class Recorder(Node):
         self._queue: deque = deque()
         self._closing = threading.Event()
         self._newest = 0
+        self._tapped = 0  # simulated time of what the taps brought
         self._thread = threading.Thread(target=self._write_tapped if taps else self._write, name="writer", daemon=True)
         # Definitions are read before the first message: later that would hold up the callbacks.
         topics = catalogue().all_topics
@@ -65,7 +66,7 @@ class Recorder(Node):
         self.received += len(early)
         self._thread.start()
         self._losing = Growing()
-        self.diagnostics = Diagnostics(self, self.health, lambda: self._newest)
+        self.diagnostics = Diagnostics(self, self.health, lambda: max(self._newest, self._tapped))
 
     def health(self) -> list[Health]:
         """The recorder's own, for /diagnostics."""
@@ -129,9 +130,12 @@ class Recorder(Node):
                         if messages is None:
                             selector.unregister(key.fileobj)
                             continue
+                        stamp = self._tapped
                         for topic, data in messages:
                             self.received += 1
-                            write(topic, types[topic], data, cdr.stamp(data))
+                            stamp = cdr.stamp(data)
+                            write(topic, types[topic], data, stamp)
+                        self._tapped = max(self._tapped, stamp)
                     while self._queue:
                         self._store(*self._queue.popleft())
                     if closing and not ready:
