@@ -175,7 +175,7 @@ def test_pause_step_and_resume_by_service(domain, user):
     clock = listen(user, Clock, "/clock")
     replay = Replay(domain, SAMPLE, "--paused", "--topics", "/motor/state", "--start", 0.5)
     samples = user.listen("/motor/state")
-    assert user.node.count_publishers("/clock") == 1
+    user.until(lambda: user.node.count_publishers("/clock") == 1, "the clock of the replay alone")
     for number in (1, 2, 3):
         assert user.call(Trigger, "/rig_replay/step").success
         user.until(lambda: len(samples) == number, f"step {number}")
