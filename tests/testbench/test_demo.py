@@ -37,11 +37,11 @@ def demo(tmp_path_factory):
     return run(tmp_path_factory.mktemp("demo"))
 
 
-def test_both_shifts_are_complete_and_the_output_keeps_turning(demo):
-    """The upshift dips where the laboratory's did not (docs/validation.md), but it does not stop."""
+def test_both_shifts_are_complete_and_without_a_deep_dip(demo):
+    """The upshift dips a little where the laboratory's did not (docs/validation.md)."""
     _, report = demo
     assert [(s["from_gear"], s["to_gear"]) for s in report["shifts"]] == [(1, 2), (2, 1)]
-    for shift, lowest in zip(report["shifts"], (0.7, 0.95)):
+    for shift, lowest in zip(report["shifts"], (0.8, 0.95)):
         assert shift["valid"], shift["why"]
         assert shift["k"] >= lowest
         assert shift["n_wej_rpm"] == pytest.approx(1500, abs=5)
