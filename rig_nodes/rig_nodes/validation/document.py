@@ -42,7 +42,10 @@ unless the row speaks of a mean, a spread or of most. Where several values are j
 place.
 
 **Calibrated** rows may be fitted, **predicted** ones must come out by themselves, rows for **information** cannot be
-judged; their value is shown where there is one. A row is *not compared* when something that it needs is missing.
+judged; their value is shown where there is one. A row is *not compared* when something that it needs is missing. Not all
+predicted rows are independent: on which side the loss by the load brakes was decided by counting them, and two
+assumptions (friction at rest in the splines, the drive's tuning) were made with some in view; see "Calibration" in
+[physics.md](physics.md).
 
 The packs of chapter 8 follow the thesis's model with stated friction ([friction_models.md](friction_models.md)): its
 k_kor against that model is 1 by construction, so those rows say what the other models make of the same packs, not that
