@@ -10,7 +10,6 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +23,7 @@ from ..errors import RigError
 from ..plant import kernel
 from ..plant.clutch import Cylinder
 from ..plant.load_pump import relief_setting_for
+from ..testbench.campaign import Workers
 from ..testbench.configuration import PARTS, RigConfig
 from ..testbench.rig import Rig
 from .targets import Target, load_targets
@@ -256,7 +256,7 @@ def _targets() -> dict[str, Target]:
 
 def search(config: RigConfig, parameters: dict[str, Parameter], misses: Callable, generations: int, jobs: int,
            seed: int, progress: Callable[[int, float], None] | None = None) -> dict[str, float]:
-    """Values that make the sum of squared misses small, by differential evolution; Ctrl-C ends it with the best so far.
+    """Values that make the sum of squared misses small, by differential evolution; an interrupt is passed on.
 
     misses: of this module, e.g. hydraulic_misses. The same seed finds the same values for any number of jobs.
     """
@@ -269,10 +269,10 @@ def search(config: RigConfig, parameters: dict[str, Parameter], misses: Callable
             progress(turn[0], float(intermediate_result.fun))
 
     start = _start(config, parameters)
-    with get_context("spawn").Pool(jobs) as pool:
+    with Workers(jobs) as workers:
         found = differential_evolution(
             cost, [(0.0, 1.0)] * len(parameters), x0=start, popsize=4, maxiter=generations, tol=1e-4, seed=seed,
-            mutation=(0.4, 0.9), recombination=0.8, polish=False, callback=tell, workers=pool.map, updating="deferred")
+            mutation=(0.4, 0.9), recombination=0.8, polish=False, callback=tell, workers=workers.map, updating="deferred")
     return {p.name: float(p.low + (p.high - p.low) * u) for p, u in zip(parameters.values(), found.x)}
 
 
