@@ -36,8 +36,8 @@ VALVE_STATE = np.dtype([
     ("work", "f8"), ("cut", "f8"), ("cut_flow", "f8"), ("cut_slope", "f8"), ("cut_pressure", "f8"),
 ])
 CLUTCH_STATE = np.dtype([
-    ("line", "f8"), ("chamber", "f8"), ("piston", "f8"), ("clamp", "f8"), ("held_kinetic", "f8"),
-    ("held_static", "f8"), ("kinetic", "f8"), ("static", "f8"), ("drag", "f8"), ("temperature", "f8"), ("wear", "f8"),
+    ("line", "f8"), ("chamber", "f8"), ("piston", "f8"), ("clamp", "f8"), ("held", "f8"),
+    ("rest", "f8"), ("kinetic", "f8"), ("static", "f8"), ("drag", "f8"), ("temperature", "f8"), ("wear", "f8"),
     ("heat", "f8"),
 ])
 # what of the thesis's error sources acts here; the others are parameters. pwm: frequency, 0 where it is averaged;
@@ -86,15 +86,15 @@ def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch
         valve.work += line * flow * h
         cylinder.line, cylinder.chamber, cylinder.piston = line, chamber, piston
         cylinder.clamp = clutch_model.pack_force(piston, clutch)[0]
-    cylinder.held_kinetic = clutch_model.held_torque(
-        cylinder.held_kinetic, cylinder.clamp, clutch.engaging_kinetic, clutch.releasing_kinetic)
-    cylinder.held_static = clutch_model.held_torque(
-        cylinder.held_static, cylinder.clamp, clutch.engaging_static, clutch.releasing_static)
-    # (6.56): what an unclamped pack still asks for is there as soon as the asperities carry
-    rest = clutch.rest_torque * min(1.0, cylinder.clamp / clutch.film_force)
+    cylinder.held = clutch_model.held_torque(
+        cylinder.held, cylinder.clamp, clutch.engaging_static, clutch.releasing_static)
+    cylinder.rest = clutch_model.rest_share(cylinder.rest, cylinder.piston, cylinder.clamp, clutch)
+    rest = clutch.rest_torque * cylinder.rest
     factor = clutch_model.friction_factor(cylinder.temperature, clutch)
-    cylinder.kinetic = factor * cylinder.held_kinetic + rest
-    cylinder.static = factor * cylinder.held_static + rest
+    # sliding breaks the adhesion and shakes the plates loose on their splines; the waves' force is the clamp itself until
+    # the piston has left them alone
+    cylinder.kinetic = max(factor * clutch.engaging_kinetic * cylinder.clamp, clutch.kinetic_share * rest)
+    cylinder.static = factor * cylinder.held + rest
     viscosity = oil_supply.viscosity_at(cylinder.temperature, oil)
     cylinder.drag = clutch_model.drag_coefficient(cylinder.piston, cylinder.clamp, viscosity, clutch)
 

@@ -109,19 +109,18 @@ class Rig:
         self._oil, self._load = record(c.oil_supply), record(c.load_pump)
         self.gauges = Gauges(c.instruments, self.seed, c.kernel.step, effects.transducers)
         self._valve_parameters = np.concatenate([record(c.valve_zr_p1), record(c.valve_zr_p2)])
-        friction = {"kinetic": c.plate_pack.friction_kinetic, "static": c.plate_pack.friction_static}
-        extra = [f"{way}_{kind}" for way in ("engaging", "releasing") for kind in friction]
-        extra += ["drag_factor", "new_clearance", *(field.name for field in fields(Force))]
-        packs = (c.clutch_s1, c.clutch_s2)
-        self._clutches = np.concatenate([record(x, c.plate_pack, extra=extra) for x in packs])
+        extra = ["engaging_kinetic", "engaging_static", "releasing_static", "kinetic_share", "drag_factor",
+                 "new_clearance", *(field.name for field in fields(Force))]
+        packs, plates = (c.clutch_s1, c.clutch_s2), c.plate_pack
+        self._clutches = np.concatenate([record(x, plates, extra=extra) for x in packs])
         for row, cylinder in zip(self._clutches, packs):
-            model = cylinder.friction_model
-            for kind, mu in friction.items():
-                for way in ("engaging", "releasing"):
-                    turned = way == "releasing" and effects.spline_hysteresis
-                    row[f"{way}_{kind}"] = cylinder.friction_correction * clutch.torque_per_force(
-                        c.plate_pack, mu, turned, model)
-            row["drag_factor"] = clutch.drag_factor(c.plate_pack, cylinder.drag_model)
+            for way, kind, mu, turned in (("engaging", "kinetic", plates.friction_kinetic, False),
+                                          ("engaging", "static", plates.friction_static, False),
+                                          ("releasing", "static", plates.friction_static, effects.spline_hysteresis)):
+                row[f"{way}_{kind}"] = cylinder.friction_correction * clutch.torque_per_force(
+                    plates, mu, turned, cylinder.friction_model)
+            row["kinetic_share"] = plates.friction_kinetic / plates.friction_static if plates.friction_static > 0.0 else 0.0
+            row["drag_factor"] = clutch.drag_factor(plates, cylinder.drag_model)
             row["new_clearance"] = cylinder.clearance
         self._effects = np.zeros(1, kernel.EFFECTS)
         self._effects["current_loop"], self._effects["motor_speed"] = effects.current_loop, effects.motor_speed
