@@ -93,13 +93,13 @@ def drag_factor(pack: PlatePack, model: str = "kitabayashi") -> float:
         raise RigError(f"plate_pack: {error}") from None
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def friction_factor(temperature, clutch):
     """Friction of the plates at their temperature [degC] over that at ``friction_temperature``."""
     return max(0.2, 1.0 + clutch.friction_per_kelvin * (temperature - clutch.friction_temperature))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def plates_after(temperature, wear, heat, oil_temperature, h, clutch):
     """(temperature [degC], wear of the whole pack [m]) of the plates after h, in which they took ``heat`` [J]."""
     rate = clutch.wear_rate * max(0.0, 1.0 + clutch.wear_per_kelvin * (temperature - clutch.friction_temperature))
@@ -107,7 +107,7 @@ def plates_after(temperature, wear, heat, oil_temperature, h, clutch):
     return temperature + (heat - cooled) / clutch.heat_capacity, wear + rate * heat
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def drag_coefficient(piston, clamp, viscosity, clutch):
     """Viscous torque per slip [Nm s/rad]: oil sheared in the gaps, giving way to the asperities as they carry."""
     gap = max((clutch.clearance - piston) / clutch.surfaces, clutch.film_gap)
@@ -115,21 +115,21 @@ def drag_coefficient(piston, clamp, viscosity, clutch):
     return clutch.drag_factor * viscosity / gap * film_share
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def held_torque(before, clamp, engaging, releasing):
     """Torque capacity [Nm] with the memory of the splines: rises along ``engaging`` times the clamp force, stays
     while the plates stick on their splines, falls along ``releasing`` times the clamp force [Nm/N]."""
     return min(max(before, engaging * clamp), releasing * clamp)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def prescribed_clamp(pressure, clutch):
     """Clamp force [N] at a prescribed pressure [Pa]: F_p of Annex D less the springs' force at the kiss point."""
     push = (clutch.force_square * pressure + clutch.force_linear) * pressure + clutch.force_offset
     return max(0.0, push - clutch.contact_force)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def pack_force(piston, clutch):
     """(force on the plates [N], its slope [N/m]): none up to the kiss point, then the waves of the steel plates.
 
@@ -142,7 +142,7 @@ def pack_force(piston, clutch):
     return clutch.pack_rate * squeeze / left, clutch.pack_rate / (left * left)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def piston_step(piston, pressure, h, clutch):
     """(piston position after h, its derivative by pressure): implicit step of the massless, damped piston.
 
@@ -177,7 +177,7 @@ def piston_step(piston, pressure, h, clutch):
     return x, gain / stiff
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def cylinder_step(line_pressure, chamber_pressure, piston, state, supply, h, oil, valve, clutch):
     """One implicit step of line, feed orifice, chamber and piston.
 
