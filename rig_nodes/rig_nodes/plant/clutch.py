@@ -6,6 +6,7 @@ Called by plant.kernel for S1 and S2; the models of torque and drag themselves a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 
 from numba import njit
 
@@ -160,18 +161,16 @@ def piston_step(piston, pressure, h, clutch):
     else:
         return piston, 0.0
     rate = clutch.piston_damping / h
-    flat = clutch.clearance + clutch.pack_travel
-    x, stiff = piston, rate
-    for _ in range(40):  # Newton on a monotone, piecewise convex balance, never past the flat pack
-        plates, slope = pack_force(x, clutch)
-        stiff = clutch.spring_rate + rate + slope
-        miss = rate * (x - piston) + clutch.spring_preload + clutch.spring_rate * x + plates - drive
-        new = x - miss / stiff
-        if new >= flat:
-            new = 0.5 * (x + flat)
-        if abs(new - x) < 1e-12:
-            break
-        x = new
+    stiff = clutch.spring_rate + rate
+    # the balance with the pack just touched; k s / (1 - s / s_f) makes it a quadratic in the squeeze s beyond that
+    miss = drive - clutch.spring_preload + rate * piston - stiff * clutch.clearance
+    if miss <= 0.0:
+        x = clutch.clearance + miss / stiff
+    else:
+        middle = (stiff + clutch.pack_rate) * clutch.pack_travel + miss
+        root = sqrt(max(0.0, middle * middle - 4.0 * stiff * miss * clutch.pack_travel))
+        x = clutch.clearance + 2.0 * miss * clutch.pack_travel / (middle + root)
+        stiff += pack_force(x, clutch)[1]
     if x <= 0.0:
         return 0.0, 0.0
     return x, gain / stiff
@@ -207,11 +206,9 @@ def cylinder_step(line_pressure, chamber_pressure, piston, state, supply, h, oil
             high = p
         else:
             low = p
-        step = miss / (stiff_line * dline + dfeed - dflow * dline)
-        new = p - step
-        if not low < new < high:
-            new = 0.5 * (low + high)
-        if abs(new - p) < 1e-3:  # Pa
+        new = p - miss / (stiff_line * dline + dfeed - dflow * dline)
+        if abs(new - p) < 1e-3:  # Pa; a root that is met lies on the bracket's edge, so this comes first
             break
-        p = new
-    return line, p, x, flow
+        p = new if low < new < high else 0.5 * (low + high)
+    # what Newton has left goes into the line's pressure: no oil is lost or made, however many steps
+    return line - miss / stiff_line, p, x, flow
