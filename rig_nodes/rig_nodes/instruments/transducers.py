@@ -23,11 +23,13 @@ HARMONICS = {1: 1.0, 3: 0.3, 5: 0.15}  # of the mains and their shares of the fi
 SQRT2 = sqrt(2.0)
 # all channels of a logger side by side, for :func:`show`: as wide as two vectors of the processor. table: as above;
 # white: noise of the analog channels; keys: of the noise; state: of the low passes; angle: of the encoders, in counts;
-# induced: voltage of the coils less its mean; row: true values, then what is shown; pickup, noisy > 0: somebody has some
+# counted: their counters a gate ago, then now; induced: voltage of the coils less its mean; mains: hum; row: true values, then
+# what is shown; pickup, noisy > 0: somebody has some
 LANES = 16
 SHOWN = np.dtype([
     ("table", "f8", (ROWS, LANES)), ("white", "f8", (LANES,)), ("keys", "u8", (LANES,)), ("state", "f8", (LANES,)),
-    ("angle", "f8", (LANES,)), ("induced", "f8", (LANES,)), ("row", "f8", (LANES,)), ("pickup", "f8"), ("noisy", "f8"),
+    ("angle", "f8", (LANES,)), ("counted", "f8", (LANES,)), ("induced", "f8", (LANES,)), ("row", "f8", (LANES,)),
+    ("mains", "f8"), ("pickup", "f8"), ("noisy", "f8"),
 ])
 
 
@@ -104,8 +106,8 @@ def give(shown, state):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def encode(shown, c, index, counts, slot):
-    """:func:`encoder` on a channel of a record of SHOWN, if it has one; slot: index % rows of a gate."""
+def encode(shown, c, index):
+    """:func:`encoder` on a channel of a record of SHOWN, if it has one."""
     table = shown.table
     if table[STEP, c] > 0.0:
         speed = shown.row[c]
@@ -113,19 +115,19 @@ def encode(shown, c, index, counts, slot):
         if table[NOISE, c] > 0.0 and speed != 0.0:
             place += table[NOISE, c] / (SQRT2 * table[STEP, c]) * noise_at(shown.keys[c], index)
         count = floor(place)
-        shown.row[c] = (count - counts[slot, c]) * table[STEP, c]
-        counts[slot, c] = count
+        shown.row[c] = (count - shown.counted[c]) * table[STEP, c]
+        shown.counted[c] = count
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def show(shown, index, mains):
+def show(shown, index):
     """True values in a record of SHOWN as analog transducers and the converter show them, all channels at once.
 
-    The same as :func:`analog`, noise and :func:`logged` one by one, without a branch; mains: the hum of this row.
+    The same as :func:`analog`, noise and :func:`logged` one by one, without a branch.
     """
     table, row, state = shown.table, shown.row, shown.state
     for c in range(LANES):
-        value = table[GAIN, c] * row[c] + table[OFFSET, c] + (table[HUM, c] * mains + table[PICKUP, c] * shown.induced[c])
+        value = table[GAIN, c] * row[c] + table[OFFSET, c] + (table[HUM, c] * shown.mains + table[PICKUP, c] * shown.induced[c])
         value = value + table[KEEP, c] * (state[c] - value)
         state[c] = value
         row[c] = value

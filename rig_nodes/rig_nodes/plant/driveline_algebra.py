@@ -58,7 +58,7 @@ def has_capacity(cap, f):
             or cap[LO0, f] < 0.0 or cap[LO1, f] < 0.0)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def pseudo_inverse(work, og, ov, oi, nc, m):
     """Least-norm inverse of the symmetric nc x nc matrix at og (stride m) into oi; cyclic Jacobi."""
     for i in range(nc):
@@ -111,7 +111,7 @@ def pseudo_inverse(work, og, ov, oi, nc, m):
             work[oi + i * m + j] = total
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def project(minv, w, ost, work):
     """R (stuck torque = R f) and P (acceleration = P f) for the elements whose flag at ost is STUCK.
 
@@ -169,7 +169,7 @@ def project(minv, w, ost, work):
     return pattern
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def implicit(d, w, sh, kc, cap, work):
     """H = (I + d/2 P B)^-1 P with B = W^T visc W + S^T (c + k d/2) S; H = P where nothing is implicit."""
     m, n = w.shape

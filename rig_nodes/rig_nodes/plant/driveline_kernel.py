@@ -16,7 +16,7 @@ from rig_nodes.plant.driveline_algebra import (
 from rig_nodes.plant.driveline_joint import note, resolve
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def first_down(y0, b, y1, d, tol):
     """First time in [0, d] at which y0 + b t + a t^2 (end value y1) goes below zero; inf if it does not."""
     # the parabola lies above its chord or above its tangent at the start
@@ -163,7 +163,7 @@ def quiet_step(h, minv, w, q, cap, v, mode, el, e_in, work):
     return True
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def driveline_step(h, t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_in, events, count, work):
     """Move a driveline from t to t + h; returns the number of events in the step.
 

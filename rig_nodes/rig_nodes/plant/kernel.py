@@ -30,6 +30,7 @@ VALVES = 2
 CHANNELS = ("M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2", "p_po", "I_zr_p1", "I_zr_p2", "p_p", "T_oil",
             "U_zr_p1", "U_zr_p2")
 M_WEJ, N_WEJ, M_WYJ, N_WYJ, P_1, P_2, P_PO, I_1, I_2, P_P, T_OIL, U_1, U_2 = range(len(CHANNELS))
+ENCODERS = (N_WEJ, N_WYJ)
 SIGNALS = ("U_zr_p1", "U_zr_p2")  # no transducer's: share of the supply voltage on the coil, in this step
 # who drives the coils: duty from outside, the embedded law, or the plant's power stage on setpoints from outside
 BY_DUTY, BY_LAW, BY_SETPOINT = range(3)
@@ -143,10 +144,10 @@ def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def measure(row, index, h, world, shown, hum, counts, mains, slot):
+def measure(index, h, world, shown):
     """One logger row: true values as transducers, encoders and converter show them at the end of a step.
 
-    shown: record of instruments.transducers.SHOWN; hum, counts: of testbench.gauges, and where the row is in them.
+    shown: record of instruments.transducers.SHOWN, with the row's hum and the encoders' counters a gate ago.
     """
     valves, cylinders, plant, v = world.valves, world.cylinders, world.plant, world.driveline.v
     true = shown.row
@@ -163,11 +164,9 @@ def measure(row, index, h, world, shown, hum, counts, mains, slot):
                 duty = valves[k].duty  # nothing is induced by the mean
                 on = valve_model.on_share((index - 1) * h, h, duty, world.effects.pulses) if duty > 0.0 else 0.0
                 shown.induced[P_1 + k] = on - duty
-        transducers.encode(shown, N_WEJ, index, counts, slot)
-        transducers.encode(shown, N_WYJ, index, counts, slot)
-        transducers.show(shown, index, hum[mains])
-    for c in range(len(CHANNELS)):
-        row[c] = true[c]
+        for c in ENCODERS:
+            transducers.encode(shown, c, index)
+        transducers.show(shown, index)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -277,12 +276,19 @@ def power_stage(row, safe, wiring, currents, outputs, config):
 
 
 @njit(cache=True, error_model="numpy")
-def first_row(log, h, worlds, table, keys, hum, state, counts):
+def first_row(log, h, worlds, showns, table, keys, hum, state, counts):
     """The logger's row of time 0."""
-    shown = np.zeros(1, transducers.SHOWN)
-    transducers.take(shown[0], table, keys, state)
-    measure(log[0], 0, h, worlds[0], shown[0], hum, counts, 0, 0)
-    transducers.give(shown[0], state)
+    shown = showns[0]
+    transducers.take(shown, table, keys, state)
+    shown.mains = hum[0]
+    for c in ENCODERS:
+        shown.counted[c] = 0.0
+    measure(0, h, worlds[0], shown)
+    for c in ENCODERS:
+        counts[0, c] = shown.counted[c]
+    for c in range(len(CHANNELS)):
+        log[0, c] = shown.row[c]
+    transducers.give(shown, state)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -328,5 +334,13 @@ def advance(samples, first_sample, steps_per_sample, h, drive, worlds, showns, t
             newest = newest + 1 if newest + 1 < rows else 0
             mains = mains + 1 if mains + 1 < hum.shape[0] else 0
             slot = slot + 1 if slot + 1 < counts.shape[0] else 0
-            measure(log[newest], index + 1, h, world, shown, hum, counts, mains, slot)
+            # arrays stay out of what is called here: a function counts those it is given in and out
+            shown.mains = hum[mains]
+            for c in ENCODERS:
+                shown.counted[c] = counts[slot, c]
+            measure(index + 1, h, world, shown)
+            for c in ENCODERS:
+                counts[slot, c] = shown.counted[c]
+            for c in range(len(CHANNELS)):
+                log[newest, c] = shown.row[c]
     transducers.give(shown, gauge_state)

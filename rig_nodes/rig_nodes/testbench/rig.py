@@ -144,7 +144,7 @@ class Rig:
         self._duty = np.zeros(law.OUTPUTS)
         self._log = np.zeros((LOG_ROWS * self._logger_stride, len(kernel.CHANNELS)))
         self._shown = np.zeros(1, transducers.SHOWN)
-        kernel.first_row(self._log, c.kernel.step, world, *self.gauges.arrays)
+        kernel.first_row(self._log, c.kernel.step, world, self._shown, *self.gauges.arrays)
 
     # ---- time
 
