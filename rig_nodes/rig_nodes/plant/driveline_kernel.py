@@ -11,7 +11,7 @@ from numba import njit
 
 from rig_nodes.plant.driveline_algebra import (
     BACKWARD, CLOSE, CROSS, E_FRIC, E_SHAFT, E_VISC, FORWARD, FREE, HEAD, HI0, HI1, IMPULSE, KIN0, KIN1, LAM, LO0, LO1,
-    LOCKED_HIGH, LOCKED_LOW, N_CAPPED, OPEN, STUCK, TAU, VISC, has_capacity, high, implicit, implicit_pair, lin, low,
+    LOCKED_HIGH, LOCKED_LOW, N_CAPPED, OPEN, STUCK, TAU, VISC, apart, has_capacity, high, implicit, implicit_pair, lin, low,
     project)
 from rig_nodes.plant.driveline_joint import note, resolve
 
@@ -196,6 +196,7 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_i
     satisfies work = kinetic + spring energy + losses with these to rounding, for any step, and no loss
     can come out negative; against the exact integral they are of second order in the step.
     """
+    apart()
     n = minv.shape[0]
     m = w.shape[0]
     s = sh.shape[0]
