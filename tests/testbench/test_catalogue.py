@@ -9,7 +9,7 @@ from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.list import markdown
 from rig_nodes.cli.main import main
 from rig_nodes.plant.kernel import CHANNELS
-from rig_nodes.testbench.outputs import MEASURED
+from rig_nodes.testbench.topics import MEASURED
 
 ROOT = Path(__file__).resolve().parents[2]
 
