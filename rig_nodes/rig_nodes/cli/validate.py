@@ -50,7 +50,7 @@ class Progress:
 def main(args) -> int:
     from ..errors import RigError
     from ..testbench.campaign import Workers
-    from ..testbench.configuration import load_rig
+    from ..testbench.configuration import load_gearbox_rig
     from ..testbench.folders import parse_settings
     from ..validation import document, pictures, programme, time_courses
 
@@ -62,7 +62,7 @@ def main(args) -> int:
     explanations = document.load_explanations()
     targets = programme.choose(args.rows, args.procedures)
     settings = parse_settings(args.settings)
-    load_rig(args.rig, settings)  # what is wrong with it is said before anything runs
+    load_gearbox_rig(args.rig, settings, "validate --rig")  # what is wrong with it is said before anything runs
     procedures = programme.needed(targets)
     programme.check_settings(procedures, settings)
     if args.pictures:

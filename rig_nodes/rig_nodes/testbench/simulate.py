@@ -104,6 +104,12 @@ class LocalClutchBench:
         self.outputs.event("/sequencer/events", name, text, value)
 
 
+def check_controller(config: AnyConfig) -> None:
+    """RigError for a rig on which no shift controller can act."""
+    if config.kind != GEARBOX:
+        raise RigError(f"the rig '{config.name}' has no valves for a shift controller; leave out --controller and --level")
+
+
 def runner_on(rig: AnyRig, outputs, config: AnyConfig, sequence: Sequence,
               controller: Plug | None = None) -> SequenceRunner:
     """The sequence on a rig in the same process; RigError when it is for another kind of rig."""
@@ -156,9 +162,8 @@ def simulate(config: AnyConfig, sequence: Sequence, folder: Path, seed: int = 1,
     sequence.check_rig(config)
     if controller is None:
         rig = make_rig(config, seed)
-    elif config.kind != GEARBOX:
-        raise RigError(f"--controller: a rig of kind {config.kind} has no valves for a shift controller")
     else:
+        check_controller(config)
         rig = Rig(config, seed, controller="external", level=controller.level)
     record = run_record(config, sequence, seed)
     outputs = Outputs(rig, record, commands=config.kind == GEARBOX)
