@@ -70,12 +70,11 @@ def main(args) -> int:
     if args.json not in (None, "-") and not Path(args.json).absolute().parent.is_dir():
         raise RigError(f"--json {args.json}: there is no such folder")
     runs = programme.runs_of(procedures)
-    # computed procedures need no processes
-    many = Workers(args.jobs) if set(procedures) & set(programme.READERS) else contextlib.nullcontext()
     drawn = []
-    with many as workers:
+    # rows for information alone need no processes
+    with Workers(args.jobs) if procedures else contextlib.nullcontext() as workers:
         result = programme.validate(targets, workers, args.rig, settings, Progress(runs))
-        if args.pictures and workers is not None:
+        if args.pictures and procedures:
             drawn = time_courses.time_courses(procedures, workers, args.rig, settings)
 
     if args.json != "-":
