@@ -28,6 +28,15 @@ SETPOINTS = {"motor": ("motor_speed", "n"), "relief": ("relief_pressure", "p_sh"
              "cylinder": ("cylinder_pressure", "p_z"), "press": ("press_travel", "s")}
 
 
+def check_bench_setpoint(device: str, value: float) -> None:
+    """RigError when the bench would refuse this value [SI] of one of SETPOINTS, whoever sends it."""
+    name, signal_name = SETPOINTS[device]
+    signal = catalogue(KIND).signals[signal_name]
+    if not (math.isfinite(value) and signal.low <= value <= signal.high):
+        raise RigError(f"{name} of {value:g} {signal.unit} refused; expected {signal.low:g} to {signal.high:g} "
+                       f"{signal.unit}")
+
+
 class NoCuts:
     """No device of this rig can stand outside."""
 
@@ -115,12 +124,8 @@ class ClutchBench(Timed):
         self._set("press", travel, enable)
 
     def _set(self, device: str, value: float, enable: bool) -> None:
-        name, signal_name = SETPOINTS[device]
-        signal = catalogue(KIND).signals[signal_name]
-        if not (math.isfinite(value) and signal.low <= value <= signal.high):
-            raise RigError(f"{name} of {value:g} {signal.unit} refused; expected {signal.low:g} to {signal.high:g} "
-                           f"{signal.unit}")
-        self.settings[name] = value
+        check_bench_setpoint(device, value)
+        self.settings[SETPOINTS[device][0]] = value
         self.settings[f"{device}_on"] = float(enable)
 
     # ---- safe state

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from ..catalogue import GEARBOX
 from .clutch_bench import ClutchBench
-from .clutch_bench_configuration import ClutchBenchConfig
+from .clutch_bench_configuration import KIND, ClutchBenchConfig
 from .clutch_bench_topics import BenchStates
 from .configuration import RigConfig
 from .rig import Rig
 from .topics import States
 
+# kind of rig -> topic whose messages bring simulated time to the other processes
+PACE = {GEARBOX: "/instruments/controller", KIND: "/hydraulic_motor/state"}
 AnyConfig = RigConfig | ClutchBenchConfig
 AnyRig = Rig | ClutchBench
 
