@@ -129,6 +129,15 @@ def catalogue(kind: str = GEARBOX) -> Catalogue:
     return Catalogue(topics, signals, cut_topics, others)
 
 
+def kind_of_topics(topics) -> str:
+    """The kind of rig of a run with these topics."""
+    known = catalogue()
+    for kind, other in known.others.items():
+        if any(topic in other.topics and topic not in known.topics for topic in topics):
+            return kind
+    return GEARBOX
+
+
 def _signals(entries: dict, topics: dict[str, Topic], displays: dict) -> dict[str, Signal]:
     """Checked signals, each on one of the topics."""
     signals = {}

@@ -1,4 +1,7 @@
-"""A logger's channels of one run, of whatever rig; base of analysis.metrics.Recording and input of analysis.slip_tests."""
+"""A logger's channels of one run, of whatever rig.
+
+Base of analysis.metrics.Recording and input of analysis.slip_tests.
+"""
 
 from __future__ import annotations
 

@@ -51,8 +51,8 @@ def slip_tests(logged: Logged, pack: PackGeometry) -> list[dict]:
         before = slice(max(first, peak - rows_in["before"]), peak + 1)
         p_z, s = float(np.mean(logged.channels["p_z"][before])), float(np.mean(travel[before]))
         clamp = bench.clamp_force(p_z, min(max(s, 0.0), bench.SPRING_TRAVEL))
-        out.append({"t_slip_s": float(logged.t0 + peak * logged.period), "p_z_pa": p_z, "s_m": s, "clamp_n": float(clamp),
-                    "pressure_pa": float(clamp) / ring_area(pack), "m_eks_nm": float(torque[peak])})
+        out.append({"t_slip_s": float(logged.t0 + peak * logged.period), "p_z_pa": p_z, "s_m": s,
+                    "clamp_n": float(clamp), "pressure_pa": float(clamp) / ring_area(pack), "m_eks_nm": float(torque[peak])})
     return out
 
 

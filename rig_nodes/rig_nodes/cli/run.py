@@ -92,8 +92,8 @@ def run(args) -> int:
         if args.controller or args.level:
             check_controller(config)
         if args.speed is not None:
-            raise RigError(f"--speed: '{config.name}' has no shift controller to wait for; it runs in real time here, and as "
-                           "fast as it goes with ./rig simulate")
+            raise RigError(f"--speed: '{config.name}' has no shift controller to wait for; it runs in real time here, "
+                           "and as fast as it goes with ./rig simulate")
         processes = tuple(name for name in MODULES if name != "alfa46")
     print("checking and, the first time, compiling the plant", flush=True)
     make_rig(config, args.seed).advance_samples(1)

@@ -18,14 +18,15 @@ class PressCylinder:
     """Cylinder and springs, and how far away and how stiff what it presses is.
 
     (8.2) is read as that of a rising pressure: its constant is the friction of seals and guide rings (8.2.2), which
-    turns round as the piston goes back. spring_share: of the force of (8.1), 0 without springs. contact_travel: s at
-    which the piston meets what it presses, contact_rate its stiffness. testing_machine: the springs stand in the
-    testing machine of fig. 8.5, which moves them at machine_speed; then there is no cylinder.
+    turns round, with a value of its own, as the piston goes back. spring_share: of the force of (8.1), 0 without
+    springs. contact_travel: s at which the piston meets what it presses, contact_rate its stiffness. testing_machine: the
+    springs stand in the testing machine of fig. 8.5, which moves them at machine_speed; then there is no cylinder.
     """
 
     force_linear: float = param("area", 1e-5, 1e-1)
     force_square: float = param("force per pressure squared", 0.0, 1e-9)
     seal_friction: float = param("force", 0.0, 1e4)
+    seal_friction_back: float = param("force", 0.0, 1e4)
     spring_share: float = param("ratio", 0.0, 10.0)
     contact_travel: float = param("length", 0.0, 5e-3)
     contact_rate: float = param("stiffness", 1e3, 1e10)
@@ -71,8 +72,8 @@ def piston_step(travel, pressure, h, cylinder):
     rest = push - spring_force(travel, cylinder)[0] - contact_force(travel, cylinder)
     if rest > cylinder.seal_friction:
         drive = push - cylinder.seal_friction
-    elif rest < -cylinder.seal_friction and travel > 0.0:
-        drive = push + cylinder.seal_friction
+    elif rest < -cylinder.seal_friction_back and travel > 0.0:
+        drive = push + cylinder.seal_friction_back
     else:
         return travel
     rate = cylinder.piston_damping / h

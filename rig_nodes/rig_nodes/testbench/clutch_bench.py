@@ -75,10 +75,11 @@ class ClutchBench(Timed):
 
         cylinder, plates = c.cylinder, c.plate_pack
         if not effects.seal_friction:
-            cylinder = replace(cylinder, seal_friction=0.0)
+            cylinder = replace(cylinder, seal_friction=0.0, seal_friction_back=0.0)
         if not effects.plate_heat:
             plates = replace(plates, friction_per_kelvin=0.0)
-        per_force = {kind: c.pack.friction_correction * clutch.torque_per_force(plates, mu, False, c.pack.friction_model)
+        model, k_kor = c.pack.friction_model, c.pack.friction_correction
+        per_force = {kind: k_kor * clutch.torque_per_force(plates, mu, False, model)
                      for kind, mu in (("kinetic", plates.friction_kinetic), ("static", plates.friction_static))}
         self._motor, self._cylinder, self._oil = record(c.hydraulic_motor), record(cylinder), record(c.oil_supply)
         self._pack = record(plates, c.pack, clearance=cylinder.contact_travel,

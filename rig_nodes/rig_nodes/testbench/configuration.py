@@ -91,8 +91,8 @@ _POINT = re.compile(r"\s*([-+\d.eE]+\s*[a-zA-Z]+)[\s,]+([-+\d.eE]+\s*[a-zA-Z]+)\
 
 @dataclass(frozen=True)
 class RigConfig:
-    """A whole rig with the gearbox. wiring: index of the controller's output that drives each valve; cut_out: devices outside
-    the plant, reached through topics (plant.cut).
+    """A whole rig with the gearbox. wiring: index of the controller's output that drives each valve; cut_out: devices
+    outside the plant, reached through topics (plant.cut).
     """
 
     name: str

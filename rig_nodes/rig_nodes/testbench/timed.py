@@ -58,7 +58,8 @@ class Timed:
         self._drained = 0  # logger rows handed out
         self.logger_names = [s.name for s in catalogue.logger_channels()]
         if self.logger_names != list(self.channels[:len(self.logger_names)]):
-            raise RigError(f"signals.yaml: the logger's columns {self.logger_names} are not the kernel's {self.channels}")
+            raise RigError(f"signals.yaml: the logger's columns {self.logger_names} are not the kernel's "
+                           f"{self.channels}")
 
     def ring(self) -> np.ndarray:
         """An empty ring of rows."""

@@ -56,7 +56,8 @@ def clutch_bench(conditions: dict, run) -> list[list[Record]]:
                                                       "model_torque_nm": float(torques[model][-1])}))
         for p, torque in [*zip(pressure, torques[model]), (ALLOWED_PRESSURE, full[model])]:
             above = line["slope_nm_per_pa"] * p + line["m_rest_nm"] - torque
-            records.append(Record("clutch_bench", {**named, "pressure": float(p)}, {"m_eks_trend_above_nm": float(above)}))
+            records.append(Record("clutch_bench", {**named, "pressure": float(p)},
+                                  {"m_eks_trend_above_nm": float(above)}))
     return [records]
 
 
