@@ -94,11 +94,14 @@ def run(args) -> int:
         if args.speed is not None:
             raise RigError(f"--speed: '{config.name}' has no shift controller to wait for; it runs in real time here, "
                            "and as fast as it goes with ./rig simulate")
+        if args.view:
+            raise RigError(f"--view: the live view shows a rig with the gearbox; look at a run of '{config.name}' "
+                           "afterwards with ./rig view")
         processes = tuple(name for name in MODULES if name != "alfa46")
     print("checking and, the first time, compiling the plant", flush=True)
     make_rig(config, args.seed).advance_samples(1)
     with from_environment(args.keep_domain) as domain:
-        for device in getattr(config, "cut_out", ()):
+        for device in config.cut_out:
             show(None, f"{device} is cut out; start it with: ./rig device {device} --domain {domain.number}")
         folder = run_folder(args.out, sequence.name if args.sequence else "by-hand")
         order = Order(args.sequence, rig, args.seed, args.settings, args.drop, args.speed, args.step_timeout, plug,

@@ -131,7 +131,8 @@ class Sequencer(Node):
         sequence.check_rig(self._config)
         self.bench.need(sequence)
         self._steps_told, self._cancelled = 0, False
-        self._runner = SequenceRunner(sequence, self.bench, getattr(self._config, "load_pump", None))
+        load = self._config.load_pump if self._config.kind == GEARBOX else None
+        self._runner = SequenceRunner(sequence, self.bench, load)
         self.wake()
 
     def wake(self) -> None:

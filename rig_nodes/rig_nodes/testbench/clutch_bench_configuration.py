@@ -95,6 +95,7 @@ class ClutchBenchConfig:
     effects: BenchEffects
 
     kind = KIND
+    cut_out = ()  # no device of it can stand outside
 
     def as_dict(self) -> dict:
         """Plain SI values, for the run's record in bag and report."""
