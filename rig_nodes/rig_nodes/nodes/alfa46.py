@@ -24,7 +24,7 @@ from ..controllers.load import load_controller
 from ..controllers.seam import LEVELS, NOTHING, ControllerFailed
 from ..errors import RigError
 from ..graph.link import ANSWER, ANSWERED, DISCARDED, FAILED, READY, SAMPLE, LinkClosed
-from ..testbench.rig import SAMPLE_NS
+from ..testbench.timed import SAMPLE_NS
 from .action_server import GoalServer, finish
 from .alfa46_settings import BoxSettings
 from .device import publishers_of

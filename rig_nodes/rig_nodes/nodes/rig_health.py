@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from functools import partial
 
-from ..testbench.rig import COMMAND_TIMEOUT, Rig, RigStatus
+from ..testbench.rig import COMMAND_TIMEOUT, Rig
+from ..testbench.timed import RigStatus
 from .diagnostics import ERROR, OK, STALE, WARN, Growing, Health
 
 OLD = 0.5 * COMMAND_TIMEOUT  # s of a valve command that is a warning

@@ -5,7 +5,6 @@ The counterpart of testbench.rig for thesis chapter 8; used by ``simulate``, the
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +17,7 @@ from ..plant import clutch_bench as kernel
 from ..plant.hydraulic_motor import FRICTION, PACK, build_driveline
 from .clutch_bench_configuration import KIND, ClutchBenchConfig
 from .gauges import Gauges
-from .timed import RigStatus, Timed
+from .timed import RigStatus, Timed, check_range
 
 # what each channel is measured with: the first word of the fields of BenchInstruments
 KINDS = {"M_e": "torque", "n": "speed", "p_z": "pressure", "s": "travel", "p_sh": "pressure", "T_emp": "temperature",
@@ -30,11 +29,8 @@ SETPOINTS = {"motor": ("motor_speed", "n"), "relief": ("relief_pressure", "p_sh"
 
 def check_bench_setpoint(device: str, value: float) -> None:
     """RigError when the bench would refuse this value [SI] of one of SETPOINTS, whoever sends it."""
-    name, signal_name = SETPOINTS[device]
-    signal = catalogue(KIND).signals[signal_name]
-    if not (math.isfinite(value) and signal.low <= value <= signal.high):
-        raise RigError(f"{name} of {value:g} {signal.unit} refused; expected {signal.low:g} to {signal.high:g} "
-                       f"{signal.unit}")
+    name, signal = SETPOINTS[device]
+    check_range(name, value, catalogue(KIND).signals[signal])
 
 
 class NoCuts:
@@ -53,7 +49,6 @@ class ClutchBench(Timed):
         self.config, self.seed, self.channels = config, int(seed), kernel.CHANNELS
         self.count_steps(config.kernel.step, catalogue(KIND))
         self.cuts = NoCuts()
-        self.reason, self.stopped_by_person = "", False
         self._build()
 
     def _build(self) -> None:
@@ -137,19 +132,6 @@ class ClutchBench(Timed):
         if self.settings["safe"][0] > 0.0:
             return RigStatus.TRIPPED
         return RigStatus.RUNNING if self.settings["motor_on"][0] > 0.0 else RigStatus.READY
-
-    def trip(self, reason: str) -> None:
-        """Safe state: motor and cylinder without oil; the first reason stays until reset."""
-        if self.status != RigStatus.TRIPPED:
-            self.reason = reason
-        self.settings["safe"] = 1.0
-        self.settings["motor_on"] = 0.0
-
-    def e_stop(self) -> None:
-        """The red button: safe state that only ``reset`` ends."""
-        self.stopped_by_person = True
-        self.settings["safe"] = 0.0  # a person's stop replaces whatever tripped before
-        self.trip("emergency stop")
 
     def reset(self) -> None:
         """Leave the safe state; motor and cylinder stay off."""

@@ -24,7 +24,7 @@ from ..plant.prescribed import Force
 from .configuration import PARTS, RigConfig
 from .cuts import Cuts
 from .gauges import Gauges
-from .timed import SAMPLE_NS, TICK_SAMPLES, RigStatus, Timed
+from .timed import SAMPLE_NS, RigStatus, Timed, check_range
 
 COMMAND_TIMEOUT = 0.1  # s: a valve command older than this trips the rig
 UNMOVED = 1e6  # kg m2 on w0 where n_wej is to stay, whatever happens
@@ -33,10 +33,7 @@ SETPOINTS = {"motor_speed": "n_wej", "load_pressure": "p_po", "oil_pressure": "p
 
 def check_setpoint(name: str, value: float) -> None:
     """RigError when the rig would refuse this value [SI] of one of SETPOINTS, whoever sends it."""
-    signal = catalogue().signals[SETPOINTS[name]]
-    if not (math.isfinite(value) and signal.low <= value <= signal.high):
-        raise RigError(f"{name} of {value:g} {signal.unit} refused; expected {signal.low:g} to {signal.high:g} "
-                       f"{signal.unit}")
+    check_range(name, value, catalogue().signals[SETPOINTS[name]])
 
 
 class Rig(Timed):
@@ -62,7 +59,6 @@ class Rig(Timed):
         self.count_steps(config.kernel.step, catalogue())
         self._build()
         self.cuts = Cuts(self, devices == "embedded")
-        self.reason, self.stopped_by_person = "", False
         self._last_command = -1  # sample that the newest valid command from outside answers
         self._ordered: int | None = None  # gear ordered from the embedded controller, taken at its next sample
 
@@ -287,19 +283,6 @@ class Rig(Timed):
     def command_age(self) -> float:
         """Simulated time [s] since the sample that the newest command answers; 0 before the first."""
         return (self.sample - self.newest_command) * (SAMPLE_NS * 1e-9) if self.newest_command >= 0 else 0.0
-
-    def trip(self, reason: str) -> None:
-        """Safe state: no coil current is driven, no drive torque; the first reason stays until reset."""
-        if self.status != RigStatus.TRIPPED:
-            self.reason = reason
-        self.settings["safe"] = 1.0
-        self.settings["motor_on"] = 0.0
-
-    def e_stop(self) -> None:
-        """The red button: safe state that only ``reset`` ends."""
-        self.stopped_by_person = True
-        self.settings["safe"] = 0.0  # a person's stop replaces whatever tripped before
-        self.trip("emergency stop")
 
     def reset(self) -> None:
         """Leave the safe state; motor stays off, the controller must speak again before valves move."""

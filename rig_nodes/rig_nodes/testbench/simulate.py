@@ -20,8 +20,9 @@ from .clutch_bench import ClutchBench
 from .clutch_bench_topics import COMMANDS
 from .kinds import AnyConfig, AnyRig, make_rig
 from .outputs import Outputs
-from .rig import COMMAND_TIMEOUT, TICK_SAMPLES, Rig, RigStatus
+from .rig import COMMAND_TIMEOUT, Rig
 from .sequence import Sequence, SequenceFailed, SequenceRunner
+from .timed import TICK_SAMPLES, RigStatus
 
 LONGEST_RUN = 24 * 3600.0  # s of simulated time
 AFTER_TRIP = 100  # samples recorded after a trip, so that the bag shows the safe state

@@ -5,12 +5,13 @@ Base of testbench.rig (the gearbox) and testbench.clutch_bench.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 
-from ..catalogue import Catalogue
+from ..catalogue import Catalogue, Signal
 from ..config.schema import param
 from ..errors import RigError
 
@@ -35,13 +36,22 @@ class RigStatus(IntEnum):
     TRIPPED = 3
 
 
+def check_range(name: str, value: float, signal: Signal) -> None:
+    """RigError when a setpoint [SI] is not finite or outside the range of its signal."""
+    if not (math.isfinite(value) and signal.low <= value <= signal.high):
+        raise RigError(f"{name} of {value:g} {signal.unit} refused; expected {signal.low:g} to {signal.high:g} "
+                       f"{signal.unit}")
+
+
 class Timed:
-    """``channels``: names of the columns of a row, those of the logger first; ``sample``: controller samples since 0.
+    """``channels``: names of the columns of a row, those of the logger first; ``sample``: controller samples since 0;
+    ``settings``: record of what people and sequences set, with ``motor_on`` and ``safe``; ``reason``: of a trip.
 
     A rig calls :meth:`count_steps` and takes its ring of rows from :meth:`ring` before time passes.
     """
 
     channels: tuple[str, ...]
+    settings: np.ndarray
 
     def count_steps(self, step: float, catalogue: Catalogue) -> None:
         """Note how many steps [s] of the plant make a sample and a row; RigError when they do not fit.
@@ -56,10 +66,29 @@ class Timed:
         self._steps_per_sample = round(steps)
         self._logger_stride = round(1e-4 / step)
         self._drained = 0  # logger rows handed out
+        self.reason, self.stopped_by_person = "", False
         self.logger_names = [s.name for s in catalogue.logger_channels()]
         if self.logger_names != list(self.channels[:len(self.logger_names)]):
             raise RigError(f"signals.yaml: the logger's columns {self.logger_names} are not the kernel's "
                            f"{self.channels}")
+
+    @property
+    def status(self) -> RigStatus:
+        """What the rig is doing."""
+        raise NotImplementedError
+
+    def trip(self, reason: str) -> None:
+        """Safe state: no drive torque, no clutch clamped; the first reason stays until reset."""
+        if self.status != RigStatus.TRIPPED:
+            self.reason = reason
+        self.settings["safe"] = 1.0
+        self.settings["motor_on"] = 0.0
+
+    def e_stop(self) -> None:
+        """The red button: safe state that only ``reset`` ends."""
+        self.stopped_by_person = True
+        self.settings["safe"] = 0.0  # a person's stop replaces whatever tripped before
+        self.trip("emergency stop")
 
     def ring(self) -> np.ndarray:
         """An empty ring of rows."""

@@ -10,7 +10,8 @@ from ..bags.definitions import installed
 from ..catalogue import catalogue
 from ..controllers.seam import LEVELS
 from ..plant import kernel
-from .rig import TICK_SAMPLES, Rig
+from .rig import Rig
+from .timed import TICK_SAMPLES
 
 SCALAR_SAMPLES = 10  # controller samples between scalars (100 Hz)
 MEASURED = {  # topic of a transducer -> its logger column
