@@ -24,7 +24,7 @@ LAW_STATE = np.dtype([("gear", "f8"), ("shift_end", "f8"), ("sample", "f8")])
 OFF, ON, FALLING = 0.0, 1.0, 2.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=False)
 def profile_current(elapsed, rising, level, points):
     """Current setpoint [A], ``elapsed`` seconds after the switch signal.
 
@@ -42,7 +42,7 @@ def profile_current(elapsed, rising, level, points):
     return i0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=False)
 def order_gear(gear, sample, config, profiles, outputs, state):
     """Take a gear order at a sample: schedules switch-on and switch-off with the delay of this change.
 
@@ -71,7 +71,7 @@ def order_gear(gear, sample, config, profiles, outputs, state):
     state.shift_end = end
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=False)
 def current_loop(active, current, out, config):
     """One sample of an output's power stage: PID on the measured coil current [A], leaves its duty in ``out``.
 
@@ -92,7 +92,7 @@ def current_loop(active, current, out, config):
     out.duty = min(max(voltage / config.supply_voltage, 0.0), 1.0)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=False)
 def law_step(sample, currents, config, profiles, outputs, state):
     """One controller sample: reads the measured coil currents (3,) [A], leaves duty and setpoint in ``outputs``."""
     state.sample = sample

@@ -21,6 +21,16 @@ NOISE, LOW, HIGH, QUANTUM, GAIN, OFFSET, KEEP, HUM, PICKUP, STEP, TURN = range(1
 ROWS = 11
 HARMONICS = {1: 1.0, 3: 0.3, 5: 0.15}  # of the mains and their shares of the first, assumed: a supply with rectifier
 SQRT2 = sqrt(2.0)
+# all channels of a logger side by side, for :func:`show`: as wide as two vectors of the processor. table: as above;
+# white: noise of the analog channels; keys: of the noise; state: of the low passes; angle: of the encoders, in counts;
+# counted: their counters a gate ago, then now; induced: voltage of the coils less its mean; mains: hum; row: true values, then
+# what is shown; pickup, noisy > 0: somebody has some
+LANES = 16
+SHOWN = np.dtype([
+    ("table", "f8", (ROWS, LANES)), ("white", "f8", (LANES,)), ("keys", "u8", (LANES,)), ("state", "f8", (LANES,)),
+    ("angle", "f8", (LANES,)), ("counted", "f8", (LANES,)), ("induced", "f8", (LANES,)), ("row", "f8", (LANES,)),
+    ("mains", "f8"), ("pickup", "f8"), ("noisy", "f8"),
+])
 
 
 def mains(step: float, frequency: float, phase: float) -> np.ndarray:
@@ -33,7 +43,7 @@ def mains(step: float, frequency: float, phase: float) -> np.ndarray:
     return sum(share * np.sin(order * angle) for order, share in HARMONICS.items())
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def analog(true, disturbance, c, table, state):
     """Output of an analog transducer behind its first-order low pass, whose last output stands in ``state``.
 
@@ -44,7 +54,7 @@ def analog(true, disturbance, c, table, state):
     return state[c]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def encoder(speed, index, c, key, table, state, counts):
     """Speed [rad/s] from the pulses of an incremental encoder, counted over the gate that ends with this row.
 
@@ -64,9 +74,68 @@ def encoder(speed, index, c, key, table, state, counts):
     return reading
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def logged(value, c, table):
     """The value held inside the channel's range, in steps of the logger's converter."""
     value = min(max(value, table[LOW, c]), table[HIGH, c])
     quantum = table[QUANTUM, c]
     return round(value / quantum) * quantum if quantum > 0.0 else value
+
+
+@njit(cache=True, error_model="numpy")
+def take(shown, table, keys, state):
+    """Copy the arrays of testbench.gauges, at most LANES channels, into a record of SHOWN."""
+    shown.pickup = shown.noisy = 0.0
+    for c in range(table.shape[1]):
+        for i in range(ROWS):
+            shown.table[i, c] = table[i, c]
+        shown.keys[c] = keys[c]
+        shown.state[c] = shown.angle[c] = state[c]
+        shown.white[c] = table[NOISE, c] if table[STEP, c] == 0.0 else 0.0
+        if table[PICKUP, c] > 0.0:
+            shown.pickup = 1.0
+        if shown.white[c] > 0.0:
+            shown.noisy = 1.0
+
+
+@njit(cache=True, error_model="numpy")
+def give(shown, state):
+    """Copy what transducers remember back into the array of testbench.gauges."""
+    for c in range(state.shape[0]):
+        state[c] = shown.angle[c] if shown.table[STEP, c] > 0.0 else shown.state[c]
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def encode(shown, c, index):
+    """:func:`encoder` on a channel of a record of SHOWN, if it has one."""
+    table = shown.table
+    if table[STEP, c] > 0.0:
+        speed = shown.row[c]
+        place = shown.angle[c] = shown.angle[c] + table[TURN, c] * speed
+        if table[NOISE, c] > 0.0 and speed != 0.0:
+            place += table[NOISE, c] / (SQRT2 * table[STEP, c]) * noise_at(shown.keys[c], index)
+        count = floor(place)
+        shown.row[c] = (count - shown.counted[c]) * table[STEP, c]
+        shown.counted[c] = count
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def show(shown, index):
+    """True values in a record of SHOWN as analog transducers and the converter show them, all channels at once.
+
+    The same as :func:`analog`, noise and :func:`logged` one by one, without a branch.
+    """
+    table, row, state = shown.table, shown.row, shown.state
+    for c in range(LANES):
+        value = table[GAIN, c] * row[c] + table[OFFSET, c] + (table[HUM, c] * shown.mains + table[PICKUP, c] * shown.induced[c])
+        value = value + table[KEEP, c] * (state[c] - value)
+        state[c] = value
+        row[c] = value
+    if shown.noisy > 0.0:
+        for c in range(LANES):
+            row[c] += shown.white[c] * noise_at(shown.keys[c], index)
+    for c in range(LANES):
+        value = min(max(row[c], table[LOW, c]), table[HIGH, c])
+        quantum = table[QUANTUM, c]
+        steps = np.rint(value / quantum) * quantum + 0.0  # no zero with a sign
+        row[c] = steps if quantum > 0.0 else value

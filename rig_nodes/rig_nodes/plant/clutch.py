@@ -6,6 +6,7 @@ Called by plant.kernel for S1 and S2; the models of torque and drag themselves a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 
 from numba import njit
 
@@ -93,13 +94,13 @@ def drag_factor(pack: PlatePack, model: str = "kitabayashi") -> float:
         raise RigError(f"plate_pack: {error}") from None
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def friction_factor(temperature, clutch):
     """Friction of the plates at their temperature [degC] over that at ``friction_temperature``."""
     return max(0.2, 1.0 + clutch.friction_per_kelvin * (temperature - clutch.friction_temperature))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def plates_after(temperature, wear, heat, oil_temperature, h, clutch):
     """(temperature [degC], wear of the whole pack [m]) of the plates after h, in which they took ``heat`` [J]."""
     rate = clutch.wear_rate * max(0.0, 1.0 + clutch.wear_per_kelvin * (temperature - clutch.friction_temperature))
@@ -107,7 +108,7 @@ def plates_after(temperature, wear, heat, oil_temperature, h, clutch):
     return temperature + (heat - cooled) / clutch.heat_capacity, wear + rate * heat
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def drag_coefficient(piston, clamp, viscosity, clutch):
     """Viscous torque per slip [Nm s/rad]: oil sheared in the gaps, giving way to the asperities as they carry."""
     gap = max((clutch.clearance - piston) / clutch.surfaces, clutch.film_gap)
@@ -115,21 +116,32 @@ def drag_coefficient(piston, clamp, viscosity, clutch):
     return clutch.drag_factor * viscosity / gap * film_share
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def held_torque(before, clamp, engaging, releasing):
-    """Torque capacity [Nm] with the memory of the splines: rises along ``engaging`` times the clamp force, stays
-    while the plates stick on their splines, falls along ``releasing`` times the clamp force [Nm/N]."""
+    """Torque [Nm] at which a stuck pack slips, with the memory of the splines: rises along ``engaging`` times the clamp
+    force, stays while the plates stick on their splines, falls along ``releasing`` times the clamp force [Nm/N]."""
     return min(max(before, engaging * clamp), releasing * clamp)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
+def rest_share(before, piston, clamp, clutch):
+    """Share of M_rest of (6.56), what an unclamped pack still asks for, with the memory of the contact.
+
+    It is there as soon as the asperities carry, and outlasts the clamp: plates that stick, and waves that press them,
+    let go over the waves' travel as the piston goes back (8.3.5 names adhesion and the waves as its causes).
+    """
+    carried = max(before, min(1.0, clamp / clutch.film_force))
+    return min(carried, max(0.0, 1.0 - (clutch.clearance - piston) / clutch.pack_travel))
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
 def prescribed_clamp(pressure, clutch):
     """Clamp force [N] at a prescribed pressure [Pa]: F_p of Annex D less the springs' force at the kiss point."""
     push = (clutch.force_square * pressure + clutch.force_linear) * pressure + clutch.force_offset
     return max(0.0, push - clutch.contact_force)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def pack_force(piston, clutch):
     """(force on the plates [N], its slope [N/m]): none up to the kiss point, then the waves of the steel plates.
 
@@ -142,7 +154,7 @@ def pack_force(piston, clutch):
     return clutch.pack_rate * squeeze / left, clutch.pack_rate / (left * left)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def piston_step(piston, pressure, h, clutch):
     """(piston position after h, its derivative by pressure): implicit step of the massless, damped piston.
 
@@ -160,24 +172,22 @@ def piston_step(piston, pressure, h, clutch):
     else:
         return piston, 0.0
     rate = clutch.piston_damping / h
-    flat = clutch.clearance + clutch.pack_travel
-    x, stiff = piston, rate
-    for _ in range(40):  # Newton on a monotone, piecewise convex balance, never past the flat pack
-        plates, slope = pack_force(x, clutch)
-        stiff = clutch.spring_rate + rate + slope
-        miss = rate * (x - piston) + clutch.spring_preload + clutch.spring_rate * x + plates - drive
-        new = x - miss / stiff
-        if new >= flat:
-            new = 0.5 * (x + flat)
-        if abs(new - x) < 1e-12:
-            break
-        x = new
+    stiff = clutch.spring_rate + rate
+    # the balance with the pack just touched; k s / (1 - s / s_f) makes it a quadratic in the squeeze s beyond that
+    miss = drive - clutch.spring_preload + rate * piston - stiff * clutch.clearance
+    if miss <= 0.0:
+        x = clutch.clearance + miss / stiff
+    else:
+        middle = (stiff + clutch.pack_rate) * clutch.pack_travel + miss
+        root = sqrt(max(0.0, middle * middle - 4.0 * stiff * miss * clutch.pack_travel))
+        x = clutch.clearance + 2.0 * miss * clutch.pack_travel / (middle + root)
+        stiff += pack_force(x, clutch)[1]
     if x <= 0.0:
         return 0.0, 0.0
     return x, gain / stiff
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def cylinder_step(line_pressure, chamber_pressure, piston, state, supply, h, oil, valve, clutch):
     """One implicit step of line, feed orifice, chamber and piston.
 
@@ -207,11 +217,9 @@ def cylinder_step(line_pressure, chamber_pressure, piston, state, supply, h, oil
             high = p
         else:
             low = p
-        step = miss / (stiff_line * dline + dfeed - dflow * dline)
-        new = p - step
-        if not low < new < high:
-            new = 0.5 * (low + high)
-        if abs(new - p) < 1e-3:  # Pa
+        new = p - miss / (stiff_line * dline + dfeed - dflow * dline)
+        if abs(new - p) < 1e-3:  # Pa; a root that is met lies on the bracket's edge, so this comes first
             break
-        p = new
-    return line, p, x, flow
+        p = new if low < new < high else 0.5 * (low + high)
+    # what Newton has left goes into the line's pressure: no oil is lost or made, however many steps
+    return line - miss / stiff_line, p, x, flow

@@ -70,7 +70,7 @@ def bench_step(h, t, settings, state, v, twist, mode, el, shaft, e_in, events, c
     """The bench from t to t + h: clamp and motor line first, then the shaft between the old and the new capacities."""
     kinetic, static = state.kinetic, state.static
     clamp(state, settings, h, cylinder, oil)
-    # (6.56): what an unclamped pack still asks for is there as soon as the asperities carry, as in the gearbox
+    # (6.56): what the pack asks for beyond its clamp is there as soon as the asperities carry
     rest = pack.rest_torque * min(1.0, state.clamp / pack.film_force)
     factor = clutch_model.friction_factor(state.temperature, pack)
     state.kinetic = factor * pack.kinetic_per_force * state.clamp + rest

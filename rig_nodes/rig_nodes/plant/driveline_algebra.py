@@ -32,7 +32,7 @@ def work_size(n, m, s):
     return HEAD + m + 4 * n * n + 2 * m * n + 3 * m * m + 4 * n + s + 9 * m
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def lin(a, b, x):
     # a == b also keeps infinite limits out of inf - inf
     if x <= 0.0:
@@ -42,23 +42,23 @@ def lin(a, b, x):
     return a + (b - a) * x
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def high(cap, f, x):
     return max(lin(cap[HI0, f], cap[HI1, f], x), lin(cap[KIN0, f], cap[KIN1, f], x))
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def low(cap, f, x):
     return min(lin(cap[LO0, f], cap[LO1, f], x), -lin(cap[KIN0, f], cap[KIN1, f], x))
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def has_capacity(cap, f):
     return (cap[KIN0, f] > 0.0 or cap[KIN1, f] > 0.0 or cap[HI0, f] > 0.0 or cap[HI1, f] > 0.0
             or cap[LO0, f] < 0.0 or cap[LO1, f] < 0.0)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def pseudo_inverse(work, og, ov, oi, nc, m):
     """Least-norm inverse of the symmetric nc x nc matrix at og (stride m) into oi; cyclic Jacobi."""
     for i in range(nc):
@@ -111,7 +111,7 @@ def pseudo_inverse(work, og, ov, oi, nc, m):
             work[oi + i * m + j] = total
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def project(minv, w, ost, work):
     """R (stuck torque = R f) and P (acceleration = P f) for the elements whose flag at ost is STUCK.
 
@@ -169,7 +169,7 @@ def project(minv, w, ost, work):
     return pattern
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def implicit(d, w, sh, kc, cap, work):
     """H = (I + d/2 P B)^-1 P with B = W^T visc W + S^T (c + k d/2) S; H = P where nothing is implicit."""
     m, n = w.shape
@@ -227,3 +227,61 @@ def implicit(d, w, sh, kc, cap, work):
                 for j in range(n):
                     work[oa + i * n + j] -= x * work[oa + col * n + j]
                     work[oh + i * n + j] -= x * work[oh + col * n + j]
+
+
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def implicit_pair(d, w, cap, work):
+    """As `implicit` for two speeds without shafts, the same operations in the same order."""
+    m = w.shape[0]
+    op = HEAD + m
+    oh = op + 4
+    b00 = 0.0
+    b01 = 0.0
+    b11 = 0.0
+    coupled = False
+    for f in range(m):
+        visc = cap[VISC, f]
+        work[HEAD + f] = visc
+        coupled = coupled or visc > 0.0
+        b00 += visc * w[f, 0] * w[f, 0]
+        b01 += visc * w[f, 0] * w[f, 1]
+        b11 += visc * w[f, 1] * w[f, 1]
+    b10 = 0.0
+    for f in range(m):
+        b10 += cap[VISC, f] * w[f, 1] * w[f, 0]
+    h00 = work[op]
+    h01 = work[op + 1]
+    h10 = work[op + 2]
+    h11 = work[op + 3]
+    work[1] = work[0]
+    work[2] = d
+    work[3] = 1.0 if coupled else 0.0
+    if coupled:
+        half = 0.5 * d
+        a00 = 1.0 + half * h00 * b00 + half * h01 * b10
+        a01 = 0.0 + half * h00 * b01 + half * h01 * b11
+        a10 = 0.0 + half * h10 * b00 + half * h11 * b10
+        a11 = 1.0 + half * h10 * b01 + half * h11 * b11
+        if abs(a10) > abs(a00):
+            a00, a10 = a10, a00
+            a01, a11 = a11, a01
+            h00, h10 = h10, h00
+            h01, h11 = h11, h01
+        scale = 1.0 / a00
+        a01 *= scale
+        h00 *= scale
+        h01 *= scale
+        if a10 != 0.0:
+            a11 -= a10 * a01
+            h10 -= a10 * h00
+            h11 -= a10 * h01
+        scale = 1.0 / a11
+        h10 *= scale
+        h11 *= scale
+        if a01 != 0.0:
+            h00 -= a01 * h10
+            h01 -= a01 * h11
+    work[oh] = h00
+    work[oh + 1] = h01
+    work[oh + 2] = h10
+    work[oh + 3] = h11

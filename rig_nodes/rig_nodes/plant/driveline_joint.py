@@ -11,7 +11,7 @@ from rig_nodes.plant.driveline_algebra import (
     N_EVENTS, RANK, STUCK, VISC, high, lin, low, project)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def note(t, f, kind, events, count):
     if events.shape[0] > 0:
         row = count[N_EVENTS] % events.shape[0]
@@ -21,7 +21,7 @@ def note(t, f, kind, events, count):
     count[N_EVENTS] += 1
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def dependent(f, w, minv, work, op):
     """True if the elements that are stuck now also hold element f (its slip cannot accelerate)."""
     n = w.shape[1]
@@ -34,7 +34,7 @@ def dependent(f, w, minv, work, op):
     return held <= RANK * alone
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def resolve(x, t, minv, w, sh, kc, q, cap, v, twist, mode, events, count, work):
     """Joint stick or slip of all zero-slip elements (flagged as candidates) at acceleration level.
 

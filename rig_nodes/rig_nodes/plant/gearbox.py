@@ -61,7 +61,7 @@ def build_driveline(gearbox: GearboxConfig):
     return d.build()
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def loss_in(speed, torque, gearbox):
     """Loss torque on w0 [Nm], (6.72) and Annex D: a part by speed and a part by the torque that w0 carries [Nm]."""
     n, u = abs(speed) / RPM, abs(torque)
@@ -73,13 +73,13 @@ def loss_in(speed, torque, gearbox):
     return by_speed + max(0.0, by_torque)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def loss_out(gearbox):
     """Loss torque on wk [Nm] whatever the load is, bearings and seals; given on the z5 axis as in Annex D."""
     return max(0.0, gearbox.loss_out_constant) * (Z8 / Z5)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def loss_by_load(torque, gearbox):
     """Loss torque on wk [Nm] that comes with the load's torque [Nm], Annex D: a parabola on the z5 axis."""
     u = abs(torque)

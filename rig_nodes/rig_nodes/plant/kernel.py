@@ -1,30 +1,36 @@
 """The one compiled entry: plant, instruments and embedded controller, moved together in fixed order.
 
-Called by testbench.rig only. Everything it needs comes in as arrays; it allocates nothing and holds no lock.
+Called by testbench.rig only. All it moves is one record, WORLD, beside the gauges' arrays, the law's and the ring of rows: it
+allocates nothing and holds no lock, and in one record the compiler sees which values cannot be the same ones.
 """
 
 from __future__ import annotations
+
+from dataclasses import fields
+from math import exp
 
 import numpy as np
 from numba import njit
 
 from ..alfa46.law import OFF, ON, OUTPUTS, current_loop, law_step
-from ..instruments.noise import noise_at
-from ..instruments.transducers import HUM, NOISE, PICKUP, STEP, analog, encoder, logged
+from ..config.schema import record_dtype
+from ..instruments import transducers
 from . import clutch as clutch_model
 from . import gearbox as gearbox_model
 from . import load_pump, oil_supply
 from . import motor as motor_model
 from . import valve as valve_model
-from .driveline_algebra import E_FRIC, E_VISC, HI0, HI1, KIN0, KIN1, LAM, LO0, LO1, VISC
-from .driveline_kernel import driveline_step
+from .driveline_algebra import E_FRIC, E_VISC, HI0, HI1, KIN0, KIN1, LAM, LO0, LO1, VISC, work_size
+from .driveline_kernel import driveline_step, quiet_step
 from .gearbox import LOAD, LOSS_IN, LOSS_OUT, S1
+from .prescribed import Force
 
 VALVES = 2
 # columns of the logger's rows; the signal catalogue must agree (testbench.rig checks it)
 CHANNELS = ("M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2", "p_po", "I_zr_p1", "I_zr_p2", "p_p", "T_oil",
             "U_zr_p1", "U_zr_p2")
 M_WEJ, N_WEJ, M_WYJ, N_WYJ, P_1, P_2, P_PO, I_1, I_2, P_P, T_OIL, U_1, U_2 = range(len(CHANNELS))
+ENCODERS = (N_WEJ, N_WYJ)
 SIGNALS = ("U_zr_p1", "U_zr_p2")  # no transducer's: share of the supply voltage on the coil, in this step
 # who drives the coils: duty from outside, the embedded law, or the plant's power stage on setpoints from outside
 BY_DUTY, BY_LAW, BY_SETPOINT = range(3)
@@ -36,14 +42,14 @@ VALVE_STATE = np.dtype([
     ("work", "f8"), ("cut", "f8"), ("cut_flow", "f8"), ("cut_slope", "f8"), ("cut_pressure", "f8"),
 ])
 CLUTCH_STATE = np.dtype([
-    ("line", "f8"), ("chamber", "f8"), ("piston", "f8"), ("clamp", "f8"), ("held_kinetic", "f8"),
-    ("held_static", "f8"), ("kinetic", "f8"), ("static", "f8"), ("drag", "f8"), ("temperature", "f8"), ("wear", "f8"),
+    ("line", "f8"), ("chamber", "f8"), ("piston", "f8"), ("clamp", "f8"), ("held", "f8"),
+    ("rest", "f8"), ("kinetic", "f8"), ("static", "f8"), ("drag", "f8"), ("temperature", "f8"), ("wear", "f8"),
     ("heat", "f8"),
 ])
 # what of the thesis's error sources acts here; the others are parameters. pwm: frequency, 0 where it is averaged;
 # pulses: of the coils' voltage as the transducers pick it up, there also where the plant takes the average
 EFFECTS = np.dtype([("current_loop", "f8"), ("motor_speed", "f8"), ("pwm", "f8"), ("pulses", "f8"),
-                    ("prescribed", "f8"), ("loss_driving", "f8")])
+                    ("prescribed", "f8"), ("loss_driving", "f8"), ("transducers", "f8")])
 PLANT_STATE = np.dtype([
     ("motor_torque", "f8"), ("motor_integral", "f8"), ("motor_setpoint", "f8"), ("supply", "f8"),
     ("load_pressure", "f8"), ("m_wej", "f8"), ("m_wyj", "f8"), ("loss_in", "f8"), ("loss_out", "f8"),
@@ -58,10 +64,48 @@ SETTINGS = np.dtype([
     ("motor_speed", "f8"), ("motor_on", "f8"), ("load_pressure", "f8"), ("load_on", "f8"), ("oil_pressure", "f8"),
     ("oil_on", "f8"), ("safe", "f8"),
 ])
+# a clutch's values that testbench.rig works out of those that are given
+CLUTCH_DERIVED = ("engaging_kinetic", "engaging_static", "releasing_static", "kinetic_share", "drag_factor",
+                  "new_clearance", *(field.name for field in fields(Force)))
+CLUTCH = np.dtype(record_dtype(clutch_model.Cylinder, clutch_model.PlatePack).descr
+                  + [(name, "f8") for name in CLUTCH_DERIVED])
+# share of a first-order part's way that is left after a step
+DECAYS = np.dtype([("coil", "f8", (VALVES,)), ("spool", "f8", (VALVES,)), ("supply", "f8"), ("load", "f8"), ("motor", "f8")])
+# sizes of gearbox.build_driveline: speeds, friction elements, no shafts; how many events are kept
+SPEEDS, ELEMENTS, SHAFTS, EVENTS = 2, 5, 0, 256
+# arguments of driveline_kernel.driveline_step
+DRIVELINE = np.dtype([
+    ("minv", "f8", (SPEEDS, SPEEDS)), ("w", "f8", (ELEMENTS, SPEEDS)), ("sh", "f8", (SHAFTS, SPEEDS)),
+    ("kc", "f8", (2, SHAFTS)), ("q", "f8", (2, SPEEDS)), ("cap", "f8", (7, ELEMENTS)), ("v", "f8", (SPEEDS,)),
+    ("twist", "f8", (SHAFTS,)), ("mode", "i8", (ELEMENTS,)), ("el", "f8", (4, ELEMENTS)), ("shaft", "f8", (2, SHAFTS)),
+    ("e_in", "f8", (SPEEDS,)), ("events", "f8", (EVENTS, 3)), ("count", "i8", (2,)),
+    ("work", "f8", (work_size(SPEEDS, ELEMENTS, SHAFTS),)),
+])
+# everything that the plant reads and moves; curves: the lines' pressures where they are prescribed
+WORLD = np.dtype([
+    ("settings", SETTINGS), ("valves", VALVE_STATE, (VALVES,)), ("cylinders", CLUTCH_STATE, (VALVES,)),
+    ("plant", PLANT_STATE), ("held", HELD), ("driveline", DRIVELINE), ("curves", "f8", (VALVES,)),
+    ("motor", record_dtype(motor_model.MotorConfig)), ("gearbox", record_dtype(gearbox_model.GearboxConfig)),
+    ("oil", record_dtype(oil_supply.OilSupplyConfig)), ("load", record_dtype(load_pump.LoadConfig)),
+    ("valve_parameters", record_dtype(valve_model.ValveConfig), (VALVES,)), ("clutches", CLUTCH, (VALVES,)),
+    ("effects", EFFECTS), ("decays", DECAYS), ("wiring", "i8", (VALVES,)), ("currents", "f8", (OUTPUTS,)),
+])
 
 
-@njit(cache=True)
-def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch, effects, curve):
+@njit(cache=True, error_model="numpy", forceinline=True)
+def fill_decays(world, h):
+    """What the step's length makes of the time constants."""
+    decays = world.decays
+    for k in range(VALVES):
+        decays.coil[k] = valve_model.coil_decay(h, world.valve_parameters[k])
+        decays.spool[k] = valve_model.spool_decay(h, world.valve_parameters[k])
+    decays.supply = exp(-h / world.oil.pressure_time)
+    decays.load = exp(-h / world.load.pressure_time)
+    decays.motor = exp(-h / world.motor.torque_time)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch, effects, curve, coil_decay, spool_decay):
     """One valve and clutch from t over h: coil, spool, line, chamber, piston, pack; leaves capacities in ``cylinder``.
 
     ``curve``: the line's pressure where it is prescribed, which leaves out all before the pack.
@@ -73,11 +117,11 @@ def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch
     else:
         valve.on = valve.duty if effects.pwm == 0.0 else valve_model.on_share(t, h, valve.duty, effects.pwm)
         if effects.current_loop > 0.0:
-            valve.current = valve_model.coil_current(valve.current, valve.on, h, valve_parameters)
+            valve.current = valve_model.coil_after(valve.current, valve.on, coil_decay, valve_parameters)
         if valve.cut == 0.0:
             valve.magnet = valve_model.magnet_pressure(valve.magnet, valve.current, valve_parameters)
-            valve.spool = valve_model.spool_position(
-                valve.spool, valve.magnet, cylinder.line, h, valve_parameters)
+            valve.spool = valve_model.spool_after(
+                valve.spool, valve.magnet, cylinder.line, spool_decay, valve_parameters)
             valve.share = valve_model.opening(valve.spool, valve_parameters)
         clutch.clearance = clutch.new_clearance + cylinder.wear
         line, chamber, piston, flow = clutch_model.cylinder_step(
@@ -86,59 +130,60 @@ def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch
         valve.work += line * flow * h
         cylinder.line, cylinder.chamber, cylinder.piston = line, chamber, piston
         cylinder.clamp = clutch_model.pack_force(piston, clutch)[0]
-    cylinder.held_kinetic = clutch_model.held_torque(
-        cylinder.held_kinetic, cylinder.clamp, clutch.engaging_kinetic, clutch.releasing_kinetic)
-    cylinder.held_static = clutch_model.held_torque(
-        cylinder.held_static, cylinder.clamp, clutch.engaging_static, clutch.releasing_static)
-    # (6.56): what an unclamped pack still asks for is there as soon as the asperities carry
-    rest = clutch.rest_torque * min(1.0, cylinder.clamp / clutch.film_force)
+    cylinder.held = clutch_model.held_torque(
+        cylinder.held, cylinder.clamp, clutch.engaging_static, clutch.releasing_static)
+    cylinder.rest = clutch_model.rest_share(cylinder.rest, cylinder.piston, cylinder.clamp, clutch)
+    rest = clutch.rest_torque * cylinder.rest
     factor = clutch_model.friction_factor(cylinder.temperature, clutch)
-    cylinder.kinetic = factor * cylinder.held_kinetic + rest
-    cylinder.static = factor * cylinder.held_static + rest
+    # sliding breaks the adhesion and shakes the plates loose on their splines; the waves' force is the clamp itself until
+    # the piston has left them alone
+    cylinder.kinetic = max(factor * clutch.engaging_kinetic * cylinder.clamp, clutch.kinetic_share * rest)
+    cylinder.static = factor * cylinder.held + rest
     viscosity = oil_supply.viscosity_at(cylinder.temperature, oil)
     cylinder.drag = clutch_model.drag_coefficient(cylinder.piston, cylinder.clamp, viscosity, clutch)
 
 
-@njit(cache=True)
-def measure(row, index, h, v, valves, cylinders, plant, oil, effects, table, keys, hum, state, counts):
+@njit(cache=True, error_model="numpy", forceinline=True)
+def measure(index, h, world, shown):
     """One logger row: true values as transducers, encoders and converter show them at the end of a step.
 
-    table and what follows: ``arrays`` of testbench.gauges. No tuple, whose parts would be counted in and out each row.
+    shown: record of instruments.transducers.SHOWN, with the row's hum and the encoders' counters a gate ago.
     """
-    row[M_WEJ], row[M_WYJ] = plant.m_wej, plant.m_wyj
-    row[N_WEJ], row[N_WYJ] = v[0], v[1]
-    row[P_1], row[P_2] = cylinders[0].line, cylinders[1].line
-    row[P_PO], row[P_P] = plant.load_pressure, plant.supply
-    row[I_1], row[I_2] = valves[0].current, valves[1].current
-    row[T_OIL] = oil.temperature
-    row[U_1], row[U_2] = valves[0].on, valves[1].on
-    mains = hum[index % hum.size]
-    for c in range(row.size):
-        if table[STEP, c] > 0.0:
-            value = encoder(row[c], index, c, keys[c], table, state, counts)
-        else:
-            disturbance = table[HUM, c] * mains
-            if table[PICKUP, c] > 0.0:
-                duty = valves[c - P_1].duty  # nothing is induced by the mean
-                on = valve_model.on_share((index - 1) * h, h, duty, effects.pulses) if duty > 0.0 else 0.0
-                disturbance += table[PICKUP, c] * (on - duty)
-            value = analog(row[c], disturbance, c, table, state)
-            if table[NOISE, c] > 0.0:
-                value += table[NOISE, c] * noise_at(keys[c], index)
-        row[c] = logged(value, c, table)
+    valves, cylinders, plant, v = world.valves, world.cylinders, world.plant, world.driveline.v
+    true = shown.row
+    true[M_WEJ], true[M_WYJ] = plant.m_wej, plant.m_wyj
+    true[N_WEJ], true[N_WYJ] = v[0], v[1]
+    true[P_1], true[P_2] = cylinders[0].line, cylinders[1].line
+    true[P_PO], true[P_P] = plant.load_pressure, plant.supply
+    true[I_1], true[I_2] = valves[0].current, valves[1].current
+    true[T_OIL] = world.oil.temperature
+    true[U_1], true[U_2] = valves[0].on, valves[1].on
+    if world.effects.transducers > 0.0:
+        if shown.pickup > 0.0:
+            for k in range(VALVES):
+                duty = valves[k].duty  # nothing is induced by the mean
+                on = valve_model.on_share((index - 1) * h, h, duty, world.effects.pulses) if duty > 0.0 else 0.0
+                shown.induced[P_1 + k] = on - duty
+        for c in ENCODERS:
+            transducers.encode(shown, c, index)
+        transducers.show(shown, index)
 
 
-@njit(cache=True)
-def plant_step(h, t, settings, valves, cylinders, plant, held, v, twist, mode, el, shaft, e_in, events, count,
-               work, q, cap, minv, w, sh, kc, motor, gearbox, oil, load, valve_parameters, clutches, effects, curves):
+@njit(cache=True, error_model="numpy", forceinline=True)
+def plant_step(world, h, t):
     """The plant from t to t + h: hydraulics first, then the driveline between the old and the new capacities."""
+    settings, valves, cylinders, plant, held = world.settings, world.valves, world.cylinders, world.plant, world.held
+    effects, decays, clutches, gearbox = world.effects, world.decays, world.clutches, world.gearbox
+    line = world.driveline
+    cap, el, q, v, w, minv = line.cap, line.el, line.q, line.v, line.w, line.minv
     drawn = max(0.0, valves[0].flow) + max(0.0, valves[1].flow)  # what a valve lets out goes to the tank
-    plant.supply = oil_supply.supply_pressure(plant.supply, settings.oil_pressure, settings.oil_on > 0.0, drawn, h, oil)
+    plant.supply = oil_supply.supply_after(
+        plant.supply, settings.oil_pressure, settings.oil_on > 0.0, drawn, decays.supply, world.oil)
     for k in range(VALVES):
         f = S1 + k
         cap[KIN0, f], cap[HI0, f] = cylinders[k].kinetic, cylinders[k].static
-        clutch_capacity(valves[k], cylinders[k], t, h, plant.supply, oil, valve_parameters[k], clutches[k], effects,
-                        curves[k])
+        clutch_capacity(valves[k], cylinders[k], t, h, plant.supply, world.oil, world.valve_parameters[k], clutches[k],
+                        effects, world.curves[k], decays.coil[k], decays.spool[k])
         cap[KIN1, f], cap[HI1, f] = cylinders[k].kinetic, cylinders[k].static
         cap[LO0, f], cap[LO1, f] = -cap[HI0, f], -cap[HI1, f]
         cap[VISC, f] = cylinders[k].drag
@@ -147,7 +192,7 @@ def plant_step(h, t, settings, valves, cylinders, plant, held, v, twist, mode, e
     if effects.motor_speed == 0.0:
         # w0 is so heavy here (testbench.rig) that no clutch is felt; it is pushed to the setpoint of the step's end
         before = plant.motor_setpoint
-        plant.motor_setpoint = motor_model.next_setpoint(before, settings.motor_speed, v[0], drive, h, motor)
+        plant.motor_setpoint = motor_model.next_setpoint(before, settings.motor_speed, v[0], drive, h, world.motor)
         q[0, 0] = plant.motor_torque = (plant.motor_setpoint - v[0]) / (minv[0, 0] * h) if drive else 0.0
     elif held.motor > 0.0:
         plant.motor_setpoint = held.motor_setpoint
@@ -155,10 +200,10 @@ def plant_step(h, t, settings, valves, cylinders, plant, held, v, twist, mode, e
         q[0, 0] = plant.motor_torque
     else:
         plant.motor_setpoint = motor_model.next_setpoint(
-            plant.motor_setpoint, settings.motor_speed, v[0], drive, h, motor)
+            plant.motor_setpoint, settings.motor_speed, v[0], drive, h, world.motor)
         q[0, 0] = plant.motor_torque if drive else 0.0
-        plant.motor_torque, plant.motor_integral = motor_model.drive_torque(
-            plant.motor_torque, plant.motor_integral, plant.motor_setpoint, v[0], drive, h, motor)
+        plant.motor_torque, plant.motor_integral = motor_model.torque_after(
+            plant.motor_torque, plant.motor_integral, plant.motor_setpoint, v[0], drive, h, decays.motor, world.motor)
     q[1, 0] = plant.motor_torque
 
     # losses and load resist: friction elements to ground, so they can hold a shaft but never turn it
@@ -166,9 +211,9 @@ def plant_step(h, t, settings, valves, cylinders, plant, held, v, twist, mode, e
         plant.load_pressure = held.load_pressure
         cap[KIN1, LOAD] = max(0.0, held.load_capacity)
     else:
-        plant.load_pressure = load_pump.line_pressure(
-            plant.load_pressure, settings.load_pressure, settings.load_on > 0.0, v[1], h, load)
-        cap[KIN1, LOAD] = load_pump.torque_capacity(plant.load_pressure, load)
+        plant.load_pressure = load_pump.pressure_after(
+            plant.load_pressure, settings.load_pressure, settings.load_on > 0.0, v[1], decays.load, world.load)
+        cap[KIN1, LOAD] = load_pump.torque_capacity(plant.load_pressure, world.load)
     carried = w[S1, 0] * el[LAM, S1] + w[S1 + 1, 0] * el[LAM, S1 + 1]  # by w0 into the clutches
     plant.loss_in = gearbox_model.loss_in(v[0], carried, gearbox)
     plant.loss_out, by_load = gearbox_model.loss_out(gearbox), gearbox_model.loss_by_load(plant.m_wyj, gearbox)
@@ -183,11 +228,13 @@ def plant_step(h, t, settings, valves, cylinders, plant, held, v, twist, mode, e
         cap[LO0, f] = cap[LO1, f] = -cap[KIN1, f]
 
     old_in, old_out = v[0], v[1]
-    driveline_step(h, t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_in, events, count, work)
+    if not quiet_step(h, minv, w, q, cap, v, line.mode, el, line.e_in, line.work):
+        driveline_step(h, t, minv, w, line.sh, line.kc, q, cap, v, line.twist, line.mode, el, line.shaft, line.e_in,
+                       line.events, line.count, line.work)
     for k in range(VALVES):
         cylinder, heat = cylinders[k], el[E_FRIC, S1 + k] + el[E_VISC, S1 + k]
         cylinder.temperature, cylinder.wear = clutch_model.plates_after(
-            cylinder.temperature, cylinder.wear, heat - cylinder.heat, oil.temperature, h, clutches[k])
+            cylinder.temperature, cylinder.wear, heat - cylinder.heat, world.oil.temperature, h, clutches[k])
         cylinder.heat = heat
     # the torque meters sit between motor and gearbox and between gearbox and pump
     if effects.motor_speed == 0.0:
@@ -198,7 +245,7 @@ def plant_step(h, t, settings, valves, cylinders, plant, held, v, twist, mode, e
     plant.m_wyj = el[LAM, LOAD] + gearbox.inertia_pump * (v[1] - old_out) / h
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def prescribed_pressure(since, phase, pieces):
     """Pressure [Pa] ``since`` s after the switch signal of a valve's phase; none before the first.
 
@@ -215,7 +262,7 @@ def prescribed_pressure(since, phase, pieces):
     return 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def power_stage(row, safe, wiring, currents, outputs, config):
     """The plant's current driver, for controllers that return setpoints: the box's current loop for each output.
 
@@ -228,11 +275,25 @@ def power_stage(row, safe, wiring, currents, outputs, config):
         current_loop(out.phase != OFF and not safe, currents[k], out, config)
 
 
-@njit(cache=True, nogil=True)
-def advance(samples, first_sample, steps_per_sample, h, drive, wiring, settings, valves, cylinders, plant,
-            held, v, twist, mode, el, shaft, e_in, events, count, work, q, cap, minv, w, sh, kc, motor, gearbox,
-            oil, load, table, keys, hum, gauge_state, counts, valve_parameters, clutches, law_config, law_profiles,
-            law_outputs, law_state, currents, log, effects, pieces, curves):
+@njit(cache=True, error_model="numpy")
+def first_row(log, h, worlds, showns, table, keys, hum, state, counts):
+    """The logger's row of time 0."""
+    shown = showns[0]
+    transducers.take(shown, table, keys, state)
+    shown.mains = hum[0]
+    for c in ENCODERS:
+        shown.counted[c] = 0.0
+    measure(0, h, worlds[0], shown)
+    for c in ENCODERS:
+        counts[0, c] = shown.counted[c]
+    for c in range(len(CHANNELS)):
+        log[0, c] = shown.row[c]
+    transducers.give(shown, state)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def advance(samples, first_sample, steps_per_sample, h, drive, worlds, showns, table, keys, hum, gauge_state, counts,
+            law_config, law_profiles, law_outputs, law_state, log, pieces):
     """Move everything by whole controller samples; row j of the ring ``log`` is the time j * h after 0.
 
     Order at each controller sample: the duty answered to the last sample is applied, then (drive BY_LAW) the law
@@ -240,34 +301,46 @@ def advance(samples, first_sample, steps_per_sample, h, drive, wiring, settings,
     the duty is that of the power stage for the newest setpoints and the currents of the last sample, which the
     controller saw too: the same delay, wherever the current loop is closed.
     """
-    rows = log.shape[0]
+    rows, first = log.shape[0], first_sample * steps_per_sample
+    newest, mains, slot = first % rows, first % hum.shape[0], first % counts.shape[0]
+    world, shown = worlds[0], showns[0]
+    settings, valves, wiring, currents, effects = world.settings, world.valves, world.wiring, world.currents, world.effects
+    fill_decays(world, h)
+    transducers.take(shown, table, keys, gauge_state)
     for s in range(first_sample, first_sample + samples):
-        row = log[(s * steps_per_sample) % rows]
         if drive == BY_SETPOINT and s > 0:
-            power_stage(log[((s - 1) * steps_per_sample) % rows], settings[0].safe > 0.0, wiring, currents, law_outputs,
+            power_stage(log[((s - 1) * steps_per_sample) % rows], settings.safe > 0.0, wiring, currents, law_outputs,
                         law_config[0])
         if drive != BY_DUTY:
             for k in range(VALVES):
                 valves[k].pending = law_outputs[wiring[k]].duty
         if drive == BY_LAW:
             for k in range(VALVES):
-                currents[wiring[k]] = row[I_1 + k]
+                currents[wiring[k]] = log[newest, I_1 + k]
             law_step(s, currents, law_config[0], law_profiles, law_outputs, law_state[0])
         for k in range(VALVES):
-            valves[k].duty = 0.0 if settings[0].safe > 0.0 else valves[k].pending
-        if effects[0].current_loop == 0.0:
+            valves[k].duty = 0.0 if settings.safe > 0.0 else valves[k].pending
+        if effects.current_loop == 0.0:
             for k in range(VALVES):
-                on = settings[0].safe == 0.0
+                on = settings.safe == 0.0
                 valves[k].current = law_outputs[wiring[k]].setpoint if on else 0.0
-        for i in range(steps_per_sample):
-            index = s * steps_per_sample + i
-            if effects[0].prescribed > 0.0:
+        for index in range(s * steps_per_sample, (s + 1) * steps_per_sample):
+            if effects.prescribed > 0.0:
                 for k in range(VALVES):
                     out = law_outputs[wiring[k]]
                     since = (index + 1 - out.start * steps_per_sample) * h
-                    curves[k] = prescribed_pressure(since, out.phase, pieces[k])
-            plant_step(h, index * h, settings[0], valves, cylinders, plant[0], held[0], v, twist, mode, el,
-                       shaft, e_in, events, count, work, q, cap, minv, w, sh, kc, motor[0], gearbox[0], oil[0],
-                       load[0], valve_parameters, clutches, effects[0], curves)
-            measure(log[(index + 1) % rows], index + 1, h, v, valves, cylinders, plant[0], oil[0], effects[0], table, keys,
-                    hum, gauge_state, counts)
+                    world.curves[k] = prescribed_pressure(since, out.phase, pieces[k])
+            plant_step(world, h, index * h)
+            newest = newest + 1 if newest + 1 < rows else 0
+            mains = mains + 1 if mains + 1 < hum.shape[0] else 0
+            slot = slot + 1 if slot + 1 < counts.shape[0] else 0
+            # arrays stay out of what is called here: a function counts those it is given in and out
+            shown.mains = hum[mains]
+            for c in ENCODERS:
+                shown.counted[c] = counts[slot, c]
+            measure(index + 1, h, world, shown)
+            for c in ENCODERS:
+                counts[slot, c] = shown.counted[c]
+            for c in range(len(CHANNELS)):
+                log[newest, c] = shown.row[c]
+    transducers.give(shown, gauge_state)

@@ -25,23 +25,29 @@ class LoadConfig:
     pressure_limit: float = param("pressure", 1e5, 1e8)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def relief_factor(speed):
     """Pressure over setting of the relief valve against speed [rad/s]: f(n) of Annex D, n in rpm."""
     n = abs(speed) / RPM
     return 3.84e-7 * n * n - 6.36e-4 * n + 1.32
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def line_pressure(pressure, setting, enabled, speed, h, load):
     """Pressure [Pa] of the pump's pressure line after h; an opened relief valve leaves none."""
+    return pressure_after(pressure, setting, enabled, speed, exp(-h / load.pressure_time), load)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def pressure_after(pressure, setting, enabled, speed, decay, load):
+    """:func:`line_pressure` over a time in which the share ``decay`` of a change is still to come."""
     target = 0.0
     if enabled:
         target = min(setting * relief_factor(speed), load.pressure_limit)
-    return target + (pressure - target) * exp(-h / load.pressure_time)
+    return target + (pressure - target) * decay
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def torque_capacity(pressure, load):
     """Torque [Nm] with which the pump resists turning: V/(2 pi) p plus its own friction."""
     return load.displacement * pressure + load.mechanical_loss

@@ -26,22 +26,28 @@ class MotorConfig:
     ramp: float = param("angular acceleration", 0.1, 1e5)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def ramp_setpoint(setpoint, target, h, motor):
     """The speed setpoint after h, moved towards its target by the drive's ramp."""
     change = motor.ramp * h
     return setpoint + min(max(target - setpoint, -change), change)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def next_setpoint(setpoint, target, speed, enabled, h, motor):
     """The speed setpoint after h: ramped towards its target; that of a disabled drive follows the shaft."""
     return ramp_setpoint(setpoint, target, h, motor) if enabled else speed
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def drive_torque(torque, integral, setpoint, speed, enabled, h, motor):
     """(torque [Nm], integral part [Nm]) after h: PI with clamped integral; a disabled drive has no torque."""
+    return torque_after(torque, integral, setpoint, speed, enabled, h, exp(-h / motor.torque_time), motor)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def torque_after(torque, integral, setpoint, speed, enabled, h, decay, motor):
+    """:func:`drive_torque` over a time h in which the share ``decay`` of a change of torque is still to come."""
     if not enabled:
         return 0.0, 0.0
     upper = min(motor.torque_limit, motor.power_limit / max(abs(speed), 1.0))
@@ -49,4 +55,4 @@ def drive_torque(torque, integral, setpoint, speed, enabled, h, motor):
     error = setpoint - speed
     integral = min(max(integral + motor.speed_gain_integral * error * h, lower), upper)
     asked = min(max(motor.speed_gain * error + integral, lower), upper)
-    return asked + (torque - asked) * exp(-h / motor.torque_time), integral
+    return asked + (torque - asked) * decay, integral

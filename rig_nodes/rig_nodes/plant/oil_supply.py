@@ -27,16 +27,22 @@ class OilSupplyConfig:
     temperature: float = param("temperature", -30.0, 150.0)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def viscosity_at(temperature, oil):
     """Dynamic viscosity [Pa s] at a temperature [degC]: exponential around that of ``viscosity_temperature``."""
     return oil.viscosity * exp(-oil.viscosity_per_kelvin * (temperature - oil.viscosity_temperature))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def supply_pressure(pressure, setting, enabled, flow, h, oil):
     """Supply pressure [Pa] after h: towards the relief setting less its droop with the flow drawn."""
+    return supply_after(pressure, setting, enabled, flow, exp(-h / oil.pressure_time), oil)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def supply_after(pressure, setting, enabled, flow, decay, oil):
+    """:func:`supply_pressure` over a time in which the share ``decay`` of a change is still to come."""
     target = 0.0
     if enabled:
         target = max(0.0, setting - oil.relief_droop * max(flow, 0.0))
-    return target + (pressure - target) * exp(-h / oil.pressure_time)
+    return target + (pressure - target) * decay

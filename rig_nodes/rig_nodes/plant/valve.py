@@ -33,15 +33,26 @@ class ValveConfig:
     drain_area: float = param("area", 1e-9, 1e-3)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def coil_current(current, duty, h, valve):
     """Coil current after h [s] at an averaged PWM duty: exact solution of L di/dt + R i = duty U, diode i >= 0."""
+    return coil_after(current, duty, coil_decay(h, valve), valve)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def coil_decay(h, valve):
+    """Share of a change of the coil's current that is still to come after h [s]."""
+    return exp(-h * valve.coil_resistance / valve.coil_inductance)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def coil_after(current, duty, decay, valve):
+    """:func:`coil_current` over a time whose ``decay`` is known."""
     steady = duty * valve.coil_voltage / valve.coil_resistance
-    decay = exp(-h * valve.coil_resistance / valve.coil_inductance)
     return max(0.0, steady + (current - steady) * decay)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def on_share(t, h, duty, frequency):
     """Share of the time from t to t + h in which a PWM of this frequency [Hz] is on; on from the start of a period."""
     first, last = t * frequency, (t + h) * frequency
@@ -53,7 +64,7 @@ def on_share(t, h, duty, frequency):
     return min(1.0, on / (h * frequency))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def magnet_pressure(before, current, valve):
     """Magnet's force [Pa of port pressure]: g i with hysteresis, the share of the force that iron and armature keep.
 
@@ -64,7 +75,7 @@ def magnet_pressure(before, current, valve):
     return min(max(before, (1.0 - valve.hysteresis) * force), (1.0 + valve.hysteresis) * force)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def held_pressures(magnet, valve):
     """(lowest, highest) port pressure [Pa, gauge] at which the spool stays where it is, by the magnet's force [Pa].
 
@@ -76,20 +87,32 @@ def held_pressures(magnet, valve):
             min(middle + valve.friction_pressure, valve.pressure_limit))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def spool_position(spool, magnet, port_pressure, h, valve):
     """Spool position [m] after h: first-order towards the band that friction holds it in, between its stops.
 
     0 is the edge of the reducing side; the relieving side opens only after the overlap (dead band).
     """
+    return spool_after(spool, magnet, port_pressure, spool_decay(h, valve), valve)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def spool_decay(h, valve):
+    """Share of the spool's way that is still to come after h [s]."""
+    return exp(-h / valve.spool_time)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def spool_after(spool, magnet, port_pressure, decay, valve):
+    """:func:`spool_position` over a time whose ``decay`` is known."""
     lowest, highest = held_pressures(magnet, valve)
     gain = valve.spool_stroke / valve.full_opening_pressure
     target = min(max(spool, gain * (lowest - port_pressure)), gain * (highest - port_pressure))
     target = min(max(target, -valve.spool_dead_band - valve.spool_stroke), valve.spool_stroke)
-    return target + (spool - target) * exp(-h / valve.spool_time)
+    return target + (spool - target) * decay
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def closing_pressure(spool, reducing, magnet, h, valve):
     """Port pressure [Pa] that, held over h, brings the spool to its edge; infinite where none does.
 
@@ -106,7 +129,7 @@ def closing_pressure(spool, reducing, magnet, h, valve):
     return held - target / valve.spool_stroke * valve.full_opening_pressure
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def opening(spool, valve):
     """Share of the full orifice, -1 (drain) to 1 (supply); 0 inside the dead band."""
     if spool > 0.0:
@@ -116,7 +139,7 @@ def opening(spool, valve):
     return 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def port_flow(share, port_pressure, supply_pressure, density, valve):
     """(flow to the clutch [m3/s], d flow/d port pressure): orifice law Q = A sqrt(2 dp / rho).
 
@@ -138,7 +161,7 @@ def port_flow(share, port_pressure, supply_pressure, density, valve):
     return sign * flow, -slope
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def held_flow(state, port_pressure, supply_pressure, most):
     """As :func:`port_flow` for a valve outside the plant: its answer, Q0 + slope (p - p0), held for a tick.
 

@@ -7,16 +7,17 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..alfa46 import law
 from ..alfa46.controller import refusal
 from ..catalogue import catalogue
-from ..config.schema import fill, limits, record_dtype
+from ..config.schema import fill, limits
 from ..controllers.seam import LEVELS
 from ..errors import RigError
+from ..instruments import transducers
 from ..plant import clutch, driveline_algebra, kernel
 from ..plant.effects import leave_out
 from ..plant.gearbox import S1, S2, build_driveline
@@ -66,61 +67,56 @@ class Rig(Timed):
         effects = self.config.effects
         c = replace(self.config, **leave_out({name: getattr(self.config, name) for name in PARTS}, effects))
         system = build_driveline(c.gearbox if effects.motor_speed else replace(c.gearbox, inertia_in=UNMOVED))
-        self._minv, self._w, self._sh, self._kc = system.minv, system.w, system.sh, system.kc
+        self._world = world = np.zeros(1, kernel.WORLD)
+        self.settings, self.plant, self.held, self._effects = (
+            world[name] for name in ("settings", "plant", "held", "effects"))
+        self.valves, self.cylinders = world["valves"][0], world["cylinders"][0]
+        line, start = world["driveline"], system.state()
+        for name in ("minv", "w", "v"):
+            line[name] = getattr(start if name == "v" else system, name)
         self.mass = system.mass
-        start = system.state()
-        self.v, self._twist, self.mode, self._el, self._shaft = start.v, start.twist, start.mode, start.el, start.shaft
-        self._e_in, self._events, self._count, self._work = start.e_in, start.events, start.count, start.work
-        self._q, self._cap = np.zeros((2, len(self.v))), np.zeros((7, len(self.mode)))
+        self.v, self.mode, self._el, self._e_in, self._cap, self._w = (
+            line[name][0] for name in ("v", "mode", "el", "e_in", "cap", "w"))
 
-        def record(*instances, extra=()):
-            out = np.zeros(1, np.dtype(record_dtype(*map(type, instances)).descr + [(name, "f8") for name in extra]))
-            fill(out, *instances)
-            return out
-
-        self._motor, self._gearbox = record(c.motor), record(c.gearbox)
-        self._oil, self._load = record(c.oil_supply), record(c.load_pump)
+        for name, part in (("motor", c.motor), ("gearbox", c.gearbox), ("oil", c.oil_supply), ("load", c.load_pump)):
+            fill(world[name], part)
+        for k, part in enumerate((c.valve_zr_p1, c.valve_zr_p2)):
+            fill(world["valve_parameters"][0, k], part)
+        self._oil = world["oil"]
         self.gauges = Gauges(c.instruments, self.seed, c.kernel.step, effects.transducers)
-        self._valve_parameters = np.concatenate([record(c.valve_zr_p1), record(c.valve_zr_p2)])
-        friction = {"kinetic": c.plate_pack.friction_kinetic, "static": c.plate_pack.friction_static}
-        extra = [f"{way}_{kind}" for way in ("engaging", "releasing") for kind in friction]
-        extra += ["drag_factor", "new_clearance", *(field.name for field in fields(Force))]
-        packs = (c.clutch_s1, c.clutch_s2)
-        self._clutches = np.concatenate([record(x, c.plate_pack, extra=extra) for x in packs])
-        for row, cylinder in zip(self._clutches, packs):
-            model = cylinder.friction_model
-            for kind, mu in friction.items():
-                for way in ("engaging", "releasing"):
-                    turned = way == "releasing" and effects.spline_hysteresis
-                    row[f"{way}_{kind}"] = cylinder.friction_correction * clutch.torque_per_force(
-                        c.plate_pack, mu, turned, model)
-            row["drag_factor"] = clutch.drag_factor(c.plate_pack, cylinder.drag_model)
+        packs, plates, clutches = (c.clutch_s1, c.clutch_s2), c.plate_pack, world["clutches"][0]
+        for row, cylinder in zip(clutches, packs):
+            fill(row, cylinder, plates)
+            for way, kind, mu, turned in (("engaging", "kinetic", plates.friction_kinetic, False),
+                                          ("engaging", "static", plates.friction_static, False),
+                                          ("releasing", "static", plates.friction_static, effects.spline_hysteresis)):
+                row[f"{way}_{kind}"] = cylinder.friction_correction * clutch.torque_per_force(
+                    plates, mu, turned, cylinder.friction_model)
+            row["kinetic_share"] = plates.friction_kinetic / plates.friction_static if plates.friction_static > 0.0 else 0.0
+            row["drag_factor"] = clutch.drag_factor(plates, cylinder.drag_model)
             row["new_clearance"] = cylinder.clearance
-        self._effects = np.zeros(1, kernel.EFFECTS)
+        self._effects["transducers"] = effects.transducers
         self._effects["current_loop"], self._effects["motor_speed"] = effects.current_loop, effects.motor_speed
         self._effects["pwm"] = effects.pwm_frequency
         self._effects["loss_driving"] = c.gearbox.loss_by_load_side == "driving"
         self._effects["pulses"] = effects.pwm_frequency or c.alfa46.values.pwm_frequency
-        self._pieces, self._curves = np.full((2, 2, 1, 5), np.inf), np.zeros(2)
+        self._pieces = np.full((2, 2, 1, 5), np.inf)
         if c.prescribed:
             self._effects["prescribed"], self._pieces = 1.0, c.prescribed.pieces[list(c.wiring)]
-            for row, force in zip(self._clutches, c.prescribed.forces):
+            for row, force in zip(clutches, c.prescribed.forces):
                 fill(row, force)
-        self.settings = np.zeros(1, kernel.SETTINGS)
-        self.valves, self.cylinders = np.zeros(2, kernel.VALVE_STATE), np.zeros(2, kernel.CLUTCH_STATE)
         self.cylinders["temperature"] = c.oil_supply.temperature
-        self.plant, self.held = np.zeros(1, kernel.PLANT_STATE), np.zeros(1, kernel.HELD)
-        self._wiring = np.array(c.wiring, np.int64)
+        self._wiring = world["wiring"][0]
+        self._wiring[:] = c.wiring
         self._law_config = c.alfa46.law_config()
         self._law_profiles = np.ascontiguousarray(c.alfa46.profiles)
         self._law_outputs = np.zeros(law.OUTPUTS, law.LAW_OUTPUT)
         self._law_state = np.zeros(1, law.LAW_STATE)
-        self._currents = np.zeros(law.OUTPUTS)
         self._setpoint, self._gear, self._shifting, self._flags = np.zeros(law.OUTPUTS), 0, False, 0
         self._duty = np.zeros(law.OUTPUTS)
         self._log = self.ring()
-        kernel.measure(self._log[0], 0, c.kernel.step, self.v, self.valves, self.cylinders, self.plant[0],
-                       self._oil[0], self._effects[0], *self.gauges.arrays)
+        self._shown = np.zeros(1, transducers.SHOWN)
+        kernel.first_row(self._log, c.kernel.step, world, self._shown, *self.gauges.arrays)
 
     # ---- time
 
@@ -142,13 +138,9 @@ class Rig(Timed):
 
     def _advance(self, samples: int) -> None:
         kernel.advance(
-            samples, self.sample, self._steps_per_sample, self.config.kernel.step, self._drive,
-            self._wiring, self.settings, self.valves, self.cylinders, self.plant, self.held, self.v,
-            self._twist, self.mode, self._el, self._shaft, self._e_in, self._events, self._count, self._work,
-            self._q, self._cap, self._minv, self._w, self._sh, self._kc, self._motor, self._gearbox,
-            self._oil, self._load, *self.gauges.arrays, self._valve_parameters, self._clutches, self._law_config,
-            self._law_profiles, self._law_outputs, self._law_state, self._currents, self._log, self._effects,
-            self._pieces, self._curves)
+            samples, self.sample, self._steps_per_sample, self.config.kernel.step, self._drive, self._world,
+            self._shown, *self.gauges.arrays, self._law_config, self._law_profiles, self._law_outputs, self._law_state,
+            self._log, self._pieces)
         self.sample += samples
 
     # ---- commands, applied at the next sample boundary
@@ -389,7 +381,7 @@ class Rig(Timed):
     def state_hash(self) -> str:
         """Digest of the whole state: equal for equal histories, however they were cut into calls."""
         digest = hashlib.sha256()
-        for part in (self.v, self._twist, self.mode, self._el, self._e_in, self.valves, self.cylinders, self.plant,
+        for part in (self.v, self.mode, self._el, self._e_in, self.valves, self.cylinders, self.plant,
                      self.held, self._law_outputs, self._law_state, self.settings, self.gauges.state,
                      self.gauges.counts):
             digest.update(np.ascontiguousarray(part).tobytes())
