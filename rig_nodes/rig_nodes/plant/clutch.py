@@ -127,11 +127,11 @@ def held_torque(before, clamp, engaging, releasing):
 def rest_share(before, piston, clamp, clutch):
     """Share of M_rest of (6.56), what an unclamped pack still asks for, with the memory of the contact.
 
-    It is there as soon as the asperities carry, and outlasts the clamp: plates that stick, and waves that press them,
-    let go over the waves' travel as the piston goes back (8.3.5 names adhesion and the waves as its causes).
+    It is there as soon as the asperities carry, and outlasts the clamp: plates that stick, and waves that press them
+    (8.3.5 names both), let go as the piston gives way to a film of full height between all of them.
     """
     carried = max(before, min(1.0, clamp / clutch.film_force))
-    return min(carried, max(0.0, 1.0 - (clutch.clearance - piston) / clutch.pack_travel))
+    return min(carried, max(0.0, 1.0 - (clutch.clearance - piston) / (clutch.surfaces * clutch.film_gap)))
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
