@@ -119,8 +119,8 @@ def hydraulic_misses(config: RigConfig, targets: dict[str, Target], clutch: int)
     early, _ = pressures(with_cracking(config, clutch, -PULSES), clutch)
     rising, falling = (targets[name] for name in CURVES[clutch])
     delay, kiss = targets[DELAYS[clutch]], targets[KISSES[clutch]]
-    first, fallen = first_true(rise > FIRST_RISE, len(rise) * MS), fall_begins(falling, fall)
-    sees = first_true(early > FIRST_RISE, len(early) * MS)
+    first, fallen = first_true(rise > rise[0] + FIRST_RISE, len(rise) * MS), fall_begins(falling, fall)
+    sees = first_true(early > early[0] + FIRST_RISE, len(early) * MS)  # the release before may not be over
     meets = kiss_pressure(config.clutch_s1 if clutch == 1 else config.clutch_s2)
     delays = config.alfa46.values
     order_to_off = max(0.0, -(delays.t12 if clutch == 1 else delays.t21))
