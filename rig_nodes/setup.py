@@ -43,7 +43,8 @@ setup(
     # rclpy and rig_msgs come with ROS 2, not from a package index; requirements.lock has wheels of rclpy.
     install_requires=["setuptools", "numpy>=1.26", "scipy", "numba", "mcap", "mcap-ros2-support", "rosbags",
                       "ruamel.yaml"],
-    extras_require={"view": ["rerun-sdk"], "plugs": ["fmpy", "python-can", "cantools", "pymodbus"], "test": ["pytest"]},
+    extras_require={"view": ["rerun-sdk"], "plugs": ["fmpy", "python-can", "cantools", "pymodbus"],
+                    "sweep": ["pyarrow", "dask", "distributed", "optuna"], "test": ["pytest"]},
     zip_safe=False,
     entry_points={
         "console_scripts": [

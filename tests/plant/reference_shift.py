@@ -8,7 +8,7 @@ How what is not smooth is treated:
 * duty: constant over a controller sample, so each millisecond is integrated for itself; in it the coil's current is an
   exponential, and the magnet's hysteresis (a play operator) has its exact value, as the current does not turn round.
 * clutches that slip, stick, break away: events; the speeds are projected on the locked state, torques jump there.
-* splines' hysteresis of the capacities (play operators on the clamp force): pulled into their band within PULL.
+* memory of splines and contact (play operators on clamp force and piston): pulled into their band within PULL.
 * feed orifice at no flow, where the square root has no finite slope: linear below FEED_LINEAR.
 * friction of spool and seals, stops, limits: continuous with corners, left to the tolerance control.
 """
@@ -33,9 +33,9 @@ RPM = pi / 30.0
 SLIPS = ((34 / 47, -41 / 41), (1.0, -41 / 40))
 STUCK = 0
 W_IN, W_OUT, TORQUE, INTEGRAL, LOAD, SUPPLY, FIRST = range(7)
-SPOOL, LINE, CHAMBER, PISTON, KINETIC, STATIC, HEAT, WEAR, PER_CLUTCH = range(9)
-# absolute tolerances, each far below what is read of it: rad/s, Nm, Pa; m, Nm, K, m
-ATOL = (1e-9, 1e-9, 1e-7, 1e-7, 1e-1, 1e-1, *2 * (1e-13, 1e-2, 1e-2, 1e-13, 1e-7, 1e-7, 1e-9, 1e-20))
+SPOOL, LINE, CHAMBER, PISTON, HELD, REST, HEAT, WEAR, PER_CLUTCH = range(9)
+# absolute tolerances, each far below what is read of it: rad/s, Nm, Pa; m, Nm, share, K, m
+ATOL = (1e-9, 1e-9, 1e-7, 1e-7, 1e-1, 1e-1, *2 * (1e-13, 1e-2, 1e-2, 1e-13, 1e-7, 1e-9, 1e-9, 1e-20))
 CHANNELS = ("M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2", "p_p")
 
 
@@ -66,10 +66,10 @@ class Equations:
         self.valves = (config.valve_zr_p1, config.valve_zr_p2)
         self.cylinders = (config.clutch_s1, config.clutch_s2)
         pack = self.pack = config.plate_pack
-        splines = ((False, pack.friction_spline), (True, pack.friction_spline_static))
-        per_force = [[closed.thesis(pack, 1.0, mu, spline, releasing=way) for way, spline in splines]
-                     for mu in (pack.friction_kinetic, pack.friction_static)]
-        self.per_force = [[[x.friction_correction * f for f in kind] for kind in per_force] for x in self.cylinders]
+        cases = ((pack.friction_kinetic, pack.friction_spline, False), (pack.friction_static, pack.friction_spline, False),
+                 (pack.friction_static, pack.friction_spline_static, True))
+        per_force = [closed.thesis(pack, 1.0, mu, spline, releasing=way) for mu, spline, way in cases]
+        self.per_force = [[x.friction_correction * f for f in per_force] for x in self.cylinders]
         self.film = drag.kitabayashi(pack, 1.0, 1.0, 1.0)
         self.j_in, self.j_out = config.gearbox.inertia_in, config.gearbox.inertia_out_z5 * (41 / 40) ** 2
         self.stiff = [a * a / self.j_in + b * b / self.j_out for a, b in SLIPS]
@@ -115,7 +115,7 @@ class Equations:
         return sign * area * sqrt(2.0 / self.c.oil_supply.density) * drop / (drop * drop + LAMINAR**2) ** 0.25
 
     def hydraulics(self, k, t, z, supply):
-        """(rates of SPOOL to STATIC, flow through the valve, clamp force) for the clutch's part z of the state."""
+        """(rates of SPOOL to REST, flow through the valve, clamp force) for the clutch's part z of the state."""
         v, x, oil = self.valves[k], self.cylinders[k], self.c.oil_supply
         spool, line, chamber, piston = z[SPOOL], z[LINE], z[CHAMBER], z[PISTON]
         middle = self.magnet_at(k, t) - v.pressure_gain * v.cracking_current
@@ -135,8 +135,11 @@ class Equations:
         speed = (rest - clamp(rest, -seal, seal)) / x.piston_damping
         if piston <= 0.0:
             speed = max(0.0, speed)
-        held = [(clamp(z[kind], engaging * force, releasing * force) - z[kind]) / PULL
-                for kind, (engaging, releasing) in zip((KINETIC, STATIC), self.per_force[k])]
+        _, engaging, releasing = self.per_force[k]
+        apart = max(0.0, x.clearance + z[WEAR] - piston) / x.pack_travel
+        held = [(clamp(z[kind], low, high) - z[kind]) / PULL for kind, low, high in (
+            (HELD, engaging * force, releasing * force),
+            (REST, min(1.0, force / self.pack.film_force), max(0.0, 1.0 - apart)))]
         return ((target - spool) / v.spool_time, (flow - feed) * oil.bulk_modulus / x.line_volume,
                 (feed - x.piston_area * speed) * oil.bulk_modulus / x.chamber_volume, speed, *held), flow, force
 
@@ -145,9 +148,10 @@ class Equations:
     def capacities(self, k, z, force):
         """(kinetic torque [Nm], limit while stuck [Nm], drag [Nm s/rad])."""
         x, pack, oil = self.cylinders[k], self.pack, self.c.oil_supply
-        rest = x.rest_torque * min(1.0, force / pack.film_force)
+        rest = x.rest_torque * z[REST]
         factor = max(0.2, 1.0 + pack.friction_per_kelvin * (z[HEAT] - pack.friction_temperature))
-        kinetic, static = factor * z[KINETIC] + rest, factor * z[STATIC] + rest
+        kinetic = max(factor * self.per_force[k][0] * force, pack.friction_kinetic / pack.friction_static * rest)
+        static = factor * z[HELD] + rest
         viscosity = oil.viscosity * exp(-oil.viscosity_per_kelvin * (z[HEAT] - oil.viscosity_temperature))
         gap = max((x.clearance + z[WEAR] - z[PISTON]) / pack.surfaces, pack.film_gap)
         return kinetic, max(kinetic, static), self.film * viscosity / gap * max(0.0, 1.0 - force / pack.film_force)

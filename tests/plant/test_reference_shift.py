@@ -44,7 +44,7 @@ def state_of(rig):
     y = [*rig.v, plant["motor_torque"], plant["motor_integral"], plant["load_pressure"], plant["supply"]]
     for k in range(2):
         y += [valves["spool"][k], *(cylinders[name][k] for name in (
-            "line", "chamber", "piston", "held_kinetic", "held_static", "temperature", "wear"))]
+            "line", "chamber", "piston", "held", "rest", "temperature", "wear"))]
     modes = [reference_shift.STUCK if stuck else int(math.copysign(1, rig.slip(k)))
              for k, stuck in enumerate(locked(rig))]
     settings = rig.settings[0]

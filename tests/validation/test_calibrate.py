@@ -11,8 +11,10 @@ from rig_nodes.config import CONFIG_DIR
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.validation import calibrate as c
+from rig_nodes.validation import calibration_rows as rows
+from rig_nodes.validation import trade_off
 
-TARGETS = c._targets()
+TARGETS = rows.calibrating()
 
 
 @pytest.fixture(scope="module")
@@ -46,10 +48,10 @@ def test_a_curve_of_chapter_9_begins_and_ends_as_printed():
     fall = TARGETS["ch9_pressure_up_p1"]
     t = np.array([-0.01, 0.0, 0.1, 0.38869, 1.0])
     # 2.3 - 13.028 t + 18.294 t^2 MPa, then nothing
-    assert c.on_curve(fall, t) == pytest.approx([2.3e6, 2.3e6, 1.18014e6, 0.0, 0.0], abs=10.0)
-    p = c.on_curve(fall, np.arange(0.0, 1.0, 1e-3) - 0.2)
-    assert c.fall_begins(fall, p) == pytest.approx(0.2, abs=1.5e-3)
-    assert c.deviation(fall, p, 0.2) < 2e3 < c.deviation(fall, p, 0.21)
+    assert rows.on_curve(fall, t) == pytest.approx([2.3e6, 2.3e6, 1.18014e6, 0.0, 0.0], abs=10.0)
+    p = rows.on_curve(fall, np.arange(0.0, 1.0, 1e-3) - 0.2)
+    assert rows.fall_begins(fall, p) == pytest.approx(0.2, abs=1.5e-3)
+    assert rows.deviation(fall, p, 0.2) < 2e3 < rows.deviation(fall, p, 0.21)
 
 
 def test_kiss_pressure_by_hand(config):
@@ -57,19 +59,19 @@ def test_kiss_pressure_by_hand(config):
     cylinder = dataclasses.replace(
         config.clutch_s1, piston_area=2408e-6, force_per_pressure_squared=0.0, spring_preload=128.0, spring_rate=128e3,
         clearance=2e-3, seal_friction=25.0, seal_friction_share=0.0)
-    assert c.kiss_pressure(cylinder) == pytest.approx(409.0 / 2408e-6)
+    assert rows.kiss_pressure(cylinder) == pytest.approx(409.0 / 2408e-6)
     squared = dataclasses.replace(cylinder, force_per_pressure_squared=140e-12)
-    p = c.kiss_pressure(squared)
+    p = rows.kiss_pressure(squared)
     assert 2408e-6 * p + 140e-12 * p * p == pytest.approx(409.0)
 
 
 def test_losses_are_found_again(config):
-    """From values that are far off, a few generations bring the coast-down back inside its tolerance."""
+    """From values that are far off, least squares bring the coast-down back inside its tolerance."""
     parameters = c.load_stages()["losses"]
     off = c.with_values(config, parameters, {"loss_speed": 0.6, "loss_out_constant": 14.0})
-    before = {miss.row: abs(miss.tolerances) for miss in c.loss_misses(off, TARGETS)}
-    values = c.search(off, parameters, c.loss_misses, generations=6, jobs=2, seed=1)
-    after = {miss.row: abs(miss.tolerances) for miss in c.loss_misses(c.with_values(off, parameters, values), TARGETS)}
+    before = {miss.row: abs(miss.tolerances) for miss in rows.loss_misses(off, TARGETS)}
+    values = c.search(off, parameters, rows.loss_misses, generations=0, jobs=1, seed=1)
+    after = {miss.row: abs(miss.tolerances) for miss in rows.loss_misses(c.with_values(off, parameters, values), TARGETS)}
     assert before["coast_down_torque"] > 3.0 > 1.0 > after["coast_down_torque"]
     assert sum(x * x for x in after.values()) < 0.2 * sum(x * x for x in before.values())
 
@@ -90,7 +92,51 @@ def test_what_is_found_is_written_where_the_rig_reads_it(tmp_path):
 
 
 @pytest.mark.parametrize("arguments, sentence", [
-    (["--stages", "loses"], "no stage 'loses'; known are losses"), (["--generations", "0"], "expected at least 1")])
+    (["--stages", "loses"], "no stage 'loses'; known are losses"), (["--generations", "-1"], "expected at least 0")])
 def test_wrong_arguments_are_refused(capsys, arguments, sentence):
     assert main(["calibrate", *arguments]) == 2
     assert sentence in capsys.readouterr().err
+
+
+def made_up(config, targets):
+    """Two rows that a driven side's constant loss of 2 and of 6 Nm would meet, and one that it does not touch."""
+    loss = config.gearbox.loss_out_constant
+    return [rows.Miss("low", loss, loss - 2.0), rows.Miss("high", loss, (loss - 6.0) / 2.0), rows.Miss("far", 0.0, 3.0)]
+
+
+def test_least_squares_meet_what_can_be_met(config):
+    """(x - 2)^2 + ((x - 6) / 2)^2 is least at x = 2.8."""
+    parameters = {"loss_out_constant": c.load_stages()["losses"]["loss_out_constant"]}
+    values = c.search(config, parameters, made_up, generations=0, jobs=1, seed=1)
+    assert values["loss_out_constant"] == pytest.approx(2.8, abs=1e-3)
+
+
+def test_a_trade_off_runs_from_one_row_to_the_other(config, monkeypatch):
+    """With weight w on the one row it is least at (w 2 + 6 / (4 w)) / (w + 1 / (4 w))."""
+    monkeypatch.setitem(rows.ROWS, "losses", made_up)
+    after = {"losses": made_up(c.with_values(config, c.load_stages()["losses"], {"loss_out_constant": 2.8}), {})}
+    sensitivities = {"losses.loss_out_constant": {"low": 1.5, "high": 0.75, "far": 0.0}}
+    (curve,) = trade_off.trade_offs(config, after, sensitivities, jobs=1)
+    assert curve.rows == ("low", "high")
+    for point in curve.points:
+        w = point.weight
+        loss = (2.0 * w + 6.0 / (4.0 * w)) / (w + 1.0 / (4.0 * w))
+        assert point.rows[0] == pytest.approx(loss, abs=0.02)
+        assert point.misses == pytest.approx((loss - 2.0, (loss - 6.0) / 2.0), abs=0.02)
+    low, high = zip(*(np.abs(point.misses) for point in curve.points))
+    assert list(low) == sorted(low) and list(high) == sorted(high, reverse=True)
+
+
+def test_rows_that_can_be_mended_together_are_no_conflict():
+    after = [rows.Miss("a", 0.0, 1.0), rows.Miss("b", 0.0, 2.0), rows.Miss("c", 0.0, -1.0), rows.Miss("d", 0.0, 0.1)]
+    same = {"losses.x": {"a": 1.0, "b": 1.0, "c": 1.0, "d": -1.0}}
+    assert trade_off.conflicts(after, same) == [("a", "c"), ("b", "c")]
+
+
+def test_a_clutch_that_holds_longer_lets_the_dip_begin_later(config):
+    """How long a released S1 holds shows in the delay t12 from which on the output dips."""
+    parameters = c.load_stages()["release"]
+    borders = [rows.release_misses(c.with_values(config, parameters, {"rest_torque": torque}), TARGETS)[0].value
+               for torque in (40.0, 65.0)]
+    assert borders[0] < borders[1] - 5e-3
+    assert borders[1] == pytest.approx(-0.175, abs=0.025)

@@ -3,6 +3,7 @@
 import argparse
 import json
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 HELP = "find the rig's unknown parameters on the laboratory's rows"
@@ -12,8 +13,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--write", action="store_true", help="put what was found into config/rigs/hydmag.yaml and "
                         "config/controllers/alfa46.yaml; without it nothing is changed")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write values, misses, sensitivities and spreads")
-    parser.add_argument("--generations", type=int, default=120, metavar="N", help="of the search (default 120, some 10 min)")
-    parser.add_argument("--stages", nargs="+", metavar="NAME", help="only these: losses, clutch_s1, clutch_s2")
+    parser.add_argument("--generations", type=int, default=120, metavar="N", help="of the search over the bounds (default 120, some 10 min); 0: only from where the rig is, a minute")
+    parser.add_argument("--stages", nargs="+", metavar="NAME", help="only these: losses, clutch_s1, clutch_s2, release")
+    parser.add_argument("--trade-offs", action="store_true",
+                        help="then what it costs to mend each of two rows that pull against each other (minutes)")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes (default 2)")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the search (default 1)")
     parser.epilog = "What may change, and how far, stands in validation/calibration.yaml of the package."
@@ -24,20 +27,28 @@ def main(args: argparse.Namespace) -> int:
     from ..errors import RigError
     from ..testbench.configuration import find_config, load_rig
     from ..validation import calibrate as c
+    from ..validation.calibration_rows import ROWS
+    from ..validation.trade_off import trade_offs
 
-    for name in ("generations", "jobs"):
-        if getattr(args, name) < 1:
-            raise RigError(f"--{name} is {getattr(args, name)}, expected at least 1")
-    unknown = sorted(set(args.stages or ()) - set(c.ROWS))
+    for name, least in (("generations", 0), ("jobs", 1)):
+        if getattr(args, name) < least:
+            raise RigError(f"--{name} is {getattr(args, name)}, expected at least {least}")
+    unknown = sorted(set(args.stages or ()) - set(ROWS))
     if unknown:
-        raise RigError(f"--stages: there is no stage '{unknown[0]}'; known are {', '.join(c.ROWS)}")
+        raise RigError(f"--stages: there is no stage '{unknown[0]}'; known are {', '.join(ROWS)}")
     parameters = {f"{stage}.{name}": p for stage, those in c.load_stages().items() for name, p in those.items()}
 
     def progress(stage: str, turn: int, cost: float) -> None:
         print(f"\r{stage}: generation {turn}, sum of squared misses {cost:.3f}   ", end="", file=sys.stderr, flush=True)
 
+    def pair(stage: str, one: str, other: str) -> None:
+        print(f"\r{stage}: {one} against {other}                    ", end="", file=sys.stderr, flush=True)
+
+    curves = []
     try:
-        found = c.calibrate(load_rig(), args.generations, args.jobs, args.seed, args.stages, progress)
+        found, rig = c.calibrate(load_rig(), args.generations, args.jobs, args.seed, args.stages, progress)
+        if args.trade_offs:
+            curves = trade_offs(rig, found.after, found.sensitivities, args.jobs, pair)
     except KeyboardInterrupt:
         print("\nrig: interrupted by Ctrl-C; nothing was changed", file=sys.stderr)
         return 130
@@ -46,12 +57,19 @@ def main(args: argparse.Namespace) -> int:
     for name, value in found.values.items():
         print(f"{name:24} {value:12.5g} {found.spread[name]:12.3g}  {', '.join(parameters[name].of)}")
     print(f"\n{'row':30} {'before':>12} {'after':>12} {'miss':>8}  (SI; miss in tolerances)")
-    for before, after in zip(found.before, found.after):
-        print(f"{after.row:30} {before.value:12.5g} {after.value:12.5g} {after.tolerances:8.2f}")
+    for stage, misses in found.after.items():
+        for before, after in zip(found.before[stage], misses):
+            print(f"{after.row:30} {before.value:12.5g} {after.value:12.5g} {after.tolerances:8.2f}")
+    for curve in curves:
+        print(f"\ntrade-off of {curve.stage}, misses in tolerances: {curve.rows[0]} against {curve.rows[1]}")
+        for point in curve.points:
+            print("  weight {:6g}  {:8.2f}  {:8.2f}".format(point.weight, *point.misses))
     if args.json:
         args.json.write_text(json.dumps({
             "values": found.values, "spread": found.spread, "sensitivities": found.sensitivities,
-            "before": [vars(miss) for miss in found.before], "after": [vars(miss) for miss in found.after],
+            "before": [vars(miss) for misses in found.before.values() for miss in misses],
+            "after": [vars(miss) for misses in found.after.values() for miss in misses],
+            "trade_offs": [asdict(curve) for curve in curves],
             "bounds": {n: [p.low, p.high] for n, p in parameters.items()}, "units": SI}, indent=1))
     if args.write:
         c.write_values(found.values, find_config("rigs", "hydmag"), find_config("controllers", "alfa46"))

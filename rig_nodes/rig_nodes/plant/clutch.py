@@ -118,9 +118,20 @@ def drag_coefficient(piston, clamp, viscosity, clutch):
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def held_torque(before, clamp, engaging, releasing):
-    """Torque capacity [Nm] with the memory of the splines: rises along ``engaging`` times the clamp force, stays
-    while the plates stick on their splines, falls along ``releasing`` times the clamp force [Nm/N]."""
+    """Torque [Nm] at which a stuck pack slips, with the memory of the splines: rises along ``engaging`` times the clamp
+    force, stays while the plates stick on their splines, falls along ``releasing`` times the clamp force [Nm/N]."""
     return min(max(before, engaging * clamp), releasing * clamp)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def rest_share(before, piston, clamp, clutch):
+    """Share of M_rest of (6.56), what an unclamped pack still asks for, with the memory of the contact.
+
+    It is there as soon as the asperities carry, and outlasts the clamp: plates that stick, and waves that press them,
+    let go over the waves' travel as the piston goes back (8.3.5 names adhesion and the waves as its causes).
+    """
+    carried = max(before, min(1.0, clamp / clutch.film_force))
+    return min(carried, max(0.0, 1.0 - (clutch.clearance - piston) / clutch.pack_travel))
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

@@ -43,17 +43,19 @@ VALVE_STATE = np.dtype([
 ])
 # rise: of a pressure in the last step; speed: of the piston
 CLUTCH_STATE = np.dtype([
-    ("line", "f8"), ("line_rise", "f8"), ("chamber", "f8"), ("chamber_rise", "f8"), ("piston", "f8"), ("speed", "f8"), ("clamp", "f8"), ("held_kinetic", "f8"),
-    ("held_static", "f8"), ("kinetic", "f8"), ("static", "f8"), ("drag", "f8"), ("temperature", "f8"), ("wear", "f8"),
-    ("heat", "f8"),
+    ("line", "f8"), ("line_rise", "f8"), ("chamber", "f8"), ("chamber_rise", "f8"), ("piston", "f8"), ("speed", "f8"),
+    ("clamp", "f8"), ("held", "f8"), ("rest", "f8"), ("kinetic", "f8"), ("static", "f8"), ("drag", "f8"),
+    ("temperature", "f8"), ("wear", "f8"), ("heat", "f8"),
 ])
 # what of the thesis's error sources acts here; the others are parameters. pwm: frequency, 0 where it is averaged;
 # pulses: of the coils' voltage as the transducers pick it up, there also where the plant takes the average
 EFFECTS = np.dtype([("current_loop", "f8"), ("motor_speed", "f8"), ("pwm", "f8"), ("pulses", "f8"),
                     ("prescribed", "f8"), ("loss_driving", "f8"), ("transducers", "f8")])
+# carried: by w0 into the clutches; gain: of a value in the last step, of a torque only where no mode has changed in it
 PLANT_STATE = np.dtype([
     ("motor_torque", "f8"), ("motor_integral", "f8"), ("motor_setpoint", "f8"), ("supply", "f8"),
-    ("load_pressure", "f8"), ("m_wej", "f8"), ("m_wyj", "f8"), ("loss_in", "f8"), ("loss_out", "f8"), ("gain_in", "f8"), ("gain_out", "f8"),
+    ("load_pressure", "f8"), ("m_wej", "f8"), ("m_wyj", "f8"), ("loss_in", "f8"), ("loss_out", "f8"), ("carried", "f8"),
+    ("gain_in", "f8"), ("gain_out", "f8"), ("gain_carried", "f8"), ("gain_m_wyj", "f8"),
 ])
 # answers of a motor and a load outside the plant (plant.cut), held for a tick; motor, load > 0: it is there
 HELD = np.dtype([
@@ -66,7 +68,7 @@ SETTINGS = np.dtype([
     ("oil_on", "f8"), ("safe", "f8"),
 ])
 # a clutch's values that testbench.rig works out of those that are given
-CLUTCH_DERIVED = ("engaging_kinetic", "engaging_static", "releasing_kinetic", "releasing_static", "drag_factor",
+CLUTCH_DERIVED = ("engaging_kinetic", "engaging_static", "releasing_static", "kinetic_share", "drag_factor",
                   "new_clearance", *(field.name for field in fields(Force)))
 CLUTCH = np.dtype(record_dtype(clutch_model.Cylinder, clutch_model.PlatePack).descr
                   + [(name, "f8") for name in CLUTCH_DERIVED])
@@ -134,15 +136,15 @@ def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch
         cylinder.line_rise, cylinder.chamber_rise = line - cylinder.line, chamber - cylinder.chamber
         cylinder.line, cylinder.chamber, cylinder.piston, cylinder.speed = line, chamber, piston, speed
         cylinder.clamp = clutch_model.pack_force(piston, clutch)[0]
-    cylinder.held_kinetic = clutch_model.held_torque(
-        cylinder.held_kinetic, cylinder.clamp, clutch.engaging_kinetic, clutch.releasing_kinetic)
-    cylinder.held_static = clutch_model.held_torque(
-        cylinder.held_static, cylinder.clamp, clutch.engaging_static, clutch.releasing_static)
-    # (6.56): what an unclamped pack still asks for is there as soon as the asperities carry
-    rest = clutch.rest_torque * min(1.0, cylinder.clamp / clutch.film_force)
+    cylinder.held = clutch_model.held_torque(
+        cylinder.held, cylinder.clamp, clutch.engaging_static, clutch.releasing_static)
+    cylinder.rest = clutch_model.rest_share(cylinder.rest, cylinder.piston, cylinder.clamp, clutch)
+    rest = clutch.rest_torque * cylinder.rest
     factor = clutch_model.friction_factor(cylinder.temperature, clutch)
-    cylinder.kinetic = factor * cylinder.held_kinetic + rest
-    cylinder.static = factor * cylinder.held_static + rest
+    # sliding breaks the adhesion and shakes the plates loose on their splines; the waves' force is the clamp itself until
+    # the piston has left them alone
+    cylinder.kinetic = max(factor * clutch.engaging_kinetic * cylinder.clamp, clutch.kinetic_share * rest)
+    cylinder.static = factor * cylinder.held + rest
     viscosity = oil_supply.viscosity_at(cylinder.temperature, oil)
     cylinder.drag = clutch_model.drag_coefficient(cylinder.piston, cylinder.clamp, viscosity, clutch)
 
@@ -223,13 +225,13 @@ def plant_step(world, h, t):
         plant.load_pressure = load_pump.pressure_after(
             plant.load_pressure, settings.load_pressure, settings.load_on > 0.0, middle_out, decays.load, world.load)
         cap[KIN1, LOAD] = load_pump.torque_capacity(plant.load_pressure, world.load)
-    carried = w[S1, 0] * el[LAM, S1] + w[S1 + 1, 0] * el[LAM, S1 + 1]  # by w0 into the clutches
-    plant.loss_in = gearbox_model.loss_in(middle_in, carried, gearbox)
-    plant.loss_out, by_load = gearbox_model.loss_out(gearbox), gearbox_model.loss_by_load(plant.m_wyj, gearbox)
+    plant.loss_in = gearbox_model.loss_in(middle_in, plant.carried + 0.5 * plant.gain_carried, gearbox)
+    plant.loss_out = gearbox_model.loss_out(gearbox)
+    by_load = gearbox_model.loss_by_load(plant.m_wyj + 0.5 * plant.gain_m_wyj, gearbox)
     if effects.loss_driving == 0.0:
         plant.loss_out += by_load
-    elif v[0] > 1.0:
-        plant.loss_in += by_load * min(1.0, max(0.0, v[1] / v[0]))  # the same power on the other shaft
+    elif middle_in > 1.0:
+        plant.loss_in += by_load * min(1.0, max(0.0, middle_out / middle_in))  # the same power on the other shaft
     cap[KIN1, LOSS_IN], cap[KIN1, LOSS_OUT] = plant.loss_in, plant.loss_out
     cap[KIN0, LOAD], cap[HI0, LOAD], cap[LO0, LOAD] = load_before, load_before, -load_before
     cap[HI1, LOAD], cap[LO1, LOAD] = cap[KIN1, LOAD], -cap[KIN1, LOAD]
@@ -238,7 +240,8 @@ def plant_step(world, h, t):
         cap[KIN0, f] = cap[HI0, f] = cap[HI1, f] = cap[KIN1, f]
         cap[LO0, f] = cap[LO1, f] = -cap[KIN1, f]
 
-    if not quiet_step(h, minv, w, q, cap, v, line.mode, el, line.e_in, line.work):
+    quiet = quiet_step(h, minv, w, q, cap, v, line.mode, el, line.e_in, line.work)
+    if not quiet:
         driveline_step(h, t, minv, w, line.sh, line.kc, q, cap, v, line.twist, line.mode, el, line.shaft, line.e_in,
                        line.events, line.count, line.work)
     plant.gain_in, plant.gain_out = v[0] - old_in, v[1] - old_out
@@ -247,6 +250,8 @@ def plant_step(world, h, t):
         cylinder.temperature, cylinder.wear = clutch_model.plates_after(
             cylinder.temperature, cylinder.wear, heat - cylinder.heat, world.oil.temperature, h, clutches[k])
         cylinder.heat = heat
+    carried, m_wyj = plant.carried, plant.m_wyj
+    plant.carried = w[S1, 0] * el[LAM, S1] + w[S1 + 1, 0] * el[LAM, S1 + 1]
     # the torque meters sit between motor and gearbox and between gearbox and pump: accelerations at the end of the step
     on_in, on_out = q[1, 0], 0.0
     for f in range(ELEMENTS):
@@ -254,11 +259,14 @@ def plant_step(world, h, t):
         on_in -= w[f, 0] * torque
         on_out -= w[f, 1] * torque
     if effects.motor_speed == 0.0:
-        plant.m_wej = w[S1, 0] * el[LAM, S1] + w[S1 + 1, 0] * el[LAM, S1 + 1] + plant.loss_in  # (6.82)
+        plant.m_wej = plant.carried + plant.loss_in  # (6.82)
     else:
         outside = gearbox.inertia_in - gearbox.inertia_in_gearbox
         plant.m_wej = q[1, 0] - outside * on_in / gearbox.inertia_in
     plant.m_wyj = el[LAM, LOAD] + gearbox.inertia_pump * minv[1, 1] * on_out
+    plant.gain_carried, plant.gain_m_wyj = 0.0, 0.0
+    if quiet:
+        plant.gain_carried, plant.gain_m_wyj = plant.carried - carried, plant.m_wyj - m_wyj
 
 
 @njit(cache=True, error_model="numpy")

@@ -111,17 +111,16 @@ class Rig:
             fill(world["valve_parameters"][0, k], part)
         self._oil = world["oil"]
         self.gauges = Gauges(c.instruments, self.seed, c.kernel.step, effects.transducers)
-        friction = {"kinetic": c.plate_pack.friction_kinetic, "static": c.plate_pack.friction_static}
-        packs, clutches = (c.clutch_s1, c.clutch_s2), world["clutches"][0]
+        packs, plates, clutches = (c.clutch_s1, c.clutch_s2), c.plate_pack, world["clutches"][0]
         for row, cylinder in zip(clutches, packs):
-            fill(row, cylinder, c.plate_pack)
-            model = cylinder.friction_model
-            for kind, mu in friction.items():
-                for way in ("engaging", "releasing"):
-                    turned = way == "releasing" and effects.spline_hysteresis
-                    row[f"{way}_{kind}"] = cylinder.friction_correction * clutch.torque_per_force(
-                        c.plate_pack, mu, turned, model)
-            row["drag_factor"] = clutch.drag_factor(c.plate_pack, cylinder.drag_model)
+            fill(row, cylinder, plates)
+            for way, kind, mu, turned in (("engaging", "kinetic", plates.friction_kinetic, False),
+                                          ("engaging", "static", plates.friction_static, False),
+                                          ("releasing", "static", plates.friction_static, effects.spline_hysteresis)):
+                row[f"{way}_{kind}"] = cylinder.friction_correction * clutch.torque_per_force(
+                    plates, mu, turned, cylinder.friction_model)
+            row["kinetic_share"] = plates.friction_kinetic / plates.friction_static if plates.friction_static > 0.0 else 0.0
+            row["drag_factor"] = clutch.drag_factor(plates, cylinder.drag_model)
             row["new_clearance"] = cylinder.clearance
         self._effects["transducers"] = effects.transducers
         self._effects["current_loop"], self._effects["motor_speed"] = effects.current_loop, effects.motor_speed

@@ -1,7 +1,7 @@
 """Finds the rig's unknown parameters on the rows of targets.yaml whose role is to calibrate, all in one set.
 
-Used by `rig calibrate`. Hydraulics first (pressures of chapter 9, response times, kiss points), then losses (coast-down,
-torques of 7.3); friction stays as printed. calibration.yaml says what may change and how far.
+Used by `rig calibrate`: losses, valve and cylinder of each clutch, then what holds a released clutch. Friction stays as
+printed. calibration.yaml says what may change and how far, calibration_rows.py what a rig makes of the rows.
 """
 
 from __future__ import annotations
@@ -13,36 +13,18 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import differential_evolution
+from scipy.optimize import differential_evolution, least_squares
 
 from ..alfa46.settings import Alfa46Config, Alfa46Values
 from ..config import load_marked
 from ..config.schema import check_keys, where_of
 from ..config.units import UNITS, quantity
 from ..errors import RigError
-from ..plant import kernel
-from ..plant.clutch import Cylinder
-from ..plant.load_pump import relief_setting_for
 from ..testbench.campaign import Workers
 from ..testbench.configuration import PARTS, RigConfig
-from ..testbench.rig import Rig
-from .targets import Target, load_targets
+from .calibration_rows import ROWS, Miss, calibrating
 
 CALIBRATION_FILE = Path(__file__).resolve().with_name("calibration.yaml")
-SUPPLY = 4e6  # Pa, 7.1.2
-SETTLE = 300  # samples in which the supply comes up
-MS = 1e-3
-FIRST_RISE = 10e3  # Pa: about what the laboratory could see of a first rise
-FALLEN = 2.2e6  # Pa: the fall has begun when it is passed (22 bar, Annex A)
-CLUTCHES = (1, 2)
-CURVES = {  # of a clutch: row of the rising and of the falling pressure in chapter 9
-    1: ("ch9_pressure_down_p1", "ch9_pressure_up_p1"), 2: ("ch9_pressure_up_p2", "ch9_pressure_down_p2"),
-}
-# Start of a fall after the order: Annex D gives both pressures of a change one time, so the falling one starts with the
-# rising one. For II to I that is before ZR-P2 is switched off: there only early counts.
-FALL_STARTS = {1: (0.3306, 0.01), 2: (0.22, 0.05)}  # s, and what counts as one tolerance
-DELAYS = {1: "valve_delay_zr_p1", 2: "valve_delay_zr_p2"}
-KISSES = {1: "kiss_pressure_s1", 2: "kiss_pressure_s2"}
 
 
 @dataclass(frozen=True)
@@ -99,129 +81,6 @@ def with_values(config: RigConfig, parameters: dict[str, Parameter], values: dic
     return config
 
 
-# ---- what the rig does, without its transducers
-
-
-def pressures(config: RigConfig, clutch: int) -> tuple[np.ndarray, np.ndarray]:
-    """Pressure [Pa] of clutch 1 or 2 each millisecond, engaged and then released, from each order on.
-
-    At the settings of the rig's controller, shafts at rest, true values; the second time, because a piston that has
-    never moved lies deeper than its seals let it return.
-    """
-    rig = Rig(replace(config, effects=replace(config.effects, transducers=False)))
-    rig.set_oil(SUPPLY, True)
-    rig.advance_samples(SETTLE)
-    rig.take_rows(10 * SETTLE)
-    column, found = (kernel.P_1, kernel.P_2)[clutch - 1], []
-    for gear, samples in ((clutch, 1000), (0, 1300)) * 2:
-        rig.order_gear(gear)
-        rig.advance_samples(samples)
-        found.append(rig.take_rows(10 * samples)[1][::10, column].copy())
-    return found[2], found[3]
-
-
-def kiss_pressure(cylinder: Cylinder) -> float:
-    """Pressure [Pa] at which the rising piston meets the plates: springs and seals at the clearance."""
-    resist = cylinder.spring_preload + cylinder.spring_rate * cylinder.clearance + cylinder.seal_friction
-    slope, square = cylinder.piston_area, cylinder.force_per_pressure_squared
-    share = 1.0 - cylinder.seal_friction_share
-    return 2.0 * resist / share / (slope + np.sqrt(slope * slope + 4.0 * square * resist / share))
-
-
-def first_true(values: np.ndarray, missing: float) -> float:
-    """Time [s] of the first True of values each millisecond; ``missing`` where there is none."""
-    return float(np.argmax(values)) * MS if values.any() else missing
-
-
-def on_curve(target: Target, t: np.ndarray) -> np.ndarray:
-    """A curve of chapter 9 [Pa] at times since its start [s], before which it stays as it begins."""
-    out = np.full(t.shape, np.polyval(target.pieces[0][2], 0.0))
-    for low, high, coefficients in target.pieces:
-        inside = (t > low) & (t <= high)
-        out[inside] = np.polyval(coefficients, t[inside])
-    out[t > target.pieces[-1][1]] = np.polyval(target.pieces[-1][2], target.pieces[-1][1])
-    return np.maximum(out, 0.0) * 1e6
-
-
-def deviation(target: Target, p: np.ndarray, start: float) -> float:
-    """Root mean square distance [Pa] of pressures each millisecond from a curve that begins at ``start`` [s]."""
-    t = np.arange(len(p)) * MS - start
-    span = (t >= 0.0) & (t <= target.pieces[-1][1])
-    if not span.any():
-        return 2.3e6
-    return float(np.sqrt(np.mean((p[span] - on_curve(target, t[span])) ** 2)))
-
-
-def fall_begins(target: Target, p: np.ndarray) -> float:
-    """Start [s] of a fall: where the pressure passes 2.2 MPa, less what the curve needs to there."""
-    t = np.arange(0.0, 0.1, 1e-4)
-    return first_true(p < FALLEN, 1.0) - float(t[np.argmax(on_curve(target, t) < FALLEN)])
-
-
-@dataclass(frozen=True)
-class Miss:
-    """How far a row is from what is printed, in tolerances, and its value [SI]."""
-
-    row: str
-    value: float
-    tolerances: float
-
-
-def hydraulic_misses(config: RigConfig, targets: dict[str, Target], clutch: int) -> list[Miss]:
-    """The rows of valve response, kiss point and chapter 9's pressures of one clutch."""
-    rise, fall = pressures(config, clutch)
-    rising, falling = (targets[name] for name in CURVES[clutch])
-    delay, kiss = targets[DELAYS[clutch]], targets[KISSES[clutch]]
-    first, fallen = first_true(rise > FIRST_RISE, len(rise) * MS), fall_begins(falling, fall)
-    meets = kiss_pressure(config.clutch_s1 if clutch == 1 else config.clutch_s2)
-    delays = config.alfa46.values
-    order_to_off = max(0.0, -(delays.t12 if clutch == 1 else delays.t21))
-    due, tolerance = FALL_STARTS[clutch]
-    out = [Miss(delay.id, first, (first - delay.printed[0]) / delay.tolerance),
-           Miss(kiss.id, meets, (meets - kiss.printed[0]) / kiss.tolerance),
-           Miss(f"{falling.id}: start", fallen + order_to_off, (fallen + order_to_off - due) / tolerance)]
-    for row, p, start in ((rising, rise, first), (falling, fall, fallen)):
-        miss = deviation(row, p, start)
-        out.append(Miss(row.id, miss, miss / row.tolerance))
-    return out
-
-
-def steady_torque(config: RigConfig, gear: int, speed: float, load: float) -> float:
-    """M_wej [Nm] that turns the rig in a gear (0: neutral) at an input speed [rad/s] under a load [Nm], true value."""
-    rig = Rig(replace(config, effects=replace(config.effects, transducers=False)))
-    rig.set_oil(SUPPLY, True)
-    rig.advance_samples(SETTLE)
-    if gear:
-        rig.order_gear(gear)
-        rig.advance_samples(1200)
-    rig.set_motor(speed, True)
-    rig.advance_samples(2000)
-    rig.set_load(relief_setting_for(load, float(rig.v[1]), config.load_pump), load > 0.0)
-    rig.advance_samples(3000)
-    return float(rig.plant["m_wej"][0])
-
-
-def loss_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
-    """The rows of coast-down and of the mean torques of 7.3.2, in steady state.
-
-    The tangent at the start of the coast-down meets zero after J w / M, what the open driving side's torque makes of it.
-    """
-    rpm = np.pi / 30.0
-    coasting = steady_torque(config, 0, 470 * rpm, 0.0)
-    values = {"coast_down_torque": coasting,
-              "coast_down_tangent_time": config.gearbox.inertia_in * 470 * rpm / coasting,
-              "valve_mean_torque_s1": steady_torque(config, 1, 500 * rpm, 30.0),
-              "valve_mean_torque_s2": steady_torque(config, 2, 500 * rpm, 30.0)}
-    return [Miss(name, value, (value - targets[name].printed[0]) / targets[name].tolerance)
-            for name, value in values.items()]
-
-
-ROWS: dict[str, Callable] = {  # of each stage
-    "losses": loss_misses, "clutch_s1": partial(hydraulic_misses, clutch=1),
-    "clutch_s2": partial(hydraulic_misses, clutch=2),
-}
-
-
 # ---- the search
 
 
@@ -232,33 +91,44 @@ class Found:
     """
 
     values: dict[str, float]
-    before: list[Miss]
-    after: list[Miss]
+    before: dict[str, list[Miss]]  # of each stage
+    after: dict[str, list[Miss]]
     spread: dict[str, float] = field(default_factory=dict)
     sensitivities: dict[str, dict[str, float]] = field(default_factory=dict)
 
 
-def _cost(x, config, parameters, misses) -> float:
-    values = {p.name: p.low + (p.high - p.low) * u for p, u in zip(parameters.values(), np.clip(x, 0.0, 1.0))}
-    targets = _targets()
-    return float(sum(miss.tolerances**2 for miss in misses(with_values(config, parameters, values), targets)))
+def at_shares(config: RigConfig, parameters: dict[str, Parameter], shares) -> tuple[RigConfig, dict[str, float]]:
+    """The rig with parameters at shares (0 to 1) of their bounds, and their values (SI)."""
+    values = {p.name: float(p.low + (p.high - p.low) * u) for p, u in zip(parameters.values(), np.clip(shares, 0.0, 1.0))}
+    return with_values(config, parameters, values), values
 
 
-_TARGETS: dict[str, Target] = {}
+def residuals(shares, config: RigConfig, parameters: dict[str, Parameter], misses: Callable,
+              scale: dict[str, float] | None = None) -> np.ndarray:
+    """Misses [tolerances] of all rows with parameters at shares of their bounds, some rows' scaled."""
+    found = misses(at_shares(config, parameters, shares)[0], calibrating())
+    return np.array([(scale or {}).get(miss.row, 1.0) * miss.tolerances for miss in found])
 
 
-def _targets() -> dict[str, Target]:
-    """The rows by name, read once in each process."""
-    if not _TARGETS:
-        _TARGETS.update({target.id: target for target in load_targets()})
-    return _TARGETS
+def nearby(shares, config: RigConfig, parameters: dict[str, Parameter], misses: Callable,
+           scale: dict[str, float] | None = None) -> np.ndarray:
+    """Shares near these with a smaller sum of squared misses, by least squares; the same ones where there are none."""
+    cost = partial(residuals, config=config, parameters=parameters, misses=misses, scale=scale)
+    start = np.clip(shares, 1e-3, 1.0 - 1e-3)  # the method wants a start inside
+    found = least_squares(cost, start, bounds=(0.0, 1.0), diff_step=0.02, max_nfev=20).x
+    return found if np.sum(cost(found) ** 2) < np.sum(cost(shares) ** 2) else np.asarray(shares)
+
+
+def _cost(shares, config, parameters, misses) -> float:
+    return float(np.sum(residuals(shares, config, parameters, misses) ** 2))
 
 
 def search(config: RigConfig, parameters: dict[str, Parameter], misses: Callable, generations: int, jobs: int,
            seed: int, progress: Callable[[int, float], None] | None = None) -> dict[str, float]:
-    """Values that make the sum of squared misses small, by differential evolution; an interrupt is passed on.
+    """Values that make the sum of squared misses small; an interrupt is passed on.
 
-    misses: of this module, e.g. hydraulic_misses. The same seed finds the same values for any number of jobs.
+    Differential evolution over the bounds, then least squares from its best; the latter alone, from the rig as it is, with
+    no generations. misses: of calibration_rows.ROWS. The same seed finds the same values for any number of jobs.
     """
     cost = partial(_cost, config=config, parameters=parameters, misses=misses)
     turn = [0]
@@ -268,15 +138,20 @@ def search(config: RigConfig, parameters: dict[str, Parameter], misses: Callable
         if progress:
             progress(turn[0], float(intermediate_result.fun))
 
-    start = _start(config, parameters)
-    with Workers(jobs) as workers:
-        found = differential_evolution(
-            cost, [(0.0, 1.0)] * len(parameters), x0=start, popsize=4, maxiter=generations, tol=1e-4, seed=seed,
-            mutation=(0.4, 0.9), recombination=0.8, polish=False, callback=tell, workers=workers.map, updating="deferred")
-    return {p.name: float(p.low + (p.high - p.low) * u) for p, u in zip(parameters.values(), found.x)}
+    best = shares_of(config, parameters)
+    if generations:
+        with Workers(jobs) as workers:
+            best = differential_evolution(
+                cost, [(0.0, 1.0)] * len(parameters), x0=best, popsize=4, maxiter=generations, tol=1e-4, seed=seed,
+                mutation=(0.4, 0.9), recombination=0.8, polish=False, callback=tell, workers=workers.map,
+                updating="deferred").x
+    best = nearby(best, config, parameters, misses)
+    if progress:
+        progress(turn[0] + 1, cost(best))
+    return at_shares(config, parameters, best)[1]
 
 
-def _start(config: RigConfig, parameters: dict[str, Parameter]) -> np.ndarray:
+def shares_of(config: RigConfig, parameters: dict[str, Parameter]) -> np.ndarray:
     """The rig as it is, as shares of the bounds."""
     shares = []
     for p in parameters.values():
@@ -295,7 +170,7 @@ def sensitivities(config: RigConfig, parameters: dict[str, Parameter], values: d
     Differences to both sides; the spread is what moves the sum of squared misses by 1 to second order, the others held,
     at most the width of the bounds: a parameter that the rows do not see has that.
     """
-    targets, step = _targets(), 0.02
+    targets, step = calibrating(), 0.02
     rows: dict[str, dict[str, float]] = {}
     spread = {}
     for name, p in parameters.items():
@@ -310,23 +185,25 @@ def sensitivities(config: RigConfig, parameters: dict[str, Parameter], values: d
 
 
 def calibrate(config: RigConfig, generations: int, jobs: int, seed: int, stages: list[str] | None = None,
-              progress: Callable[[str, int, float], None] | None = None) -> Found:
-    """The stages, all or some, one after the other, each on its rows; RigError when calibration.yaml is not right."""
-    targets, found = _targets(), Found({}, [], [])
+              progress: Callable[[str, int, float], None] | None = None) -> tuple[Found, RigConfig]:
+    """(what was found, the rig with it): the stages, all or some, one after the other, each on its rows; RigError when
+    calibration.yaml is not right.
+    """
+    targets, found = calibrating(), Found({}, {}, {})
     for stage, those in load_stages().items():
         if stages is not None and stage not in stages:
             continue
         misses = ROWS[stage]
-        found.before += misses(config, targets)
+        found.before[stage] = misses(config, targets)
         tell = partial(progress, stage) if progress else None
         values = search(config, those, misses, generations if len(those) > 4 else min(generations, 15), jobs, seed, tell)
         config = with_values(config, those, values)
-        found.after += misses(config, targets)
+        found.after[stage] = misses(config, targets)
         rows, spread = sensitivities(config, those, values, misses)
         found.values |= {f"{stage}.{name}": value for name, value in values.items()}
         found.sensitivities |= {f"{stage}.{name}": row for name, row in rows.items()}
         found.spread |= {f"{stage}.{name}": value for name, value in spread.items()}
-    return found
+    return found, config
 
 
 def write_values(values: dict[str, float], rig_file: Path, controller_file: Path) -> None:

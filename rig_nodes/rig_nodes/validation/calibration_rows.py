@@ -1,0 +1,210 @@
+"""What a rig makes of the rows of targets.yaml that calibrate, and how far it is from them.
+
+Used by validation.calibrate, which searches, and validation.trade_off. Nothing here knows what may change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache, partial
+
+import numpy as np
+
+from ..alfa46.settings import Alfa46Config
+from ..analysis.metrics import Inertias, Recording, shift_metrics
+from ..plant import kernel
+from ..plant.clutch import Cylinder
+from ..plant.load_pump import relief_setting_for
+from ..testbench.configuration import RigConfig
+from ..testbench.rig import Rig
+from .derived import NO_DIP
+from .targets import Target, load_targets
+
+SUPPLY = 4e6  # Pa, 7.1.2
+SETTLE = 300  # samples in which the supply comes up
+MS = 1e-3
+FIRST_RISE = 10e3  # Pa: about what the laboratory could see of a first rise
+FALLEN = 2.2e6  # Pa: the fall has begun when it is passed (22 bar, Annex A)
+CURVES = {  # of a clutch: row of the rising and of the falling pressure in chapter 9
+    1: ("ch9_pressure_down_p1", "ch9_pressure_up_p1"), 2: ("ch9_pressure_up_p2", "ch9_pressure_down_p2"),
+}
+# Start of a fall after the order: Annex D gives both pressures of a change one time, so the falling one starts with the
+# rising one. For II to I that is before ZR-P2 is switched off: there only early counts.
+FALL_STARTS = {1: (0.3306, 0.01), 2: (0.22, 0.05)}  # s, and what counts as one tolerance
+DELAYS = {1: "valve_delay_zr_p1", 2: "valve_delay_zr_p2"}
+PEAK_TOLERANCE = 6.5  # Nm: largest error of that peak by (7.1)
+KISSES = {1: "kiss_pressure_s1", 2: "kiss_pressure_s2"}
+
+
+# ---- what the rig does, without its transducers
+
+
+def pressures(config: RigConfig, clutch: int) -> tuple[np.ndarray, np.ndarray]:
+    """Pressure [Pa] of clutch 1 or 2 each millisecond, engaged and then released, from each order on.
+
+    At the settings of the rig's controller, shafts at rest, true values; the second time, because a piston that has
+    never moved lies deeper than its seals let it return.
+    """
+    rig = Rig(replace(config, effects=replace(config.effects, transducers=False)))
+    rig.set_oil(SUPPLY, True)
+    rig.advance_samples(SETTLE)
+    rig.take_rows(10 * SETTLE)
+    column, found = (kernel.P_1, kernel.P_2)[clutch - 1], []
+    for gear, samples in ((clutch, 1000), (0, 1300)) * 2:
+        rig.order_gear(gear)
+        rig.advance_samples(samples)
+        found.append(rig.take_rows(10 * samples)[1][::10, column].copy())
+    return found[2], found[3]
+
+
+def kiss_pressure(cylinder: Cylinder) -> float:
+    """Pressure [Pa] at which the rising piston meets the plates: springs and seals at the clearance."""
+    resist = cylinder.spring_preload + cylinder.spring_rate * cylinder.clearance + cylinder.seal_friction
+    slope, square = cylinder.piston_area, cylinder.force_per_pressure_squared
+    share = 1.0 - cylinder.seal_friction_share
+    return 2.0 * resist / share / (slope + np.sqrt(slope * slope + 4.0 * square * resist / share))
+
+
+def first_true(values: np.ndarray, missing: float) -> float:
+    """Time [s] of the first True of values each millisecond; ``missing`` where there is none."""
+    return float(np.argmax(values)) * MS if values.any() else missing
+
+
+def on_curve(target: Target, t: np.ndarray) -> np.ndarray:
+    """A curve of chapter 9 [Pa] at times since its start [s], before which it stays as it begins."""
+    out = np.full(t.shape, np.polyval(target.pieces[0][2], 0.0))
+    for low, high, coefficients in target.pieces:
+        inside = (t > low) & (t <= high)
+        out[inside] = np.polyval(coefficients, t[inside])
+    out[t > target.pieces[-1][1]] = np.polyval(target.pieces[-1][2], target.pieces[-1][1])
+    return np.maximum(out, 0.0) * 1e6
+
+
+def deviation(target: Target, p: np.ndarray, start: float) -> float:
+    """Root mean square distance [Pa] of pressures each millisecond from a curve that begins at ``start`` [s]."""
+    t = np.arange(len(p)) * MS - start
+    span = (t >= 0.0) & (t <= target.pieces[-1][1])
+    if not span.any():
+        return 2.3e6
+    return float(np.sqrt(np.mean((p[span] - on_curve(target, t[span])) ** 2)))
+
+
+def fall_begins(target: Target, p: np.ndarray) -> float:
+    """Start [s] of a fall: where the pressure passes 2.2 MPa, less what the curve needs to there."""
+    t = np.arange(0.0, 0.1, 1e-4)
+    return first_true(p < FALLEN, 1.0) - float(t[np.argmax(on_curve(target, t) < FALLEN)])
+
+
+@dataclass(frozen=True)
+class Miss:
+    """How far a row is from what is printed, in tolerances, and its value [SI]."""
+
+    row: str
+    value: float
+    tolerances: float
+
+
+def hydraulic_misses(config: RigConfig, targets: dict[str, Target], clutch: int) -> list[Miss]:
+    """The rows of valve response, kiss point and chapter 9's pressures of one clutch."""
+    rise, fall = pressures(config, clutch)
+    rising, falling = (targets[name] for name in CURVES[clutch])
+    delay, kiss = targets[DELAYS[clutch]], targets[KISSES[clutch]]
+    first, fallen = first_true(rise > FIRST_RISE, len(rise) * MS), fall_begins(falling, fall)
+    meets = kiss_pressure(config.clutch_s1 if clutch == 1 else config.clutch_s2)
+    delays = config.alfa46.values
+    order_to_off = max(0.0, -(delays.t12 if clutch == 1 else delays.t21))
+    due, tolerance = FALL_STARTS[clutch]
+    out = [Miss(delay.id, first, (first - delay.printed[0]) / delay.tolerance),
+           Miss(kiss.id, meets, (meets - kiss.printed[0]) / kiss.tolerance),
+           Miss(f"{falling.id}: start", fallen + order_to_off, (fallen + order_to_off - due) / tolerance)]
+    for row, p, start in ((rising, rise, first), (falling, fall, fallen)):
+        miss = deviation(row, p, start)
+        out.append(Miss(row.id, miss, miss / row.tolerance))
+    return out
+
+
+def steady_torque(config: RigConfig, gear: int, speed: float, load: float) -> float:
+    """M_wej [Nm] that turns the rig in a gear (0: neutral) at an input speed [rad/s] under a load [Nm], true value."""
+    rig = Rig(replace(config, effects=replace(config.effects, transducers=False)))
+    rig.set_oil(SUPPLY, True)
+    rig.advance_samples(SETTLE)
+    if gear:
+        rig.order_gear(gear)
+        rig.advance_samples(1200)
+    rig.set_motor(speed, True)
+    rig.advance_samples(2000)
+    rig.set_load(relief_setting_for(load, float(rig.v[1]), config.load_pump), load > 0.0)
+    rig.advance_samples(3000)
+    return float(rig.plant["m_wej"][0])
+
+
+def loss_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
+    """The rows of coast-down and of the mean torques of 7.3.2, in steady state.
+
+    The tangent at the start of the coast-down meets zero after J w / M, what the open driving side's torque makes of it.
+    """
+    rpm = np.pi / 30.0
+    coasting = steady_torque(config, 0, 470 * rpm, 0.0)
+    values = {"coast_down_torque": coasting,
+              "coast_down_tangent_time": config.gearbox.inertia_in * 470 * rpm / coasting,
+              "valve_mean_torque_s1": steady_torque(config, 1, 500 * rpm, 30.0),
+              "valve_mean_torque_s2": steady_torque(config, 2, 500 * rpm, 30.0)}
+    return [Miss(name, value, (value - targets[name].printed[0]) / targets[name].tolerance)
+            for name, value in values.items()]
+
+
+def upshift(config: RigConfig, t12: float) -> dict:
+    """Metrics of I to II at 500 rpm and 60 Nm (7.1.3.4) with a delay t12 [s], true values, in the rig's second shift."""
+    config = replace(config, effects=replace(config.effects, transducers=False),
+                     alfa46=Alfa46Config(replace(config.alfa46.values, t12=t12), config.alfa46.profiles))
+    rig = Rig(config)
+    rig.set_oil(SUPPLY, True)
+    rig.advance_samples(SETTLE)
+    for gear in (2, 1):  # a piston that has never moved lies deeper than its seals let it return
+        rig.order_gear(gear)
+        rig.advance_samples(1600)
+    rig.set_motor(500 * np.pi / 30.0, True)
+    rig.advance_samples(1500)
+    rig.set_load(relief_setting_for(60.0, float(rig.v[1]), config.load_pump), True)
+    rig.advance_samples(1500)
+    order, before, after = rig.sample, 150, 1700
+    rig.order_gear(2)
+    rig.advance_samples(after)
+    rows = rig.rows_at(1e-4, 10 * (order - before), 10 * (before + after) - 9)
+    channels = {name: rows[:, k] for k, name in enumerate(kernel.CHANNELS)}
+    gearbox = config.gearbox
+    return shift_metrics(Recording((order - before) * MS, 1e-4, channels), (order * MS, 1, 2),
+                         inertias=Inertias(gearbox.inertia_in, gearbox.inertia_out_z5))
+
+
+def clutch_s2_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
+    """The rows of :func:`hydraulic_misses`, and the highest peak torque of the 19 delay series, that of series 5, where S2
+    catches an output that nothing else drives: only that says how far p2 shoots over.
+    """
+    target, peak = targets["delay_up_peak_upper"], upshift(config, -0.1)["m_wej_max_nm"]
+    return [*hydraulic_misses(config, targets, 2), Miss(target.id, peak, max(0.0, peak - target.high) / PEAK_TOLERANCE)]
+
+
+def release_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
+    """Where the upshift begins to dip: how long a released S1 holds says how late S2 may be.
+
+    The border is where k crosses 0.95 on the straight line between the delays of series 6 and 9, which lie around it.
+    """
+    target, (late, early) = targets["delay_up_dip_begins"], (-0.15, -0.19)
+    k_late, k_early = (upshift(config, t12)["k"] for t12 in (late, early))
+    steep = min(k_late - k_early, -0.02)  # flat where neither dips: the border is then far off, on its side
+    border = early + (late - early) * (NO_DIP - k_early) / steep
+    return [Miss(target.id, border, (border - target.printed[0]) / target.tolerance)]
+
+
+ROWS: dict[str, Callable] = {  # of each stage
+    "losses": loss_misses, "clutch_s1": partial(hydraulic_misses, clutch=1),
+    "clutch_s2": clutch_s2_misses, "release": release_misses,
+}
+
+
+@cache
+def calibrating() -> dict[str, Target]:
+    """The rows by name, read once in each process."""
+    return {target.id: target for target in load_targets()}
