@@ -14,9 +14,10 @@ from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.controllers import load_controller
 from rig_nodes.errors import RigError
-from rig_nodes.testbench.rig import Rig, RigStatus
+from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import advance_with, simulate
+from rig_nodes.testbench.timed import RigStatus
 
 from .conftest import PYTHON
 

@@ -63,33 +63,49 @@ def main(args) -> int:
 
 def run(args) -> int:
     """As :func:`main`; KeyboardInterrupt before the first process is started."""
+    from ..catalogue import GEARBOX
     from ..controllers.load import load_controller, split_level
     from ..errors import RigError
     from ..graph.domain import from_environment
     from ..graph.dropping import parse_drop
-    from ..graph.supervisor import Order, Supervisor
+    from ..graph.supervisor import MODULES, Order, Supervisor
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_parameters, parse_settings, run_folder
-    from ..testbench.rig import Rig
+    from ..testbench.kinds import make_rig
     from ..testbench.sequence import BY_HAND, load_sequence
-    from ..testbench.simulate import run_record
+    from ..testbench.simulate import check_controller, run_record
 
     parameters = parse_parameters(args.parameters)
     if parameters and not args.sequence:
         raise RigError("--with gives values to a sequence's parameters; name the sequence too")
     sequence = load_sequence(args.sequence, parameters) if args.sequence else BY_HAND
-    config = load_rig(args.rig, parse_settings(args.settings))
+    rig = args.rig or sequence.rig
+    config = load_rig(rig, parse_settings(args.settings))
+    sequence.check_rig(config)
     parse_drop(args.drop)
-    controller = load_controller(args.controller, config.alfa46, args.level)
-    controller.close()
+    processes, plug = tuple(MODULES), None
+    if config.kind == GEARBOX:
+        controller = load_controller(args.controller, config.alfa46, args.level)
+        controller.close()
+        plug = f"{split_level(args.controller or 'alfa46', args.level)[0]}@{controller.level}"
+    else:
+        if args.controller or args.level:
+            check_controller(config)
+        if args.speed is not None:
+            raise RigError(f"--speed: '{config.name}' has no shift controller to wait for; it runs in real time here, "
+                           "and as fast as it goes with ./rig simulate")
+        if args.view:
+            raise RigError(f"--view: the live view shows a rig with the gearbox; look at a run of '{config.name}' "
+                           "afterwards with ./rig view")
+        processes = tuple(name for name in MODULES if name != "alfa46")
     print("checking and, the first time, compiling the plant", flush=True)
-    Rig(config, args.seed).advance_samples(1)
+    make_rig(config, args.seed).advance_samples(1)
     with from_environment(args.keep_domain) as domain:
         for device in config.cut_out:
             show(None, f"{device} is cut out; start it with: ./rig device {device} --domain {domain.number}")
         folder = run_folder(args.out, sequence.name if args.sequence else "by-hand")
-        order = Order(args.sequence, args.rig, args.seed, args.settings, args.drop, args.speed, args.step_timeout,
-                      f"{split_level(args.controller or 'alfa46', args.level)[0]}@{controller.level}", args.parameters)
+        order = Order(args.sequence, rig, args.seed, args.settings, args.drop, args.speed, args.step_timeout, plug,
+                      args.parameters, processes)
         supervisor = Supervisor(order, folder, domain, show)
         with live_view(domain.number) if args.view else contextlib.nullcontext():
             end = supervisor.run()

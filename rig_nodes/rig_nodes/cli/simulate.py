@@ -41,12 +41,14 @@ def main(args) -> int:
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_parameters, parse_settings, run_folder
     from ..testbench.sequence import load_sequence
-    from ..testbench.simulate import simulate
+    from ..testbench.simulate import check_controller, simulate
 
     sequence = load_sequence(args.sequence, parse_parameters(args.parameters))
-    config = load_rig(args.rig, parse_settings(args.settings))
+    config = load_rig(args.rig or sequence.rig, parse_settings(args.settings))
+    sequence.check_rig(config)
     controller = None
     if args.controller or args.level:
+        check_controller(config)
         controller = load_controller(args.controller, config.alfa46, args.level)
     folder = run_folder(args.out, sequence.name)
     shown = [""]

@@ -41,6 +41,7 @@ class Order:
     step_timeout: float | None = 5.0  # s for one sample of the controller in lockstep, None: for ever
     controller: str | None = None
     parameters: list[str] = field(default_factory=list)  # of the sequence, NAME=VALUE
+    processes: tuple[str, ...] = tuple(MODULES)  # the clutch bench has no alfa46
 
     def arguments(self, name: str) -> list[str]:
         """Command line of one of the processes, without what is the same for all."""
@@ -126,7 +127,7 @@ class Supervisor:
         self.say(None, f"starting the nodes in ROS domain {number}: other tools see them with ROS_DOMAIN_ID={number}")
         (self.folder / "logs").mkdir(exist_ok=True)
         links = self._links() if self.order.speed is not None else {}
-        for name in MODULES:
+        for name in self.order.processes:
             self._begin(name, links.get(name))
         for ends in links.values():
             for end in ends.values():

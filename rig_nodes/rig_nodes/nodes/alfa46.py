@@ -24,13 +24,13 @@ from ..controllers.load import load_controller
 from ..controllers.seam import LEVELS, NOTHING, ControllerFailed
 from ..errors import RigError
 from ..graph.link import ANSWER, ANSWERED, DISCARDED, FAILED, READY, SAMPLE, LinkClosed
-from ..testbench.rig import SAMPLE_NS
+from ..testbench.timed import SAMPLE_NS
 from .action_server import GoalServer, finish
 from .alfa46_settings import BoxSettings
 from .device import publishers_of
 from .diagnostics import ERROR, OK, STALE, WARN, Diagnostics, Growing, Health
 from .matching import silent
-from .process import RIG_OPTIONS, rig_config, run
+from .process import RIG_OPTIONS, gearbox_rig_config, run
 from .qos import stream_profile
 from .realtime import MESSAGES, prefer_process, take_core
 from .settings import CHANGED
@@ -253,7 +253,7 @@ class Alfa46Node(Node):
 
 def work(process) -> None:
     """Gate, samples, orderly end."""
-    config = rig_config(process.arguments)
+    config = gearbox_rig_config(process.arguments, "alfa46")
     executor = process.start_ros()
     node = Alfa46Node(config, process)
     executor.add_node(node)

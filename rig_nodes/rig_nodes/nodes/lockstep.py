@@ -14,7 +14,8 @@ from ..controllers.plug import Answer
 from ..controllers.seam import ControllerFailed, Status
 from ..graph.link import ANSWER, ANSWERED, DISCARDED, NOT_AT_ALL, PATIENCE, READY, SAMPLE, Link, LinkClosed
 from ..plant import kernel
-from ..testbench.rig import SAMPLE_NS, TICK_SAMPLES, Rig, RigStatus
+from ..testbench.rig import Rig
+from ..testbench.timed import SAMPLE_NS, TICK_SAMPLES, RigStatus
 from ..testbench.simulate import give_answer
 from .realtime import take_core
 

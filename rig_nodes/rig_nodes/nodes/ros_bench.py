@@ -13,7 +13,10 @@ from rig_msgs.action import Shift
 from rig_msgs.msg import RigState
 
 from ..bags.cdr import encoder
-from ..catalogue import Signal, catalogue
+from ..catalogue import GEARBOX, Signal, catalogue
+from ..testbench.clutch_bench import check_bench_setpoint
+from ..testbench.clutch_bench_configuration import KIND
+from ..testbench.clutch_bench_topics import COMMANDS
 from ..testbench.rig import check_setpoint
 from ..testbench.sequence import Sequence, SequenceFailed
 from .device import message_class, publishers_of
@@ -34,12 +37,14 @@ def reader(signal: Signal):
 class RosBench:
     """Implements testbench.sequence.Bench on a node; stamps come from ``stamp_ns``, the newest sample's."""
 
+    kind = GEARBOX
+
     def __init__(self, node, in_lockstep: bool):
         """in_lockstep: readings and state come with the ticks of the container's link, not by topic."""
         self.node = node
         self.stamp_ns = 0
         self.rig_state = None  # newest RigState
-        self.outputs = publishers_of(node)
+        self.outputs = publishers_of(node, kind=self.kind)
         self.counts = dict.fromkeys(self.outputs, 0)
         self._encode_setpoint = encoder("rig_msgs/msg/Setpoint").encode
         self._encode_event = encoder("rig_msgs/msg/Event").encode
@@ -49,7 +54,7 @@ class RosBench:
         self._ordered = None
         self._topics: set[str] = set()
         self._done, self._refusal, self._newest = False, None, None
-        self._shift = ActionClient(node, Shift, "/alfa46/shift")
+        self._shift = ActionClient(node, Shift, "/alfa46/shift") if self.kind == GEARBOX else None
         if not in_lockstep:
             node.create_subscription(RigState, STATE, self._on_state, recorder_profile("measurement"))
 
@@ -61,10 +66,11 @@ class RosBench:
         self.needed = names
         if self.in_lockstep:
             return
-        for topic_name in sorted({catalogue().signals[name].topic for name in names} - self._topics):
+        known = catalogue(self.kind)
+        for topic_name in sorted({known.signals[name].topic for name in names} - self._topics):
             self._topics.add(topic_name)
-            topic = catalogue().topics[topic_name]
-            readers = [(signal.name, reader(signal)) for signal in catalogue().on_topic(topic_name)]
+            topic = known.topics[topic_name]
+            readers = [(signal.name, reader(signal)) for signal in known.on_topic(topic_name)]
 
             def on_message(message, readers=readers) -> None:
                 for name, read in readers:
@@ -162,10 +168,47 @@ class RosBench:
         self.outputs[EVENTS].publish(self._encode_event(self.stamp_ns, self._next(EVENTS), name, text, value))
 
     def _send(self, topic: str, setpoint: str, value: float, enable: bool) -> None:
-        check_setpoint(setpoint, value)  # here, for a topic brings back no answer
+        self._check(setpoint, value)  # here, for a topic brings back no answer
         self.outputs[topic].publish(self._encode_setpoint(self.stamp_ns, self._next(topic), float(value), bool(enable)))
+
+    @staticmethod
+    def _check(setpoint: str, value: float) -> None:
+        check_setpoint(setpoint, value)
 
     def _next(self, topic: str) -> int:
         seq = self.counts[topic]
         self.counts[topic] = seq + 1
         return self.node.process.first_seq + seq
+
+
+class RosClutchBench(RosBench):
+    """The same for the clutch bench, in real time: there is no controller to order a gear of."""
+
+    kind = KIND
+
+    def __init__(self, node):
+        super().__init__(node, in_lockstep=False)
+
+    def connected(self) -> bool:
+        """There is nobody who would have to take orders."""
+        return True
+
+    def set_motor(self, speed: float, enable: bool) -> None:
+        """Speed of the hydraulic motor [rad/s]."""
+        self._send(COMMANDS["motor"], "motor", speed, enable)
+
+    def set_relief(self, pressure: float, enable: bool) -> None:
+        """Where ZP_2 is turned to [Pa, gauge]."""
+        self._send(COMMANDS["relief"], "relief", pressure, enable)
+
+    def set_cylinder(self, pressure: float, enable: bool) -> None:
+        """Setting of ZP_1 [Pa, gauge]."""
+        self._send(COMMANDS["cylinder"], "cylinder", pressure, enable)
+
+    def set_press(self, travel: float, enable: bool) -> None:
+        """Where the testing machine moves to [m]."""
+        self._send(COMMANDS["press"], "press", travel, enable)
+
+    @staticmethod
+    def _check(setpoint: str, value: float) -> None:
+        check_bench_setpoint(setpoint, value)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import hashlib
 import math
 from dataclasses import replace
-from enum import IntEnum
 
 import numpy as np
 
@@ -26,33 +25,19 @@ from ..plant.prescribed import Force
 from .configuration import PARTS, RigConfig
 from .cuts import Cuts
 from .gauges import Gauges
+from .timed import SAMPLE_NS, RigStatus, Timed, check_range
 
-SAMPLE_NS = 1_000_000  # controller sample; commands apply on its boundaries
-TICK_SAMPLES = 5  # controller samples per graph tick
 COMMAND_TIMEOUT = 0.1  # s: a valve command older than this trips the rig
 UNMOVED = 1e6  # kg m2 on w0 where n_wej is to stay, whatever happens
-LOG_ROWS = 20_000  # ring of logger rows, 2 s at 10 kHz
 SETPOINTS = {"motor_speed": "n_wej", "load_pressure": "p_po", "oil_pressure": "p_p"}  # and whose range they keep to
 
 
 def check_setpoint(name: str, value: float) -> None:
     """RigError when the rig would refuse this value [SI] of one of SETPOINTS, whoever sends it."""
-    signal = catalogue().signals[SETPOINTS[name]]
-    if not (math.isfinite(value) and signal.low <= value <= signal.high):
-        raise RigError(f"{name} of {value:g} {signal.unit} refused; expected {signal.low:g} to {signal.high:g} "
-                       f"{signal.unit}")
+    check_range(name, value, catalogue().signals[SETPOINTS[name]])
 
 
-class RigStatus(IntEnum):
-    """As in rig_msgs/RigState."""
-
-    STARTING = 0
-    READY = 1
-    RUNNING = 2
-    TRIPPED = 3
-
-
-class Rig:
+class Rig(Timed):
     """A rig from its configuration.
 
     ``controller``: "embedded" runs the Alfa46 inside, "external" waits for commands of the given ``level``: "duty"
@@ -71,24 +56,12 @@ class Rig:
         self.config, self.seed, self.embedded, self.level = config, int(seed), controller == "embedded", level
         self._drive = (kernel.BY_LAW if self.embedded else
                        kernel.BY_SETPOINT if level == "current" else kernel.BY_DUTY)
-        self.step_ns = SAMPLE_NS
-        steps = SAMPLE_NS * 1e-9 / config.kernel.step
-        if abs(steps - round(steps)) > 1e-9:
-            raise RigError(f"the plant's step of {config.kernel.step * 1e6:g} us does not divide the controller's "
-                           "sample of 1000 us; choose e.g. 100 us or 50 us")
-        self._steps_per_sample = round(steps)
-        self._logger_stride = round(1e-4 / config.kernel.step)
-        names = [s.name for s in catalogue().logger_channels()]
-        if names != list(kernel.CHANNELS[:len(names)]):
-            raise RigError(f"signals.yaml: the logger's columns {names} are not the kernel's {kernel.CHANNELS}")
-        self.logger_names = names
+        self.channels = kernel.CHANNELS
+        self.count_steps(config.kernel.step, catalogue())
         self._build()
-        self.sample = 0
         self.cuts = Cuts(self, devices == "embedded")
-        self.reason, self.stopped_by_person = "", False
         self._last_command = -1  # sample that the newest valid command from outside answers
         self._ordered: int | None = None  # gear ordered from the embedded controller, taken at its next sample
-        self._drained = 0  # logger rows handed out
 
     def _build(self) -> None:
         effects = self.config.effects
@@ -141,28 +114,11 @@ class Rig:
         self._law_state = np.zeros(1, law.LAW_STATE)
         self._setpoint, self._gear, self._shifting, self._flags = np.zeros(law.OUTPUTS), 0, False, 0
         self._duty = np.zeros(law.OUTPUTS)
-        self._log = np.zeros((LOG_ROWS * self._logger_stride, len(kernel.CHANNELS)))
+        self._log = self.ring()
         self._shown = np.zeros(1, transducers.SHOWN)
         kernel.first_row(self._log, c.kernel.step, world, self._shown, *self.gauges.arrays)
 
     # ---- time
-
-    @property
-    def time_ns(self) -> int:
-        """Simulated time since the start [ns]."""
-        return self.sample * SAMPLE_NS
-
-    @property
-    def time(self) -> float:
-        """Simulated time since the start [s]."""
-        return self.sample * (SAMPLE_NS * 1e-9)
-
-    def advance(self, seconds: float) -> None:
-        """Advance by a whole number of controller samples (1 ms); RigError otherwise."""
-        samples = seconds / (SAMPLE_NS * 1e-9)
-        if abs(samples - round(samples)) > 1e-6 or samples < 0:
-            raise RigError(f"cannot advance by {seconds} s: expected a whole number of milliseconds")
-        self.advance_samples(round(samples))
 
     def advance_samples(self, samples: int = 1) -> None:
         """Move plant, instruments and embedded controller by controller samples; releases the GIL inside."""
@@ -320,19 +276,6 @@ class Rig:
         """Simulated time [s] since the sample that the newest command answers; 0 before the first."""
         return (self.sample - self.newest_command) * (SAMPLE_NS * 1e-9) if self.newest_command >= 0 else 0.0
 
-    def trip(self, reason: str) -> None:
-        """Safe state: no coil current is driven, no drive torque; the first reason stays until reset."""
-        if self.status != RigStatus.TRIPPED:
-            self.reason = reason
-        self.settings["safe"] = 1.0
-        self.settings["motor_on"] = 0.0
-
-    def e_stop(self) -> None:
-        """The red button: safe state that only ``reset`` ends."""
-        self.stopped_by_person = True
-        self.settings["safe"] = 0.0  # a person's stop replaces whatever tripped before
-        self.trip("emergency stop")
-
     def reset(self) -> None:
         """Leave the safe state; motor stays off, the controller must speak again before valves move."""
         self.settings["safe"] = self.settings["motor_on"] = 0.0
@@ -377,21 +320,6 @@ class Rig:
         """Current setpoints of the controller's outputs (3,) [A]."""
         return self._law_outputs["setpoint"] if self.embedded else self._setpoint
 
-    def row(self) -> np.ndarray:
-        """The newest logger row, columns as kernel.CHANNELS, SI."""
-        return self.row_of(self.sample)
-
-    def row_of(self, sample: int) -> np.ndarray:
-        """The row of a controller sample of the last two seconds."""
-        return self._log[(sample * self._steps_per_sample) % len(self._log)]
-
-    def measurement(self, name: str) -> float:
-        """Newest value of a transducer, as the wire carries it; RigError for a name without one."""
-        try:
-            return float(self.row()[kernel.CHANNELS.index(name)])
-        except ValueError:
-            raise RigError(f"'{name}' is not a transducer; known are {', '.join(kernel.CHANNELS)}") from None
-
     def coil_duty(self, k: int) -> float:
         """Duty on the coil of valve k from this sample on."""
         return 0.0 if self.status == RigStatus.TRIPPED else float(self.duty[self._wiring[k]])
@@ -403,28 +331,6 @@ class Rig:
         for k in range(kernel.VALVES):
             out[self._wiring[k]] = row[kernel.I_1 + k]
         return out
-
-    def take_rows(self, rows: int) -> tuple[int, np.ndarray]:
-        """(index of the first, the next ``rows`` 10 kHz logger rows); RigError when they are not there any more."""
-        first = self._drained
-        values = self.rows_at(1e-4, first, rows)[:, :len(self.logger_names)]
-        self._drained += rows
-        return first, values
-
-    def rows_at(self, period: float, first: int, rows: int) -> np.ndarray:
-        """Rows (rows, channels) ``first`` to ``first + rows - 1``, one every ``period`` [s] from time 0, of all
-        kernel.CHANNELS; RigError when they are not there any more or the period is no whole number of steps.
-        """
-        steps = period / self.config.kernel.step
-        stride = round(steps)
-        if abs(steps - stride) > 1e-9 or stride < 1:
-            raise RigError(f"the plant's step of {self.config.kernel.step * 1e6:g} us does not divide the "
-                           f"{period * 1e6:g} us between two rows")
-        index = (first + np.arange(rows)) * stride
-        now = self.sample * self._steps_per_sample
-        if rows and (index[-1] > now or now - index[0] >= len(self._log)):
-            raise RigError(f"rows {first} to {first + rows - 1} are not in the ring at {self.time:g} s")
-        return self._log[index % len(self._log)]
 
     def clutch_mode(self, k: int) -> int:
         """0 open, 1 slipping, 2 locked, as in rig_msgs/ClutchState."""

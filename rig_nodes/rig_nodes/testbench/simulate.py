@@ -11,20 +11,24 @@ from pathlib import Path
 from .. import __version__
 from ..alfa46.controller import GEAR_NAMES
 from ..bags.writer import BagWriter
-from ..catalogue import catalogue
+from ..catalogue import GEARBOX, catalogue
 from ..controllers.plug import Plug
 from ..controllers.seam import ControllerFailed
+from ..errors import RigError
 from ..plant import kernel
-from .configuration import RigConfig
+from .clutch_bench import ClutchBench
+from .clutch_bench_topics import COMMANDS
+from .kinds import AnyConfig, AnyRig, make_rig
 from .outputs import Outputs
-from .rig import COMMAND_TIMEOUT, TICK_SAMPLES, Rig, RigStatus
+from .rig import COMMAND_TIMEOUT, Rig
 from .sequence import Sequence, SequenceFailed, SequenceRunner
+from .timed import TICK_SAMPLES, RigStatus
 
 LONGEST_RUN = 24 * 3600.0  # s of simulated time
 AFTER_TRIP = 100  # samples recorded after a trip, so that the bag shows the safe state
 
 
-def run_record(config: RigConfig, sequence: Sequence, seed: int) -> dict:
+def run_record(config: AnyConfig, sequence: Sequence, seed: int) -> dict:
     """What a bag says about its own making: configuration, sequence, seed and version, no clock and no host."""
     chosen = {"parameters": dict(sequence.parameters)} if sequence.parameters else {}
     return {"configuration": config.as_dict(), "sequence": sequence.name, "description": sequence.description, **chosen,
@@ -71,6 +75,52 @@ class LocalBench:
         self.outputs.event("/sequencer/events", name, text, value)
 
 
+class LocalClutchBench:
+    """The clutch bench as a sequence sees it in the same process; there are no gears to order."""
+
+    def __init__(self, rig: ClutchBench, outputs: Outputs):
+        self.rig, self.outputs = rig, outputs
+        self.reading = outputs.reading
+
+    def ready(self) -> bool:
+        return True
+
+    def set_motor(self, speed: float, enable: bool) -> None:
+        self.rig.set_motor(speed, enable)
+        self.outputs.setpoint(COMMANDS["motor"], speed, enable)
+
+    def set_relief(self, pressure: float, enable: bool) -> None:
+        self.rig.set_relief(pressure, enable)
+        self.outputs.setpoint(COMMANDS["relief"], pressure, enable)
+
+    def set_cylinder(self, pressure: float, enable: bool) -> None:
+        self.rig.set_cylinder(pressure, enable)
+        self.outputs.setpoint(COMMANDS["cylinder"], pressure, enable)
+
+    def set_press(self, travel: float, enable: bool) -> None:
+        self.rig.set_press(travel, enable)
+        self.outputs.setpoint(COMMANDS["press"], travel, enable)
+
+    def event(self, name: str, text: str, value: float = 0.0) -> None:
+        self.outputs.event("/sequencer/events", name, text, value)
+
+
+def check_controller(config: AnyConfig) -> None:
+    """RigError for a rig on which no shift controller can act."""
+    if config.kind != GEARBOX:
+        raise RigError(f"the rig '{config.name}' has no valves for a shift controller; leave out --controller and "
+                       "--level")
+
+
+def runner_on(rig: AnyRig, outputs, config: AnyConfig, sequence: Sequence,
+              controller: Plug | None = None) -> SequenceRunner:
+    """The sequence on a rig in the same process; RigError when it is for another kind of rig."""
+    sequence.check_rig(config)
+    if isinstance(rig, ClutchBench):
+        return SequenceRunner(sequence, LocalClutchBench(rig, outputs))
+    return SequenceRunner(sequence, LocalBench(rig, outputs, controller), config.load_pump)
+
+
 def ask_controller(rig: Rig, controller: Plug):
     """The plug's answer to the newest sample, from what the wires carry; None when it discards the sample."""
     row = rig.row()
@@ -103,7 +153,7 @@ def advance_with(rig: Rig, controller: Plug) -> None:
         rig.trip(f"controller {controller.name} has not answered any of the first {sample + 1} samples")
 
 
-def simulate(config: RigConfig, sequence: Sequence, folder: Path, seed: int = 1,
+def simulate(config: AnyConfig, sequence: Sequence, folder: Path, seed: int = 1,
              progress: Callable[[float, str], None] | None = None, controller: Plug | None = None) -> dict:
     """Run the sequence into a bag in ``folder``; returns the ``run`` part of the report.
 
@@ -111,13 +161,15 @@ def simulate(config: RigConfig, sequence: Sequence, folder: Path, seed: int = 1,
     end. The bag is whole even when the sequence or the controller fails or the run is interrupted; ``end``
     says why it ended.
     """
+    sequence.check_rig(config)
     if controller is None:
-        rig = Rig(config, seed, controller="embedded")
+        rig = make_rig(config, seed)
     else:
+        check_controller(config)
         rig = Rig(config, seed, controller="external", level=controller.level)
     record = run_record(config, sequence, seed)
-    outputs = Outputs(rig, record, commands=True)
-    runner = SequenceRunner(sequence, LocalBench(rig, outputs, controller), config.load_pump)
+    outputs = Outputs(rig, record, commands=config.kind == GEARBOX)
+    runner = runner_on(rig, outputs, config, sequence, controller)
     types = {name: topic.ros_type for name, topic in catalogue().all_topics.items()}
     end = {"state": "ended", "reason": "the sequence ended"}
 
@@ -150,6 +202,8 @@ def simulate(config: RigConfig, sequence: Sequence, folder: Path, seed: int = 1,
         finally:
             if controller is not None:
                 controller.close()
-    plugged = {"name": controller.name if controller else "alfa46", "level": rig.level}
-    return {**record, "mode": "simulate", "controller": plugged, "duration_s": rig.time, "lost": 0,
+    plugged = {}
+    if config.kind == GEARBOX:
+        plugged = {"controller": {"name": controller.name if controller else "alfa46", "level": rig.level}}
+    return {**record, "mode": "simulate", **plugged, "duration_s": rig.time, "lost": 0,
             "ticks": rig.sample // TICK_SAMPLES, "overruns": 0, "lateness_ms": None, "end": end}

@@ -17,7 +17,7 @@ import numpy as np
 from .. import __version__
 from ..analysis.report import ORDER_EVENT, ORDERS_TOPIC, REPORT_FILE, build_report, read_report
 from ..bags.reader import Bag
-from ..catalogue import Signal, catalogue
+from ..catalogue import Signal, catalogue, kind_of_topics
 from ..config import package_file
 from ..errors import RigError
 from . import layout
@@ -145,15 +145,15 @@ def _write(bag: Bag, path: Path, key: str, window, notes: list[str]) -> None:
 def _signals(bag: Bag) -> tuple[dict[str, tuple[np.ndarray, np.ndarray]], list[str]]:
     """Time [s] and value [SI] of every signal the bag holds, the logger's at its rate; what is missing."""
     found, notes = {}, []
+    known = catalogue(kind_of_topics(bag.counts)).signals
     try:
         logger = bag.logger(LOGGER_TOPIC, fill=True)
         t = logger.time()
-        known = catalogue().signals
         found = {name: (t, values) for name, values in logger.channels.items() if name in known}
     except RigError as error:
         notes.append(f"no rows of the logger: {error}")
     lacking = []
-    for name in catalogue().signals:
+    for name in known:
         if name in found:
             continue
         try:
