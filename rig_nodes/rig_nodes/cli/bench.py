@@ -8,7 +8,7 @@ HELP = "measure how fast the rig computes on this machine"
 
 
 def add_arguments(parser) -> None:
-    parser.add_argument("what", choices=("kernel",), help="kernel: plant, instruments and controller without bag and ROS")
+    parser.add_argument("what", choices=("kernel",), help="kernel: the rig without bag and ROS")
     parser.add_argument("--repeats", type=int, default=5, metavar="N", help="the fastest of so many runs counts")
     parser.add_argument("--no-start", action="store_true", help="leave out the start without kept compiled code (30 s)")
     parser.add_argument("--json", action="store_true", help="for programs")

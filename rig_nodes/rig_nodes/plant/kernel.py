@@ -1,7 +1,7 @@
 """The one compiled entry: plant, instruments and embedded controller, moved together in fixed order.
 
-Called by testbench.rig only. All it moves is one record, WORLD, beside the gauges' arrays, the law's and the ring of rows: it
-allocates nothing and holds no lock, and in one record the compiler sees which values cannot be the same ones.
+Called by testbench.rig only. All it moves is one record, WORLD, beside the gauges' arrays, the law's and the ring of
+rows: it allocates nothing and holds no lock, and in one record the compiler sees which values cannot be the same ones.
 """
 
 from __future__ import annotations
@@ -38,8 +38,9 @@ BY_DUTY, BY_LAW, BY_SETPOINT = range(3)
 # work: given to the port since time 0; cut > 0: the valve but for its coil stands outside (plant.cut), and
 # cut_* is its answer
 VALVE_STATE = np.dtype([
-    ("duty", "f8"), ("on", "f8"), ("pending", "f8"), ("current", "f8"), ("magnet", "f8"), ("spool", "f8"), ("flow", "f8"), ("share", "f8"),
-    ("work", "f8"), ("cut", "f8"), ("cut_flow", "f8"), ("cut_slope", "f8"), ("cut_pressure", "f8"),
+    ("duty", "f8"), ("on", "f8"), ("pending", "f8"), ("current", "f8"), ("magnet", "f8"), ("spool", "f8"),
+    ("flow", "f8"), ("share", "f8"), ("work", "f8"), ("cut", "f8"), ("cut_flow", "f8"),
+    ("cut_slope", "f8"), ("cut_pressure", "f8"),
 ])
 # rise: of a pressure in the last step; speed: of the piston
 CLUTCH_STATE = np.dtype([
@@ -73,7 +74,8 @@ CLUTCH_DERIVED = ("engaging_kinetic", "engaging_static", "releasing_static", "ki
 CLUTCH = np.dtype(record_dtype(clutch_model.Cylinder, clutch_model.PlatePack).descr
                   + [(name, "f8") for name in CLUTCH_DERIVED])
 # share of a first-order part's way that is left after a step
-DECAYS = np.dtype([("coil", "f8", (VALVES,)), ("spool", "f8", (VALVES,)), ("supply", "f8"), ("load", "f8"), ("motor", "f8")])
+DECAYS = np.dtype([("coil", "f8", (VALVES,)), ("spool", "f8", (VALVES,)), ("supply", "f8"), ("load", "f8"),
+                   ("motor", "f8")])
 # sizes of gearbox.build_driveline: speeds, friction elements, no shafts; how many events are kept
 SPEEDS, ELEMENTS, SHAFTS, EVENTS = 2, 5, 0, 256
 # arguments of driveline_kernel.driveline_step
@@ -108,7 +110,8 @@ def fill_decays(world, h):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch, effects, curve, coil_decay, spool_decay):
+def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch, effects, curve, coil_decay,
+                    spool_decay):
     """One valve and clutch from t over h: coil, spool, line, chamber, piston, pack; leaves capacities in ``cylinder``.
 
     ``curve``: the line's pressure where it is prescribed, which leaves out all before the pack.
@@ -141,8 +144,8 @@ def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch
     cylinder.rest = clutch_model.rest_share(cylinder.rest, cylinder.piston, cylinder.clamp, clutch)
     rest = clutch.rest_torque * cylinder.rest
     factor = clutch_model.friction_factor(cylinder.temperature, clutch)
-    # sliding breaks the adhesion and shakes the plates loose on their splines; the waves' force is the clamp itself until
-    # the piston has left them alone
+    # sliding breaks the adhesion and shakes the plates loose on their splines; the waves' force is the clamp itself
+    # until the piston has left them alone
     cylinder.kinetic = max(factor * clutch.engaging_kinetic * cylinder.clamp, clutch.kinetic_share * rest)
     cylinder.static = factor * cylinder.held + rest
     viscosity = oil_supply.viscosity_at(cylinder.temperature, oil)
@@ -328,7 +331,8 @@ def advance(samples, first_sample, steps_per_sample, h, drive, worlds, showns, t
     rows, first = log.shape[0], first_sample * steps_per_sample
     newest, mains, slot = first % rows, first % hum.shape[0], first % counts.shape[0]
     world, shown = worlds[0], showns[0]
-    settings, valves, wiring, currents, effects = world.settings, world.valves, world.wiring, world.currents, world.effects
+    settings, valves, effects = world.settings, world.valves, world.effects
+    wiring, currents = world.wiring, world.currents
     fill_decays(world, h)
     transducers.take(shown, table, keys, gauge_state)
     for s in range(first_sample, first_sample + samples):

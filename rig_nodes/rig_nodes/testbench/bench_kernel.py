@@ -1,8 +1,8 @@
 """How fast the compiled kernel is: real-time factors, cost by phase and by run length, and what the first start costs.
 
-Called by ``rig bench kernel``. All numbers of one call are of one process on one machine, so their ratios hold. The kernel
-runs in one thread; its time is that of the processor, so that others on the machine count as little as they can. Starts are by
-the clock on the wall.
+Called by ``rig bench kernel``. All numbers of one call are of one process on one machine, so their ratios hold. The
+kernel runs in one thread; its time is that of the processor, so that others on the machine count as little as they can.
+Starts are by the clock on the wall.
 """
 
 from __future__ import annotations
@@ -149,5 +149,6 @@ def lines(result: dict) -> list[str]:
     out += [f"| {row['simulated_s']} s | {row['ms_per_simulated_s']:.2f} ms |" for row in result["by_length"]]
     if "starts" in result:
         out += ["", "| start | import | first sample |", "| --- | --- | --- |"]
-        out += [f"| {row['start']} | {row['import_s']:.2f} s | {row['first_sample_s']:.2f} s |" for row in result["starts"]]
+        out += [f"| {row['start']} | {row['import_s']:.2f} s | {row['first_sample_s']:.2f} s |"
+                for row in result["starts"]]
     return out
