@@ -27,7 +27,7 @@ HEAD = 4           # work[0] set of P and R, [1] set of H, [2] step of H, [3] 1 
 
 @intrinsic
 def apart(_context):
-    """Keeps the compiled function that calls it out of its callers: what is seldom needed stays small and compiles once."""
+    """Keeps the compiled function that calls it out of its callers: what is seldom needed compiles once."""
     def mark(_target, builder, _signature, _arguments):
         builder.function.attributes.add("noinline")
 

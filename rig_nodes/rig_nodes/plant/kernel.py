@@ -1,7 +1,7 @@
 """The one compiled entry: plant, instruments and embedded controller, moved together in fixed order.
 
-Called by testbench.rig only. All it moves is one record, WORLD, beside the gauges' arrays, the law's and the ring of rows: it
-allocates nothing and holds no lock, and in one record the compiler sees which values cannot be the same ones.
+Called by testbench.rig only. All it moves is one record, WORLD, beside the gauges' arrays, the law's and the ring of
+rows: it allocates nothing and holds no lock, and in one record the compiler sees which values cannot be the same ones.
 """
 
 from __future__ import annotations
@@ -38,23 +38,25 @@ BY_DUTY, BY_LAW, BY_SETPOINT = range(3)
 # work: given to the port since time 0; cut > 0: the valve but for its coil stands outside (plant.cut), and
 # cut_* is its answer
 VALVE_STATE = np.dtype([
-    ("duty", "f8"), ("on", "f8"), ("pending", "f8"), ("current", "f8"), ("magnet", "f8"), ("spool", "f8"), ("flow", "f8"), ("share", "f8"),
-    ("work", "f8"), ("cut", "f8"), ("cut_flow", "f8"), ("cut_slope", "f8"), ("cut_pressure", "f8"),
+    ("duty", "f8"), ("on", "f8"), ("pending", "f8"), ("current", "f8"), ("magnet", "f8"), ("spool", "f8"),
+    ("flow", "f8"), ("share", "f8"), ("work", "f8"), ("cut", "f8"), ("cut_flow", "f8"),
+    ("cut_slope", "f8"), ("cut_pressure", "f8"),
 ])
 # rise: of a pressure in the last step; speed: of the piston
 CLUTCH_STATE = np.dtype([
     ("line", "f8"), ("line_rise", "f8"), ("chamber", "f8"), ("chamber_rise", "f8"), ("piston", "f8"), ("speed", "f8"),
     ("clamp", "f8"), ("held", "f8"), ("rest", "f8"), ("kinetic", "f8"), ("static", "f8"), ("drag", "f8"),
-    ("temperature", "f8"), ("wear", "f8"),
-    ("heat", "f8"),
+    ("temperature", "f8"), ("wear", "f8"), ("heat", "f8"),
 ])
 # what of the thesis's error sources acts here; the others are parameters. pwm: frequency, 0 where it is averaged;
 # pulses: of the coils' voltage as the transducers pick it up, there also where the plant takes the average
 EFFECTS = np.dtype([("current_loop", "f8"), ("motor_speed", "f8"), ("pwm", "f8"), ("pulses", "f8"),
                     ("prescribed", "f8"), ("loss_driving", "f8"), ("transducers", "f8")])
+# carried: by w0 into the clutches; gain: of a value in the last step, of a torque only where no mode has changed in it
 PLANT_STATE = np.dtype([
     ("motor_torque", "f8"), ("motor_integral", "f8"), ("motor_setpoint", "f8"), ("supply", "f8"),
-    ("load_pressure", "f8"), ("m_wej", "f8"), ("m_wyj", "f8"), ("loss_in", "f8"), ("loss_out", "f8"), ("gain_in", "f8"), ("gain_out", "f8"),
+    ("load_pressure", "f8"), ("m_wej", "f8"), ("m_wyj", "f8"), ("loss_in", "f8"), ("loss_out", "f8"), ("carried", "f8"),
+    ("gain_in", "f8"), ("gain_out", "f8"), ("gain_carried", "f8"), ("gain_m_wyj", "f8"),
 ])
 # answers of a motor and a load outside the plant (plant.cut), held for a tick; motor, load > 0: it is there
 HELD = np.dtype([
@@ -72,7 +74,8 @@ CLUTCH_DERIVED = ("engaging_kinetic", "engaging_static", "releasing_static", "ki
 CLUTCH = np.dtype(record_dtype(clutch_model.Cylinder, clutch_model.PlatePack).descr
                   + [(name, "f8") for name in CLUTCH_DERIVED])
 # share of a first-order part's way that is left after a step
-DECAYS = np.dtype([("coil", "f8", (VALVES,)), ("spool", "f8", (VALVES,)), ("supply", "f8"), ("load", "f8"), ("motor", "f8")])
+DECAYS = np.dtype([("coil", "f8", (VALVES,)), ("spool", "f8", (VALVES,)), ("supply", "f8"), ("load", "f8"),
+                   ("motor", "f8")])
 # sizes of gearbox.build_driveline: speeds, friction elements, no shafts; how many events are kept
 SPEEDS, ELEMENTS, SHAFTS, EVENTS = 2, 5, 0, 256
 # arguments of driveline_kernel.driveline_step
@@ -107,7 +110,8 @@ def fill_decays(world, h):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch, effects, curve, coil_decay, spool_decay):
+def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch, effects, curve, coil_decay,
+                    spool_decay):
     """One valve and clutch from t over h: coil, spool, line, chamber, piston, pack; leaves capacities in ``cylinder``.
 
     ``curve``: the line's pressure where it is prescribed, which leaves out all before the pack.
@@ -140,8 +144,8 @@ def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch
     cylinder.rest = clutch_model.rest_share(cylinder.rest, cylinder.piston, cylinder.clamp, clutch)
     rest = clutch.rest_torque * cylinder.rest
     factor = clutch_model.friction_factor(cylinder.temperature, clutch)
-    # sliding breaks the adhesion and shakes the plates loose on their splines; the waves' force is the clamp itself until
-    # the piston has left them alone
+    # sliding breaks the adhesion and shakes the plates loose on their splines; the waves' force is the clamp itself
+    # until the piston has left them alone
     cylinder.kinetic = max(factor * clutch.engaging_kinetic * cylinder.clamp, clutch.kinetic_share * rest)
     cylinder.static = factor * cylinder.held + rest
     viscosity = oil_supply.viscosity_at(cylinder.temperature, oil)
@@ -224,13 +228,13 @@ def plant_step(world, h, t):
         plant.load_pressure = load_pump.pressure_after(
             plant.load_pressure, settings.load_pressure, settings.load_on > 0.0, middle_out, decays.load, world.load)
         cap[KIN1, LOAD] = load_pump.torque_capacity(plant.load_pressure, world.load)
-    carried = w[S1, 0] * el[LAM, S1] + w[S1 + 1, 0] * el[LAM, S1 + 1]  # by w0 into the clutches
-    plant.loss_in = gearbox_model.loss_in(middle_in, carried, gearbox)
-    plant.loss_out, by_load = gearbox_model.loss_out(gearbox), gearbox_model.loss_by_load(plant.m_wyj, gearbox)
+    plant.loss_in = gearbox_model.loss_in(middle_in, plant.carried + 0.5 * plant.gain_carried, gearbox)
+    plant.loss_out = gearbox_model.loss_out(gearbox)
+    by_load = gearbox_model.loss_by_load(plant.m_wyj + 0.5 * plant.gain_m_wyj, gearbox)
     if effects.loss_driving == 0.0:
         plant.loss_out += by_load
-    elif v[0] > 1.0:
-        plant.loss_in += by_load * min(1.0, max(0.0, v[1] / v[0]))  # the same power on the other shaft
+    elif middle_in > 1.0:
+        plant.loss_in += by_load * min(1.0, max(0.0, middle_out / middle_in))  # the same power on the other shaft
     cap[KIN1, LOSS_IN], cap[KIN1, LOSS_OUT] = plant.loss_in, plant.loss_out
     cap[KIN0, LOAD], cap[HI0, LOAD], cap[LO0, LOAD] = load_before, load_before, -load_before
     cap[HI1, LOAD], cap[LO1, LOAD] = cap[KIN1, LOAD], -cap[KIN1, LOAD]
@@ -239,7 +243,8 @@ def plant_step(world, h, t):
         cap[KIN0, f] = cap[HI0, f] = cap[HI1, f] = cap[KIN1, f]
         cap[LO0, f] = cap[LO1, f] = -cap[KIN1, f]
 
-    if not quiet_step(h, minv, w, q, cap, v, line.mode, el, line.e_in, line.work):
+    quiet = quiet_step(h, minv, w, q, cap, v, line.mode, el, line.e_in, line.work)
+    if not quiet:
         driveline_step(h, t, minv, w, line.sh, line.kc, q, cap, v, line.twist, line.mode, el, line.shaft, line.e_in,
                        line.events, line.count, line.work)
     plant.gain_in, plant.gain_out = v[0] - old_in, v[1] - old_out
@@ -248,6 +253,8 @@ def plant_step(world, h, t):
         cylinder.temperature, cylinder.wear = clutch_model.plates_after(
             cylinder.temperature, cylinder.wear, heat - cylinder.heat, world.oil.temperature, h, clutches[k])
         cylinder.heat = heat
+    carried, m_wyj = plant.carried, plant.m_wyj
+    plant.carried = w[S1, 0] * el[LAM, S1] + w[S1 + 1, 0] * el[LAM, S1 + 1]
     # the torque meters sit between motor and gearbox and between gearbox and pump: accelerations at the end of the step
     on_in, on_out = q[1, 0], 0.0
     for f in range(ELEMENTS):
@@ -255,11 +262,14 @@ def plant_step(world, h, t):
         on_in -= w[f, 0] * torque
         on_out -= w[f, 1] * torque
     if effects.motor_speed == 0.0:
-        plant.m_wej = w[S1, 0] * el[LAM, S1] + w[S1 + 1, 0] * el[LAM, S1 + 1] + plant.loss_in  # (6.82)
+        plant.m_wej = plant.carried + plant.loss_in  # (6.82)
     else:
         outside = gearbox.inertia_in - gearbox.inertia_in_gearbox
         plant.m_wej = q[1, 0] - outside * on_in / gearbox.inertia_in
     plant.m_wyj = el[LAM, LOAD] + gearbox.inertia_pump * minv[1, 1] * on_out
+    plant.gain_carried, plant.gain_m_wyj = 0.0, 0.0
+    if quiet:
+        plant.gain_carried, plant.gain_m_wyj = plant.carried - carried, plant.m_wyj - m_wyj
 
 
 @njit(cache=True, error_model="numpy")
@@ -321,7 +331,8 @@ def advance(samples, first_sample, steps_per_sample, h, drive, worlds, showns, t
     rows, first = log.shape[0], first_sample * steps_per_sample
     newest, mains, slot = first % rows, first % hum.shape[0], first % counts.shape[0]
     world, shown = worlds[0], showns[0]
-    settings, valves, wiring, currents, effects = world.settings, world.valves, world.wiring, world.currents, world.effects
+    settings, valves, effects = world.settings, world.valves, world.effects
+    wiring, currents = world.wiring, world.currents
     fill_decays(world, h)
     transducers.take(shown, table, keys, gauge_state)
     for s in range(first_sample, first_sample + samples):
