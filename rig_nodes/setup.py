@@ -29,7 +29,7 @@ setup(
     maintainer="Virtual rig maintainers",
     maintainer_email="rig@example.invalid",
     packages=find_packages(include=[NAME, NAME + ".*"]),
-    package_data={NAME: ["config/**/*.yaml", "config/**/*.csv", "config/*.xml", "controllers/include/*.h", "controllers/examples/*.c",
+    package_data={NAME: ["config/**/*.yaml", "config/**/*.csv", "config/*.xml", "controllers/include/*.h", "controllers/examples/*.c", "fmu/c/*",
                          "validation/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/" + NAME]),

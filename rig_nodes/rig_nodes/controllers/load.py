@@ -5,11 +5,12 @@ from __future__ import annotations
 from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
 from .c_library import CLibrary
+from .others import PLUGS, plugged
 from .plug import BuiltIn, Plug
 from .python_class import PythonClass
 from .seam import LEVELS
 
-FORMS = "alfa46, python:FILE.py:CLASS, python:MODULE:CLASS, c:FILE.so or c:FILE.c"
+FORMS = "alfa46, python:FILE.py:CLASS, python:MODULE:CLASS, c:FILE.so, c:FILE.c or fmu:FILE.fmu"
 
 
 def split_level(spec: str, level: str | None) -> tuple[str, str | None]:
@@ -41,4 +42,6 @@ def load_controller(spec: str | None, config: Alfa46Config, level: str | None = 
         return PythonClass(source, name, config, level)
     if kind == "c" and rest:
         return CLibrary(rest, config, level)
+    if kind in PLUGS and rest:
+        return plugged(kind, rest, config, level)
     raise RigError(f"controller '{text}' is none that can be loaded; expected {FORMS}")
