@@ -1,16 +1,17 @@
-"""``rig export WHAT``: files for other tools: the rig or a controller as an FMU, as others read them."""
+"""``rig export WHAT``: files for other tools: the rig or a controller as an FMU, the CAN database, the register map."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-HELP = "write the rig or a controller as an FMU"
-DEFAULTS = {"fmu": "{rig}.fmu", "controller-fmu": "{source}.fmu"}
+HELP = "write an FMU, the CAN database or the Modbus registers"
+DEFAULTS = {"fmu": "{rig}.fmu", "controller-fmu": "{source}.fmu", "dbc": "rig.dbc", "registers": "registers.csv"}
 
 
 def add_arguments(parser) -> None:
     """The arguments of the verb."""
-    parser.add_argument("what", choices=DEFAULTS, help="fmu: the rig; controller-fmu: a controller in C")
+    parser.add_argument("what", choices=DEFAULTS, help="fmu: the rig; controller-fmu: a controller in C; dbc: for CAN; "
+                                                       "registers: for Modbus, .csv or .md")
     parser.add_argument("sources", nargs="*", metavar="FILE.c", help="of controller-fmu: C files for rig_controller.h")
     parser.add_argument("-o", "--out", metavar="FILE", help="file to write (default: named after what is exported)")
     parser.add_argument("--rig", default="hydmag", metavar="NAME", help="rig or .yaml file (default: hydmag)")
@@ -48,4 +49,25 @@ def _controller_fmu(args, target: Path, settings: dict[str, str]) -> None:
     build_controller_fmu(args.sources, target, load_rig(args.rig, settings).alfa46, args.fmi)
 
 
-_WRITERS = {"fmu": _fmu, "controller-fmu": _controller_fmu}
+def _dbc(args, target: Path, settings: dict[str, str]) -> None:
+    from ..controllers.can_database import dbc_text
+
+    _write(target, dbc_text())
+
+
+def _registers(args, target: Path, settings: dict[str, str]) -> None:
+    from ..controllers.registers import csv_text, markdown_text
+
+    _write(target, markdown_text() if target.suffix == ".md" else csv_text())
+
+
+def _write(target: Path, text: str) -> None:
+    from ..errors import RigError
+
+    try:
+        target.write_text(text, encoding="utf-8", newline="")
+    except OSError as error:
+        raise RigError(f"{target}: it cannot be written ({error.strerror})") from None
+
+
+_WRITERS = {"fmu": _fmu, "controller-fmu": _controller_fmu, "dbc": _dbc, "registers": _registers}

@@ -25,7 +25,7 @@ VERBS = {
     "report": "print the shift metrics of a run",
     "calibrate": "find the rig's unknown parameters on the laboratory's rows",
     "validate": "hold the rig against everything that the laboratory printed",
-    "export": "write the rig or a controller as an FMU",
+    "export": "write an FMU, the CAN database or the Modbus registers",
     "list": "list sequences, procedures, rigs, topics or signals",
     "doctor": "check this machine and the environment",
     "test": "run the tests",

@@ -10,7 +10,11 @@ from importlib import import_module
 from ..alfa46.settings import Alfa46Config
 from .plug import Plug
 
-PLUGS = {"fmu": ("fmu", "ControllerFmu")}  # kind -> (module, class)
+PLUGS = {  # kind -> (module, class)
+    "fmu": ("fmu", "ControllerFmu"),
+    "can": ("can_bus", "CanBus"),
+    "modbus": ("modbus", "Modbus"),
+}
 
 
 def plugged(kind: str, rest: str, config: Alfa46Config, level: str | None) -> Plug:
