@@ -63,14 +63,14 @@ def multicast_works() -> str:
 class Example:
     """The example controller in a thread of its own; ``end`` stops it."""
 
-    def __init__(self, kind, settings, channel=None):
+    def __init__(self, kind, settings, place=None):
         self.stop, self.bus = threading.Event(), None
         if kind == "modbus":
-            port = free_port()
+            port = self.place = place or free_port()
             self.spec, controller = f"modbus:{port}?wait=10", ModbusController(port, settings)
         else:
             # a bus of this kind lives in the process, or in the machine: one of its own for each test
-            channel = channel or (MULTICAST if kind == "udp_multicast" else f"bus{id(self)}")
+            channel = self.place = place or (MULTICAST if kind == "udp_multicast" else f"bus{id(self)}")
             port = {"port": 43201} if kind == "udp_multicast" else {}
             self.bus = open_bus(channel, kind, "example", **port)
             more = "&port=43201" if port else ""
@@ -90,8 +90,8 @@ def example(config):
     """Starts the example controller of a kind; it is ended with the test."""
     made = []
 
-    def start(kind):
-        made.append(Example(kind, config.alfa46))
+    def start(kind, place=None):
+        made.append(Example(kind, config.alfa46, place))
         return made[-1]
 
     yield start
@@ -216,13 +216,22 @@ def test_of_a_controller_that_disappears_nothing_is_held_after_100_ms(config, ex
     gone, sample = time.monotonic(), rig.sample
     while rig.status != RigStatus.TRIPPED and rig.sample < sample + 1000:
         advance_with(rig, plug)
-    assert time.monotonic() - gone < 0.2, "100 ms, and what a busy machine takes"
-    assert rig.sample - sample <= 103 and re.search("older than 100 ms|no command on", rig.reason)
-    plug.close()
+    assert time.monotonic() - gone < 0.3, "100 ms, and what a busy machine takes"
+    assert rig.sample - sample <= 103 and "older than 100 ms" in rig.reason
     said = capsys.readouterr().err
     assert re.search(r"^rig: controller (can|modbus):.*: no command on .* for 50 ms; the rig trips at 100 ms$", said, re.M)
-    rig.advance(0.2)
+    for _ in range(200):
+        advance_with(rig, plug)
     assert rig.measurement("I_zr_p1") < 0.005
+    # another one may take its place
+    example(kind, controller.place)
+    rig.reset()
+    for _ in range(2000):
+        advance_with(rig, plug)
+        if rig.status == RigStatus.READY:
+            break
+    assert rig.status == RigStatus.READY
+    plug.close()
 
 
 @pytest.mark.parametrize("spec", ["can:nobody?interface=virtual&wait=1.3", "modbus:{port}?wait=1.3"])

@@ -49,7 +49,7 @@ def step_for(high: float, steps: int) -> float:
 def _measured(name: str, signal_name: str) -> Wire:
     signal = catalogue().signals[signal_name]
     return Wire(name, signal.display_unit, step_for(signal.shown(signal.high), SIGNED[1]), signal.scale, SIGNED,
-                f"{signal.text} {signal.sign}.")
+                f"{signal.text.rstrip('.')}; {signal.sign}.")
 
 
 def measured() -> list[Wire]:
