@@ -81,8 +81,7 @@ def built_in(hashes):
     return hashes("alfa46")
 
 
-@pytest.mark.parametrize("level", ["", "@current"])
-@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize(("fmi", "level"), [(2, ""), (3, ""), (3, "@current")])
 def test_the_reference_controller_gives_the_bits_of_the_built_in_one(build, hashes, built_in, fmi, level):
     found = hashes(f"fmu:{build(fmi)}{level}")
     other = {"/alfa46/command", "all"} if level else set()

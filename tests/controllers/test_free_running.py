@@ -20,7 +20,7 @@ from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig, RigStatus
 from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.simulate import advance_with, simulate
+from rig_nodes.testbench.simulate import advance_with, ask_controller, give_answer, simulate
 
 can = pytest.importorskip("can", reason="python-can is not installed")
 cantools = pytest.importorskip("cantools", reason="cantools is not installed")
@@ -170,6 +170,7 @@ def test_every_metric_is_as_the_stated_delay_makes_it(exact, example, late, tmp_
             break
     else:
         pytest.skip(f"this machine is too busy to keep real time: {gap} ms between two commands")
+    gap += -gap % 10  # fewer runs in lockstep for the three of them
     corners = [late(1 + one, 1 + other) for one in (0, gap) for other in (0, gap)]
     for key, value in found.items():
         if not isinstance(value, float):
@@ -226,9 +227,11 @@ def test_of_a_controller_that_disappears_nothing_is_held_after_100_ms(config, ex
     # another one may take its place
     example(kind, controller.place)
     rig.reset()
-    for _ in range(2000):
-        advance_with(rig, plug)
-        if rig.status == RigStatus.READY:
+    for _ in range(2000):  # as the graph does it: before the first command nothing trips
+        sample, answer = rig.sample, ask_controller(rig, plug)
+        rig.advance_samples(1)
+        if answer is not None:
+            give_answer(rig, plug, sample, answer)
             break
     assert rig.status == RigStatus.READY
     plug.close()

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import socket
 import sys
+import threading
+import time
 
 from ..errors import RigError
 from ..fmu.importer import Fmu, FmuFailed
@@ -78,9 +81,17 @@ def answer_samples(link: socket.socket, fmu: Fmu, period: float) -> None:
         link.send(ANSWER.pack(status, gear, shifting, flags, *command, *setpoint))
 
 
+def end_with(parent: int) -> None:
+    """End this process when its parent has gone, even while the FMU computes without end."""
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    os._exit(1)
+
+
 def main() -> int:
     """Entry point: number of the socket, the FMU's file."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the rig decides
+    threading.Thread(target=end_with, args=(os.getppid(),), daemon=True).start()
     with socket.socket(fileno=int(sys.argv[1])) as link:
         try:
             with Fmu(sys.argv[2], "controller") as fmu:

@@ -12,7 +12,7 @@ from urllib.parse import parse_qsl
 
 from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
-from .plug import LOG, Plug, chosen_level
+from .plug import Plug, chosen_level
 from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status
 
 OLD = 0.1  # s without a command after which the rig trips (testbench.rig.COMMAND_TIMEOUT)
@@ -23,8 +23,7 @@ IDLE = 1e-2  # s between messages to a controller that has not spoken yet
 
 
 def say(text: str) -> None:
-    """One sentence for the person at the terminal, and into the log of the run."""
-    LOG.warning("%s", text)
+    """One sentence for the person at the terminal; on the graph it is in logs/alfa46.log."""
     print(f"rig: {text}", file=sys.stderr, flush=True)
 
 
