@@ -6,6 +6,7 @@ A plug takes orders, answers samples and says its gear; load.py makes one from a
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from typing import NamedTuple, NoReturn
 
 import numpy as np
@@ -24,6 +25,8 @@ from .seam import (
 )
 
 LOG = logging.getLogger("rig_nodes.controllers")
+STEP_TIMEOUT = 5.0  # s of wall clock for one sample when simulated time waits
+REAL_TIME_TIMEOUT = 0.1  # s of wall clock for one sample in real time
 
 
 class Answer(NamedTuple):
@@ -50,8 +53,13 @@ def chosen_level(wanted: str | None, levels: tuple[str, ...], name: str) -> str:
 class Plug:
     """A controller behind the seam; subclasses give ``_answer(inputs)`` and, if there is one, an ``_end``.
 
-    ``gear``, ``shifting`` and ``flags`` are those of the newest answer.
+    ``gear``, ``shifting`` and ``flags`` are those of the newest answer. ``_answer`` may take ``step_timeout`` s of wall
+    clock (None: for ever); a controller that takes longer is ended by :meth:`_overdue`.
     """
+
+    in_process = False  # True: user code runs in this process, which cannot go on while that does not return
+    step_timeout: float | None = STEP_TIMEOUT
+    real_time = False
 
     def __init__(self, name: str, config: Alfa46Config, level: str):
         self.name, self.level = name, level
@@ -59,6 +67,17 @@ class Plug:
         self.gear, self.shifting, self.flags = 0, False, 0
         self._request, self._ordered, self._before = 0, False, 0
         self._over = False  # failed or closed: it is not called again
+
+    def pace(self, step_timeout: float | None, real_time: bool = False) -> None:
+        """How long a step may take [s of wall clock], and whether simulated time waits for it (not in real time)."""
+        self.step_timeout, self.real_time = step_timeout, real_time
+
+    def wait(self, say: Callable[[str], None], patience: float | None = None) -> None:
+        """Wait until the controller is there, when it is a program of its own, and tell people so through ``say``.
+
+        RigError after ``patience`` s of wall clock (None: never). In real time nobody calls this: samples without a
+        controller are discarded until it comes.
+        """
 
     def order(self, gear: int) -> None:
         """Request a gear; the controller sees it with the next sample. RigError with why when refused."""
@@ -141,6 +160,12 @@ class Plug:
         else:
             self.close()
         raise ControllerFailed(f"controller {self.name}, sample {sample}: {text}", status)
+
+    def _overdue(self, sample: int) -> NoReturn:
+        """No answer within the time for a step."""
+        option = "" if self.real_time else " (--step-timeout)"
+        seconds = f"{self.step_timeout * 1e3:.0f} ms" if self.step_timeout < 1.0 else f"{self.step_timeout:g} s"
+        self._fail(Status.FATAL, sample, f"no answer for {seconds}{option}")
 
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
         raise NotImplementedError

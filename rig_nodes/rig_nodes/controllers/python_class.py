@@ -89,8 +89,14 @@ def load_class(source: str, name: str) -> type:
 class PythonClass(Plug):
     """An instance of a user's class. ``levels`` of the class says what it works at (default: duty only)."""
 
-    def __init__(self, source: str, class_name: str, config: Alfa46Config, level: str | None = None):
-        found, name = load_class(source, class_name), f"python:{source}:{class_name}"
+    in_process = True
+
+    def __init__(self, rest: str, config: Alfa46Config, level: str | None = None):
+        """rest: FILE.py:CLASS or MODULE:CLASS."""
+        source, sign, class_name = rest.rpartition(":")
+        if not sign or not source or not class_name.isidentifier():
+            raise RigError(f"controller python:{rest}: expected python:FILE.py:CLASS or python:MODULE:CLASS")
+        found, name = load_class(source, class_name), f"python:{rest}"
         levels = getattr(found, "levels", ("duty",))
         if not (isinstance(levels, (tuple, list)) and levels and all(item in LEVELS for item in levels)):
             raise RigError(
