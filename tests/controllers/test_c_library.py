@@ -2,7 +2,6 @@
 
 import shutil
 import subprocess
-import sys
 
 import pytest
 
@@ -98,27 +97,6 @@ def test_missing_functions_are_named(build, config):
 def test_a_function_that_the_library_itself_lacks_is_named(build, config):
     with pytest.raises(RigError, match="cannot be loaded: .*undefined symbol: model_step"):
         load(config, build("void model_step(void);\n" + frame("model_step();")))
-
-
-def test_a_library_that_changes_the_arithmetic_of_the_process_is_refused(build):
-    """As -ffast-math does with many compilers; in a process of its own, which is spoilt by it."""
-    path = build(
-        "#include <xmmintrin.h>\n"
-        + frame("")
-        + "__attribute__((constructor)) static void flush(void) { _mm_setcsr(_mm_getcsr() | 0x8040); }\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-m", "rig_nodes.cli.main", "simulate", "sample", "--controller", f"c:{path}"],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        cwd=path.parent,
-    )
-    assert (
-        done.returncode == 2
-        and "build it without -ffast-math" in done.stderr
-        and done.stderr.count("\n") == 1
-    )
 
 
 def test_create_may_refuse_with_its_reason(build, config):

@@ -60,11 +60,13 @@ class Plug:
     in_process = False  # True: user code runs in this process, which cannot go on while that does not return
     step_timeout: float | None = STEP_TIMEOUT
     real_time = False
+    process_id: int | None = None  # of a process that works for the plug
 
     def __init__(self, name: str, config: Alfa46Config, level: str):
         self.name, self.level = name, level
         self.info = controller_info(config, level)
         self.gear, self.shifting, self.flags = 0, False, 0
+        self.say: Callable[[str], None] = LOG.info  # to people: what is waited for, who came and went
         self._request, self._ordered, self._before = 0, False, 0
         self._over = False  # failed or closed: it is not called again
 
@@ -72,7 +74,7 @@ class Plug:
         """How long a step may take [s of wall clock], and whether simulated time waits for it (not in real time)."""
         self.step_timeout, self.real_time = step_timeout, real_time
 
-    def wait(self, say: Callable[[str], None], patience: float | None = None) -> None:
+    def wait(self, patience: float | None = None) -> None:
         """Wait until the controller is there, when it is a program of its own, and tell people so through ``say``.
 
         RigError after ``patience`` s of wall clock (None: never). In real time nobody calls this: samples without a
@@ -156,7 +158,9 @@ class Plug:
 
     def _fail(self, status: Status, sample: int, text: str) -> NoReturn:
         if status == Status.FATAL:
-            self._over = True
+            if not self._over:
+                self._over = True
+                self._abandon()
         else:
             self.close()
         raise ControllerFailed(f"controller {self.name}, sample {sample}: {text}", status)
@@ -169,6 +173,9 @@ class Plug:
 
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
         raise NotImplementedError
+
+    def _abandon(self) -> None:
+        """After a fatal status, once: let go of what is outside this process, without a call into the controller."""
 
     def _end(self) -> None:
         """Nothing to end."""

@@ -8,7 +8,9 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import inspect
+import signal
 import sys
+import threading
 import traceback
 from pathlib import Path
 
@@ -20,6 +22,14 @@ from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status
 METHODS = ("initialize", "step", "terminate")
 # a user's sys.exit() ends the controller, not the rig; Ctrl-C stays the person's
 BREAKDOWNS = (Exception, SystemExit)
+
+
+class Overtime(BaseException):
+    """The step takes too long; no Exception, so that no user code catches it by the way."""
+
+
+def _out_of_time(_number, _frame):
+    raise Overtime
 
 
 def place_of(error: BaseException, file: str | None) -> str:
@@ -113,13 +123,31 @@ class PythonClass(Plug):
             ) from None
 
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
+        timed = self._timed()
         try:
+            if timed:
+                signal.setitimer(signal.ITIMER_REAL, self.step_timeout)
             return self._user.step(inputs)
+        except Overtime:
+            self._overdue(inputs.sample)
         except BREAKDOWNS as error:
             LOG.error("controller %s, sample %d", self.name, inputs.sample, exc_info=True)
             self._fail(
                 Status.ERROR, inputs.sample, f"step failed: {place_of(error, self._file)}{said(error)}"
             )
+
+        finally:
+            if timed:
+                signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+    def _timed(self) -> bool:
+        """True when a timer can watch the step: simulated time waits, and this is the thread that gets signals."""
+        if self.real_time or self.step_timeout is None:
+            return False
+        if threading.current_thread() is not threading.main_thread():
+            return False
+        signal.signal(signal.SIGALRM, _out_of_time)
+        return True
 
     def _end(self) -> None:
         try:
