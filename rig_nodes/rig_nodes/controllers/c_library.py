@@ -196,9 +196,11 @@ class CLibrary(Plug):
     A .c file is compiled first, into a folder that is gone afterwards.
     """
 
+    prefix = "c"
+
     def __init__(self, rest: str, config: Alfa46Config, level: str | None = None):
         """rest: FILE.so or FILE.c."""
-        name, self._host = f"c:{rest}", None
+        name, self._host = f"{self.prefix}:{rest}", None
         try:
             bits = self._load(rest, name)
             levels = tuple(key for key, bit in LEVEL_BITS.items() if bits & bit)

@@ -25,6 +25,8 @@ class Kind(NamedTuple):
 KINDS = {
     "python": Kind("python_class", "PythonClass", "python:FILE.py:CLASS, python:MODULE:CLASS"),
     "c": Kind("c_library", "CLibrary", "c:FILE.so, c:FILE.c"),
+    "simulink": Kind("simulink", "SimulinkModel", "simulink:FOLDER"),
+    "udp": Kind("udp", "Udp", "udp:PORT"),
 }
 
 

@@ -6,6 +6,7 @@ A plug takes orders, answers samples and says its gear; load.py makes one from a
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Callable
 from typing import NamedTuple, NoReturn
 
@@ -48,6 +49,24 @@ def chosen_level(wanted: str | None, levels: tuple[str, ...], name: str) -> str:
     if wanted not in levels:
         raise RigError(f"controller {name} works at level {' and '.join(levels)}, not at level '{wanted}'")
     return wanted
+
+
+class Waiting:
+    """Tells people that somebody is waited for: after 1, 2, 5 and 10 s and then every 10 s."""
+
+    def __init__(self, what: str, say: Callable[[str], None]):
+        self._what, self._say, self._began, self._next = what, say, time.monotonic(), 1.0
+
+    @property
+    def seconds(self) -> float:
+        """How long it has been [s of wall clock]."""
+        return time.monotonic() - self._began
+
+    def tell(self) -> None:
+        """Say it when it is time to say it again."""
+        if self.seconds >= self._next:
+            self._say(f"{self._what}, {self.seconds:.0f} s")
+            self._next = {1.0: 2.0, 2.0: 5.0}.get(self._next, 10.0 * (self.seconds // 10.0 + 1.0))
 
 
 class Plug:
