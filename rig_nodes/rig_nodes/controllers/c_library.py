@@ -35,7 +35,12 @@ LOAD_TIMEOUT = 30.0  # s of wall clock for loading and for create
 CORE = ct.CDLL(None).sched_getcpu
 END_PATIENCE = 2.0  # s of wall clock for destroy and the end of the process
 # -ffp-contract=off: no fused multiply-add, so that the same source gives the same bits on every machine
-FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-fPIC", "-shared")
+FLAGS = ("-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-fPIC", "-shared")
+CPP = ("CXX", ("c++", "g++", "clang++"), "-std=c++17", "C++ compiler here; install one (Debian package g++)")
+COMPILERS = {  # by the suffix of a source file: variable, names to look for, standard, what to do without
+    ".c": ("CC", ("cc", "gcc", "clang"), "-std=c99", "C compiler here; install one (Debian package gcc)"),
+    ".cpp": CPP, ".cc": CPP, ".cxx": CPP,
+}
 MACHINES = {3: "i386", 40: "arm", 62: "x86_64", 183: "aarch64", 243: "riscv64"}  # e_machine of the ELF format
 
 
@@ -70,18 +75,16 @@ def check_elf(path: Path, name: str) -> None:
 
 
 def compile_library(sources: list[Path], target: Path, name: str, flags: tuple[str, ...] = ()) -> None:
-    """Compile C files into a shared library; RigError with the compiler's first complaint."""
-    compiler = shlex.split(os.environ.get("CC", "")) or next(
-        ([found] for found in map(shutil.which, ("cc", "gcc", "clang")) if found), None
+    """Compile C or C++ files into a shared library; RigError with the compiler's first complaint."""
+    variable, names, standard, missing = COMPILERS[sources[0].suffix]
+    compiler = shlex.split(os.environ.get(variable, "")) or next(
+        ([found] for found in map(shutil.which, names) if found), None
     )
     if not compiler:
-        raise RigError(
-            f"controller {name}: there is no C compiler here; install one (Debian package gcc) or give a "
-            ".so file"
-        )
+        raise RigError(f"controller {name}: there is no {missing} or give a .so file")
     try:
         done = subprocess.run(
-            [*compiler, *FLAGS, *flags, f"-I{INCLUDE}", "-o", str(target), *map(str, sources), "-lm"],
+            [*compiler, standard, *FLAGS, *flags, f"-I{INCLUDE}", "-o", str(target), *map(str, sources), "-lm"],
             capture_output=True,
             text=True,
             errors="replace",
@@ -193,13 +196,13 @@ def _check_description(found: dict, name: str) -> int:
 class CLibrary(Plug):
     """A controller of a library, in a process of its own.
 
-    A .c file is compiled first, into a folder that is gone afterwards.
+    A .c or .cpp file is compiled first, into a folder that is gone afterwards.
     """
 
     prefix = "c"
 
     def __init__(self, rest: str, config: Alfa46Config, level: str | None = None):
-        """rest: FILE.so or FILE.c."""
+        """rest: FILE.so, FILE.c or FILE.cpp."""
         name, self._host = f"{self.prefix}:{rest}", None
         try:
             bits = self._load(rest, name)
@@ -221,7 +224,7 @@ class CLibrary(Plug):
         path = Path(rest)
         if not path.is_file():
             raise RigError(f"controller {name}: there is no such file")
-        if path.suffix != ".c":
+        if path.suffix not in COMPILERS:
             return self._start(path, name)
         with tempfile.TemporaryDirectory(prefix="rig-controller-") as folder:
             built = Path(folder) / f"{path.stem}.so"

@@ -23,8 +23,8 @@ class Kind(NamedTuple):
 
 
 KINDS = {
-    "python": Kind("python_class", "PythonClass", "python:FILE.py:CLASS, python:MODULE:CLASS"),
-    "c": Kind("c_library", "CLibrary", "c:FILE.so, c:FILE.c"),
+    "python": Kind("python_class", "PythonClass", "python:FILE.py:CLASS, python:MODULE:CLASS, python:NAME"),
+    "c": Kind("c_library", "CLibrary", "c:FILE.so, c:FILE.c, c:FILE.cpp"),
     "simulink": Kind("simulink", "SimulinkModel", "simulink:FOLDER"),
     "udp": Kind("udp", "Udp", "udp:PORT"),
 }

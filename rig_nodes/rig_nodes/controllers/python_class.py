@@ -6,6 +6,7 @@ Made by load.py. What goes wrong in user code becomes a sentence with file and l
 from __future__ import annotations
 
 import importlib
+import importlib.metadata
 import importlib.util
 import inspect
 import signal
@@ -19,6 +20,7 @@ from ..errors import RigError
 from .plug import LOG, Plug, chosen_level, said
 from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status
 
+GROUP = "rig_nodes.controllers"  # of entry points in an installed package's metadata
 METHODS = ("initialize", "step", "terminate")
 # a user's sys.exit() ends the controller, not the rig; Ctrl-C stays the person's
 BREAKDOWNS = (Exception, SystemExit)
@@ -69,6 +71,15 @@ def _load_module(source: str):
     return module
 
 
+def _entry_point(name: str) -> tuple[str, str]:
+    """(module, class) that an installed package gives this name in the group GROUP; RigError names the known ones."""
+    known = {point.name: point for point in importlib.metadata.entry_points(group=GROUP)}
+    if name not in known:
+        there = f"there are {', '.join(sorted(known))}" if known else "no installed package has one"
+        raise RigError(f"controller python:{name}: there is no entry point '{name}' in the group {GROUP}; {there}")
+    return known[name].module, known[name].attr
+
+
 def load_class(source: str, name: str) -> type:
     """The class ``name`` of a .py file or module; RigError when it cannot be had or lacks a method."""
     what = f"controller python:{source}:{name}"
@@ -102,9 +113,11 @@ class PythonClass(Plug):
     in_process = True
 
     def __init__(self, rest: str, config: Alfa46Config, level: str | None = None):
-        """rest: FILE.py:CLASS or MODULE:CLASS."""
+        """rest: FILE.py:CLASS, MODULE:CLASS or the NAME of an entry point of GROUP."""
         source, sign, class_name = rest.rpartition(":")
-        if not sign or not source or not class_name.isidentifier():
+        if not sign and not rest.endswith(".py"):
+            source, class_name = _entry_point(rest)
+        if not source or not class_name.isidentifier():
             raise RigError(f"controller python:{rest}: expected python:FILE.py:CLASS or python:MODULE:CLASS")
         found, name = load_class(source, class_name), f"python:{rest}"
         levels = getattr(found, "levels", ("duty",))
