@@ -5,6 +5,7 @@ import json
 import pytest
 
 from rig_nodes.cli.main import main
+from rig_nodes.testbench.conformance import Check
 
 from .conftest import PYTHON, C, needs_cc
 
@@ -48,7 +49,6 @@ def test_the_reference_passes(capsys, spec):
             "120 samples one after the other without an answer: the rig trips",
         ),
         ("out.command = [max(out.command[0], 0.1), 0, 0]", "at rest", "before the first order the largest command is 0.1"),
-        ("if inputs.sample % 50 == 0: time.sleep(0.0015)", "timing", "real time takes one per 1000 us"),
         ("if inputs.sample > 200: out.command = [random.random(), 0, 0]", "determinism", "another answer from sample 201 on"),
         ("if inputs.n_wej != inputs.n_wej: while_true = 1 / 0", "NaN", "trip the rig"),
         ("if inputs.p1 > 1e7: out.command = [1.5, 0, 0]", "saturation", "command[0] is 1.5"),
@@ -69,6 +69,13 @@ def test_each_fault_is_found_by_its_item(tmp_path, capsys, what, item, sentence)
     ok, text = items[item]
     assert sentence in text and ok is (item == "NaN") and code == (0 if ok else 1), items
     assert all("\n" not in text for _, text in items.values())
+
+
+def test_a_slow_step_is_found(tmp_path, config):
+    path = tmp_path / "mine.py"
+    path.write_text(HEAD.replace("WHAT", "if inputs.sample % 8 == 0: time.sleep(0.0012)"))
+    item = next(item for item in Check(f"python:{path}:Mine", config).items() if item.name == "timing")
+    assert not item.ok and "real time takes one per 1000 us" in item.text
 
 
 def test_what_does_not_load_is_one_line(capsys):
