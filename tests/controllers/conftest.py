@@ -13,6 +13,8 @@ from rig_nodes.testbench.configuration import load_rig
 
 CONTROLLERS = Path(rig_nodes.__file__).parent / "controllers"
 INCLUDE, ALFA46_C = CONTROLLERS / "include", CONTROLLERS / "examples" / "alfa46.c"
+SIMULINK_FOLDER = CONTROLLERS / "examples" / "simulink"
+SIMULINK = f"simulink:{SIMULINK_FOLDER}"
 PYTHON, C = "python:rig_nodes.controllers.examples.alfa46:Alfa46", f"c:{ALFA46_C}"
 STRICT = ("-O2", "-ffp-contract=off", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", f"-I{INCLUDE}")
 

@@ -26,7 +26,7 @@ can = pytest.importorskip("can", reason="python-can is not installed")
 cantools = pytest.importorskip("cantools", reason="cantools is not installed")
 pytest.importorskip("pymodbus", reason="pymodbus is not installed")
 
-from rig_nodes.controllers.can_bus import CanBus, open_bus  # noqa: E402
+from rig_nodes.controllers.can_bus import open_bus  # noqa: E402
 from rig_nodes.controllers.can_database import dbc_text  # noqa: E402
 from rig_nodes.controllers.examples.alfa46 import Alfa46  # noqa: E402
 from rig_nodes.controllers.examples.can_alfa46 import CanController  # noqa: E402
@@ -67,14 +67,14 @@ class Example:
         self.stop, self.bus = threading.Event(), None
         if kind == "modbus":
             port = self.place = place or free_port()
-            self.spec, controller = f"modbus:{port}?wait=10", ModbusController(port, settings)
+            self.spec, controller = f"modbus:{port}", ModbusController(port, settings)
         else:
             # a bus of this kind lives in the process, or in the machine: one of its own for each test
             channel = self.place = place or (MULTICAST if kind == "udp_multicast" else f"bus{id(self)}")
             port = {"port": 43201} if kind == "udp_multicast" else {}
             self.bus = open_bus(channel, kind, "example", **port)
             more = "&port=43201" if port else ""
-            self.spec, controller = f"can:{channel}?interface={kind}{more}&wait=10", CanController(self.bus, settings)
+            self.spec, controller = f"can:{channel}?interface={kind}{more}", CanController(self.bus, settings)
         self.thread = threading.Thread(target=controller.run, args=(self.stop,), daemon=True)
         self.thread.start()
 
@@ -97,6 +97,15 @@ def example(config):
     yield start
     for one in made:
         one.end()
+
+
+def here(spec, settings, level=None):
+    """The plug, once its controller has spoken; ``said`` is what it says to people."""
+    plug = load_controller(spec, settings, level)
+    plug.said = []
+    plug.say = plug.said.append
+    plug.wait(10)
+    return plug
 
 
 # ---- what the delay does
@@ -164,7 +173,7 @@ def test_every_metric_is_as_the_stated_delay_makes_it(exact, example, late, tmp_
     controller = example(kind)
     for attempt in range(3):
         began = time.monotonic()
-        found, gap = run_with(exact, tmp_path / f"run{attempt}", load_controller(controller.spec, exact.alfa46))
+        found, gap = run_with(exact, tmp_path / f"run{attempt}", here(controller.spec, exact.alfa46))
         assert time.monotonic() - began > 2.5, "2.586 s of the sequence take as long"
         if gap <= LATEST:
             break
@@ -190,7 +199,7 @@ def test_each_sample_of_delay_lets_the_clutch_close_a_millisecond_later(late):
 @pytest.mark.parametrize("kind", ["virtual", "modbus"])
 def test_either_level_and_either_gear(config, example, kind):
     """At level duty the current loop is closed over the wire: the coil comes near its setpoint all the same."""
-    plug = load_controller(example(kind).spec, config.alfa46, "duty")
+    plug = here(example(kind).spec, config.alfa46, "duty")
     rig = Rig(config, controller="external", level="duty")
     rig.set_oil(4e6, True)
     plug.order(2)
@@ -205,9 +214,9 @@ def test_either_level_and_either_gear(config, example, kind):
 
 
 @pytest.mark.parametrize("kind", ["virtual", "modbus"])
-def test_of_a_controller_that_disappears_nothing_is_held_after_100_ms(config, example, kind, capsys):
+def test_of_a_controller_that_disappears_nothing_is_held_after_100_ms(config, example, kind):
     controller = example(kind)
-    plug = load_controller(controller.spec, config.alfa46)
+    plug = here(controller.spec, config.alfa46)
     rig = Rig(config, controller="external", level="current")
     plug.order(1)
     for _ in range(600):
@@ -219,8 +228,7 @@ def test_of_a_controller_that_disappears_nothing_is_held_after_100_ms(config, ex
         advance_with(rig, plug)
     assert time.monotonic() - gone < 0.3, "100 ms, and what a busy machine takes"
     assert rig.sample - sample <= 103 and "older than 100 ms" in rig.reason
-    said = capsys.readouterr().err
-    assert re.search(r"^rig: controller (can|modbus):.*: no command on .* for 50 ms; the rig trips at 100 ms$", said, re.M)
+    assert re.search(r"^(can|modbus):.*: no command on .* for 50 ms; the rig trips at 100 ms$", "\n".join(plug.said), re.M)
     for _ in range(200):
         advance_with(rig, plug)
     assert rig.measurement("I_zr_p1") < 0.005
@@ -237,16 +245,18 @@ def test_of_a_controller_that_disappears_nothing_is_held_after_100_ms(config, ex
     plug.close()
 
 
-@pytest.mark.parametrize("spec", ["can:nobody?interface=virtual&wait=1.3", "modbus:{port}?wait=1.3"])
-def test_waiting_is_visible_and_ends(config, spec, capsys):
-    with pytest.raises(RigError, match="no command came on .* within 1.3 s$") as refusal:
-        load_controller(spec.format(port=free_port()), config.alfa46)
+@pytest.mark.parametrize("spec", ["can:nobody?interface=virtual", "modbus:{port}"])
+def test_waiting_is_visible_and_ends(config, spec):
+    plug, said = load_controller(spec.format(port=free_port()), config.alfa46), []
+    plug.say = said.append
+    with pytest.raises(RigError, match="no command came on .* within 1.2 s$") as refusal:
+        plug.wait(1.2)
     assert refusal.value.exit_code == 2
-    assert re.search(r"^rig: waiting for controller on .*, 1 s$", capsys.readouterr().err, re.M)
+    assert [re.sub("on .*,", "on it,", text) for text in said] == ["waiting for controller on it, 1 s"]
 
 
-def test_frames_of_wrong_length_are_counted_and_said_and_never_used(config, capsys):
-    stop = threading.Event()
+def test_frames_of_wrong_length_are_counted_and_said_and_never_used(config):
+    stop, said = threading.Event(), []
     bus = open_bus("short", "virtual", "test")
 
     def shout():
@@ -256,16 +266,17 @@ def test_frames_of_wrong_length_are_counted_and_said_and_never_used(config, caps
 
     thread = threading.Thread(target=shout, daemon=True)
     thread.start()
+    plug = load_controller("can:short?interface=virtual", config.alfa46)
+    plug.say = said.append
     try:
         with pytest.raises(RigError, match=r"no command came .*; not used: frame CONTROL_COMMAND_CURRENT \(0x201\) came with "
                                            r"6 bytes instead of 8 \(\d\d+ times\), frame .* 0 bytes instead of 8 \(\d\d+ "):
-            load_controller("can:short?interface=virtual&wait=0.3", config.alfa46)
+            plug.wait(0.3)
     finally:
         stop.set()
         thread.join()
         bus.shutdown()
-    said = capsys.readouterr().err
-    assert said.count("came with 6 bytes instead of 8; it is not used, nor are others like it") == 1
+    assert sum("came with 6 bytes instead of 8; it is not used, nor are others like it" in text for text in said) == 1
 
 
 @pytest.mark.parametrize(("state", "command", "sentence"), [
@@ -276,7 +287,7 @@ def test_frames_of_wrong_length_are_counted_and_said_and_never_used(config, caps
 ])
 def test_what_the_bus_says_is_checked_like_any_answer(config, state, command, sentence):
     stop = threading.Event()
-    bus = open_bus(f"said{sentence}", "virtual", "test")
+    bus = open_bus("spoken", "virtual", "test")
 
     def speak():
         while not stop.wait(0.001):
@@ -286,7 +297,7 @@ def test_what_the_bus_says_is_checked_like_any_answer(config, state, command, se
 
     thread = threading.Thread(target=speak, daemon=True)
     thread.start()
-    plug = CanBus(f"said{sentence.replace('?', '%3F')}?interface=virtual&wait=5", config.alfa46)
+    plug = here("can:spoken?interface=virtual", config.alfa46)
     rig = Rig(config, controller="external", level="current")
     try:
         while rig.status != RigStatus.TRIPPED and rig.sample < 500:
@@ -301,6 +312,7 @@ def test_what_the_bus_says_is_checked_like_any_answer(config, state, command, se
 
 @pytest.mark.parametrize(("spec", "sentence"), [
     ("can:x?interface=virtual&speed=3", "unknown option 'speed'; known are interface, bitrate"),
+    ("modbus:5020?wait=3", "unknown option 'wait'; known are host"),
     ("can:x?interface=virtual&every=0", "option every is '0', expected 1 to 50"),
     ("can:x?interface=telepathy", "cannot be opened with the interface telepathy"),
     ("can:no_such_net?interface=socketcan", "the bus no_such_net cannot be opened with the interface socketcan: "),
@@ -318,7 +330,7 @@ def test_a_port_that_is_taken_is_said(config):
         other.bind(("127.0.0.1", 0))
         other.listen()
         with pytest.raises(RigError, match=f"no server on 127.0.0.1:{other.getsockname()[1]}: "):
-            load_controller(f"modbus:{other.getsockname()[1]}?wait=1", config.alfa46)
+            load_controller(f"modbus:{other.getsockname()[1]}", config.alfa46)
 
 
 # ---- what is on the wires
@@ -327,15 +339,14 @@ def test_a_port_that_is_taken_is_said(config):
 def test_the_bus_carries_j1939_by_the_standards_scaling(config):
     """By hand: 1500 rpm are 12000 x 0.125 rpm, 1000 rpm 8000; gear I with ratio 47/34: slip 7.84 % = 20 x 0.4 %."""
     listener, bus = (can.Bus(channel="j1939", interface="virtual") for _ in range(2))
-    bus.send(can.Message(arbitration_id=0x200, data=bytes([0, 0, 1, 1, 0, 0, 0, 0]), is_extended_id=False))
-    bus.send(can.Message(arbitration_id=0x201, data=bytes(8), is_extended_id=False))
-    answers = threading.Timer(0.05, lambda: [bus.send(can.Message(
-        arbitration_id=i, data=bytes([0, 0, 1, 1, 0, 0, 0, 0]) if i == 0x200 else bytes(8), is_extended_id=False))
-        for i in (0x200, 0x201)])
-    answers.start()
-    plug = load_controller("can:j1939?interface=virtual&wait=5", config.alfa46)
-    bus.send(can.Message(arbitration_id=0x200, data=bytes([0, 0, 1, 1, 0, 0, 0, 0]), is_extended_id=False))
-    bus.send(can.Message(arbitration_id=0x201, data=bytes(8), is_extended_id=False))
+    plug = load_controller("can:j1939?interface=virtual", config.alfa46)
+    state = bytes([0, 0, 1, 1, 0, 0, 0, 0])  # gear 1, shifting
+    for _ in range(2):
+        for number, data in ((0x200, state), (0x201, bytes(8))):
+            bus.send(can.Message(arbitration_id=number, data=data, is_extended_id=False))
+    plug.wait(5)
+    for number, data in ((0x200, state), (0x201, bytes(8))):
+        bus.send(can.Message(arbitration_id=number, data=data, is_extended_id=False))
     plug.order(1)
     for sample in (99, 100):
         plug.step(sample, [0.1, 0.0, 0.0], 1500 * RPM, 1000 * RPM, 1e6, 0.0)
@@ -398,7 +409,7 @@ def test_registers_are_read_and_written_as_the_map_says(config):
     done, read = threading.Event(), threading.Event()
     thread = threading.Thread(target=be_a_plc, daemon=True)
     thread.start()
-    plug = load_controller(f"modbus:{port}?wait=10", config.alfa46)
+    plug = here(f"modbus:{port}", config.alfa46)
     plug.order(2)
     assert plug.step(0x12345, [0.1, -0.001, 0.0], 1500 * RPM, 1000 * RPM, 1e6, 5e5) is None
     done.set()

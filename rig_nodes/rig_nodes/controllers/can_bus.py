@@ -13,7 +13,7 @@ from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
 from ..plant.gearbox import RATIO_I, RATIO_II
 from . import can_database as frames
-from .free_running import WAIT, FreeRunning, number, split_options
+from .free_running import FreeRunning, number, split_options
 from .plug import said
 from .seam import ControllerInputs, ControllerOutputs
 from .wire import commands, held_in, measured, values_of
@@ -23,7 +23,7 @@ RATIOS = {1: RATIO_I, 2: RATIO_II}
 STANDSTILL = 10.0 / RPM  # rad/s, below which no slip and no ratio is told
 ENGAGED = 2.0  # % of slip below which the driveline counts as engaged
 NOT_AVAILABLE = 0xFF
-OPTIONS = ("interface", "bitrate", "every", "wait", "port")
+OPTIONS = ("interface", "bitrate", "every", "port")
 
 
 def open_bus(channel: str, interface: str, name: str, **options):
@@ -54,20 +54,18 @@ class CanBus(FreeRunning):
     """A controller at the other end of a CAN bus.
 
     Options: interface (python-can's name, default socketcan), bitrate [bit/s], every (samples between two messages,
-    default 1), wait [s] for the controller (default 30), port of udp_multicast.
+    default 1), port of udp_multicast.
     """
 
     def __init__(self, rest: str, config: Alfa46Config, level: str | None = None):
         name = f"can:{rest}"
         channel, options = split_options(rest, name, OPTIONS)
         interface = options.get("interface", "socketcan")
-        patience = number(options, "wait", WAIT, name, 0.0, 3600.0)
         self._every = int(number(options, "every", 1, name, 1, 50))
         extra = {key: int(number(options, key, 0, name, 1, 1e7)) for key in ("bitrate", "port") if key in options}
         super().__init__(name, config, level, f"CAN {interface} {channel}")
         self._bus = open_bus(channel, interface, f"controller {name}", **extra)
         self._prepare()
-        self.wait_for_controller(patience)
 
     def _prepare(self) -> None:
         import can
@@ -152,7 +150,7 @@ class CanBus(FreeRunning):
         self.heard(ControllerOutputs(held_in(command, self.info), None, state["gear"], bool(state["shifting"]),
                                      state["flags"], state["status"], "the controller says so on the bus"))
 
-    def _close(self) -> None:
+    def _end(self) -> None:
         self._bus.shutdown()
 
 

@@ -5,9 +5,10 @@ Made by load.py. The FMU lives in a process of its own (fmu_process.py): its cra
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
-import socket
+import signal
 import struct
 import subprocess
 import sys
@@ -15,105 +16,88 @@ from pathlib import Path
 
 from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
+from ..graph.link import Link, LinkClosed, pair
 from .plug import Plug, chosen_level
-from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status
+from .seam import ControllerInputs, ControllerOutputs, Status
 
-SAMPLE = struct.Struct("<QI8d")  # sample, gear_request, currents (3), n_wej, n_wyj, p1, p2 and a spare
+SAMPLE = struct.Struct("<QI7d")  # sample, gear_request, currents (3), n_wej, n_wyj, p1, p2
 ANSWER = struct.Struct("<IIII6d")  # status, gear, shifting, flags, command (3), setpoint (3); a sentence may follow
-FRAME = 1 << 16  # longest message
-START = 60.0  # s that the FMU's process may take to load and initialize
-END = 2.0  # s that it may take to end
+LOAD_TIMEOUT = 60.0  # s of wall clock for loading and for the initialization
+END_PATIENCE = 2.0  # s of wall clock for the end of the process
 
 
 class ControllerFmu(Plug):
-    """A controller FMU; variables are found by the names of the seam (docs/fmu.md).
+    """A controller FMU; variables are found by the names of the seam (docs/fmu.md)."""
 
-    step_timeout: s of real time that a step may take, None for any.
-    """
-
-    def __init__(self, file: str, config: Alfa46Config, level: str | None = None, step_timeout: float | None = 5.0):
+    def __init__(self, file: str, config: Alfa46Config, level: str | None = None):
         name = f"fmu:{file}"
         if not Path(file).is_file():
             raise RigError(f"controller {name}: there is no such file")
-        if level not in (None, *LEVELS):
-            raise RigError(f"level '{level}' of controller {name}: expected {' or '.join(LEVELS)}")
-        self._timeout, self._process, self._file = step_timeout, None, file
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._link = ours
+        ours, theirs = pair()
         environment = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[2])}
+        command = [sys.executable, "-P", "-m", "rig_nodes.controllers.fmu_process", file, str(theirs.fileno()),
+                   str(os.getpid())]
         with theirs:
-            self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "rig_nodes.controllers.fmu_process", str(theirs.fileno()), file],
-                stdin=subprocess.DEVNULL, stdout=sys.stderr, pass_fds=[theirs.fileno()], env=environment,
-                start_new_session=True)  # Ctrl-C is the rig's
+            self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=sys.stderr,
+                                             pass_fds=[theirs.fileno()], env=environment)
+        self.process_id = self._process.pid  # for a debugger
+        self._link = Link(ours.detach(), name)
         try:
-            levels = tuple(self._told(name, START)["levels"])
+            levels = tuple(self._hear(name)["levels"])
             super().__init__(name, config, chosen_level(level, levels, name))
-            start = {"level": self.level, "parameters": dict(self.info.parameters), "period": self.info.period}
-            self._link.send(json.dumps(start).encode())
-            self._told(name, START)
-        except RigError:
-            self._stop()
+            self._link.send_json({"level": self.level, "parameters": dict(self.info.parameters), "period": self.info.period})
+            self._hear(name)
+        except BaseException:
+            self._abandon()
             raise
 
-    def _told(self, name: str, patience: float) -> dict:
-        """The process's next JSON message; RigError with its sentence, or when there is none."""
-        self._link.settimeout(patience)
+    def _hear(self, name: str) -> dict:
+        """The process's next message before the first step; RigError with its sentence, or when there is none."""
         try:
-            data = self._link.recv(FRAME)
-        except TimeoutError:
-            raise RigError(f"controller {name}: the FMU did not load and initialize within {patience:g} s") from None
-        except OSError:
-            data = b""
-        if not data:
-            raise RigError(f"controller {name}: the FMU's process {self._how()} before it was initialized")
+            data = self._link.receive(LOAD_TIMEOUT)
+        except LinkClosed:
+            raise RigError(f"controller {name}: {self._how_it_ended()} before it was initialized") from None
+        if data is None:
+            raise RigError(f"controller {name}: the FMU did not load and initialize within {LOAD_TIMEOUT:g} s")
         message = json.loads(data)
         if "error" in message:
             raise RigError(f"controller {name}: {message['error']}")
         return message
 
-    def _how(self) -> str:
-        """How the process ended, as a piece of a sentence."""
+    def _how_it_ended(self) -> str:
         try:
-            code = self._process.wait(END)
-        except subprocess.TimeoutExpired:
-            return "closed its link"
-        return f"was ended by signal {-code}" if code < 0 else f"ended with exit code {code}"
+            code = self._process.wait(END_PATIENCE)
+        except subprocess.TimeoutExpired:  # it closed its end and lives on
+            return "the FMU's process has closed the rig's line to it"
+        if code < 0:
+            number = signal.Signals(-code)
+            return f"the FMU's process was ended by {number.name} ({signal.strsignal(number).lower()})"
+        return f"the FMU's process ended itself with exit code {code}"
 
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
-        self._link.settimeout(self._timeout)
         try:
             self._link.send(SAMPLE.pack(inputs.sample, inputs.gear_request, *inputs.current, inputs.n_wej, inputs.n_wyj,
-                                        inputs.p1, inputs.p2, 0.0))
-            data = self._link.recv(FRAME)
-        except TimeoutError:
-            self._stop()
-            return ControllerOutputs(status=Status.FATAL, message=f"no answer of the FMU within {self._timeout:g} s")
-        except OSError:
-            data = b""
-        if not data:
-            how = self._how()
-            self._stop()
-            return ControllerOutputs(status=Status.FATAL, message=f"the FMU's process {how}")
+                                        inputs.p1, inputs.p2))
+            data = self._link.receive(self.step_timeout)
+        except LinkClosed:
+            self._fail(Status.FATAL, inputs.sample, self._how_it_ended())
+        if data is None:
+            self._overdue(inputs.sample)
         status, gear, shifting, flags, *values = ANSWER.unpack_from(data)
-        if status == Status.FATAL:
-            self._stop()
         return ControllerOutputs(values[:3], values[3:], gear, bool(shifting), flags, status,
                                  data[ANSWER.size:].decode("utf-8", "replace"))
 
-    def _stop(self) -> None:
-        """End the process, whatever it does."""
+    def _abandon(self) -> None:
+        """End the process without a call into the FMU."""
         self._link.close()
-        if self._process is not None and self._process.poll() is None:
-            self._process.kill()
-        if self._process is not None:
-            self._process.wait()
+        self._process.kill()
+        self._process.wait()
 
     def _end(self) -> None:
-        """The FMU is terminated and freed by its process, which ends when the link does."""
+        """The FMU is terminated and freed by its process, which ends when the line does."""
         self._link.close()
-        try:
-            self._process.wait(END)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(END_PATIENCE)
+            return
+        self._process.kill()
+        self._process.wait()

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
+import ctypes as ct
 import json
 import os
 import signal
 import socket
 import sys
-import threading
-import time
 
 from ..errors import RigError
 from ..fmu.importer import Fmu, FmuFailed
-from .fmu import ANSWER, FRAME, SAMPLE
+from .fmu import ANSWER, SAMPLE
 from .seam import OUTPUTS, Status
 
+FRAME = 1 << 20  # longest message
+PR_SET_PDEATHSIG = 1
 NUMBERS = range(1, OUTPUTS + 1)
 COMMANDS, SETPOINTS = [f"command_{k}" for k in NUMBERS], [f"setpoint_{k}" for k in NUMBERS]
 INPUTS = ["gear_request", *(f"current_{k}" for k in NUMBERS), "n_wej", "n_wyj", "p1", "p2"]
@@ -81,33 +83,36 @@ def answer_samples(link: socket.socket, fmu: Fmu, period: float) -> None:
         link.send(ANSWER.pack(status, gear, shifting, flags, *command, *setpoint))
 
 
-def end_with(parent: int) -> None:
-    """End this process when its parent has gone, even while the FMU computes without end."""
-    while os.getppid() == parent:
-        time.sleep(0.5)
-    os._exit(1)
-
-
 def main() -> int:
-    """Entry point: number of the socket, the FMU's file."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the rig decides
-    threading.Thread(target=end_with, args=(os.getppid(),), daemon=True).start()
-    with socket.socket(fileno=int(sys.argv[1])) as link:
+    """Arguments: the FMU's file, the socket's descriptor, the rig's process."""
+    file, descriptor, parent = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
+    # an FMU that computes without end must not outlive the rig
+    ct.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    if os.getppid() != parent:
+        return 1
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)  # a person's Ctrl-C is the rig's to obey: it ends this process in order
+    with socket.socket(fileno=descriptor) as link, contextlib.suppress(BrokenPipeError, ConnectionResetError):
         try:
-            with Fmu(sys.argv[2], "controller") as fmu:
-                check_variables(fmu)
-                link.send(json.dumps({"levels": levels_of(fmu)}).encode())
-                start = link.recv(FRAME)
-                if not start:
-                    return 0
-                order = json.loads(start)
-                fmu.initialize(**start_values(fmu, order["level"], order["parameters"]))
-                link.send(b"{}")
-                answer_samples(link, fmu, order["period"])
-                fmu.terminate()
+            serve(link, file)
         except RigError as error:
-            link.send(json.dumps({"error": str(error).removeprefix(f"{sys.argv[2]}: ")}).encode())
+            link.send(json.dumps({"error": str(error).removeprefix(f"{file}: ")}).encode())
     return 0
+
+
+def serve(link: socket.socket, file: str) -> None:
+    """Everything from the FMU's loading to its end; RigError before the first sample."""
+    with Fmu(file, "controller") as fmu:
+        check_variables(fmu)
+        link.send(json.dumps({"levels": levels_of(fmu)}).encode())
+        start = link.recv(FRAME)
+        if not start:
+            return
+        order = json.loads(start)
+        fmu.initialize(**start_values(fmu, order["level"], order["parameters"]))
+        link.send(b"{}")
+        answer_samples(link, fmu, order["period"])
+        fmu.terminate()
 
 
 if __name__ == "__main__":

@@ -1,30 +1,22 @@
 """What controllers have in common that run by their own clock: CAN and Modbus. Nobody waits for their answer.
 
-The rig is held to real time: sample k is not asked before k ms have passed. The newest command is used once; a sample
+In simulated time the rig is held to real time: sample k is not asked before k ms have passed. The newest command is used once; a sample
 without a new one is discarded, so that the rig trips when 100 ms bring none (docs/can.md, docs/modbus.md).
 """
 
 from __future__ import annotations
 
-import sys
 import time
 from urllib.parse import parse_qsl
 
 from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
-from .plug import Plug, chosen_level
+from .plug import Plug, Waiting, chosen_level
 from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status
 
 OLD = 0.1  # s without a command after which the rig trips (testbench.rig.COMMAND_TIMEOUT)
-EARLY = 2e-3  # s that a sample may come before its time: the graph's own clock jitters
 LATE = 2e-2  # s behind real time from which on the clock is set anew instead of hurrying after it
-WAIT = 30.0  # s that a controller may take to appear
 IDLE = 1e-2  # s between messages to a controller that has not spoken yet
-
-
-def say(text: str) -> None:
-    """One sentence for the person at the terminal; on the graph it is in logs/alfa46.log."""
-    print(f"rig: {text}", file=sys.stderr, flush=True)
 
 
 def split_options(rest: str, name: str, known: tuple[str, ...]) -> tuple[str, dict[str, str]]:
@@ -53,7 +45,7 @@ class FreeRunning(Plug):
     """A plug whose controller has a clock of its own.
 
     Subclasses give ``_send(inputs)``, ``_listen(until)``, which takes in what comes until a time of time.monotonic()
-    and calls ``heard`` with each command, and ``_close``; they call ``wait_for_controller`` at the end of __init__.
+    and calls ``heard`` with each command, and ``_end``.
     """
 
     def __init__(self, name: str, config: Alfa46Config, level: str | None, place: str):
@@ -61,7 +53,8 @@ class FreeRunning(Plug):
         self.place = place  # where the controller is expected, in words
         self.faults: dict[str, int] = {}  # what came and was not used -> how often
         self._newest: ControllerOutputs | None = None
-        self._discarded, self._told_silence = 0, False
+        self._waiting: Waiting | None = None  # since the newest command
+        self._discarded, self._told_silence, self._was_here = 0, False, False
         self._origin: float | None = None  # time.monotonic() of sample 0
 
     def heard(self, outputs: ControllerOutputs) -> None:
@@ -72,65 +65,61 @@ class FreeRunning(Plug):
         """Something came that is never used: said the first time, counted from then on."""
         self.faults[text] = self.faults.get(text, 0) + 1
         if self.faults[text] == 1:
-            say(f"controller {self.name}: {text}; it is not used, nor are others like it")
+            self.say(f"{self.name}: {text}; it is not used, nor are others like it")
 
-    def wait_for_controller(self, patience: float) -> None:
-        """Returns when the first command has come; says each second that it waits; RigError after ``patience`` s."""
-        began = time.monotonic()
-        shown = 0
+    def wait(self, patience: float | None = None) -> None:
+        waiting = Waiting(f"waiting for controller on {self.place}", self.say)
         idle = ControllerInputs(0, 0.0, 0, (0.0,) * 3, 0.0, 0.0, 0.0, 0.0)
-        try:
-            while self._newest is None:
-                waited = time.monotonic() - began
-                if waited >= patience:
-                    raise RigError(f"controller {self.name}: no command came on {self.place} within {patience:g} s"
-                                   f"{self._faults_told()}")
-                if int(waited) > shown:
-                    shown = int(waited)
-                    say(f"waiting for controller on {self.place}, {shown} s")
-                self._send(idle)
-                self._listen(min(time.monotonic() + IDLE, began + patience))
-        except BaseException:
-            self._close()
-            raise
+        while self._newest is None:
+            if patience is not None and waiting.seconds > patience:
+                self.close()
+                raise RigError(f"controller {self.name}: no command came on {self.place} within {patience:g} s"
+                               f"{self._faults_told()}")
+            waiting.tell()
+            self._send(idle)
+            self._listen(time.monotonic() + IDLE)
         self._newest = None  # it answers nothing of this run
+        self._is_here()
+
+    def _is_here(self) -> None:
+        if not self._was_here:
+            self._was_here = True
+            self.say(f"controller on {self.place} is here")
 
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
         now = time.monotonic()
-        due = inputs.time
-        if self._origin is None or now - self._origin - due > LATE:
-            self._origin = now - due
-        self._listen(self._origin + due - EARLY)
+        if self._origin is None or now - self._origin - inputs.time > LATE:
+            self._origin = now - inputs.time
+        self._listen(now if self.real_time else self._origin + inputs.time)
         self._send(inputs)
-        if self._newest is not None:
-            answer, self._newest = self._newest, None
-            self._discarded, self._told_silence = 0, False
-            return answer
-        self._discarded += 1
-        return self._silence()
+        if self._newest is None:
+            self._silence()
+            return ControllerOutputs(status=Status.DISCARD)
+        answer, self._newest = self._newest, None
+        self._waiting, self._discarded, self._told_silence = None, 0, False
+        self._is_here()
+        return answer
 
-    def _silence(self) -> ControllerOutputs:
-        """No new command: discarded, until the rig trips by its own rule; said half-way there."""
-        if not self._told_silence and self._discarded * self.info.period > 0.5 * OLD:
+    def _silence(self) -> None:
+        """No new command for this sample: said half-way to the trip, which is the rig's own, and while it lasts."""
+        self._discarded += 1
+        if self._waiting is None:
+            self._waiting = Waiting(f"waiting for controller on {self.place}", self.say)
+        if self._was_here and not self._told_silence and self._discarded * self.info.period > 0.5 * OLD:
             self._told_silence = True
-            say(f"controller {self.name}: no command on {self.place} for {0.5e3 * OLD:.0f} ms; the rig trips at "
-                f"{1e3 * OLD:.0f} ms{self._faults_told()}")
-        return ControllerOutputs(status=Status.DISCARD)
+            self.say(f"{self.name}: no command on {self.place} for {0.5e3 * OLD:.0f} ms; the rig trips at "
+                     f"{1e3 * OLD:.0f} ms{self._faults_told()}")
+        self._waiting.tell()
 
     def _faults_told(self) -> str:
         told = ", ".join(f"{text} ({count} times)" for text, count in self.faults.items())
         return f"; not used: {told}" if told else ""
 
-    def _end(self) -> None:
-        if self.faults:
-            say(f"controller {self.name}{self._faults_told()}")
-        self._close()
+    def _abandon(self) -> None:
+        self._end()
 
     def _send(self, inputs: ControllerInputs) -> None:
         raise NotImplementedError
 
     def _listen(self, until: float) -> None:
-        raise NotImplementedError
-
-    def _close(self) -> None:
         raise NotImplementedError

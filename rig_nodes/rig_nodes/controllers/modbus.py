@@ -13,12 +13,12 @@ import time
 from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
 from . import registers
-from .free_running import WAIT, FreeRunning, number, split_options
+from .free_running import FreeRunning, split_options
 from .plug import said
 from .seam import ControllerInputs, ControllerOutputs
 from .wire import commands, held_in, measured, values_of
 
-OPTIONS = ("host", "wait")
+OPTIONS = ("host",)
 WRITTEN = 4 + len(registers.STATE)  # registers of a command
 START = 10.0  # s that the server may take to listen
 
@@ -26,7 +26,7 @@ START = 10.0  # s that the server may take to listen
 class Modbus(FreeRunning):
     """A controller that reads and writes the rig's registers.
 
-    Options: host (address to listen on, default 127.0.0.1), wait [s] for the controller (default 30).
+    Option: host (address to listen on, default 127.0.0.1).
     """
 
     def __init__(self, rest: str, config: Alfa46Config, level: str | None = None):
@@ -35,7 +35,6 @@ class Modbus(FreeRunning):
         host = options.get("host", "127.0.0.1")
         if not port.isdigit() or not 1 <= int(port) <= 65535:
             raise RigError(f"controller {name}: '{port}' is no port; expected modbus:PORT, e.g. modbus:5020")
-        patience = number(options, "wait", WAIT, name, 0.0, 3600.0)
         super().__init__(name, config, level, f"Modbus TCP {host}:{port}")
         self._wires, self._commands = measured(), commands(self.level)
         self._shown = [0] * registers.COMMAND_BASE
@@ -43,7 +42,6 @@ class Modbus(FreeRunning):
         self._heartbeat: int | None = None
         self._bell = threading.Condition()
         self._start(host, int(port), name)
-        self.wait_for_controller(patience)
 
     # ---- the server, in a thread with an event loop of its own
 
@@ -135,7 +133,7 @@ class Modbus(FreeRunning):
         self.heard(ControllerOutputs(held_in(command, self.info), None, gear, bool(shifting), flags, status,
                                      "the controller says so in register status"))
 
-    def _close(self) -> None:
+    def _end(self) -> None:
         async def shut() -> None:
             await self._server.shutdown()
             self._loop.stop()

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from .. import __version__
 from ..alfa46.settings import Alfa46Config
-from ..controllers.c_library import INCLUDE, LEVEL_BITS, load_library
+from ..controllers.c_library import INCLUDE, LEVEL_BITS, CLibrary
 from ..controllers.seam import OUTPUTS, flat_parameters
 from ..errors import RigError
 from .description import Variable, c_header, model_description, token_of
@@ -168,10 +168,18 @@ def build_controller_fmu(sources: Sequence[str | Path], target: str | Path, conf
                           {}, flags)
                 return
             compile_model(fmi, c_header(variables, "", defines), model, probe, flags)
-            _, bits = load_library(probe, str(files[0]))
+            bits = _Described(probe, str(files[0])).bits
             levels = tuple(name for name, bit in LEVEL_BITS.items() if bits & bit)
             if not levels:
                 raise RigError(f"{files[0]}: its levels are {bits}, expected 1 (duty), 2 (current) or 3 (both)")
+
+
+class _Described(CLibrary):
+    """A library of rig_controller.h only to see that it loads and which levels it knows (``bits``)."""
+
+    def __init__(self, library: Path, name: str):
+        self.bits = self._load(str(library), name)
+        self._host.kill()
 
 
 def _identifier(name: str) -> str:

@@ -95,6 +95,10 @@ class Link:
         except OSError:
             return 0
 
+    def close(self) -> None:
+        """No more messages either way."""
+        self._socket.close()
+
     def send_json(self, message: dict) -> None:
         """Send a message of names and values."""
         self.send(json.dumps(message).encode())

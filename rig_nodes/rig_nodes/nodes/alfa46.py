@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
+from collections.abc import Callable
 
 import numpy as np
 from rclpy.action import CancelResponse, GoalResponse
@@ -21,6 +22,7 @@ from ..bags.cdr import encoder
 from ..bags.definitions import installed
 from ..catalogue import catalogue
 from ..controllers.load import load_controller
+from ..controllers.plug import REAL_TIME_TIMEOUT
 from ..controllers.seam import LEVELS, NOTHING, ControllerFailed
 from ..errors import RigError
 from ..graph.link import ANSWER, ANSWERED, DISCARDED, FAILED, READY, SAMPLE, LinkClosed
@@ -32,13 +34,18 @@ from .diagnostics import ERROR, OK, STALE, WARN, Diagnostics, Growing, Health
 from .matching import silent
 from .process import RIG_OPTIONS, rig_config, run
 from .qos import stream_profile
-from .realtime import MESSAGES, prefer_process, take_core
+from .realtime import MESSAGES, prefer, prefer_process, take_core
 from .settings import CHANGED
 from .shift_phase import ShiftPhase, slip
 
 SILENCE = 0.1  # s without a sample after which the box says that it is silent too
 FEEDBACK_SAMPLES = 50  # 20 Hz
-OPTIONS = [*RIG_OPTIONS, ("--controller", {"metavar": "SPEC", "help": "a controller in place of the built-in one"})]
+OPTIONS = [
+    *RIG_OPTIONS,
+    ("--controller", {"metavar": "SPEC", "help": "a controller in place of the built-in one"}),
+    ("--step-timeout", {"type": float, "help": "s that the controller may take for one sample in lockstep"}),
+]
+BEFORE_FIRST = 50.0  # s that a controller of its own program may take to come, in lockstep; less than the container's
 SAMPLES, COMMAND, EVENTS = "/instruments/controller", "/alfa46/command", "/alfa46/events"
 
 
@@ -50,6 +57,11 @@ class Alfa46Node(Node):
         super().__init__("alfa46")
         self.config = config
         self.box = load_controller(process.arguments.controller, config.alfa46)
+        self.box.say = teller(process)
+        if not process.descriptors():
+            self.box.pace(REAL_TIME_TIMEOUT, real_time=True)
+        else:  # who computes in this very process is watched by the container, which can go on without it
+            self.box.pace(None if self.box.in_process else process.arguments.step_timeout)
         self.outputs = publishers_of(self, in_lockstep=bool(process.descriptors()))
         self.counts = dict.fromkeys(self.outputs, 0)
         self.first_seq = process.first_seq
@@ -115,6 +127,8 @@ class Alfa46Node(Node):
         news = [self.settings.news.popleft() for _ in range(len(self.settings.news))]
         with self._orders:
             answer = self.box.step(sample, *wires)
+        if answer is not None:
+            self._failed = ""  # a controller of its own program may come again
         for text, value in news:
             self.event(CHANGED, text, value)
         return answer
@@ -251,6 +265,14 @@ class Alfa46Node(Node):
             self.tap.put(topic, data)
 
 
+def teller(process) -> Callable[[str], None]:
+    """Says a plug's sentences in the process's log and, by the supervisor, to the person at the terminal."""
+    def say(text: str) -> None:
+        process.log.info("%s", text)
+        process.status("waiting", text=text)
+    return say
+
+
 def work(process) -> None:
     """Gate, samples, orderly end."""
     config = rig_config(process.arguments)
@@ -263,9 +285,12 @@ def work(process) -> None:
     while not process.stopping and silent(node, node.outputs, wanted):
         process.spin(0.02)
     if link is not None:
+        node.box.wait(BEFORE_FIRST)
         answer_in_lockstep(process, node, link)
     elif not process.stopping:
         prefer_process(MESSAGES)
+        if node.box.process_id is not None:
+            prefer(MESSAGES, node.box.process_id)
         node.listen()
     while not process.stopping:
         process.spin(0.05)

@@ -46,6 +46,7 @@ OPTIONS = [
     ("--seed", {"type": int, "default": 1, "help": "seed of the transducers' noise and errors"}),
     ("--speed", {"type": float, "help": "lockstep at so many times real time, inf for as fast as it goes"}),
     ("--step-timeout", {"type": float, "help": "s that the controller may take for one sample in lockstep"}),
+    ("--delay", {"type": int, "default": 1, "help": "samples from a measurement to the effect of the answer to it"}),
     ("--drop", {"metavar": "TOPIC:N", "help": "do not send message N of a topic, to see that the loss is counted"}),
 ]
 
@@ -61,7 +62,8 @@ class Container:
         sequence = chosen_sequence(arguments) or BY_HAND
         record = run_record(config, sequence, arguments.seed)
         warm_up(config, record)
-        self.rig = Rig(config, seed=arguments.seed, controller="external", level=None, devices="external")
+        self.rig = Rig(config, seed=arguments.seed, controller="external", level=None, devices="external",
+                       delay=arguments.delay)
         self.outputs = Outputs(self.rig, record)
         self.commands = Commands(self.outputs)
         if arguments.speed is None:
@@ -204,7 +206,7 @@ class Container:
                 self.process.spin(0.05)
         facts = {"time_s": self.rig.time, "state": self.rig.status.name, "reason": self.rig.reason,
                  "interrupted": self.process.interrupted, "refused": dict(self.commands.refused),
-                 "real_time_priority": self.clock.real_time_priority}
+                 "real_time_priority": self.clock.real_time_priority, "delay": self.rig.delay}
         if self.tap is not None:
             self.tap.close()
         self.process.leave(self.nodes, self.publishers.values(), published=self.outputs.counts, **facts,

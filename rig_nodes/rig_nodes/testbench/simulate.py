@@ -87,7 +87,7 @@ def give_answer(rig: Rig, controller: Plug, sample: int, answer) -> None:
 
 
 def advance_with(rig: Rig, controller: Plug) -> None:
-    """One sample with a plugged controller: it answers while the rig moves, its answer acts one sample later.
+    """One sample with a plugged controller: it answers while the rig moves, its answer acts ``rig.delay`` samples later.
 
     A controller that fails, or that never answers, trips the rig with its sentence as the reason.
     """
@@ -96,25 +96,29 @@ def advance_with(rig: Rig, controller: Plug) -> None:
         answer = ask_controller(rig, controller)
     except ControllerFailed as failure:
         rig.trip(str(failure))
-    rig.advance_samples(1)
+    if rig.delay > 0:
+        rig.advance_samples(1)
     if answer is not None:
         give_answer(rig, controller, sample, answer)
-    elif rig.status == RigStatus.STARTING and rig.time > COMMAND_TIMEOUT:
+    if rig.delay == 0:
+        rig.advance_samples(1)
+    if answer is None and rig.status == RigStatus.STARTING and rig.time > COMMAND_TIMEOUT:
         rig.trip(f"controller {controller.name} has not answered any of the first {sample + 1} samples")
 
 
 def simulate(config: RigConfig, sequence: Sequence, folder: Path, seed: int = 1,
-             progress: Callable[[float, str], None] | None = None, controller: Plug | None = None) -> dict:
+             progress: Callable[[float, str], None] | None = None, controller: Plug | None = None,
+             delay: int = 1) -> dict:
     """Run the sequence into a bag in ``folder``; returns the ``run`` part of the report.
 
-    ``controller``: a plug (controllers.load_controller) in place of the embedded Alfa46; it is closed at the
-    end. The bag is whole even when the sequence or the controller fails or the run is interrupted; ``end``
-    says why it ended.
+    ``controller``: a plug (controllers.load_controller) in place of the embedded Alfa46, whose answers act after
+    ``delay`` samples; it is closed at the end. The bag is whole even when the sequence or the controller fails or the
+    run is interrupted; ``end`` says why it ended.
     """
     if controller is None:
         rig = Rig(config, seed, controller="embedded")
     else:
-        rig = Rig(config, seed, controller="external", level=controller.level)
+        rig = Rig(config, seed, controller="external", level=controller.level, delay=delay)
     record = run_record(config, sequence, seed)
     outputs = Outputs(rig, record, commands=True)
     runner = SequenceRunner(sequence, LocalBench(rig, outputs, controller), config.load_pump)
@@ -150,6 +154,6 @@ def simulate(config: RigConfig, sequence: Sequence, folder: Path, seed: int = 1,
         finally:
             if controller is not None:
                 controller.close()
-    plugged = {"name": controller.name if controller else "alfa46", "level": rig.level}
+    plugged = {"name": controller.name if controller else "alfa46", "level": rig.level, "delay": rig.delay}
     return {**record, "mode": "simulate", "controller": plugged, "duration_s": rig.time, "lost": 0,
             "ticks": rig.sample // TICK_SAMPLES, "overruns": 0, "lateness_ms": None, "end": end}
