@@ -16,6 +16,7 @@ from rig_nodes.analysis.report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.controllers import ControllerOutputs, load_controller
+from rig_nodes.controllers.wire import measured
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig, RigStatus
@@ -33,8 +34,9 @@ from rig_nodes.controllers.examples.can_alfa46 import CanController  # noqa: E40
 from rig_nodes.controllers.examples.modbus_alfa46 import ModbusController  # noqa: E402
 from rig_nodes.controllers.registers import csv_text, markdown_text, register_map  # noqa: E402
 
+from .conftest import MULTICAST, multicast_works  # noqa: E402
+
 DOCS = Path(__file__).parents[2] / "docs"
-MULTICAST = "239.74.163.2"
 RPM = 0.10471975511965977
 
 
@@ -42,22 +44,6 @@ def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
-
-
-def multicast_works() -> str:
-    """Why udp_multicast does not work on this machine, or nothing."""
-    try:
-        one, other = (open_bus(MULTICAST, "udp_multicast", "probe", port=43200) for _ in range(2))
-    except RigError as error:
-        return str(error)
-    try:
-        one.send(can.Message(arbitration_id=1, data=b"x", is_extended_id=False, is_fd=False))
-        return "" if other.recv(1.0) else "a multicast packet does not come back on this machine"
-    except can.CanError as error:
-        return str(error)
-    finally:
-        one.shutdown()
-        other.shutdown()
 
 
 class Example:
@@ -363,6 +349,30 @@ def test_the_bus_carries_j1939_by_the_standards_scaling(config):
     assert struct.unpack("<H3h", frames[0x102].data) == (100, 2000, 0, 0)
     plug.close()
     listener.shutdown()
+    bus.shutdown()
+
+
+@pytest.mark.parametrize(("value", "raw"), [
+    (1500 * RPM, 15000), (-0.26 * RPM, -3), (1e9, 32767), (-1e9, -32767), (float("nan"), -32768), (float("inf"), 32767),
+])
+def test_a_measurement_is_the_nearest_number_of_the_wire(value, raw):
+    n_wej = next(wire for wire in measured() if wire.name == "n_wej")
+    assert n_wej.encode(value) == raw
+    if abs(raw) < 32767:
+        assert n_wej.decode(raw) == pytest.approx(value, abs=0.05 * RPM)
+
+
+def test_what_is_no_number_reaches_the_bus_as_such(config):
+    bus = open_bus("nan", "virtual", "test")
+    plug = load_controller("can:nan?interface=virtual", config.alfa46)
+    plug.gear = 1
+    plug.step(0, [0.0] * 3, float("nan"), float("inf"), 0.0, 0.0)
+    frames = {}
+    while frame := bus.recv(0.0):
+        frames[frame.arbitration_id] = bytes(frame.data)
+    assert struct.unpack("<2h", frames[0x101][:4]) == (-32768, 32767)
+    assert frames[0x0CF00203][1:3] == frames[0x0CF00203][5:7] == b"\xff\xff"
+    plug.close()
     bus.shutdown()
 
 

@@ -1,6 +1,7 @@
 """`rig controller new`: what it writes compiles without a warning and shifts, by the very commands that it prints."""
 
 import json
+import re
 import shlex
 import shutil
 import subprocess
@@ -10,15 +11,25 @@ from pathlib import Path
 import pytest
 
 from rig_nodes.cli.main import main
-from rig_nodes.controllers.templates import KINDS
+from rig_nodes.controllers.templates import HERE, KINDS
 
-COMPILED = {"c": "cc", "cpp": "c++", "simulink": "cc", "udp-c": "make"}
+from .conftest import multicast_works
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+COMPILED = {"c": "cc", "cpp": "c++", "simulink": "cc", "udp-c": "make", "fmu": "cc"}
+NEEDED = {"fmu": ("fmpy",), "can": ("can", "cantools", "msgpack"), "modbus": ("pymodbus",)}
+PYTHONS = ("python3", ".venv/bin/python")
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_it_shifts_by_the_commands_that_are_printed(kind, tmp_path, monkeypatch, capsys):
     if kind in COMPILED and not shutil.which(COMPILED[kind]):
         pytest.skip(f"{COMPILED[kind]} is not installed")
+    for module in NEEDED.get(kind, ()):
+        pytest.importorskip(module)
+    if kind == "can" and (why := multicast_works()):
+        pytest.skip(why)
     monkeypatch.chdir(tmp_path)
     assert main(["controller", "new", kind, "mine"]) == 0
     wrote, commands = capsys.readouterr().out.split("next:\n")
@@ -27,11 +38,13 @@ def test_it_shifts_by_the_commands_that_are_printed(kind, tmp_path, monkeypatch,
     try:
         for line in commands.splitlines():
             command = shlex.split(line)
-            if command[0] == "./rig":
+            if command[:2] == ["./rig", "export"]:
+                assert main(command[1:]) == 0
+            elif command[0] == "./rig":
                 command[command.index("demo")] = "sample"  # shorter
                 assert main([*command[1:], "--out", "run"]) == 0, capsys.readouterr().err
             elif command[-1] == "&":
-                program = [sys.executable if command[0] == "python3" else command[0], *command[1:-1]]
+                program = [sys.executable if command[0] in PYTHONS else command[0], *command[1:-1]]
                 programs.append(subprocess.Popen(program, stderr=subprocess.DEVNULL))
             else:
                 done = subprocess.run(command, capture_output=True, text=True, check=True)
@@ -71,3 +84,9 @@ def test_nothing_of_the_users_is_written_over(tmp_path, capsys):
     assert [path.name for path in tmp_path.iterdir()] == ["kept.txt"]
     assert main(["controller", "new", "fortran", str(tmp_path / "new")]) == 2
     assert "fortran" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("page", "template"), [("can.md", "can/my_tcu.py"), ("modbus.md", "modbus/my_plc.py")])
+def test_the_code_of_the_page_is_the_template(page, template):
+    code = re.search(r"```python\n(.*?)```", (DOCS / page).read_text(encoding="utf-8"), re.S)[1]
+    assert code == (HERE / template).read_text(encoding="utf-8")

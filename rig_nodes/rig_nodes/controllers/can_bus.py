@@ -22,7 +22,6 @@ RPM = 30.0 / math.pi
 RATIOS = {1: RATIO_I, 2: RATIO_II}
 STANDSTILL = 10.0 / RPM  # rad/s, below which no slip and no ratio is told
 ENGAGED = 2.0  # % of slip below which the driveline counts as engaged
-NOT_AVAILABLE = 0xFF
 OPTIONS = ("interface", "bitrate", "every", "port")
 
 
@@ -45,7 +44,7 @@ def open_bus(channel: str, interface: str, name: str, **options):
 
 def slip_percent(gear: int, n_wej: float, n_wyj: float) -> float:
     """Slip of the clutch of a gear in % of the input speed, 0 to 100; 0 in neutral and at standstill. rad/s in."""
-    if gear not in RATIOS or n_wej < STANDSTILL:
+    if gear not in RATIOS or not (n_wej >= STANDSTILL and math.isfinite(n_wyj)):
         return 0.0
     return min(100.0 * abs(1.0 - RATIOS[gear] * n_wyj / n_wej), 100.0)
 
@@ -114,7 +113,7 @@ class CanBus(FreeRunning):
                 "TransInputShaftSpeed": _speed(inputs.n_wej)}
 
     def _etc2(self, inputs: ControllerInputs) -> dict:
-        moving = inputs.n_wyj > STANDSTILL
+        moving = inputs.n_wyj > STANDSTILL and math.isfinite(inputs.n_wej / inputs.n_wyj)
         ratio = round(inputs.n_wej / inputs.n_wyj / 0.001) if moving else 0xFFFF
         return {"TransSelectedGear": inputs.gear_request + 125, "TransActualGearRatio": min(max(ratio, 0), 0xFFFF),
                 "TransCurrentGear": self.gear + 125}
@@ -155,5 +154,5 @@ class CanBus(FreeRunning):
 
 
 def _speed(value: float) -> int:
-    """Raw J1939 shaft speed of a speed in rad/s."""
-    return min(max(round(value * RPM / 0.125), 0), 0xFAFF)
+    """Raw J1939 shaft speed of a speed in rad/s; "not available" for what is no number."""
+    return round(min(max(value * RPM / 0.125, 0), 0xFAFF)) if math.isfinite(value) else 0xFFFF

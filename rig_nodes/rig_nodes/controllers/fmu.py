@@ -38,7 +38,7 @@ class ControllerFmu(Plug):
         command = [sys.executable, "-P", "-m", "rig_nodes.controllers.fmu_process", file, str(theirs.fileno()),
                    str(os.getpid())]
         with theirs:
-            self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=sys.stderr,
+            self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=2,
                                              pass_fds=[theirs.fileno()], env=environment)
         self.process_id = self._process.pid  # for a debugger
         self._link = Link(ours.detach(), name)

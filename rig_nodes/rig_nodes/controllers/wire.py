@@ -12,6 +12,7 @@ from ..catalogue import catalogue
 from .seam import OUTPUTS, ControllerInputs, ControllerInfo
 
 SIGNED, UNSIGNED = (-32767, 32767), (0, 65535)
+NO_NUMBER = -32768  # raw value of a measurement that is none
 
 
 @dataclass(frozen=True)
@@ -26,13 +27,15 @@ class Wire:
     text: str
 
     def encode(self, value: float) -> int:
-        """Raw number of an SI value, the nearest one that there is."""
+        """Raw number of an SI value, the nearest one that there is; NO_NUMBER for NaN."""
+        if math.isnan(value):
+            return NO_NUMBER
         low, high = self.raw
-        return min(max(round(value * self.scale / self.step), low), high)
+        return round(min(max(value * self.scale / self.step, low), high))
 
     def decode(self, raw: int) -> float:
-        """SI value of a raw number."""
-        return raw * self.step / self.scale
+        """SI value of a raw number; NaN for NO_NUMBER."""
+        return math.nan if raw == NO_NUMBER else raw * self.step / self.scale
 
     @property
     def range(self) -> tuple[float, float]:

@@ -39,6 +39,19 @@ KINDS = {
         "python3 {dir}/my_controller.py &",
         "./rig simulate demo --controller udp:9002 --level current",
     )),
+    "fmu": Kind("c", HEADER, (
+        "./rig export controller-fmu {dir}/my_controller.c -o {dir}/my_controller.fmu",
+        "./rig simulate demo --controller fmu:{dir}/my_controller.fmu",
+    )),
+    "can": Kind("can", {}, (
+        "./rig export dbc -o {dir}/rig.dbc",
+        ".venv/bin/python {dir}/my_tcu.py &",
+        "./rig simulate demo --controller 'can:239.74.163.2?interface=udp_multicast'",
+    )),
+    "modbus": Kind("modbus", {}, (
+        ".venv/bin/python {dir}/my_plc.py &",
+        "./rig simulate demo --controller modbus:5020",
+    )),
 }
 
 
