@@ -14,6 +14,7 @@ import sys
 
 OUTPUTS, TEXT, OK = 3, 128, 0
 FUNCTIONS = ("rig_controller_abi", "rig_controller_create", "rig_controller_step", "rig_controller_destroy")
+WANTS, WANTED = "rig_controller_wants", "rig_controller_wanted"  # optional, both or none
 END = b"end"  # in place of a sample: destroy the controller
 PR_SET_PDEATHSIG = 1
 THREE = ct.c_double * OUTPUTS
@@ -102,7 +103,19 @@ def describe(path: str) -> tuple[ct.CDLL | None, dict]:
     pointer = library.rig_controller_abi()
     if not pointer:
         return None, {"abi": None}
-    return library, {"abi": {name: getattr(pointer.contents, name) for name, _ in AbiInfo._fields_}}
+    found = {"abi": {name: getattr(pointer.contents, name) for name, _ in AbiInfo._fields_}}
+    if hasattr(library, WANTS):
+        names = getattr(library, WANTS)
+        names.restype, names.argtypes = ct.POINTER(ct.c_char_p), []
+        given = names()
+        found["wants"] = []
+        while given and (name := given[len(found["wants"])]) is not None:
+            found["wants"].append(name.decode("utf-8", "replace"))
+        if not hasattr(library, WANTED):
+            return None, {"missing": [WANTED]}
+        getattr(library, WANTED).restype = None
+        getattr(library, WANTED).argtypes = [ct.c_void_p, ct.POINTER(ct.c_double), ct.c_uint32]
+    return library, found
 
 
 def create(library: ct.CDLL, order: dict) -> tuple[ct.c_void_p, dict]:
@@ -125,11 +138,15 @@ def serve(line: socket.socket, path: str) -> None:
     line.send(json.dumps(created).encode())
     if created["status"] != OK:
         return
-    inputs, answer = Inputs(), Answer()
+    wants = len(description.get("wants", ()))
+    size, width = ct.sizeof(Inputs) + 8 * wants, ct.sizeof(Answer)
+    frame, answer = bytearray(size), Answer()
+    inputs, values = Inputs.from_buffer(frame), (ct.c_double * wants).from_buffer(frame, ct.sizeof(Inputs))
     step, arguments = library.rig_controller_step, (instance, ct.byref(inputs), ct.byref(answer.outputs))
-    size, width = ct.sizeof(Inputs), ct.sizeof(Answer)
     receive, send = line.recv_into, line.send
-    while (count := receive(inputs)) == size:
+    while (count := receive(frame)) == size:
+        if wants:
+            getattr(library, WANTED)(instance, values, wants)
         ct.memset(ct.byref(answer), 0, width)
         answer.outputs.size = width - Answer.outputs.offset
         answer.status = step(*arguments)

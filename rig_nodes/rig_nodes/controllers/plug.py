@@ -79,6 +79,7 @@ class Plug:
     in_process = False  # True: user code runs in this process, which cannot go on while that does not return
     step_timeout: float | None = STEP_TIMEOUT
     real_time = False
+    wants: tuple[str, ...] = ()  # transducers that it gets in ``others`` beside what all get
     process_id: int | None = None  # of a process that works for the plug
 
     def __init__(self, name: str, config: Alfa46Config, level: str):
@@ -114,8 +115,10 @@ class Plug:
         self._request, self._ordered = self._before, False
         return True
 
-    def step(self, sample: int, current, n_wej: float, n_wyj: float, p1: float, p2: float) -> Answer | None:
+    def step(self, sample: int, current, n_wej: float, n_wyj: float, p1: float, p2: float, others=()) -> Answer | None:
         """One sample: coil currents (3,) [A], speeds [rad/s], pressures [Pa gauge] in, the answer out.
+
+        ``others``: SI values of ``wants``, in its order.
 
         None when the controller discards the sample. ControllerFailed, whose sentence is a reason to trip,
         when it reports an error, breaks down or returns what no valve can be given.
@@ -133,6 +136,7 @@ class Plug:
             float(n_wyj),
             float(p1),
             float(p2),
+            dict(zip(self.wants, others, strict=True)),
         )
         self._ordered = False
         outputs = self._answer(inputs)

@@ -10,12 +10,13 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
 from rig_msgs.action import Shift
-from rig_msgs.msg import ControllerSample
+from rig_msgs.msg import ControllerSample, Measurement
 
 from ..alfa46.controller import GEAR_NAMES
 from ..bags.cdr import encoder
@@ -72,6 +73,7 @@ class Alfa46Node(Node):
         self._encode_event = encoder("rig_msgs/msg/Event").encode
         self._layout = installed("rig_msgs/msg/ControllerSample").dtype()
         self._last_sample = None
+        self._heard_values: dict[str, float] = {}
         self._stamp = 0
         self._heard, self._silent, self._failed = None, False, ""
         self._phase = None  # of the shift that runs, None when none does
@@ -89,6 +91,13 @@ class Alfa46Node(Node):
         """Subscribe to the samples; called when those who receive the commands are there."""
         profile = stream_profile(catalogue().topics[SAMPLES].qos)
         self.create_subscription(ControllerSample, SAMPLES, self.on_sample, profile, raw=True)
+        for name in self.box.wants:
+            topic = catalogue().topics[catalogue().signals[name].topic]
+            self.create_subscription(Measurement, topic.name, partial(self.on_value, name), stream_profile(topic.qos))
+
+    def on_value(self, name: str, message) -> None:
+        """A transducer that the controller wants, in real time."""
+        self._heard_values[name] = message.value
 
     # ---- samples
 
@@ -98,15 +107,19 @@ class Alfa46Node(Node):
         wires = (float(record["n_wej"]), float(record["n_wyj"]), float(record["p1"]), float(record["p2"]))
         sample = int(record["sample"])
         try:
-            self.tell(sample, self.ask(sample, record["current"], *wires), *wires)
+            # in real time from the transducers' own topics, the newest value of each
+            others = [self._heard_values.get(name) for name in self.box.wants]
+            if None in others:
+                return
+            self.tell(sample, self.ask(sample, record["current"], *wires, others), *wires)
         except ControllerFailed as failure:
             self.fail(failure)
 
     def on_frame(self, frame: bytes, reply) -> None:
         """One sample in, the answer out, in lockstep; the rig goes on while the rest of this process hears of it."""
-        sample, *values = SAMPLE.unpack(frame)
+        sample, *values = SAMPLE.unpack_from(frame)
         try:
-            answer = self.ask(sample, values[:3], *values[3:])
+            answer = self.ask(sample, values[:3], *values[3:], np.frombuffer(frame, "<f8", offset=SAMPLE.size).tolist())
         except ControllerFailed as failure:
             reply(ANSWER.pack(sample, FAILED, *[0.0] * 6, 0, 0, 0) + str(failure).encode())
             self.fail(failure)
@@ -313,7 +326,7 @@ def answer_in_lockstep(process, node: Alfa46Node, link) -> None:
     thread.start()
     take_core(1)
     try:
-        link.send(READY + node.box.level.encode())
+        link.send(READY + " ".join([node.box.level, *node.box.wants]).encode())
         while not process.stopping:
             frame = link.receive(0.1)
             if frame is not None:

@@ -75,7 +75,7 @@ def ask_controller(rig: Rig, controller: Plug):
     """The plug's answer to the newest sample, from what the wires carry; None when it discards the sample."""
     row = rig.row()
     return controller.step(rig.sample, rig.coil_currents(), row[kernel.N_WEJ], row[kernel.N_WYJ],
-                           row[kernel.P_1], row[kernel.P_2])
+                           row[kernel.P_1], row[kernel.P_2], [rig.measurement(name) for name in controller.wants])
 
 
 def give_answer(rig: Rig, controller: Plug, sample: int, answer) -> None:
