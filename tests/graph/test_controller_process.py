@@ -60,9 +60,11 @@ from rig_nodes.controllers.examples.alfa46 import Alfa46
 class Wanting(Alfa46):
     levels = ("duty",)
     wants = ("p_p", "M_wej")
+    signals = ("p_supply",)
 
     def step(self, inputs):
         out = super().step(inputs)
+        out.signals = {"p_supply": inputs.others["p_p"]}
         out.setpoint[2] = inputs.others["p_p"] + inputs.others["M_wej"]
         return out
 """
@@ -78,6 +80,8 @@ def test_a_controller_gets_the_transducers_that_it_wants(tmp_path, arguments):
     assert code == 0, output
     if arguments:
         assert other_topics(tmp_path, spec=spec) == set()
+    own = Bag(run.folder).logger("/alfa46/signals", fill=True)
+    assert list(own.channels) == ["p_supply"] and 3.9e6 < own.channels["p_supply"][-1] < 4.2e6
     shown = [message.setpoint[2] for _, message in Bag(run.folder).messages("/alfa46/command")]
     assert 3.9e6 < shown[-1] < 4.2e6 and shown[0] < 1e6
 

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import NamedTuple, NoReturn
 
 import numpy as np
@@ -80,6 +81,8 @@ class Plug:
     step_timeout: float | None = STEP_TIMEOUT
     real_time = False
     wants: tuple[str, ...] = ()  # transducers that it gets in ``others`` beside what all get
+    signals: Mapping[str, str] = MappingProxyType({})  # its own, to be recorded: unit by name
+    signal_values: tuple[float, ...] = ()  # at the newest answer
     process_id: int | None = None  # of a process that works for the plug
 
     def __init__(self, name: str, config: Alfa46Config, level: str):
@@ -147,6 +150,8 @@ class Plug:
             status = Status(status)
             if status == Status.OK:
                 command, setpoint, self.gear, self.shifting, self.flags = checked(outputs, self.info)
+                if self.signals:
+                    self.signal_values = self._own(outputs.signals)
                 return Answer(command, setpoint)
             text = " ".join(str(getattr(outputs, "message", "")).split()) or "it gave no reason"
         except RigError as error:
@@ -161,6 +166,13 @@ class Plug:
         if status == Status.DISCARD:
             return None
         self._fail(status, sample, f"status {status.name.lower()}: {text}")
+
+    def _own(self, given) -> tuple[float, ...]:
+        """The values of the controller's own signals; RigError when one is missing or none."""
+        try:
+            return tuple(float(given[name]) for name in self.signals)
+        except (TypeError, KeyError, ValueError):
+            raise RigError(f"signals is {given!r}, expected a number for each of {', '.join(self.signals)}") from None
 
     def check_change(self, config: Alfa46Config) -> None:
         """RigError with why when these settings cannot be taken while the controller runs."""

@@ -80,6 +80,7 @@ class ControllerOutputs:
     flags: int = 0  # bit k: at level current, output k stays on at a setpoint of zero
     status: Status = Status.OK
     message: str = ""  # why the status is not OK
+    signals: Mapping[str, float] | None = None  # values of the signals that the controller names as its own
 
 
 def flat_parameters(config: Alfa46Config) -> dict[str, float]:

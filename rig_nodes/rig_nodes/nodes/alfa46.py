@@ -22,6 +22,7 @@ from ..alfa46.controller import GEAR_NAMES
 from ..bags.cdr import encoder
 from ..bags.definitions import installed
 from ..catalogue import catalogue
+from ..controllers import own_signals
 from ..controllers.load import load_controller
 from ..controllers.plug import REAL_TIME_TIMEOUT
 from ..controllers.seam import LEVELS, NOTHING, ControllerFailed
@@ -63,7 +64,9 @@ class Alfa46Node(Node):
             self.box.pace(REAL_TIME_TIMEOUT, real_time=True)
         else:  # who computes in this very process is watched by the container, which can go on without it
             self.box.pace(None if self.box.in_process else process.arguments.step_timeout)
-        self.outputs = publishers_of(self, in_lockstep=bool(process.descriptors()))
+        own = catalogue().controller_topics.values() if self.box.signals else ()
+        self.outputs = publishers_of(self, in_lockstep=bool(process.descriptors()), more=own)
+        self._blocks = own_signals.Blocks(len(self.box.signals))
         self.counts = dict.fromkeys(self.outputs, 0)
         self.first_seq = process.first_seq
         self.tap = process.tap(self.outputs)
@@ -155,8 +158,21 @@ class Alfa46Node(Node):
             self.publish(COMMAND, self._encode_command(
                 self._stamp, self.first_seq + self.counts[COMMAND], sample, duty, answer.setpoint, box.gear,
                 box.shifting, LEVELS.index(box.level), flags))
+            if box.signals:
+                self.tell_own(sample)
         if self._phase is not None and sample > self._ordered_at:
             self.follow_shift(sample, n_wej, n_wyj, p1, p2)
+
+    def tell_own(self, sample: int) -> None:
+        """Publish the controller's own signals, a block at a time; their names come first of all."""
+        if not self.counts[own_signals.CHANNELS]:
+            signals = self.box.signals
+            self.publish(own_signals.CHANNELS, encoder("rig_msgs/msg/ChannelList").encode(
+                0, self.first_seq, list(signals), list(signals.values()), SAMPLE_NS * 1e-9))
+        for first, rows in self._blocks.add(sample, self.box.signal_values):
+            self.publish(own_signals.BLOCK, encoder("rig_msgs/msg/SampleBlock").encode(
+                first * SAMPLE_NS, self.first_seq + self.counts[own_signals.BLOCK], first, SAMPLE_NS * 1e-9, *rows.shape,
+                rows.ravel()))
 
     def fail(self, failure: ControllerFailed) -> None:
         """The controller cannot go on: said once; the rig notices by its silence, or by the answer in lockstep."""
@@ -294,7 +310,7 @@ def work(process) -> None:
     executor.add_node(node)
     recorder = {"recorder"} if process.arguments.recorded and node.tap is None else set()
     link = process.links().get("container")
-    wanted = {COMMAND: recorder if link else {"rig"} | recorder, EVENTS: recorder}
+    wanted = dict.fromkeys(node.outputs, recorder) | {COMMAND: recorder if link else {"rig"} | recorder}
     while not process.stopping and silent(node, node.outputs, wanted):
         process.spin(0.02)
     if link is not None:
