@@ -10,7 +10,7 @@ from rig_nodes.errors import RigError
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
 
-from .conftest import PYTHON, ask
+from .conftest import C_FRAME, PYTHON, ask, needs_cc
 
 COUNTING = """
 from rig_nodes.controllers import Status
@@ -76,3 +76,36 @@ def test_names_that_cannot_be_recorded_are_refused(python_controller, signals, s
 def test_a_signal_without_its_value_is_an_error(python_controller, given):
     with pytest.raises(ControllerFailed, match="expected a number for each of slip"):
         ask(python_controller(f"return Out(signals={given})", "signals = ('slip',)"))
+
+
+C_SIGNALS = C_FRAME.replace("STEP", "now = (double)in->sample; if (in->sample == 2) return RIG_DISCARD;").replace(
+    '#include "rig_controller.h"', '#include "rig_controller.h"\nstatic double now;') + """
+const char *const *rig_controller_signals(void) {
+  static const char *const names[] = {"number", "half_of_it", 0};
+  return names;
+}
+"""
+VALUES = """
+void rig_controller_signal_values(void *instance, double *values, uint32_t count) {
+  (void)instance;
+  if (count == 2) { values[0] = now; values[1] = now / 2.0; }
+}
+"""
+
+
+@needs_cc
+def test_a_library_names_its_own_too(build, config):
+    plug = load_controller(f"c:{build(C_SIGNALS + VALUES, '-Wall', '-Wextra', '-Werror')}", config.alfa46)
+    assert plug.signals == {"number": "-", "half_of_it": "-"}
+    seen = []
+    for sample in range(4):
+        ask(plug, sample)
+        seen.append(plug.signal_values)
+    assert seen == [(0.0, 0.0), (1.0, 0.5), (1.0, 0.5), (3.0, 1.5)], "as at the newest answer"
+    plug.close()
+
+
+@needs_cc
+def test_names_without_values_are_refused(build, config):
+    with pytest.raises(RigError, match="does not export rig_controller_signal_values"):
+        load_controller(f"c:{build(C_SIGNALS)}", config.alfa46)

@@ -25,6 +25,7 @@ from ..errors import RigError
 from ..graph.link import Link, LinkClosed, pair
 from .c_host import END, Info, Inputs, Outputs, Parameter
 from .c_host import Answer as HostAnswer
+from .own_signals import checked_signals
 from .plug import Plug, chosen_level
 from .seam import ControllerInputs, ControllerOutputs, Status, checked_wants
 
@@ -236,8 +237,9 @@ class CLibrary(Plug):
         self._host = Host(library, name)
         found = self._hear(name, "while it was loaded")
         bits = _check_description(found, name)
-        self.wants = checked_wants(found.get("wants", ()), name)
-        self._others = struct.Struct(f"={len(self.wants)}d")
+        self.wants = checked_wants(found["wants"], name)
+        self.signals = checked_signals(found["signals"], name)
+        self._others, self._own_values = (struct.Struct(f"={len(names)}d") for names in (self.wants, self.signals))
         return bits
 
     def _create(self) -> None:
@@ -284,6 +286,7 @@ class CLibrary(Plug):
             out.flags,
             status,
             out.message.decode("utf-8", "replace") if status != Status.OK else "",
+            dict(zip(self.signals, self._own_values.unpack_from(data, ct.sizeof(HostAnswer)), strict=True)),
         )
 
     @property
