@@ -57,17 +57,19 @@ class Signal:
 class Catalogue:
     """All topics and signals, by name, in the order of the file.
 
-    topics: of every run; cut_topics: of runs in which their device stands outside the plant.
+    topics: of every run; cut_topics: of runs in which their device stands outside the plant; controller_topics: of
+    runs whose controller has signals of its own.
     """
 
     topics: dict[str, Topic]
     signals: dict[str, Signal]
     cut_topics: dict[str, Topic]
+    controller_topics: dict[str, Topic]
 
     @property
     def all_topics(self) -> dict[str, Topic]:
         """Every topic that a run may have."""
-        return {**self.topics, **self.cut_topics}
+        return {**self.topics, **self.cut_topics, **self.controller_topics}
 
     def logger_channels(self) -> list[Signal]:
         """The columns of the 10 kHz logger, in order."""
@@ -89,8 +91,8 @@ class Catalogue:
 def catalogue() -> Catalogue:
     """The catalogue of the installed rig, read once per process."""
     data = load_yaml(package_file("signals.yaml"))
-    topics, cut_topics = ({name: Topic(name=name, **entry) for name, entry in data[key].items()}
-                          for key in ("topics", "cut_topics"))
+    topics, cut_topics, controller_topics = ({name: Topic(name=name, **entry) for name, entry in data[key].items()}
+                          for key in ("topics", "cut_topics", "controller_topics"))
     displays = data["displays"]
     signals = {}
     for name, entry in data["signals"].items():
@@ -106,4 +108,4 @@ def catalogue() -> Catalogue:
     columns = sorted(s.logger for s in signals.values() if s.logger is not None)
     if columns != list(range(len(columns))):
         raise RigError(f"signals.yaml: logger columns are {columns}, expected 0 to {len(columns) - 1} once each")
-    return Catalogue(topics, signals, cut_topics)
+    return Catalogue(topics, signals, cut_topics, controller_topics)

@@ -53,11 +53,44 @@ def start_udp(port):
     return subprocess.Popen([sys.executable, "-m", "rig_nodes.controllers.examples.alfa46_udp", "127.0.0.1", str(port)])
 
 
-def other_topics(folder, delay=1):
-    """Topics whose content is not that of `simulate` with the built-in controller."""
+WANTING = """
+from rig_nodes.controllers.examples.alfa46 import Alfa46
+
+
+class Wanting(Alfa46):
+    levels = ("duty",)
+    wants = ("p_p", "M_wej")
+    signals = ("p_supply",)
+
+    def step(self, inputs):
+        out = super().step(inputs)
+        out.signals = {"p_supply": inputs.others["p_p"]}
+        out.setpoint[2] = inputs.others["p_p"] + inputs.others["M_wej"]
+        return out
+"""
+
+
+@pytest.mark.parametrize("arguments", [("--speed", "max"), ()], ids=["lockstep", "real time"])
+def test_a_controller_gets_the_transducers_that_it_wants(tmp_path, arguments):
+    """In lockstep those of each sample, as in simulate; in real time the newest of their topics."""
+    (tmp_path / "wanting.py").write_text(WANTING)
+    spec = f"python:{tmp_path / 'wanting.py'}:Wanting"
+    run = RigRun(tmp_path / "run", *arguments, "--controller", spec)
+    code, output = run.end()
+    assert code == 0, output
+    if arguments:
+        assert other_topics(tmp_path, spec=spec) == set()
+    own = Bag(run.folder).logger("/alfa46/signals", fill=True)
+    assert list(own.channels) == ["p_supply"] and 3.9e6 < own.channels["p_supply"][-1] < 4.2e6
+    shown = [message.setpoint[2] for _, message in Bag(run.folder).messages("/alfa46/command")]
+    assert 3.9e6 < shown[-1] < 4.2e6 and shown[0] < 1e6
+
+
+def other_topics(folder, delay=1, spec="alfa46"):
+    """Topics whose content is not that of `simulate` with the same controller."""
     config = load_rig()
     simulate(config, load_sequence(SHORT), folder / "simulated", delay=delay,
-             controller=load_controller("alfa46", config.alfa46))
+             controller=load_controller(spec, config.alfa46))
     expected, found = (Bag(folder / name).canonical_hash() for name in ("simulated", "run"))
     return {topic for topic in expected if found.get(topic) != expected[topic]} - NOT_THE_PLANTS
 

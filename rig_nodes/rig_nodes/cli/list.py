@@ -41,7 +41,7 @@ def _files(kind: str):
 def _topics():
     from ..catalogue import catalogue
 
-    return _rows_of(catalogue().topics) + _rows_of(catalogue().cut_topics)
+    return _rows_of(catalogue().all_topics)
 
 
 def _rows_of(topics):
@@ -87,6 +87,8 @@ def markdown() -> str:
         "## Topics", "", *table(_rows_of(catalogue().topics)), "",
         "Only in a run with `source: topic` for the device ([cuts.md](cuts.md)), once a tick of the cut:", "",
         *table(_rows_of(catalogue().cut_topics)), "",
+        "Only in a run whose controller names signals of its own ([controllers.md](controllers.md)):", "",
+        *table(_rows_of(catalogue().controller_topics)), "",
         "Actions: `/alfa46/shift` (`rig_msgs/action/Shift`), `/sequencer/run` (`rig_msgs/action/RunSequence`). "
         "Services: `/rig/e_stop` and `/rig/reset` (`std_srvs/srv/Trigger`), `/alfa46/set_profile` (`rig_msgs/srv/SetProfile`).", "",
         "Quality of service: measurement is reliable with depth 1000; command is reliable, the receiver keeps the "

@@ -14,6 +14,9 @@ import sys
 
 OUTPUTS, TEXT, OK = 3, 128, 0
 FUNCTIONS = ("rig_controller_abi", "rig_controller_create", "rig_controller_step", "rig_controller_destroy")
+# optional, both of a pair or none: function that names, function that brings or takes the values
+PAIRS = {"wants": ("rig_controller_wants", "rig_controller_wanted"),
+         "signals": ("rig_controller_signals", "rig_controller_signal_values")}
 END = b"end"  # in place of a sample: destroy the controller
 PR_SET_PDEATHSIG = 1
 THREE = ct.c_double * OUTPUTS
@@ -102,7 +105,21 @@ def describe(path: str) -> tuple[ct.CDLL | None, dict]:
     pointer = library.rig_controller_abi()
     if not pointer:
         return None, {"abi": None}
-    return library, {"abi": {name: getattr(pointer.contents, name) for name, _ in AbiInfo._fields_}}
+    found = {"abi": {name: getattr(pointer.contents, name) for name, _ in AbiInfo._fields_}}
+    for key, (names, values) in PAIRS.items():
+        found[key] = []
+        if not hasattr(library, names):
+            continue
+        if not hasattr(library, values):
+            return None, {"missing": [values]}
+        function = getattr(library, names)
+        function.restype, function.argtypes = ct.POINTER(ct.c_char_p), []
+        given = function()
+        while given and (name := given[len(found[key])]) is not None:
+            found[key].append(name.decode("utf-8", "replace"))
+        getattr(library, values).restype = None
+        getattr(library, values).argtypes = [ct.c_void_p, ct.POINTER(ct.c_double), ct.c_uint32]
+    return library, found
 
 
 def create(library: ct.CDLL, order: dict) -> tuple[ct.c_void_p, dict]:
@@ -125,15 +142,23 @@ def serve(line: socket.socket, path: str) -> None:
     line.send(json.dumps(created).encode())
     if created["status"] != OK:
         return
-    inputs, answer = Inputs(), Answer()
+    wants, signals = len(description["wants"]), len(description["signals"])
+    bring, take = (getattr(library, PAIRS[key][1], None) for key in ("wants", "signals"))
+    size, width = ct.sizeof(Inputs) + 8 * wants, ct.sizeof(Answer) + 8 * signals
+    frame, reply = bytearray(size), bytearray(width)
+    inputs, wanted = Inputs.from_buffer(frame), (ct.c_double * wants).from_buffer(frame, ct.sizeof(Inputs))
+    answer, own = Answer.from_buffer(reply), (ct.c_double * signals).from_buffer(reply, ct.sizeof(Answer))
     step, arguments = library.rig_controller_step, (instance, ct.byref(inputs), ct.byref(answer.outputs))
-    size, width = ct.sizeof(Inputs), ct.sizeof(Answer)
     receive, send = line.recv_into, line.send
-    while (count := receive(inputs)) == size:
+    while (count := receive(frame)) == size:
+        if wants:
+            bring(instance, wanted, wants)
         ct.memset(ct.byref(answer), 0, width)
-        answer.outputs.size = width - Answer.outputs.offset
+        answer.outputs.size = ct.sizeof(Outputs)
         answer.status = step(*arguments)
-        send(answer)
+        if signals and answer.status == OK:
+            take(instance, own, signals)
+        send(reply)
     if count:
         library.rig_controller_destroy(instance)
 

@@ -25,8 +25,9 @@ from ..errors import RigError
 from ..graph.link import Link, LinkClosed, pair
 from .c_host import END, Info, Inputs, Outputs, Parameter
 from .c_host import Answer as HostAnswer
+from .own_signals import checked_signals
 from .plug import Plug, chosen_level
-from .seam import ControllerInputs, ControllerOutputs, Status
+from .seam import ControllerInputs, ControllerOutputs, Status, checked_wants
 
 INCLUDE, HOST = Path(__file__).parent / "include", Path(__file__).parent / "c_host.py"
 ABI = 1
@@ -234,7 +235,12 @@ class CLibrary(Plug):
     def _start(self, library: Path, name: str) -> int:
         check_elf(library, name)
         self._host = Host(library, name)
-        return _check_description(self._hear(name, "while it was loaded"), name)
+        found = self._hear(name, "while it was loaded")
+        bits = _check_description(found, name)
+        self.wants = checked_wants(found["wants"], name)
+        self.signals = checked_signals(found["signals"], name)
+        self._others, self._own_values = (struct.Struct(f"={len(names)}d") for names in (self.wants, self.signals))
+        return bits
 
     def _create(self) -> None:
         info = {"level": LEVEL_BITS[self.level], "period": self.info.period, "command_high": self.info.command_high,
@@ -264,7 +270,8 @@ class CLibrary(Plug):
         given.current[:] = inputs.current
         given.n_wej, given.n_wyj, given.p1, given.p2 = inputs.n_wej, inputs.n_wyj, inputs.p1, inputs.p2
         try:
-            data = self._host.ask(given, self.step_timeout)
+            frame = bytes(given) + self._others.pack(*inputs.others.values()) if self.wants else given
+            data = self._host.ask(frame, self.step_timeout)
         except LinkClosed as gone:
             self._fail(Status.FATAL, inputs.sample, str(gone))
         if data is None:
@@ -279,6 +286,7 @@ class CLibrary(Plug):
             out.flags,
             status,
             out.message.decode("utf-8", "replace") if status != Status.OK else "",
+            dict(zip(self.signals, self._own_values.unpack_from(data, ct.sizeof(HostAnswer)), strict=True)),
         )
 
     @property

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import NamedTuple, NoReturn
 
 import numpy as np
@@ -79,6 +80,9 @@ class Plug:
     in_process = False  # True: user code runs in this process, which cannot go on while that does not return
     step_timeout: float | None = STEP_TIMEOUT
     real_time = False
+    wants: tuple[str, ...] = ()  # transducers that it gets in ``others`` beside what all get
+    signals: Mapping[str, str] = MappingProxyType({})  # its own, to be recorded: unit by name
+    signal_values: tuple[float, ...] = ()  # at the newest answer
     process_id: int | None = None  # of a process that works for the plug
 
     def __init__(self, name: str, config: Alfa46Config, level: str):
@@ -114,8 +118,10 @@ class Plug:
         self._request, self._ordered = self._before, False
         return True
 
-    def step(self, sample: int, current, n_wej: float, n_wyj: float, p1: float, p2: float) -> Answer | None:
+    def step(self, sample: int, current, n_wej: float, n_wyj: float, p1: float, p2: float, others=()) -> Answer | None:
         """One sample: coil currents (3,) [A], speeds [rad/s], pressures [Pa gauge] in, the answer out.
+
+        ``others``: SI values of ``wants``, in its order.
 
         None when the controller discards the sample. ControllerFailed, whose sentence is a reason to trip,
         when it reports an error, breaks down or returns what no valve can be given.
@@ -133,6 +139,7 @@ class Plug:
             float(n_wyj),
             float(p1),
             float(p2),
+            dict(zip(self.wants, others, strict=True)),
         )
         self._ordered = False
         outputs = self._answer(inputs)
@@ -143,6 +150,8 @@ class Plug:
             status = Status(status)
             if status == Status.OK:
                 command, setpoint, self.gear, self.shifting, self.flags = checked(outputs, self.info)
+                if self.signals:
+                    self.signal_values = self._own(outputs.signals)
                 return Answer(command, setpoint)
             text = " ".join(str(getattr(outputs, "message", "")).split()) or "it gave no reason"
         except RigError as error:
@@ -157,6 +166,13 @@ class Plug:
         if status == Status.DISCARD:
             return None
         self._fail(status, sample, f"status {status.name.lower()}: {text}")
+
+    def _own(self, given) -> tuple[float, ...]:
+        """The values of the controller's own signals; RigError when one is missing or none."""
+        try:
+            return tuple(float(given[name]) for name in self.signals)
+        except (TypeError, KeyError, ValueError):
+            raise RigError(f"signals is {given!r}, expected a number for each of {', '.join(self.signals)}") from None
 
     def check_change(self, config: Alfa46Config) -> None:
         """RigError with why when these settings cannot be taken while the controller runs."""

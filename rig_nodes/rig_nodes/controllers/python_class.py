@@ -17,8 +17,9 @@ from pathlib import Path
 
 from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
+from .own_signals import checked_signals
 from .plug import LOG, Plug, chosen_level, said
-from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status
+from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status, checked_wants
 
 GROUP = "rig_nodes.controllers"  # of entry points in an installed package's metadata
 METHODS = ("initialize", "step", "terminate")
@@ -126,6 +127,8 @@ class PythonClass(Plug):
                 f"controller {name}: levels is {levels!r}, expected a tuple of {', '.join(LEVELS)}"
             )
         super().__init__(name, config, chosen_level(level, tuple(levels), name))
+        self.wants = checked_wants(getattr(found, "wants", ()), name)
+        self.signals = checked_signals(getattr(found, "signals", ()), name)
         try:
             self._file = inspect.getsourcefile(found)
             self._user = found()

@@ -21,11 +21,11 @@ def message_class(ros_type: str):
     return getattr(import_module(f"{package}.{kind}"), name)
 
 
-def publishers_of(node: Node, in_lockstep: bool = False) -> dict:
-    """Publishers of all topics that the catalogue gives to this node, by topic; they take encoded messages."""
+def publishers_of(node: Node, in_lockstep: bool = False, more=()) -> dict:
+    """Publishers of all topics that the catalogue gives to this node, and ``more``, by name; they take encoded messages."""
     return {topic.name: node.create_publisher(message_class(topic.ros_type), topic.name,
                                               publisher_profile(topic.qos, in_lockstep))
-            for topic in catalogue().topics.values() if topic.node == node.get_name()}
+            for topic in (*(t for t in catalogue().topics.values() if t.node == node.get_name()), *more)}
 
 
 def receive(node: Node, topic: Topic, callback, profile=None) -> object:

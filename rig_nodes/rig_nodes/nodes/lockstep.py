@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import gc
 import math
+import struct
 import time
 
 from ..controllers.plug import Answer
@@ -29,7 +30,7 @@ class RemoteController:
 
     def __init__(self, link: Link, step_timeout: float | None):
         """step_timeout: s for one sample; the process that knows its controller better may say so first."""
-        self.level = ""  # as the process says when it is ready
+        self.level, self.wants = "", []  # as the process says when it is ready
         self.gear, self.shifting, self.flags = 0, False, 0
         self._link, self._limit = link, step_timeout
         self._timeout = None if step_timeout is None else step_timeout + GRACE
@@ -39,12 +40,13 @@ class RemoteController:
         hello = self._link.receive(seconds)
         if hello is None:
             raise LinkClosed(f"the shift controller was not ready within {seconds:g} s")
-        self.level = hello.removeprefix(READY).decode()
+        self.level, *self.wants = hello.removeprefix(READY).decode().split()
+        self._others = struct.Struct(f"<{len(self.wants)}d")
 
-    def ask(self, sample: int, current, n_wej, n_wyj, p1, p2) -> None:
+    def ask(self, sample: int, current, n_wej, n_wyj, p1, p2, others) -> None:
         """Hand over one sample; the answer is waited for by :meth:`answer`."""
         try:
-            self._link.send(SAMPLE.pack(sample, *current, n_wej, n_wyj, p1, p2))
+            self._link.send(SAMPLE.pack(sample, *current, n_wej, n_wyj, p1, p2) + self._others.pack(*others))
         except LinkClosed:
             pass  # answer() will say so
 
@@ -117,7 +119,7 @@ class Lockstep:
         rig, row = self.rig, self.rig.row()
         sample = rig.sample
         self.controller.ask(sample, rig.coil_currents(), row[kernel.N_WEJ], row[kernel.N_WYJ], row[kernel.P_1],
-                            row[kernel.P_2])
+                            row[kernel.P_2], [rig.measurement(name) for name in self.controller.wants])
         publish()
         if rig.delay > 0:
             rig.advance_samples(1)

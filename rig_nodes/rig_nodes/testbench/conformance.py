@@ -76,7 +76,7 @@ def desk(plug: Plug, samples, orders: dict[int, int], change: Callable[[int, Wir
         if change is not None:
             wires = change(sample, wires)
         began = time.perf_counter()
-        answer = plug.step(sample, *wires)
+        answer = plug.step(sample, *wires, [0.0] * len(plug.wants))
         if took is not None:
             took.append(time.perf_counter() - began)
         out.append(Seen(answer and answer.command, answer and answer.setpoint, plug.gear, plug.shifting, plug.flags))

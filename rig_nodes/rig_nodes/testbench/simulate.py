@@ -75,7 +75,7 @@ def ask_controller(rig: Rig, controller: Plug):
     """The plug's answer to the newest sample, from what the wires carry; None when it discards the sample."""
     row = rig.row()
     return controller.step(rig.sample, rig.coil_currents(), row[kernel.N_WEJ], row[kernel.N_WYJ],
-                           row[kernel.P_1], row[kernel.P_2])
+                           row[kernel.P_1], row[kernel.P_2], [rig.measurement(name) for name in controller.wants])
 
 
 def give_answer(rig: Rig, controller: Plug, sample: int, answer) -> None:
@@ -86,10 +86,10 @@ def give_answer(rig: Rig, controller: Plug, sample: int, answer) -> None:
         rig.set_duty(sample, answer.command, answer.setpoint, controller.gear, controller.shifting)
 
 
-def advance_with(rig: Rig, controller: Plug) -> None:
+def advance_with(rig: Rig, controller: Plug) -> bool:
     """One sample with a plugged controller: it answers while the rig moves, its answer acts ``rig.delay`` samples later.
 
-    A controller that fails, or that never answers, trips the rig with its sentence as the reason.
+    A controller that fails, or that never answers, trips the rig with its sentence as the reason. True with an answer.
     """
     sample, answer = rig.sample, None
     try:
@@ -104,6 +104,7 @@ def advance_with(rig: Rig, controller: Plug) -> None:
         rig.advance_samples(1)
     if answer is None and rig.status == RigStatus.STARTING and rig.time > COMMAND_TIMEOUT:
         rig.trip(f"controller {controller.name} has not answered any of the first {sample + 1} samples")
+    return answer is not None
 
 
 def simulate(config: RigConfig, sequence: Sequence, folder: Path, seed: int = 1,
@@ -120,7 +121,7 @@ def simulate(config: RigConfig, sequence: Sequence, folder: Path, seed: int = 1,
     else:
         rig = Rig(config, seed, controller="external", level=controller.level, delay=delay)
     record = run_record(config, sequence, seed)
-    outputs = Outputs(rig, record, commands=True)
+    outputs = Outputs(rig, record, commands=True, controller=controller)
     runner = SequenceRunner(sequence, LocalBench(rig, outputs, controller), config.load_pump)
     types = {name: topic.ros_type for name, topic in catalogue().all_topics.items()}
     end = {"state": "ended", "reason": "the sequence ended"}
@@ -141,7 +142,9 @@ def simulate(config: RigConfig, sequence: Sequence, folder: Path, seed: int = 1,
                 if controller is None:
                     rig.advance_samples(1)
                 else:
-                    advance_with(rig, controller)
+                    sample = rig.sample
+                    if advance_with(rig, controller) and controller.signals:
+                        outputs.signals_row(sample, controller.signal_values)
             if rig.status == RigStatus.TRIPPED:
                 end = {"state": "tripped", "reason": rig.reason}
                 for _ in range(AFTER_TRIP):
