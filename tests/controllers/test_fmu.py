@@ -176,3 +176,22 @@ def test_c_code_that_does_not_compile_is_said(tmp_path, config):
     with pytest.raises(RigError, match="does not compile: .*mine.c.*RIG_DISCARDED"):
         build_controller_fmu([path], tmp_path / "mine.fmu", config.alfa46)
     assert shutil.which("cc") and not (tmp_path / "mine.fmu").exists()
+
+
+def test_other_inputs_are_transducers_and_other_outputs_are_recorded(build, config, tmp_path):
+    """The reference controller with some of its variables under other names: what they carry shows both ways."""
+    names = {b"current_3": b"T_oil", b"setpoint_3": b"mine", b"setpoint_1": b"asked"}
+
+    def rename(name, data):
+        if name == "modelDescription.xml":
+            for old, new in names.items():
+                data = data.replace(b'name="%s"' % old, b'name="%s"' % new)
+        return name, data
+
+    plug = load_controller(f"fmu:{changed(build(2), tmp_path / 'other.fmu', rename)}", config.alfa46)
+    assert plug.wants == ("T_oil",) and dict(plug.signals) == {"asked": "A", "mine": "A"}
+    plug.order(1)
+    for sample in range(101):
+        plug.step(sample, [0.0] * 3, 0.0, 0.0, 0.0, 0.0, [40.0])
+    assert plug.signal_values == pytest.approx((0.08, 0.0)), "half-way to P1, 160 mA at 200 ms"
+    plug.close()

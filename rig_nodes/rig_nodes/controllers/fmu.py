@@ -17,11 +17,13 @@ from pathlib import Path
 from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
 from ..graph.link import Link, LinkClosed, pair
+from .own_signals import checked_signals
 from .plug import Plug, chosen_level
-from .seam import ControllerInputs, ControllerOutputs, Status
+from .seam import ControllerInputs, ControllerOutputs, Status, checked_wants
 
+# behind a sample the transducers asked for, behind an answer its own signals; behind a status other than ok, a sentence
 SAMPLE = struct.Struct("<QI7d")  # sample, gear_request, currents (3), n_wej, n_wyj, p1, p2
-ANSWER = struct.Struct("<IIII6d")  # status, gear, shifting, flags, command (3), setpoint (3); a sentence may follow
+ANSWER = struct.Struct("<IIII6d")  # status, gear, shifting, flags, command (3), setpoint (3)
 LOAD_TIMEOUT = 60.0  # s of wall clock for loading and for the initialization
 END_PATIENCE = 2.0  # s of wall clock for the end of the process
 
@@ -43,8 +45,10 @@ class ControllerFmu(Plug):
         self.process_id = self._process.pid  # for a debugger
         self._link = Link(ours.detach(), name)
         try:
-            levels = tuple(self._hear(name)["levels"])
-            super().__init__(name, config, chosen_level(level, levels, name))
+            found = self._hear(name)
+            super().__init__(name, config, chosen_level(level, tuple(found["levels"]), name))
+            self.wants, self.signals = checked_wants(found["wants"], name), checked_signals(found["signals"], name)
+            self._others, self._own_values = (struct.Struct(f"<{len(names)}d") for names in (self.wants, self.signals))
             self._link.send_json({"level": self.level, "parameters": dict(self.info.parameters), "period": self.info.period})
             self._hear(name)
         except BaseException:
@@ -77,15 +81,17 @@ class ControllerFmu(Plug):
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
         try:
             self._link.send(SAMPLE.pack(inputs.sample, inputs.gear_request, *inputs.current, inputs.n_wej, inputs.n_wyj,
-                                        inputs.p1, inputs.p2))
+                                        inputs.p1, inputs.p2) + self._others.pack(*inputs.others.values()))
             data = self._link.receive(self.step_timeout)
         except LinkClosed:
             self._fail(Status.FATAL, inputs.sample, self._how_it_ended())
         if data is None:
             self._overdue(inputs.sample)
         status, gear, shifting, flags, *values = ANSWER.unpack_from(data)
-        return ControllerOutputs(values[:3], values[3:], gear, bool(shifting), flags, status,
-                                 data[ANSWER.size:].decode("utf-8", "replace"))
+        if status != Status.OK:
+            return ControllerOutputs(status=status, message=data[ANSWER.size:].decode("utf-8", "replace"))
+        return ControllerOutputs(values[:3], values[3:], gear, bool(shifting), flags,
+                                 signals=dict(zip(self.signals, self._own_values.unpack_from(data, ANSWER.size), strict=True)))
 
     def _abandon(self) -> None:
         """End the process without a call into the FMU."""

@@ -8,11 +8,14 @@ import json
 import os
 import signal
 import socket
+import struct
 import sys
 
+from ..catalogue import catalogue
 from ..errors import RigError
 from ..fmu.importer import Fmu, FmuFailed
 from .fmu import ANSWER, SAMPLE
+from .own_signals import MOST, NAME
 from .seam import OUTPUTS, Status
 
 FRAME = 1 << 20  # longest message
@@ -22,6 +25,7 @@ COMMANDS, SETPOINTS = [f"command_{k}" for k in NUMBERS], [f"setpoint_{k}" for k 
 INPUTS = ["gear_request", *(f"current_{k}" for k in NUMBERS), "n_wej", "n_wyj", "p1", "p2"]
 OUTPUT_NAMES = [*COMMANDS, *SETPOINTS, "gear", "shifting", "flags", "status"]
 LEVELS = ("duty", "current")
+NUMBER_TYPES = ("Real", "Float64", "Float32", "Integer", "Int32", "Enumeration", "Boolean")
 STATUS = {"discard": Status.DISCARD, "error": Status.ERROR, "fatal": Status.FATAL}
 
 
@@ -36,6 +40,19 @@ def check_variables(fmu: Fmu) -> list[str]:
             if name in there and there[name].causality != wanted:
                 raise RigError(f"the FMU's variable {name} has causality {there[name].causality}, expected {wanted}")
     return [name for name in INPUTS if name in there]
+
+
+def wants_of(fmu: Fmu) -> list[str]:
+    """Further transducers: the FMU's other inputs that are named like one."""
+    known = {signal.name for signal in catalogue().signals.values() if signal.field == "value"}
+    return [name for name, v in fmu.variables.items() if v.causality == "input" and name in known - set(INPUTS)]
+
+
+def signals_of(fmu: Fmu) -> dict[str, str]:
+    """Its own signals, to be recorded: unit by name of its other outputs that are numbers, the first ones."""
+    names = [name for name, v in fmu.variables.items() if v.causality == "output" and name not in OUTPUT_NAMES
+             and v.type in NUMBER_TYPES and NAME.fullmatch(name)]
+    return {name: fmu.variables[name].unit or "-" for name in names[:MOST]}
 
 
 def levels_of(fmu: Fmu) -> list[str]:
@@ -62,17 +79,22 @@ def answer_samples(link: socket.socket, fmu: Fmu, period: float) -> None:
     write, places = fmu.writer(inputs), [INPUTS.index(name) for name in inputs]
     told = [name for name in OUTPUT_NAMES if name in fmu.variables]
     read, first, done = fmu.reader(told), None, 0
+    wants, signals = wants_of(fmu), list(signals_of(fmu))
+    write_others, read_own = fmu.writer(wants), fmu.reader(signals)
+    others, own = (struct.Struct(f"<{len(names)}d") for names in (wants, signals))
     while data := link.recv(FRAME):
-        sample, request, *values = SAMPLE.unpack(data)
+        sample, request, *values = SAMPLE.unpack_from(data)
         given = [request, *values]
         first = sample if first is None else first
         fmu.said = ""
         try:
             write([given[k] for k in places])
+            write_others(others.unpack_from(data, SAMPLE.size))
             while done <= sample - first:  # samples that did not come are stepped over with what is known now
                 fmu.step(done * period, period)
                 done += 1
             found = dict(zip(told, read(), strict=True))
+            own_values = own.pack(*read_own())
         except FmuFailed as failure:
             link.send(ANSWER.pack(STATUS.get(failure.status, Status.ERROR), 0, 0, 0, *[0.0] * 6) + str(failure).encode())
             continue
@@ -80,7 +102,7 @@ def answer_samples(link: socket.socket, fmu: Fmu, period: float) -> None:
         setpoint = [found.get(name, 0.0) for name in SETPOINTS]
         gear, shifting, flags = (max(0, int(found.get(name, 0))) for name in ("gear", "shifting", "flags"))
         status = Status.DISCARD if found.get("status") == Status.DISCARD else Status.OK
-        link.send(ANSWER.pack(status, gear, shifting, flags, *command, *setpoint))
+        link.send(ANSWER.pack(status, gear, shifting, flags, *command, *setpoint) + own_values)
 
 
 def main() -> int:
@@ -104,7 +126,7 @@ def serve(link: socket.socket, file: str) -> None:
     """Everything from the FMU's loading to its end; RigError before the first sample."""
     with Fmu(file, "controller") as fmu:
         check_variables(fmu)
-        link.send(json.dumps({"levels": levels_of(fmu)}).encode())
+        link.send(json.dumps({"levels": levels_of(fmu), "wants": wants_of(fmu), "signals": signals_of(fmu)}).encode())
         start = link.recv(FRAME)
         if not start:
             return
