@@ -56,7 +56,7 @@ def build(tmp_path_factory):
                 source = folder / "other.c"
                 source.write_text(text)
             built[key] = folder / f"controller{len(built)}.fmu"
-            build_controller_fmu([source], built[key], load_rig().alfa46, fmi)
+            build_controller_fmu([source], built[key], load_rig().alfa46, fmi, ["-Werror"])
         return built[key]
 
     return get
@@ -172,6 +172,8 @@ def test_c_code_that_does_not_compile_is_said(tmp_path, config):
     from rig_nodes.fmu.build import build_controller_fmu
 
     path = tmp_path / "mine.c"
+    path.write_text(FAULTS.replace("volatile int endless", "int never, endless"))
+    build_controller_fmu([path], tmp_path / "warned_of.fmu", config.alfa46)
     path.write_text(FAULTS.replace("return RIG_DISCARD;", "return RIG_DISCARDED;"))
     with pytest.raises(RigError, match="does not compile: .*mine.c.*RIG_DISCARDED"):
         build_controller_fmu([path], tmp_path / "mine.fmu", config.alfa46)

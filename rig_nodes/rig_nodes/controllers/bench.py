@@ -35,12 +35,15 @@ class Cost(NamedTuple):
 
 
 class Case(NamedTuple):
-    """name: for people; spec: of the controller, with {port}; program: its command for a folder and a port, or none."""
+    """name: for people; spec: of the controller, with {port} and {folder}; program: its command for a folder and a port,
+    or none; build: writes what spec names into the folder, or none.
+    """
 
     name: str
     spec: str
     needs: str = ""
     program: Callable[[Path, int], list[str]] | None = None
+    build: Callable[[Path, Alfa46Config], None] | None = None
 
 
 def _c_program(folder: Path, port: int) -> list[str]:
@@ -55,11 +58,18 @@ def _python_program(_folder: Path, port: int) -> list[str]:
     return [sys.executable, "-m", "rig_nodes.controllers.examples.alfa46_udp", "127.0.0.1", str(port)]
 
 
+def _fmu(folder: Path, config: Alfa46Config) -> None:
+    from ..fmu.build import build_controller_fmu
+
+    build_controller_fmu([EXAMPLES / "alfa46.c"], folder / "alfa46.fmu", config)
+
+
 CASES = (
     Case("built-in through the seam", "alfa46"),
     Case("Python class", "python:rig_nodes.controllers.examples.alfa46:Alfa46"),
     Case("C library", f"c:{EXAMPLES / 'alfa46.c'}", "cc"),
     Case("Simulink Coder's form", f"simulink:{EXAMPLES / 'simulink'}", "cc"),
+    Case("FMU", "fmu:{folder}/alfa46.fmu", "cc", build=_fmu),
     Case("UDP, C program", "udp:{port}", "cc", _c_program),
     Case("UDP, Python program", "udp:{port}", "", _python_program),
 )
@@ -70,10 +80,12 @@ def measure(case: Case, config: Alfa46Config, steps: int = STEPS) -> Cost:
     if case.needs and not shutil.which(case.needs):
         return Cost(case.name, float("nan"), float("nan"), f"{case.needs} is not installed")
     with tempfile.TemporaryDirectory(prefix="rig-bench-") as folder:
+        if case.build:
+            case.build(Path(folder), config)
         port = _free_port() if case.program else PORT
         program = subprocess.Popen(case.program(Path(folder), port)) if case.program else None
         try:
-            plug = load_controller(case.spec.format(port=port), config)
+            plug = load_controller(case.spec.format(port=port, folder=folder), config)
             plug.wait(COME)
             plug.order(1)
             took = []

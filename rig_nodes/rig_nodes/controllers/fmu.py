@@ -17,6 +17,7 @@ from pathlib import Path
 from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
 from ..graph.link import Link, LinkClosed, pair
+from .c_library import CORE
 from .own_signals import checked_signals
 from .plug import Plug, chosen_level
 from .seam import ControllerInputs, ControllerOutputs, Status, checked_wants
@@ -43,7 +44,7 @@ class ControllerFmu(Plug):
             self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=2,
                                              pass_fds=[theirs.fileno()], env=environment)
         self.process_id = self._process.pid  # for a debugger
-        self._link = Link(ours.detach(), name)
+        self._link, self._core = Link(ours.detach(), name), -1
         try:
             found = self._hear(name)
             super().__init__(name, config, chosen_level(level, tuple(found["levels"]), name))
@@ -79,6 +80,11 @@ class ControllerFmu(Plug):
         return f"the FMU's process ended itself with exit code {code}"
 
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
+        core = CORE()
+        if core != self._core:  # as c_library.Host.ask: a process on the waiting core is woken sooner
+            self._core = core
+            with contextlib.suppress(ProcessLookupError):  # it has gone: receive() says so
+                os.sched_setaffinity(self.process_id, {core})
         try:
             self._link.send(SAMPLE.pack(inputs.sample, inputs.gear_request, *inputs.current, inputs.n_wej, inputs.n_wyj,
                                         inputs.p1, inputs.p2) + self._others.pack(*inputs.others.values()))
