@@ -86,10 +86,48 @@ def test_a_controller_gets_the_transducers_that_it_wants(tmp_path, arguments):
     assert 3.9e6 < shown[-1] < 4.2e6 and shown[0] < 1e6
 
 
-def other_topics(folder, delay=1, spec="alfa46"):
+SETTING = """
+from rig_nodes.controllers.examples.alfa46 import Alfa46
+
+
+class Setting(Alfa46):
+    levels = ("duty",)
+    settings = {"third": 0.25}
+
+    def step(self, inputs):
+        out = super().step(inputs)
+        out.setpoint[2] = inputs.settings["third"]
+        return out
+"""
+SEQUENCE = """
+description: gear I, a setting, and on
+ready: {timeout: 20 s}
+steps:
+  - oil: {pressure: 4 MPa}
+  - shift: {to: I, timeout: 5 s}
+  - controller: {third: 0.5}
+  - wait: {for: 200 ms}
+"""
+
+
+@pytest.mark.parametrize("arguments", [("--speed", "max"), ()], ids=["lockstep", "real time"])
+def test_a_sequence_sets_what_a_controller_names_as_its_own(tmp_path, arguments):
+    (tmp_path / "setting.py").write_text(SETTING)
+    (tmp_path / "sequence.yaml").write_text(SEQUENCE)
+    spec = f"python:{tmp_path / 'setting.py'}:Setting"
+    run = RigRun(tmp_path / "run", *arguments, "--controller", spec, sequence=tmp_path / "sequence.yaml")
+    code, output = run.end()
+    assert code == 0, output
+    if arguments:
+        assert other_topics(tmp_path, spec=spec, sequence=tmp_path / "sequence.yaml") == set()
+    shown = [message.setpoint[2] for _, message in Bag(run.folder).messages("/alfa46/command")]
+    assert (shown[0], shown[-1]) == (0.25, 0.5)
+
+
+def other_topics(folder, delay=1, spec="alfa46", sequence=SHORT):
     """Topics whose content is not that of `simulate` with the same controller."""
     config = load_rig()
-    simulate(config, load_sequence(SHORT), folder / "simulated", delay=delay,
+    simulate(config, load_sequence(sequence), folder / "simulated", delay=delay,
              controller=load_controller(spec, config.alfa46))
     expected, found = (Bag(folder / name).canonical_hash() for name in ("simulated", "run"))
     return {topic for topic in expected if found.get(topic) != expected[topic]} - NOT_THE_PLANTS

@@ -1,10 +1,11 @@
-"""The signals that a user's controller names as its own: their names, checked, and the blocks in which they are recorded.
+"""What a user's controller names as its own, checked: settings, and signals with the blocks in which they are recorded.
 
 Used by plugs, by testbench.outputs and by the alfa46 process: the same blocks, whoever sends them.
 """
 
 from __future__ import annotations
 
+import math
 import re
 
 import numpy as np
@@ -26,6 +27,16 @@ def checked_signals(given, name: str) -> dict[str, str]:
         raise RigError(f"controller {name}: signals is {given!r}, expected up to {MOST} names of letters, digits and "
                        "underscores, or a map of names and units")
     return units
+
+
+def checked_settings(given, name: str) -> dict[str, float]:
+    """A controller's own settings, first value by name; RigError when they are none."""
+    right = isinstance(given, dict) and len(given) <= MOST and all(
+        isinstance(key, str) and NAME.fullmatch(key) and isinstance(value, (int, float)) and math.isfinite(value)
+        for key, value in given.items())
+    if not right:
+        raise RigError(f"controller {name}: settings is {given!r}, expected a map of names and first values")
+    return {key: float(value) for key, value in given.items()}
 
 
 class Blocks:

@@ -6,6 +6,7 @@ A plug takes orders, answers samples and says its gear; load.py makes one from a
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -81,6 +82,7 @@ class Plug:
     step_timeout: float | None = STEP_TIMEOUT
     real_time = False
     wants: tuple[str, ...] = ()  # transducers that it gets in ``others`` beside what all get
+    settings: Mapping[str, float] = MappingProxyType({})  # its own, that can be set while it runs: value by name
     signals: Mapping[str, str] = MappingProxyType({})  # its own, to be recorded: unit by name
     signal_values: tuple[float, ...] = ()  # at the newest answer
     process_id: int | None = None  # of a process that works for the plug
@@ -140,6 +142,7 @@ class Plug:
             float(p1),
             float(p2),
             dict(zip(self.wants, others, strict=True)),
+            self.settings,
         )
         self._ordered = False
         outputs = self._answer(inputs)
@@ -173,6 +176,19 @@ class Plug:
             return tuple(float(given[name]) for name in self.signals)
         except (TypeError, KeyError, ValueError):
             raise RigError(f"signals is {given!r}, expected a number for each of {', '.join(self.signals)}") from None
+
+    def check_value(self, name: str, value: float) -> None:
+        """RigError unless the controller has a setting of its own by this name that can have the value."""
+        if name not in self.settings:
+            known = f"it has {', '.join(self.settings)}" if self.settings else "it has none of its own"
+            raise RigError(f"controller {self.name} has no setting '{name}'; {known}")
+        if not math.isfinite(value):
+            raise RigError(f"setting '{name}' of controller {self.name} is {value}, expected a finite number")
+
+    def set_value(self, name: str, value: float) -> None:
+        """Change a setting of the controller's own from the next sample on; RigError as :meth:`check_value`."""
+        self.check_value(name, value)
+        self.settings = {**self.settings, name: float(value)}
 
     def check_change(self, config: Alfa46Config) -> None:
         """RigError with why when these settings cannot be taken while the controller runs."""

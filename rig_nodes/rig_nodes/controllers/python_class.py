@@ -17,7 +17,7 @@ from pathlib import Path
 
 from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
-from .own_signals import checked_signals
+from .own_signals import checked_settings, checked_signals
 from .plug import LOG, Plug, chosen_level, said
 from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status, checked_wants
 
@@ -129,6 +129,7 @@ class PythonClass(Plug):
         super().__init__(name, config, chosen_level(level, tuple(levels), name))
         self.wants = checked_wants(getattr(found, "wants", ()), name)
         self.signals = checked_signals(getattr(found, "signals", ()), name)
+        self.settings = checked_settings(getattr(found, "settings", {}), name)
         try:
             self._file = inspect.getsourcefile(found)
             self._user = found()

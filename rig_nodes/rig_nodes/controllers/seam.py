@@ -65,6 +65,7 @@ class ControllerInputs:
     p1: float  # pressure of clutch S1 [Pa, gauge]
     p2: float  # pressure of clutch S2 [Pa, gauge]
     others: Mapping[str, float] = field(default_factory=dict)  # the transducers that the controller asked for, SI
+    settings: Mapping[str, float] = field(default_factory=dict)  # the controller's own, as they are set now
 
 
 @dataclass(slots=True)

@@ -5,6 +5,7 @@ Used by ``rig simulate`` in one process and by the sequencer node over ROS; the 
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,7 +20,7 @@ from ..plant.load_pump import LoadConfig, relief_setting_for
 from .configuration import find_config
 
 GEARS = {"neutral": 0, "I": 1, "II": 2}
-KINDS = ("oil", "motor", "load", "shift", "wait", "repeat")
+KINDS = ("oil", "motor", "load", "shift", "controller", "wait", "repeat")
 DEFAULT_TIMEOUT = 30.0
 LONGEST_TIME = 86_400.0  # s of one wait
 SETTING_OF = {"motor": "n_wej", "load": "p_po", "oil": "p_p"}  # signals whose range a setting must keep to
@@ -44,6 +45,8 @@ class Bench(Protocol):
     def set_load(self, pressure: float, enable: bool) -> None: ...
     def order_gear(self, gear: int) -> None: ...
     def shift_done(self) -> bool: ...
+    def set_controller(self, name: str, value: float) -> None: ...
+    def controller_set(self) -> bool: ...
     def reading(self, signal: str) -> float: ...
     def event(self, name: str, text: str, value: float = 0.0) -> None: ...
 
@@ -73,6 +76,7 @@ class Step:
     hold: float = 0.0
     timeout: float = DEFAULT_TIMEOUT
     condition: Condition | None = None
+    setting: str = ""
 
 
 @dataclass(frozen=True)
@@ -212,6 +216,22 @@ def _shift(body, path, where):
     return [Step("shift", f"shift to {gear}", where, GEARS[gear], timeout=_timeout(body, where, "shift"))]
 
 
+def _controller(body, path, where):
+    """Settings of the user's controller: a step for each."""
+    if not isinstance(body, dict) or not body:
+        raise RigError(f"{where}: controller takes names of its settings and their values, e.g. {{gain: 1.5}}")
+    steps = []
+    for name, given in body.items():
+        try:
+            value = math.nan if isinstance(given, bool) else float(given)
+        except (TypeError, ValueError):
+            value = math.nan
+        if not math.isfinite(value):
+            raise RigError(f"{where_of(path, body, name)}: controller.{name} is {given!r}, expected a number (SI)")
+        steps.append(Step("controller", f"controller {name} {value:g}", where, value, setting=str(name)))
+    return steps
+
+
 def _timeout(body, where, what) -> float:
     return _time(body["timeout"], f"{where}: {what}.timeout") if "timeout" in body else DEFAULT_TIMEOUT
 
@@ -272,7 +292,7 @@ _READERS = {
     "oil": _setting("oil", {"pressure": "pressure"}),
     "motor": _setting("motor", {"speed": "angular velocity"}),
     "load": _setting("load", {"torque": "torque", "pressure": "pressure"}),
-    "shift": _shift, "wait": _wait, "repeat": _repeat,
+    "shift": _shift, "controller": _controller, "wait": _wait, "repeat": _repeat,
 }
 
 
@@ -353,11 +373,15 @@ class SequenceRunner:
             self.bench.set_load(value, step.enable)
         elif step.kind == "shift":
             self.bench.order_gear(int(step.value))
+        elif step.kind == "controller":
+            self.bench.set_controller(step.setting, step.value)
 
     def _ended(self, step: Step, t: float) -> bool:
         waited = t - self._since
         if step.kind == "shift":
             done = waited > 0.0 and self.bench.shift_done()
+        elif step.kind == "controller":
+            done = self.bench.controller_set()
         elif step.condition is not None:
             if not step.condition.met(self.bench):
                 self._met_since = None

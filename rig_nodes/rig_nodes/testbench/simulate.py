@@ -14,6 +14,7 @@ from ..bags.writer import BagWriter
 from ..catalogue import catalogue
 from ..controllers.plug import Plug
 from ..controllers.seam import ControllerFailed
+from ..errors import RigError
 from ..plant import kernel
 from .configuration import RigConfig
 from .outputs import Outputs
@@ -38,6 +39,7 @@ class LocalBench:
         self.rig, self.outputs = rig, outputs
         self.reading = outputs.reading
         self._order = controller.order if controller else rig.order_gear
+        self._controller = controller
         self._ordered: int | None = None
 
     def ready(self) -> bool:
@@ -66,6 +68,15 @@ class LocalBench:
             self._ordered = None
             self.outputs.event("/alfa46/events", "shift_done", "the profiles of the shift have ended", self.rig.gear)
         return done
+
+    def set_controller(self, name: str, value: float) -> None:
+        if self._controller is None:
+            raise RigError(f"controller alfa46 has no setting '{name}'; it has none of its own")
+        self._controller.set_value(name, value)
+        self.outputs.event("/alfa46/events", "setting_changed", f"alfa46.controller.{name} = {value:.6g}", value)
+
+    def controller_set(self) -> bool:
+        return True
 
     def event(self, name: str, text: str, value: float = 0.0) -> None:
         self.outputs.event("/sequencer/events", name, text, value)
