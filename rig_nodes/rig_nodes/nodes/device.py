@@ -22,7 +22,7 @@ def message_class(ros_type: str):
 
 
 def publishers_of(node: Node, in_lockstep: bool = False, more=()) -> dict:
-    """Publishers of all topics that the catalogue gives to this node, and ``more``, by name; they take encoded messages."""
+    """Publishers of all topics that the catalogue gives to this node, and of ``more``; they take encoded messages."""
     return {topic.name: node.create_publisher(message_class(topic.ros_type), topic.name,
                                               publisher_profile(topic.qos, in_lockstep))
             for topic in (*(t for t in catalogue().topics.values() if t.node == node.get_name()), *more)}

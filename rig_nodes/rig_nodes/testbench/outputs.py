@@ -25,7 +25,8 @@ BLOCK = "/instruments/hmg4000"
 class Outputs:
     """Messages due at each sample boundary; keeps the sequence numbers.
 
-    ``controller``: plug whose own signals go out too. ``commands``: /alfa46/command too, where no node of the controller's publishes it (default: an embedded one's).
+    ``controller``: plug whose own signals go out too. ``commands``: /alfa46/command too, where no node of the
+    controller's publishes it (default: an embedded one's).
     """
 
     def __init__(self, rig: Rig, run_info: dict, commands: bool | None = None, controller: Plug | None = None):
@@ -51,7 +52,8 @@ class Outputs:
     def signals_row(self, sample: int, values) -> None:
         """Queue the controller's own signals at its answer to a sample; they go out in blocks."""
         for first, rows in self._own_blocks.add(sample, values):
-            self._queued.append((own_signals.BLOCK, first * SAMPLE_NS, first, SAMPLE_NS * 1e-9, *rows.shape, rows.ravel()))
+            fields = first, SAMPLE_NS * 1e-9, *rows.shape, rows.ravel()
+            self._queued.append((own_signals.BLOCK, first * SAMPLE_NS, *fields))
 
     def setpoint(self, topic: str, value: float, enable: bool) -> None:
         """Queue a Setpoint of now, where no sequencer node publishes it."""
@@ -67,7 +69,8 @@ class Outputs:
             units = [catalogue().signals[name].unit for name in names]
             yield self._message("/instruments/channels", now, names, units, 1e-4)
             if self._own:
-                yield self._message(own_signals.CHANNELS, now, list(self._own), list(self._own.values()), SAMPLE_NS * 1e-9)
+                names, units = list(self._own), list(self._own.values())
+                yield self._message(own_signals.CHANNELS, now, names, units, SAMPLE_NS * 1e-9)
         answered = rig.newest_command
         if self.commands and answered > self._answered:
             self._answered = answered
