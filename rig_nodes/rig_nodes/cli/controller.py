@@ -1,4 +1,4 @@
-"""``rig controller check PLUG`` and ``rig controller new KIND DIR``: is a controller fit for the rig; a start for one."""
+"""``rig controller check PLUG`` and ``rig controller new KIND DIR``: is one fit for the rig; a start for one."""
 
 from __future__ import annotations
 
@@ -45,7 +45,8 @@ def check(args) -> int:
             print(f"{'ok' if item.ok else 'FAILED':<8}{item.name:<15}{item.text}", flush=True)
     failed = sum(not item.ok for item in items)
     if quiet:
-        print(json.dumps({"controller": args.spec, "ok": not failed, "items": [item._asdict() for item in items]}, indent=1))
+        table = [item._asdict() for item in items]
+        print(json.dumps({"controller": args.spec, "ok": not failed, "items": table}, indent=1))
     else:
         print(f"{len(items) - failed} of {len(items)} passed")
     return 1 if failed else 0

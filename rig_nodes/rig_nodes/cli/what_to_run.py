@@ -65,8 +65,8 @@ def add_shared_arguments(parser, by_hand: bool = False) -> None:
                         help="your controller in place of the Alfa46, e.g. python:FILE.py:CLASS or c:FILE.c "
                              "(docs/controllers.md)")
     parser.add_argument("--delay", type=delay, default=1, metavar="N",
-                        help="samples of 1 ms from a measurement to the first moment at which the controller's answer to "
-                             "it acts (default: 1; 0 where simulated time waits)")
+                        help="samples of 1 ms from a measurement to the moment from which the controller's answer to it "
+                             "acts (default: 1; 0 where simulated time waits)")
     parser.add_argument("--step-timeout", type=step_timeout, default=5.0, metavar="S",
                         help="seconds of wall clock that the controller may take for one sample where simulated time "
                              "waits, or none while debugging (default: 5)")

@@ -1,4 +1,4 @@
-"""What a controller step costs through each plug, measured with the reference controller; for ``rig bench controllers``.
+"""What a controller step costs through each plug, with the reference controller; for ``rig bench controllers``.
 
 A plug is one line in CASES; one whose other side is a program says how it is started.
 """
@@ -49,8 +49,8 @@ class Case(NamedTuple):
 def _c_program(folder: Path, port: int) -> list[str]:
     program = folder / "alfa46_udp"
     sources = [str(EXAMPLES / name) for name in ("alfa46_udp.c", "alfa46.c")]
-    subprocess.run(["cc", "-std=gnu99", "-O2", "-ffp-contract=off", f"-I{INCLUDE}", "-o", str(program), *sources, "-lm"],
-                   check=True)
+    flags = ["-std=gnu99", "-O2", "-ffp-contract=off", f"-I{INCLUDE}"]
+    subprocess.run(["cc", *flags, "-o", str(program), *sources, "-lm"], check=True)
     return [str(program), "127.0.0.1", str(port)]
 
 

@@ -109,8 +109,8 @@ class Host:
         ours, theirs = pair()
         with theirs:
             # -I -S: no site, no user's PYTHON variables; a person's breakpoints are in the library, not in Python
-            command = [sys.executable, "-I", "-S", str(HOST), str(path.resolve()), str(theirs.fileno()), str(os.getpid())]
-            self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, pass_fds=[theirs.fileno()])
+            arguments = map(str, (HOST, path.resolve(), theirs.fileno(), os.getpid()))
+            self.process = subprocess.Popen([sys.executable, "-I", "-S", *arguments], stdin=subprocess.DEVNULL, pass_fds=[theirs.fileno()])
         self._line = Link(ours.detach(), name)
         self.send, self._receive = self._line.send, self._line.receive
         self._core = -1

@@ -1,4 +1,4 @@
-"""From a controller's specification to its plug; used by ``simulate``, the alfa46 process, ``controller`` and the tests.
+"""From a controller's specification to its plug; used by ``simulate``, alfa46, ``controller`` and the tests.
 
 A plug is one line in KINDS: its module is imported when it is asked for, so that nobody pays for plugs of others.
 """

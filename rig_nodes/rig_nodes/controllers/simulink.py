@@ -25,8 +25,8 @@ class SimulinkModel(CLibrary):
         if not folder.is_dir():
             raise RigError(f"controller {name}: there is no such folder; give the one with the generated C files")
         if not (folder / SHIM).is_file():
-            raise RigError(f"controller {name}: the folder has no {SHIM}; './rig controller new simulink DIR' writes one "
-                           "to copy and change")
+            raise RigError(f"controller {name}: the folder has no {SHIM}; './rig controller new simulink DIR' writes "
+                           "one to copy and change")
         sources = sorted(path for path in folder.glob("*.c") if path.name not in MAINS)
         with tempfile.TemporaryDirectory(prefix="rig-controller-") as built:
             library = Path(built) / "model.so"

@@ -1,6 +1,6 @@
-"""The plug for a controller at the other end of a UDP port: one frame out, one frame back for each sample (docs/udp.md).
+"""The plug for a controller at the other end of a UDP port: a frame out, a frame back for each sample (docs/udp.md).
 
-Made by load.py. The rig holds the port, on loopback unless told otherwise; the controller says HELLO, whoever starts first.
+Made by load.py. The rig holds the port, on loopback unless told otherwise; the controller says HELLO. Either may start first.
 """
 
 from __future__ import annotations
@@ -52,8 +52,8 @@ class Udp(Plug):
             self._socket.bind((address or LOOPBACK, self._port))
         except OSError as error:
             self._socket.close()
-            raise RigError(f"controller {name}: the port cannot be taken ({error.strerror}); is another rig running, or "
-                           "is the address none of this machine?") from None
+            raise RigError(f"controller {name}: the port cannot be taken ({error.strerror}); is another rig running, "
+                           "or is the address none of this machine?") from None
         self._socket.setsockopt(socket.IPPROTO_IP, IP_RECVERR, 1)
         self._parameters = list(self.info.parameters.items())
         self._session = int.from_bytes(os.urandom(4), "little") or 1
@@ -75,7 +75,7 @@ class Udp(Plug):
             self._serve(0.2)
 
     def _serve(self, seconds: float) -> tuple | None:
-        """Take what comes within so many seconds; the values of an ANSWER to the newest sample as soon as it is there."""
+        """Take what comes within so many seconds; the values of an ANSWER to the newest sample once it is there."""
         until = time.monotonic() + seconds
         while True:
             left = max(0.0, until - time.monotonic())
@@ -187,8 +187,9 @@ class Udp(Plug):
             self._away = True
             return None
         self._away = True
-        seconds = f"{self.step_timeout:g} s"
-        raise _Gone(f"no answer for {seconds} (--step-timeout)" if self._was_here else f"none has come within {seconds}")
+        if self._was_here:
+            raise _Gone(f"no answer for {self.step_timeout:g} s (--step-timeout)")
+        raise _Gone(f"none has come within {self.step_timeout:g} s")
 
     def _leave(self) -> None:
         """The controller has gone; another one may come, with a frame of its own to begin with."""

@@ -1,6 +1,6 @@
-"""The frames of the UDP lockstep protocol (docs/udp.md), and the controller's side of it, with Python's own library only.
+"""The frames of the UDP lockstep protocol (docs/udp.md), and the controller's side of it; standard library only.
 
-Used by udp.py, and copied as it is to where a controller runs: ``serve(controller)`` answers the rig until it is stopped.
+Used by udp.py, and copied as it is to where a controller runs: ``serve(controller)`` answers until it is stopped.
 include/rig_udp.h is the same for C.
 """
 

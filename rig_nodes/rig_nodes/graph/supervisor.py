@@ -55,7 +55,8 @@ class Order:
         if self.speed is not None and self.step_timeout is not None:
             patience = ["--step-timeout", str(self.step_timeout)]
         plug = [] if self.controller is None else ["--controller", self.controller]
-        return {"container": [*rig, *sequence, *drop, *speed, *patience, "--seed", str(self.seed), "--delay", str(self.delay)],
+        numbers = ["--seed", str(self.seed), "--delay", str(self.delay)]
+        return {"container": [*rig, *sequence, *drop, *speed, *patience, *numbers],
                 "alfa46": [*rig, *plug, *patience],
                 "sequencer": [*rig, *sequence], "recorder": []}[name]
 

@@ -171,8 +171,8 @@ class Alfa46Node(Node):
                 0, self.first_seq, list(signals), list(signals.values()), SAMPLE_NS * 1e-9))
         for first, rows in self._blocks.add(sample, self.box.signal_values):
             self.publish(own_signals.BLOCK, encoder("rig_msgs/msg/SampleBlock").encode(
-                first * SAMPLE_NS, self.first_seq + self.counts[own_signals.BLOCK], first, SAMPLE_NS * 1e-9, *rows.shape,
-                rows.ravel()))
+                first * SAMPLE_NS, self.first_seq + self.counts[own_signals.BLOCK], first, SAMPLE_NS * 1e-9,
+                *rows.shape, rows.ravel()))
 
     def fail(self, failure: ControllerFailed) -> None:
         """The controller cannot go on: said once; the rig notices by its silence, or by the answer in lockstep."""

@@ -58,7 +58,8 @@ class RemoteController:
         except LinkClosed:
             raise ControllerFailed("the shift controller's process has ended", Status.FATAL) from None
         if data is None:
-            raise ControllerFailed(f"the shift controller took more than {self._limit:g} s for one sample (--step-timeout)", Status.FATAL)
+            raise ControllerFailed(f"the shift controller took more than {self._limit:g} s for one sample "
+                                   "(--step-timeout)", Status.FATAL)
         _, kind, *numbers = ANSWER.unpack_from(data)
         if kind == ANSWERED:
             *values, self.gear, shifting, self.flags = numbers

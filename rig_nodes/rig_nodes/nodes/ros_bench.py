@@ -166,7 +166,7 @@ class RosBench:
         return self._done
 
     def set_controller(self, name: str, value: float) -> None:
-        """A setting of the user's controller, as a parameter of its node; what comes of it is told by ``controller_set``."""
+        """A setting of the user's controller, a parameter of its node; ``controller_set`` tells what comes of it."""
         parameter = Parameter(f"controller.{name}", value=float(value)).to_parameter_msg()
         self._setting = self._set_controller.call_async(SetParameters.Request(parameters=[parameter]))
         self._setting.add_done_callback(lambda future: self.node.wake())

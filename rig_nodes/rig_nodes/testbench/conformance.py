@@ -1,7 +1,7 @@
 """The conformance set for shift controllers: what a rig will do to one, done before, with a sentence on each.
 
-Used by ``rig controller check`` and the tests. Every item gets a controller of its own, so a program at the other end of a
-wire must take a new run after the end of the last.
+Used by ``rig controller check`` and the tests. Every item gets a controller of its own, so a program at the other end of
+a wire must take a new run after the end of the last.
 """
 
 from __future__ import annotations
@@ -140,8 +140,8 @@ class Check:
         self._took: list[float] = []
         self._first = self._desk(range(DESK_SAMPLES), UP_AND_DOWN, took=self._took)
         missing = sum(seen.command is None for seen in self._first)
-        longest = max((len(list(run)) for none, run in itertools.groupby(s.command is None for s in self._first) if none),
-                      default=0)
+        runs = itertools.groupby(seen.command is None for seen in self._first)
+        longest = max((len(list(run)) for none, run in runs if none), default=0)
         text = f"{len(self._first) - missing} of {len(self._first)} samples answered, every value in its range"
         if longest >= 100:
             return False, f"{text}; {longest} samples one after the other without an answer: the rig trips after 100 ms"
@@ -153,7 +153,8 @@ class Check:
             return False, "no answer before the first order"
         driven = max(max(seen.command) for seen in before)
         if driven > 0.0 or any(seen.gear or seen.shifting for seen in before):
-            return False, f"before the first order the largest command is {driven:g}; expected none, no gear and no shift"
+            return False, (f"before the first order the largest command is {driven:g}; expected none, no gear and no "
+                           "shift")
         return True, "no coil is driven before the first order"
 
     def _timing(self):
@@ -179,7 +180,8 @@ class Check:
         again = self._desk(range(700), UP_AND_DOWN)
         if again != self._first[:700]:
             return False, "after an end in the middle of a shift it begins otherwise than before"
-        return True, f"ended in the middle of a shift it begins anew, {(time.monotonic() - began) / 2:.1f} s with the run"
+        seconds = (time.monotonic() - began) / 2
+        return True, f"ended in the middle of a shift it begins anew, {seconds:.1f} s with the run"
 
     def _late_start(self):
         first = 12_345
@@ -251,5 +253,6 @@ class Check:
         orders.update(dict.fromkeys(range(3000, 8000, 50), 1))
         seen = self._desk(range(8000), orders)[-1]
         if (seen.gear, seen.shifting) != (1, False):
-            return False, f"after 3 s of orders and 5 s of peace it is in gear {seen.gear}{', shifting' * seen.shifting}"
+            still = ", shifting" * seen.shifting
+            return False, f"after 3 s of orders and 5 s of peace it is in gear {seen.gear}{still}"
         return True, "an order every 7 ms for 3 s: it ends in the gear of the last"

@@ -51,7 +51,8 @@ class Outputs:
     def signals_row(self, sample: int, values) -> None:
         """Queue the controller's own signals at its answer to a sample; they go out in blocks."""
         for first, rows in self._own_blocks.add(sample, values):
-            self._queued.append((own_signals.BLOCK, first * SAMPLE_NS, first, SAMPLE_NS * 1e-9, *rows.shape, rows.ravel()))
+            fields = first, SAMPLE_NS * 1e-9, *rows.shape, rows.ravel()
+            self._queued.append((own_signals.BLOCK, first * SAMPLE_NS, *fields))
 
     def setpoint(self, topic: str, value: float, enable: bool) -> None:
         """Queue a Setpoint of now, where no sequencer node publishes it."""
@@ -67,7 +68,8 @@ class Outputs:
             units = [catalogue().signal(name).unit for name in names]
             yield self._message("/instruments/channels", now, names, units, 1e-4)
             if self._own:
-                yield self._message(own_signals.CHANNELS, now, list(self._own), list(self._own.values()), SAMPLE_NS * 1e-9)
+                names, units = list(self._own), list(self._own.values())
+                yield self._message(own_signals.CHANNELS, now, names, units, SAMPLE_NS * 1e-9)
         answered = rig.newest_command
         if self.commands and answered > self._answered:
             self._answered = answered

@@ -147,7 +147,7 @@ def give_answer(rig: Rig, controller: Plug, sample: int, answer) -> None:
 
 
 def advance_with(rig: Rig, controller: Plug) -> bool:
-    """One sample with a plugged controller: it answers while the rig moves, its answer acts ``rig.delay`` samples later.
+    """One sample with a plugged controller; its answer acts ``rig.delay`` samples later, at 0 before the rig moves.
 
     A controller that fails, or that never answers, trips the rig with its sentence as the reason. True with an answer.
     """
