@@ -57,19 +57,21 @@ class Signal:
 class Catalogue:
     """All topics and signals of a kind of rig, by name, in the order of the file.
 
-    topics: of every run; cut_topics: of runs in which their device stands outside the plant; others: the catalogues of
-    the other kinds, which the gearbox rig's knows, so that a bag or a sequence of any kind can be read with it.
+    topics: of every run; cut_topics: of runs in which their device stands outside the plant; controller_topics: of
+    runs whose controller has signals of its own; others: the catalogues of the other kinds, which the gearbox rig's
+    knows, so that a bag or a sequence of any kind can be read with it.
     """
 
     topics: dict[str, Topic]
     signals: dict[str, Signal]
     cut_topics: dict[str, Topic]
+    controller_topics: dict[str, Topic]
     others: dict[str, Catalogue] = field(default_factory=dict)
 
     @property
     def all_topics(self) -> dict[str, Topic]:
         """Every topic that a run of any kind may have."""
-        out = {**self.topics, **self.cut_topics}
+        out = {**self.topics, **self.cut_topics, **self.controller_topics}
         for other in self.others.values():
             out.update(other.topics)
         return out
@@ -113,10 +115,10 @@ def catalogue(kind: str = GEARBOX) -> Catalogue:
             raise RigError(f"there is no rig of kind '{kind}'; known are {', '.join([GEARBOX, *others])}")
         return others[kind]
     data = load_yaml(package_file("signals.yaml"))
-    topics, cut_topics = ({name: Topic(name=name, **entry) for name, entry in data[key].items()}
-                          for key in ("topics", "cut_topics"))
+    topics, cut_topics, controller_topics = ({name: Topic(name=name, **entry) for name, entry in data[key].items()}
+                                             for key in ("topics", "cut_topics", "controller_topics"))
     signals = _signals(data["signals"], topics, data["displays"])
-    others, taken = {}, {*topics, *cut_topics, *signals}
+    others, taken = {}, {*topics, *cut_topics, *controller_topics, *signals}
     for other, part in data["benches"].items():
         own = {name: Topic(name=name, **entry) for name, entry in part["topics"].items()}
         shared = {name: topics[name] for name in part["shares"]}
@@ -125,8 +127,8 @@ def catalogue(kind: str = GEARBOX) -> Catalogue:
             raise RigError(f"signals.yaml: '{both[0]}' of {other} is there twice")
         taken |= {*own, *found}
         found |= {name: signal for name, signal in signals.items() if signal.topic in shared}
-        others[other] = Catalogue({**own, **shared}, found, {})
-    return Catalogue(topics, signals, cut_topics, others)
+        others[other] = Catalogue({**own, **shared}, found, {}, {})
+    return Catalogue(topics, signals, cut_topics, controller_topics, others)
 
 
 def kind_of_topics(topics) -> str:

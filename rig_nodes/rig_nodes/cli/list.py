@@ -100,6 +100,8 @@ def markdown() -> str:
         "## Topics", "", *table(_rows_of(catalogue().topics)), "",
         "Only in a run with `source: topic` for the device ([cuts.md](cuts.md)), once a tick of the cut:", "",
         *table(_rows_of(catalogue().cut_topics)), "",
+        "Only in a run whose controller names signals of its own ([controllers.md](controllers.md)):", "",
+        *table(_rows_of(catalogue().controller_topics)), "",
         "Actions: `/alfa46/shift` (`rig_msgs/action/Shift`), `/sequencer/run` (`rig_msgs/action/RunSequence`). "
         "Services: `/rig/e_stop` and `/rig/reset` (`std_srvs/srv/Trigger`), `/alfa46/set_profile` (`rig_msgs/srv/SetProfile`).", "",
         "Quality of service: measurement is reliable with depth 1000; command is reliable, the receiver keeps the "

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import math
 import os
 import signal
 import subprocess
 import sys
 from pathlib import Path
 
-from .what_to_run import add_shared_arguments
+from .what_to_run import above_zero, add_shared_arguments
 
 HELP = "run a sequence on the ROS 2 node graph and record it"
 LIVE_VIEW_END = 2.0  # s that the live view has for its end, after the run's
@@ -23,8 +22,6 @@ def add_arguments(parser) -> None:
     parser.add_argument("--speed", type=speed, metavar="FACTOR",
                         help="lockstep at so many times real time, or max: nobody goes on before everybody is done "
                              "(default: real time, nobody waits)")
-    parser.add_argument("--step-timeout", type=step_timeout, default=5.0, metavar="S",
-                        help="seconds that the controller may take for one sample in lockstep, or none (default: 5)")
     parser.add_argument("--keep-domain", action="store_true",
                         help="use the ROS domain of this terminal even when ROS_DOMAIN_ID is not set")
     parser.add_argument("--view", action="store_true",
@@ -34,22 +31,7 @@ def add_arguments(parser) -> None:
 
 def speed(text: str) -> float:
     """The factor of --speed, inf for max."""
-    return _above_zero(text, "max")
-
-
-def step_timeout(text: str) -> float | None:
-    """The seconds of --step-timeout, None for none."""
-    return None if text == "none" else _above_zero(text, None)
-
-
-def _above_zero(text: str, endless: str | None) -> float:
-    try:
-        value = math.inf if text == endless else float(text)
-    except ValueError:
-        value = 0.0
-    if not value > 0.0 or (math.isinf(value) and text != endless):
-        raise argparse.ArgumentTypeError(f"'{text}': expected a number above 0{f' or {endless}' if endless else ''}")
-    return value
+    return above_zero(text, "max")
 
 
 def main(args) -> int:
@@ -85,11 +67,14 @@ def run(args) -> int:
     parse_drop(args.drop)
     processes, plug = tuple(MODULES), None
     if config.kind == GEARBOX:
+        if args.delay == 0 and args.speed is None:
+            raise RigError("--delay 0: in real time time passes while the controller computes; use --speed or a delay "
+                           "of 1")
         controller = load_controller(args.controller, config.alfa46, args.level)
         controller.close()
         plug = f"{split_level(args.controller or 'alfa46', args.level)[0]}@{controller.level}"
     else:
-        if args.controller or args.level:
+        if args.controller or args.level or args.delay != 1:
             check_controller(config)
         if args.speed is not None:
             raise RigError(f"--speed: '{config.name}' has no shift controller to wait for; it runs in real time here, "
@@ -105,7 +90,7 @@ def run(args) -> int:
             show(None, f"{device} is cut out; start it with: ./rig device {device} --domain {domain.number}")
         folder = run_folder(args.out, sequence.name if args.sequence else "by-hand")
         order = Order(args.sequence, rig, args.seed, args.settings, args.drop, args.speed, args.step_timeout, plug,
-                      args.parameters, processes)
+                      args.parameters, processes, args.delay)
         supervisor = Supervisor(order, folder, domain, show)
         with live_view(domain.number) if args.view else contextlib.nullcontext():
             end = supervisor.run()

@@ -21,13 +21,14 @@ def message_class(ros_type: str):
     return getattr(import_module(f"{package}.{kind}"), name)
 
 
-def publishers_of(node: Node, in_lockstep: bool = False, kind: str = GEARBOX) -> dict:
-    """Publishers of all topics that the catalogue of a kind of rig gives to this node, by topic; they take encoded
-    messages.
+def publishers_of(node: Node, in_lockstep: bool = False, more=(), kind: str = GEARBOX) -> dict:
+    """Publishers of all topics that the catalogue of a kind of rig gives to this node, and of the topics ``more``, by
+    name; they take encoded messages.
     """
+    own = (topic for topic in catalogue(kind).topics.values() if topic.node == node.get_name())
     return {topic.name: node.create_publisher(message_class(topic.ros_type), topic.name,
                                               publisher_profile(topic.qos, in_lockstep))
-            for topic in catalogue(kind).topics.values() if topic.node == node.get_name()}
+            for topic in (*own, *more)}
 
 
 def receive(node: Node, topic: Topic, callback, profile=None) -> object:

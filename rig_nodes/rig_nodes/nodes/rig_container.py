@@ -51,6 +51,7 @@ OPTIONS = [
     ("--seed", {"type": int, "default": 1, "help": "seed of the transducers' noise and errors"}),
     ("--speed", {"type": float, "help": "lockstep at so many times real time, inf for as fast as it goes"}),
     ("--step-timeout", {"type": float, "help": "s that the controller may take for one sample in lockstep"}),
+    ("--delay", {"type": int, "default": 1, "help": "samples from a measurement to the effect of the answer to it"}),
     ("--drop", {"metavar": "TOPIC:N", "help": "do not send message N of a topic, to see that the loss is counted"}),
 ]
 
@@ -69,7 +70,7 @@ class Container:
         if config.kind != GEARBOX and arguments.speed is not None:
             raise RigError(f"--speed: '{config.name}' has no shift controller to wait for")
         warm_up(config, record)
-        self.rig = rig_on_the_graph(config, arguments.seed)
+        self.rig = rig_on_the_graph(config, arguments.seed, delay=arguments.delay)
         self.outputs = Outputs(self.rig, record)
         self.commands = Commands(self.outputs)
         if arguments.speed is None:
@@ -217,7 +218,7 @@ class Container:
                 self.process.spin(0.05)
         facts = {"time_s": self.rig.time, "state": self.rig.status.name, "reason": self.rig.reason,
                  "interrupted": self.process.interrupted, "refused": dict(self.commands.refused),
-                 "real_time_priority": self.clock.real_time_priority}
+                 "real_time_priority": self.clock.real_time_priority, "delay": self.rig.delay}
         if self.tap is not None:
             self.tap.close()
         self.process.leave(self.nodes, self.publishers.values(), published=self.outputs.counts, **facts,
@@ -226,10 +227,10 @@ class Container:
             raise self._failure
 
 
-def rig_on_the_graph(config, seed: int = 1, devices: str = "external"):
-    """The rig whose controller, where it has one, is a node of its own."""
+def rig_on_the_graph(config, seed: int = 1, devices: str = "external", delay: int = 1):
+    """The rig whose controller, where it has one, is a node of its own; ``delay`` as of testbench.rig."""
     if config.kind == GEARBOX:
-        return Rig(config, seed, controller="external", level=None, devices=devices)
+        return Rig(config, seed, controller="external", level=None, devices=devices, delay=delay)
     return make_rig(config, seed)
 
 

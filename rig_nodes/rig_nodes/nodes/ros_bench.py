@@ -8,7 +8,9 @@ from __future__ import annotations
 import re
 from functools import partial
 
+from rcl_interfaces.srv import SetParameters
 from rclpy.action import ActionClient
+from rclpy.parameter import Parameter
 from rig_msgs.action import Shift
 from rig_msgs.msg import RigState
 
@@ -54,7 +56,11 @@ class RosBench:
         self._ordered = None
         self._topics: set[str] = set()
         self._done, self._refusal, self._newest = False, None, None
-        self._shift = ActionClient(node, Shift, "/alfa46/shift") if self.kind == GEARBOX else None
+        self._shift = self._set_controller = None  # where there is no shift controller
+        if self.kind == GEARBOX:
+            self._shift = ActionClient(node, Shift, "/alfa46/shift")
+            self._set_controller = node.create_client(SetParameters, "/alfa46/set_parameters")
+        self._setting = None  # answer to the newest setting, when it is there
         if not in_lockstep:
             node.create_subscription(RigState, STATE, self._on_state, recorder_profile("measurement"))
 
@@ -81,7 +87,7 @@ class RosBench:
 
     def connected(self) -> bool:
         """True when orders can be sent."""
-        return self._shift.server_is_ready()
+        return self._shift.server_is_ready() and self._set_controller.service_is_ready()
 
     def take(self, frame: dict) -> None:
         """Readings and state of a tick in lockstep, where nothing may depend on when a message arrives."""
@@ -158,6 +164,23 @@ class RosBench:
         if self.in_lockstep:
             return not self._shifting and self._gear == self._ordered
         return self._done
+
+    def set_controller(self, name: str, value: float) -> None:
+        """A setting of the user's controller, a parameter of its node; ``controller_set`` tells what comes of it."""
+        parameter = Parameter(f"controller.{name}", value=float(value)).to_parameter_msg()
+        self._setting = self._set_controller.call_async(SetParameters.Request(parameters=[parameter]))
+        self._setting.add_done_callback(lambda future: self.node.wake())
+        if self.in_lockstep:
+            self.node.process.executor.spin_until_future_complete(self._setting, ANSWER_TIMEOUT)
+
+    def controller_set(self) -> bool:
+        """True when the controller has the newest setting; SequenceFailed with its reason when it refuses it."""
+        if not self._setting.done():
+            return False
+        result, = self._setting.result().results
+        if not result.successful:
+            raise SequenceFailed(result.reason or "the controller has no such setting")
+        return True
 
     def reading(self, signal: str) -> float:
         """Newest value of a signal that the sequence needs, SI."""

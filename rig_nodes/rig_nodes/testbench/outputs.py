@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterator
 
 from ..bags.cdr import encoder
 from ..catalogue import catalogue
+from ..controllers import own_signals
+from ..controllers.plug import Plug
 from .cuts import topic_of
 from .kinds import AnyRig, states_of
 from .timed import SAMPLE_NS, TICK_SAMPLES
@@ -23,9 +25,10 @@ class Outputs:
     """Messages due at each sample boundary; keeps the sequence numbers.
 
     ``commands``: /alfa46/command too, where no node of the controller's publishes it (default: an embedded one's).
+    ``controller``: plug whose own signals go out too.
     """
 
-    def __init__(self, rig: AnyRig, run_info: dict, commands: bool | None = None):
+    def __init__(self, rig: AnyRig, run_info: dict, commands: bool | None = None, controller: Plug | None = None):
         self.rig, self.states, self._heard = rig, states_of(rig), Heard()
         self.reading = self._heard.reading
         self.commands = rig.embedded if commands is None else commands
@@ -38,10 +41,18 @@ class Outputs:
         self._run_info = run_info
         self._mirrors = self.states.mirrors()
         self._status, self._started = rig.status, False
+        self._own = dict(controller.signals) if controller is not None else {}
+        self._own_blocks = own_signals.Blocks(len(self._own))
 
     def event(self, topic: str, name: str, text: str, value: float = 0.0) -> None:
         """Queue an Event of now; it goes out with the next :meth:`due`."""
         self._queued.append((topic, self.rig.time_ns, name, text, float(value)))
+
+    def signals_row(self, sample: int, values) -> None:
+        """Queue the controller's own signals at its answer to a sample; they go out in blocks."""
+        for first, rows in self._own_blocks.add(sample, values):
+            fields = first, SAMPLE_NS * 1e-9, *rows.shape, rows.ravel()
+            self._queued.append((own_signals.BLOCK, first * SAMPLE_NS, *fields))
 
     def setpoint(self, topic: str, value: float, enable: bool) -> None:
         """Queue a Setpoint of now, where no sequencer node publishes it."""
@@ -56,6 +67,9 @@ class Outputs:
             names = rig.logger_names
             units = [catalogue().signal(name).unit for name in names]
             yield self._message("/instruments/channels", now, names, units, 1e-4)
+            if self._own:
+                names, units = list(self._own), list(self._own.values())
+                yield self._message(own_signals.CHANNELS, now, names, units, SAMPLE_NS * 1e-9)
         answered = rig.newest_command
         if self.commands and answered > self._answered:
             self._answered = answered

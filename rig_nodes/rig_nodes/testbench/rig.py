@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections import deque
 from dataclasses import replace
 
 import numpy as np
@@ -43,14 +44,17 @@ class Rig(Timed):
     ``controller``: "embedded" runs the Alfa46 inside, "external" waits for commands of the given ``level``: "duty"
     of the coils, or "current" setpoints for the rig's own power stage; None: that of the first command. ``devices``:
     those that the configuration cuts out run inside too ("embedded") or give their answers from outside ("external").
+    ``delay``: samples from the one that a command answers to the boundary at which it acts; embedded it is always 1.
     """
 
     def __init__(self, config: RigConfig, seed: int = 1, controller: str = "embedded", level: str | None = "duty",
-                 devices: str = "embedded"):
+                 devices: str = "embedded", delay: int = 1):
         if devices not in ("embedded", "external"):
             raise RigError(f"devices is '{devices}', expected 'embedded' or 'external'")
         if controller not in ("embedded", "external"):
             raise RigError(f"controller is '{controller}', expected 'embedded' or 'external'")
+        if delay < 0 or (delay != 1 and controller == "embedded"):
+            raise RigError(f"delay is {delay}, expected 0 or more samples of an external controller, or 1")
         if level not in (None, *LEVELS):
             raise RigError(f"level is '{level}', expected 'duty' or 'current'")
         self.config, self.seed, self.embedded, self.level = config, int(seed), controller == "embedded", level
@@ -60,6 +64,8 @@ class Rig(Timed):
         self.count_steps(config.kernel.step, catalogue())
         self._build()
         self.cuts = Cuts(self, devices == "embedded")
+        self.delay = delay
+        self._to_come: deque[tuple] = deque()  # commands that were taken and do not act yet: boundary, how, values
         self._last_command = -1  # sample that the newest valid command from outside answers
         self._ordered: int | None = None  # gear ordered from the embedded controller, taken at its next sample
 
@@ -127,7 +133,7 @@ class Rig(Timed):
                            self._law_state[0])
             self._ordered = None
         for part in self.cuts.split(samples):
-            self._advance(part)
+            self._advance_acting(part)
         if self.status == RigStatus.TRIPPED:
             return
         if not self.embedded and self._last_command >= 0 and self.command_age > COMMAND_TIMEOUT:
@@ -135,6 +141,18 @@ class Rig(Timed):
                       "silent")
         elif silence := self.cuts.silence():
             self.trip(silence)
+
+    def _advance_acting(self, samples: int) -> None:
+        """Move on, and let every command act at its boundary."""
+        end = self.sample + samples
+        while self.sample < end:
+            self._act_due()
+            self._advance(min(end, self._to_come[0][0] if self._to_come else end) - self.sample)
+
+    def _act_due(self) -> None:
+        while self._to_come and self._to_come[0][0] <= self.sample:
+            _, act, *values = self._to_come.popleft()
+            act(*values)
 
     def _advance(self, samples: int) -> None:
         kernel.advance(
@@ -200,8 +218,12 @@ class Rig(Timed):
         self._accept("duty", sample)
         self._duty[:], self._setpoint[:] = values[:law.OUTPUTS], values[law.OUTPUTS:]
         self._gear, self._shifting = int(gear), bool(shifting)
+        self._to_come.append((sample + self.delay, self._act_duty, values[:law.OUTPUTS]))
+        self._act_due()
+
+    def _act_duty(self, duty: list[float]) -> None:
         for k in range(kernel.VALVES):
-            self.valves["pending"][k] = self._duty[self._wiring[k]]
+            self.valves["pending"][k] = duty[self._wiring[k]]
 
     def set_current(self, sample: int, setpoint, gear: int, shifting: bool, flags: int = 0) -> None:
         """External controller's answer to ``sample`` at level "current": setpoints (3,) [A]; RigError when refused.
@@ -217,9 +239,13 @@ class Rig(Timed):
         self._accept("current", sample)
         self._setpoint[:] = values
         self._gear, self._shifting, self._flags = int(gear), bool(shifting), int(flags)
-        for k, value in enumerate(values):
+        self._to_come.append((sample + self.delay, self._act_current, values, int(flags)))
+        self._act_due()
+
+    def _act_current(self, setpoint: list[float], flags: int) -> None:
+        for k, value in enumerate(setpoint):
             self._law_outputs["setpoint"][k] = value
-            self._law_outputs["phase"][k] = law.ON if value > 0.0 or int(flags) >> k & 1 else law.OFF
+            self._law_outputs["phase"][k] = law.ON if value > 0.0 or flags >> k & 1 else law.OFF
 
     def _answer(self, level: str, sample: int, *vectors) -> list[float]:
         """The numbers of an external controller's command, one after the other, when it can be taken."""
@@ -281,6 +307,7 @@ class Rig(Timed):
         self.settings["safe"] = self.settings["motor_on"] = 0.0
         self.reason, self.stopped_by_person = "", False
         self._last_command = -1
+        self._to_come.clear()
         self.valves["pending"] = 0.0
         self.cuts.excuse()
         if not self.embedded:
@@ -322,7 +349,12 @@ class Rig(Timed):
 
     def coil_duty(self, k: int) -> float:
         """Duty on the coil of valve k from this sample on."""
-        return 0.0 if self.status == RigStatus.TRIPPED else float(self.duty[self._wiring[k]])
+        if self.status == RigStatus.TRIPPED:
+            return 0.0
+        if self.embedded or self.level == "current":
+            return float(self.duty[self._wiring[k]])
+        self._act_due()
+        return float(self.valves["pending"][k])
 
     def coil_currents(self) -> np.ndarray:
         """Measured currents at the controller's outputs (3,) [A]."""

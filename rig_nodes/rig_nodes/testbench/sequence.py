@@ -6,6 +6,7 @@ Used by ``rig simulate`` in one process and by the sequencer node over ROS; the 
 from __future__ import annotations
 
 import copy
+import math
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -47,6 +48,8 @@ class Bench(Protocol):
     def set_load(self, pressure: float, enable: bool) -> None: ...
     def order_gear(self, gear: int) -> None: ...
     def shift_done(self) -> bool: ...
+    def set_controller(self, name: str, value: float) -> None: ...
+    def controller_set(self) -> bool: ...
     def reading(self, signal: str) -> float: ...
     def event(self, name: str, text: str, value: float = 0.0) -> None: ...
 
@@ -76,6 +79,7 @@ class Step:
     hold: float = 0.0
     timeout: float = DEFAULT_TIMEOUT
     condition: Condition | None = None
+    setting: str = ""
 
 
 @dataclass(frozen=True)
@@ -254,6 +258,22 @@ def _shift(body, path, where, rig_kind):
     return [Step("shift", f"shift to {gear}", where, GEARS[gear], timeout=_timeout(body, where, "shift"))]
 
 
+def _controller(body, path, where, rig_kind):
+    """Settings of the user's controller: a step for each."""
+    if not isinstance(body, dict) or not body:
+        raise RigError(f"{where}: controller takes names of its settings and their values, e.g. {{gain: 1.5}}")
+    steps = []
+    for name, given in body.items():
+        try:
+            value = math.nan if isinstance(given, bool) else float(given)
+        except (TypeError, ValueError):
+            value = math.nan
+        if not math.isfinite(value):
+            raise RigError(f"{where_of(path, body, name)}: controller.{name} is {given!r}, expected a number (SI)")
+        steps.append(Step("controller", f"controller {name} {value:g}", where, value, setting=str(name)))
+    return steps
+
+
 def _timeout(body, where, what) -> float:
     return _time(body["timeout"], f"{where}: {what}.timeout") if "timeout" in body else DEFAULT_TIMEOUT
 
@@ -316,7 +336,7 @@ _READERS = {
         "oil": _setting("oil", {"pressure": "pressure"}, "p_p"),
         "motor": _setting("motor", {"speed": "angular velocity"}, "n_wej"),
         "load": _setting("load", {"torque": "torque", "pressure": "pressure"}, "p_po"),
-        "shift": _shift, "wait": _wait, "repeat": _repeat,
+        "shift": _shift, "controller": _controller, "wait": _wait, "repeat": _repeat,
     },
     CLUTCH_BENCH: {
         "motor": _setting("motor", {"speed": "angular velocity"}, "n"),
@@ -397,6 +417,8 @@ class SequenceRunner:
         """The order of a step, if it is one; RigError when the rig or its controller refuses it."""
         if step.kind == "shift":
             self.bench.order_gear(int(step.value))
+        elif step.kind == "controller":
+            self.bench.set_controller(step.setting, step.value)
         elif step.kind != "wait":
             value = step.value
             if step.by_torque:
@@ -407,6 +429,8 @@ class SequenceRunner:
         waited = t - self._since
         if step.kind == "shift":
             done = waited > 0.0 and self.bench.shift_done()
+        elif step.kind == "controller":
+            done = self.bench.controller_set()
         elif step.condition is not None:
             if not step.condition.met(self.bench):
                 self._met_since = None

@@ -42,6 +42,7 @@ class LocalBench:
         self.rig, self.outputs = rig, outputs
         self.reading = outputs.reading
         self._order = controller.order if controller else rig.order_gear
+        self._controller = controller
         self._ordered: int | None = None
 
     def ready(self) -> bool:
@@ -70,6 +71,15 @@ class LocalBench:
             self._ordered = None
             self.outputs.event("/alfa46/events", "shift_done", "the profiles of the shift have ended", self.rig.gear)
         return done
+
+    def set_controller(self, name: str, value: float) -> None:
+        if self._controller is None:
+            raise RigError(f"controller alfa46 has no setting '{name}'; it has none of its own")
+        self._controller.set_value(name, value)
+        self.outputs.event("/alfa46/events", "setting_changed", f"alfa46.controller.{name} = {value:.6g}", value)
+
+    def controller_set(self) -> bool:
+        return True
 
     def event(self, name: str, text: str, value: float = 0.0) -> None:
         self.outputs.event("/sequencer/events", name, text, value)
@@ -125,7 +135,7 @@ def ask_controller(rig: Rig, controller: Plug):
     """The plug's answer to the newest sample, from what the wires carry; None when it discards the sample."""
     row = rig.row()
     return controller.step(rig.sample, rig.coil_currents(), row[kernel.N_WEJ], row[kernel.N_WYJ],
-                           row[kernel.P_1], row[kernel.P_2])
+                           row[kernel.P_1], row[kernel.P_2], [rig.measurement(name) for name in controller.wants])
 
 
 def give_answer(rig: Rig, controller: Plug, sample: int, answer) -> None:
@@ -136,39 +146,44 @@ def give_answer(rig: Rig, controller: Plug, sample: int, answer) -> None:
         rig.set_duty(sample, answer.command, answer.setpoint, controller.gear, controller.shifting)
 
 
-def advance_with(rig: Rig, controller: Plug) -> None:
-    """One sample with a plugged controller: it answers while the rig moves, its answer acts one sample later.
+def advance_with(rig: Rig, controller: Plug) -> bool:
+    """One sample with a plugged controller; its answer acts ``rig.delay`` samples later, at 0 before the rig moves.
 
-    A controller that fails, or that never answers, trips the rig with its sentence as the reason.
+    A controller that fails, or that never answers, trips the rig with its sentence as the reason. True with an answer.
     """
     sample, answer = rig.sample, None
     try:
         answer = ask_controller(rig, controller)
     except ControllerFailed as failure:
         rig.trip(str(failure))
-    rig.advance_samples(1)
+    if rig.delay > 0:
+        rig.advance_samples(1)
     if answer is not None:
         give_answer(rig, controller, sample, answer)
-    elif rig.status == RigStatus.STARTING and rig.time > COMMAND_TIMEOUT:
+    if rig.delay == 0:
+        rig.advance_samples(1)
+    if answer is None and rig.status == RigStatus.STARTING and rig.time > COMMAND_TIMEOUT:
         rig.trip(f"controller {controller.name} has not answered any of the first {sample + 1} samples")
+    return answer is not None
 
 
 def simulate(config: AnyConfig, sequence: Sequence, folder: Path, seed: int = 1,
-             progress: Callable[[float, str], None] | None = None, controller: Plug | None = None) -> dict:
+             progress: Callable[[float, str], None] | None = None, controller: Plug | None = None,
+             delay: int = 1) -> dict:
     """Run the sequence into a bag in ``folder``; returns the ``run`` part of the report.
 
-    ``controller``: a plug (controllers.load_controller) in place of the embedded Alfa46; it is closed at the
-    end. The bag is whole even when the sequence or the controller fails or the run is interrupted; ``end``
-    says why it ended.
+    ``controller``: a plug (controllers.load_controller) in place of the embedded Alfa46, whose answers act after
+    ``delay`` samples; it is closed at the end. The bag is whole even when the sequence or the controller fails or the
+    run is interrupted; ``end`` says why it ended.
     """
     sequence.check_rig(config)
     if controller is None:
         rig = make_rig(config, seed)
     else:
         check_controller(config)
-        rig = Rig(config, seed, controller="external", level=controller.level)
+        rig = Rig(config, seed, controller="external", level=controller.level, delay=delay)
     record = run_record(config, sequence, seed)
-    outputs = Outputs(rig, record, commands=config.kind == GEARBOX)
+    outputs = Outputs(rig, record, commands=config.kind == GEARBOX, controller=controller)
     runner = runner_on(rig, outputs, config, sequence, controller)
     types = {name: topic.ros_type for name, topic in catalogue().all_topics.items()}
     end = {"state": "ended", "reason": "the sequence ended"}
@@ -189,7 +204,9 @@ def simulate(config: AnyConfig, sequence: Sequence, folder: Path, seed: int = 1,
                 if controller is None:
                     rig.advance_samples(1)
                 else:
-                    advance_with(rig, controller)
+                    sample = rig.sample
+                    if advance_with(rig, controller) and controller.signals:
+                        outputs.signals_row(sample, controller.signal_values)
             if rig.status == RigStatus.TRIPPED:
                 end = {"state": "tripped", "reason": rig.reason}
                 for _ in range(AFTER_TRIP):
@@ -204,6 +221,7 @@ def simulate(config: AnyConfig, sequence: Sequence, folder: Path, seed: int = 1,
                 controller.close()
     plugged = {}
     if config.kind == GEARBOX:
-        plugged = {"controller": {"name": controller.name if controller else "alfa46", "level": rig.level}}
+        plugged = {"controller": {"name": controller.name if controller else "alfa46", "level": rig.level,
+                                  "delay": rig.delay}}
     return {**record, "mode": "simulate", **plugged, "duration_s": rig.time, "lost": 0,
             "ticks": rig.sample // TICK_SAMPLES, "overruns": 0, "lateness_ms": None, "end": end}

@@ -89,7 +89,7 @@ MARKED_PLOTS = tuple(dict.fromkeys(SHIFT_PLOTS + RUN_LEFT + RUN_RIGHT))
 # what people call the plots of the other signals, which are gathered by quantity
 OTHER_TITLES = {"torque": "Gearbox losses", "pressure": "Load pressure", "energy": "Work since time 0",
                 "force": "Clamp force", "ratio": "Valve duty", "temperature": "Oil temperature"}
-TABS = ("shifts", "run", "other")  # as the command line names them
+TABS = ("shifts", "run", "other", "controller")  # as the command line names them
 
 # The viewer keeps the range that linked time axes share under this fixed view id. The view with this id hands
 # it the window the linked plots open with; without it they would open with the whole run.
@@ -175,14 +175,20 @@ def mark_entity(title: str) -> str:
     return f"orders/{title.lower().replace(',', '').replace(' ', '_')}"
 
 
+def own_entity(name: str) -> str:
+    """Where a signal of the controller's own is in the file."""
+    return f"controller/{name}"
+
+
 def blueprint(present: set[str], shifts: list[Shift], window: tuple[float, float] | None,
-              only: str | None = None):
+              only: str | None = None, own: tuple[str, ...] = ()):
     """The layout of a recorded run as a Rerun blueprint.
 
     present: names of the signals the file holds; plots without any are left out. shifts: shown side by side
     in the first tab. window: start and end [s] the linked plots open with, whose tab then shows; without it
     they open with the time of the shifts, or with the whole run when there is none. only: this one of TABS
-    alone and without the viewer's own bars, for a picture; a tab that the run does not have is the run's.
+    alone and without the viewer's own bars, for a picture; a tab that the run does not have is the run's. own: names
+    of the signals of the controller's own, a plot each in a tab of theirs.
     """
     import rerun.blueprint as rrb
 
@@ -201,6 +207,9 @@ def blueprint(present: set[str], shifts: list[Shift], window: tuple[float, float
     tabs["run"] = _tab("Run", run)
     if rest:
         tabs["other"] = rrb.Grid(*rest, name="Other signals")
+    if own:
+        views = [rrb.TimeSeriesView(name=name, origin=own_entity(name), axis_x=axis) for name in own]
+        tabs["controller"] = rrb.Grid(*views, name="Controller")
     if only is not None:
         return _whole(rrb, tabs.get(only, tabs["run"]), "hidden", "hidden", "paused")
     active = 1 if window and shifts else 0
