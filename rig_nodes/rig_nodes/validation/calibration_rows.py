@@ -24,7 +24,7 @@ from .targets import Target, load_targets
 SUPPLY = 4e6  # Pa, 7.1.2
 SETTLE = 300  # samples in which the supply comes up
 MS = 1e-3
-PULSES = 3e-3  # A: what the ripple of the coil's pulses and the noise in the loop add to a current that stands
+PULSES = 4e-3  # A: what the ripple of the coil's pulses and the noise in the loop add to a current that stands
 FIRST_RISE = 10e3  # Pa: about what the laboratory could see of a first rise
 FALLEN = 2.2e6  # Pa: the fall has begun when it is passed (22 bar, Annex A)
 CURVES = {  # of a clutch: row of the rising and of the falling pressure in chapter 9
