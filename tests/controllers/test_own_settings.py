@@ -6,7 +6,7 @@ import pytest
 from rig_nodes.bags.reader import Bag
 from rig_nodes.controllers import load_controller
 from rig_nodes.errors import RigError
-from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.testbench.sequence import SequenceRunner, load_sequence
 from rig_nodes.testbench.simulate import simulate
 
 from .conftest import ask
@@ -84,6 +84,33 @@ def test_steps_that_set_nothing_are_refused(tmp_path, step, sentence):
     (tmp_path / "sequence.yaml").write_text(f"description: wrong\nsteps:\n  - {step}\n")
     with pytest.raises(RigError, match=sentence):
         load_sequence(tmp_path / "sequence.yaml")
+
+
+def test_the_clutch_bench_has_no_controller_to_set(tmp_path):
+    (tmp_path / "sequence.yaml").write_text("description: wrong\nrig: clutch_bench\nsteps:\n  - controller: {held: 1}\n")
+    with pytest.raises(RigError, match="sequence.yaml:4: .*'controller'"):
+        load_sequence(tmp_path / "sequence.yaml")
+
+
+def test_a_setting_that_is_not_answered_yet_is_looked_at_with_every_tick(tmp_path):
+    """Its value, 900, is no time to wait for."""
+    class Late:
+        def ready(self):
+            return True
+
+        def event(self, *_):
+            pass
+
+        def set_controller(self, name, value):
+            self.given = name, value
+
+        def controller_set(self):
+            return False
+
+    (tmp_path / "sequence.yaml").write_text("description: late\nsteps:\n  - controller: {held: 900}\n")
+    runner = SequenceRunner(load_sequence(tmp_path / "sequence.yaml"), Late())
+    assert not runner.poll(0.25) and runner.bench.given == ("held", 900.0)
+    assert runner.next_look() == {"until": 0.25}
 
 
 @pytest.mark.parametrize("settings", ["('held',)", "{'a b': 1}", "{'held': 'fast'}", "{'held': math.nan}"])

@@ -238,6 +238,8 @@ def test_simulate_writes_bag_and_report(tmp_path, capsys):
     (["simulate", "demo", "--rig", "clutch_bench"], "sequence 'demo' is for a rig of kind gearbox"),
     (["simulate", "clutch_bench", "--rig", "hydmag"], "sequence 'clutch_bench' is for a rig of kind clutch_bench"),
     (["simulate", "clutch_bench", "--level", "duty"], "'clutch_bench' has no valves for a shift controller"),
+    (["simulate", "clutch_bench", "--delay", "2"], "leave out --controller, --level and --delay"),
+    (["run", "clutch_bench", "--delay", "2"], "leave out --controller, --level and --delay"),
     (["run", "clutch_bench", "--speed", "max"], "--speed: 'clutch_bench' has no shift controller to wait for"),
     (["run", "clutch_bench", "--view"], "--view: the live view shows a rig with the gearbox"),
     (["run", "demo", "--rig", "spring_bench"], "sequence 'demo' is for a rig of kind gearbox"),
@@ -246,6 +248,10 @@ def test_simulate_writes_bag_and_report(tmp_path, capsys):
     (["simulate", "clutch_bench", "--with", "pressures=12 bananas"], "unknown unit 'bananas'"),
     (["simulate", "clutch_bench", "--with", "pressures=1 MPa,,2 MPa"], "repeat.each.p_z must be a list of values"),
     (["validate", "--rig", "clutch_bench"], "validate --rig is for a rig with the gearbox"),
+    (["controller", "check", "alfa46", "--rig", "clutch_bench"], "controller check is for a rig with the gearbox"),
+    (["export", "fmu", "--rig", "clutch_bench"], "export fmu is for a rig with the gearbox"),
+    (["export", "controller-fmu", "x.c", "--rig", "clutch_bench"],
+     "export controller-fmu is for a rig with the gearbox"),
 ])
 def test_what_does_not_fit_the_bench_is_refused_in_one_sentence(arguments, said, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -34,12 +34,13 @@ def main(args) -> int:
 def check(args) -> int:
     """Run the set, print its table."""
     from ..testbench.conformance import Check
-    from ..testbench.configuration import load_rig
+    from ..testbench.configuration import load_gearbox_rig
 
     quiet = args.json
     say = (lambda text: None) if quiet else (lambda text: print(f"        {text}", flush=True))
+    config = load_gearbox_rig(args.rig, None, "controller check")
     items = []
-    for item in Check(args.spec, load_rig(args.rig), args.level, args.step_timeout, say).items():
+    for item in Check(args.spec, config, args.level, args.step_timeout, say).items():
         items.append(item)
         if not quiet:
             print(f"{'ok' if item.ok else 'FAILED':<8}{item.name:<15}{item.text}", flush=True)

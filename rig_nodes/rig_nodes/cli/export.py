@@ -44,9 +44,10 @@ def _fmu(args, target: Path, settings: dict[str, str]) -> None:
 
 def _controller_fmu(args, target: Path, settings: dict[str, str]) -> None:
     from ..fmu.build import build_controller_fmu
-    from ..testbench.configuration import load_rig
+    from ..testbench.configuration import load_gearbox_rig
 
-    build_controller_fmu(args.sources, target, load_rig(args.rig, settings).alfa46, args.fmi)
+    config = load_gearbox_rig(args.rig, settings, "export controller-fmu")
+    build_controller_fmu(args.sources, target, config.alfa46, args.fmi)
 
 
 def _dbc(args, target: Path, settings: dict[str, str]) -> None:

@@ -1,9 +1,7 @@
 """The arguments that ``run`` and ``simulate`` share: which sequence, which rig, where to."""
 
-
 import argparse
 import math
-
 
 MOST_DELAY = 50  # samples: half of the time after which a silent controller is the safe state
 

@@ -100,12 +100,12 @@ def write_fmu(target: Path, fmi: int, identifier: str, text: str, variables: Seq
 def build_rig_fmu(target: str | Path, rig: str = "hydmag", overrides: dict[str, str] | None = None, fmi: int = 2) -> None:
     """The rig as a co-simulation FMU of FMI 2.0 or 3.0.
 
-    rig, overrides: as testbench.configuration.load_rig takes them; the rig's file must stay where it is. The FMU starts
+    rig, overrides: as testbench.configuration.load_rig takes them, with the gearbox; the rig's file must stay where it is. The FMU starts
     this interpreter with this package (docs/fmu.md).
     """
-    from ..testbench.configuration import load_rig
+    from ..testbench.configuration import load_gearbox_rig
 
-    config = load_rig(rig, overrides)
+    config = load_gearbox_rig(rig, overrides, "export fmu")
     if config.cut_out:
         raise RigError(f"{', '.join(config.cut_out)} is cut out of this rig; a rig as an FMU has all devices inside")
     if rig.endswith((".yaml", ".yml")) or "/" in rig:

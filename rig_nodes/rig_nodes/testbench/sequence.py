@@ -391,6 +391,8 @@ class SequenceRunner:
         step = self.sequence.steps[self.step]
         if step.kind == "shift":
             return {"until": self._since + step.timeout, "gear": int(step.value)}
+        if step.kind == "controller":
+            return {"until": self._since}  # its answer is no signal: asked for at every tick
         if step.condition is None:
             return {"until": self._since + step.value}
         condition, met = step.condition, self._met_since is not None

@@ -118,8 +118,8 @@ class LocalClutchBench:
 def check_controller(config: AnyConfig) -> None:
     """RigError for a rig on which no shift controller can act."""
     if config.kind != GEARBOX:
-        raise RigError(f"the rig '{config.name}' has no valves for a shift controller; leave out --controller and "
-                       "--level")
+        raise RigError(f"the rig '{config.name}' has no valves for a shift controller; leave out --controller, "
+                       "--level and --delay")
 
 
 def runner_on(rig: AnyRig, outputs, config: AnyConfig, sequence: Sequence,
