@@ -119,11 +119,13 @@ def test_every_metric_is_that_of_the_reference(shift, reference):
 def test_channels_and_lock_ups_are_those_of_the_reference(shift, reference):
     """Metrics look at a few moments; between them no channel is off by a tenth of a percent of its span on average.
 
-    A rise of 14 MPa/s that a closing spool ends is 1.4 kPa further after a step, and stays so for seconds.
+    But a pressure that shot over its limit is let off until the drain edge closes, with 100 MPa/s: 10 kPa in a step, and it
+    stays so for seconds.
     """
     rows, events = reference
     off = np.abs(shift.channels[10 * BEFORE:] - rows).mean(axis=0) / np.ptp(rows, axis=0)
-    assert off.max() < 1e-3, dict(zip(reference_shift.CHANNELS, off))
+    pressure = np.isin(reference_shift.CHANNELS, ("p1", "p2"))
+    assert off[~pressure].max() < 1e-3 and off[pressure].max() < 4e-3, dict(zip(reference_shift.CHANNELS, off))
     told, at = np.array(shift.locked), 1e-3 * np.arange(1, AFTER + 1)
     expected = np.repeat([[mode == reference_shift.STUCK for mode in shift.start.modes]], AFTER, axis=0)
     for t, k, mode in events:
