@@ -19,6 +19,7 @@ VERBS = {
     "run": "run a sequence on the ROS 2 node graph and record it",
     "simulate": "run a test sequence without ROS traffic, as fast as it goes",
     "procedure": "run series of a measuring procedure of the laboratory, with bags",
+    "sweep": "run a sequence for many values of its parameters, on all cores or a cluster",
     "device": "start a device of its own, for a rig with source: topic",
     "replay": "publish a recorded bag again, with /clock",
     "view": "show a run or a running rig in Rerun, or make a picture",
