@@ -40,6 +40,18 @@ def test_capacity_is_held_while_the_plates_stick_on_their_splines():
     assert seen == pytest.approx([0.0, 50.0, 100.0, 100.0, 100.0, 80.0, 0.0])
 
 
+def test_an_unclamped_pack_has_to_be_torn_loose_until_the_piston_has_gone_back(config):
+    """M_rest comes with 200 N of clamp, stays without it, and lets go over the 2 mm that the waves need."""
+    c = record(dataclasses.replace(config.clutch_s1, clearance=2e-3, pack_travel=2e-3),
+               dataclasses.replace(config.plate_pack, film_force=200.0))
+    way = ((0.0, 0.0, 0.0), (2.01e-3, 50.0, 0.25), (2.1e-3, 900.0, 1.0), (2.01e-3, 50.0, 1.0), (2e-3, 0.0, 1.0),
+           (1.5e-3, 0.0, 0.75), (1.8e-3, 0.0, 0.75), (1e-3, 0.0, 0.5), (0.0, 0.0, 0.0), (1.9e-3, 0.0, 0.0))
+    share = 0.0
+    for piston, clamp, expected in way:
+        share = clutch.rest_share(share, piston, clamp, c)
+        assert share == pytest.approx(expected), f"piston at {piston * 1e3} mm"
+
+
 def test_coil_rises_with_its_time_constant(config):
     v = record(config.valve_zr_p1)
     tau = config.valve_zr_p1.coil_inductance / config.valve_zr_p1.coil_resistance
