@@ -86,7 +86,7 @@ def test_kill_of_a_worker(tmp_path, undisturbed):
 def test_one_folder_one_process(tmp_path):
     chosen = plan()
     with Store(tmp_path / "sweep", manifest_of(chosen, False)):
-        with pytest.raises(RigError, match="another process is working on this sweep"):
+        with pytest.raises(RigError, match="another process is working there"):
             Store(tmp_path / "sweep", manifest_of(chosen, False))
 
 

@@ -1,6 +1,6 @@
 """The folder of a sweep: what it is, a journal of finished members, and the results as Parquet.
 
-Used by sweep.run and the verb ``sweep``. A member counts as finished when its line of the journal is whole, which its
+Used by sweep.run and the verb ``sweep``; the journal by tune.folder too. A member counts as finished when its line of the journal is whole, which its
 checksum says; a line half written by a killed process is cut off and its member runs again.
 """
 
@@ -37,51 +37,25 @@ class Store:
             write_atomically(path, json.dumps(manifest, indent=1, ensure_ascii=False) + "\n")
         elif (why := differs(read_manifest(self.folder), manifest)) is not None:
             raise RigError(f"{folder} holds another sweep ({why} is not the same); choose a new folder with --out")
-        self._file = open(self.folder / JOURNAL, "a+b")
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            self._file.close()
-            raise RigError(f"{folder}: another process is working on this sweep; wait for it or end it") from None
-        self.done: set[int] = set()
-        self.cut = self._recover()
+        self._journal = Journal(self.folder / JOURNAL)
+        self.done: set[int] = {entry["member"] for entry in self._journal.entries()}
 
     def __enter__(self) -> Store:
         return self
 
     def __exit__(self, *_error) -> None:
-        self._file.close()
-
-    def _recover(self) -> int:
-        """Take in what is finished; cut off what is not. Returns the bytes cut off."""
-        self._file.seek(0)
-        good = 0
-        for line in self._file:
-            entry = decode(line)
-            if entry is None:
-                break
-            self.done.add(entry["member"])
-            good += len(line)
-        size = self._file.seek(0, os.SEEK_END)
-        if size > good:
-            self._file.truncate(good)
-        return size - good
+        self._journal.close()
 
     def add(self, entry: dict) -> None:
         """Note a finished member; it is safe from a kill of this process when this returns."""
         if entry["member"] in self.done:
             raise ValueError(f"member {entry['member']} is there already")
-        self._file.write(encode(entry))
-        self._file.flush()
+        self._journal.add(entry)
         self.done.add(entry["member"])
 
     def entries(self) -> Iterator[dict]:
         """What is noted of each finished member, in the order in which they came."""
-        with open(self.folder / JOURNAL, "rb") as file:
-            for line in file:
-                entry = decode(line)
-                if entry is not None:
-                    yield entry
+        return self._journal.entries()
 
     def write_results(self, plan: Plan) -> Path:
         """``results.parquet`` of all finished members, in the order of their numbers; the old one until it is whole."""
@@ -94,6 +68,43 @@ class Store:
         pq.write_table(pa.table(columns, schema=schema), temporary, compression="zstd")
         os.replace(temporary, path)
         return path
+
+
+class Journal:
+    """A file that only grows, of entries with a checksum each; one process at a time has it open.
+
+    Opening it cuts off what follows the last whole entry, as a kill in the middle of writing leaves it.
+    """
+
+    def __init__(self, path: Path):
+        """RigError when another process has it open."""
+        self.path, self._file = path, open(path, "a+b")
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            self._file.close()
+            raise RigError(f"{path.parent}: another process is working there; wait for it or end it") from None
+        good = self._file.seek(0)
+        for line in self._file:
+            if decode(line) is None:
+                break
+            good += len(line)
+        self._file.truncate(good)
+
+    def add(self, entry: dict) -> None:
+        """Note an entry; it is safe from a kill of this process when this returns."""
+        self._file.write(encode(entry))
+        self._file.flush()
+
+    def entries(self) -> Iterator[dict]:
+        """All entries, in the order in which they came."""
+        with open(self.path, "rb") as file:
+            for line in file:
+                yield decode(line)
+
+    def close(self) -> None:
+        """Let others have it."""
+        self._file.close()
 
 
 def encode(entry: dict) -> bytes:

@@ -189,6 +189,12 @@ def _whole(node, path) -> RigConfig:
     if "cut" in node:
         cut = build(CutConfig, node["cut"], path, "cut")
         _check_tick(cut, f"{where_of(path, node['cut'], 'tick')}: cut.tick")
+    return RigConfig(name=Path(path).stem, kernel=kernel, wiring=_wiring(node["wiring"], path),
+                     alfa46=_controller(node, path), cut=cut, cut_out=cut_out, **parts)
+
+
+def _controller(node, path) -> Alfa46Config:
+    """The settings that a rig's ``controller`` names: installed ones, or a file beside the rig's."""
     named = str(node["controller"])
     if named.endswith((".yaml", ".yml")) and not Path(named).expanduser().is_absolute():
         named = str(Path(path).parent / named)
@@ -196,14 +202,13 @@ def _whole(node, path) -> RigConfig:
         controller = find_config("controllers", named)
     except RigError as error:
         raise RigError(f"{where_of(path, node, 'controller')}: controller: {error}") from None
-    return RigConfig(name=Path(path).stem, kernel=kernel, wiring=_wiring(node["wiring"], path),
-                     alfa46=read_alfa46(controller), cut=cut, cut_out=cut_out, **parts)
+    return read_alfa46(controller)
 
 
 def _on_base(node, path) -> RigConfig:
     """A rig that names another one and what differs from it."""
-    check_keys(path, node, ("description", "base", "controller_values", "prescribed", *PARTS), ("description", "base"),
-               "a rig on a base")
+    check_keys(path, node, ("description", "base", "controller", "controller_values", "prescribed", *PARTS),
+               ("description", "base"), "a rig on a base")
     try:
         config = load_rig(str(node["base"]))
     except RigError as error:
@@ -212,6 +217,8 @@ def _on_base(node, path) -> RigConfig:
     for part in PARTS:
         if part in node:
             config = replace(config, **{part: _changed(getattr(config, part), node[part], path, part)})
+    if "controller" in node:
+        config = replace(config, alfa46=_controller(node, path))
     if "controller_values" in node:
         values = _changed(config.alfa46.values, node["controller_values"], path, "controller_values")
         config = replace(config, alfa46=Alfa46Config(values, config.alfa46.profiles))
