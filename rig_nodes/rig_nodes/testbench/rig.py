@@ -137,7 +137,7 @@ class Rig:
         self._wiring = world["wiring"][0]
         self._wiring[:] = c.wiring
         self._law_config = c.alfa46.law_config()
-        self._law_profiles = np.ascontiguousarray(c.alfa46.profiles)
+        self._law_profiles = np.array(c.alfa46.profiles, order="C")  # its own: set_controller writes into it
         self._law_outputs = np.zeros(law.OUTPUTS, law.LAW_OUTPUT)
         self._law_state = np.zeros(1, law.LAW_STATE)
         self._setpoint, self._gear, self._shifting, self._flags = np.zeros(law.OUTPUTS), 0, False, 0
