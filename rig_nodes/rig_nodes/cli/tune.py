@@ -113,10 +113,11 @@ def _problem(args, workers):
         raise RigError("rig tune searches on a whole rig; give it one without source: topic")
     if config.prescribed:
         raise RigError(f"rig '{config.name}' has prescribed pressures, which no setting of the controller changes")
+    bounds, oil = _bounds(args.bounds), _range("--oil", args.oil, "temperature")
     spreads = read_spreads(args.spreads) if args.spreads else spreads_of(config, workers)
     rig = args.rig if not args.rig.endswith((".yaml", ".yml")) else str(Path(args.rig).absolute())
-    return Problem(rig, config, {way: ranges[way] for way in WAYS if way in args.ways}, objectives, _bounds(args.bounds),
-                   spreads, _range("--oil", args.oil, "temperature"), args.rigs, args.judge_rigs, args.points, args.seed,
+    return Problem(rig, config, {way: ranges[way] for way in WAYS if way in args.ways}, objectives, bounds,
+                   spreads, oil, args.rigs, args.judge_rigs, args.points, args.seed,
                    args.generations, 60.0 * args.minutes)
 
 

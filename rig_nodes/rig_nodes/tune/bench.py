@@ -1,4 +1,4 @@
-"""Shifts at operating points, fast: a rig is brought to each point once and put aside there; one shift then costs 1.7 s.
+"""Shifts at operating points, fast: a rig is brought to each point once and put aside there; one shift then costs 1 to 2 s.
 
 Used by tune.search and tune.judge in their worker processes. The plant is the rig's own, the channels show the truth
 (no transducers), the metrics are those of analysis.metrics.
@@ -13,7 +13,7 @@ import numpy as np
 
 from ..alfa46.settings import Alfa46Config
 from ..analysis.edges import odd_width, running_mean
-from ..analysis.metrics import BEFORE, NEEDED, PRESSURE, TORQUE_SPEED_MEAN, Recording, shift_metrics
+from ..analysis.metrics import BEFORE, KISS, NEEDED, PRESSURE, TORQUE_SPEED_MEAN, Recording, shift_metrics
 from ..plant import kernel
 from ..plant.load_pump import relief_setting_for
 from ..testbench.configuration import RigConfig
@@ -22,13 +22,14 @@ from ..testbench.rig import Rig
 RPM = pi / 30.0
 OIL = 4e6  # Pa, as in all of the laboratory's tests
 LEAD = 0.25  # s before the order, in which the coil takes the settings' own hold current
-WINDOW = 1.7  # s after the order; the longest profiles end 0.2 s before
+AFTER = 0.25  # s recorded after the last point of both profiles
+LEAST_WINDOW, WINDOW = 0.9, 1.75  # s after the order, at least and at most
 PERIOD = 1e-4  # s
 GEARS = {"I-II": (1, 2), "II-I": (2, 1)}
 JERK_MEAN = 20e-3  # s over which the output's speed is averaged before its second derivative is taken
 LOAD_WITHIN = 1.0  # Nm within which M_wyj is brought to the operating point's
 SPEED_WITHIN = 8.0 * RPM  # as in the sequence grid_point
-OPEN = 0.05e6  # Pa: a released clutch has less when the shift is over
+OPEN = 0.5  # of its kiss pressure: a released clutch has less when the shift is over
 NO_MATTER = ("M_wej did not settle", "the recording ends before")  # t_o is no objective
 
 
@@ -92,9 +93,11 @@ class Bench:
         rig.advance(LEAD)
         heat, ordered = self._heat(), rig.time
         rig.order_gear(GEARS[point.way][1])
-        rig.advance(WINDOW)
+        rig.advance(0.001)  # the order is taken, and says how long the profiles run
+        window = min(max(rig.shift_end / 1000.0 - ordered + AFTER, LEAST_WINDOW), WINDOW)
+        rig.advance(round(window, 3) - 0.001)
         first = round((ordered - BEFORE) / PERIOD)
-        rows = rig.rows_at(PERIOD, first, round((BEFORE + WINDOW) / PERIOD))
+        rows = rig.rows_at(PERIOD, first, round((rig.time - ordered + BEFORE) / PERIOD))
         channels = {name: np.ascontiguousarray(rows[:, kernel.CHANNELS.index(name)]) for name in NEEDED}
         return _measured(point, channels, self._heat() - heat)
 
@@ -153,7 +156,7 @@ def _measured(point: Point, channels: dict[str, np.ndarray], heat: float) -> Shi
     jerk = float(np.abs(np.diff(speed, 2)[start // 10:-edge]).max() / slow**2)
     why = "; ".join(reason for reason in row["why"] if not reason.startswith(NO_MATTER))
     left = channels[PRESSURE[old]][-500:].mean()
-    if not why and left > OPEN:
+    if not why and left > OPEN * KISS[old]:
         why = f"{PRESSURE[old]} is still at {left / 1e6:.2f} MPa at the end"
     dip = None if row["k"] is None else max(0.0, 1.0 - row["k"])
     if not why and None in (row["t_c_s"], row["t_dt_s"], dip):

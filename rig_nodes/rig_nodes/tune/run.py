@@ -16,6 +16,7 @@ import numpy as np
 from .. import __version__
 from ..alfa46.settings import Alfa46Config, read_alfa46
 from ..compiled import sources_key
+from ..errors import RigError
 from ..sweep.store import Journal, write_atomically
 from ..testbench.campaign import Workers
 from ..testbench.configuration import RigConfig
@@ -24,11 +25,12 @@ from . import folder as files
 from . import judge, search
 from .bench import RPM, Bench, Point
 from .problem import Range, Task, held
-from .space import DELAY, WAYS, settings, values_of
+from .space import DELAY, FAST_FILL, settings, values_of
 from .uncertainty import sampled_rigs
 
 LEAST = "least"  # the search for the smallest peak at the largest load of II-I
 BUDGET = {"I-II": 0.45, "II-I": 0.40, LEAST: 0.15}  # shares of the time of search
+DRAWS = 10  # times the rigs wanted that are sampled at most
 CANDIDATES = 24  # of a front, at most, that are judged elsewhere
 CHOICES = ("soft", "balanced", "fast")
 
@@ -63,9 +65,22 @@ class Problem:
                              **{name: version(name) for name in ("numpy", "scipy", "numba", "optuna")}}}
 
     def task(self, points: list[Point], rigs: int, seed: int, objectives: tuple[str, ...] | None = None) -> Task:
-        """Shifts on the rig itself and on sampled ones."""
-        sampled = sampled_rigs(self.config, self.spreads, self.oil, rigs, seed) if rigs else []
-        return Task((self.config, *sampled), tuple(points), self.config.alfa46, objectives or self.objectives,
+        """Shifts on the rig itself and on sampled ones on which the compared settings shift in all points, as they did in the
+        laboratory: a rig on which they do not is none that its rows allow. RigError when hardly any is.
+        """
+        chosen: list[RigConfig] = []
+        for turn in range(DRAWS if rigs else 0):
+            for rig in sampled_rigs(self.config, self.spreads, self.oil, rigs, seed + 1000 * turn):
+                bench = Bench(rig)
+                if len(chosen) < rigs and all(bench.shift(point, self.config.alfa46).valid for point in points):
+                    chosen.append(rig)
+            if len(chosen) == rigs:
+                break
+        else:
+            if rigs:
+                raise RigError(f"of {DRAWS * rigs} sampled rigs only {len(chosen)} shift with the settings that are there; the "
+                               "spreads are too wide, give others with --spreads")
+        return Task((self.config, *chosen), tuple(points), self.config.alfa46, objectives or self.objectives,
                     tuple(sorted(self.bounds.items())))
 
 
@@ -119,7 +134,7 @@ def _study(problem: Problem, name: str, way: str, known: list[dict], down: searc
     else:
         points, lowered = held(config, where.corners(way))
         said += lowered
-        task, start = problem.task(points, problem.rigs, seed), [base]
+        task, start = problem.task(points, problem.rigs, seed), [base, FAST_FILL]
     return search.Study(name, way, config, config.alfa46, task, start, seed, known)
 
 

@@ -105,8 +105,8 @@ def evaluate(pickled: bytes, way: str, base: Alfa46Config, best: list[list[float
     """Objectives of settings, in a worker process.
 
     ``whole``: they were judged on all rigs. Settings that ask too much of the hardware are not tried: REFUSED and by how
-    much [s]. A shift that has no end gives INVALID and the share of such shifts. Others are judged on the rig itself; only
-    when no settings of the front ``best`` are better there already, on the other rigs too, which can only make them worse.
+    much [s]. A shift that has no end gives INVALID and the share of such shifts. Others are judged on one rig after the
+    other, until settings of the front ``best`` dominate what was found so far: the next rig can only make it worse.
     """
     ground = Ground.of(pickled)
     task = ground.task
@@ -122,7 +122,7 @@ def evaluate(pickled: bytes, way: str, base: Alfa46Config, best: list[list[float
         if found is None:
             bad = sum(not shift.valid for _, shift, _ in pairs) / len(pairs)
             return {"objectives": [INVALID + bad] * count, "excess": INVALID + bad, "whole": False}
-        if rig == 0 and any(dominates(one, found[0]) for one in best):
+        if rig < len(task.rigs) - 1 and any(dominates(one, found[0]) for one in best):
             return {"objectives": found[0], "excess": found[1], "whole": False}
     return {"objectives": found[0], "excess": found[1], "whole": True}
 

@@ -22,6 +22,12 @@ BOUNDS = {
     "P4.time": (5, 500), "P4.current": (0, 500), "P5.gap": (5, 600), "P5.current": (0, 400), "P6.gap": (5, 500),
     "delay": (-500, 200),
 }
+# a second place to begin from, beside the settings that are there: the new clutch is filled at once with three quarters
+# of the coil's current, then clamped along a ramp, while the old one is let go; no delay
+FAST_FILL = {
+    "P1.time": 25, "P1.current": 600, "P2.gap": 50, "P2.current": 560, "P3.gap": 350, "P4.time": 160, "P4.current": 40,
+    "P5.gap": 300, "P5.current": 120, "P6.gap": 100, "delay": 0,
+}
 LONGEST = 1500  # ms from the order to the last point of both profiles
 MS, MA = 1e-3, 1e-3
 
