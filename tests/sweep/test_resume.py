@@ -19,8 +19,9 @@ from .killed_sweep import plan
 SCRIPT = Path(__file__).with_name("killed_sweep.py")
 
 
-def start(folder: Path, jobs: int) -> subprocess.Popen:
-    return subprocess.Popen([sys.executable, str(SCRIPT), str(folder), str(jobs)], stdout=subprocess.PIPE, text=True)
+def start(folder: Path, jobs: int, *more: str) -> subprocess.Popen:
+    return subprocess.Popen([sys.executable, str(SCRIPT), str(folder), str(jobs), *more], stdout=subprocess.PIPE,
+                            text=True)
 
 
 def read_until(process, word: str, count: int = 1) -> list[str]:
@@ -81,6 +82,32 @@ def test_kill_of_a_worker(tmp_path, undisturbed):
     process.stdout.close()
     assert sorted(members_in(folder)) == list(range(22))
     assert (folder / RESULTS).read_bytes() == undisturbed
+
+
+@pytest.mark.campaign
+def test_two_thousand_runs(tmp_path):
+    """Killed workers at 200 and 400 members, a killed parent at 800: 2000 members, each once."""
+    folder = tmp_path / "sweep"
+    process = start(folder, 2, "many")
+    pids = [int(pid) for pid in read_until(process, "processes")[0].split()[1:]]
+    for pid in pids:
+        read_until(process, "finished", 200)
+        os.kill(pid, signal.SIGKILL)
+    read_until(process, "finished", 400)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    process.stdout.close()
+    before = members_in(folder)
+    assert len(before) >= 800 and len(set(before)) == len(before)
+    again = start(folder, 2, "many")
+    lines = read_until(again, "whole")
+    assert again.wait() == 0
+    again.stdout.close()
+    ran = [int(line.split()[1]) for line in lines if line.startswith("finished")]
+    assert sorted(before + ran) == list(range(2000))
+    assert sorted(members_in(folder)) == list(range(2000))
+    table = pytest.importorskip("pyarrow.parquet").read_table(folder / RESULTS)
+    assert set(table["end"].to_pylist()) == {"ended"} and table.num_rows == 4000
 
 
 def test_one_folder_one_process(tmp_path):

@@ -29,7 +29,7 @@ GEARS = {"I-II": (1, 2), "II-I": (2, 1)}
 JERK_MEAN = 20e-3  # s over which the output's speed is averaged before its second derivative is taken
 LOAD_WITHIN = 1.0  # Nm within which M_wyj is brought to the operating point's
 SPEED_WITHIN = 8.0 * RPM  # as in the sequence grid_point
-OPEN = 0.5  # of its kiss pressure: a released clutch has less when the shift is over
+OPEN = 1.0  # of its kiss pressure: a released clutch has less when the shift is over
 NO_MATTER = ("M_wej did not settle", "the recording ends before")  # t_o is no objective
 
 

@@ -18,6 +18,7 @@ from .problem import OBJECTIVES
 from .space import BOUNDS, check
 
 MANIFEST, JOURNAL, FRONT = "tune.json", "generations.jsonl", "front"
+COUNTS = ("rigs", "better_rigs", "pairs", "better", "failed", "missed")  # of a judgement, as judge.Verdict
 # the units in which the laboratory gave the settings
 SETTING_UNITS = {"sample_time": "ms", "pwm_frequency": "kHz", "supply_voltage": "V", "gain_p": "V/A", "gain_i": "V/(A s)",
                  "gain_d": "V s/A", "derivative_time": "ms", "current_limit": "mA", "t12": "ms", "t21": "ms"}
@@ -71,11 +72,13 @@ def write_front(folder: Path, rows: list[dict], manifest: dict) -> None:
     pa, pq = parquet()
     objectives = manifest["objectives"]
     columns = [pa.field("way", pa.string()), pa.field("dominates", pa.bool_(), metadata={
-        "about": "better than the compared settings in every pair of rig and operating point that was not searched on"})]
+        "about": "better than the compared settings on every rig of the judgement, which the search did not see"})]
+    columns += [pa.field(name, pa.int64()) for name in COUNTS]
     for name in objectives:
         about = OBJECTIVES[name][0] + ("" if name == "dip" else ", as a share of the compared settings'")
-        columns += [pa.field(name, pa.float64(), metadata={"about": f"worst where it was sought: {about}", "unit": "-"}),
-                    pa.field(f"{name}_unseen", pa.float64(), metadata={"about": f"worst elsewhere: {about}", "unit": "-"})]
+        columns += [pa.field(f"{name}{suffix}", pa.float64(), metadata={"about": f"{about}; {what}", "unit": "-"})
+                    for suffix, what in (("", "as it was sought"), ("_mean", "mean of the judgement's shifts"),
+                                         ("_worst", "worst of the judgement's shifts"))]
     for name in BOUNDS:
         columns.append(pa.field(name, pa.int64(), metadata={"unit": "mA" if name.endswith("current") else "ms"}))
     schema = pa.schema(columns, metadata={"rig_nodes.tune": json.dumps(manifest, ensure_ascii=False)})
@@ -88,14 +91,12 @@ def write_front(folder: Path, rows: list[dict], manifest: dict) -> None:
 def picture(way: str, rows: list[dict], objectives: list[str], chosen: dict[str, dict]) -> Figure:
     """The front of one way over its first two objectives; 1 is what the compared settings give."""
     x, y = objectives[:2]
-    figure = Figure(f"{way}: the worst of all rigs and operating points", _axis(x), _axis(y))
-    for title, kept, suffix in (("sought", rows, ""), ("elsewhere", rows, "_unseen")):
+    figure = Figure(f"{way}: settings that nothing found is better than", _axis(x), _axis(y))
+    for title, kept, suffix in (("as sought", rows, ""), ("elsewhere, mean", rows, "_mean"),
+                                *((f"{name}, elsewhere", [row], "_mean") for name, row in chosen.items())):
         points = [(row[f"{x}{suffix}"], row[f"{y}{suffix}"]) for row in kept if row[f"{x}{suffix}"] is not None]
         if points:
             figure.series.append(Series(title, *map(list, zip(*sorted(points))), line=False))
-    for name, row in chosen.items():
-        if row[f"{x}_unseen"] is not None:
-            figure.series.append(Series(name, [row[f"{x}_unseen"]], [row[f"{y}_unseen"]], line=False))
     if "dip" not in (x, y):
         figure.series.append(Series("compared", [1.0], [1.0], line=False))
     return figure

@@ -27,24 +27,29 @@ class Verdict:
     """Settings against the compared ones, shift by shift (each a pair: one rig, one operating point).
 
     shares: of each objective (worst, mean). better: pairs in which every share is below 1; failed: in which these
-    settings have no shift; missed: in which a bound is not kept.
+    settings have no shift; missed: in which a bound is not kept. rigs: how many there are, better_rigs: on how many of
+    them every share is below 1 in the mean over the operating points, and the highest peak no higher.
     """
 
     pairs: int
     better: int
     failed: int
     missed: int
+    rigs: int
+    better_rigs: int
     shares: dict[str, tuple[float, float]]
     highest_peak: float
+    compared_peak: float
 
     @property
     def dominates(self) -> bool:
-        """Better in every pair."""
-        return 0 < self.pairs == self.better
+        """Better on every rig, with every shift coming to its end."""
+        return 0 < self.rigs == self.better_rigs and not self.failed
 
     def as_dict(self) -> dict:
         return {"pairs": self.pairs, "better": self.better, "failed": self.failed, "bounds_missed": self.missed,
-                "dominates": self.dominates, "highest_peak_nm": self.highest_peak,
+                "rigs": self.rigs, "better_rigs": self.better_rigs, "dominates": self.dominates,
+                "highest_peak_nm": self.highest_peak, "compared_highest_peak_nm": self.compared_peak,
                 "shares": {name: {"worst": worst, "mean": mean} for name, (worst, mean) in self.shares.items()}}
 
 
@@ -52,10 +57,11 @@ def verdicts(task: Task, candidates: list[Alfa46Config], workers: Workers) -> li
     """Of each of the settings on all rigs and points of the task."""
     items = [(place, rig) for place in range(len(candidates)) for rig in range(len(task.rigs))]
     parts = workers.map(partial(_on_rig, task.pickled(), candidates), items)
-    found: list[list] = [[] for _ in candidates]
+    found: list[list[list]] = [[] for _ in candidates]
     for (place, _), pairs in zip(items, parts):
-        found[place] += pairs
-    return [_verdict(task, pairs) for pairs in found]
+        if pairs:
+            found[place].append(pairs)
+    return [_verdict(task, rigs) for rigs in found]
 
 
 def _on_rig(pickled: bytes, candidates: list[Alfa46Config], item: tuple[int, int]) -> list:
@@ -64,16 +70,25 @@ def _on_rig(pickled: bytes, candidates: list[Alfa46Config], item: tuple[int, int
     return ground.pairs(rig, ground.shifts(rig, candidates[place]))
 
 
-def _verdict(task: Task, pairs: list) -> Verdict:
-    good = [(shift, compared) for _, shift, compared in pairs if shift.valid]
-    shares = [{name: share(name, *pair) for name in task.objectives} for pair in good]
-    compared = [name for name in task.objectives if name != "dip"]
-    return Verdict(
-        len(pairs), sum(all(one[name] < 1.0 for name in compared) for one in shares), len(pairs) - len(good),
-        sum(excess(task, *pair) > 0.0 for pair in good),
-        {name: (max(one[name] for one in shares), sum(one[name] for one in shares) / len(shares))
-         for name in task.objectives} if shares else {},
-        max((shift.peak for shift, _ in good), default=float("nan")))
+def _verdict(task: Task, rigs: list[list]) -> Verdict:
+    names = [name for name in task.objectives if name != "dip"]
+    shares: dict[str, list[float]] = {name: [] for name in task.objectives}
+    better = failed = missed = better_rigs = 0
+    for pairs in rigs:
+        good = [(shift, compared) for _, shift, compared in pairs if shift.valid]
+        of_rig = {name: [share(name, *pair) for pair in good] for name in task.objectives}
+        for name, values in of_rig.items():
+            shares[name] += values
+        failed += len(pairs) - len(good)
+        missed += sum(excess(task, *pair) > 0.0 for pair in good)
+        better += sum(all(of_rig[name][k] < 1.0 for name in names) for k in range(len(good)))
+        better_rigs += bool(good) and all(sum(of_rig[name]) < len(good) for name in names) and (
+            max(shift.peak for shift, _ in good) <= max(compared.peak for _, compared in good))
+    every = [pair for pairs in rigs for pair in pairs]
+    return Verdict(len(every), better, failed, missed, len(rigs), better_rigs,
+                   {name: (max(x), sum(x) / len(x)) for name, x in shares.items() if x},
+                   max((shift.peak for _, shift, _ in every if shift.valid), default=float("nan")),
+                   max((compared.peak for _, _, compared in every), default=float("nan")))
 
 
 def as_measured(config: RigConfig, settings: Iterable[Alfa46Config], points: Iterable[Point], workers: Workers,

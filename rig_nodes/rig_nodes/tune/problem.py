@@ -137,10 +137,17 @@ def excess(task: Task, shift: Shift, compared: Shift) -> float:
 
 
 def judged(task: Task, pairs: list[tuple[Point, Shift, Shift]]) -> tuple[list[float], float] | None:
-    """(objectives, how far bounds are missed) of some shifts: of each the worst; None when one of them is no shift."""
+    """(objectives, how far bounds are missed) of some shifts; None when one of them is no shift.
+
+    An objective is half the mean and half the worst of its shares, so that 1 is what the compared settings give; of the
+    dip it is the worst.
+    """
     if not all(shift.valid for _, shift, _ in pairs):
         return None
-    values = [max(share(name, shift, compared) for _, shift, compared in pairs) for name in task.objectives]
+    values = []
+    for name in task.objectives:
+        shares = [share(name, shift, compared) for _, shift, compared in pairs]
+        values.append(max(shares) if name == "dip" else 0.5 * (sum(shares) / len(shares) + max(shares)))
     return values, max(excess(task, shift, compared) for _, shift, compared in pairs)
 
 

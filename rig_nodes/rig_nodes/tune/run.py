@@ -31,7 +31,7 @@ from .uncertainty import sampled_rigs
 LEAST = "least"  # the search for the smallest peak at the largest load of II-I
 BUDGET = {"I-II": 0.45, "II-I": 0.40, LEAST: 0.15}  # shares of the time of search
 DRAWS = 10  # times the rigs wanted that are sampled at most
-CANDIDATES = 24  # of a front, at most, that are judged elsewhere
+CANDIDATES = 20  # of a front, at most, that are judged elsewhere
 CHOICES = ("soft", "balanced", "fast")
 
 
@@ -190,25 +190,24 @@ def _judged_front(problem: Problem, study: search.Study, workers: Workers) -> li
     candidates = [settings(study.base, study.way, entry["values"], problem.config.wiring) for entry in front]
     rows = []
     for entry, verdict in zip(front, judge.verdicts(task, candidates, workers)):
-        row = {"way": study.way, "dominates": verdict.dominates and not verdict.missed, "failed": verdict.failed,
-               "pairs": verdict.pairs, "better": verdict.better}
+        row = {"way": study.way, "dominates": verdict.dominates, "rigs": verdict.rigs, "better_rigs": verdict.better_rigs,
+               "pairs": verdict.pairs, "better": verdict.better, "failed": verdict.failed, "missed": verdict.missed}
         for name, value in zip(problem.objectives, entry["objectives"]):
-            row[name], row[f"{name}_unseen"] = value, verdict.shares.get(name, (None,))[0]
+            row[name] = value
+            row[f"{name}_worst"], row[f"{name}_mean"] = verdict.shares.get(name, (None, None))
         rows.append({**row, **entry["values"]})
     return rows
 
 
 def choose(rows: list[dict], objectives) -> dict[str, dict]:
-    """Three settings of a judged front: soft (least of the first objective), fast (least of the second), balanced (least
-    of the larger one); of those that dominate, else of those that shift everywhere, else of all.
+    """Three settings of a judged front: soft (least mean of the first objective elsewhere), fast (of the second), balanced
+    (least of the larger one); of those that dominate, else of those that are better on the most rigs.
     """
     if not rows:
         return {}
-    for kind in (lambda row: row["dominates"], lambda row: not row["failed"], lambda row: True):
-        kept = [row for row in rows if kind(row)]
-        if kept:
-            break
-    first, second = (f"{name}_unseen" for name in objectives[:2])
+    most = max((row["dominates"], row["better_rigs"] - row["failed"]) for row in rows)
+    kept = [row for row in rows if (row["dominates"], row["better_rigs"] - row["failed"]) == most]
+    first, second = (f"{name}_mean" for name in objectives[:2])
 
     def value(row, key):
         return float("inf") if row[key] is None else row[key]
@@ -273,19 +272,19 @@ def text(summary: dict, objectives) -> str:
                      f"{one['front']} on the front")
     for way, front in summary["front"].items():
         lines.append(f"{way}: {front['dominating']} of {front['settings']} settings of the front are better than the "
-                     "compared ones in every shift on other rigs and in other operating points")
+                     "compared ones on every other rig, in operating points that were not searched")
         for name, row in summary["chosen"][way].items():
-            shares = ", ".join(f"{key} {row[f'{key}_unseen']:.3f}" for key in objectives
-                               if row[f"{key}_unseen"] is not None)
-            lines.append(f"  {name:<9} worst there: {shares}; {DELAY[way]} {row['delay']} ms")
+            shares = ", ".join(f"{key} {row[f'{key}_mean']:.3f}" for key in objectives if row[f"{key}_mean"] is not None)
+            lines.append(f"  {name:<9} mean there: {shares}; {DELAY[way]} {row['delay']} ms")
     lines.append("last check, rigs and points that nothing was sought or chosen by (shares of the compared settings):")
     for name, ways in summary["verdict"].items():
         for way, verdict in ways.items():
-            shares = ", ".join(f"{key} worst {one['worst']:.3f} mean {one['mean']:.3f}"
+            shares = ", ".join(f"{key} mean {one['mean']:.3f} worst {one['worst']:.3f}"
                                for key, one in verdict["shares"].items())
             says = "dominates" if verdict["dominates"] else "does not dominate"
-            lines.append(f"  {name:<9} {way:<5} better in {verdict['better']} of {verdict['pairs']} shifts "
-                         f"({verdict['failed']} failed): {says}; {shares}")
+            lines.append(f"  {name:<9} {way:<5} {says}: better on {verdict['better_rigs']} of {verdict['rigs']} rigs, in "
+                         f"{verdict['better']} of {verdict['pairs']} shifts ({verdict['failed']} failed); {shares}; highest "
+                         f"peak {verdict['highest_peak_nm']:.0f} Nm, compared {verdict['compared_highest_peak_nm']:.0f} Nm")
     lines.append("as measured on the rig itself (sequence grid_point): compared, then balanced")
     for row in summary["measured"]:
         cells = [("no shift" if row[name] is None else f"{row[name]['m_wej_max_nm']:.0f} Nm {row[name]['t_dt_s'] * 1e3:.0f} ms "

@@ -21,6 +21,7 @@ from .problem import INVALID, REFUSED, Ground, Task, dominates, front_of, judged
 from .space import BOUNDS, refused, settings
 
 POPULATION = 40
+NEAR = 1.05  # times the front: further away, settings are judged on the rig itself and on no other
 SEEDS_NEARBY = 0.12  # standard deviation of the first settings around those given, as a share of the bounds
 
 
@@ -106,7 +107,7 @@ def evaluate(pickled: bytes, way: str, base: Alfa46Config, best: list[list[float
 
     ``whole``: they were judged on all rigs. Settings that ask too much of the hardware are not tried: REFUSED and by how
     much [s]. A shift that has no end gives INVALID and the share of such shifts. Others are judged on one rig after the
-    other, until settings of the front ``best`` dominate what was found so far: the next rig can only make it worse.
+    other, until settings of the front ``best`` are better than what was found so far by more than NEAR in everything.
     """
     ground = Ground.of(pickled)
     task = ground.task
@@ -122,7 +123,7 @@ def evaluate(pickled: bytes, way: str, base: Alfa46Config, best: list[list[float
         if found is None:
             bad = sum(not shift.valid for _, shift, _ in pairs) / len(pairs)
             return {"objectives": [INVALID + bad] * count, "excess": INVALID + bad, "whole": False}
-        if rig < len(task.rigs) - 1 and any(dominates(one, found[0]) for one in best):
+        if rig < len(task.rigs) - 1 and any(dominates([NEAR * value for value in one], found[0]) for one in best):
             return {"objectives": found[0], "excess": found[1], "whole": False}
     return {"objectives": found[0], "excess": found[1], "whole": True}
 
