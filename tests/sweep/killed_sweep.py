@@ -1,6 +1,7 @@
 """A sweep in a process of its own for test_resume.py: says what it does line by line, so that the test can wait for it.
 
-Arguments: folder, number of processes, and "many" for two thousand members of demo. Lines: "processes PID ...", then "finished N" for each member.
+Arguments: folder, number of processes, and "many" for two thousand members of demo. Lines: "processes PID ...", then
+"finished N" for each member.
 """
 
 import sys

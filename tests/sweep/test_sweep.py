@@ -1,4 +1,4 @@
-"""Members, their rows and the command: the same bits wherever a member runs, a failing one is a row, the rest goes on."""
+"""Members, their rows and the command: the same bits wherever a member runs; a failing one is a row."""
 
 import json
 from pathlib import Path
@@ -99,4 +99,4 @@ def test_dask_gives_the_same_rows(tmp_path):
 
 def test_no_cluster_there(tmp_path):
     with pytest.raises(RigError, match="expected a number of processes"):
-        run_verb("sweep", [SHORT, "--vary", "rest=30 ms, 60 ms", "--dask", "local:none", "--out", str(tmp_path / "sweep")])
+        run_verb("sweep", [SHORT, "--vary", "rest=30 ms, 60 ms", "--dask", "local:none", "--out", str(tmp_path / "s")])

@@ -19,18 +19,18 @@ OF_A_PLAN = ("vary", "method", "samples", "seed", "repeats", "settings", "parame
 
 
 def add_arguments(parser) -> None:
-    parser.add_argument("what", help="a sequence, with --vary; a sweep's .yaml file; or the folder of a sweep, to go on "
-                                     "with it")
+    parser.add_argument("what",
+                        help="a sequence, with --vary; a sweep's .yaml file; or a sweep's folder, to go on with it")
     parser.add_argument("--vary", action="append", metavar="NAME=SPEC",
                         help="a parameter, as --set or --with name it, and what it takes: \"LOW .. HIGH\", "
-                             "\"LOW .. HIGH in 5\", \"LOW .. HIGH step 10 ms\" (and log behind it), \"A, B, C\"; may be "
-                             "repeated")
+                             "\"LOW .. HIGH in 5\", \"LOW .. HIGH step 10 ms\" (and log behind it), \"A, B, C\"; may "
+                             "be repeated")
     parser.add_argument("--method", metavar="NAME", help="grid (default), list (values row by row), random, lhs "
                                                          "(Latin hypercube; default with --samples)")
     parser.add_argument("--samples", type=int, metavar="N", help="members that random and lhs draw")
     parser.add_argument("--repeats", type=int, metavar="N", help="runs of each point, with other noise (default 1)")
-    parser.add_argument("--seed", type=int, metavar="N", help="of the points drawn and of the first member; the others' "
-                                                              "seeds follow (default 1)")
+    parser.add_argument("--seed", type=int, metavar="N",
+                        help="of the points drawn and of the first member; the others' seeds follow (default 1)")
     parser.add_argument("--set", action="append", metavar="KEY=VALUE", dest="settings",
                         help="a value of the rig for all members (may be repeated)")
     parser.add_argument("--with", action="append", metavar="NAME=VALUE", dest="parameters",

@@ -15,30 +15,38 @@ def add_arguments(parser) -> None:
     parser.add_argument("--ways", nargs="+", default=["I-II", "II-I"], metavar="WAY", help="I-II, II-I (default: both)")
     parser.add_argument("--speeds", default="1000 rpm .. 2000 rpm", metavar="RANGE",
                         help="of the input shaft (default \"1000 rpm .. 2000 rpm\", the thesis's)")
-    parser.add_argument("--load-up", default="40 Nm .. 120 Nm", metavar="RANGE", help="M_wyj before I-II (default the thesis's)")
-    parser.add_argument("--load-down", default="40 Nm .. 240 Nm", metavar="RANGE", help="before II-I (default the thesis's)")
-    parser.add_argument("--objectives", default="peak,time", metavar="A,B", help="two or more of peak, time, dip, energy, jerk "
-                        "(default peak,time); the first two are drawn and chosen by")
+    parser.add_argument("--load-up", default="40 Nm .. 120 Nm", metavar="RANGE",
+                        help="M_wyj before I-II (default the thesis's)")
+    parser.add_argument("--load-down", default="40 Nm .. 240 Nm", metavar="RANGE",
+                        help="before II-I (default the thesis's)")
+    parser.add_argument("--objectives", default="peak,time", metavar="A,B",
+                        help="two or more of peak, time, dip, energy, jerk (default peak,time); the first two are "
+                             "drawn and chosen by")
     parser.add_argument("--bound", action="append", default=[], metavar="NAME=VALUE", dest="bounds",
-                        help="largest value of an objective in any shift, e.g. peak=\"300 Nm\" (may be repeated; dip is "
-                             "bounded to 5 %%, or what the compared settings dip)")
-    parser.add_argument("--oil", default="20 degC .. 60 degC", metavar="RANGE", help="temperatures (default 20 to 60 degC)")
-    parser.add_argument("--rigs", type=int, default=3, metavar="N", help="sampled rigs beside the rig itself (default 3)")
-    parser.add_argument("--judge-rigs", type=int, default=6, metavar="N", help="other sampled rigs to judge on (default 6)")
+                        help="largest value of an objective in any shift, e.g. peak=\"300 Nm\" (may be repeated; "
+                             "dip is bounded to 5 %%, or what the compared settings dip)")
+    parser.add_argument("--oil", default="20 degC .. 60 degC", metavar="RANGE",
+                        help="temperatures (default 20 to 60 degC)")
+    parser.add_argument("--rigs", type=int, default=3, metavar="N",
+                        help="sampled rigs beside the rig itself (default 3)")
+    parser.add_argument("--judge-rigs", type=int, default=6, metavar="N",
+                        help="other sampled rigs to judge on (default 6)")
     parser.add_argument("--points", type=int, default=8, metavar="N", help="operating points to judge in (default 8)")
-    parser.add_argument("--spreads", metavar="FILE", help="spreads of the calibrated parameters, from rig calibrate --json "
-                                                          "(default: determined anew)")
+    parser.add_argument("--spreads", metavar="FILE",
+                        help="spreads of the calibrated parameters, from rig calibrate --json (default: determined "
+                             "anew)")
     parser.add_argument("--rig", default="hydmag", metavar="NAME", help="rig or .yaml file; its controller is what is "
                                                                         "compared with (default: hydmag)")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
                         help="change one value of the rig (may be repeated)")
     parser.add_argument("--minutes", type=float, default=8.0, metavar="T", help="of search (default 8)")
-    parser.add_argument("--generations", type=int, metavar="N", help="at most so many of each search: the same settings each "
-                                                                     "time, however fast the machine is")
+    parser.add_argument("--generations", type=int, metavar="N",
+                        help="at most so many of each search: the same settings each time, however fast the machine "
+                             "is")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of search and sampled rigs (default 1)")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes (default 2)")
-    parser.add_argument("--out", metavar="DIR", help="folder (default: runs/tune-<n>); one that holds the same tuning is gone "
-                                                     "on with")
+    parser.add_argument("--out", metavar="DIR",
+                        help="folder (default: runs/tune-<n>); one that holds the same tuning is gone on with")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 
 

@@ -36,7 +36,7 @@ class Varied:
     """One parameter that is varied.
 
     name: of the rig (as ``--set``, or a point's ``.time`` or ``.current``), of the sequence (as ``--with``), or "seed".
-    of: "rig", "sequence" or "seed". unit: of its numbers, as it was first written; "" for whole numbers, None for words.
+    of: "rig", "sequence" or "seed". unit: of its numbers, as first written; "" for whole numbers, None for words.
     values: those it takes; empty for a range from low to high that values are drawn from, along its logarithm if log.
     """
 
@@ -136,16 +136,16 @@ class Plan:
         """Plain data, from which :func:`plan_of` makes the plan again."""
         return {"sequence": self.sequence, "rig": self.rig, "method": self.method, "samples": self.samples,
                 "seed": self.seed, "repeats": self.repeats, "description": self.description,
-                "varied": [{"name": one.name, "of": one.of, "unit": one.unit, "values": list(one.values), "low": one.low,
-                            "high": one.high, "log": one.log} for one in self.varied],
+                "varied": [{"name": one.name, "of": one.of, "unit": one.unit, "values": list(one.values),
+                            "low": one.low, "high": one.high, "log": one.log} for one in self.varied],
                 "set": self.fixed, "with": self.fixed_with}
 
 
 def plan_of(data: dict) -> Plan:
     """The plan of :meth:`Plan.as_dict`."""
     varied = tuple(Varied(**{**one, "values": tuple(one["values"])}) for one in data["varied"])
-    return Plan(**{key: data[key] for key in ("sequence", "rig", "method", "samples", "seed", "repeats", "description")},
-                varied=varied, fixed=data["set"], fixed_with=data["with"])
+    names = ("sequence", "rig", "method", "samples", "seed", "repeats", "description")
+    return Plan(**{name: data[name] for name in names}, varied=varied, fixed=data["set"], fixed_with=data["with"])
 
 
 def read_plan(path: str | Path) -> Plan:
@@ -207,7 +207,8 @@ def make_plan(sequence: str, vary: dict, rig: str = "hydmag", method: str | None
 
 def _place(name: str) -> str:
     """A file by its absolute path, so that the sweep can go on from another folder; an installed name as it is."""
-    return str(Path(name).expanduser().absolute()) if str(name).endswith((".yaml", ".yml")) or "/" in str(name) else str(name)
+    text = str(name)
+    return str(Path(text).expanduser().absolute()) if text.endswith((".yaml", ".yml")) or "/" in text else text
 
 
 def _check_method(method: str, samples: int | None, varied: list[Varied], wheres: dict[str, str]) -> None:
@@ -330,7 +331,7 @@ def _range(name: str, of: str, dimension: str, match, where: str, config, sequen
 
 
 def _check(one: Varied, value, where: str, config, sequence) -> None:
-    """RigError when rig or sequence would refuse this value by itself; what does not fit others shows when a member runs."""
+    """RigError when rig or sequence would refuse this value by itself; what does not fit others, a run shows."""
     if one.of == "sequence":
         try:
             load_sequence(sequence, {one.name: one.text(value)})

@@ -1,7 +1,8 @@
 """The folder of a sweep: what it is, a journal of finished members, and the results as Parquet.
 
-Used by sweep.run and the verb ``sweep``; the journal by tune.folder too. A member counts as finished when its line of the journal is whole, which its
-checksum says; a line half written by a killed process is cut off and its member runs again.
+Used by sweep.run and the verb ``sweep``; the journal by tune.folder too. A member counts as finished when its line of
+the journal is whole, which its checksum says; a line half written by a killed process is cut off and its member runs
+again.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ class Store:
     """An open folder; a context manager that keeps others out of it. ``done``: numbers of finished members."""
 
     def __init__(self, folder: Path, manifest: dict):
-        """Opens the folder, or makes it. RigError when it holds another sweep, something else, or somebody works in it."""
+        """Opens the folder, or makes it. RigError when it holds something else, or somebody works in it."""
         self.folder, self.manifest = Path(folder), manifest
         path = self.folder / MANIFEST
         if not path.exists():

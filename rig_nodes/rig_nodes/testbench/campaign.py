@@ -103,9 +103,9 @@ class Workers:
                items: Iterable) -> Iterator[tuple[int, Any, Exception | None]]:
         """(place, result, error) of each item as it comes, for long lists that nothing may stop.
 
-        ``error`` is None, or what the item raised: a RigError, a RuntimeError with the traceback. The place of a process
-        that is killed is taken by a new one, which tries its item again; an item that has lost TRIES processes comes
-        with a RigError. An interrupt is passed on; after it only __exit__ is left.
+        ``error`` is None, or what the item raised: a RigError, a RuntimeError with the traceback. The place of a
+        process that is killed is taken by a new one, which tries its item again; an item that has lost TRIES processes
+        comes with a RigError. An interrupt is passed on; after it only __exit__ is left.
         """
         if self.jobs == 1:
             for place, item in enumerate(items):

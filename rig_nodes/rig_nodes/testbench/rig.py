@@ -489,7 +489,7 @@ class Rig:
         return self.sample, self.row().copy(), tuple(part.copy() for part in self._state())
 
     def restore(self, snapshot: tuple) -> None:
-        """Go back (or on) to a state that a rig of this configuration and seed was in. Older rows are not there any more."""
+        """Go to a state that a rig of this configuration and seed was in. Older rows are not there any more."""
         self.sample, row, parts = snapshot[0], snapshot[1], snapshot[2]
         for part, value in zip(self._state(), parts):
             part[...] = value
@@ -497,7 +497,7 @@ class Rig:
         self._ordered, self._drained = None, 0
 
     def set_controller(self, settings: Alfa46Config) -> None:
-        """Other settings of the embedded controller from the next sample on; a profile that runs goes on with its times."""
+        """Other settings of the embedded controller from the next sample on; a profile that runs takes its new points."""
         self._law_config[:] = settings.law_config()
         self._law_profiles[:] = settings.profiles
         self.config = replace(self.config, alfa46=settings)

@@ -1,4 +1,4 @@
-"""Shifts at operating points, fast: a rig is brought to each point once and put aside there; one shift then costs 1 to 2 s.
+"""Shifts at operating points, fast: a rig is brought to each point once and put aside; a shift then costs 1 to 2 s.
 
 Used by tune.search and tune.judge in their worker processes. The plant is the rig's own, the channels show the truth
 (no transducers), the metrics are those of analysis.metrics.
@@ -49,9 +49,9 @@ class Point:
 class Shift:
     """What one shift gave, SI; missing numbers are None where it did not come to its end (``why`` says why).
 
-    peak: highest M_wej from the order to the end of the window; time: t_c, from the order to the new gear; t_dt: from the
-    fall of the old pressure; dip: how far k lies below 1; heat: of both clutches; jerk: largest change of the output's
-    acceleration [rad/s3]; before: M_wej before the order.
+    peak: highest M_wej from the order to the end of the window; time: t_c, from the order to the new gear; t_dt: from
+    the fall of the old pressure; dip: how far k lies below 1; heat: of both clutches; jerk: largest change of the
+    output's acceleration [rad/s3]; before: M_wej before the order.
     """
 
     peak: float | None

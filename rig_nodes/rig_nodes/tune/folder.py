@@ -20,8 +20,10 @@ from .space import BOUNDS, check
 MANIFEST, JOURNAL, FRONT = "tune.json", "generations.jsonl", "front"
 COUNTS = ("rigs", "better_rigs", "pairs", "better", "failed", "missed")  # of a judgement, as judge.Verdict
 # the units in which the laboratory gave the settings
-SETTING_UNITS = {"sample_time": "ms", "pwm_frequency": "kHz", "supply_voltage": "V", "gain_p": "V/A", "gain_i": "V/(A s)",
-                 "gain_d": "V s/A", "derivative_time": "ms", "current_limit": "mA", "t12": "ms", "t21": "ms"}
+SETTING_UNITS = {
+    "sample_time": "ms", "pwm_frequency": "kHz", "supply_voltage": "V", "gain_p": "V/A", "gain_i": "V/(A s)",
+    "gain_d": "V s/A", "derivative_time": "ms", "current_limit": "mA", "t12": "ms", "t21": "ms",
+}
 
 
 def open_journal(folder: Path, manifest: dict) -> Journal:
@@ -45,11 +47,13 @@ def open_journal(folder: Path, manifest: dict) -> Journal:
 def controller_yaml(settings: Alfa46Config, title: str) -> str:
     """The settings as a file for ``controller:`` of a rig, whole ms and mA; RigError when the box would refuse them."""
     check(settings)
-    lines = [f"# {title}", "# Values are [value with unit, \"its source\"]; profiles are [time, current] for P1 to P6.", ""]
+    lines = [f"# {title}",
+             "# Values are [value with unit, \"its source\"]; profiles are [time, current] for P1 to P6.", ""]
     for field in fields(Alfa46Values):
         unit = SETTING_UNITS[field.name]
         source = "rig tune" if field.name in ("t12", "t21") else "as in the settings it began from"
-        lines.append(f'{field.name}: [{_number(getattr(settings.values, field.name) / UNITS[unit][1])} {unit}, "{source}"]')
+        value = getattr(settings.values, field.name) / UNITS[unit][1]
+        lines.append(f'{field.name}: [{value:.10g} {unit}, "{source}"]')
     lines += ["", "# P1-P3 count from switch-on, P4-P6 from switch-off", "profiles:"]
     for key, profile in zip(OUTPUT_KEYS, settings.profiles):
         lines.append(f"  {key}:")
@@ -61,10 +65,6 @@ def controller_yaml(settings: Alfa46Config, title: str) -> str:
 def rig_yaml(base: str, controller: str, title: str) -> str:
     """A rig with a controller's file beside it."""
     return f"description: {json.dumps(title, ensure_ascii=False)}\nbase: {base}\ncontroller: {controller}\n"
-
-
-def _number(value: float) -> str:
-    return f"{value:.10g}"
 
 
 def write_front(folder: Path, rows: list[dict], manifest: dict) -> None:

@@ -120,9 +120,9 @@ def _measured(config: RigConfig, item) -> dict | None:
 
 @dataclass(frozen=True)
 class Heavy:
-    """Downshifts at one speed. Before the shift M_wej is ``before`` already, at ``load``; ``least`` and ``compared`` are
-    the peaks with the settings sought for this and with the compared ones; the *_load are the largest loads [Nm] at which
-    each of the three stays within the engine's torque.
+    """Downshifts at one speed. Before the shift M_wej is ``before`` already, at ``load``; ``least`` and ``compared``
+    are the peaks with the settings sought for this and with the compared ones; the *_load are the largest loads [Nm]
+    at which each of the three stays within the engine's torque.
     """
 
     n_wej: float

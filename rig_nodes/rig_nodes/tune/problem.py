@@ -5,7 +5,6 @@ Used by tune.search and tune.judge; plain data that goes to worker processes and
 
 from __future__ import annotations
 
-import math
 import pickle
 from dataclasses import dataclass
 from functools import lru_cache
@@ -103,7 +102,7 @@ def _ground(pickled: bytes) -> Ground:
 
 
 def held(config: RigConfig, points: list[Point]) -> tuple[list[Point], list[str]]:
-    """(points with loads lowered until the rig holds them, a sentence for each that was); RigError when one has none."""
+    """(points, loads lowered until the rig holds them; a sentence for each that was); RigError where none helps."""
     bench, out, said = Bench(config), [], []
     for point in points:
         load = point.m_wyj
@@ -165,8 +164,3 @@ def front_of(entries: list, values) -> list:
             kept.append(entry)
             seen.add(mine)
     return [e for e in kept if not any(dominates(values(o), values(e)) for o in kept)]
-
-
-def finite(value: float | None) -> float | None:
-    """For JSON."""
-    return value if value is None or math.isfinite(value) else None

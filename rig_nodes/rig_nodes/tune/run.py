@@ -37,8 +37,8 @@ CHOICES = ("soft", "balanced", "fast")
 
 @dataclass(frozen=True)
 class Problem:
-    """What was asked for. ranges: way -> Range; rigs, judge_rigs: how many sampled rigs there are beside the rig itself,
-    in the search and in the judgement; points: operating points of each way in the judgement; oil: [degC].
+    """What was asked for. ranges: way -> Range; rigs, judge_rigs: how many sampled rigs there are beside the rig
+    itself, in the search and in the judgement; points: operating points of each way in the judgement; oil: [degC].
     """
 
     rig: str
@@ -65,8 +65,8 @@ class Problem:
                              **{name: version(name) for name in ("numpy", "scipy", "numba", "optuna")}}}
 
     def task(self, points: list[Point], rigs: int, seed: int, objectives: tuple[str, ...] | None = None) -> Task:
-        """Shifts on the rig itself and on sampled ones on which the compared settings shift in all points, as they did in the
-        laboratory: a rig on which they do not is none that its rows allow. RigError when hardly any is.
+        """Shifts on the rig itself and on sampled ones on which the compared settings shift in all points, as they did
+        in the laboratory: a rig on which they do not is none that its rows allow. RigError when hardly any is.
         """
         chosen: list[RigConfig] = []
         for turn in range(DRAWS if rigs else 0):
@@ -78,8 +78,8 @@ class Problem:
                 break
         else:
             if rigs:
-                raise RigError(f"of {DRAWS * rigs} sampled rigs only {len(chosen)} shift with the settings that are there; the "
-                               "spreads are too wide, give others with --spreads")
+                raise RigError(f"of {DRAWS * rigs} sampled rigs only {len(chosen)} shift with the settings that are "
+                               "there; the spreads are too wide, give others with --spreads")
         return Task((self.config, *chosen), tuple(points), self.config.alfa46, objectives or self.objectives,
                     tuple(sorted(self.bounds.items())))
 
@@ -152,7 +152,8 @@ def _finish(problem: Problem, folder: Path, studies: dict[str, search.Study], wo
     manifest = problem.manifest()
     files.write_front(folder, rows, manifest)
     write_pictures([(f"{files.FRONT}_{way}", files.picture(way, [row for row in rows if row["way"] == way],
-                                                            list(problem.objectives), chosen[way])) for way in chosen], folder)
+                                                           list(problem.objectives), chosen[way]))
+                    for way in chosen], folder)
     controllers = _write_controllers(problem, folder, chosen)
     verdict = _last_verdict(problem, controllers, workers)
     summary = {
@@ -190,8 +191,8 @@ def _judged_front(problem: Problem, study: search.Study, workers: Workers) -> li
     candidates = [settings(study.base, study.way, entry["values"], problem.config.wiring) for entry in front]
     rows = []
     for entry, verdict in zip(front, judge.verdicts(task, candidates, workers)):
-        row = {"way": study.way, "dominates": verdict.dominates, "rigs": verdict.rigs, "better_rigs": verdict.better_rigs,
-               "pairs": verdict.pairs, "better": verdict.better, "failed": verdict.failed, "missed": verdict.missed}
+        row = {"way": study.way, "dominates": verdict.dominates,
+               **{name: getattr(verdict, name) for name in files.COUNTS}}
         for name, value in zip(problem.objectives, entry["objectives"]):
             row[name] = value
             row[f"{name}_worst"], row[f"{name}_mean"] = verdict.shares.get(name, (None, None))
@@ -200,8 +201,8 @@ def _judged_front(problem: Problem, study: search.Study, workers: Workers) -> li
 
 
 def choose(rows: list[dict], objectives) -> dict[str, dict]:
-    """Three settings of a judged front: soft (least mean of the first objective elsewhere), fast (of the second), balanced
-    (least of the larger one); of those that dominate, else of those that are better on the most rigs.
+    """Three settings of a judged front: soft (least mean of the first objective elsewhere), fast (of the second),
+    balanced (least of the larger one); of those that dominate, else of those that are better on the most rigs.
     """
     if not rows:
         return {}
@@ -268,13 +269,14 @@ def text(summary: dict, objectives) -> str:
     """The summary for the terminal."""
     lines = [*summary["said"]]
     for name, one in summary["searches"].items():
-        lines.append(f"{name}: {one['settings']} settings in {one['generations']} generations, each on {one['shifts_like']}; "
-                     f"{one['front']} on the front")
+        lines.append(f"{name}: {one['settings']} settings in {one['generations']} generations, each on "
+                     f"{one['shifts_like']}; {one['front']} on the front")
     for way, front in summary["front"].items():
         lines.append(f"{way}: {front['dominating']} of {front['settings']} settings of the front are better than the "
                      "compared ones on every other rig, in operating points that were not searched")
         for name, row in summary["chosen"][way].items():
-            shares = ", ".join(f"{key} {row[f'{key}_mean']:.3f}" for key in objectives if row[f"{key}_mean"] is not None)
+            shares = ", ".join(f"{key} {row[f'{key}_mean']:.3f}" for key in objectives
+                               if row[f"{key}_mean"] is not None)
             lines.append(f"  {name:<9} mean there: {shares}; {DELAY[way]} {row['delay']} ms")
     lines.append("last check, rigs and points that nothing was sought or chosen by (shares of the compared settings):")
     for name, ways in summary["verdict"].items():
@@ -282,21 +284,30 @@ def text(summary: dict, objectives) -> str:
             shares = ", ".join(f"{key} mean {one['mean']:.3f} worst {one['worst']:.3f}"
                                for key, one in verdict["shares"].items())
             says = "dominates" if verdict["dominates"] else "does not dominate"
-            lines.append(f"  {name:<9} {way:<5} {says}: better on {verdict['better_rigs']} of {verdict['rigs']} rigs, in "
-                         f"{verdict['better']} of {verdict['pairs']} shifts ({verdict['failed']} failed); {shares}; highest "
-                         f"peak {verdict['highest_peak_nm']:.0f} Nm, compared {verdict['compared_highest_peak_nm']:.0f} Nm")
+            highest, compared = verdict["highest_peak_nm"], verdict["compared_highest_peak_nm"]
+            lines.append(f"  {name:<9} {way:<5} {says}: better on {verdict['better_rigs']} of {verdict['rigs']} rigs, "
+                         f"in {verdict['better']} of {verdict['pairs']} shifts ({verdict['failed']} failed); {shares}; "
+                         f"highest peak {highest:.0f} Nm, compared {compared:.0f} Nm")
     lines.append("as measured on the rig itself (sequence grid_point): compared, then balanced")
     for row in summary["measured"]:
-        cells = [("no shift" if row[name] is None else f"{row[name]['m_wej_max_nm']:.0f} Nm {row[name]['t_dt_s'] * 1e3:.0f} ms "
-                  f"(t_c {row[name]['t_c_s'] * 1e3:.0f} ms) k {row[name]['k']:.3f}") for name in ("compared", "balanced")]
-        lines.append(f"  {row['point']:<22} {cells[0]}  |  {cells[1]}")
+        lines.append(f"  {row['point']:<22} {_cell(row['compared'])}  |  {_cell(row['balanced'])}")
     for one in summary.get("largest_load", {}).get("speeds", []):
         within = one["load_within_engine_nm"]
         kept = one["least_peak_nm"] is not None and one["least_peak_nm"] <= one["engine_nm"]
         lines.append(
-            f"II-I at {one['n_wej_rpm']:.0f} rpm, {one['load_nm']:.0f} Nm: least peak found {one['least_peak_nm']:.0f} Nm "
-            f"(compared {one['compared_peak_nm']:.0f} Nm), {one['m_wej_before_nm']:.0f} Nm before the shift already; "
-            f"{one['engine_nm']:.0f} Nm {'can' if kept else 'cannot'} be kept. Up to {within['least_peak']:.0f} Nm it can "
-            f"(compared {within['compared']:.0f} Nm; gear II alone reaches it at {within['before_the_shift']:.0f} Nm)")
-    lines.append(f"written to {summary['folder']}; try: ./rig simulate demo --rig {summary['folder']}/rig_balanced.yaml")
+            f"II-I at {one['n_wej_rpm']:.0f} rpm, {one['load_nm']:.0f} Nm: least peak found "
+            f"{one['least_peak_nm']:.0f} Nm (compared {one['compared_peak_nm']:.0f} Nm), "
+            f"{one['m_wej_before_nm']:.0f} Nm before the shift already; {one['engine_nm']:.0f} Nm {'can' if kept else 'cannot'} be kept. Up to "
+            f"{within['least_peak']:.0f} Nm of load it can (compared {within['compared']:.0f} Nm; gear II alone "
+            f"reaches it at {within['before_the_shift']:.0f} Nm)")
+    folder = summary["folder"]
+    lines.append(f"written to {folder}; try: ./rig simulate demo --rig {folder}/rig_balanced.yaml")
     return "\n".join(lines)
+
+
+def _cell(row: dict | None) -> str:
+    """One shift in the table of what was measured."""
+    if row is None:
+        return "no shift"
+    return (f"{row['m_wej_max_nm']:.0f} Nm, t_d {row['t_dt_s'] * 1e3:.0f} ms, t_c {row['t_c_s'] * 1e3:.0f} ms, "
+            f"k {row['k']:.3f}")

@@ -1,7 +1,7 @@
 """The search itself: NSGA-II of optuna over whole ms and mA, a generation at a time, judged in worker processes.
 
-Used by the verb ``tune``. Each generation is noted in the journal when it is whole; from there a search goes on as if it
-had not been interrupted, because every generation draws with a seed of its own.
+Used by the verb ``tune``. Each generation is noted in the journal when it is whole; from there a search goes on as if
+it had not been interrupted, because every generation draws with a seed of its own.
 """
 
 from __future__ import annotations
@@ -87,8 +87,8 @@ def _run(optuna, study: Study, workers: Workers, note, until) -> None:
 def _sampler(optuna, seed: int):
     genetic = optuna.samplers.nsgaii
     return optuna.samplers.NSGAIISampler(
-        population_size=POPULATION, crossover=genetic.SBXCrossover(eta=5.0), mutation=genetic.PolynomialMutation(eta=15.0),
-        mutation_prob=0.15, seed=seed % 2**32)
+        population_size=POPULATION, crossover=genetic.SBXCrossover(eta=5.0),
+        mutation=genetic.PolynomialMutation(eta=15.0), mutation_prob=0.15, seed=seed % 2**32)
 
 
 def first_settings(study: Study) -> list[dict[str, int]]:
@@ -105,9 +105,9 @@ def first_settings(study: Study) -> list[dict[str, int]]:
 def evaluate(pickled: bytes, way: str, base: Alfa46Config, best: list[list[float]], values: dict[str, int]) -> dict:
     """Objectives of settings, in a worker process.
 
-    ``whole``: they were judged on all rigs. Settings that ask too much of the hardware are not tried: REFUSED and by how
-    much [s]. A shift that has no end gives INVALID and the share of such shifts. Others are judged on one rig after the
-    other, until settings of the front ``best`` are better than what was found so far by more than NEAR in everything.
+    ``whole``: they were judged on all rigs. Settings that ask too much of the hardware are not tried: REFUSED and by
+    how much [s]. A shift that has no end gives INVALID and the share of such shifts. Others are judged on one rig after
+    the other, until settings of the front ``best`` are better than what was found so far by more than NEAR in everything.
     """
     ground = Ground.of(pickled)
     task = ground.task

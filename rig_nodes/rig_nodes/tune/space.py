@@ -34,7 +34,7 @@ MS, MA = 1e-3, 1e-3
 
 @dataclass(frozen=True)
 class Rates:
-    """What the coil can follow [A/s] between two currents: rising with the supply, falling through its own resistance."""
+    """What a coil can follow between two currents: rising with the supply, falling through its own resistance."""
 
     supply: float  # V
     resistance: float  # ohm
@@ -43,10 +43,11 @@ class Rates:
     @classmethod
     def of(cls, config: RigConfig, valve: int) -> Rates:
         coil = (config.valve_zr_p1, config.valve_zr_p2)[valve]
-        return cls(min(coil.coil_voltage, config.alfa46.values.supply_voltage), coil.coil_resistance, coil.coil_inductance)
+        supply = min(coil.coil_voltage, config.alfa46.values.supply_voltage)
+        return cls(supply, coil.coil_resistance, coil.coil_inductance)
 
     def shortest(self, i0: float, i1: float) -> float:
-        """Least time [s] for a straight line from i0 to i1 [A]: the slope that the coil still follows at its worse end."""
+        """Least time [s] for a straight line from i0 to i1 [A]: the coil still follows its slope at the worse end."""
         if i1 > i0:
             spare = self.supply - self.resistance * i1
             return np.inf if spare <= 0.0 else (i1 - i0) * self.inductance / spare
@@ -86,7 +87,7 @@ def settings(base: Alfa46Config, way: str, values: dict[str, int], wiring: tuple
 
 
 def refused(base: RigConfig, way: str, values: dict[str, int]) -> float:
-    """By how much (s, 0: not at all) settings ask for more than the hardware gives: rates of the coils, length of the shift."""
+    """By how much [s] settings ask for more than the hardware gives, slopes and length together; 0: not at all."""
     config = settings(base.alfa46, way, values, base.wiring)
     engaging, releasing = WAYS[way]
     too_much = 0.0

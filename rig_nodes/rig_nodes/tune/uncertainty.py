@@ -46,7 +46,7 @@ def _stage_spread(config: RigConfig, stage: str) -> dict[str, float]:
 
 
 def read_spreads(path: str | Path) -> dict[str, float]:
-    """The spreads in a file of ``rig calibrate --json``; RigError when it is none or names parameters that are not there."""
+    """The spreads in a file of ``rig calibrate --json``; RigError when it is none or is of another calibration."""
     try:
         spread = json.loads(Path(path).read_text(encoding="utf-8"))["spread"]
         spread = {str(name): float(value) for name, value in spread.items()}
@@ -60,15 +60,17 @@ def read_spreads(path: str | Path) -> dict[str, float]:
 
 def sampled_rigs(config: RigConfig, spreads: dict[str, float], oil: tuple[float, float], count: int,
                  seed: int) -> list[RigConfig]:
-    """``count`` rigs: each parameter within its spread around the rig's value and within its bounds, the oil between two
-    temperatures [degC], by a Latin hypercube of this seed.
+    """``count`` rigs: each parameter within its spread around the rig's value and within its bounds, the oil between
+    two temperatures [degC], by a Latin hypercube of this seed.
     """
     known, now = parameters(), values_now(config)
     names = [name for name in known if spreads.get(name, 0.0) > 0.0]
     rigs = []
     for row in qmc.LatinHypercube(len(names) + 1, seed=np.random.default_rng(seed)).random(count).tolist():
-        values = {name: float(np.clip(now[name] + spreads[name] * (2.0 * share - 1.0), known[name].low, known[name].high))
-                  for name, share in zip(names, row)}
+        values = {}
+        for name, share in zip(names, row):
+            value = now[name] + spreads[name] * (2.0 * share - 1.0)
+            values[name] = float(np.clip(value, known[name].low, known[name].high))
         rig = with_values(config, known, values)
         temperature = oil[0] + (oil[1] - oil[0]) * row[-1]
         rigs.append(replace(rig, oil_supply=replace(rig.oil_supply, temperature=temperature)))
