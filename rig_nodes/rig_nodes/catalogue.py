@@ -1,4 +1,4 @@
-"""The signal catalogue: every topic and every signal of the rig, once.
+"""The signal catalogue: every topic and every signal of every kind of rig, once.
 
 Read by the nodes, the recorder, the view, the report and the docs; the data is config/signals.yaml.
 """
@@ -55,19 +55,34 @@ class Signal:
 
 @dataclass(frozen=True)
 class Catalogue:
-    """All topics and signals, by name, in the order of the file.
+    """All topics and signals of a kind of rig, by name, in the order of the file.
 
-    topics: of every run; cut_topics: of runs in which their device stands outside the plant.
+    topics: of every run; cut_topics: of runs in which their device stands outside the plant; controller_topics: of
+    runs whose controller has signals of its own; others: the catalogues of the other kinds, which the gearbox rig's
+    knows, so that a bag or a sequence of any kind can be read with it.
     """
 
     topics: dict[str, Topic]
     signals: dict[str, Signal]
     cut_topics: dict[str, Topic]
+    controller_topics: dict[str, Topic]
+    others: dict[str, Catalogue] = field(default_factory=dict)
 
     @property
     def all_topics(self) -> dict[str, Topic]:
-        """Every topic that a run may have."""
-        return {**self.topics, **self.cut_topics}
+        """Every topic that a run of any kind may have."""
+        out = {**self.topics, **self.cut_topics, **self.controller_topics}
+        for other in self.others.values():
+            out.update(other.topics)
+        return out
+
+    @property
+    def all_signals(self) -> dict[str, Signal]:
+        """Every signal of every kind."""
+        out = dict(self.signals)
+        for other in self.others.values():
+            out.update(other.signals)
+        return out
 
     def logger_channels(self) -> list[Signal]:
         """The columns of the 10 kHz logger, in order."""
@@ -79,21 +94,56 @@ class Catalogue:
         return [s for s in self.signals.values() if s.topic == topic]
 
     def signal(self, name: str) -> Signal:
-        """One signal; RigError names the known ones when there is none."""
-        if name not in self.signals:
-            raise RigError(f"unknown signal '{name}'; the catalogue has {', '.join(self.signals)}")
-        return self.signals[name]
+        """One signal of any kind; RigError names the known ones of this kind when there is none."""
+        if name in self.signals:
+            return self.signals[name]
+        for other in self.others.values():
+            if name in other.signals:
+                return other.signals[name]
+        raise RigError(f"unknown signal '{name}'; the catalogue has {', '.join(self.signals)}")
 
 
-@lru_cache(maxsize=1)
-def catalogue() -> Catalogue:
-    """The catalogue of the installed rig, read once per process."""
+GEARBOX = "gearbox"  # the kind of rig whose topics and signals stand at the top of the file
+
+
+@lru_cache(maxsize=4)
+def catalogue(kind: str = GEARBOX) -> Catalogue:
+    """The catalogue of a kind of rig, read once per process; RigError for one that there is not."""
+    if kind != GEARBOX:
+        others = catalogue().others
+        if kind not in others:
+            raise RigError(f"there is no rig of kind '{kind}'; known are {', '.join([GEARBOX, *others])}")
+        return others[kind]
     data = load_yaml(package_file("signals.yaml"))
-    topics, cut_topics = ({name: Topic(name=name, **entry) for name, entry in data[key].items()}
-                          for key in ("topics", "cut_topics"))
-    displays = data["displays"]
+    topics, cut_topics, controller_topics = ({name: Topic(name=name, **entry) for name, entry in data[key].items()}
+                                             for key in ("topics", "cut_topics", "controller_topics"))
+    signals = _signals(data["signals"], topics, data["displays"])
+    others, taken = {}, {*topics, *cut_topics, *controller_topics, *signals}
+    for other, part in data["benches"].items():
+        own = {name: Topic(name=name, **entry) for name, entry in part["topics"].items()}
+        shared = {name: topics[name] for name in part["shares"]}
+        found = _signals(part["signals"], own, data["displays"])
+        if both := sorted(taken & {*own, *found}):
+            raise RigError(f"signals.yaml: '{both[0]}' of {other} is there twice")
+        taken |= {*own, *found}
+        found |= {name: signal for name, signal in signals.items() if signal.topic in shared}
+        others[other] = Catalogue({**own, **shared}, found, {}, {})
+    return Catalogue(topics, signals, cut_topics, controller_topics, others)
+
+
+def kind_of_topics(topics) -> str:
+    """The kind of rig of a run with these topics."""
+    known = catalogue()
+    for kind, other in known.others.items():
+        if any(topic in other.topics and topic not in known.topics for topic in topics):
+            return kind
+    return GEARBOX
+
+
+def _signals(entries: dict, topics: dict[str, Topic], displays: dict) -> dict[str, Signal]:
+    """Checked signals, each on one of the topics."""
     signals = {}
-    for name, entry in data["signals"].items():
+    for name, entry in entries.items():
         entry = dict(entry)
         display = displays[entry.pop("display")]
         low, high = entry.pop("range")
@@ -106,4 +156,4 @@ def catalogue() -> Catalogue:
     columns = sorted(s.logger for s in signals.values() if s.logger is not None)
     if columns != list(range(len(columns))):
         raise RigError(f"signals.yaml: logger columns are {columns}, expected 0 to {len(columns) - 1} once each")
-    return Catalogue(topics, signals, cut_topics)
+    return signals

@@ -13,7 +13,7 @@ import sys
 from importlib.metadata import version
 from pathlib import Path
 
-_SOURCES = ("plant", "alfa46", "instruments")
+_SOURCES = ("plant", "plant/friction", "alfa46", "instruments")
 
 
 def cache_root() -> Path:

@@ -9,10 +9,13 @@ import pytest
 
 import rig_nodes
 from rig_nodes.controllers import load_controller
+from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 
 CONTROLLERS = Path(rig_nodes.__file__).parent / "controllers"
 INCLUDE, ALFA46_C = CONTROLLERS / "include", CONTROLLERS / "examples" / "alfa46.c"
+SIMULINK_FOLDER = CONTROLLERS / "examples" / "simulink"
+SIMULINK = f"simulink:{SIMULINK_FOLDER}"
 PYTHON, C = "python:rig_nodes.controllers.examples.alfa46:Alfa46", f"c:{ALFA46_C}"
 STRICT = ("-O2", "-ffp-contract=off", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", f"-I{INCLUDE}")
 
@@ -87,3 +90,26 @@ def build(tmp_path):
 def ask(plug, sample=0, current=(0.0, 0.0, 0.0)):
     """One step at standstill."""
     return plug.step(sample, current, 0.0, 0.0, 0.0, 0.0)
+
+
+MULTICAST = "239.74.163.2"
+
+
+def multicast_works() -> str:
+    """Why udp_multicast does not work on this machine, or nothing."""
+    import can
+
+    from rig_nodes.controllers.can_bus import open_bus
+
+    try:
+        one, other = (open_bus(MULTICAST, "udp_multicast", "probe", port=43200) for _ in range(2))
+    except RigError as error:
+        return str(error)
+    try:
+        one.send(can.Message(arbitration_id=1, data=b"x", is_extended_id=False, is_fd=False))
+        return "" if other.recv(1.0) else "a multicast packet does not come back on this machine"
+    except can.CanError as error:
+        return str(error)
+    finally:
+        one.shutdown()
+        other.shutdown()

@@ -2,14 +2,13 @@
 
 import shutil
 import subprocess
-import sys
 
 import pytest
 
 from rig_nodes.controllers import ControllerFailed, Status, load_controller
 from rig_nodes.errors import RigError
 
-from .conftest import ALFA46_C, C_FRAME, INCLUDE, STRICT, ask, needs_cc
+from .conftest import ALFA46_C, C_FRAME, INCLUDE, SIMULINK_FOLDER, STRICT, ask, needs_cc
 
 pytestmark = needs_cc
 
@@ -98,27 +97,6 @@ def test_missing_functions_are_named(build, config):
 def test_a_function_that_the_library_itself_lacks_is_named(build, config):
     with pytest.raises(RigError, match="cannot be loaded: .*undefined symbol: model_step"):
         load(config, build("void model_step(void);\n" + frame("model_step();")))
-
-
-def test_a_library_that_changes_the_arithmetic_of_the_process_is_refused(build):
-    """As -ffast-math does with many compilers; in a process of its own, which is spoilt by it."""
-    path = build(
-        "#include <xmmintrin.h>\n"
-        + frame("")
-        + "__attribute__((constructor)) static void flush(void) { _mm_setcsr(_mm_getcsr() | 0x8040); }\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-m", "rig_nodes.cli.main", "simulate", "sample", "--controller", f"c:{path}"],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        cwd=path.parent,
-    )
-    assert (
-        done.returncode == 2
-        and "build it without -ffast-math" in done.stderr
-        and done.stderr.count("\n") == 1
-    )
 
 
 def test_create_may_refuse_with_its_reason(build, config):
@@ -225,7 +203,7 @@ static void give(const char *name, double value) {
 }
 int main(void) {
   char name[32];
-  give("t12", -0.22); give("t21", 0.1); give("supply_voltage", 24); give("gain_p", 20); give("gain_i", 1000);
+  give("sample_time", 1e-3); give("t12", -0.22); give("t21", 0.1); give("supply_voltage", 24); give("gain_p", 20); give("gain_i", 1000);
   give("gain_d", 1); give("derivative_time", 0.02);
   for (int k = 1; k <= 3; k++) for (int n = 1; n <= 6; n++) {
     snprintf(name, sizeof name, "output_%d.P%d.time", k, n); give(name, 0.1 * ((n - 1) % 3 + 1));
@@ -260,7 +238,8 @@ int main(void) {
 """
 
 
-def test_the_example_is_clean_under_the_sanitizers(tmp_path):
+@pytest.mark.parametrize("example", ["c", "simulink"])
+def test_the_example_is_clean_under_the_sanitizers(tmp_path, example):
     sanitize = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     (tmp_path / "nothing.c").write_text("int main(void) { return 0; }\n")
     probe = subprocess.run(
@@ -269,9 +248,75 @@ def test_the_example_is_clean_under_the_sanitizers(tmp_path):
     if probe.returncode or subprocess.run([tmp_path / "nothing"], capture_output=True).returncode:
         pytest.skip("the compiler's sanitizer libraries are not installed or do not run here")
     (tmp_path / "driver.c").write_text(DRIVER)
+    sources = [ALFA46_C] if example == "c" else sorted(SIMULINK_FOLDER.glob("*.c"))
     subprocess.run(
-        ["cc", *STRICT, *sanitize, "-o", tmp_path / "driver", tmp_path / "driver.c", ALFA46_C, "-lm"],
+        ["cc", *STRICT, *sanitize, f"-I{SIMULINK_FOLDER}", "-o", tmp_path / "driver", tmp_path / "driver.c", *sources, "-lm"],
         check=True,
     )
     done = subprocess.run([tmp_path / "driver"], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0 and done.stderr == "", done.stderr
+
+
+# ---- Simulink Coder's form
+
+
+def model(tmp_path, shim, period=""):
+    """A folder of generated code in small: the step copies an input to an output and counts."""
+    folder = tmp_path / "model"
+    folder.mkdir()
+    (folder / "small.h").write_text("extern struct { double u; } rtU; extern struct { double y, steps; } rtY;\n"
+                                    "void small_initialize(void); void small_step(void); void small_terminate(void);\n")
+    (folder / "small.c").write_text("struct { double u; } rtU; struct { double y, steps; } rtY;\n"
+                                    "void small_initialize(void) { rtY.steps = 0; }\nvoid small_terminate(void) {}\n"
+                                    "void small_step(void) { rtY.y = rtU.u; rtY.steps += 1; }\n")
+    (folder / "ert_main.c").write_text("int main(void) { return not_for_a_library; }\n")
+    (folder / "rig_shim.c").write_text(
+        f'#include "small.h"\n#define RIG_MODEL small\n#define RIG_LEVELS RIG_LEVEL_DUTY\n{period}\n'
+        '#include "rig_simulink.h"\n'
+        "static void rig_inputs(const rig_controller_inputs *in) { rtU.u = in->n_wej / 1000.0; }\n"
+        "static void rig_outputs(rig_controller_outputs *out) {\n"
+        "  out->command[0] = rtY.y; out->setpoint[0] = rtY.steps; }\n"
+        f"static void rig_parameters(void) {{ {shim} }}\n")
+    return folder
+
+
+def answers(config, folder, samples):
+    plug = load_controller(f"simulink:{folder}", config.alfa46)
+    out = [plug.step(k, (0.0, 0.0, 0.0), 125.0 * k, 0.0, 0.0, 0.0) for k in range(samples)]
+    plug.close()
+    return [(answer.command[0], answer.setpoint[0]) for answer in out]  # eighths, so exact
+
+
+def test_a_model_is_stepped_once_per_sample(tmp_path, config):
+    assert answers(config, model(tmp_path, ""), 4) == [(0.0, 1), (0.125, 2), (0.25, 3), (0.375, 4)]
+
+
+def test_a_slower_model_is_stepped_at_its_own_period(tmp_path, config):
+    folder = model(tmp_path, "", "#define RIG_MODEL_PERIOD 0.003")
+    assert answers(config, folder, 5) == [(0.0, 1), (0.0, 1), (0.0, 1), (0.375, 2), (0.375, 2)]
+
+
+@pytest.mark.parametrize(
+    ("shim", "period", "sentence"),
+    [
+        ('rig_setting("t13");', "", "create refused with status 2: parameter t13 is not given"),
+        ("", "#define RIG_MODEL_PERIOD 0.0015", "the model's 0.0015 s are no whole multiple of the rig's 0.001 s"),
+        ("", '#define RIG_ERROR_STATUS "solver diverged"', "create refused with status 2: solver diverged"),
+        ("", "#undef RIG_LEVELS", "does not compile: .*define RIG_MODEL"),
+    ],
+)
+def test_a_model_that_does_not_fit_is_refused(tmp_path, config, shim, period, sentence):
+    with pytest.raises(RigError, match=sentence):
+        load_controller(f"simulink:{model(tmp_path, shim, period)}", config.alfa46)
+
+
+def test_folders_without_a_model_are_refused(tmp_path, config):
+    with pytest.raises(RigError, match="no such folder"):
+        load_controller("simulink:nowhere", config.alfa46)
+    with pytest.raises(RigError, match="the folder has no rig_shim.c; './rig controller new simulink DIR'"):
+        load_controller(f"simulink:{tmp_path}", config.alfa46)
+
+
+def test_the_example_in_generated_form_compiles_without_a_warning(tmp_path):
+    sources = sorted(SIMULINK_FOLDER.glob("*.c"))
+    subprocess.run(["cc", *STRICT, "-fPIC", "-shared", "-o", tmp_path / "alfa46.so", *sources, "-lm"], check=True)

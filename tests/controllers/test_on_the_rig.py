@@ -5,6 +5,7 @@ import re
 import shlex
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,12 @@ import pytest
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.controllers import load_controller
+from rig_nodes.controllers.bench import controllers_table, format_table
 from rig_nodes.errors import RigError
-from rig_nodes.testbench.rig import Rig, RigStatus
+from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import advance_with, simulate
+from rig_nodes.testbench.timed import RigStatus
 
 from .conftest import PYTHON
 
@@ -263,31 +266,53 @@ def test_the_command_refuses_before_it_makes_a_folder(tmp_path, capsys):
 
 
 def doc_block(language):
+    """The first block of a language in docs/controllers.md."""
     return re.search(rf"```{language}\n(.*?)```", DOCS.read_text(encoding="utf-8"), re.S)[1]
 
 
-def doc_commands(heading):
-    section = DOCS.read_text(encoding="utf-8").split(f"## {heading}\n")[1].split("\n## ")[0]
+def doc_commands(heading, page=DOCS):
+    section = page.read_text(encoding="utf-8").split(f"## {heading}\n")[1].split("\n## ")[0]
     return re.findall(r"^    (\S.*)$", re.sub(r"```.*?```", "", section, flags=re.S), re.M)
 
 
-@pytest.mark.parametrize("kind", ["Python", "C"])
-def test_the_first_shift_page_works_as_it_is_written(kind, tmp_path, monkeypatch):
-    if kind == "C" and not shutil.which("cc"):
-        pytest.skip("no C compiler here")
+@pytest.mark.parametrize(("kind", "page", "count"), [
+    ("Python", "controllers.md", 1), ("C", "controllers.md", 3), ("Simulink Coder", "controllers.md", 2),
+    ("UDP", "udp.md", 7),
+])
+def test_the_first_shift_page_works_as_it_is_written(kind, page, count, tmp_path, monkeypatch):
+    if kind != "Python" and not shutil.which("cc") or kind == "UDP" and not shutil.which("make"):
+        pytest.skip("no C compiler or no make here")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "rig_nodes").symlink_to(DOCS.parents[1] / "rig_nodes")
-    suffix = {"Python": "py", "C": "c"}[kind]
-    Path(f"my_controller.{suffix}").write_text(doc_block(kind.lower()))
-    commands = doc_commands(f"From your code to the first shift: {kind}")
-    assert len(commands) == {"Python": 1, "C": 3}[kind]
-    for command in map(shlex.split, commands):
-        if command[0] == "./rig":
-            assert main(command[1:]) == 0
-            shifts = json.loads(Path(command[-1], "report.json").read_text())["shifts"]
-            assert [(s["from_gear"], s["to_gear"], s["valid"]) for s in shifts] == [
-                (1, 2, True),
-                (2, 1, True),
-            ]
-        else:
-            subprocess.run(command, check=True)
+    if kind in ("Python", "C"):
+        suffix = {"Python": "py", "C": "c"}[kind]
+        Path(f"my_controller.{suffix}").write_text(doc_block(kind.lower()))
+    heading = "From your code to the first shift" + (f": {kind}" if page == "controllers.md" else "")
+    commands = doc_commands(heading, DOCS.with_name(page))
+    assert len(commands) == count
+    programs = []
+    try:
+        for command in map(shlex.split, commands):
+            if command[-1] == "&":
+                for program in programs:  # one at a time
+                    program.kill()
+                program = [sys.executable if command[0] == "python3" else command[0], *command[1:-1]]
+                programs.append(subprocess.Popen(program, stderr=subprocess.DEVNULL))
+            elif command[0] != "./rig":
+                subprocess.run(command, check=True)
+            else:
+                assert main(command[1:]) == 0
+                if command[1] == "controller":
+                    continue
+                shifts = json.loads(Path(command[-1], "report.json").read_text())["shifts"]
+                assert [(s["from_gear"], s["to_gear"], s["valid"]) for s in shifts] == [(1, 2, True), (2, 1, True)]
+    finally:
+        for program in programs:
+            program.kill()
+            program.wait()
+
+
+def test_the_cost_of_each_plug_is_measured(config):
+    for cost in controllers_table(config.alfa46, steps=100):
+        assert cost.missing or 1.0 < cost.median_us <= cost.p99_us
+    assert len(format_table([cost]).splitlines()) == 2

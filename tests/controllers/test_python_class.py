@@ -186,7 +186,7 @@ def test_code_that_does_not_fit_is_refused_before_the_run(tmp_path, config, text
         ("python:rig_nodes.nowhere:Mine", None, "no module 'rig_nodes.nowhere'"),
         ("python:mine.py", None, "expected python:FILE.py:CLASS"),
         ("c:", None, "expected alfa46, python:"),
-        ("simulink:model", None, "'simulink:model' is none that can be loaded"),
+        ("labview:model", None, "'labview:model' is none that can be loaded"),
         ("alfa46@current", "duty", "name one level"),
         ("alfa46", "volts", "expected duty or current"),
     ],

@@ -1,4 +1,4 @@
-"""One law, three plugs, two levels: the same numbers to the last bit, alone and on the rig."""
+"""One law, four plugs, two levels: the same numbers to the last bit, alone and on the rig."""
 
 import random
 
@@ -13,7 +13,7 @@ from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
 
-from .conftest import PYTHON, C, needs_cc
+from .conftest import PYTHON, SIMULINK, C, needs_cc
 
 UP_AND_DOWN = """
 description: both gears, a shift up, a shift down and neutral
@@ -66,7 +66,7 @@ def hashes(sequence, tmp_path_factory):
     "spec",
     [
         pytest.param(f"{spec}{level}", marks=marks, id=f"{spec.partition(':')[0]}{level}")
-        for spec, marks in (("alfa46", ()), (PYTHON, ()), (C, needs_cc))
+        for spec, marks in (("alfa46", ()), (PYTHON, ()), (C, needs_cc), (SIMULINK, needs_cc))
         for level in ("", "@current")
     ],
 )
@@ -109,7 +109,7 @@ def random_settings(rng) -> Alfa46Config:
 def test_any_settings_orders_and_currents_give_the_same_bits(seed, level):
     rng = random.Random(seed)
     settings = random_settings(rng)
-    plugs = [load_controller(spec, settings, level) for spec in (None, PYTHON, C)]
+    plugs = [load_controller(spec, settings, level) for spec in (None, PYTHON, C, SIMULINK)]
     taken = 0
     for sample in range(4000):
         if rng.random() < 0.01:

@@ -136,7 +136,7 @@ class Equations:
         if piston <= 0.0:
             speed = max(0.0, speed)
         _, engaging, releasing = self.per_force[k]
-        apart = max(0.0, x.clearance + z[WEAR] - piston) / x.pack_travel
+        apart = max(0.0, x.clearance + z[WEAR] - piston) / (self.pack.surfaces * self.pack.film_gap)
         held = [(clamp(z[kind], low, high) - z[kind]) / PULL for kind, low, high in (
             (HELD, engaging * force, releasing * force),
             (REST, min(1.0, force / self.pack.film_force), max(0.0, 1.0 - apart)))]

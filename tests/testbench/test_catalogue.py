@@ -8,16 +8,19 @@ from rig_nodes.bags.definitions import installed
 from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.list import markdown
 from rig_nodes.cli.main import main
+from rig_nodes.errors import RigError
+from rig_nodes.plant import clutch_bench
 from rig_nodes.plant.kernel import CHANNELS
-from rig_nodes.testbench.outputs import MEASURED
+from rig_nodes.testbench import clutch_bench_topics
+from rig_nodes.testbench.topics import MEASURED
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.mark.parametrize("name", list(catalogue().signals))
+@pytest.mark.parametrize("name", list(catalogue().all_signals))
 def test_every_signal_is_a_field_of_its_topics_message(name):
-    signal = catalogue().signals[name]
-    definition = installed(catalogue().topics[signal.topic].ros_type)
+    signal = catalogue().signal(name)
+    definition = installed(catalogue().all_topics[signal.topic].ros_type)
     assert signal.field.partition("[")[0] in dict(definition.tree.fields)
     assert signal.low < signal.high and signal.text.endswith(".") and signal.sign
 
@@ -26,6 +29,15 @@ def test_the_logger_and_the_transducers_carry_the_kernels_channels():
     assert [s.name for s in catalogue().logger_channels()] == list(CHANNELS[:9])
     for topic, column in MEASURED.items():
         assert [s.name for s in catalogue().on_topic(topic)] == [CHANNELS[column]]
+
+
+def test_the_clutch_benchs_logger_and_transducers_carry_its_kernels_channels():
+    bench = catalogue("clutch_bench")
+    assert [s.name for s in bench.logger_channels()] == list(clutch_bench.CHANNELS)
+    for topic, column in clutch_bench_topics.MEASURED.items():
+        assert [s.name for s in bench.on_topic(topic)] == [clutch_bench.CHANNELS[column]]
+    with pytest.raises(RigError, match="no rig of kind 'brake_bench'; known are gearbox, clutch_bench"):
+        catalogue("brake_bench")
 
 
 def test_the_signals_page_is_what_the_catalogue_says():
@@ -37,5 +49,5 @@ def test_a_list_says_what_its_columns_are(capsys):
     assert main(["list", "signals"]) == 0
     heading, *rows = capsys.readouterr().out.splitlines()
     assert heading.split() == ["signal", "unit", "shown", "range", "device", "topic", "field", "rate", "sign", "meaning"]
-    assert len(rows) == len(catalogue().signals)
+    assert len(rows) == len(catalogue().all_signals)
     assert all(row[heading.index("topic"):].startswith("/") for row in rows)

@@ -11,9 +11,10 @@ from rig_nodes.config import CONFIG_DIR
 from rig_nodes.errors import RigError
 from rig_nodes.plant.cut import CUTTABLE, NOT_CUT, Answer
 from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig, RigStatus
+from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
+from rig_nodes.testbench.timed import RigStatus
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from cut_errors import CASES, errors, settings, shifts  # noqa: E402

@@ -5,7 +5,8 @@ import pytest
 
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.rig import Rig, RigStatus
+from rig_nodes.testbench.rig import Rig
+from rig_nodes.testbench.timed import RigStatus
 
 
 def shift_up(config, chunks, seed=1):

@@ -8,7 +8,11 @@ import pytest
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.catalogue import catalogue
+from rig_nodes.controllers import load_controller
 from rig_nodes.errors import BagError, RigError
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.testbench.simulate import simulate
 from rig_nodes.view import layout
 from rig_nodes.view.convert import make_view
 
@@ -224,3 +228,28 @@ ORDERS = {
 def test_the_first_shift_each_way_is_shown(orders, expected):
     found = [time for shift in layout.choose(layout.shifts_of(orders)) for time in (shift.order, shift.end)]
     assert found == pytest.approx([time for pair in expected for time in pair])
+
+
+OWN = """
+from rig_nodes.controllers.examples.alfa46 import Alfa46
+
+class Mine(Alfa46):
+    signals = {"slip": "rad/s"}
+
+    def step(self, inputs):
+        out = super().step(inputs)
+        out.signals = {"slip": inputs.n_wej - inputs.n_wyj}
+        return out
+"""
+
+
+def test_what_a_controller_names_as_its_own_is_shown(tmp_path, read_rrd):
+    (tmp_path / "mine.py").write_text(OWN)
+    config = load_rig()
+    plug = load_controller(f"python:{tmp_path / 'mine.py'}:Mine", config.alfa46)
+    simulate(config, load_sequence("sample"), tmp_path / "run", controller=plug)
+    logger = Bag(tmp_path / "run").logger("/alfa46/signals")
+    times, curve = read_rrd(make_view(tmp_path / "run").path).rows("/controller/slip", "Scalars:scalars")
+    np.testing.assert_array_equal(times, np.round(logger.time() * 1e9))
+    np.testing.assert_array_equal(curve, logger.channels["slip"])
+    assert np.ptp(curve) > 5.0

@@ -25,10 +25,10 @@ from math import pi
 
 import numpy as np
 
-from ..errors import RigError
 from .edges import (
     all_ahead, first_true, mean_ahead, odd_width, quantum, ramp_start, running_mean, white_noise,
 )
+from .logged import Logged
 
 RATIO = {1: 47.0 / 34.0, 2: 41.0 / 40.0}  # w_wej / w_wyj, thesis tab. 3.1
 ROMAN = {0: "neutral", 1: "I", 2: "II"}
@@ -76,36 +76,18 @@ class Inertias:
 
 
 @dataclass(frozen=True)
-class Recording:
-    """A logger's channels of one run with the gear orders given in it.
+class Recording(Logged):
+    """A logger's channels of one run of the gearbox with the gear orders given in it.
 
-    t0: time of row 0 [s]; period: time between rows [s]; channels: name -> 1-D float array, all of one
-    length, SI (rad/s, Nm, Pa gauge, A); orders: (time [s], gear before, gear ordered), 0 is neutral. The
+    As Logged (rad/s, Nm, Pa gauge, A); orders: (time [s], gear before, gear ordered), 0 is neutral. The
     order's time is when the controller accepted it, whichever valve is switched first. Raises RigError when a
     channel of the shift metrics is missing or the shapes do not fit.
     """
 
-    t0: float
-    period: float
-    channels: dict[str, np.ndarray]
     orders: list[tuple[float, int, int]] = field(default_factory=list)
 
-    def __post_init__(self):
-        missing = [name for name in NEEDED if name not in self.channels]
-        if missing:
-            raise RigError(f"the recording has no channel {', '.join(missing)}; "
-                           f"shift metrics need {', '.join(NEEDED)}")
-        if not self.period > 0.0:
-            raise RigError(f"the recording's period is {self.period} s; it must be above 0")
-        lengths = {name: np.shape(self.channels[name]) for name in NEEDED}
-        if len(set(lengths.values())) != 1 or len(lengths["p1"]) != 1:
-            raise RigError(f"the recording's channels have the shapes {lengths}; "
-                           "all must be 1-D of one length")
-
-    @property
-    def rows(self) -> int:
-        """Number of rows."""
-        return len(self.channels["p1"])
+    needed = NEEDED
+    use = "shift metrics"
 
 
 def shifts(recording: Recording, inertias: Inertias = Inertias()) -> list[dict]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..errors import RigError
 from .annex_a import shifts_annex_a
+from .bench_report import bench_lines, bench_report
 from .comparison import annex_lines, truth_lines
 from .energy import balance, energies_of
 from .metrics import LONGEST, Inertias, Recording, shifts
@@ -25,6 +26,7 @@ from .uncertainty import uncertainty
 GEAR = {0: "0", 1: "I", 2: "II"}
 REPORT_FILE = "report.json"
 RUN_KEYS = ("configuration", "seed", "versions", "lost", "ticks", "overruns", "lateness_ms", "end")
+CLUTCH_BENCH = "clutch_bench"  # kind in the configuration of its runs
 ORDERS_TOPIC, ORDER_EVENT = "/alfa46/events", "shift_ordered"
 
 # column of the terminal table: heading, key of a shift, factor to the people's unit, digits
@@ -44,11 +46,17 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
     torque band; adds ``"annex_a": {"factor": ..., "shifts": [...]}``. truth: adds ``"truth"``, for each shift what the
     plant's states say, None where the bag does not hold them.
 
+    A run of the clutch bench has no shifts; its results stand under ``"bench"`` (analysis.bench_report).
+
     The energy of a shift is taken from its order until its torque has settled. A bag that is too damaged or
     too short for a part leaves that part empty (or a shift's energy None) and its sentence in
     ``run["problems"]``; numbers that are missing are None, never NaN.
     """
     problems: list[str] = []
+    if (run.get("configuration") or {}).get("kind") == CLUTCH_BENCH:
+        found = bench_report(bag, run["configuration"], problems)
+        return _assembled(_run_data(bag, run), problems, {"shifts": [], "uncertainty": []},
+                          {"run": None, "shifts": []}) | {"bench": _plain(found)}
     recording, inertias = None, inertias_of(run)
     try:
         recording = recording_of(bag)
@@ -66,11 +74,16 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
         problems.append(f"no energy balance: {error}")
     if truth:
         metrics["truth"] = _truth(bag, rows)
+    return _assembled(_run_data(bag, run), problems, metrics, energy)
+
+
+def _run_data(bag, run: dict) -> dict:
+    """What the runner knows; lost messages are counted from the bag where it does not know them."""
     data = {key: run.get(key) for key in RUN_KEYS}
     if data["lost"] is None:
         data["lost"] = sum(bag.gaps().values())
     data.update((key, run[key]) for key in sorted(run) if key not in RUN_KEYS and key != "problems")
-    return _assembled(data, problems, metrics, energy)
+    return data
 
 
 def report_of_recording(recording: Recording, annex_a: float | None = None) -> dict:
@@ -201,6 +214,8 @@ def format_report(report: dict) -> str:
     Under each shift stands the largest error of each metric, after "+-". Annex A and plant truth follow where the
     report holds them.
     """
+    if "bench" in report:
+        return "\n".join([*bench_lines(report["bench"]), "", *_run_lines(report["run"])])
     rows, errors = report["shifts"], report.get("uncertainty", [])
     lines = _shift_table(rows, errors) if rows else ["no shift was ordered"]
     for row in rows:

@@ -22,11 +22,11 @@ def main(args) -> int:
     from ..errors import RigError
     from ..graph.domain import Domain, environment, from_environment
     from ..plant.cut import check_device
-    from ..testbench.configuration import load_rig
+    from ..testbench.configuration import load_gearbox_rig
     from ..testbench.folders import parse_settings
 
     check_device(args.name)
-    load_rig(args.rig, parse_settings(args.settings))
+    load_gearbox_rig(args.rig, parse_settings(args.settings), "device")
     if args.domain is None:
         if not os.environ.get("ROS_DOMAIN_ID"):
             raise RigError("which rig? give --domain N with the number that `rig run` prints, or set "

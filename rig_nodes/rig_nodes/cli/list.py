@@ -41,7 +41,7 @@ def _files(kind: str):
 def _topics():
     from ..catalogue import catalogue
 
-    return _rows_of(catalogue().topics) + _rows_of(catalogue().cut_topics)
+    return _rows_of(catalogue().all_topics)
 
 
 def _rows_of(topics):
@@ -56,12 +56,16 @@ def _number(value: float) -> str:
 def _signals():
     from ..catalogue import catalogue
 
-    topics = catalogue().topics
+    known = catalogue()
+    return _signal_rows(known.all_signals.values(), known.all_topics)
+
+
+def _signal_rows(signals, topics):
     return [{"signal": s.name, "unit": s.unit, "shown": s.display_unit,
              "range": f"{_number(s.shown(s.low))} to {_number(s.shown(s.high))}",
              "device": topics[s.topic].node, "topic": s.topic, "field": s.field,
              "rate": f"{topics[s.topic].rate:g} Hz" + (", 10 kHz in the block" if s.logger is not None else ""),
-             "sign": s.sign, "meaning": s.text} for s in catalogue().signals.values()]
+             "sign": s.sign, "meaning": s.text} for s in signals]
 
 
 _ROWS = {**{kind: _files(kind) for kind in ("sequences", "procedures", "rigs", "controllers")},
@@ -77,6 +81,15 @@ def markdown() -> str:
         lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
         return lines + ["| " + " | ".join(str(v) for v in row.values()) + " |" for row in rows]
 
+    known = catalogue()
+    benches = []
+    for kind, other in known.others.items():
+        own = {name: topic for name, topic in other.topics.items() if name not in known.topics}
+        shared = [f"`{name}`" for name in other.topics if name not in own]
+        signals = [signal for name, signal in other.signals.items() if name not in known.signals]
+        benches += [f"## Kind {kind}: topics and signals", "",
+                    f"Rigs of chapter 8 ([benches.md](benches.md)). Beside these they have {', '.join(shared)}, and "
+                    "none of those above.", "", *table(_rows_of(own)), "", *table(_signal_rows(signals, own)), ""]
     return "\n".join([
         "# Signals and topics", "",
         "Made from the catalogue (`rig_nodes/rig_nodes/config/signals.yaml`) by `./rig list signals --markdown`; "
@@ -87,8 +100,10 @@ def markdown() -> str:
         "## Topics", "", *table(_rows_of(catalogue().topics)), "",
         "Only in a run with `source: topic` for the device ([cuts.md](cuts.md)), once a tick of the cut:", "",
         *table(_rows_of(catalogue().cut_topics)), "",
+        "Only in a run whose controller names signals of its own ([controllers.md](controllers.md)):", "",
+        *table(_rows_of(catalogue().controller_topics)), "",
         "Actions: `/alfa46/shift` (`rig_msgs/action/Shift`), `/sequencer/run` (`rig_msgs/action/RunSequence`). "
         "Services: `/rig/e_stop` and `/rig/reset` (`std_srvs/srv/Trigger`), `/alfa46/set_profile` (`rig_msgs/srv/SetProfile`).", "",
         "Quality of service: measurement is reliable with depth 1000; command is reliable, the receiver keeps the "
         "newest, deadline 100 ms; setting is reliable and sent on change; latched is transient local, sent once.", "",
-        "## Signals", "", *table(_signals()), ""])
+        "## Signals", "", *table(_signal_rows(known.signals.values(), known.topics)), "", *benches])

@@ -14,7 +14,8 @@ def add_arguments(parser) -> None:
                         help="labels or numbers of series, e.g. 19,20 (default: all; --labels lists them)")
     parser.add_argument("--labels", action="store_true", help="print the labels of the series and run nothing")
     parser.add_argument("--out", metavar="DIR", help="folder for the runs (default: runs/<procedure>-<n>)")
-    parser.add_argument("--rig", default="hydmag", metavar="NAME", help="rig or .yaml file (default: hydmag)")
+    parser.add_argument("--rig", metavar="NAME",
+                        help="rig or .yaml file (default: the sequence's own, hydmag for most)")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
                         help="change one value of the rig that the series do not set themselves (may be repeated)")
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import math
 import os
 import signal
 import subprocess
 import sys
 from pathlib import Path
 
-from .what_to_run import add_shared_arguments
+from .what_to_run import above_zero, add_shared_arguments
 
 HELP = "run a sequence on the ROS 2 node graph and record it"
 LIVE_VIEW_END = 2.0  # s that the live view has for its end, after the run's
@@ -23,8 +22,6 @@ def add_arguments(parser) -> None:
     parser.add_argument("--speed", type=speed, metavar="FACTOR",
                         help="lockstep at so many times real time, or max: nobody goes on before everybody is done "
                              "(default: real time, nobody waits)")
-    parser.add_argument("--step-timeout", type=step_timeout, default=5.0, metavar="S",
-                        help="seconds that the controller may take for one sample in lockstep, or none (default: 5)")
     parser.add_argument("--keep-domain", action="store_true",
                         help="use the ROS domain of this terminal even when ROS_DOMAIN_ID is not set")
     parser.add_argument("--view", action="store_true",
@@ -34,22 +31,7 @@ def add_arguments(parser) -> None:
 
 def speed(text: str) -> float:
     """The factor of --speed, inf for max."""
-    return _above_zero(text, "max")
-
-
-def step_timeout(text: str) -> float | None:
-    """The seconds of --step-timeout, None for none."""
-    return None if text == "none" else _above_zero(text, None)
-
-
-def _above_zero(text: str, endless: str | None) -> float:
-    try:
-        value = math.inf if text == endless else float(text)
-    except ValueError:
-        value = 0.0
-    if not value > 0.0 or (math.isinf(value) and text != endless):
-        raise argparse.ArgumentTypeError(f"'{text}': expected a number above 0{f' or {endless}' if endless else ''}")
-    return value
+    return above_zero(text, "max")
 
 
 def main(args) -> int:
@@ -63,33 +45,52 @@ def main(args) -> int:
 
 def run(args) -> int:
     """As :func:`main`; KeyboardInterrupt before the first process is started."""
+    from ..catalogue import GEARBOX
     from ..controllers.load import load_controller, split_level
     from ..errors import RigError
     from ..graph.domain import from_environment
     from ..graph.dropping import parse_drop
-    from ..graph.supervisor import Order, Supervisor
+    from ..graph.supervisor import MODULES, Order, Supervisor
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_parameters, parse_settings, run_folder
-    from ..testbench.rig import Rig
+    from ..testbench.kinds import make_rig
     from ..testbench.sequence import BY_HAND, load_sequence
-    from ..testbench.simulate import run_record
+    from ..testbench.simulate import check_controller, run_record
 
     parameters = parse_parameters(args.parameters)
     if parameters and not args.sequence:
         raise RigError("--with gives values to a sequence's parameters; name the sequence too")
     sequence = load_sequence(args.sequence, parameters) if args.sequence else BY_HAND
-    config = load_rig(args.rig, parse_settings(args.settings))
+    rig = args.rig or sequence.rig
+    config = load_rig(rig, parse_settings(args.settings))
+    sequence.check_rig(config)
     parse_drop(args.drop)
-    controller = load_controller(args.controller, config.alfa46, args.level)
-    controller.close()
+    processes, plug = tuple(MODULES), None
+    if config.kind == GEARBOX:
+        if args.delay == 0 and args.speed is None:
+            raise RigError("--delay 0: in real time time passes while the controller computes; use --speed or a delay "
+                           "of 1")
+        controller = load_controller(args.controller, config.alfa46, args.level)
+        controller.close()
+        plug = f"{split_level(args.controller or 'alfa46', args.level)[0]}@{controller.level}"
+    else:
+        if args.controller or args.level or args.delay != 1:
+            check_controller(config)
+        if args.speed is not None:
+            raise RigError(f"--speed: '{config.name}' has no shift controller to wait for; it runs in real time here, "
+                           "and as fast as it goes with ./rig simulate")
+        if args.view:
+            raise RigError(f"--view: the live view shows a rig with the gearbox; look at a run of '{config.name}' "
+                           "afterwards with ./rig view")
+        processes = tuple(name for name in MODULES if name != "alfa46")
     print("checking and, the first time, compiling the plant", flush=True)
-    Rig(config, args.seed).advance_samples(1)
+    make_rig(config, args.seed).advance_samples(1)
     with from_environment(args.keep_domain) as domain:
         for device in config.cut_out:
             show(None, f"{device} is cut out; start it with: ./rig device {device} --domain {domain.number}")
         folder = run_folder(args.out, sequence.name if args.sequence else "by-hand")
-        order = Order(args.sequence, args.rig, args.seed, args.settings, args.drop, args.speed, args.step_timeout,
-                      f"{split_level(args.controller or 'alfa46', args.level)[0]}@{controller.level}", args.parameters)
+        order = Order(args.sequence, rig, args.seed, args.settings, args.drop, args.speed, args.step_timeout, plug,
+                      args.parameters, processes, args.delay)
         supervisor = Supervisor(order, folder, domain, show)
         with live_view(domain.number) if args.view else contextlib.nullcontext():
             end = supervisor.run()

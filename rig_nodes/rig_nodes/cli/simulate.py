@@ -7,6 +7,7 @@ import sys
 
 from .what_to_run import add_shared_arguments
 
+WAIT = 60.0  # s for a controller of its own program to come
 HELP = "run a test sequence without ROS traffic, as fast as it goes"
 
 
@@ -41,13 +42,18 @@ def main(args) -> int:
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_parameters, parse_settings, run_folder
     from ..testbench.sequence import load_sequence
-    from ..testbench.simulate import simulate
+    from ..testbench.simulate import check_controller, simulate
 
     sequence = load_sequence(args.sequence, parse_parameters(args.parameters))
-    config = load_rig(args.rig, parse_settings(args.settings))
+    config = load_rig(args.rig or sequence.rig, parse_settings(args.settings))
+    sequence.check_rig(config)
     controller = None
-    if args.controller or args.level:
+    if args.controller or args.level or args.delay != 1:
+        check_controller(config)
         controller = load_controller(args.controller, config.alfa46, args.level)
+        controller.say = lambda text: print(f"            {text}", flush=True)
+        controller.pace(args.step_timeout)
+        controller.wait(None if args.step_timeout is None else WAIT)
     folder = run_folder(args.out, sequence.name)
     shown = [""]
 
@@ -57,7 +63,7 @@ def main(args) -> int:
             print(f"{t:8.2f} s  {text}", flush=True)
 
     with controller_log(folder):
-        run = simulate(config, sequence, folder, args.seed, progress, controller)
+        run = simulate(config, sequence, folder, args.seed, progress, controller, args.delay)
     report = build_report(Bag(folder), run)
     write_report(folder, report)
     print(format_report(report))

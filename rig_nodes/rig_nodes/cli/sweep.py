@@ -35,7 +35,7 @@ def add_arguments(parser) -> None:
                         help="a value of the rig for all members (may be repeated)")
     parser.add_argument("--with", action="append", metavar="NAME=VALUE", dest="parameters",
                         help="a parameter of the sequence for all members (may be repeated)")
-    parser.add_argument("--rig", metavar="NAME", help="rig or .yaml file (default: hydmag)")
+    parser.add_argument("--rig", metavar="NAME", help="rig or .yaml file (default: the sequence's own)")
     parser.add_argument("--out", metavar="DIR", help="folder (default: runs/<sequence>-sweep-<n>); one that holds the "
                                                      "same sweep is gone on with")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes on this machine (default 2)")
@@ -113,7 +113,7 @@ def _chosen(args):
         return read_plan(args.what), None, args.bags
     vary = _pairs(args.vary or [])
     numbers = {name: getattr(args, name) for name in ("seed", "repeats") if getattr(args, name) is not None}
-    return make_plan(args.what, vary, args.rig or "hydmag", args.method, args.samples,
+    return make_plan(args.what, vary, args.rig, args.method, args.samples,
                      fixed=parse_settings(args.settings or []), fixed_with=parse_parameters(args.parameters or []),
                      **numbers), None, args.bags
 

@@ -27,8 +27,8 @@ def add_arguments(parser) -> None:
                              "dip is bounded to 5 %%, or what the compared settings dip)")
     parser.add_argument("--oil", default="20 degC .. 60 degC", metavar="RANGE",
                         help="temperatures (default 20 to 60 degC)")
-    parser.add_argument("--rigs", type=int, default=3, metavar="N",
-                        help="sampled rigs beside the rig itself (default 3)")
+    parser.add_argument("--rigs", type=int, default=5, metavar="N",
+                        help="sampled rigs beside the rig itself (default 5)")
     parser.add_argument("--judge-rigs", type=int, default=6, metavar="N",
                         help="other sampled rigs to judge on (default 6)")
     parser.add_argument("--points", type=int, default=8, metavar="N", help="operating points to judge in (default 8)")

@@ -50,7 +50,7 @@ class Progress:
 def main(args) -> int:
     from ..errors import RigError
     from ..testbench.campaign import Workers
-    from ..testbench.configuration import load_rig
+    from ..testbench.configuration import load_gearbox_rig
     from ..testbench.folders import parse_settings
     from ..validation import document, pictures, programme, time_courses
 
@@ -62,7 +62,7 @@ def main(args) -> int:
     explanations = document.load_explanations()
     targets = programme.choose(args.rows, args.procedures)
     settings = parse_settings(args.settings)
-    load_rig(args.rig, settings)  # what is wrong with it is said before anything runs
+    load_gearbox_rig(args.rig, settings, "validate --rig")  # what is wrong with it is said before anything runs
     procedures = programme.needed(targets)
     programme.check_settings(procedures, settings)
     if args.pictures:
@@ -70,12 +70,11 @@ def main(args) -> int:
     if args.json not in (None, "-") and not Path(args.json).absolute().parent.is_dir():
         raise RigError(f"--json {args.json}: there is no such folder")
     runs = programme.runs_of(procedures)
-    # computed procedures need no processes
-    many = Workers(args.jobs) if set(procedures) & set(programme.READERS) else contextlib.nullcontext()
     drawn = []
-    with many as workers:
+    # rows for information alone need no processes
+    with Workers(args.jobs) if procedures else contextlib.nullcontext() as workers:
         result = programme.validate(targets, workers, args.rig, settings, Progress(runs))
-        if args.pictures and workers is not None:
+        if args.pictures and procedures:
             drawn = time_courses.time_courses(procedures, workers, args.rig, settings)
 
     if args.json != "-":

@@ -2,6 +2,10 @@
 
 
 import argparse
+import math
+
+
+MOST_DELAY = 50  # samples: half of the time after which a silent controller is the safe state
 
 
 def seed(text: str) -> int:
@@ -12,6 +16,29 @@ def seed(text: str) -> int:
         value = -1
     if not 0 <= value < 2**63:
         raise argparse.ArgumentTypeError(f"'{text}': expected a whole number from 0 to 2^63 - 1")
+    return value
+
+
+def delay(text: str) -> int:
+    """The samples of --delay."""
+    if not text.isdecimal() or int(text) > MOST_DELAY:
+        raise argparse.ArgumentTypeError(f"'{text}': expected a whole number of samples from 0 to {MOST_DELAY}")
+    return int(text)
+
+
+def step_timeout(text: str) -> float | None:
+    """The seconds of --step-timeout, None for none."""
+    return None if text == "none" else above_zero(text, None)
+
+
+def above_zero(text: str, endless: str | None) -> float:
+    """A number above zero, inf for the word ``endless`` where there is one."""
+    try:
+        value = math.inf if text == endless else float(text)
+    except ValueError:
+        value = 0.0
+    if not value > 0.0 or (math.isinf(value) and text != endless):
+        raise argparse.ArgumentTypeError(f"'{text}': expected a number above 0{f' or {endless}' if endless else ''}")
     return value
 
 
@@ -27,14 +54,21 @@ def add_shared_arguments(parser, by_hand: bool = False) -> None:
     else:
         parser.add_argument("sequence", help=text)
     parser.add_argument("--out", metavar="DIR", help="folder for the run (default: runs/<sequence>-<n>)")
-    parser.add_argument("--rig", default="hydmag", metavar="NAME", help="rig or .yaml file (default: hydmag)")
+    parser.add_argument("--rig", metavar="NAME",
+                        help="rig or .yaml file (default: the sequence's own, hydmag for most)")
     parser.add_argument("--seed", type=seed, default=1, help="seed of the transducers' noise and errors (default: 1)")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
                         help='change one value of the rig, e.g. alfa46.t12="200 ms" (may be repeated)')
     parser.add_argument("--with", action="append", default=[], metavar="NAME=VALUE", dest="parameters",
                         help='give a parameter of the sequence a value, e.g. speed="1500 rpm" (may be repeated)')
     parser.add_argument("--controller", metavar="SPEC",
-                        help="your controller in place of the Alfa46: python:FILE.py:CLASS, "
-                             "python:MODULE:CLASS, c:FILE.so or c:FILE.c (docs/controllers.md)")
+                        help="your controller in place of the Alfa46, e.g. python:FILE.py:CLASS or c:FILE.c "
+                             "(docs/controllers.md)")
+    parser.add_argument("--delay", type=delay, default=1, metavar="N",
+                        help="samples of 1 ms from a measurement to the moment from which the controller's answer to it "
+                             "acts (default: 1; 0 where simulated time waits)")
+    parser.add_argument("--step-timeout", type=step_timeout, default=5.0, metavar="S",
+                        help="seconds of wall clock that the controller may take for one sample where simulated time "
+                             "waits, or none while debugging (default: 5)")
     parser.add_argument("--level", choices=("duty", "current"),
                         help="what the controller returns, when it knows both (default: its first)")

@@ -73,6 +73,15 @@ def build(cls, node, path, what: str, others: tuple = ()):
     return cls(**values)
 
 
+def changed(part, node, path, what: str):
+    """The dataclass instance ``part`` with the values that a marked map names, each [value with unit, "its source"]."""
+    names = list(type(part).__dataclass_fields__)
+    check_keys(path, node, names, (), what)
+    values = {name: entry(type(part).__dataclass_fields__[name], node[name],
+                          f"{where_of(path, node, name)}: {what}.{name}") for name in node}
+    return dataclasses.replace(part, **values)
+
+
 def entry(field, node, where: str):
     """Value of a field from its [value with unit, "its source"]; RigError otherwise."""
     if not (isinstance(node, list) and len(node) == 2 and isinstance(node[1], str) and node[1].strip()):

@@ -1,4 +1,4 @@
-"""The seam where shift-control code meets the rig, and its plugs: built-in Alfa46, Python class, C library.
+"""The seam where shift-control code meets the rig, and its plugs (load.KINDS): one record in, one record out, one timing.
 
 Used by testbench.simulate, the alfa46 process and users' own controller files.
 """

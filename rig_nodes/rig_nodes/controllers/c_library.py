@@ -1,15 +1,19 @@
 """The plug for a C shared library that exports what include/rig_controller.h declares, or for one C file.
 
-Made by load.py. The library runs in this process; what can be known before it is called is checked before.
+Made by load.py. The library runs in a process of its own (c_host.py): a crash, an exit() or an endless loop in it is a
+fatal status here. What can be known before it is called is checked before.
 """
 
 from __future__ import annotations
 
+import contextlib
 import ctypes as ct
+import json
 import os
 import platform
 import shlex
 import shutil
+import signal
 import struct
 import subprocess
 import sys
@@ -18,76 +22,27 @@ from pathlib import Path
 
 from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
+from ..graph.link import Link, LinkClosed, pair
+from .c_host import END, Info, Inputs, Outputs, Parameter
+from .c_host import Answer as HostAnswer
+from .own_signals import checked_signals
 from .plug import Plug, chosen_level
-from .seam import OUTPUTS, ControllerInputs, ControllerOutputs, Status
+from .seam import ControllerInputs, ControllerOutputs, Status, checked_wants
 
-INCLUDE = Path(__file__).parent / "include"
-ABI, TEXT = 1, 128
+INCLUDE, HOST = Path(__file__).parent / "include", Path(__file__).parent / "c_host.py"
+ABI = 1
 LEVEL_BITS = {"duty": 1, "current": 2}
-FUNCTIONS = ("rig_controller_abi", "rig_controller_create", "rig_controller_step", "rig_controller_destroy")
+LOAD_TIMEOUT = 30.0  # s of wall clock for loading and for create
+CORE = ct.CDLL(None).sched_getcpu
+END_PATIENCE = 2.0  # s of wall clock for destroy and the end of the process
 # -ffp-contract=off: no fused multiply-add, so that the same source gives the same bits on every machine
-FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-fPIC", "-shared")
+FLAGS = ("-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-fPIC", "-shared")
+CPP = ("CXX", ("c++", "g++", "clang++"), "-std=c++17", "C++ compiler here; install one (Debian package g++)")
+COMPILERS = {  # by the suffix of a source file: variable, names to look for, standard, what to do without
+    ".c": ("CC", ("cc", "gcc", "clang"), "-std=c99", "C compiler here; install one (Debian package gcc)"),
+    ".cpp": CPP, ".cc": CPP, ".cxx": CPP,
+}
 MACHINES = {3: "i386", 40: "arm", 62: "x86_64", 183: "aarch64", 243: "riscv64"}  # e_machine of the ELF format
-THREE = ct.c_double * OUTPUTS
-
-
-class AbiInfo(ct.Structure):
-    """rig_controller_abi_info"""
-
-    _fields_ = [
-        (name, ct.c_uint32)
-        for name in ("abi", "levels", "info_size", "parameter_size", "inputs_size", "outputs_size")
-    ]
-
-
-class Parameter(ct.Structure):
-    """rig_parameter"""
-
-    _fields_ = [("name", ct.c_char_p), ("value", ct.c_double)]
-
-
-class Info(ct.Structure):
-    """rig_controller_info"""
-
-    _fields_ = [
-        ("size", ct.c_uint32),
-        ("level", ct.c_uint32),
-        ("period", ct.c_double),
-        ("command_high", ct.c_double),
-        ("parameters", ct.POINTER(Parameter)),
-        ("parameter_count", ct.c_uint32),
-        ("message", ct.c_char * TEXT),
-    ]
-
-
-class Inputs(ct.Structure):
-    """rig_controller_inputs"""
-
-    _fields_ = [
-        ("size", ct.c_uint32),
-        ("gear_request", ct.c_uint32),
-        ("sample", ct.c_uint64),
-        ("time", ct.c_double),
-        ("current", THREE),
-        ("n_wej", ct.c_double),
-        ("n_wyj", ct.c_double),
-        ("p1", ct.c_double),
-        ("p2", ct.c_double),
-    ]
-
-
-class Outputs(ct.Structure):
-    """rig_controller_outputs"""
-
-    _fields_ = [
-        ("size", ct.c_uint32),
-        ("flags", ct.c_uint32),
-        ("gear", ct.c_uint32),
-        ("shifting", ct.c_uint32),
-        ("command", THREE),
-        ("setpoint", THREE),
-        ("message", ct.c_char * TEXT),
-    ]
 
 
 def check_elf(path: Path, name: str) -> None:
@@ -120,19 +75,17 @@ def check_elf(path: Path, name: str) -> None:
         )
 
 
-def compile_library(source: Path, target: Path, name: str) -> None:
-    """Compile one C file into a shared library; RigError with the compiler's first complaint."""
-    compiler = shlex.split(os.environ.get("CC", "")) or next(
-        ([found] for found in map(shutil.which, ("cc", "gcc", "clang")) if found), None
+def compile_library(sources: list[Path], target: Path, name: str, flags: tuple[str, ...] = ()) -> None:
+    """Compile C or C++ files into a shared library; RigError with the compiler's first complaint."""
+    variable, names, standard, missing = COMPILERS[sources[0].suffix]
+    compiler = shlex.split(os.environ.get(variable, "")) or next(
+        ([found] for found in map(shutil.which, names) if found), None
     )
     if not compiler:
-        raise RigError(
-            f"controller {name}: there is no C compiler here; install one (Debian package gcc) or give a "
-            ".so file"
-        )
+        raise RigError(f"controller {name}: there is no {missing} or give a .so file")
     try:
         done = subprocess.run(
-            [*compiler, *FLAGS, f"-I{INCLUDE}", "-o", str(target), str(source), "-lm"],
+            [*compiler, standard, *FLAGS, *flags, f"-I{INCLUDE}", "-o", str(target), *map(str, sources), "-lm"],
             capture_output=True,
             text=True,
             errors="replace",
@@ -149,37 +102,81 @@ def compile_library(source: Path, target: Path, name: str) -> None:
         raise RigError(f"controller {name}: it does not compile: {first.strip()}")
 
 
-def load_library(path: Path, name: str) -> tuple[ct.CDLL, int]:
-    """(the library with its functions declared, its level bits); RigError when it does not fit."""
-    check_elf(path, name)
-    try:
-        library = ct.CDLL(str(path.resolve()))
-    except OSError as error:
-        raise RigError(f"controller {name}: the library cannot be loaded: {error}") from None
-    if sys.float_info.min / 2.0 == 0.0:
-        # some compilers link start-up code into -ffast-math libraries that sets the process's arithmetic
+class Host:
+    """The process that a library lives in (c_host.py), and the line to it. ``what`` is said of it when it has gone."""
+
+    def __init__(self, path: Path, name: str):
+        ours, theirs = pair()
+        with theirs:
+            # -I -S: no site, no user's PYTHON variables; a person's breakpoints are in the library, not in Python
+            arguments = map(str, (HOST, path.resolve(), theirs.fileno(), os.getpid()))
+            self.process = subprocess.Popen([sys.executable, "-I", "-S", *arguments], stdin=subprocess.DEVNULL, pass_fds=[theirs.fileno()])
+        self._line = Link(ours.detach(), name)
+        self.send, self._receive = self._line.send, self._line.receive
+        self._core = -1
+
+    def ask(self, data, seconds: float | None) -> bytes | None:
+        """Send one message and :meth:`receive` the next.
+
+        The host is kept on the caller's core, which waits meanwhile: to wake a process on another, sleeping one costs
+        some 50 us, here 10.
+        """
+        core = CORE()
+        if core != self._core:
+            self._core = core
+            with contextlib.suppress(ProcessLookupError):  # it has gone: receive() says how
+                os.sched_setaffinity(self.process.pid, {core})
+        with contextlib.suppress(LinkClosed):
+            self.send(data)
+        return self.receive(seconds)
+
+    def receive(self, seconds: float | None) -> bytes | None:
+        """Its next message, None when there is none in time; LinkClosed, with how it ended, when it has gone."""
+        try:
+            return self._receive(seconds)
+        except LinkClosed:
+            raise LinkClosed(self._how_it_ended()) from None
+
+    def _how_it_ended(self) -> str:
+        try:
+            code = self.process.wait(END_PATIENCE)
+        except subprocess.TimeoutExpired:  # it closed its end and lives on
+            self.kill()
+            return "the library has closed the rig's line to it"
+        if code < 0:
+            number = signal.Signals(-code)
+            return f"the library's process was ended by {number.name} ({signal.strsignal(number).lower()})"
+        return f"the library's process ended itself with exit code {code}"
+
+    def end(self) -> None:
+        """Have the controller destroyed, and end the process; by force when that takes too long."""
+        try:
+            self.send(END)
+            self.process.wait(END_PATIENCE)
+        except (LinkClosed, subprocess.TimeoutExpired):
+            self.kill()
+        self._line.close()
+
+    def kill(self) -> None:
+        """End the process without a call into the library."""
+        self.process.kill()
+        self.process.wait()
+
+
+def _check_description(found: dict, name: str) -> int:
+    """The library's level bits; RigError when the library, as its host describes it, does not fit."""
+    if "error" in found:
+        raise RigError(f"controller {name}: the library cannot be loaded: {found['error']}")
+    if "missing" in found:
         raise RigError(
-            f"controller {name}: loading the library switches the rounding of tiny numbers of the whole rig; "
-            "build it without -ffast-math"
+            f"controller {name}: the library does not export {', '.join(found['missing'])}; see rig_controller.h"
         )
-    missing = [function for function in FUNCTIONS if not hasattr(library, function)]
-    if missing:
-        raise RigError(
-            f"controller {name}: the library does not export {', '.join(missing)}; see rig_controller.h"
-        )
-    library.rig_controller_abi.restype = ct.POINTER(AbiInfo)
-    library.rig_controller_abi.argtypes = []
-    library.rig_controller_create.argtypes = [ct.POINTER(Info), ct.POINTER(ct.c_void_p)]
-    library.rig_controller_step.argtypes = [ct.c_void_p, ct.POINTER(Inputs), ct.POINTER(Outputs)]
-    library.rig_controller_destroy.restype = None
-    library.rig_controller_destroy.argtypes = [ct.c_void_p]
-    pointer = library.rig_controller_abi()
-    if not pointer:
+    abi = found["abi"]
+    if abi is None:
         raise RigError(f"controller {name}: rig_controller_abi returned no description")
-    abi = pointer.contents
-    if abi.abi != ABI:
+    if abi["abi"] != ABI:
         raise RigError(
-            f"controller {name}: the library was made for ABI {abi.abi} of rig_controller.h, this rig has "
+            f"controller {name}: the library was made for ABI {abi['abi']} of rig_controller.h, this rig has "
             f"ABI {ABI}; compile it again with this rig's header"
         )
     for struct_name, structure in (
@@ -188,68 +185,99 @@ def load_library(path: Path, name: str) -> tuple[ct.CDLL, int]:
         ("inputs", Inputs),
         ("outputs", Outputs),
     ):
-        size = getattr(abi, f"{struct_name}_size")
+        size = abi[f"{struct_name}_size"]
         if size != ct.sizeof(structure):
             raise RigError(
                 f"controller {name}: the library's {struct_name} struct has {size} bytes, this rig's "
                 f"{ct.sizeof(structure)}; compile it without packing, with this rig's header"
             )
-    return library, abi.levels
-
-
-def _text(message: bytes) -> str:
-    return message.decode("utf-8", "replace")
+    return abi["levels"]
 
 
 class CLibrary(Plug):
-    """A controller of a library; a .c file is compiled first, into a folder that is gone afterwards."""
+    """A controller of a library, in a process of its own.
 
-    def __init__(self, file: str, config: Alfa46Config, level: str | None = None):
-        path, name = Path(file), f"c:{file}"
+    A .c or .cpp file is compiled first, into a folder that is gone afterwards.
+    """
+
+    prefix = "c"
+
+    def __init__(self, rest: str, config: Alfa46Config, level: str | None = None):
+        """rest: FILE.so, FILE.c or FILE.cpp."""
+        name, self._host = f"{self.prefix}:{rest}", None
+        try:
+            bits = self._load(rest, name)
+            levels = tuple(key for key, bit in LEVEL_BITS.items() if bits & bit)
+            if not levels:
+                raise RigError(
+                    f"controller {name}: its levels are {bits}, expected 1 (duty), 2 (current) or 3 (both)"
+                )
+            super().__init__(name, config, chosen_level(level, levels, name))
+            self._create()
+        except BaseException:
+            if self._host is not None:
+                self._host.kill()
+            raise
+        self._inputs = Inputs(size=ct.sizeof(Inputs))
+
+    def _load(self, rest: str, name: str) -> int:
+        """Start the host with the library; its level bits."""
+        path = Path(rest)
         if not path.is_file():
             raise RigError(f"controller {name}: there is no such file")
-        if path.suffix == ".c":
-            with tempfile.TemporaryDirectory(prefix="rig-controller-") as folder:
-                built = Path(folder) / f"{path.stem}.so"
-                compile_library(path, built, name)
-                self._library, bits = load_library(built, name)
-        else:
-            self._library, bits = load_library(path, name)
-        levels = tuple(key for key, bit in LEVEL_BITS.items() if bits & bit)
-        if not levels:
+        if path.suffix not in COMPILERS:
+            return self._start(path, name)
+        with tempfile.TemporaryDirectory(prefix="rig-controller-") as folder:
+            built = Path(folder) / f"{path.stem}.so"
+            compile_library([path], built, name)
+            return self._start(built, name)
+
+    def _start(self, library: Path, name: str) -> int:
+        check_elf(library, name)
+        self._host = Host(library, name)
+        found = self._hear(name, "while it was loaded")
+        bits = _check_description(found, name)
+        self.wants = checked_wants(found["wants"], name)
+        self.signals = checked_signals(found["signals"], name)
+        self._others, self._own_values = (struct.Struct(f"={len(names)}d") for names in (self.wants, self.signals))
+        return bits
+
+    def _create(self) -> None:
+        info = {"level": LEVEL_BITS[self.level], "period": self.info.period, "command_high": self.info.command_high,
+                "parameters": dict(self.info.parameters)}
+        with contextlib.suppress(LinkClosed):
+            self._host.send(json.dumps(info).encode())
+        created = self._hear(self.name, "in rig_controller_create")
+        if created["status"] != Status.OK:
             raise RigError(
-                f"controller {name}: its levels are {bits}, expected 1 (duty), 2 (current) or 3 (both)"
-            )
-        super().__init__(name, config, chosen_level(level, levels, name))
-        self._inputs, self._outputs = Inputs(size=ct.sizeof(Inputs)), Outputs()
-        self._instance = ct.c_void_p()
-        self._arguments = ct.byref(self._inputs), ct.byref(self._outputs)
-        parameters = (Parameter * len(self.info.parameters))(
-            *((key.encode(), value) for key, value in self.info.parameters.items())
-        )
-        info = Info(
-            ct.sizeof(Info),
-            LEVEL_BITS[self.level],
-            self.info.period,
-            self.info.command_high,
-            parameters,
-            len(parameters),
-        )
-        status = self._library.rig_controller_create(ct.byref(info), ct.byref(self._instance))
-        if status != Status.OK:
-            raise RigError(
-                f"controller {name}: create refused with status {status}: "
-                f"{_text(info.message) or 'it gave no reason'}"
+                f"controller {self.name}: create refused with status {created['status']}: "
+                f"{created['message'] or 'it gave no reason'}"
             )
 
+    def _hear(self, name: str, when: str) -> dict:
+        """The host's next message before the first step; RigError when it does not come."""
+        try:
+            data = self._host.receive(LOAD_TIMEOUT)
+        except LinkClosed as gone:
+            raise RigError(f"controller {name}: {gone} {when}") from None
+        if data is None:
+            raise RigError(f"controller {name}: no answer for {LOAD_TIMEOUT:g} s {when}")
+        return json.loads(data)
+
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
-        given, out = self._inputs, self._outputs
+        given = self._inputs
         given.gear_request, given.sample, given.time = inputs.gear_request, inputs.sample, inputs.time
         given.current[:] = inputs.current
         given.n_wej, given.n_wyj, given.p1, given.p2 = inputs.n_wej, inputs.n_wyj, inputs.p1, inputs.p2
-        ct.memset(ct.byref(out), 0, ct.sizeof(out))
-        out.size = ct.sizeof(out)
-        status = self._library.rig_controller_step(self._instance, *self._arguments)
+        try:
+            frame = bytes(given) + self._others.pack(*inputs.others.values()) if self.wants else given
+            data = self._host.ask(frame, self.step_timeout)
+        except LinkClosed as gone:
+            self._fail(Status.FATAL, inputs.sample, str(gone))
+        if data is None:
+            self._overdue(inputs.sample)
+        answer = HostAnswer.from_buffer_copy(data)
+        out, status = answer.outputs, answer.status
         return ControllerOutputs(
             out.command[:],
             out.setpoint[:],
@@ -257,8 +285,17 @@ class CLibrary(Plug):
             bool(out.shifting),
             out.flags,
             status,
-            _text(out.message) if status != Status.OK else "",
+            out.message.decode("utf-8", "replace") if status != Status.OK else "",
+            dict(zip(self.signals, self._own_values.unpack_from(data, ct.sizeof(HostAnswer)), strict=True)),
         )
 
+    @property
+    def process_id(self) -> int:
+        """The library's process, for a debugger."""
+        return self._host.process.pid
+
+    def _abandon(self) -> None:
+        self._host.kill()
+
     def _end(self) -> None:
-        self._library.rig_controller_destroy(self._instance)
+        self._host.end()

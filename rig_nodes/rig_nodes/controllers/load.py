@@ -1,15 +1,41 @@
-"""From a controller's specification to its plug; used by ``simulate``, the alfa46 process and the tests."""
+"""From a controller's specification to its plug; used by ``simulate``, alfa46, ``controller`` and the tests.
+
+A plug is one line in KINDS: its module is imported when it is asked for, so that nobody pays for plugs of others.
+"""
 
 from __future__ import annotations
 
+import importlib
+from typing import NamedTuple
+
 from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
-from .c_library import CLibrary
 from .plug import BuiltIn, Plug
-from .python_class import PythonClass
 from .seam import LEVELS
 
-FORMS = "alfa46, python:FILE.py:CLASS, python:MODULE:CLASS, c:FILE.so or c:FILE.c"
+
+class Kind(NamedTuple):
+    """Where the plug of a prefix is, ``class_name(rest, config, level)`` in ``module``, and how it is written."""
+
+    module: str
+    class_name: str
+    form: str
+
+
+KINDS = {
+    "python": Kind("python_class", "PythonClass", "python:FILE.py:CLASS, python:MODULE:CLASS, python:NAME"),
+    "c": Kind("c_library", "CLibrary", "c:FILE.so, c:FILE.c, c:FILE.cpp"),
+    "simulink": Kind("simulink", "SimulinkModel", "simulink:FOLDER"),
+    "udp": Kind("udp", "Udp", "udp:PORT"),
+    "fmu": Kind("fmu", "ControllerFmu", "fmu:FILE.fmu"),
+    "can": Kind("can_bus", "CanBus", "can:CHANNEL?interface=NAME"),
+    "modbus": Kind("modbus", "Modbus", "modbus:PORT"),
+}
+
+
+def forms() -> str:
+    """All that can be written, for people."""
+    return ", ".join(["alfa46", *(kind.form for kind in KINDS.values())])
 
 
 def split_level(spec: str, level: str | None) -> tuple[str, str | None]:
@@ -31,14 +57,11 @@ def load_controller(spec: str | None, config: Alfa46Config, level: str | None = 
     is the controller's first. RigError, one sentence, for everything that cannot be loaded.
     """
     text, level = split_level(spec or "alfa46", level)
-    kind, _, rest = text.partition(":")
+    name, _, rest = text.partition(":")
     if text == "alfa46":
         return BuiltIn(config, level)
-    if kind == "python":
-        source, sign, name = rest.rpartition(":")
-        if not sign or not source or not name.isidentifier():
-            raise RigError(f"controller {text}: expected python:FILE.py:CLASS or python:MODULE:CLASS")
-        return PythonClass(source, name, config, level)
-    if kind == "c" and rest:
-        return CLibrary(rest, config, level)
-    raise RigError(f"controller '{text}' is none that can be loaded; expected {FORMS}")
+    kind = KINDS.get(name)
+    if kind is None or not rest:
+        raise RigError(f"controller '{text}' is none that can be loaded; expected {forms()}")
+    module = importlib.import_module(f".{kind.module}", __package__)
+    return getattr(module, kind.class_name)(rest, config, level)

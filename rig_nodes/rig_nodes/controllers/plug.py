@@ -6,6 +6,10 @@ A plug takes orders, answers samples and says its gear; load.py makes one from a
 from __future__ import annotations
 
 import logging
+import math
+import time
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import NamedTuple, NoReturn
 
 import numpy as np
@@ -24,6 +28,8 @@ from .seam import (
 )
 
 LOG = logging.getLogger("rig_nodes.controllers")
+STEP_TIMEOUT = 5.0  # s of wall clock for one sample when simulated time waits
+REAL_TIME_TIMEOUT = 0.1  # s of wall clock for one sample in real time
 
 
 class Answer(NamedTuple):
@@ -47,18 +53,58 @@ def chosen_level(wanted: str | None, levels: tuple[str, ...], name: str) -> str:
     return wanted
 
 
+class Waiting:
+    """Tells people that somebody is waited for: after 1, 2, 5 and 10 s and then every 10 s."""
+
+    def __init__(self, what: str, say: Callable[[str], None]):
+        self._what, self._say, self._began, self._next = what, say, time.monotonic(), 1.0
+
+    @property
+    def seconds(self) -> float:
+        """How long it has been [s of wall clock]."""
+        return time.monotonic() - self._began
+
+    def tell(self) -> None:
+        """Say it when it is time to say it again."""
+        if self.seconds >= self._next:
+            self._say(f"{self._what}, {self.seconds:.0f} s")
+            self._next = {1.0: 2.0, 2.0: 5.0}.get(self._next, 10.0 * (self.seconds // 10.0 + 1.0))
+
+
 class Plug:
     """A controller behind the seam; subclasses give ``_answer(inputs)`` and, if there is one, an ``_end``.
 
-    ``gear``, ``shifting`` and ``flags`` are those of the newest answer.
+    ``gear``, ``shifting`` and ``flags`` are those of the newest answer. ``_answer`` may take ``step_timeout`` s of wall
+    clock (None: for ever); a controller that takes longer is ended by :meth:`_overdue`.
     """
+
+    in_process = False  # True: user code runs in this process, which cannot go on while that does not return
+    step_timeout: float | None = STEP_TIMEOUT
+    real_time = False
+    wants: tuple[str, ...] = ()  # transducers that it gets in ``others`` beside what all get
+    settings: Mapping[str, float] = MappingProxyType({})  # its own, that can be set while it runs: value by name
+    signals: Mapping[str, str] = MappingProxyType({})  # its own, to be recorded: unit by name
+    signal_values: tuple[float, ...] = ()  # at the newest answer
+    process_id: int | None = None  # of a process that works for the plug
 
     def __init__(self, name: str, config: Alfa46Config, level: str):
         self.name, self.level = name, level
         self.info = controller_info(config, level)
         self.gear, self.shifting, self.flags = 0, False, 0
+        self.say: Callable[[str], None] = LOG.info  # to people: what is waited for, who came and went
         self._request, self._ordered, self._before = 0, False, 0
         self._over = False  # failed or closed: it is not called again
+
+    def pace(self, step_timeout: float | None, real_time: bool = False) -> None:
+        """How long a step may take [s of wall clock], and whether simulated time waits for it (not in real time)."""
+        self.step_timeout, self.real_time = step_timeout, real_time
+
+    def wait(self, patience: float | None = None) -> None:
+        """Wait until the controller is there, when it is a program of its own, and tell people so through ``say``.
+
+        RigError after ``patience`` s of wall clock (None: never). In real time nobody calls this: samples without a
+        controller are discarded until it comes.
+        """
 
     def order(self, gear: int) -> None:
         """Request a gear; the controller sees it with the next sample. RigError with why when refused."""
@@ -74,8 +120,10 @@ class Plug:
         self._request, self._ordered = self._before, False
         return True
 
-    def step(self, sample: int, current, n_wej: float, n_wyj: float, p1: float, p2: float) -> Answer | None:
+    def step(self, sample: int, current, n_wej: float, n_wyj: float, p1: float, p2: float, others=()) -> Answer | None:
         """One sample: coil currents (3,) [A], speeds [rad/s], pressures [Pa gauge] in, the answer out.
+
+        ``others``: SI values of ``wants``, in its order.
 
         None when the controller discards the sample. ControllerFailed, whose sentence is a reason to trip,
         when it reports an error, breaks down or returns what no valve can be given.
@@ -93,6 +141,8 @@ class Plug:
             float(n_wyj),
             float(p1),
             float(p2),
+            dict(zip(self.wants, others, strict=True)),
+            self.settings,
         )
         self._ordered = False
         outputs = self._answer(inputs)
@@ -103,6 +153,8 @@ class Plug:
             status = Status(status)
             if status == Status.OK:
                 command, setpoint, self.gear, self.shifting, self.flags = checked(outputs, self.info)
+                if self.signals:
+                    self.signal_values = self._own(outputs.signals)
                 return Answer(command, setpoint)
             text = " ".join(str(getattr(outputs, "message", "")).split()) or "it gave no reason"
         except RigError as error:
@@ -117,6 +169,26 @@ class Plug:
         if status == Status.DISCARD:
             return None
         self._fail(status, sample, f"status {status.name.lower()}: {text}")
+
+    def _own(self, given) -> tuple[float, ...]:
+        """The values of the controller's own signals; RigError when one is missing or none."""
+        try:
+            return tuple(float(given[name]) for name in self.signals)
+        except (TypeError, KeyError, ValueError):
+            raise RigError(f"signals is {given!r}, expected a number for each of {', '.join(self.signals)}") from None
+
+    def check_value(self, name: str, value: float) -> None:
+        """RigError unless the controller has a setting of its own by this name that can have the value."""
+        if name not in self.settings:
+            known = f"it has {', '.join(self.settings)}" if self.settings else "it has none of its own"
+            raise RigError(f"controller {self.name} has no setting '{name}'; {known}")
+        if not math.isfinite(value):
+            raise RigError(f"setting '{name}' of controller {self.name} is {value}, expected a finite number")
+
+    def set_value(self, name: str, value: float) -> None:
+        """Change a setting of the controller's own from the next sample on; RigError as :meth:`check_value`."""
+        self.check_value(name, value)
+        self.settings = {**self.settings, name: float(value)}
 
     def check_change(self, config: Alfa46Config) -> None:
         """RigError with why when these settings cannot be taken while the controller runs."""
@@ -137,13 +209,24 @@ class Plug:
 
     def _fail(self, status: Status, sample: int, text: str) -> NoReturn:
         if status == Status.FATAL:
-            self._over = True
+            if not self._over:
+                self._over = True
+                self._abandon()
         else:
             self.close()
         raise ControllerFailed(f"controller {self.name}, sample {sample}: {text}", status)
 
+    def _overdue(self, sample: int) -> NoReturn:
+        """No answer within the time for a step."""
+        option = "" if self.real_time else " (--step-timeout)"
+        seconds = f"{self.step_timeout * 1e3:.0f} ms" if self.step_timeout < 1.0 else f"{self.step_timeout:g} s"
+        self._fail(Status.FATAL, sample, f"no answer for {seconds}{option}")
+
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
         raise NotImplementedError
+
+    def _abandon(self) -> None:
+        """After a fatal status, once: let go of what is outside this process, without a call into the controller."""
 
     def _end(self) -> None:
         """Nothing to end."""

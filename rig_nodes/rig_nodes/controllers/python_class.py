@@ -6,20 +6,33 @@ Made by load.py. What goes wrong in user code becomes a sentence with file and l
 from __future__ import annotations
 
 import importlib
+import importlib.metadata
 import importlib.util
 import inspect
+import signal
 import sys
+import threading
 import traceback
 from pathlib import Path
 
 from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
+from .own_signals import checked_settings, checked_signals
 from .plug import LOG, Plug, chosen_level, said
-from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status
+from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status, checked_wants
 
+GROUP = "rig_nodes.controllers"  # of entry points in an installed package's metadata
 METHODS = ("initialize", "step", "terminate")
 # a user's sys.exit() ends the controller, not the rig; Ctrl-C stays the person's
 BREAKDOWNS = (Exception, SystemExit)
+
+
+class Overtime(BaseException):
+    """The step takes too long; no Exception, so that no user code catches it by the way."""
+
+
+def _out_of_time(_number, _frame):
+    raise Overtime
 
 
 def place_of(error: BaseException, file: str | None) -> str:
@@ -59,6 +72,15 @@ def _load_module(source: str):
     return module
 
 
+def _entry_point(name: str) -> tuple[str, str]:
+    """(module, class) that an installed package gives this name in the group GROUP; RigError names the known ones."""
+    known = {point.name: point for point in importlib.metadata.entry_points(group=GROUP)}
+    if name not in known:
+        there = f"there are {', '.join(sorted(known))}" if known else "no installed package has one"
+        raise RigError(f"controller python:{name}: there is no entry point '{name}' in the group {GROUP}; {there}")
+    return known[name].module, known[name].attr
+
+
 def load_class(source: str, name: str) -> type:
     """The class ``name`` of a .py file or module; RigError when it cannot be had or lacks a method."""
     what = f"controller python:{source}:{name}"
@@ -89,14 +111,25 @@ def load_class(source: str, name: str) -> type:
 class PythonClass(Plug):
     """An instance of a user's class. ``levels`` of the class says what it works at (default: duty only)."""
 
-    def __init__(self, source: str, class_name: str, config: Alfa46Config, level: str | None = None):
-        found, name = load_class(source, class_name), f"python:{source}:{class_name}"
+    in_process = True
+
+    def __init__(self, rest: str, config: Alfa46Config, level: str | None = None):
+        """rest: FILE.py:CLASS, MODULE:CLASS or the NAME of an entry point of GROUP."""
+        source, sign, class_name = rest.rpartition(":")
+        if not sign and not rest.endswith(".py"):
+            source, class_name = _entry_point(rest)
+        if not source or not class_name.isidentifier():
+            raise RigError(f"controller python:{rest}: expected python:FILE.py:CLASS or python:MODULE:CLASS")
+        found, name = load_class(source, class_name), f"python:{rest}"
         levels = getattr(found, "levels", ("duty",))
         if not (isinstance(levels, (tuple, list)) and levels and all(item in LEVELS for item in levels)):
             raise RigError(
                 f"controller {name}: levels is {levels!r}, expected a tuple of {', '.join(LEVELS)}"
             )
         super().__init__(name, config, chosen_level(level, tuple(levels), name))
+        self.wants = checked_wants(getattr(found, "wants", ()), name)
+        self.signals = checked_signals(getattr(found, "signals", ()), name)
+        self.settings = checked_settings(getattr(found, "settings", {}), name)
         try:
             self._file = inspect.getsourcefile(found)
             self._user = found()
@@ -107,13 +140,31 @@ class PythonClass(Plug):
             ) from None
 
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
+        timed = self._timed()
         try:
+            if timed:
+                signal.setitimer(signal.ITIMER_REAL, self.step_timeout)
             return self._user.step(inputs)
+        except Overtime:
+            self._overdue(inputs.sample)
         except BREAKDOWNS as error:
             LOG.error("controller %s, sample %d", self.name, inputs.sample, exc_info=True)
             self._fail(
                 Status.ERROR, inputs.sample, f"step failed: {place_of(error, self._file)}{said(error)}"
             )
+
+        finally:
+            if timed:
+                signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+    def _timed(self) -> bool:
+        """True when a timer can watch the step: simulated time waits, and this is the thread that gets signals."""
+        if self.real_time or self.step_timeout is None:
+            return False
+        if threading.current_thread() is not threading.main_thread():
+            return False
+        signal.signal(signal.SIGALRM, _out_of_time)
+        return True
 
     def _end(self) -> None:
         try:

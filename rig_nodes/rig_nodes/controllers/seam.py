@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, fields
 from enum import IntEnum
 
 from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config
+from ..catalogue import catalogue
 from ..errors import RigError
 
 OUTPUTS = len(OUTPUT_KEYS)
@@ -63,6 +64,8 @@ class ControllerInputs:
     n_wyj: float  # speed of the output shaft [rad/s]
     p1: float  # pressure of clutch S1 [Pa, gauge]
     p2: float  # pressure of clutch S2 [Pa, gauge]
+    others: Mapping[str, float] = field(default_factory=dict)  # the transducers that the controller asked for, SI
+    settings: Mapping[str, float] = field(default_factory=dict)  # the controller's own, as they are set now
 
 
 @dataclass(slots=True)
@@ -78,6 +81,7 @@ class ControllerOutputs:
     flags: int = 0  # bit k: at level current, output k stays on at a setpoint of zero
     status: Status = Status.OK
     message: str = ""  # why the status is not OK
+    signals: Mapping[str, float] | None = None  # values of the signals that the controller names as its own
 
 
 def flat_parameters(config: Alfa46Config) -> dict[str, float]:
@@ -94,6 +98,17 @@ def controller_info(config: Alfa46Config, level: str) -> ControllerInfo:
     values = config.values
     high = values.current_limit if level == "current" else 1.0
     return ControllerInfo(values.sample_time, level, high, flat_parameters(config))
+
+
+def checked_wants(names, name: str) -> tuple[str, ...]:
+    """Transducers that a controller asks for beside those that all get; RigError unless each is in the catalogue."""
+    known = [signal.name for signal in catalogue().signals.values() if signal.field == "value"]
+    if isinstance(names, str) or not all(isinstance(item, str) for item in names):
+        raise RigError(f"controller {name}: wants is {names!r}, expected names of transducers")
+    for item in names:
+        if item not in known:
+            raise RigError(f"controller {name}: it wants '{item}'; the transducers are {', '.join(known)}")
+    return tuple(names)
 
 
 def _three(values, name: str) -> tuple[float, float, float]:

@@ -15,11 +15,11 @@ import time
 from ..errors import RigError
 
 FRAME = 1 << 20  # longest message
-SAMPLE = struct.Struct("<Q7d")  # sample, coil currents (3), n_wej, n_wyj, p1, p2
+SAMPLE = struct.Struct("<Q7d")  # sample, coil currents (3), n_wej, n_wyj, p1, p2; then what the controller wants
 ANSWER = struct.Struct("<QB6dBBB")  # sample, kind, command (3), setpoint (3), gear, shifting, flags
 ANSWERED, DISCARDED, FAILED = range(3)  # kind of an answer; the sentence of a failure follows
 TIMEVAL = struct.Struct("@ll")  # s, us
-READY = b"ready "  # first word of the controller; the level of its commands follows
+READY = b"ready "  # first word of the controller; the level of its commands follows, and what it wants
 SPIN = 300e-6  # s; to sleep and be woken takes 50 us, for each of 1000 samples of a simulated second
 NOT_AT_ALL = 0.0  # as a timeout: take what is there
 PATIENCE = 30.0  # s that sequencer and recorder may take for one exchange
@@ -94,6 +94,10 @@ class Link:
             return None
         except OSError:
             return 0
+
+    def close(self) -> None:
+        """No more messages either way."""
+        self._socket.close()
 
     def send_json(self, message: dict) -> None:
         """Send a message of names and values."""

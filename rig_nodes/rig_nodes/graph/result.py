@@ -102,7 +102,10 @@ def run_part(bag: Bag, folder: Path, record: dict, end: End, restarts: list[dict
     lost = lost_messages(bag, facts)
     processes = {name: {"cpu_percent": 100.0 * fact["cpu_s"] / fact["wall_s"], "max_rss_mb": fact["max_rss_mb"]}
                  for name, fact in facts.items()}
-    run = {**record, "mode": "run", "controller": facts.get("alfa46", {}).get("controller"),
+    controller = facts.get("alfa46", {}).get("controller")
+    if controller is not None:
+        controller = {**controller, "delay": container.get("delay", 1)}
+    run = {**record, "mode": "run", "controller": controller,
            "duration_s": container.get("time_s"), "lost": sum(lost.values()),
            "lost_by_topic": lost, "refused_commands": container.get("refused"), "ticks": container.get("ticks"),
            "overruns": container.get("overruns"), "lateness_ms": container.get("lateness_ms"),

@@ -41,6 +41,8 @@ class Order:
     step_timeout: float | None = 5.0  # s for one sample of the controller in lockstep, None: for ever
     controller: str | None = None
     parameters: list[str] = field(default_factory=list)  # of the sequence, NAME=VALUE
+    processes: tuple[str, ...] = tuple(MODULES)  # the clutch bench has no alfa46
+    delay: int = 1  # samples from a measurement to the effect of the controller's answer
 
     def arguments(self, name: str) -> list[str]:
         """Command line of one of the processes, without what is the same for all."""
@@ -49,10 +51,13 @@ class Order:
         sequence += [part for text in self.parameters for part in ("--with", text)]
         drop = [] if self.drop is None else ["--drop", self.drop]
         speed = [] if self.speed is None else ["--speed", str(self.speed)]
+        patience = []
         if self.speed is not None and self.step_timeout is not None:
-            speed += ["--step-timeout", str(self.step_timeout)]
+            patience = ["--step-timeout", str(self.step_timeout)]
         plug = [] if self.controller is None else ["--controller", self.controller]
-        return {"container": [*rig, *sequence, *drop, *speed, "--seed", str(self.seed)], "alfa46": [*rig, *plug],
+        numbers = ["--seed", str(self.seed), "--delay", str(self.delay)]
+        return {"container": [*rig, *sequence, *drop, *speed, *patience, *numbers],
+                "alfa46": [*rig, *plug, *patience],
                 "sequencer": [*rig, *sequence], "recorder": []}[name]
 
 
@@ -126,7 +131,7 @@ class Supervisor:
         self.say(None, f"starting the nodes in ROS domain {number}: other tools see them with ROS_DOMAIN_ID={number}")
         (self.folder / "logs").mkdir(exist_ok=True)
         links = self._links() if self.order.speed is not None else {}
-        for name in MODULES:
+        for name in self.order.processes:
             self._begin(name, links.get(name))
         for ends in links.values():
             for end in ends.values():
@@ -182,6 +187,8 @@ class Supervisor:
             self._on_state(message)
         elif kind == "step":
             self.say(message["t"], f"step {message['step']} of {message['steps']}: {message['text']}")
+        elif kind == "waiting":
+            self.say(None, message["text"])
         elif kind == "failed":
             self._finish_with(End("failed", f"{child.name}: {message['text']}"), 0.0)
         elif kind == "done" and self.order.sequence is not None:

@@ -23,8 +23,8 @@ HARMONICS = {1: 1.0, 3: 0.3, 5: 0.15}  # of the mains and their shares of the fi
 SQRT2 = sqrt(2.0)
 # all channels of a logger side by side, for :func:`show`: as wide as two vectors of the processor. table: as above;
 # white: noise of the analog channels; keys: of the noise; state: of the low passes; angle: of the encoders, in counts;
-# counted: their counters a gate ago, then now; induced: voltage of the coils less its mean; mains: hum; row: true values, then
-# what is shown; pickup, noisy > 0: somebody has some
+# counted: their counters a gate ago, then now; induced: voltage of the coils less its mean; mains: hum; row: true
+# values, then what is shown; pickup, noisy > 0: somebody has some
 LANES = 16
 SHOWN = np.dtype([
     ("table", "f8", (ROWS, LANES)), ("white", "f8", (LANES,)), ("keys", "u8", (LANES,)), ("state", "f8", (LANES,)),
@@ -127,7 +127,8 @@ def show(shown, index):
     """
     table, row, state = shown.table, shown.row, shown.state
     for c in range(LANES):
-        value = table[GAIN, c] * row[c] + table[OFFSET, c] + (table[HUM, c] * shown.mains + table[PICKUP, c] * shown.induced[c])
+        disturbance = table[HUM, c] * shown.mains + table[PICKUP, c] * shown.induced[c]
+        value = table[GAIN, c] * row[c] + table[OFFSET, c] + disturbance
         value = value + table[KEEP, c] * (state[c] - value)
         state[c] = value
         row[c] = value

@@ -9,36 +9,45 @@ from __future__ import annotations
 import sys
 import threading
 import time
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
 from rig_msgs.action import Shift
-from rig_msgs.msg import ControllerSample
+from rig_msgs.msg import ControllerSample, Measurement
 
 from ..alfa46.controller import GEAR_NAMES
 from ..bags.cdr import encoder
 from ..bags.definitions import installed
 from ..catalogue import catalogue
+from ..controllers import own_signals
 from ..controllers.load import load_controller
+from ..controllers.plug import REAL_TIME_TIMEOUT
 from ..controllers.seam import LEVELS, NOTHING, ControllerFailed
 from ..errors import RigError
 from ..graph.link import ANSWER, ANSWERED, DISCARDED, FAILED, READY, SAMPLE, LinkClosed
-from ..testbench.rig import SAMPLE_NS
+from ..testbench.timed import SAMPLE_NS
 from .action_server import GoalServer, finish
 from .alfa46_settings import BoxSettings
 from .device import publishers_of
 from .diagnostics import ERROR, OK, STALE, WARN, Diagnostics, Growing, Health
 from .matching import silent
-from .process import RIG_OPTIONS, rig_config, run
+from .process import RIG_OPTIONS, gearbox_rig_config, run
 from .qos import stream_profile
-from .realtime import MESSAGES, prefer_process, take_core
+from .realtime import MESSAGES, prefer, prefer_process, take_core
 from .settings import CHANGED
 from .shift_phase import ShiftPhase, slip
 
 SILENCE = 0.1  # s without a sample after which the box says that it is silent too
 FEEDBACK_SAMPLES = 50  # 20 Hz
-OPTIONS = [*RIG_OPTIONS, ("--controller", {"metavar": "SPEC", "help": "a controller in place of the built-in one"})]
+OPTIONS = [
+    *RIG_OPTIONS,
+    ("--controller", {"metavar": "SPEC", "help": "a controller in place of the built-in one"}),
+    ("--step-timeout", {"type": float, "help": "s that the controller may take for one sample in lockstep"}),
+]
+BEFORE_FIRST = 50.0  # s that a controller of its own program may take to come, in lockstep; less than the container's
 SAMPLES, COMMAND, EVENTS = "/instruments/controller", "/alfa46/command", "/alfa46/events"
 
 
@@ -50,7 +59,14 @@ class Alfa46Node(Node):
         super().__init__("alfa46")
         self.config = config
         self.box = load_controller(process.arguments.controller, config.alfa46)
-        self.outputs = publishers_of(self, in_lockstep=bool(process.descriptors()))
+        self.box.say = teller(process)
+        if not process.descriptors():
+            self.box.pace(REAL_TIME_TIMEOUT, real_time=True)
+        else:  # who computes in this very process is watched by the container, which can go on without it
+            self.box.pace(None if self.box.in_process else process.arguments.step_timeout)
+        own = catalogue().controller_topics.values() if self.box.signals else ()
+        self.outputs = publishers_of(self, in_lockstep=bool(process.descriptors()), more=own)
+        self._blocks = own_signals.Blocks(len(self.box.signals))
         self.counts = dict.fromkeys(self.outputs, 0)
         self.first_seq = process.first_seq
         self.tap = process.tap(self.outputs)
@@ -60,6 +76,7 @@ class Alfa46Node(Node):
         self._encode_event = encoder("rig_msgs/msg/Event").encode
         self._layout = installed("rig_msgs/msg/ControllerSample").dtype()
         self._last_sample = None
+        self._heard_values: dict[str, float] = {}
         self._stamp = 0
         self._heard, self._silent, self._failed = None, False, ""
         self._phase = None  # of the shift that runs, None when none does
@@ -77,6 +94,13 @@ class Alfa46Node(Node):
         """Subscribe to the samples; called when those who receive the commands are there."""
         profile = stream_profile(catalogue().topics[SAMPLES].qos)
         self.create_subscription(ControllerSample, SAMPLES, self.on_sample, profile, raw=True)
+        for name in self.box.wants:
+            topic = catalogue().topics[catalogue().signals[name].topic]
+            self.create_subscription(Measurement, topic.name, partial(self.on_value, name), stream_profile(topic.qos))
+
+    def on_value(self, name: str, message) -> None:
+        """A transducer that the controller wants, in real time."""
+        self._heard_values[name] = message.value
 
     # ---- samples
 
@@ -86,15 +110,19 @@ class Alfa46Node(Node):
         wires = (float(record["n_wej"]), float(record["n_wyj"]), float(record["p1"]), float(record["p2"]))
         sample = int(record["sample"])
         try:
-            self.tell(sample, self.ask(sample, record["current"], *wires), *wires)
+            # in real time from the transducers' own topics, the newest value of each
+            others = [self._heard_values.get(name) for name in self.box.wants]
+            if None in others:
+                return
+            self.tell(sample, self.ask(sample, record["current"], *wires, others), *wires)
         except ControllerFailed as failure:
             self.fail(failure)
 
     def on_frame(self, frame: bytes, reply) -> None:
         """One sample in, the answer out, in lockstep; the rig goes on while the rest of this process hears of it."""
-        sample, *values = SAMPLE.unpack(frame)
+        sample, *values = SAMPLE.unpack_from(frame)
         try:
-            answer = self.ask(sample, values[:3], *values[3:])
+            answer = self.ask(sample, values[:3], *values[3:], np.frombuffer(frame, "<f8", offset=SAMPLE.size).tolist())
         except ControllerFailed as failure:
             reply(ANSWER.pack(sample, FAILED, *[0.0] * 6, 0, 0, 0) + str(failure).encode())
             self.fail(failure)
@@ -115,6 +143,8 @@ class Alfa46Node(Node):
         news = [self.settings.news.popleft() for _ in range(len(self.settings.news))]
         with self._orders:
             answer = self.box.step(sample, *wires)
+        if answer is not None:
+            self._failed = ""  # a controller of its own program may come again
         for text, value in news:
             self.event(CHANGED, text, value)
         return answer
@@ -128,8 +158,21 @@ class Alfa46Node(Node):
             self.publish(COMMAND, self._encode_command(
                 self._stamp, self.first_seq + self.counts[COMMAND], sample, duty, answer.setpoint, box.gear,
                 box.shifting, LEVELS.index(box.level), flags))
+            if box.signals:
+                self.tell_own(sample)
         if self._phase is not None and sample > self._ordered_at:
             self.follow_shift(sample, n_wej, n_wyj, p1, p2)
+
+    def tell_own(self, sample: int) -> None:
+        """Publish the controller's own signals, a block at a time; their names come first of all."""
+        if not self.counts[own_signals.CHANNELS]:
+            signals = self.box.signals
+            self.publish(own_signals.CHANNELS, encoder("rig_msgs/msg/ChannelList").encode(
+                0, self.first_seq, list(signals), list(signals.values()), SAMPLE_NS * 1e-9))
+        for first, rows in self._blocks.add(sample, self.box.signal_values):
+            self.publish(own_signals.BLOCK, encoder("rig_msgs/msg/SampleBlock").encode(
+                first * SAMPLE_NS, self.first_seq + self.counts[own_signals.BLOCK], first, SAMPLE_NS * 1e-9,
+                *rows.shape, rows.ravel()))
 
     def fail(self, failure: ControllerFailed) -> None:
         """The controller cannot go on: said once; the rig notices by its silence, or by the answer in lockstep."""
@@ -251,21 +294,32 @@ class Alfa46Node(Node):
             self.tap.put(topic, data)
 
 
+def teller(process) -> Callable[[str], None]:
+    """Says a plug's sentences in the process's log and, by the supervisor, to the person at the terminal."""
+    def say(text: str) -> None:
+        process.log.info("%s", text)
+        process.status("waiting", text=text)
+    return say
+
+
 def work(process) -> None:
     """Gate, samples, orderly end."""
-    config = rig_config(process.arguments)
+    config = gearbox_rig_config(process.arguments, "alfa46")
     executor = process.start_ros()
     node = Alfa46Node(config, process)
     executor.add_node(node)
     recorder = {"recorder"} if process.arguments.recorded and node.tap is None else set()
     link = process.links().get("container")
-    wanted = {COMMAND: recorder if link else {"rig"} | recorder, EVENTS: recorder}
+    wanted = dict.fromkeys(node.outputs, recorder) | {COMMAND: recorder if link else {"rig"} | recorder}
     while not process.stopping and silent(node, node.outputs, wanted):
         process.spin(0.02)
     if link is not None:
+        node.box.wait(BEFORE_FIRST)
         answer_in_lockstep(process, node, link)
     elif not process.stopping:
         prefer_process(MESSAGES)
+        if node.box.process_id is not None:
+            prefer(MESSAGES, node.box.process_id)
         node.listen()
     while not process.stopping:
         process.spin(0.05)
@@ -288,7 +342,7 @@ def answer_in_lockstep(process, node: Alfa46Node, link) -> None:
     thread.start()
     take_core(1)
     try:
-        link.send(READY + node.box.level.encode())
+        link.send(READY + " ".join([node.box.level, *node.box.wants]).encode())
         while not process.stopping:
             frame = link.receive(0.1)
             if frame is not None:

@@ -28,6 +28,7 @@ SCALARS = {
     "gain_d": "Derivative gain of the current loop",
     "derivative_time": "Filter time of the derivative",
 }
+OWN, OWN_BOUNDS = "controller.", (-1e15, 1e15)  # parameters that a user's controller names as its own settings
 CURRENT_LOOP = ("gain_p", "gain_i", "gain_d", "derivative_time")
 COLUMNS = {
     "times": ("time", "Times of the profile's points"), "currents": ("current", "Currents at the profile's points"),
@@ -50,6 +51,8 @@ class BoxSettings(Settings):
             for column, (name, (dimension, text)) in enumerate(COLUMNS.items()):
                 settings.append(Setting(f"{key}.{name}", f"{text} of {key}", config.profiles[k, :, column].tolist(),
                                         SI[dimension], rule=rules[name]))
+        settings += [Setting(OWN + name, "Setting of the controller's own", value, "", OWN_BOUNDS)
+                     for name, value in box.settings.items()]
         super().__init__(node, settings)
         self._service = node.create_service(SetProfile, "~/set_profile", self.on_set_profile)
 
@@ -72,22 +75,29 @@ class BoxSettings(Settings):
 
     def refusal(self, changes: dict) -> str | None:
         """Of the level, of the rules for profiles, then of the controller."""
+        own = {name.removeprefix(OWN): value for name, value in changes.items() if name.startswith(OWN)}
         loop = [name for name in changes if name in CURRENT_LOOP]
         if loop and self.box.level == "current":
             return (f"{loop[0]} refused: at level current the rig's own power stage closes the loop, with the gains of "
                     "the rig's configuration; set them with --set")
         try:
-            self.box.check_change(self.changed(changes))
+            for name, value in own.items():
+                self.box.check_value(name, value)
+            if len(own) < len(changes):
+                self.box.check_change(self.changed(changes))
         except RigError as error:
             return str(error)
         return None
 
     def take(self, changes: dict) -> None:
         """Hand the settings to the controller, then have it said: so it is never said too early."""
-        self.config = self.changed(changes)
-        self.box.change(self.config)
+        if not all(name.startswith(OWN) for name in changes):
+            self.config = self.changed(changes)
+            self.box.change(self.config)
         for name, value in changes.items():
-            number = value if name in SCALARS else float(name[len("output_")])
+            if name.startswith(OWN):
+                self.box.set_value(name.removeprefix(OWN), value)
+            number = value if name in SCALARS or name.startswith(OWN) else float(name[len("output_")])
             self.news.append((self.settings[name].shown("alfa46", value), number))
 
     def on_set_profile(self, request, response):

@@ -12,7 +12,8 @@ import time
 from ..catalogue import catalogue
 from ..plant.cut import Answer
 from ..testbench.cuts import topic_of
-from ..testbench.rig import Rig, RigStatus
+from ..testbench.rig import Rig
+from ..testbench.timed import RigStatus
 from .device import message_class, receive
 from .qos import publisher_profile, stream_profile
 

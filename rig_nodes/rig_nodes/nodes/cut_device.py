@@ -19,9 +19,9 @@ from ..catalogue import catalogue
 from ..errors import RigError
 from ..plant.cut import CUTTABLE, OtherSide, Port, check_device
 from ..testbench.cuts import topic_of
-from ..testbench.rig import SAMPLE_NS
+from ..testbench.timed import SAMPLE_NS
 from .device import message_class
-from .process import RIG_OPTIONS, rig_config, run
+from .process import RIG_OPTIONS, gearbox_rig_config, run
 from .qos import publisher_profile, recorder_profile
 from .realtime import MESSAGES, prefer_process
 
@@ -94,7 +94,7 @@ class CutDevice(Node):
 
 def work(process, device: str) -> None:
     """Serve one rig after the other, and say which there is and which is not."""
-    config = rig_config(process.arguments)
+    config = gearbox_rig_config(process.arguments, "a cut device")
     executor = process.start_ros()
     node = CutDevice(device, config)
     executor.add_node(node)

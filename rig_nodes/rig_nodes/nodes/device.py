@@ -11,7 +11,7 @@ import numpy as np
 from rclpy.node import Node
 
 from ..bags.definitions import installed
-from ..catalogue import Topic, catalogue
+from ..catalogue import GEARBOX, Topic, catalogue
 from .qos import publisher_profile, receiver_profile
 
 
@@ -21,11 +21,14 @@ def message_class(ros_type: str):
     return getattr(import_module(f"{package}.{kind}"), name)
 
 
-def publishers_of(node: Node, in_lockstep: bool = False) -> dict:
-    """Publishers of all topics that the catalogue gives to this node, by topic; they take encoded messages."""
+def publishers_of(node: Node, in_lockstep: bool = False, more=(), kind: str = GEARBOX) -> dict:
+    """Publishers of all topics that the catalogue of a kind of rig gives to this node, and of the topics ``more``, by
+    name; they take encoded messages.
+    """
+    own = (topic for topic in catalogue(kind).topics.values() if topic.node == node.get_name())
     return {topic.name: node.create_publisher(message_class(topic.ros_type), topic.name,
                                               publisher_profile(topic.qos, in_lockstep))
-            for topic in catalogue().topics.values() if topic.node == node.get_name()}
+            for topic in (*own, *more)}
 
 
 def receive(node: Node, topic: Topic, callback, profile=None) -> object:
@@ -48,11 +51,14 @@ def receive(node: Node, topic: Topic, callback, profile=None) -> object:
 class Device(Node):
     """A device of the laboratory: its transducers and its state go out, its command comes in."""
 
-    def __init__(self, name: str, commands):
-        """commands: the rig's queue; ``put(topic, function, *arguments)`` is applied at the next sample boundary."""
+    def __init__(self, name: str, commands, kind: str = GEARBOX):
+        """commands: the rig's queue; ``put(topic, function, *arguments)`` is applied at the next sample boundary.
+
+        kind: of the rig to which the device belongs.
+        """
         super().__init__(name)
         self.commands = commands
-        self.outputs = publishers_of(self)
+        self.outputs = publishers_of(self, kind=kind)
         self.inputs = {}
 
     def on_setpoint(self, topic: str, function) -> None:
@@ -60,4 +66,4 @@ class Device(Node):
         def enqueue(message) -> None:
             self.commands.put(topic, function, float(message["value"]), bool(message["enable"]))
 
-        self.inputs[topic] = receive(self, catalogue().topics[topic], enqueue)
+        self.inputs[topic] = receive(self, catalogue().all_topics[topic], enqueue)

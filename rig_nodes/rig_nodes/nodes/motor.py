@@ -1,7 +1,7 @@
 """Node of the DC motor with its speed drive: torque and speed of shaft w0 out, speed setpoint in."""
 
 from ..catalogue import catalogue
-from ..testbench.rig import RigStatus
+from ..testbench.timed import RigStatus
 from .device import Device
 from .settings import DeviceSettings, setpoint_knobs
 

@@ -29,8 +29,9 @@ from ..errors import RigError
 from ..graph.domain import use_own_transports
 from ..graph.link import Link
 from ..graph.tap import Tap
-from ..testbench.configuration import RigConfig, load_rig
+from ..testbench.configuration import RigConfig, load_gearbox_rig, load_rig
 from ..testbench.folders import parse_parameters, parse_settings
+from ..testbench.kinds import AnyConfig
 from ..testbench.sequence import Sequence, load_sequence
 
 PR_SET_PDEATHSIG = 1
@@ -193,9 +194,14 @@ class Process:
         rclpy.shutdown()
 
 
-def rig_config(arguments) -> RigConfig:
+def rig_config(arguments) -> AnyConfig:
     """The rig that RIG_OPTIONS name."""
     return load_rig(arguments.rig, parse_settings(arguments.settings))
+
+
+def gearbox_rig_config(arguments, name: str) -> RigConfig:
+    """The same for a process of this name that only a rig with the gearbox has; RigError for another."""
+    return load_gearbox_rig(arguments.rig, parse_settings(arguments.settings), name)
 
 
 def chosen_sequence(arguments) -> Sequence | None:

@@ -13,13 +13,18 @@ import traceback
 
 from rosgraph_msgs.msg import Clock
 
+from ..catalogue import GEARBOX
 from ..errors import RigError
 from ..graph.dropping import parse_drop
+from ..testbench.clutch_bench_configuration import KIND
+from ..testbench.kinds import PACE, make_rig
 from ..testbench.outputs import SCALAR_SAMPLES, Outputs
-from ..testbench.rig import SAMPLE_NS, TICK_SAMPLES, Rig, RigStatus
+from ..testbench.rig import Rig
 from ..testbench.sequence import BY_HAND
 from ..testbench.simulate import run_record
+from ..testbench.timed import SAMPLE_NS, TICK_SAMPLES, RigStatus
 from .clutch import Clutch
+from .clutch_bench import bench_nodes
 from .commands import Commands
 from .cut import CutEnds
 from .diagnostics import Diagnostics
@@ -32,13 +37,13 @@ from .motor import Motor
 from .oil_supply import OilSupply
 from .process import RIG_OPTIONS, SEQUENCE_PARAMETERS, chosen_sequence, rig_config, run
 from .realtime import MESSAGES, RealTime, prefer_process
-from .rig_health import RigHealth
+from .rig_health import BenchHealth, RigHealth
 from .rig_node import RigNode
 from .valve import Valve
 
 GATE_TIMEOUT = 30.0  # s that the other processes have to appear
 LAST_TICKS = 4  # recorded after an early end, so that the bag shows the safe state
-OTHERS = {"alfa46", "sequencer"}
+OTHERS = {GEARBOX: {"alfa46", "sequencer"}, KIND: {"sequencer"}}  # kind of rig -> who waits for its samples
 CLOCK_BYTES = struct.Struct("<4siI")  # encapsulation, sec, nanosec
 OPTIONS = [
     *RIG_OPTIONS, SEQUENCE_PARAMETERS,
@@ -46,6 +51,7 @@ OPTIONS = [
     ("--seed", {"type": int, "default": 1, "help": "seed of the transducers' noise and errors"}),
     ("--speed", {"type": float, "help": "lockstep at so many times real time, inf for as fast as it goes"}),
     ("--step-timeout", {"type": float, "help": "s that the controller may take for one sample in lockstep"}),
+    ("--delay", {"type": int, "default": 1, "help": "samples from a measurement to the effect of the answer to it"}),
     ("--drop", {"metavar": "TOPIC:N", "help": "do not send message N of a topic, to see that the loss is counted"}),
 ]
 
@@ -59,9 +65,12 @@ class Container:
         self.dropped = parse_drop(arguments.drop)
         config = rig_config(arguments)
         sequence = chosen_sequence(arguments) or BY_HAND
+        sequence.check_rig(config)
         record = run_record(config, sequence, arguments.seed)
+        if config.kind != GEARBOX and arguments.speed is not None:
+            raise RigError(f"--speed: '{config.name}' has no shift controller to wait for")
         warm_up(config, record)
-        self.rig = Rig(config, seed=arguments.seed, controller="external", level=None, devices="external")
+        self.rig = rig_on_the_graph(config, arguments.seed, delay=arguments.delay)
         self.outputs = Outputs(self.rig, record)
         self.commands = Commands(self.outputs)
         if arguments.speed is None:
@@ -76,7 +85,8 @@ class Container:
         self.tap = self.cuts.tap = process.tap([*self.publishers, *self.cuts.answers])
         # not in the catalogue and not recorded: a bag that is played again brings a clock of its own
         self._clock_out = self.nodes[0].create_publisher(Clock, "/clock", 10)
-        self.diagnostics = Diagnostics(self.nodes[0], RigHealth(self.rig, self.clock, self.commands),
+        health = RigHealth if config.kind == GEARBOX else BenchHealth
+        self.diagnostics = Diagnostics(self.nodes[0], health(self.rig, self.clock, self.commands),
                                        lambda: self.rig.time_ns)
         self._seen = None
         self._failure = None
@@ -85,9 +95,12 @@ class Container:
     def _nodes(self) -> list:
         rig, commands = self.rig, self.commands
         executor = self.process.start_ros()
-        nodes = [RigNode(rig, commands, self.process.arguments.speed is not None), Motor(rig, commands),
-                 Gearbox(rig, commands), Clutch(1, commands), Clutch(2, commands), Valve(1, commands),
-                 Valve(2, commands), OilSupply(rig, commands), LoadPump(rig, commands), Instruments(rig, commands)]
+        if rig.config.kind == GEARBOX:
+            nodes = [RigNode(rig, commands, self.process.arguments.speed is None), Motor(rig, commands),
+                     Gearbox(rig, commands), Clutch(1, commands), Clutch(2, commands), Valve(1, commands),
+                     Valve(2, commands), OilSupply(rig, commands), LoadPump(rig, commands), Instruments(rig, commands)]
+        else:
+            nodes = bench_nodes(rig, commands)
         for node in nodes:
             executor.add_node(node)
         return nodes
@@ -119,7 +132,8 @@ class Container:
         """Sentences on what is not connected yet."""
         recorder = {"recorder"} if self.process.arguments.recorded and self.tap is None else set()
         wanted = {topic: recorder for topic in self.publishers}
-        wanted["/instruments/controller"] = recorder | (OTHERS if self.process.arguments.speed is None else set())
+        kind = self.rig.config.kind
+        wanted[PACE[kind]] = recorder | (OTHERS[kind] if self.process.arguments.speed is None else set())
         inputs = {topic: subscription for node in self.nodes for topic, subscription in node.inputs.items()}
         return self.cuts.missing() + silent(self.nodes[0], self.publishers, wanted) + [
             f"nobody sends {topic}" for topic, subscription in inputs.items() if not subscription.get_publisher_count()]
@@ -204,7 +218,7 @@ class Container:
                 self.process.spin(0.05)
         facts = {"time_s": self.rig.time, "state": self.rig.status.name, "reason": self.rig.reason,
                  "interrupted": self.process.interrupted, "refused": dict(self.commands.refused),
-                 "real_time_priority": self.clock.real_time_priority}
+                 "real_time_priority": self.clock.real_time_priority, "delay": self.rig.delay}
         if self.tap is not None:
             self.tap.close()
         self.process.leave(self.nodes, self.publishers.values(), published=self.outputs.counts, **facts,
@@ -213,9 +227,16 @@ class Container:
             raise self._failure
 
 
+def rig_on_the_graph(config, seed: int = 1, devices: str = "external", delay: int = 1):
+    """The rig whose controller, where it has one, is a node of its own; ``delay`` as of testbench.rig."""
+    if config.kind == GEARBOX:
+        return Rig(config, seed, controller="external", level=None, devices=devices, delay=delay)
+    return make_rig(config, seed)
+
+
 def warm_up(config, record) -> None:
     """Load compiled code and encoders on a rig that is thrown away: the first sample of the real one is on time."""
-    rig = Rig(config, controller="external")
+    rig = rig_on_the_graph(config, devices="embedded")
     outputs = Outputs(rig, record)
     for _ in range(SCALAR_SAMPLES):
         list(outputs.due())

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from functools import partial
 
-from ..testbench.rig import COMMAND_TIMEOUT, Rig, RigStatus
+from ..testbench.rig import COMMAND_TIMEOUT, Rig
+from ..testbench.timed import RigStatus
 from .diagnostics import ERROR, OK, STALE, WARN, Growing, Health
 
 OLD = 0.5 * COMMAND_TIMEOUT  # s of a valve command that is a warning
@@ -117,3 +118,34 @@ class RigHealth:
         gauges = self.rig.gauges
         says = "measures" if gauges.on else "measures without noise" if gauges.present else "shows true values"
         return Health("instruments", OK, says)
+
+
+class BenchHealth(RigHealth):
+    """Called: the health of the clutch bench's rig, motor, cylinder, pack and instruments."""
+
+    def __call__(self) -> list[Health]:
+        return [self.whole(), self.motor(), self.cylinder(), self.pack(), self.instruments()]
+
+    def motor(self) -> Health:
+        """On, off or held without oil."""
+        state, settings = self.rig.state[0], self.rig.settings[0]
+
+        def values() -> dict:
+            return {"speed_rad_s": float(self.rig.v[0]), "setpoint_rad_s": float(settings["motor_speed"]),
+                    "pressure_pa": float(state["motor_pressure"]), "zp2_pa": float(state["relief"])}
+
+        if self.rig.status == RigStatus.TRIPPED:
+            return Health("hydraulic_motor", WARN, "without oil: the rig is in its safe state", values)
+        return Health("hydraulic_motor", OK, "on" if settings["motor_on"] > 0.0 else "off", values)
+
+    def cylinder(self) -> Health:
+        """Whether it clamps."""
+        state = self.rig.state[0]
+        text = "presses" if state["force"] > 0.0 else "is back"
+        return Health("cylinder", OK, text, lambda: {
+            "pressure_pa": float(state["p_z"]), "travel_m": float(state["travel"]), "force_n": float(state["force"])})
+
+    def pack(self) -> Health:
+        """Open, slipping or locked."""
+        return Health("clutch_pack", OK, MODES[self.rig.clutch_mode()], lambda: {
+            "torque_nm": self.rig.clutch_torque(), "heat_j": self.rig.energy()["heat"]})

@@ -13,13 +13,15 @@ VALVE_COMMAND = "/alfa46/command"
 
 
 class RigNode(Device):
-    """Publishes /rig/*, takes /alfa46/command, serves /rig/e_stop and /rig/reset."""
+    """Publishes /rig/*, takes /alfa46/command where there are valves, serves /rig/e_stop and /rig/reset."""
 
-    def __init__(self, rig, commands, lockstep: bool):
-        """lockstep: valve commands come through the controller's link, those on the topic are only to be seen."""
-        super().__init__("rig", commands)
+    def __init__(self, rig, commands, valve_commands: bool):
+        """valve_commands: they come by the topic. In lockstep they come through the controller's link and are only to
+        be seen there, and the clutch bench has none.
+        """
+        super().__init__("rig", commands, rig.config.kind)
         self.rig = rig
-        if not lockstep:
+        if valve_commands:
             self.inputs[VALVE_COMMAND] = receive(self, catalogue().topics[VALVE_COMMAND], self.on_valve_command)
         self.create_service(Trigger, "~/e_stop", self.on_e_stop)
         self.create_service(Trigger, "~/reset", self.on_reset)

@@ -8,12 +8,17 @@ from __future__ import annotations
 import re
 from functools import partial
 
+from rcl_interfaces.srv import SetParameters
 from rclpy.action import ActionClient
+from rclpy.parameter import Parameter
 from rig_msgs.action import Shift
 from rig_msgs.msg import RigState
 
 from ..bags.cdr import encoder
-from ..catalogue import Signal, catalogue
+from ..catalogue import GEARBOX, Signal, catalogue
+from ..testbench.clutch_bench import check_bench_setpoint
+from ..testbench.clutch_bench_configuration import KIND
+from ..testbench.clutch_bench_topics import COMMANDS
 from ..testbench.rig import check_setpoint
 from ..testbench.sequence import Sequence, SequenceFailed
 from .device import message_class, publishers_of
@@ -34,12 +39,14 @@ def reader(signal: Signal):
 class RosBench:
     """Implements testbench.sequence.Bench on a node; stamps come from ``stamp_ns``, the newest sample's."""
 
+    kind = GEARBOX
+
     def __init__(self, node, in_lockstep: bool):
         """in_lockstep: readings and state come with the ticks of the container's link, not by topic."""
         self.node = node
         self.stamp_ns = 0
         self.rig_state = None  # newest RigState
-        self.outputs = publishers_of(node)
+        self.outputs = publishers_of(node, kind=self.kind)
         self.counts = dict.fromkeys(self.outputs, 0)
         self._encode_setpoint = encoder("rig_msgs/msg/Setpoint").encode
         self._encode_event = encoder("rig_msgs/msg/Event").encode
@@ -49,7 +56,11 @@ class RosBench:
         self._ordered = None
         self._topics: set[str] = set()
         self._done, self._refusal, self._newest = False, None, None
-        self._shift = ActionClient(node, Shift, "/alfa46/shift")
+        self._shift = self._set_controller = None  # where there is no shift controller
+        if self.kind == GEARBOX:
+            self._shift = ActionClient(node, Shift, "/alfa46/shift")
+            self._set_controller = node.create_client(SetParameters, "/alfa46/set_parameters")
+        self._setting = None  # answer to the newest setting, when it is there
         if not in_lockstep:
             node.create_subscription(RigState, STATE, self._on_state, recorder_profile("measurement"))
 
@@ -61,10 +72,11 @@ class RosBench:
         self.needed = names
         if self.in_lockstep:
             return
-        for topic_name in sorted({catalogue().signals[name].topic for name in names} - self._topics):
+        known = catalogue(self.kind)
+        for topic_name in sorted({known.signals[name].topic for name in names} - self._topics):
             self._topics.add(topic_name)
-            topic = catalogue().topics[topic_name]
-            readers = [(signal.name, reader(signal)) for signal in catalogue().on_topic(topic_name)]
+            topic = known.topics[topic_name]
+            readers = [(signal.name, reader(signal)) for signal in known.on_topic(topic_name)]
 
             def on_message(message, readers=readers) -> None:
                 for name, read in readers:
@@ -75,7 +87,7 @@ class RosBench:
 
     def connected(self) -> bool:
         """True when orders can be sent."""
-        return self._shift.server_is_ready()
+        return self._shift.server_is_ready() and self._set_controller.service_is_ready()
 
     def take(self, frame: dict) -> None:
         """Readings and state of a tick in lockstep, where nothing may depend on when a message arrives."""
@@ -153,6 +165,23 @@ class RosBench:
             return not self._shifting and self._gear == self._ordered
         return self._done
 
+    def set_controller(self, name: str, value: float) -> None:
+        """A setting of the user's controller, a parameter of its node; ``controller_set`` tells what comes of it."""
+        parameter = Parameter(f"controller.{name}", value=float(value)).to_parameter_msg()
+        self._setting = self._set_controller.call_async(SetParameters.Request(parameters=[parameter]))
+        self._setting.add_done_callback(lambda future: self.node.wake())
+        if self.in_lockstep:
+            self.node.process.executor.spin_until_future_complete(self._setting, ANSWER_TIMEOUT)
+
+    def controller_set(self) -> bool:
+        """True when the controller has the newest setting; SequenceFailed with its reason when it refuses it."""
+        if not self._setting.done():
+            return False
+        result, = self._setting.result().results
+        if not result.successful:
+            raise SequenceFailed(result.reason or "the controller has no such setting")
+        return True
+
     def reading(self, signal: str) -> float:
         """Newest value of a signal that the sequence needs, SI."""
         return self._values[signal]
@@ -162,10 +191,47 @@ class RosBench:
         self.outputs[EVENTS].publish(self._encode_event(self.stamp_ns, self._next(EVENTS), name, text, value))
 
     def _send(self, topic: str, setpoint: str, value: float, enable: bool) -> None:
-        check_setpoint(setpoint, value)  # here, for a topic brings back no answer
+        self._check(setpoint, value)  # here, for a topic brings back no answer
         self.outputs[topic].publish(self._encode_setpoint(self.stamp_ns, self._next(topic), float(value), bool(enable)))
+
+    @staticmethod
+    def _check(setpoint: str, value: float) -> None:
+        check_setpoint(setpoint, value)
 
     def _next(self, topic: str) -> int:
         seq = self.counts[topic]
         self.counts[topic] = seq + 1
         return self.node.process.first_seq + seq
+
+
+class RosClutchBench(RosBench):
+    """The same for the clutch bench, in real time: there is no controller to order a gear of."""
+
+    kind = KIND
+
+    def __init__(self, node):
+        super().__init__(node, in_lockstep=False)
+
+    def connected(self) -> bool:
+        """There is nobody who would have to take orders."""
+        return True
+
+    def set_motor(self, speed: float, enable: bool) -> None:
+        """Speed of the hydraulic motor [rad/s]."""
+        self._send(COMMANDS["motor"], "motor", speed, enable)
+
+    def set_relief(self, pressure: float, enable: bool) -> None:
+        """Where ZP_2 is turned to [Pa, gauge]."""
+        self._send(COMMANDS["relief"], "relief", pressure, enable)
+
+    def set_cylinder(self, pressure: float, enable: bool) -> None:
+        """Setting of ZP_1 [Pa, gauge]."""
+        self._send(COMMANDS["cylinder"], "cylinder", pressure, enable)
+
+    def set_press(self, travel: float, enable: bool) -> None:
+        """Where the testing machine moves to [m]."""
+        self._send(COMMANDS["press"], "press", travel, enable)
+
+    @staticmethod
+    def _check(setpoint: str, value: float) -> None:
+        check_bench_setpoint(setpoint, value)

@@ -11,23 +11,24 @@ import numpy as np
 from rclpy.action import CancelResponse
 from rclpy.node import Node
 from rig_msgs.action import RunSequence
-from rig_msgs.msg import ControllerSample
 
 from ..bags.definitions import installed
-from ..catalogue import catalogue
+from ..catalogue import GEARBOX, catalogue
 from ..errors import RigError
 from ..graph.link import LinkClosed
 from ..plant.load_pump import relief_setting_for
-from ..testbench.rig import SAMPLE_NS, TICK_SAMPLES
+from ..testbench.kinds import PACE
 from ..testbench.sequence import SequenceFailed, SequenceRunner, load_sequence
+from ..testbench.timed import SAMPLE_NS, TICK_SAMPLES
 from .action_server import GoalServer, finish
+from .clutch_bench import receivers
+from .device import message_class
 from .diagnostics import OK, WARN, Diagnostics, Health
 from .matching import silent
 from .process import RIG_OPTIONS, SEQUENCE_PARAMETERS, chosen_sequence, rig_config, run
 from .qos import recorder_profile
-from .ros_bench import EVENTS, RosBench
+from .ros_bench import EVENTS, RosBench, RosClutchBench
 
-SAMPLES = "/instruments/controller"
 RECEIVERS = {"/motor/command": "motor", "/load_pump/command": "load_pump", "/oil_supply/command": "oil_supply"}
 FEEDBACK_TICKS = 100  # 2 Hz beside every new step
 OPTIONS = [
@@ -43,10 +44,11 @@ class Sequencer(Node):
 
     def __init__(self, config, process):
         super().__init__("sequencer")
-        self.process, self._load = process, config.load_pump
+        self.process, self._config = process, config
         self.link = process.links().get("container")  # of a run in lockstep
-        self.bench = RosBench(self, self.link is not None)
-        self._layout = installed("rig_msgs/msg/ControllerSample").dtype()
+        self.bench = RosBench(self, self.link is not None) if config.kind == GEARBOX else RosClutchBench(self)
+        self._samples = catalogue(config.kind).topics[PACE[config.kind]]
+        self._layout = installed(self._samples.ros_type).dtype()
         self._tick = -1
         self._runner, self._goal, self._steps_told = None, None, 0
         self._cancelled = False  # the goal, to be ended with the next tick
@@ -57,8 +59,8 @@ class Sequencer(Node):
 
     def listen(self) -> None:
         """Subscribe to the samples; called when those who receive the setpoints are there."""
-        self.create_subscription(ControllerSample, SAMPLES, self.on_sample,
-                                 recorder_profile(catalogue().topics[SAMPLES].qos), raw=True)
+        self.create_subscription(message_class(self._samples.ros_type), self._samples.name, self.on_sample,
+                                 recorder_profile(self._samples.qos), raw=True)
 
     def on_frame(self, frame: dict) -> dict:
         """One graph tick in lockstep: readings in; what was sent, and whether the sequence is over, out."""
@@ -85,11 +87,11 @@ class Sequencer(Node):
     def on_sample(self, data: bytes) -> None:
         """Every graph tick: go on with the sequence."""
         record = np.frombuffer(data, self._layout, 1)[0]
-        tick = int(record["sample"]) // TICK_SAMPLES
+        stamp_ns = int(record["stamp.sec"]) * 1_000_000_000 + int(record["stamp.nanosec"])
+        tick = stamp_ns // (TICK_SAMPLES * SAMPLE_NS)
         if tick <= self._tick:
             return
-        self._tick = tick
-        self.bench.stamp_ns = int(record["stamp.sec"]) * 1_000_000_000 + int(record["stamp.nanosec"])
+        self._tick, self.bench.stamp_ns = tick, stamp_ns
         if self._runner is not None:
             self.poll(self.bench.stamp_ns * 1e-9)
 
@@ -125,10 +127,12 @@ class Sequencer(Node):
         return CancelResponse.ACCEPT
 
     def start(self, sequence) -> None:
-        """Start a sequence with the next tick."""
+        """Start a sequence with the next tick; RigError when it is for another kind of rig."""
+        sequence.check_rig(self._config)
         self.bench.need(sequence)
         self._steps_told, self._cancelled = 0, False
-        self._runner = SequenceRunner(sequence, self.bench, self._load)
+        load = self._config.load_pump if self._config.kind == GEARBOX else None
+        self._runner = SequenceRunner(sequence, self.bench, load)
         self.wake()
 
     def wake(self) -> None:
@@ -188,9 +192,10 @@ def cancelled(runner: SequenceRunner) -> str:
     """What a sequence that is cancelled now leaves behind, in one sentence."""
     if runner.step < 0:
         return f"sequence '{runner.sequence.name}' was cancelled before its first step; nothing was set"
+    devices = "motor, load and oil" if runner.sequence.kind == GEARBOX else "motor, valves and cylinder"
     shift = runner.sequence.steps[runner.step].kind == "shift"
     return (f"sequence '{runner.sequence.name}' was cancelled in step {runner.step + 1} of {runner.steps} "
-            f"({runner.text}); motor, load and oil stay as they are set"
+            f"({runner.text}); {devices} stay as they are set"
             + (", the shift goes on to its end" if shift else ""))
 
 
@@ -204,9 +209,11 @@ def work(process) -> None:
     executor.add_node(node)
     if sequence is not None:
         node.start(sequence)
-    relief_setting_for(0.0, 0.0, config.load_pump)  # compiled now, not in the middle of a sequence
+    if config.kind == GEARBOX:
+        relief_setting_for(0.0, 0.0, config.load_pump)  # compiled now, not in the middle of a sequence
     recorder = {"recorder"} if arguments.recorded else set()
-    wanted = {topic: {receiver} | recorder for topic, receiver in RECEIVERS.items()} | {EVENTS: recorder}
+    takers = RECEIVERS if config.kind == GEARBOX else receivers(config)
+    wanted = {topic: {receiver} | recorder for topic, receiver in takers.items()} | {EVENTS: recorder}
     while not process.stopping and silent(node, node.bench.outputs, wanted):
         process.spin(0.02)
     if node.link is not None:

@@ -59,7 +59,7 @@ class Setting:
             text = f"{value:.6g} {self.unit}"
         else:
             text = f"{' '.join(f'{number:.6g}' for number in value)} {self.unit}"
-        return f"{node}.{self.name} = {text}"
+        return f"{node}.{self.name} = {text}".rstrip()
 
 
 class Settings:

@@ -127,11 +127,11 @@ def held_torque(before, clamp, engaging, releasing):
 def rest_share(before, piston, clamp, clutch):
     """Share of M_rest of (6.56), what an unclamped pack still asks for, with the memory of the contact.
 
-    It is there as soon as the asperities carry, and outlasts the clamp: plates that stick, and waves that press them,
-    let go over the waves' travel as the piston goes back (8.3.5 names adhesion and the waves as its causes).
+    It is there as soon as the asperities carry, and outlasts the clamp: plates that stick, and waves that press them
+    (8.3.5 names both), let go as the piston gives way to a film of full height between all of them.
     """
     carried = max(before, min(1.0, clamp / clutch.film_force))
-    return min(carried, max(0.0, 1.0 - (clutch.clearance - piston) / clutch.pack_travel))
+    return min(carried, max(0.0, 1.0 - (clutch.clearance - piston) / (clutch.surfaces * clutch.film_gap)))
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -188,31 +188,39 @@ def piston_step(piston, pressure, h, clutch):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def cylinder_step(line_pressure, chamber_pressure, piston, state, supply, h, oil, valve, clutch):
-    """One implicit step of line, feed orifice, chamber and piston.
+def cylinder_step(cylinder, state, supply, h, oil, valve, clutch):
+    """One implicit step of line, feed orifice, chamber and piston from where they are in ``cylinder``.
 
     state: of the valve, with its opening or, where it stands outside the plant, its held answer.
-    Returns (line pressure, chamber pressure, piston, valve flow). Unknown is the chamber pressure alone: piston,
-    feed flow and line pressure follow from it in closed form, and the balance of the line's volume is a
+    Of second order: the oil's compression by backward differences over two steps, which damp a stiff volume as a
+    backward step does, the piston's way by the trapezoidal rule.
+    Returns (line pressure, chamber pressure, piston, its speed [m/s], valve flow). Unknown is the chamber pressure
+    alone: piston, feed flow and line pressure follow from it in closed form, and the balance of the line's volume is a
     monotone function of it, solved by Newton inside a shrinking bracket.
     """
-    stiff_chamber = clutch.chamber_volume / oil.bulk_modulus / h
-    stiff_line = clutch.line_volume / oil.bulk_modulus / h
+    full_line = clutch.line_volume / oil.bulk_modulus / h
+    stiff_chamber, stiff_line = 1.5 * clutch.chamber_volume / oil.bulk_modulus / h, 1.5 * full_line
+    # (3 p - 4 p0 + p00) / 2 h = 1.5 (p - (p0 + rise / 3)) / h
+    chamber_before = cylinder.chamber + cylinder.chamber_rise / 3.0
+    line_before = cylinder.line + cylinder.line_rise / 3.0
     inertia_drop = oil.density / (2.0 * clutch.feed_area * clutch.feed_area)
-    low, high = -0.09e6, max(supply, line_pressure, chamber_pressure) + 1e5
-    p = min(max(chamber_pressure, low), high)
-    line, x, flow = line_pressure, piston, 0.0
+    low, high = -0.09e6, max(supply, cylinder.line, cylinder.chamber) + 1e5
+    p = min(max(cylinder.chamber, low), high)
+    half = 0.5 * h
+    start = max(0.0, cylinder.piston + half * cylinder.speed)
+    line, x, flow, speed = cylinder.line, start, 0.0, 0.0
     for _ in range(60):
-        x, dx = piston_step(piston, p, h, clutch)
-        feed = stiff_chamber * (p - chamber_pressure) + clutch.piston_area * (x - piston) / h
-        dfeed = stiff_chamber + clutch.piston_area * dx / h
+        x, dx = piston_step(start, p, half, clutch)
+        speed = (x - start) / half
+        feed = stiff_chamber * (p - chamber_before) + clutch.piston_area * speed
+        dfeed = stiff_chamber + clutch.piston_area * dx / half
         line = p + inertia_drop * feed * abs(feed)
         dline = 1.0 + 2.0 * inertia_drop * abs(feed) * dfeed
         if state.cut > 0.0:
-            flow, dflow = held_flow(state, line, supply, stiff_line)
+            flow, dflow = held_flow(state, line, supply, full_line)
         else:
             flow, dflow = port_flow(state.share, line, supply, oil.density, valve)
-        miss = stiff_line * (line - line_pressure) + feed - flow
+        miss = stiff_line * (line - line_before) + feed - flow
         if miss > 0.0:
             high = p
         else:
@@ -222,4 +230,4 @@ def cylinder_step(line_pressure, chamber_pressure, piston, state, supply, h, oil
             break
         p = new if low < new < high else 0.5 * (low + high)
     # what Newton has left goes into the line's pressure: no oil is lost or made, however many steps
-    return line - miss / stiff_line, p, x, flow
+    return line - miss / stiff_line, p, x, speed, flow

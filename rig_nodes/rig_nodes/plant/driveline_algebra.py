@@ -5,7 +5,8 @@ Used by plant/driveline_joint.py and plant/driveline_kernel.py; nothing here kno
 
 import math
 
-from numba import njit
+from numba import njit, types
+from numba.extending import intrinsic
 
 # Modes of a friction element. LOCKED_* carry their stick limit while other locked elements hold them
 # (statically indeterminate share); they stand still like STUCK. abs(mode) >= 2 means no slip.
@@ -24,6 +25,15 @@ RANK = 1e-10       # relative size below which a constraint counts as dependent 
 HEAD = 4           # work[0] set of P and R, [1] set of H, [2] step of H, [3] 1 if anything is implicit
 
 
+@intrinsic
+def apart(_context):
+    """Keeps the compiled function that calls it out of its callers: what is seldom needed compiles once."""
+    def mark(_target, builder, _signature, _arguments):
+        builder.function.attributes.add("noinline")
+
+    return types.void(), mark
+
+
 def work_size(n, m, s):
     """Length of the float64 work buffer for n speeds, m friction elements, s shafts.
 
@@ -32,7 +42,7 @@ def work_size(n, m, s):
     return HEAD + m + 4 * n * n + 2 * m * n + 3 * m * m + 4 * n + s + 9 * m
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def lin(a, b, x):
     # a == b also keeps infinite limits out of inf - inf
     if x <= 0.0:
@@ -42,12 +52,12 @@ def lin(a, b, x):
     return a + (b - a) * x
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def high(cap, f, x):
     return max(lin(cap[HI0, f], cap[HI1, f], x), lin(cap[KIN0, f], cap[KIN1, f], x))
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def low(cap, f, x):
     return min(lin(cap[LO0, f], cap[LO1, f], x), -lin(cap[KIN0, f], cap[KIN1, f], x))
 
@@ -61,6 +71,7 @@ def has_capacity(cap, f):
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def pseudo_inverse(work, og, ov, oi, nc, m):
     """Least-norm inverse of the symmetric nc x nc matrix at og (stride m) into oi; cyclic Jacobi."""
+    apart()
     for i in range(nc):
         for j in range(nc):
             work[ov + i * m + j] = 1.0 if i == j else 0.0
@@ -117,6 +128,7 @@ def project(minv, w, ost, work):
 
     G = W_c M^-1 W_c^T, R = G^+ W_c M^-1, P = M^-1 - R^T W_c M^-1.
     """
+    apart()
     n = minv.shape[0]
     m = w.shape[0]
     op = HEAD + m
@@ -172,6 +184,7 @@ def project(minv, w, ost, work):
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def implicit(d, w, sh, kc, cap, work):
     """H = (I + d/2 P B)^-1 P with B = W^T visc W + S^T (c + k d/2) S; H = P where nothing is implicit."""
+    apart()
     m, n = w.shape
     s = sh.shape[0]
     op = HEAD + m

@@ -8,7 +8,7 @@ from numba import njit
 
 from rig_nodes.plant.driveline_algebra import (
     BACKWARD, BREAK, CLOSE, CROSS, FORWARD, HEAD, KIN0, KIN1, LOCK, LOCKED_HIGH, LOCKED_LOW, N_CAPPED,
-    N_EVENTS, RANK, STUCK, VISC, high, lin, low, project)
+    N_EVENTS, RANK, STUCK, VISC, apart, high, lin, low, project)
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
@@ -45,6 +45,7 @@ def resolve(x, t, minv, w, sh, kc, q, cap, v, twist, mode, events, count, work):
     the step counts as capped. An overloaded element that others hold keeps its limit torque instead of
     slipping.
     """
+    apart()
     n = minv.shape[0]
     m = w.shape[0]
     s = sh.shape[0]

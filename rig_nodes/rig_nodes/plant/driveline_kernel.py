@@ -11,8 +11,8 @@ from numba import njit
 
 from rig_nodes.plant.driveline_algebra import (
     BACKWARD, CLOSE, CROSS, E_FRIC, E_SHAFT, E_VISC, FORWARD, FREE, HEAD, HI0, HI1, IMPULSE, KIN0, KIN1, LAM, LO0, LO1,
-    LOCKED_HIGH, LOCKED_LOW, N_CAPPED, OPEN, STUCK, TAU, VISC, has_capacity, high, implicit, implicit_pair, lin, low,
-    project)
+    LOCKED_HIGH, LOCKED_LOW, N_CAPPED, OPEN, STUCK, TAU, VISC, apart, has_capacity, high, implicit,
+    implicit_pair, lin, low, project)
 from rig_nodes.plant.driveline_joint import note, resolve
 
 
@@ -47,7 +47,7 @@ def first_down(y0, b, y1, d, tol):
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def quiet_step(h, minv, w, q, cap, v, mode, el, e_in, work):
-    """As `driveline_step` for two speeds without shafts, where a look shows that nothing happens in the step; same bits.
+    """As `driveline_step` for two speeds without shafts, where a look shows that nothing happens; same bits.
 
     True if it is done; False if something may happen (a change of mode, a root, a limit, another set of stuck elements
     than in the last step, not two speeds): then nothing has changed, and `driveline_step` has to be called.
@@ -196,6 +196,7 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_i
     satisfies work = kinetic + spring energy + losses with these to rounding, for any step, and no loss
     can come out negative; against the exact integral they are of second order in the step.
     """
+    apart()
     n = minv.shape[0]
     m = w.shape[0]
     s = sh.shape[0]

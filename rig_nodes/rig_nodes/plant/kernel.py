@@ -1,7 +1,7 @@
 """The one compiled entry: plant, instruments and embedded controller, moved together in fixed order.
 
-Called by testbench.rig only. All it moves is one record, WORLD, beside the gauges' arrays, the law's and the ring of rows: it
-allocates nothing and holds no lock, and in one record the compiler sees which values cannot be the same ones.
+Called by testbench.rig only. All it moves is one record, WORLD, beside the gauges' arrays, the law's and the ring of
+rows: it allocates nothing and holds no lock, and in one record the compiler sees which values cannot be the same ones.
 """
 
 from __future__ import annotations
@@ -38,21 +38,25 @@ BY_DUTY, BY_LAW, BY_SETPOINT = range(3)
 # work: given to the port since time 0; cut > 0: the valve but for its coil stands outside (plant.cut), and
 # cut_* is its answer
 VALVE_STATE = np.dtype([
-    ("duty", "f8"), ("on", "f8"), ("pending", "f8"), ("current", "f8"), ("magnet", "f8"), ("spool", "f8"), ("flow", "f8"), ("share", "f8"),
-    ("work", "f8"), ("cut", "f8"), ("cut_flow", "f8"), ("cut_slope", "f8"), ("cut_pressure", "f8"),
+    ("duty", "f8"), ("on", "f8"), ("pending", "f8"), ("current", "f8"), ("magnet", "f8"), ("spool", "f8"),
+    ("flow", "f8"), ("share", "f8"), ("work", "f8"), ("cut", "f8"), ("cut_flow", "f8"),
+    ("cut_slope", "f8"), ("cut_pressure", "f8"),
 ])
+# rise: of a pressure in the last step; speed: of the piston
 CLUTCH_STATE = np.dtype([
-    ("line", "f8"), ("chamber", "f8"), ("piston", "f8"), ("clamp", "f8"), ("held", "f8"),
-    ("rest", "f8"), ("kinetic", "f8"), ("static", "f8"), ("drag", "f8"), ("temperature", "f8"), ("wear", "f8"),
-    ("heat", "f8"),
+    ("line", "f8"), ("line_rise", "f8"), ("chamber", "f8"), ("chamber_rise", "f8"), ("piston", "f8"), ("speed", "f8"),
+    ("clamp", "f8"), ("held", "f8"), ("rest", "f8"), ("kinetic", "f8"), ("static", "f8"), ("drag", "f8"),
+    ("temperature", "f8"), ("wear", "f8"), ("heat", "f8"),
 ])
 # what of the thesis's error sources acts here; the others are parameters. pwm: frequency, 0 where it is averaged;
 # pulses: of the coils' voltage as the transducers pick it up, there also where the plant takes the average
 EFFECTS = np.dtype([("current_loop", "f8"), ("motor_speed", "f8"), ("pwm", "f8"), ("pulses", "f8"),
                     ("prescribed", "f8"), ("loss_driving", "f8"), ("transducers", "f8")])
+# carried: by w0 into the clutches; gain: of a value in the last step, of a torque only where no mode has changed in it
 PLANT_STATE = np.dtype([
     ("motor_torque", "f8"), ("motor_integral", "f8"), ("motor_setpoint", "f8"), ("supply", "f8"),
-    ("load_pressure", "f8"), ("m_wej", "f8"), ("m_wyj", "f8"), ("loss_in", "f8"), ("loss_out", "f8"),
+    ("load_pressure", "f8"), ("m_wej", "f8"), ("m_wyj", "f8"), ("loss_in", "f8"), ("loss_out", "f8"), ("carried", "f8"),
+    ("gain_in", "f8"), ("gain_out", "f8"), ("gain_carried", "f8"), ("gain_m_wyj", "f8"),
 ])
 # answers of a motor and a load outside the plant (plant.cut), held for a tick; motor, load > 0: it is there
 HELD = np.dtype([
@@ -70,7 +74,8 @@ CLUTCH_DERIVED = ("engaging_kinetic", "engaging_static", "releasing_static", "ki
 CLUTCH = np.dtype(record_dtype(clutch_model.Cylinder, clutch_model.PlatePack).descr
                   + [(name, "f8") for name in CLUTCH_DERIVED])
 # share of a first-order part's way that is left after a step
-DECAYS = np.dtype([("coil", "f8", (VALVES,)), ("spool", "f8", (VALVES,)), ("supply", "f8"), ("load", "f8"), ("motor", "f8")])
+DECAYS = np.dtype([("coil", "f8", (VALVES,)), ("spool", "f8", (VALVES,)), ("supply", "f8"), ("load", "f8"),
+                   ("motor", "f8")])
 # sizes of gearbox.build_driveline: speeds, friction elements, no shafts; how many events are kept
 SPEEDS, ELEMENTS, SHAFTS, EVENTS = 2, 5, 0, 256
 # arguments of driveline_kernel.driveline_step
@@ -105,7 +110,8 @@ def fill_decays(world, h):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch, effects, curve, coil_decay, spool_decay):
+def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch, effects, curve, coil_decay,
+                    spool_decay):
     """One valve and clutch from t over h: coil, spool, line, chamber, piston, pack; leaves capacities in ``cylinder``.
 
     ``curve``: the line's pressure where it is prescribed, which leaves out all before the pack.
@@ -116,27 +122,30 @@ def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch
         cylinder.piston = clutch.clearance if cylinder.clamp > 0.0 else 0.0
     else:
         valve.on = valve.duty if effects.pwm == 0.0 else valve_model.on_share(t, h, valve.duty, effects.pwm)
+        before = valve.current
         if effects.current_loop > 0.0:
             valve.current = valve_model.coil_after(valve.current, valve.on, coil_decay, valve_parameters)
         if valve.cut == 0.0:
-            valve.magnet = valve_model.magnet_pressure(valve.magnet, valve.current, valve_parameters)
+            # in the middle of the step: the current as it was, the port's pressure as it has been going
+            valve.magnet = valve_model.magnet_pressure(valve.magnet, 0.5 * (before + valve.current), valve_parameters)
             valve.spool = valve_model.spool_after(
-                valve.spool, valve.magnet, cylinder.line, spool_decay, valve_parameters)
+                valve.spool, valve.magnet, cylinder.line + 0.5 * cylinder.line_rise, spool_decay, valve_parameters)
             valve.share = valve_model.opening(valve.spool, valve_parameters)
         clutch.clearance = clutch.new_clearance + cylinder.wear
-        line, chamber, piston, flow = clutch_model.cylinder_step(
-            cylinder.line, cylinder.chamber, cylinder.piston, valve, supply, h, oil, valve_parameters, clutch)
+        line, chamber, piston, speed, flow = clutch_model.cylinder_step(
+            cylinder, valve, supply, h, oil, valve_parameters, clutch)
         valve.flow = flow
         valve.work += line * flow * h
-        cylinder.line, cylinder.chamber, cylinder.piston = line, chamber, piston
+        cylinder.line_rise, cylinder.chamber_rise = line - cylinder.line, chamber - cylinder.chamber
+        cylinder.line, cylinder.chamber, cylinder.piston, cylinder.speed = line, chamber, piston, speed
         cylinder.clamp = clutch_model.pack_force(piston, clutch)[0]
     cylinder.held = clutch_model.held_torque(
         cylinder.held, cylinder.clamp, clutch.engaging_static, clutch.releasing_static)
     cylinder.rest = clutch_model.rest_share(cylinder.rest, cylinder.piston, cylinder.clamp, clutch)
     rest = clutch.rest_torque * cylinder.rest
     factor = clutch_model.friction_factor(cylinder.temperature, clutch)
-    # sliding breaks the adhesion and shakes the plates loose on their splines; the waves' force is the clamp itself until
-    # the piston has left them alone
+    # sliding breaks the adhesion and shakes the plates loose on their splines; the waves' force is the clamp itself
+    # until the piston has left them alone
     cylinder.kinetic = max(factor * clutch.engaging_kinetic * cylinder.clamp, clutch.kinetic_share * rest)
     cylinder.static = factor * cylinder.held + rest
     viscosity = oil_supply.viscosity_at(cylinder.temperature, oil)
@@ -181,13 +190,16 @@ def plant_step(world, h, t):
         plant.supply, settings.oil_pressure, settings.oil_on > 0.0, drawn, decays.supply, world.oil)
     for k in range(VALVES):
         f = S1 + k
-        cap[KIN0, f], cap[HI0, f] = cylinders[k].kinetic, cylinders[k].static
+        cap[KIN0, f], cap[HI0, f], drag = cylinders[k].kinetic, cylinders[k].static, cylinders[k].drag
         clutch_capacity(valves[k], cylinders[k], t, h, plant.supply, world.oil, world.valve_parameters[k], clutches[k],
                         effects, world.curves[k], decays.coil[k], decays.spool[k])
         cap[KIN1, f], cap[HI1, f] = cylinders[k].kinetic, cylinders[k].static
         cap[LO0, f], cap[LO1, f] = -cap[HI0, f], -cap[HI1, f]
-        cap[VISC, f] = cylinders[k].drag
+        cap[VISC, f] = 0.5 * (drag + cylinders[k].drag)
 
+    # speeds in the middle of the step, as they have been going
+    middle_in, middle_out = v[0] + 0.5 * plant.gain_in, v[1] + 0.5 * plant.gain_out
+    old_in, old_out = v[0], v[1]
     drive = settings.motor_on > 0.0 and settings.safe == 0.0
     if effects.motor_speed == 0.0:
         # w0 is so heavy here (testbench.rig) that no clutch is felt; it is pushed to the setpoint of the step's end
@@ -199,50 +211,65 @@ def plant_step(world, h, t):
         plant.motor_torque = held.motor_torque if settings.safe == 0.0 else 0.0
         q[0, 0] = plant.motor_torque
     else:
-        plant.motor_setpoint = motor_model.next_setpoint(
-            plant.motor_setpoint, settings.motor_speed, v[0], drive, h, world.motor)
+        before = plant.motor_setpoint
+        plant.motor_setpoint = motor_model.next_setpoint(before, settings.motor_speed, v[0], drive, h, world.motor)
         q[0, 0] = plant.motor_torque if drive else 0.0
         plant.motor_torque, plant.motor_integral = motor_model.torque_after(
-            plant.motor_torque, plant.motor_integral, plant.motor_setpoint, v[0], drive, h, decays.motor, world.motor)
+            plant.motor_torque, plant.motor_integral, 0.5 * (before + plant.motor_setpoint), middle_in, drive, h,
+            decays.motor, world.motor)
     q[1, 0] = plant.motor_torque
 
+    load_before = cap[KIN1, LOAD]
     # losses and load resist: friction elements to ground, so they can hold a shaft but never turn it
     if held.load > 0.0:
         plant.load_pressure = held.load_pressure
         cap[KIN1, LOAD] = max(0.0, held.load_capacity)
     else:
         plant.load_pressure = load_pump.pressure_after(
-            plant.load_pressure, settings.load_pressure, settings.load_on > 0.0, v[1], decays.load, world.load)
+            plant.load_pressure, settings.load_pressure, settings.load_on > 0.0, middle_out, decays.load, world.load)
         cap[KIN1, LOAD] = load_pump.torque_capacity(plant.load_pressure, world.load)
-    carried = w[S1, 0] * el[LAM, S1] + w[S1 + 1, 0] * el[LAM, S1 + 1]  # by w0 into the clutches
-    plant.loss_in = gearbox_model.loss_in(v[0], carried, gearbox)
-    plant.loss_out, by_load = gearbox_model.loss_out(gearbox), gearbox_model.loss_by_load(plant.m_wyj, gearbox)
+    plant.loss_in = gearbox_model.loss_in(middle_in, plant.carried + 0.5 * plant.gain_carried, gearbox)
+    plant.loss_out = gearbox_model.loss_out(gearbox)
+    by_load = gearbox_model.loss_by_load(plant.m_wyj + 0.5 * plant.gain_m_wyj, gearbox)
     if effects.loss_driving == 0.0:
         plant.loss_out += by_load
-    elif v[0] > 1.0:
-        plant.loss_in += by_load * min(1.0, max(0.0, v[1] / v[0]))  # the same power on the other shaft
+    elif middle_in > 1.0:
+        plant.loss_in += by_load * min(1.0, max(0.0, middle_out / middle_in))  # the same power on the other shaft
     cap[KIN1, LOSS_IN], cap[KIN1, LOSS_OUT] = plant.loss_in, plant.loss_out
-    for f in (LOSS_IN, LOSS_OUT, LOAD):
-        # held over the step: their change is slow, and one torque per step keeps work and meters consistent
+    cap[KIN0, LOAD], cap[HI0, LOAD], cap[LO0, LOAD] = load_before, load_before, -load_before
+    cap[HI1, LOAD], cap[LO1, LOAD] = cap[KIN1, LOAD], -cap[KIN1, LOAD]
+    for f in (LOSS_IN, LOSS_OUT):
+        # held over the step: their change is slow
         cap[KIN0, f] = cap[HI0, f] = cap[HI1, f] = cap[KIN1, f]
         cap[LO0, f] = cap[LO1, f] = -cap[KIN1, f]
 
-    old_in, old_out = v[0], v[1]
-    if not quiet_step(h, minv, w, q, cap, v, line.mode, el, line.e_in, line.work):
+    quiet = quiet_step(h, minv, w, q, cap, v, line.mode, el, line.e_in, line.work)
+    if not quiet:
         driveline_step(h, t, minv, w, line.sh, line.kc, q, cap, v, line.twist, line.mode, el, line.shaft, line.e_in,
                        line.events, line.count, line.work)
+    plant.gain_in, plant.gain_out = v[0] - old_in, v[1] - old_out
     for k in range(VALVES):
         cylinder, heat = cylinders[k], el[E_FRIC, S1 + k] + el[E_VISC, S1 + k]
         cylinder.temperature, cylinder.wear = clutch_model.plates_after(
             cylinder.temperature, cylinder.wear, heat - cylinder.heat, world.oil.temperature, h, clutches[k])
         cylinder.heat = heat
-    # the torque meters sit between motor and gearbox and between gearbox and pump
+    carried, m_wyj = plant.carried, plant.m_wyj
+    plant.carried = w[S1, 0] * el[LAM, S1] + w[S1 + 1, 0] * el[LAM, S1 + 1]
+    # the torque meters sit between motor and gearbox and between gearbox and pump: accelerations at the end of the step
+    on_in, on_out = q[1, 0], 0.0
+    for f in range(ELEMENTS):
+        torque = el[LAM, f] + cap[VISC, f] * (w[f, 0] * v[0] + w[f, 1] * v[1])
+        on_in -= w[f, 0] * torque
+        on_out -= w[f, 1] * torque
     if effects.motor_speed == 0.0:
-        plant.m_wej = w[S1, 0] * el[LAM, S1] + w[S1 + 1, 0] * el[LAM, S1 + 1] + plant.loss_in  # (6.82)
+        plant.m_wej = plant.carried + plant.loss_in  # (6.82)
     else:
         outside = gearbox.inertia_in - gearbox.inertia_in_gearbox
-        plant.m_wej = 0.5 * (q[0, 0] + q[1, 0]) - outside * (v[0] - old_in) / h
-    plant.m_wyj = el[LAM, LOAD] + gearbox.inertia_pump * (v[1] - old_out) / h
+        plant.m_wej = q[1, 0] - outside * on_in / gearbox.inertia_in
+    plant.m_wyj = el[LAM, LOAD] + gearbox.inertia_pump * minv[1, 1] * on_out
+    plant.gain_carried, plant.gain_m_wyj = 0.0, 0.0
+    if quiet:
+        plant.gain_carried, plant.gain_m_wyj = plant.carried - carried, plant.m_wyj - m_wyj
 
 
 @njit(cache=True, error_model="numpy")
@@ -304,7 +331,8 @@ def advance(samples, first_sample, steps_per_sample, h, drive, worlds, showns, t
     rows, first = log.shape[0], first_sample * steps_per_sample
     newest, mains, slot = first % rows, first % hum.shape[0], first % counts.shape[0]
     world, shown = worlds[0], showns[0]
-    settings, valves, wiring, currents, effects = world.settings, world.valves, world.wiring, world.currents, world.effects
+    settings, valves, effects = world.settings, world.valves, world.effects
+    wiring, currents = world.wiring, world.currents
     fill_decays(world, h)
     transducers.take(shown, table, keys, gauge_state)
     for s in range(first_sample, first_sample + samples):

@@ -53,6 +53,6 @@ def torque_after(torque, integral, setpoint, speed, enabled, h, decay, motor):
     upper = min(motor.torque_limit, motor.power_limit / max(abs(speed), 1.0))
     lower = -min(motor.braking_limit, upper)
     error = setpoint - speed
-    integral = min(max(integral + motor.speed_gain_integral * error * h, lower), upper)
-    asked = min(max(motor.speed_gain * error + integral, lower), upper)
+    before, integral = integral, min(max(integral + motor.speed_gain_integral * error * h, lower), upper)
+    asked = min(max(motor.speed_gain * error + 0.5 * (before + integral), lower), upper)
     return asked + (torque - asked) * decay, integral

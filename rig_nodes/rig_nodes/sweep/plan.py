@@ -166,22 +166,25 @@ def read_plan(path: str | Path) -> Plan:
     beside = Path(path).parent
     names = {key: str(beside / node[key]) if str(node.get(key, "")).endswith((".yaml", ".yml")) else str(node[key])
              for key in ("sequence", "rig") if key in node}
-    return make_plan(names["sequence"], dict(vary), names.get("rig", "hydmag"), node.get("method"),
+    return make_plan(names["sequence"], dict(vary), names.get("rig"), node.get("method"),
                      fixed=fixed, fixed_with=fixed_with, description=str(node.get("description", "")), wheres=wheres,
                      **numbers)
 
 
-def make_plan(sequence: str, vary: dict, rig: str = "hydmag", method: str | None = None, samples: int | None = None,
+def make_plan(sequence: str, vary: dict, rig: str | None = None, method: str | None = None, samples: int | None = None,
               seed: int = 1, repeats: int = 1, fixed: dict[str, str] | None = None,
               fixed_with: dict[str, str] | None = None, description: str = "",
               wheres: dict[str, str] | None = None) -> Plan:
-    """A checked plan. vary: name -> text or list of values; method None: grid, or lhs when samples are asked for.
+    """A checked plan. rig: the one that the sequence is written for, if not given; vary: name -> text or list of values;
+    method None: grid, or lhs when samples are asked for.
 
     RigError when a name, a unit or a value does not fit the rig or the sequence, or the method does not fit them.
     """
     fixed, fixed_with = fixed or {}, fixed_with or {}
-    config = load_rig(rig, fixed)
     loaded = load_sequence(sequence, fixed_with)
+    rig = rig or loaded.rig
+    config = load_rig(rig, fixed)
+    loaded.check_rig(config)
     method = method or ("lhs" if samples else "grid")
     if method not in METHODS:
         raise RigError(f"method is '{method}', expected {', '.join(METHODS)}")
@@ -270,7 +273,9 @@ def _dimension(name: str, where: str, config, sequence) -> tuple[str, str | None
     if match := _POINT_PART.fullmatch(name):
         return "rig", match[2]
     part, _, key = name.partition(".")
-    owner = config.alfa46.values if part == "alfa46" else getattr(config, part, None)
+    owner = getattr(config, part, None)
+    if part == "alfa46" and owner is not None:
+        owner = owner.values
     about = getattr(type(owner), "__dataclass_fields__", {}).get(key)
     dimension = about.metadata.get("dimension") if about is not None else None
     return "rig", None if dimension in (None, "choice", "switch") else dimension

@@ -17,9 +17,9 @@ from typing import Any
 
 from ..errors import RigError
 from .configuration import load_rig
+from .kinds import make_rig
 from .procedure import Series, run_repeat
 from .record import Run
-from .rig import Rig
 
 
 TRIES = 2  # of an item in Workers.stream whose process was killed
@@ -195,8 +195,9 @@ def _answer(function, item) -> tuple[Exception | None, Any]:
 
 
 def warm_up() -> None:
-    """Compile the plant, or load it: so that of several processes none does it beside another."""
-    Rig(load_rig()).advance_samples(1)
+    """Compile the plants, or load them: so that of several processes none does it beside another."""
+    for name in ("hydmag", "clutch_bench"):
+        make_rig(load_rig(name)).advance_samples(1)
 
 
 @contextmanager
@@ -211,7 +212,7 @@ def _interrupts_ignored() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def run_campaign(series: list[Series], measure: Callable[[Series, Run], Any], rig: str = "hydmag",
+def run_campaign(series: list[Series], measure: Callable[[Series, Run], Any], rig: str | None = None,
                  settings: dict[str, str] | None = None, workers: Workers | None = None,
                  progress: Callable[[int, int], None] | None = None) -> list[list]:
     """measure(series, run) of every repeat of every series: one list for each series, one result for each repeat.

@@ -11,8 +11,9 @@ from pathlib import Path
 
 from ..alfa46 import law
 from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, check_profile, read_alfa46
+from ..catalogue import GEARBOX
 from ..config import CONFIG_DIR, load_marked
-from ..config.schema import build, check_keys, entry, field_value, param, where_of
+from ..config.schema import build, changed, check_keys, field_value, param, where_of
 from ..config.units import quantity
 from ..errors import RigError
 from ..plant.clutch import Cylinder, PlatePack
@@ -24,6 +25,9 @@ from ..plant.motor import MotorConfig
 from ..plant.oil_supply import OilSupplyConfig
 from ..plant.prescribed import Prescribed, read_prescribed
 from ..plant.valve import ValveConfig
+from . import clutch_bench_configuration as clutch_bench
+from .clutch_bench_configuration import ClutchBenchConfig
+from .timed import KernelConfig
 
 
 @dataclass(frozen=True)
@@ -67,13 +71,6 @@ class InstrumentsConfig:
 
 
 @dataclass(frozen=True)
-class KernelConfig:
-    """How time is cut: the step of the plant."""
-
-    step: float = param("time", 1e-6, 1e-4)
-
-
-@dataclass(frozen=True)
 class CutConfig:
     """The tick for which both sides of a cut hold what the other one gave."""
 
@@ -94,8 +91,8 @@ _POINT = re.compile(r"\s*([-+\d.eE]+\s*[a-zA-Z]+)[\s,]+([-+\d.eE]+\s*[a-zA-Z]+)\
 
 @dataclass(frozen=True)
 class RigConfig:
-    """A whole rig. wiring: index of the controller's output that drives each valve; cut_out: devices outside
-    the plant, reached through topics (plant.cut).
+    """A whole rig with the gearbox. wiring: index of the controller's output that drives each valve; cut_out: devices
+    outside the plant, reached through topics (plant.cut).
     """
 
     name: str
@@ -116,6 +113,8 @@ class RigConfig:
     cut: CutConfig = CutConfig(SAMPLE)
     cut_out: tuple[str, ...] = ()
     prescribed: Prescribed | None = None
+
+    kind = GEARBOX
 
     def as_dict(self) -> dict:
         """Plain SI values, for the run's record in bag and report; ``cut`` only where a device is cut out."""
@@ -205,49 +204,66 @@ def _controller(node, path) -> Alfa46Config:
     return read_alfa46(controller)
 
 
-def _on_base(node, path) -> RigConfig:
+def _on_base(node, path) -> RigConfig | ClutchBenchConfig:
     """A rig that names another one and what differs from it."""
-    check_keys(path, node, ("description", "base", "controller", "controller_values", "prescribed", *PARTS),
-               ("description", "base"), "a rig on a base")
     try:
         config = load_rig(str(node["base"]))
     except RigError as error:
         raise RigError(f"{where_of(path, node, 'base')}: base: {error}") from None
     config = replace(config, name=Path(path).stem)
+    if config.kind == clutch_bench.KIND:
+        return clutch_bench.on_base(config, node, path)
+    check_keys(path, node, ("description", "base", "controller", "controller_values", "prescribed", *PARTS),
+               ("description", "base"), "a rig on a base")
     for part in PARTS:
         if part in node:
-            config = replace(config, **{part: _changed(getattr(config, part), node[part], path, part)})
+            config = replace(config, **{part: changed(getattr(config, part), node[part], path, part)})
     if "controller" in node:
         config = replace(config, alfa46=_controller(node, path))
     if "controller_values" in node:
-        values = _changed(config.alfa46.values, node["controller_values"], path, "controller_values")
+        values = changed(config.alfa46.values, node["controller_values"], path, "controller_values")
         config = replace(config, alfa46=Alfa46Config(values, config.alfa46.profiles))
     if "prescribed" in node:
         config = replace(config, prescribed=read_prescribed(node["prescribed"], path))
     return config
 
 
-def _changed(part, node, path, what: str):
-    """A part with the values that a map names, each [value with unit, "its source"]."""
-    names = list(type(part).__dataclass_fields__)
-    check_keys(path, node, names, (), what)
-    values = {name: entry(type(part).__dataclass_fields__[name], node[name],
-                          f"{where_of(path, node, name)}: {what}.{name}") for name in node}
-    return replace(part, **values)
+def load_rig(name: str | Path = "hydmag", overrides: dict[str, str] | None = None) -> RigConfig | ClutchBenchConfig:
+    """The rig of this name or file, with the gearbox unless its ``kind`` or that of its base says another.
 
-
-def load_rig(name: str | Path = "hydmag", overrides: dict[str, str] | None = None) -> RigConfig:
-    """The rig of this name or file. ``overrides``: e.g. {"alfa46.t12": "200 ms", "wiring": "swapped",
-    "alfa46.output_1.P1": "200 ms 160 mA"}.
+    ``overrides``: e.g. {"alfa46.t12": "200 ms", "wiring": "swapped", "alfa46.output_1.P1": "200 ms 160 mA"}.
     """
     path = find_config("rigs", name)
     node = load_marked(path)
-    config = _on_base(node, path) if isinstance(node, dict) and "base" in node else _whole(node, path)
+    if isinstance(node, dict) and "base" in node:
+        config = _on_base(node, path)
+    elif isinstance(node, dict) and "kind" in node:
+        config = clutch_bench.whole(node, path)
+    else:
+        config = _whole(node, path)
     return with_overrides(config, overrides or {})
 
 
-def with_overrides(config: RigConfig, overrides: dict[str, str]) -> RigConfig:
+def kind_of(name: str | Path) -> str:
+    """The kind of an installed rig or of a file, without reading its values; RigError when there is none."""
+    node = load_marked(find_config("rigs", name))
+    if isinstance(node, dict) and "base" in node:
+        return kind_of(str(node["base"]))
+    return str(node.get("kind", GEARBOX)) if isinstance(node, dict) else GEARBOX
+
+
+def load_gearbox_rig(name: str | Path, overrides: dict[str, str] | None, what: str) -> RigConfig:
+    """As :func:`load_rig`, for what works with the gearbox's rig only; RigError for another kind."""
+    config = load_rig(name, overrides)
+    if config.kind != GEARBOX:
+        raise RigError(f"{what} is for a rig with the gearbox; '{config.name}' is a {config.kind.replace('_', ' ')}")
+    return config
+
+
+def with_overrides(config, overrides: dict[str, str]):
     """The rig with some values changed, as :func:`load_rig` takes them; RigError for those that do not fit."""
+    if config.kind == clutch_bench.KIND:
+        return clutch_bench.with_overrides(config, overrides)
     points = {}
     for key, text in overrides.items():
         if match := _POINT_KEY.fullmatch(key):

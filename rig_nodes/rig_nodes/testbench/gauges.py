@@ -24,7 +24,7 @@ KINDS = {
 # field with the noise of each channel; the thermometer has none
 NOISE_FIELDS = {channel: f"{kind}_noise" for channel, kind in KINDS.items() if kind != "temperature"}
 SIGNED = ("torque",)
-FILTERED = ("torque", "p1", "p2", "p_po")
+FILTERED = ("torque", "p1", "p2", "p_po", "pressure", "travel", "force")
 DISTURBANCES = [parts.NOISE, parts.HUM, parts.PICKUP]
 DRAWS = 1 << 32  # number of the first channel whose noise is drawn for what stays the same in a run
 NO_TRANSDUCER = {parts.GAIN: 1.0, parts.LOW: -math.inf, parts.HIGH: math.inf}  # rows that are not 0
@@ -38,16 +38,18 @@ class Gauges:
     places of the encoders' discs, beside the noise; ``step`` [s] is the time of a row.
     """
 
-    def __init__(self, config: InstrumentsConfig, seed: int, step: float, on: bool = True):
-        self.config, self.present, self.on = config, on, on
-        size = len(kernel.CHANNELS)
+    def __init__(self, config, seed: int, step: float, on: bool = True, channels: tuple[str, ...] = kernel.CHANNELS,
+                 kinds: dict[str, str] | None = None):
+        """config: an InstrumentsConfig, or for other channels one whose fields begin with their ``kinds``."""
+        self.config, self.present, self.on, self.channels = config, on, on, channels
+        size = len(channels)
         self.table, self.state = np.zeros((parts.ROWS, size)), np.zeros(size)
         for row, value in NO_TRANSDUCER.items():
             self.table[row] = value
         gate = self._gate(step) if on and config.speed_step > 0.0 else 1
         self.counts = np.zeros((gate, size))
         if on:
-            for name, kind in KINDS.items():
+            for name, kind in (kinds or KINDS).items():
                 self._fill(name, kind, seed, step)
         keys = np.array([channel_key(seed, c) for c in range(size)], np.uint64)
         hum = parts.mains(step, config.hum_frequency, uniform(seed, DRAWS, 0))
@@ -62,7 +64,7 @@ class Gauges:
         return round(rows)
 
     def _fill(self, name: str, kind: str, seed: int, step: float) -> None:
-        config, c, table = self.config, kernel.CHANNELS.index(name), self.table
+        config, c, table = self.config, self.channels.index(name), self.table
         def value(what: str) -> float:
             return getattr(config, f"{kind}_{what}", 0.0)
 
@@ -106,16 +108,16 @@ class Gauges:
         low, high = noise_limits(channel)
         if not low <= value <= high:
             raise RigError(f"noise of {channel} of {value:g} refused; expected {low:g} to {high:g}")
-        self._set[0, kernel.CHANNELS.index(channel)] = value
+        self._set[0, self.channels.index(channel)] = value
         self.switch(self.on)
 
     def noise(self, channel: str) -> float:
         """Standard deviation that is set, switched on or not [SI]."""
-        return float(self._set[0, kernel.CHANNELS.index(channel)])
+        return float(self._set[0, self.channels.index(channel)])
 
     def effective(self, channel: str) -> float:
         """Standard deviation that acts [SI]."""
-        return float(self.table[parts.NOISE, kernel.CHANNELS.index(channel)])
+        return float(self.table[parts.NOISE, self.channels.index(channel)])
 
 
 def noise_limits(channel: str) -> tuple[float, float]:

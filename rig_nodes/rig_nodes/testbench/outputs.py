@@ -8,14 +8,15 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 
-from ..bags.cdr import Form, encoder
+from ..bags.cdr import encoder
 from ..catalogue import catalogue
-from ..plant import kernel
+from ..controllers import own_signals
+from ..controllers.plug import Plug
 from .cuts import topic_of
-from .rig import SAMPLE_NS, TICK_SAMPLES, Rig
-from .topics import COMMAND, MEASURED, SCALAR_SAMPLES, Heard, States
+from .kinds import AnyRig, states_of
+from .timed import SAMPLE_NS, TICK_SAMPLES
+from .topics import COMMAND, SCALAR_SAMPLES, Heard
 
-ATMOSPHERE = 101_325.0  # Pa, for the mirrors in absolute pressure
 ROWS_PER_TICK = 50
 BLOCK = "/instruments/hmg4000"
 
@@ -24,10 +25,11 @@ class Outputs:
     """Messages due at each sample boundary; keeps the sequence numbers.
 
     ``commands``: /alfa46/command too, where no node of the controller's publishes it (default: an embedded one's).
+    ``controller``: plug whose own signals go out too.
     """
 
-    def __init__(self, rig: Rig, run_info: dict, commands: bool | None = None):
-        self.rig, self.states, self._heard = rig, States(rig), Heard()
+    def __init__(self, rig: AnyRig, run_info: dict, commands: bool | None = None, controller: Plug | None = None):
+        self.rig, self.states, self._heard = rig, states_of(rig), Heard()
         self.reading = self._heard.reading
         self.commands = rig.embedded if commands is None else commands
         self._answered = -1  # sample of the newest command that went out
@@ -37,12 +39,20 @@ class Outputs:
         self._encoders: dict[str, Callable] = {}
         self._queued: list[tuple] = []
         self._run_info = run_info
-        self._mirrors = self._make_mirrors()
+        self._mirrors = self.states.mirrors()
         self._status, self._started = rig.status, False
+        self._own = dict(controller.signals) if controller is not None else {}
+        self._own_blocks = own_signals.Blocks(len(self._own))
 
     def event(self, topic: str, name: str, text: str, value: float = 0.0) -> None:
         """Queue an Event of now; it goes out with the next :meth:`due`."""
         self._queued.append((topic, self.rig.time_ns, name, text, float(value)))
+
+    def signals_row(self, sample: int, values) -> None:
+        """Queue the controller's own signals at its answer to a sample; they go out in blocks."""
+        for first, rows in self._own_blocks.add(sample, values):
+            fields = first, SAMPLE_NS * 1e-9, *rows.shape, rows.ravel()
+            self._queued.append((own_signals.BLOCK, first * SAMPLE_NS, *fields))
 
     def setpoint(self, topic: str, value: float, enable: bool) -> None:
         """Queue a Setpoint of now, where no sequencer node publishes it."""
@@ -55,8 +65,11 @@ class Outputs:
             self._started = True
             yield self._message("/rig/run_info", now, json.dumps(self._run_info, sort_keys=True))
             names = rig.logger_names
-            units = [catalogue().signals[name].unit for name in names]
+            units = [catalogue().signal(name).unit for name in names]
             yield self._message("/instruments/channels", now, names, units, 1e-4)
+            if self._own:
+                names, units = list(self._own), list(self._own.values())
+                yield self._message(own_signals.CHANNELS, now, names, units, SAMPLE_NS * 1e-9)
         answered = rig.newest_command
         if self.commands and answered > self._answered:
             self._answered = answered
@@ -66,9 +79,8 @@ class Outputs:
         for topic, stamp, *values in self._queued:
             yield self._message(topic, stamp, *values)
         self._queued.clear()
-        row = rig.row()
-        yield self._message("/instruments/controller", now, sample, rig.coil_currents(), float(row[kernel.N_WEJ]),
-                            float(row[kernel.N_WYJ]), float(row[kernel.P_1]), float(row[kernel.P_2]))
+        for topic, fields in self.states.each_sample():
+            yield self._message(topic, now, *fields)
         if sample % TICK_SAMPLES == 0:
             self.states.refresh()
             for topic, fields in self.states.topics.items():
@@ -77,7 +89,8 @@ class Outputs:
                 first, rows = rig.take_rows(ROWS_PER_TICK)
                 yield self._message(BLOCK, first * 100_000, first, 1e-4, *rows.shape, rows.ravel())
         if sample % SCALAR_SAMPLES == 0:
-            for topic, column in MEASURED.items():
+            row = rig.row()
+            for topic, column in self.states.measured.items():
                 yield self._message(topic, now, float(row[column]))
             for topic, mirror, values in self._mirrors:
                 self.counts[topic] = self.counts.get(topic, 0) + 1
@@ -102,25 +115,6 @@ class Outputs:
         self.counts[topic] = seq + 1
         self._heard.fields[topic] = values
         return topic, stamp, encode(stamp, seq, *values)
-
-    def _make_mirrors(self) -> list[tuple]:
-        """(topic, form, its values from a logger row) of the standard messages for other tools.
-
-        FluidPressure means absolute pressure, so ambient is added; its variance is that of the transducer's noise now.
-        """
-        def absolute(clutch: str, name: str) -> tuple:
-            column = kernel.CHANNELS.index(name)
-            form = Form("sensor_msgs/msg/FluidPressure", lambda value, variance: {
-                "header": {"stamp": 0, "frame_id": clutch}, "fluid_pressure": value, "variance": variance}, 2)
-            return form, lambda row: (float(row[column]) + ATMOSPHERE, self.rig.gauges.effective(name)**2)
-
-        joints = Form("sensor_msgs/msg/JointState", lambda *values: {
-            "header": {"stamp": 0, "frame_id": ""}, "name": ["w0", "wk"], "position": [],
-            "velocity": list(values[:2]), "effort": list(values[2:])}, 4)
-        columns = [kernel.N_WEJ, kernel.N_WYJ, kernel.M_WEJ, kernel.M_WYJ]
-        return [("/instruments/joint_states", joints, lambda row: row[columns].tolist()),
-                ("/instruments/p1_absolute", *absolute("clutch_s1", "p1")),
-                ("/instruments/p2_absolute", *absolute("clutch_s2", "p2"))]
 
     def _watch_status(self) -> None:
         status = self.rig.status

@@ -16,7 +16,8 @@ from ..config.schema import check_keys, where_of
 from ..config.units import quantity
 from ..errors import RigError
 from ..validation.targets import CONDITIONS
-from .configuration import RigConfig, find_config, load_rig, with_overrides
+from .configuration import find_config, load_rig, with_overrides
+from .kinds import AnyConfig
 from .record import LOGGER_PERIOD, Run, record
 from .sequence import PARAMETER, Sequence, load_sequence
 
@@ -179,25 +180,30 @@ def _conditions(block, row, path) -> dict[str, float | int | str]:
 # ---- running
 
 @lru_cache(maxsize=4)
-def _base(rig: str) -> RigConfig:
+def _base(rig: str) -> AnyConfig:
     return load_rig(rig)
 
 
-def prepare(series: Series, rig: str = "hydmag", settings: dict[str, str] | None = None) -> tuple[RigConfig, Sequence]:
-    """Rig and sequence of a series. settings: of the rig, beside the series' own; RigError where both name a value."""
+def prepare(series: Series, rig: str | None = None,
+            settings: dict[str, str] | None = None) -> tuple[AnyConfig, Sequence]:
+    """Rig and sequence of a series. rig: the one that the sequence is written for, if not given. settings: of the rig,
+    beside the series' own; RigError where both name a value, and where the sequence is for another kind of rig.
+    """
     both = sorted(set(settings or {}) & set(series.overrides))
     if both:
         raise RigError(f"setting {both[0]}: series '{series.label}' of '{series.procedure}' sets it itself")
-    config = with_overrides(_base(rig), {**(settings or {}), **series.overrides})
-    return config, load_sequence(series.sequence, series.parameters)
+    sequence = load_sequence(series.sequence, series.parameters)
+    config = with_overrides(_base(rig or sequence.rig), {**(settings or {}), **series.overrides})
+    sequence.check_rig(config)
+    return config, sequence
 
 
-def run_repeat(series: Series, repeat: int, rig: str = "hydmag", settings: dict[str, str] | None = None) -> Run:
+def run_repeat(series: Series, repeat: int, rig: str | None = None, settings: dict[str, str] | None = None) -> Run:
     """One run of a series; repeat counts from 0."""
     config, sequence = prepare(series, rig, settings)
     return record(config, sequence, series.first_seed + repeat, period=series.period)
 
 
-def run_series(series: Series, rig: str = "hydmag", settings: dict[str, str] | None = None) -> list[Run]:
+def run_series(series: Series, rig: str | None = None, settings: dict[str, str] | None = None) -> list[Run]:
     """All runs of a series, one for each repeat, with seeds of their own."""
     return [run_repeat(series, repeat, rig, settings) for repeat in range(series.repeats)]

@@ -9,14 +9,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..analysis.logged import Logged
 from ..analysis.metrics import Recording
+from ..catalogue import GEARBOX
 from ..errors import RigError
-from ..plant import kernel
-from .configuration import RigConfig
-from .rig import SAMPLE_NS, TICK_SAMPLES, Rig
+from .kinds import AnyConfig, AnyRig, make_rig, states_of
 from .sequence import Sequence, SequenceFailed, SequenceRunner
-from .simulate import LocalBench
-from .topics import COMMAND, MEASURED, SCALAR_SAMPLES, Heard, States
+from .simulate import runner_on
+from .timed import SAMPLE_NS, TICK_SAMPLES
+from .topics import COMMAND, SCALAR_SAMPLES, Heard
 
 LOGGER_PERIOD = 1e-4  # s, 10 kHz
 CHUNK = 500  # controller samples between two looks into the ring of rows, which holds at least 1.9 s
@@ -28,12 +29,13 @@ ORDER = "shift_ordered"  # event of the controller with the gear as value
 class Run:
     """What a recorded run gives.
 
-    recording: all of kernel.CHANNELS, SI, with the orders of gear. end: ``state`` (ended, failed) and ``reason``.
+    recording: all channels of the rig, SI, with the orders of gear where there are some. end: ``state`` (ended, failed)
+    and ``reason``.
     events: (time [s], name, text, value) of sequencer and controller. truth: signal -> what the plant knew, on the same
     rows; it is known once a controller sample, which the rows of that millisecond share.
     """
 
-    recording: Recording
+    recording: Recording | Logged
     end: dict
     events: list[tuple[float, str, str, float]] = field(default_factory=list)
     truth: dict[str, np.ndarray] = field(default_factory=dict)
@@ -42,8 +44,8 @@ class Run:
 class Truth:
     """Signals of the state topics, noted once a controller sample."""
 
-    def __init__(self, rig: Rig, signals: tuple[str, ...]):
-        self.signals, self._states, self._heard = signals, States(rig), Heard()
+    def __init__(self, rig: AnyRig, signals: tuple[str, ...]):
+        self.signals, self._states, self._heard = signals, states_of(rig), Heard()
         self._topics = sorted({Heard.topic(name) for name in signals})
         unknown = [name for name in signals if Heard.topic(name) not in self._states.topics]
         if unknown:
@@ -70,28 +72,28 @@ class Listener:
     In place of Outputs: publishes nothing, but knows when it would have been published.
     """
 
-    def __init__(self, rig: Rig, signals: list[str], truth: Truth | None = None):
+    def __init__(self, rig: AnyRig, signals: list[str], truth: Truth | None = None):
         """signals: those that will be asked for; others of transducers may be asked too."""
         self.rig, self.truth, self.events, self.orders = rig, truth, [], []
-        self._states, self._heard = States(rig), Heard()
+        self._states, self._heard = states_of(rig), Heard()
         topics = {Heard.topic(name) for name in signals}
         self._command = COMMAND in topics
         self._ticked = sorted(topics & self._states.topics.keys())
-        unknown = topics - {COMMAND} - self._states.topics.keys() - MEASURED.keys()
+        unknown = topics - {COMMAND} - self._states.topics.keys() - self._states.measured.keys()
         if unknown:
             raise RigError(f"{', '.join(sorted(unknown))}: no topic that a recorded sequence can wait for")
 
     def period(self, signal: str) -> int:
         """Controller samples between two messages with this signal."""
         topic = Heard.topic(signal)
-        return SCALAR_SAMPLES if topic in MEASURED else 1 if topic == COMMAND else TICK_SAMPLES
+        return SCALAR_SAMPLES if topic in self._states.measured else 1 if topic == COMMAND else TICK_SAMPLES
 
     def reading(self, name: str) -> float:
         """As Outputs.reading; asked at a tick, when nothing of that tick has gone out yet."""
         topic = Heard.topic(name)
-        if topic in MEASURED and self.rig.sample:
+        if topic in self._states.measured and self.rig.sample:
             newest = (self.rig.sample - 1) // SCALAR_SAMPLES * SCALAR_SAMPLES
-            self._heard.fields[topic] = (self.rig.row_of(newest)[MEASURED[topic]],)
+            self._heard.fields[topic] = (self.rig.row_of(newest)[self._states.measured[topic]],)
         return self._heard.reading(name)
 
     def advance(self, samples: int) -> None:
@@ -131,7 +133,7 @@ class Listener:
 class Rows:
     """Collects the rows of a rig, one every ``period`` [s], before its ring overwrites them."""
 
-    def __init__(self, rig: Rig, period: float):
+    def __init__(self, rig: AnyRig, period: float):
         self.rig, self.period = rig, period
         self.per_sample = round(SAMPLE_NS * 1e-9 / period)
         if abs(self.per_sample * period - SAMPLE_NS * 1e-9) > 1e-12 or self.per_sample < 1:
@@ -153,10 +155,10 @@ class Rows:
 
     def channels(self) -> dict[str, np.ndarray]:
         """Channel -> values."""
-        return dict(zip(kernel.CHANNELS, self._columns[:, :self._taken]))
+        return dict(zip(self.rig.channels, self._columns[:, :self._taken]))
 
 
-def record(config: RigConfig, sequence: Sequence, seed: int = 1, rows_per_second: int | None = None,
+def record(config: AnyConfig, sequence: Sequence, seed: int = 1, rows_per_second: int | None = None,
            period: float | None = None, truth: tuple[str, ...] = ()) -> Run:
     """Run the sequence on a rig with its embedded Alfa46 and keep its rows.
 
@@ -167,10 +169,10 @@ def record(config: RigConfig, sequence: Sequence, seed: int = 1, rows_per_second
     """
     if period is None:
         period = LOGGER_PERIOD if rows_per_second is None else 1.0 / rows_per_second
-    rig = Rig(config, seed)
+    rig = make_rig(config, seed)
     known = Truth(rig, truth) if truth else None
     listener = Listener(rig, signals_of(sequence), known)
-    runner = SequenceRunner(sequence, LocalBench(rig, listener), config.load_pump)
+    runner = runner_on(rig, listener, config, sequence)
     rows = Rows(rig, period)
     end = {"state": "ended", "reason": "the sequence ended"}
     listener.advance(TICK_SAMPLES)
@@ -184,7 +186,9 @@ def record(config: RigConfig, sequence: Sequence, seed: int = 1, rows_per_second
     except SequenceFailed as failure:
         end = {"state": "failed", "reason": str(failure)}
         rows.take(rig.sample - TICK_SAMPLES)  # as simulate, which publishes nothing more at this tick
-    recording = Recording(0.0, period, rows.channels(), listener.orders)
+    channels = rows.channels()
+    recording = (Recording(0.0, period, channels, listener.orders) if config.kind == GEARBOX
+                 else Logged(0.0, period, channels))
     on_rows = known.on_rows(recording.rows, rows.per_sample) if known else {}
     return Run(recording, end, listener.events, on_rows)
 
@@ -194,7 +198,7 @@ def signals_of(sequence: Sequence) -> list[str]:
     return [step.condition.signal for step in sequence.steps if step.condition is not None]
 
 
-def next_poll(runner: SequenceRunner, rig: Rig, listener: Listener) -> int:
+def next_poll(runner: SequenceRunner, rig: AnyRig, listener: Listener) -> int:
     """Sample of the next tick at which the sequence may have something to do."""
     tick = rig.sample // TICK_SAMPLES
     look = runner.next_look()

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections import deque
 from dataclasses import replace
-from enum import IntEnum
 
 import numpy as np
 
@@ -27,69 +27,48 @@ from ..plant.prescribed import Force
 from .configuration import PARTS, RigConfig
 from .cuts import Cuts
 from .gauges import Gauges
+from .timed import SAMPLE_NS, RigStatus, Timed, check_range
 
-SAMPLE_NS = 1_000_000  # controller sample; commands apply on its boundaries
-TICK_SAMPLES = 5  # controller samples per graph tick
 COMMAND_TIMEOUT = 0.1  # s: a valve command older than this trips the rig
 UNMOVED = 1e6  # kg m2 on w0 where n_wej is to stay, whatever happens
-LOG_ROWS = 20_000  # ring of logger rows, 2 s at 10 kHz
 SETPOINTS = {"motor_speed": "n_wej", "load_pressure": "p_po", "oil_pressure": "p_p"}  # and whose range they keep to
 
 
 def check_setpoint(name: str, value: float) -> None:
     """RigError when the rig would refuse this value [SI] of one of SETPOINTS, whoever sends it."""
-    signal = catalogue().signals[SETPOINTS[name]]
-    if not (math.isfinite(value) and signal.low <= value <= signal.high):
-        raise RigError(f"{name} of {value:g} {signal.unit} refused; expected {signal.low:g} to {signal.high:g} "
-                       f"{signal.unit}")
+    check_range(name, value, catalogue().signals[SETPOINTS[name]])
 
 
-class RigStatus(IntEnum):
-    """As in rig_msgs/RigState."""
-
-    STARTING = 0
-    READY = 1
-    RUNNING = 2
-    TRIPPED = 3
-
-
-class Rig:
+class Rig(Timed):
     """A rig from its configuration.
 
     ``controller``: "embedded" runs the Alfa46 inside, "external" waits for commands of the given ``level``: "duty"
     of the coils, or "current" setpoints for the rig's own power stage; None: that of the first command. ``devices``:
     those that the configuration cuts out run inside too ("embedded") or give their answers from outside ("external").
+    ``delay``: samples from the one that a command answers to the boundary at which it acts; embedded it is always 1.
     """
 
     def __init__(self, config: RigConfig, seed: int = 1, controller: str = "embedded", level: str | None = "duty",
-                 devices: str = "embedded"):
+                 devices: str = "embedded", delay: int = 1):
         if devices not in ("embedded", "external"):
             raise RigError(f"devices is '{devices}', expected 'embedded' or 'external'")
         if controller not in ("embedded", "external"):
             raise RigError(f"controller is '{controller}', expected 'embedded' or 'external'")
+        if delay < 0 or (delay != 1 and controller == "embedded"):
+            raise RigError(f"delay is {delay}, expected 0 or more samples of an external controller, or 1")
         if level not in (None, *LEVELS):
             raise RigError(f"level is '{level}', expected 'duty' or 'current'")
         self.config, self.seed, self.embedded, self.level = config, int(seed), controller == "embedded", level
         self._drive = (kernel.BY_LAW if self.embedded else
                        kernel.BY_SETPOINT if level == "current" else kernel.BY_DUTY)
-        self.step_ns = SAMPLE_NS
-        steps = SAMPLE_NS * 1e-9 / config.kernel.step
-        if abs(steps - round(steps)) > 1e-9:
-            raise RigError(f"the plant's step of {config.kernel.step * 1e6:g} us does not divide the controller's "
-                           "sample of 1000 us; choose e.g. 100 us or 50 us")
-        self._steps_per_sample = round(steps)
-        self._logger_stride = round(1e-4 / config.kernel.step)
-        names = [s.name for s in catalogue().logger_channels()]
-        if names != list(kernel.CHANNELS[:len(names)]):
-            raise RigError(f"signals.yaml: the logger's columns {names} are not the kernel's {kernel.CHANNELS}")
-        self.logger_names = names
+        self.channels = kernel.CHANNELS
+        self.count_steps(config.kernel.step, catalogue())
         self._build()
-        self.sample = 0
         self.cuts = Cuts(self, devices == "embedded")
-        self.reason, self.stopped_by_person = "", False
+        self.delay = delay
+        self._to_come: deque[tuple] = deque()  # commands that were taken and do not act yet: boundary, how, values
         self._last_command = -1  # sample that the newest valid command from outside answers
         self._ordered: int | None = None  # gear ordered from the embedded controller, taken at its next sample
-        self._drained = 0  # logger rows handed out
 
     def _build(self) -> None:
         effects = self.config.effects
@@ -142,28 +121,11 @@ class Rig:
         self._law_state = np.zeros(1, law.LAW_STATE)
         self._setpoint, self._gear, self._shifting, self._flags = np.zeros(law.OUTPUTS), 0, False, 0
         self._duty = np.zeros(law.OUTPUTS)
-        self._log = np.zeros((LOG_ROWS * self._logger_stride, len(kernel.CHANNELS)))
+        self._log = self.ring()
         self._shown = np.zeros(1, transducers.SHOWN)
         kernel.first_row(self._log, c.kernel.step, world, self._shown, *self.gauges.arrays)
 
     # ---- time
-
-    @property
-    def time_ns(self) -> int:
-        """Simulated time since the start [ns]."""
-        return self.sample * SAMPLE_NS
-
-    @property
-    def time(self) -> float:
-        """Simulated time since the start [s]."""
-        return self.sample * (SAMPLE_NS * 1e-9)
-
-    def advance(self, seconds: float) -> None:
-        """Advance by a whole number of controller samples (1 ms); RigError otherwise."""
-        samples = seconds / (SAMPLE_NS * 1e-9)
-        if abs(samples - round(samples)) > 1e-6 or samples < 0:
-            raise RigError(f"cannot advance by {seconds} s: expected a whole number of milliseconds")
-        self.advance_samples(round(samples))
 
     def advance_samples(self, samples: int = 1) -> None:
         """Move plant, instruments and embedded controller by controller samples; releases the GIL inside."""
@@ -172,7 +134,7 @@ class Rig:
                            self._law_state[0])
             self._ordered = None
         for part in self.cuts.split(samples):
-            self._advance(part)
+            self._advance_acting(part)
         if self.status == RigStatus.TRIPPED:
             return
         if not self.embedded and self._last_command >= 0 and self.command_age > COMMAND_TIMEOUT:
@@ -180,6 +142,18 @@ class Rig:
                       "silent")
         elif silence := self.cuts.silence():
             self.trip(silence)
+
+    def _advance_acting(self, samples: int) -> None:
+        """Move on, and let every command act at its boundary."""
+        end = self.sample + samples
+        while self.sample < end:
+            self._act_due()
+            self._advance(min(end, self._to_come[0][0] if self._to_come else end) - self.sample)
+
+    def _act_due(self) -> None:
+        while self._to_come and self._to_come[0][0] <= self.sample:
+            _, act, *values = self._to_come.popleft()
+            act(*values)
 
     def _advance(self, samples: int) -> None:
         kernel.advance(
@@ -245,8 +219,12 @@ class Rig:
         self._accept("duty", sample)
         self._duty[:], self._setpoint[:] = values[:law.OUTPUTS], values[law.OUTPUTS:]
         self._gear, self._shifting = int(gear), bool(shifting)
+        self._to_come.append((sample + self.delay, self._act_duty, values[:law.OUTPUTS]))
+        self._act_due()
+
+    def _act_duty(self, duty: list[float]) -> None:
         for k in range(kernel.VALVES):
-            self.valves["pending"][k] = self._duty[self._wiring[k]]
+            self.valves["pending"][k] = duty[self._wiring[k]]
 
     def set_current(self, sample: int, setpoint, gear: int, shifting: bool, flags: int = 0) -> None:
         """External controller's answer to ``sample`` at level "current": setpoints (3,) [A]; RigError when refused.
@@ -262,9 +240,13 @@ class Rig:
         self._accept("current", sample)
         self._setpoint[:] = values
         self._gear, self._shifting, self._flags = int(gear), bool(shifting), int(flags)
-        for k, value in enumerate(values):
+        self._to_come.append((sample + self.delay, self._act_current, values, int(flags)))
+        self._act_due()
+
+    def _act_current(self, setpoint: list[float], flags: int) -> None:
+        for k, value in enumerate(setpoint):
             self._law_outputs["setpoint"][k] = value
-            self._law_outputs["phase"][k] = law.ON if value > 0.0 or int(flags) >> k & 1 else law.OFF
+            self._law_outputs["phase"][k] = law.ON if value > 0.0 or flags >> k & 1 else law.OFF
 
     def _answer(self, level: str, sample: int, *vectors) -> list[float]:
         """The numbers of an external controller's command, one after the other, when it can be taken."""
@@ -321,24 +303,12 @@ class Rig:
         """Simulated time [s] since the sample that the newest command answers; 0 before the first."""
         return (self.sample - self.newest_command) * (SAMPLE_NS * 1e-9) if self.newest_command >= 0 else 0.0
 
-    def trip(self, reason: str) -> None:
-        """Safe state: no coil current is driven, no drive torque; the first reason stays until reset."""
-        if self.status != RigStatus.TRIPPED:
-            self.reason = reason
-        self.settings["safe"] = 1.0
-        self.settings["motor_on"] = 0.0
-
-    def e_stop(self) -> None:
-        """The red button: safe state that only ``reset`` ends."""
-        self.stopped_by_person = True
-        self.settings["safe"] = 0.0  # a person's stop replaces whatever tripped before
-        self.trip("emergency stop")
-
     def reset(self) -> None:
         """Leave the safe state; motor stays off, the controller must speak again before valves move."""
         self.settings["safe"] = self.settings["motor_on"] = 0.0
         self.reason, self.stopped_by_person = "", False
         self._last_command = -1
+        self._to_come.clear()
         self.valves["pending"] = 0.0
         self.cuts.excuse()
         if not self.embedded:
@@ -378,24 +348,14 @@ class Rig:
         """Current setpoints of the controller's outputs (3,) [A]."""
         return self._law_outputs["setpoint"] if self.embedded else self._setpoint
 
-    def row(self) -> np.ndarray:
-        """The newest logger row, columns as kernel.CHANNELS, SI."""
-        return self.row_of(self.sample)
-
-    def row_of(self, sample: int) -> np.ndarray:
-        """The row of a controller sample of the last two seconds."""
-        return self._log[(sample * self._steps_per_sample) % len(self._log)]
-
-    def measurement(self, name: str) -> float:
-        """Newest value of a transducer, as the wire carries it; RigError for a name without one."""
-        try:
-            return float(self.row()[kernel.CHANNELS.index(name)])
-        except ValueError:
-            raise RigError(f"'{name}' is not a transducer; known are {', '.join(kernel.CHANNELS)}") from None
-
     def coil_duty(self, k: int) -> float:
         """Duty on the coil of valve k from this sample on."""
-        return 0.0 if self.status == RigStatus.TRIPPED else float(self.duty[self._wiring[k]])
+        if self.status == RigStatus.TRIPPED:
+            return 0.0
+        if self.embedded or self.level == "current":
+            return float(self.duty[self._wiring[k]])
+        self._act_due()
+        return float(self.valves["pending"][k])
 
     def coil_currents(self) -> np.ndarray:
         """Measured currents at the controller's outputs (3,) [A]."""
@@ -404,30 +364,6 @@ class Rig:
         for k in range(kernel.VALVES):
             out[self._wiring[k]] = row[kernel.I_1 + k]
         return out
-
-    def take_rows(self, rows: int) -> tuple[int, np.ndarray]:
-        """(index of the first, the next ``rows`` 10 kHz logger rows); RigError when they are not there any more."""
-        first = self._drained
-        values = self.rows_at(1e-4, first, rows)[:, :len(self.logger_names)]
-        self._drained += rows
-        return first, values
-
-    def rows_at(self, period: float, first: int, rows: int) -> np.ndarray:
-        """Rows (rows, channels) ``first`` to ``first + rows - 1``, one every ``period`` [s] from time 0, of all
-        kernel.CHANNELS; RigError when they are not there any more or the period is no whole number of steps.
-        """
-        steps = period / self.config.kernel.step
-        stride = round(steps)
-        if abs(steps - stride) > 1e-9 or stride < 1:
-            raise RigError(f"the plant's step of {self.config.kernel.step * 1e6:g} us does not divide the "
-                           f"{period * 1e6:g} us between two rows")
-        begin, last, now = first * stride, (first + rows - 1) * stride, self.sample * self._steps_per_sample
-        if rows and (last > now or now - begin >= len(self._log)):
-            raise RigError(f"rows {first} to {first + rows - 1} are not in the ring at {self.time:g} s")
-        place = begin % len(self._log)
-        if place + last - begin < len(self._log):
-            return self._log[place:place + rows * stride:stride].copy()
-        return self._log[(begin + stride * np.arange(rows)) % len(self._log)]
 
     def clutch_mode(self, k: int) -> int:
         """0 open, 1 slipping, 2 locked, as in rig_msgs/ClutchState."""

@@ -5,24 +5,26 @@ Used by ``rig simulate`` in one process and by the sequencer node over ROS; the 
 
 from __future__ import annotations
 
+import copy
+import math
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
-from ..catalogue import catalogue
+from ..catalogue import GEARBOX, catalogue
 from ..config import load_marked
 from ..config.schema import check_keys, where_of
 from ..config.units import dimension_of, quantity
 from ..errors import RigError
 from ..plant.load_pump import LoadConfig, relief_setting_for
-from .configuration import find_config
+from .clutch_bench_configuration import KIND as CLUTCH_BENCH
+from .configuration import find_config, kind_of
 
 GEARS = {"neutral": 0, "I": 1, "II": 2}
-KINDS = ("oil", "motor", "load", "shift", "wait", "repeat")
+DEFAULT_RIG = "hydmag"
 DEFAULT_TIMEOUT = 30.0
 LONGEST_TIME = 86_400.0  # s of one wait
-SETTING_OF = {"motor": "n_wej", "load": "p_po", "oil": "p_p"}  # signals whose range a setting must keep to
 LONGEST = 10_000  # steps after unrolling repeats
 PARAMETER = re.compile(r"\$\{(\w+)\}")
 # what the catalogue calls a quantity, and what config.units calls its dimension
@@ -36,14 +38,18 @@ class SequenceFailed(RigError):
 
 
 class Bench(Protocol):
-    """What a sequence needs of a rig; times are simulated seconds."""
+    """What a sequence needs of a rig; times are simulated seconds. The gearbox's rig takes oil, motor and load, and
+    orders of a gear; the clutch bench motor, relief, cylinder and press (``set_relief`` ...).
+    """
 
     def ready(self) -> bool: ...
-    def set_oil(self, pressure: float, enable: bool) -> None: ...
     def set_motor(self, speed: float, enable: bool) -> None: ...
+    def set_oil(self, pressure: float, enable: bool) -> None: ...
     def set_load(self, pressure: float, enable: bool) -> None: ...
     def order_gear(self, gear: int) -> None: ...
     def shift_done(self) -> bool: ...
+    def set_controller(self, name: str, value: float) -> None: ...
+    def controller_set(self) -> bool: ...
     def reading(self, signal: str) -> float: ...
     def event(self, name: str, text: str, value: float = 0.0) -> None: ...
 
@@ -73,17 +79,28 @@ class Step:
     hold: float = 0.0
     timeout: float = DEFAULT_TIMEOUT
     condition: Condition | None = None
+    setting: str = ""
 
 
 @dataclass(frozen=True)
 class Sequence:
-    """A checked sequence. parameters: name -> value that its steps were read with, as it is written."""
+    """A checked sequence. parameters: name -> value that its steps were read with, as it is written; rig: the one that
+    it is written for, kind: of that rig, None for one that has no steps.
+    """
 
     name: str
     description: str
     ready_timeout: float
     steps: list[Step] = field(default_factory=list)
     parameters: dict[str, str | int] = field(default_factory=dict)
+    rig: str = DEFAULT_RIG
+    kind: str | None = None
+
+    def check_rig(self, config) -> None:
+        """RigError when the sequence is for another kind of rig than this configuration's."""
+        if self.kind not in (None, config.kind):
+            raise RigError(f"sequence '{self.name}' is for a rig of kind {self.kind}, '{config.name}' is of kind "
+                           f"{config.kind}; leave out --rig, or name one like {self.rig}")
 
 
 BY_HAND = Sequence("none", "ordered over ROS", 0.0)  # in the record of a run without a sequence of its own
@@ -96,15 +113,21 @@ def load_sequence(name: str | Path, values: dict[str, str] | None = None) -> Seq
     """
     path = find_config("sequences", name)
     node = load_marked(path)
-    check_keys(path, node, ("description", "parameters", "ready", "steps"), ("description", "steps"), "the sequence")
+    check_keys(path, node, ("description", "rig", "parameters", "ready", "steps"), ("description", "steps"),
+               "the sequence")
+    rig = str(node.get("rig", DEFAULT_RIG))
+    try:
+        kind = kind_of(rig)
+    except RigError as error:
+        raise RigError(f"{where_of(path, node, 'rig')}: rig: {error}") from None
     parameters = _parameters(node, path, values or {})
     node["steps"] = _filled(node["steps"], path, parameters, where_of(path, node, "steps"))
     timeout = DEFAULT_TIMEOUT
     if "ready" in node:
         check_keys(path, node["ready"], ("timeout",), ("timeout",), "ready")
         timeout = _time(node["ready"]["timeout"], f"{where_of(path, node, 'ready')}: ready.timeout")
-    steps = _steps(node["steps"], path, "steps")
-    return Sequence(Path(path).stem, str(node["description"]), timeout, steps, parameters)
+    steps = _steps(node["steps"], path, "steps", kind)
+    return Sequence(Path(path).stem, str(node["description"]), timeout, steps, parameters, rig, kind)
 
 
 def _parameters(node, path, values: dict[str, str]) -> dict[str, str | int]:
@@ -142,6 +165,8 @@ def _like(default: str | int, text: str, where: str) -> str | int:
 def _filled(node, path, parameters: dict, where: str):
     """The node with the values of parameters in place of their ${names}; maps and lists keep their marks."""
     if isinstance(node, dict):
+        if "each" in node:
+            return _each(node, path, parameters, where)
         for key in node:
             node[key] = _filled(node[key], path, parameters, where_of(path, node, key))
     elif isinstance(node, list):
@@ -159,18 +184,38 @@ def _filled(node, path, parameters: dict, where: str):
     return node
 
 
-def _steps(nodes, path, what: str) -> list[Step]:
+def _each(node, path, parameters: dict, where: str):
+    """A repeat over the values of a name: its steps once for each, filled."""
+    check_keys(path, node, ("each", "steps"), ("each", "steps"), "repeat")
+    each = node["each"]
+    if not isinstance(each, dict) or len(each) != 1:
+        raise RigError(f"{where_of(path, node, 'each')}: repeat.each must be one name with its values, found {each!r}")
+    name, values = next(iter(each.items()))
+    values = _filled(values, path, parameters, where_of(path, each, name))
+    if isinstance(values, str):
+        values = [part.strip() for part in values.split(",")]
+    if not isinstance(values, list) or not values or not all(values):
+        raise RigError(f"{where_of(path, each, name)}: repeat.each.{name} must be a list of values, found {values!r}")
+    if not isinstance(node["steps"], list):
+        raise RigError(f"{where_of(path, node, 'steps')}: repeat.steps must be a list with at least one step")
+    steps = [step for value in values
+             for step in _filled(copy.deepcopy(node["steps"]), path, {**parameters, name: value}, where)]
+    return {"times": 1, "steps": steps}
+
+
+def _steps(nodes, path, what: str, rig_kind: str) -> list[Step]:
+    readers = _READERS[rig_kind]
     if not isinstance(nodes, list) or not nodes:
         raise RigError(f"{path}: {what} must be a list with at least one step")
     steps: list[Step] = []
     for node in nodes:
-        check_keys(path, node, KINDS, (), "a step")
+        check_keys(path, node, readers, (), "a step")
         if len(node) != 1:
-            raise RigError(f"{where_of(path, node)}: a step has one key, one of {', '.join(KINDS)}; "
+            raise RigError(f"{where_of(path, node)}: a step has one key, one of {', '.join(readers)}; "
                            f"found {', '.join(map(str, node)) or 'none'}")
         kind = next(iter(node))
         body, where = node[kind], where_of(path, node, kind)
-        steps += _READERS[kind](body, path, where)
+        steps += readers[kind](body, path, where, rig_kind)
         if len(steps) > LONGEST:
             raise RigError(f"{where}: the sequence is longer than {LONGEST} steps")
     return steps
@@ -190,26 +235,43 @@ def _off(body, where, what) -> None:
         raise RigError(f"{where}: {what}.off is {body['off']!r}, expected true")
 
 
-def _setting(kind, choices):
-    def read(body, path, where):
+def _setting(kind, choices, signal):
+    """Reader of a device's step. choices: what it takes, and the dimension; signal: whose range that keeps to."""
+    def read(body, path, where, rig_kind):
         key = _one_of(body, path, where, kind, (*choices, "off"))
         if key == "off":
             _off(body, where, kind)
             return [Step(kind, f"{kind} off", where, enable=False)]
         value = quantity(body[key], choices[key], f"{where}: {kind}.{key}")
-        high = 500.0 if key == "torque" else catalogue().signals[SETTING_OF[kind]].high
+        high = 500.0 if key == "torque" else catalogue(rig_kind).signals[signal].high
         if not 0.0 <= value <= high:
             raise RigError(f"{where}: {kind}.{key} is {body[key]}; the rig takes 0 to {high:.6g} (SI)")
         return [Step(kind, f"{kind} {key} {body[key]}", where, value, by_torque=key == "torque")]
     return read
 
 
-def _shift(body, path, where):
+def _shift(body, path, where, rig_kind):
     check_keys(path, body, ("to", "timeout"), ("to",), "shift")
     gear = str(body["to"])
     if gear not in GEARS:
         raise RigError(f"{where}: shift.to is '{gear}', expected {', '.join(GEARS)}")
     return [Step("shift", f"shift to {gear}", where, GEARS[gear], timeout=_timeout(body, where, "shift"))]
+
+
+def _controller(body, path, where, rig_kind):
+    """Settings of the user's controller: a step for each."""
+    if not isinstance(body, dict) or not body:
+        raise RigError(f"{where}: controller takes names of its settings and their values, e.g. {{gain: 1.5}}")
+    steps = []
+    for name, given in body.items():
+        try:
+            value = math.nan if isinstance(given, bool) else float(given)
+        except (TypeError, ValueError):
+            value = math.nan
+        if not math.isfinite(value):
+            raise RigError(f"{where_of(path, body, name)}: controller.{name} is {given!r}, expected a number (SI)")
+        steps.append(Step("controller", f"controller {name} {value:g}", where, value, setting=str(name)))
+    return steps
 
 
 def _timeout(body, where, what) -> float:
@@ -223,7 +285,7 @@ def _time(text, where) -> float:
     return value
 
 
-def _wait(body, path, where):
+def _wait(body, path, where, rig_kind):
     key = _one_of(body, path, where, "wait", ("for", "until"), ("timeout", "hold"))
     if key == "for":
         if "timeout" in body or "hold" in body:
@@ -231,14 +293,14 @@ def _wait(body, path, where):
         value = _time(body["for"], f"{where}: wait.for")
         return [Step("wait", f"wait {body['for']}", where, value)]
     hold = _time(body["hold"], f"{where}: wait.hold") if "hold" in body else 0.0
-    condition, text = _condition(body["until"], path, f"{where}: wait.until")
+    condition, text = _condition(body["until"], path, f"{where}: wait.until", rig_kind)
     return [Step("wait", f"wait until {text}", where, hold=hold, timeout=_timeout(body, where, "wait"),
                  condition=condition)]
 
 
-def _condition(node, path, where):
+def _condition(node, path, where, rig_kind):
     check_keys(path, node, ("signal", "above", "below", "near", "within"), ("signal",), "wait.until")
-    signal = catalogue().signals.get(str(node["signal"]))
+    signal = catalogue(rig_kind).signals.get(str(node["signal"]))
     if signal is None:
         raise RigError(f"{where}: unknown signal '{node['signal']}'; see docs/signals.md")
     dimension = DIMENSIONS.get(signal.quantity, signal.quantity)
@@ -257,29 +319,40 @@ def _condition(node, path, where):
     return Condition(signal.name, low, high), text
 
 
-def _repeat(body, path, where):
+def _repeat(body, path, where, rig_kind):
     check_keys(path, body, ("times", "steps"), ("times", "steps"), "repeat")
     times = body["times"]
     if not isinstance(times, int) or isinstance(times, bool) or not 1 <= times <= LONGEST:
         raise RigError(f"{where}: repeat.times is {times!r}, expected a whole number from 1 to {LONGEST}")
-    steps = _steps(body["steps"], path, "repeat.steps")
+    steps = _steps(body["steps"], path, "repeat.steps", rig_kind)
     if times * len(steps) > LONGEST:
         raise RigError(f"{where}: repeat makes {times * len(steps)} steps, more than {LONGEST}")
     return steps * times
 
 
+# kind of rig -> what its sequences may ask for
 _READERS = {
-    "oil": _setting("oil", {"pressure": "pressure"}),
-    "motor": _setting("motor", {"speed": "angular velocity"}),
-    "load": _setting("load", {"torque": "torque", "pressure": "pressure"}),
-    "shift": _shift, "wait": _wait, "repeat": _repeat,
+    GEARBOX: {
+        "oil": _setting("oil", {"pressure": "pressure"}, "p_p"),
+        "motor": _setting("motor", {"speed": "angular velocity"}, "n_wej"),
+        "load": _setting("load", {"torque": "torque", "pressure": "pressure"}, "p_po"),
+        "shift": _shift, "controller": _controller, "wait": _wait, "repeat": _repeat,
+    },
+    CLUTCH_BENCH: {
+        "motor": _setting("motor", {"speed": "angular velocity"}, "n"),
+        "relief": _setting("relief", {"pressure": "pressure"}, "p_sh"),
+        "cylinder": _setting("cylinder", {"pressure": "pressure"}, "p_z"),
+        "press": _setting("press", {"travel": "length"}, "s"),
+        "wait": _wait, "repeat": _repeat,
+    },
 }
 
 
 class SequenceRunner:
     """Walks a sequence over a bench; ``poll`` is called with rising simulated time, every graph tick."""
 
-    def __init__(self, sequence: Sequence, bench: Bench, load: LoadConfig):
+    def __init__(self, sequence: Sequence, bench: Bench, load: LoadConfig | None = None):
+        """load: of the rig, for loads that are given by their torque."""
         self.sequence, self.bench, self.load = sequence, bench, load
         self.step = -1  # -1: readiness gate
         self.text = "wait for the rig to be ready"
@@ -342,22 +415,22 @@ class SequenceRunner:
 
     def _give(self, step: Step) -> None:
         """The order of a step, if it is one; RigError when the rig or its controller refuses it."""
-        if step.kind == "oil":
-            self.bench.set_oil(step.value, step.enable)
-        elif step.kind == "motor":
-            self.bench.set_motor(step.value, step.enable)
-        elif step.kind == "load":
+        if step.kind == "shift":
+            self.bench.order_gear(int(step.value))
+        elif step.kind == "controller":
+            self.bench.set_controller(step.setting, step.value)
+        elif step.kind != "wait":
             value = step.value
             if step.by_torque:
                 value = relief_setting_for(value, self.bench.reading("n_wyj"), self.load)
-            self.bench.set_load(value, step.enable)
-        elif step.kind == "shift":
-            self.bench.order_gear(int(step.value))
+            getattr(self.bench, f"set_{step.kind}")(value, step.enable)
 
     def _ended(self, step: Step, t: float) -> bool:
         waited = t - self._since
         if step.kind == "shift":
             done = waited > 0.0 and self.bench.shift_done()
+        elif step.kind == "controller":
+            done = self.bench.controller_set()
         elif step.condition is not None:
             if not step.condition.met(self.bench):
                 self._met_since = None
@@ -371,7 +444,7 @@ class SequenceRunner:
         if not done and waited > step.timeout:
             seen = ""
             if step.condition is not None:
-                signal = catalogue().signals[step.condition.signal]
+                signal = catalogue().signal(step.condition.signal)
                 value = signal.shown(self.bench.reading(signal.name))
                 seen = f"; {signal.name} is {value:.4g} {signal.display_unit}"
             raise SequenceFailed(f"{step.where}: '{step.text}' did not come true within {step.timeout:g} s{seen}")

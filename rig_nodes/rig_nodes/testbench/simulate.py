@@ -11,20 +11,24 @@ from pathlib import Path
 from .. import __version__
 from ..alfa46.controller import GEAR_NAMES
 from ..bags.writer import BagWriter
-from ..catalogue import catalogue
+from ..catalogue import GEARBOX, catalogue
 from ..controllers.plug import Plug
 from ..controllers.seam import ControllerFailed
+from ..errors import RigError
 from ..plant import kernel
-from .configuration import RigConfig
+from .clutch_bench import ClutchBench
+from .clutch_bench_topics import COMMANDS
+from .kinds import AnyConfig, AnyRig, make_rig
 from .outputs import Outputs
-from .rig import COMMAND_TIMEOUT, TICK_SAMPLES, Rig, RigStatus
+from .rig import COMMAND_TIMEOUT, Rig
 from .sequence import Sequence, SequenceFailed, SequenceRunner
+from .timed import TICK_SAMPLES, RigStatus
 
 LONGEST_RUN = 24 * 3600.0  # s of simulated time
 AFTER_TRIP = 100  # samples recorded after a trip, so that the bag shows the safe state
 
 
-def run_record(config: RigConfig, sequence: Sequence, seed: int) -> dict:
+def run_record(config: AnyConfig, sequence: Sequence, seed: int) -> dict:
     """What a bag says about its own making: configuration, sequence, seed and version, no clock and no host."""
     chosen = {"parameters": dict(sequence.parameters)} if sequence.parameters else {}
     return {"configuration": config.as_dict(), "sequence": sequence.name, "description": sequence.description, **chosen,
@@ -38,6 +42,7 @@ class LocalBench:
         self.rig, self.outputs = rig, outputs
         self.reading = outputs.reading
         self._order = controller.order if controller else rig.order_gear
+        self._controller = controller
         self._ordered: int | None = None
 
     def ready(self) -> bool:
@@ -67,15 +72,70 @@ class LocalBench:
             self.outputs.event("/alfa46/events", "shift_done", "the profiles of the shift have ended", self.rig.gear)
         return done
 
+    def set_controller(self, name: str, value: float) -> None:
+        if self._controller is None:
+            raise RigError(f"controller alfa46 has no setting '{name}'; it has none of its own")
+        self._controller.set_value(name, value)
+        self.outputs.event("/alfa46/events", "setting_changed", f"alfa46.controller.{name} = {value:.6g}", value)
+
+    def controller_set(self) -> bool:
+        return True
+
     def event(self, name: str, text: str, value: float = 0.0) -> None:
         self.outputs.event("/sequencer/events", name, text, value)
+
+
+class LocalClutchBench:
+    """The clutch bench as a sequence sees it in the same process; there are no gears to order."""
+
+    def __init__(self, rig: ClutchBench, outputs: Outputs):
+        self.rig, self.outputs = rig, outputs
+        self.reading = outputs.reading
+
+    def ready(self) -> bool:
+        return True
+
+    def set_motor(self, speed: float, enable: bool) -> None:
+        self.rig.set_motor(speed, enable)
+        self.outputs.setpoint(COMMANDS["motor"], speed, enable)
+
+    def set_relief(self, pressure: float, enable: bool) -> None:
+        self.rig.set_relief(pressure, enable)
+        self.outputs.setpoint(COMMANDS["relief"], pressure, enable)
+
+    def set_cylinder(self, pressure: float, enable: bool) -> None:
+        self.rig.set_cylinder(pressure, enable)
+        self.outputs.setpoint(COMMANDS["cylinder"], pressure, enable)
+
+    def set_press(self, travel: float, enable: bool) -> None:
+        self.rig.set_press(travel, enable)
+        self.outputs.setpoint(COMMANDS["press"], travel, enable)
+
+    def event(self, name: str, text: str, value: float = 0.0) -> None:
+        self.outputs.event("/sequencer/events", name, text, value)
+
+
+def check_controller(config: AnyConfig) -> None:
+    """RigError for a rig on which no shift controller can act."""
+    if config.kind != GEARBOX:
+        raise RigError(f"the rig '{config.name}' has no valves for a shift controller; leave out --controller and "
+                       "--level")
+
+
+def runner_on(rig: AnyRig, outputs, config: AnyConfig, sequence: Sequence,
+              controller: Plug | None = None) -> SequenceRunner:
+    """The sequence on a rig in the same process; RigError when it is for another kind of rig."""
+    sequence.check_rig(config)
+    if isinstance(rig, ClutchBench):
+        return SequenceRunner(sequence, LocalClutchBench(rig, outputs))
+    return SequenceRunner(sequence, LocalBench(rig, outputs, controller), config.load_pump)
 
 
 def ask_controller(rig: Rig, controller: Plug):
     """The plug's answer to the newest sample, from what the wires carry; None when it discards the sample."""
     row = rig.row()
     return controller.step(rig.sample, rig.coil_currents(), row[kernel.N_WEJ], row[kernel.N_WYJ],
-                           row[kernel.P_1], row[kernel.P_2])
+                           row[kernel.P_1], row[kernel.P_2], [rig.measurement(name) for name in controller.wants])
 
 
 def give_answer(rig: Rig, controller: Plug, sample: int, answer) -> None:
@@ -86,38 +146,45 @@ def give_answer(rig: Rig, controller: Plug, sample: int, answer) -> None:
         rig.set_duty(sample, answer.command, answer.setpoint, controller.gear, controller.shifting)
 
 
-def advance_with(rig: Rig, controller: Plug) -> None:
-    """One sample with a plugged controller: it answers while the rig moves, its answer acts one sample later.
+def advance_with(rig: Rig, controller: Plug) -> bool:
+    """One sample with a plugged controller; its answer acts ``rig.delay`` samples later, at 0 before the rig moves.
 
-    A controller that fails, or that never answers, trips the rig with its sentence as the reason.
+    A controller that fails, or that never answers, trips the rig with its sentence as the reason. True with an answer.
     """
     sample, answer = rig.sample, None
     try:
         answer = ask_controller(rig, controller)
     except ControllerFailed as failure:
         rig.trip(str(failure))
-    rig.advance_samples(1)
+    if rig.delay > 0:
+        rig.advance_samples(1)
     if answer is not None:
         give_answer(rig, controller, sample, answer)
-    elif rig.status == RigStatus.STARTING and rig.time > COMMAND_TIMEOUT:
+    if rig.delay == 0:
+        rig.advance_samples(1)
+    if answer is None and rig.status == RigStatus.STARTING and rig.time > COMMAND_TIMEOUT:
         rig.trip(f"controller {controller.name} has not answered any of the first {sample + 1} samples")
+    return answer is not None
 
 
-def simulate(config: RigConfig, sequence: Sequence, folder: Path, seed: int = 1,
-             progress: Callable[[float, str], None] | None = None, controller: Plug | None = None) -> dict:
+def simulate(config: AnyConfig, sequence: Sequence, folder: Path, seed: int = 1,
+             progress: Callable[[float, str], None] | None = None, controller: Plug | None = None,
+             delay: int = 1) -> dict:
     """Run the sequence into a bag in ``folder``; returns the ``run`` part of the report.
 
-    ``controller``: a plug (controllers.load_controller) in place of the embedded Alfa46; it is closed at the
-    end. The bag is whole even when the sequence or the controller fails or the run is interrupted; ``end``
-    says why it ended.
+    ``controller``: a plug (controllers.load_controller) in place of the embedded Alfa46, whose answers act after
+    ``delay`` samples; it is closed at the end. The bag is whole even when the sequence or the controller fails or the
+    run is interrupted; ``end`` says why it ended.
     """
+    sequence.check_rig(config)
     if controller is None:
-        rig = Rig(config, seed, controller="embedded")
+        rig = make_rig(config, seed)
     else:
-        rig = Rig(config, seed, controller="external", level=controller.level)
+        check_controller(config)
+        rig = Rig(config, seed, controller="external", level=controller.level, delay=delay)
     record = run_record(config, sequence, seed)
-    outputs = Outputs(rig, record, commands=True)
-    runner = SequenceRunner(sequence, LocalBench(rig, outputs, controller), config.load_pump)
+    outputs = Outputs(rig, record, commands=config.kind == GEARBOX, controller=controller)
+    runner = runner_on(rig, outputs, config, sequence, controller)
     types = {name: topic.ros_type for name, topic in catalogue().all_topics.items()}
     end = {"state": "ended", "reason": "the sequence ended"}
 
@@ -137,7 +204,9 @@ def simulate(config: RigConfig, sequence: Sequence, folder: Path, seed: int = 1,
                 if controller is None:
                     rig.advance_samples(1)
                 else:
-                    advance_with(rig, controller)
+                    sample = rig.sample
+                    if advance_with(rig, controller) and controller.signals:
+                        outputs.signals_row(sample, controller.signal_values)
             if rig.status == RigStatus.TRIPPED:
                 end = {"state": "tripped", "reason": rig.reason}
                 for _ in range(AFTER_TRIP):
@@ -150,6 +219,9 @@ def simulate(config: RigConfig, sequence: Sequence, folder: Path, seed: int = 1,
         finally:
             if controller is not None:
                 controller.close()
-    plugged = {"name": controller.name if controller else "alfa46", "level": rig.level}
-    return {**record, "mode": "simulate", "controller": plugged, "duration_s": rig.time, "lost": 0,
+    plugged = {}
+    if config.kind == GEARBOX:
+        plugged = {"controller": {"name": controller.name if controller else "alfa46", "level": rig.level,
+                                  "delay": rig.delay}}
+    return {**record, "mode": "simulate", **plugged, "duration_s": rig.time, "lost": 0,
             "ticks": rig.sample // TICK_SAMPLES, "overruns": 0, "lateness_ms": None, "end": end}

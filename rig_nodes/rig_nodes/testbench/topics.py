@@ -5,11 +5,13 @@ Used by testbench.outputs, which encodes the fields, and by testbench.record, wh
 
 from __future__ import annotations
 
+from ..bags.cdr import Form
 from ..bags.definitions import installed
 from ..catalogue import catalogue
 from ..controllers.seam import LEVELS
 from ..plant import kernel
-from .rig import TICK_SAMPLES, Rig
+from .rig import Rig
+from .timed import TICK_SAMPLES
 
 SCALAR_SAMPLES = 10  # controller samples between scalars (100 Hz)
 MEASURED = {  # topic of a transducer -> its logger column
@@ -19,6 +21,7 @@ MEASURED = {  # topic of a transducer -> its logger column
     "/oil_supply/p_p": kernel.P_P, "/oil_supply/t_oil": kernel.T_OIL,
 }
 COMMAND = "/alfa46/command"
+ATMOSPHERE = 101_325.0  # Pa, for the mirrors in absolute pressure
 
 
 class Heard:
@@ -45,13 +48,19 @@ class Heard:
         if name not in self._places:
             signal = catalogue().signal(name)
             field, _, index = signal.field.partition("[")
-            names = [name for name, _ in installed(catalogue().topics[signal.topic].ros_type).tree.fields[2:]]
+            ros_type = catalogue().all_topics[signal.topic].ros_type
+            names = [name for name, _ in installed(ros_type).tree.fields[2:]]
             self._places[name] = signal.topic, names.index(field), int(index[:-1]) if index else None
         return self._places[name]
 
 
 class States:
-    """Fields of the state topics, from the rig as it is; :meth:`refresh` before each tick's."""
+    """Fields of the state topics, from the rig as it is; :meth:`refresh` before each tick's.
+
+    The clutch bench's are testbench.clutch_bench_topics.
+    """
+
+    measured = MEASURED
 
     def __init__(self, rig: Rig):
         self.rig, self.overruns = rig, 0  # overruns: set by whoever keeps time
@@ -66,6 +75,31 @@ class States:
     def refresh(self) -> None:
         """Take the energies of this tick."""
         self._energy = self.rig.energy()
+
+    def each_sample(self) -> list[tuple]:
+        """(topic, its fields) of what goes out with every sample: what the controller sees."""
+        rig, row = self.rig, self.rig.row()
+        return [("/instruments/controller", (rig.sample, rig.coil_currents(), float(row[kernel.N_WEJ]),
+                                             float(row[kernel.N_WYJ]), float(row[kernel.P_1]), float(row[kernel.P_2])))]
+
+    def mirrors(self) -> list[tuple]:
+        """(topic, form, its values from a logger row) of the standard messages for other tools.
+
+        FluidPressure means absolute pressure, so ambient is added; its variance is that of the transducer's noise now.
+        """
+        def absolute(clutch: str, name: str) -> tuple:
+            column = kernel.CHANNELS.index(name)
+            form = Form("sensor_msgs/msg/FluidPressure", lambda value, variance: {
+                "header": {"stamp": 0, "frame_id": clutch}, "fluid_pressure": value, "variance": variance}, 2)
+            return form, lambda row: (float(row[column]) + ATMOSPHERE, self.rig.gauges.effective(name)**2)
+
+        joints = Form("sensor_msgs/msg/JointState", lambda *values: {
+            "header": {"stamp": 0, "frame_id": ""}, "name": ["w0", "wk"], "position": [],
+            "velocity": list(values[:2]), "effort": list(values[2:])}, 4)
+        columns = [kernel.N_WEJ, kernel.N_WYJ, kernel.M_WEJ, kernel.M_WYJ]
+        return [("/instruments/joint_states", joints, lambda row: row[columns].tolist()),
+                ("/instruments/p1_absolute", *absolute("clutch_s1", "p1")),
+                ("/instruments/p2_absolute", *absolute("clutch_s2", "p2"))]
 
     def command(self) -> tuple:
         """Fields of the newest valve command, whose topic comes with every sample."""

@@ -17,7 +17,9 @@ from ..errors import RigError
 from ..testbench.campaign import Workers
 from ..testbench.configuration import RigConfig
 from ..validation.calibrate import Parameter, load_stages, sensitivities, shares_of, with_values
-from ..validation.calibration_rows import ROWS
+from ..validation.calibration_rows import ROWS, calibrating
+
+DRAWN_BACK = (1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1, 0.05)  # shares of the way to a sampled value that are tried
 
 
 def parameters() -> dict[str, Parameter]:
@@ -61,17 +63,42 @@ def read_spreads(path: str | Path) -> dict[str, float]:
 def sampled_rigs(config: RigConfig, spreads: dict[str, float], oil: tuple[float, float], count: int,
                  seed: int) -> list[RigConfig]:
     """``count`` rigs: each parameter within its spread around the rig's value and within its bounds, the oil between
-    two temperatures [degC], by a Latin hypercube of this seed.
+    two temperatures [degC], by a Latin hypercube of this seed; each stage drawn back until its rows allow it.
     """
     known, now = parameters(), values_now(config)
     names = [name for name in known if spreads.get(name, 0.0) > 0.0]
     rigs = []
     for row in qmc.LatinHypercube(len(names) + 1, seed=np.random.default_rng(seed)).random(count).tolist():
-        values = {}
+        values: dict[str, float] = {}
         for name, share in zip(names, row):
             value = now[name] + spreads[name] * (2.0 * share - 1.0)
             values[name] = float(np.clip(value, known[name].low, known[name].high))
-        rig = with_values(config, known, values)
+        rig = _allowed(config, values, now)
         temperature = oil[0] + (oil[1] - oil[0]) * row[-1]
         rigs.append(replace(rig, oil_supply=replace(rig.oil_supply, temperature=temperature)))
     return rigs
+
+
+def _allowed(config: RigConfig, values: dict[str, float], now: dict[str, float]) -> RigConfig:
+    """The rig with these values, each stage of them drawn back towards ``now`` until its rows allow it.
+
+    A spread is what moves the sum of a stage's squared misses by 1, the others held. So values within the spreads may move
+    it by as many as there are; where they move it further, together or because a row breaks off, they are no rig that
+    the laboratory's rows allow.
+    """
+    rig = config
+    for stage, those in load_stages().items():
+        moved = {name: values[f"{stage}.{name}"] for name in those if f"{stage}.{name}" in values}
+        limit = _misses(config, stage) + len(moved)
+        for part in DRAWN_BACK:
+            drawn = {name: now[f"{stage}.{name}"] + part * (value - now[f"{stage}.{name}"])
+                     for name, value in moved.items()}
+            if _misses(with_values(config, those, drawn), stage) <= limit:
+                rig = with_values(rig, those, drawn)
+                break
+    return rig
+
+
+def _misses(config: RigConfig, stage: str) -> float:
+    """Sum of squared misses of a stage's rows [tolerances]."""
+    return sum(miss.tolerances**2 for miss in ROWS[stage](config, calibrating()))

@@ -1,85 +1,100 @@
-"""Records of the clutch bench (8.1.6) and of the spring and cylinder benches (8.1.4), from the bench's own parts.
+"""Records of the clutch bench (8.1.6) and of the spring and cylinder benches (8.1.4), from what they recorded.
 
-Used by validation.programme. The friction of chapter 8 is not printed: STATED holds the values that reproduce its
-comparison of models (docs/friction_models.md). With them the rig's packs follow the thesis's model, so k_kor
-against that model is 1 by construction; what is compared is what the other models make of the same packs.
+Used by validation.programme; the evaluation itself is analysis.slip_tests. The friction of chapter 8 is not printed:
+STATED holds the values that reproduce its comparison of models (docs/friction_models.md). With them the rig's packs
+follow the thesis's model, so k_kor against that model comes back as 1 within the errors of the instruments; what is
+compared is what the other models make of the same packs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from functools import cache
 
 import numpy as np
+from scipy.optimize import brentq
 
+from ..analysis.slip_tests import MODELS, cylinder_line, ring_area, slip_line, slip_tests, spring_line
 from ..plant.friction import bench
-from ..plant.friction.bench import PACKS, BenchPack
+from ..plant.friction.bench import PACKS
+from ..testbench.configuration import load_rig
 from .records import Record
 
 # friction [-] of the lined and the steel plates and of all splines; a reading, not a measurement
 STATED = {"lined": 0.30, "steel": 0.12, "spline": 0.058}
-SPRING_TRAVEL = 2e-3  # m of the bench's springs at contact; own, it shifts all clamp forces alike
-CYLINDER_PRESSURES = np.arange(1.0e6, 3.51e6, 0.5e6)  # Pa; (8.2) was measured up to 3.5 MPa
+SETTINGS = 0.5e6  # Pa between two settings of p_z in the series
 ALLOWED_PRESSURE = 3e6  # Pa on the plates, thesis 3.3; 8.4 extrapolates to it
 GOOD = 0.10  # chapter 8 speaks of good agreement up to 10 %
-MODELS = ("thesis", "osinski", "traditional")
 NO_REST = ("nothing printed says what makes an unclamped pack stick; the bench's packs have no M_rest of their own, "
            "it is an input of (6.56)")
 
 
-def clutch_bench() -> list[Record]:
-    """m_eks, model_torque_nm, k_kor, k_kor_error, m_eks_trend_above_nm, m_rest_nm of every pack of chapter 8."""
-    records = [record for pack in PACKS.values() for n in pack.surfaces for record in _pack(pack, n)]
-    return records + _off_in_most(records)
+def friction_of(ring: str) -> float:
+    """Static friction of the plates of a ring."""
+    return STATED["lined" if ring == "50x76" else "steel"]
 
 
-def _pack(pack: BenchPack, surfaces: int) -> Iterator[Record]:
-    geometry = pack.geometry(surfaces)
-    area = np.pi * (geometry.outer_radius**2 - geometry.inner_radius**2)
-    force = bench.clamp_force(CYLINDER_PRESSURES, SPRING_TRAVEL)
-    lined = pack.name == "50x76"
-    friction = STATED["lined" if lined else "steel"]
+def clutch_bench(conditions: dict, run) -> list[list[Record]]:
+    """m_eks, model_torque_nm, k_kor, k_kor_error, m_eks_trend_above_nm, m_rest_nm of one pack.
+
+    conditions: ring, surfaces and, but for the gearbox's plates, thickness. M_eks stands at the surface pressure that
+    was set, the line is that of the measured ones.
+    """
+    geometry = PACKS[conditions["ring"]].geometry(conditions["surfaces"])
+    friction, area = friction_of(conditions["ring"]), ring_area(geometry)
+    tests = slip_tests(run.recording, geometry)
+    line = slip_line(tests, geometry, friction, STATED["spline"])
+    force = np.array([set_force(round(test["p_z_pa"] / SETTINGS) * SETTINGS) for test in tests])
+    pressure = force / area
+    records = [Record("clutch_bench", {**conditions, "pressure": float(p)}, {"m_eks": test["m_eks_nm"]})
+               for p, test in zip(pressure, tests)]
+    records.append(Record("clutch_bench", conditions, {"m_rest_nm": None}, {"m_rest_nm": NO_REST}))
     torques = bench.slip_torques(geometry, force, friction, STATED["spline"])
-    measured, pressure = torques["thesis"], force / area
-    slope, offset = np.polyfit(pressure, measured, 1)
     full = bench.slip_torques(geometry, ALLOWED_PRESSURE * area, friction, STATED["spline"])
-    # thicknesses were mixed in the gearbox's packs
-    for thickness in (None,) if lined else pack.plate_thickness:
-        place = {"ring": pack.name, "surfaces": surfaces}
-        if thickness is not None:
-            place["thickness"] = thickness
-        for p, torque in zip(pressure, measured):
-            yield Record("clutch_bench", {**place, "pressure": float(p)}, {"m_eks": float(torque)})
-        yield Record("clutch_bench", place, {"m_rest_nm": None}, {"m_rest_nm": NO_REST})
-        for model in MODELS:
-            k_kor = float(slope / np.polyfit(pressure, torques[model], 1)[0])
-            named = {**place, "model": model}
-            yield Record("clutch_bench", named, {"k_kor": k_kor, "k_kor_error": abs(k_kor - 1.0),
-                                                 "model_torque_nm": float(torques[model][-1])})
-            above = [*zip(pressure, torques[model]), (ALLOWED_PRESSURE, full[model])]
-            for p, torque in above:
-                yield Record("clutch_bench", {**named, "pressure": float(p)},
-                             {"m_eks_trend_above_nm": float(slope * p + offset - torque)})
+    for model in MODELS:
+        k_kor, named = line["k_kor"][model], {**conditions, "model": model}
+        records.append(Record("clutch_bench", named, {"k_kor": k_kor, "k_kor_error": abs(k_kor - 1.0),
+                                                      "model_torque_nm": float(torques[model][-1])}))
+        for p, torque in [*zip(pressure, torques[model]), (ALLOWED_PRESSURE, full[model])]:
+            above = line["slope_nm_per_pa"] * p + line["m_rest_nm"] - torque
+            records.append(Record("clutch_bench", {**named, "pressure": float(p)},
+                                  {"m_eks_trend_above_nm": float(above)}))
+    return [records]
 
 
-def _off_in_most(records) -> list[Record]:
+@cache
+def _cylinder():
+    return load_rig("clutch_bench").cylinder
+
+
+def set_force(pressure: float) -> float:
+    """Clamp force [N] of the bench at this p_z [Pa], (8.3), with the travel that the pack gives way."""
+    cylinder = _cylinder()
+    return brentq(lambda force: force - bench.clamp_force(
+        pressure, cylinder.contact_travel + force / cylinder.contact_rate), 0.0, 1e4)
+
+
+def off_in_most(records: list[Record]) -> list[Record]:
     """For each model the class over all packs, held at every ring so that a row may ask for any."""
     out = []
     for model in MODELS:
         off = [r.values["k_kor_error"] > GOOD for r in records if r.conditions.get("model") == model
-               and "k_kor_error" in r.values]
+               and r.values.get("k_kor_error") is not None]
         word = "off in most" if 2 * sum(off) > len(off) else "close in most"
         out += [Record("clutch_bench", {"ring": ring, "model": model}, {"k_kor": word}) for ring in PACKS]
     return out
 
 
-def spring_bench() -> list[Record]:
-    """Forces of the bench's springs over their travel ``s`` and of its cylinder over the pressure, and where that
-    begins."""
-    records = [Record("spring_bench", {"s": float(s)}, {"spring_force_n": float(bench.spring_force(s))})
-               for s in np.linspace(0.0, bench.SPRING_TRAVEL, 81)]
-    pressures = np.linspace(0.0, 3.5e6, 701)
-    forces = bench.cylinder_force(pressures)
-    records += [Record("spring_bench", {"pressure": float(p)}, {"cylinder_force_n": float(f)})
-                for p, f in zip(pressures, forces)]
-    begins = float(pressures[np.flatnonzero(forces > 0.0)[0]])
-    return records + [Record("spring_bench", {}, {"cylinder_start_mpa": begins})]
+def spring_bench(_conditions: dict, run) -> list[list[Record]]:
+    """Forces of the springs over their travel ``s``, or of the cylinder over its pressure, and where that begins.
+
+    A run with oil is the cylinder's, for the testing machine needs none.
+    """
+    if np.max(run.recording.channels["p_z"]) < SETTINGS:
+        travels = np.linspace(0.0, bench.SPRING_TRAVEL, 81)
+        return [[Record("spring_bench", {"s": float(s)}, {"spring_force_n": float(f)})
+                 for s, f in zip(travels, spring_line(run.recording, travels))]]
+    pressure, force = cylinder_line(run.recording)
+    records = [Record("spring_bench", {"pressure": float(p)}, {"cylinder_force_n": float(f)})
+               for p, f in zip(pressure, force)]
+    begins = min(root for root in np.roots(np.polyfit(pressure, force, 2)).real if root > 0.0)
+    return [[*records, Record("spring_bench", {}, {"cylinder_start_mpa": float(begins)})]]

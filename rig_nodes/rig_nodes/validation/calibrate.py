@@ -232,5 +232,5 @@ def _replaced(text: str, part: str, key: str, value: float, file: Path) -> str:
         raise RigError(f"{file}: no line '{key}: [value, \"source\"]' in {part or 'the controller'}")
     unit = match[1].split(" ", 1)[1]
     number = value / UNITS[unit][1]
-    new = f'{indent}{key}: [{number:.4g} {unit}, "calibrated: rig calibrate"]'
+    new = f'{indent}{key}: [{number:.5g} {unit}, "calibrated: rig calibrate"]'
     return text[:match.start()] + new + text[match.end():]

@@ -24,6 +24,7 @@ from .targets import Target, load_targets
 SUPPLY = 4e6  # Pa, 7.1.2
 SETTLE = 300  # samples in which the supply comes up
 MS = 1e-3
+PULSES = 3e-3  # A: what the ripple of the coil's pulses and the noise in the loop add to a current that stands
 FIRST_RISE = 10e3  # Pa: about what the laboratory could see of a first rise
 FALLEN = 2.2e6  # Pa: the fall has begun when it is passed (22 bar, Annex A)
 CURVES = {  # of a clutch: row of the rising and of the falling pressure in chapter 9
@@ -56,6 +57,13 @@ def pressures(config: RigConfig, clutch: int) -> tuple[np.ndarray, np.ndarray]:
         rig.advance_samples(samples)
         found.append(rig.take_rows(10 * samples)[1][::10, column].copy())
     return found[2], found[3]
+
+
+def with_cracking(config: RigConfig, clutch: int, more: float) -> RigConfig:
+    """The rig with that much more cracking current [A] of a clutch's valve."""
+    name = f"valve_zr_p{clutch}"
+    valve = getattr(config, name)
+    return replace(config, **{name: replace(valve, cracking_current=valve.cracking_current + more)})
 
 
 def kiss_pressure(cylinder: Cylinder) -> float:
@@ -108,14 +116,16 @@ class Miss:
 def hydraulic_misses(config: RigConfig, targets: dict[str, Target], clutch: int) -> list[Miss]:
     """The rows of valve response, kiss point and chapter 9's pressures of one clutch."""
     rise, fall = pressures(config, clutch)
+    early, _ = pressures(with_cracking(config, clutch, -PULSES), clutch)
     rising, falling = (targets[name] for name in CURVES[clutch])
     delay, kiss = targets[DELAYS[clutch]], targets[KISSES[clutch]]
-    first, fallen = first_true(rise > FIRST_RISE, len(rise) * MS), fall_begins(falling, fall)
+    first, fallen = first_true(rise > rise[0] + FIRST_RISE, len(rise) * MS), fall_begins(falling, fall)
+    sees = first_true(early > early[0] + FIRST_RISE, len(early) * MS)  # the release before may not be over
     meets = kiss_pressure(config.clutch_s1 if clutch == 1 else config.clutch_s2)
     delays = config.alfa46.values
     order_to_off = max(0.0, -(delays.t12 if clutch == 1 else delays.t21))
     due, tolerance = FALL_STARTS[clutch]
-    out = [Miss(delay.id, first, (first - delay.printed[0]) / delay.tolerance),
+    out = [Miss(delay.id, sees, (sees - delay.printed[0]) / delay.tolerance),
            Miss(kiss.id, meets, (meets - kiss.printed[0]) / kiss.tolerance),
            Miss(f"{falling.id}: start", fallen + order_to_off, (fallen + order_to_off - due) / tolerance)]
     for row, p, start in ((rising, rise, first), (falling, fall, fallen)):

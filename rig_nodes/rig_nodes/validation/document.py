@@ -47,11 +47,11 @@ predicted rows are independent: on which side the loss by the load brakes was de
 assumptions (friction at rest in the splines, the drive's tuning) were made with some in view; see "Calibration" in
 [physics.md](physics.md).
 
-The packs of chapter 8 follow the thesis's model with stated friction ([friction_models.md](friction_models.md)): its
-k_kor against that model is 1 by construction, so those rows say what the other models make of the same packs, not that
-the model is right. The bench's springs and cylinder are the printed polynomials themselves. Rows that compare chapter
-9's simulation with a measurement take the rig `chapter9` for the one and this rig for the other, for the measured
-figures are lost.
+The rows of chapter 8 are measured on the clutch bench by its own procedure ([benches.md](benches.md)). Its packs
+follow the thesis's model with stated friction ([friction_models.md](friction_models.md)): k_kor against that model
+comes back as 1 within the instruments' errors, so those rows say what the other models make of the same packs, not
+that the model is right. The plant's springs and cylinder are the printed polynomials themselves. Rows that compare chapter 9's simulation
+with a measurement take the rig `chapter9` for the one and this rig for the other, for the measured figures are lost.
 
 `./rig validate --pictures FOLDER` draws the figures of chapters 7 to 9 that the text lets one redraw.
 """

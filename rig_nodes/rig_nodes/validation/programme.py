@@ -29,12 +29,12 @@ READERS: dict[str, Callable[[dict, Run], list[list[Record]]]] = {
     "valve_response": readers.valve_response, "coast_down": readers.coast_down,
     "profile_series": readers.profile_series, "delay_series": readers.delay_series,
     "grid_up": readers.grid_up, "grid_down": readers.grid_down, "chapter9": readers.chapter9,
-}
-# procedures without a run: computed from the bench's parts
-COMPUTED: dict[str, Callable[[], list[Record]]] = {
     "clutch_bench": bench_records.clutch_bench, "spring_bench": bench_records.spring_bench,
 }
-PROCEDURES = (*READERS, *COMPUTED)
+# procedures on rigs of their own, which the settings of the gearbox's do not touch, and the files of their series
+BENCHES = {"clutch_bench": ("clutch_bench_series",), "spring_bench": ("spring_bench_series", "cylinder_bench_series")}
+WETTING = "1 s"  # the plant has no film that would need the 10 s of 8.1.6; the laboratory's own series have them
+PROCEDURES = tuple(READERS)
 SIMULATION = "chapter9"  # rig of the thesis's own simulation, and the procedure of the rows on it
 SIMULATED_SPEEDS = (1200.0, 1500.0)  # rpm, 9.2
 # rows that compare an up- with a downshift, whatever procedure they stand under, need both grids
@@ -42,7 +42,7 @@ GRIDS = ("grid_up", "grid_down")
 BEYOND_T21 = ("-240 ms", "-260 ms")  # delays that the laboratory only expected something of, 7.3.3
 # seconds of one run on one core, about; only what they are against each other counts
 SIZES = {"valve_response": 5.0, "coast_down": 0.4, "profile_series": 0.35, "delay_series": 0.9, "grid_up": 0.4,
-         "grid_down": 0.5, "chapter9": 0.3, "clutch_bench": 0.1, "spring_bench": 0.1}
+         "grid_down": 0.5, "chapter9": 0.3, "clutch_bench": 1.2, "spring_bench": 1.0}
 
 
 @dataclass(frozen=True)
@@ -99,6 +99,8 @@ def series_of(procedure: str) -> list[Series]:
     """The procedure's own series and those that rows ask for beyond the laboratory's."""
     if procedure == SIMULATION:
         return _simulated()
+    if procedure in BENCHES:
+        return _on_benches(procedure)
     series = load_procedure(procedure).series()
     if procedure == "grid_up":
         # 7.4.1.1 says what an upshift without load should be like; it was not measured
@@ -122,6 +124,14 @@ def _simulated() -> list[Series]:
             if any(same(one.conditions["n_wej"], rpm * RPM) for rpm in SIMULATED_SPEEDS)]
 
 
+def _on_benches(procedure: str) -> list[Series]:
+    """The series of one or two benches under the procedure's name, the packs wetted for less time."""
+    out = [replace(one, procedure=procedure) for name in BENCHES[procedure] for one in load_procedure(name).series()]
+    if procedure == "clutch_bench":
+        out = [replace(one, parameters={**one.parameters, "wetting": WETTING}) for one in out]
+    return out
+
+
 def _further(one: Series, label: str, conditions: dict, parameters: dict) -> Series:
     return replace(one, label=label, conditions={**one.conditions, **conditions},
                    parameters={**one.parameters, **parameters})
@@ -137,15 +147,15 @@ def measure(series: Series, run: Run) -> list[list[Record]] | str:
         return str(reason)
 
 
-def measure_procedure(procedure: str, workers: Workers | None = None, rig: str = "hydmag",
+def measure_procedure(procedure: str, workers: Workers | None = None, rig: str | None = "hydmag",
                       settings: dict[str, str] | None = None,
                       progress: Callable[[int, int], None] | None = None) -> list[Record]:
     """The records of one procedure, repeats averaged. progress(done, of) counts runs."""
-    if procedure in COMPUTED:
-        return COMPUTED[procedure]()
     series = series_of(procedure)
     if procedure == SIMULATION:
         rig, settings = SIMULATION, None  # the rig's own changes are none of the simulation's
+    elif procedure in BENCHES:
+        rig, settings = None, None
     records: list[Record] = []
     for one, runs in zip(series, run_campaign(series, measure, rig, settings, workers, progress)):
         reason = next((run for run in runs if isinstance(run, str)), None)
@@ -153,13 +163,15 @@ def measure_procedure(procedure: str, workers: Workers | None = None, rig: str =
             records += readers.failed(procedure, one.conditions, f"{one.label}: {reason}")
         else:
             records += average([repeat for run in runs for repeat in run])
+    if procedure == "clutch_bench":
+        records += bench_records.off_in_most(records)
     return records
 
 
 def check_settings(procedures: Iterable[str], settings: dict[str, str]) -> None:
     """RigError when a series sets one of these values of the rig itself."""
     for name in procedures:
-        for one in series_of(name) if name in READERS and name != SIMULATION else ():
+        for one in series_of(name) if name not in (SIMULATION, *BENCHES) else ():
             both = sorted(set(settings) & set(one.overrides))
             if both:
                 raise RigError(f"setting {both[0]}: series '{one.label}' of {name} sets it itself; choose other "
@@ -168,8 +180,7 @@ def check_settings(procedures: Iterable[str], settings: dict[str, str]) -> None:
 
 def runs_of(procedures: Iterable[str]) -> dict[str, tuple[int, float]]:
     """Procedure -> (number of runs, size of one), to tell the time that is left."""
-    return {name: (sum(one.repeats for one in series_of(name)) if name in READERS else 1, SIZES[name])
-            for name in procedures}
+    return {name: (sum(one.repeats for one in series_of(name)), SIZES[name]) for name in procedures}
 
 
 def validate(targets: list[Target], workers: Workers | None = None, rig: str = "hydmag",
@@ -181,8 +192,6 @@ def validate(targets: list[Target], workers: Workers | None = None, rig: str = "
     for name in procedures:
         told = None if progress is None else lambda done, of, name=name: progress(name, done, of)
         records += measure_procedure(name, workers, rig, settings, told)
-        if name in COMPUTED and told:
-            told(1, 1)
     records += derive(records)
     holding: dict[str, list[Record]] = {}
     for record in records:

@@ -37,7 +37,9 @@ class NotMeasured(RigError):
 def failed(procedure: str, conditions: dict, reason: str) -> list[Record]:
     """The records of a series that could not be measured: every value None, with the reason."""
     values = {"valve_response": ("valve_delay_s",), "coast_down": ("coast_down_tangent_s", "coast_down_m_wej_nm"),
-              "profile_series": tuple(ENGAGEMENT)}.get(procedure, SHIFT_VALUES)
+              "profile_series": tuple(ENGAGEMENT),
+              "clutch_bench": ("m_eks", "k_kor", "k_kor_error", "m_rest_nm"),
+              "spring_bench": ("spring_force_n", "cylinder_force_n", "cylinder_start_mpa")}.get(procedure, SHIFT_VALUES)
     places = [{**conditions, "shift": shift} for shift in GEARS] if procedure == "delay_series" else [conditions]
     records = [Record(procedure, place, dict.fromkeys(values), dict.fromkeys(values, reason)) for place in places]
     if procedure == "coast_down":

@@ -17,7 +17,7 @@ import numpy as np
 from .. import __version__
 from ..analysis.report import ORDER_EVENT, ORDERS_TOPIC, REPORT_FILE, build_report, read_report
 from ..bags.reader import Bag
-from ..catalogue import Signal, catalogue
+from ..catalogue import Signal, catalogue, kind_of_topics
 from ..config import package_file
 from ..errors import RigError
 from . import layout
@@ -25,7 +25,7 @@ from .document import report_document
 
 APPLICATION = "virtual_rig"
 VIEW_FILE = "view.rrd"
-LOGGER_TOPIC = "/instruments/hmg4000"
+LOGGER_TOPIC, OWN_TOPIC = "/instruments/hmg4000", "/alfa46/signals"
 LEVELS = (("tripped", "ERROR"), ("failed", "ERROR"), ("e_stop", "ERROR"), ("refused", "WARN"))
 
 
@@ -78,7 +78,7 @@ def save_bare_layout(run: str | Path, window: tuple[float, float] | None, path: 
     bag = Bag(run, recover=True)
     shifts = layout.choose(layout.shifts_of(_orders(bag.events())))
     tab = tab or ("shifts" if shifts and not window else "run")
-    layout.blueprint(set(_signals(bag)[0]), shifts, window, only=tab).save(APPLICATION, path)
+    layout.blueprint(set(_signals(bag)[0]), shifts, window, tab, tuple(_own_signals(bag)[1])).save(APPLICATION, path)
 
 
 def import_rerun():
@@ -129,11 +129,15 @@ def _write(bag: Bag, path: Path, key: str, window, notes: list[str]) -> None:
         _check_window(window, signals)
     shifts = layout.shifts_of(_orders(events))
     rec = rr.RecordingStream(APPLICATION, recording_id=key, send_properties=False)  # no wall clock
-    rec.save(path, default_blueprint=layout.blueprint(set(signals), layout.choose(shifts), window))
+    t_own, own = _own_signals(bag)
+    rec.save(path, default_blueprint=layout.blueprint(set(signals), layout.choose(shifts), window, own=tuple(own)))
     rec.send_recording_name(bag.path.stem)
     for name, (t, values) in signals.items():
         signal = catalogue().signal(name)
         (_send_states if signal.states else _send_series)(rr, rec, signal, t, values)
+    for name, values in own.items():
+        rec.log(layout.own_entity(name), rr.SeriesLines(names=name), static=True)
+        rec.send_columns(layout.own_entity(name), [times(rr, t_own)], rr.Scalars.columns(scalars=values))
     _send_marks(rr, rec, shifts, signals)
     _send_events(rr, rec, events)
     document = report_document(_report(bag, notes), notes)
@@ -145,15 +149,15 @@ def _write(bag: Bag, path: Path, key: str, window, notes: list[str]) -> None:
 def _signals(bag: Bag) -> tuple[dict[str, tuple[np.ndarray, np.ndarray]], list[str]]:
     """Time [s] and value [SI] of every signal the bag holds, the logger's at its rate; what is missing."""
     found, notes = {}, []
+    known = catalogue(kind_of_topics(bag.counts)).signals
     try:
         logger = bag.logger(LOGGER_TOPIC, fill=True)
         t = logger.time()
-        known = catalogue().signals
         found = {name: (t, values) for name, values in logger.channels.items() if name in known}
     except RigError as error:
         notes.append(f"no rows of the logger: {error}")
     lacking = []
-    for name in catalogue().signals:
+    for name in known:
         if name in found:
             continue
         try:
@@ -167,6 +171,14 @@ def _signals(bag: Bag) -> tuple[dict[str, tuple[np.ndarray, np.ndarray]], list[s
     if lacking:
         notes.append(f"the bag holds nothing of {', '.join(lacking)}")
     return found, notes
+
+
+def _own_signals(bag: Bag) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Time [s] and value of the signals that the controller names as its own; none in most runs."""
+    if OWN_TOPIC not in bag.types:
+        return np.empty(0), {}
+    logger = bag.logger(OWN_TOPIC, fill=True)
+    return logger.time(), logger.channels
 
 
 def _orders(events) -> list[tuple[float, int, int]]:

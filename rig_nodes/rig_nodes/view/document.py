@@ -5,19 +5,26 @@ Used by view.convert; keys, headings and units are those of the report (analysis
 
 from __future__ import annotations
 
+from ..analysis.bench_report import bench_lines
 from ..analysis.report import COLUMNS, GEAR
 
 WIDEST = 4  # shifts side by side before the table is turned
 
 
 def report_document(report: dict, problems: list[str]) -> str:
-    """Tables of the shifts and of the run. problems: sentences on what is wrong with the bag, shown first."""
+    """Tables of the shifts, or the results of the clutch bench, and of the run.
+
+    problems: sentences on what is wrong with the bag, shown first.
+    """
     run = report["run"]
     parts = [f"# {run.get('sequence') or 'Run'}"]
     if run.get("description"):
         parts.append(run["description"])
     parts += [f"**{problem}**" for problem in [*problems, *run.get("problems", [])]]
-    parts += ["## Shifts", _shift_table(report["shifts"]) if report["shifts"] else "No shift was ordered."]
+    if "bench" in report:
+        parts += ["## Results", "```\n" + "\n".join(bench_lines(report["bench"])) + "\n```"]
+    else:
+        parts += ["## Shifts", _shift_table(report["shifts"]) if report["shifts"] else "No shift was ordered."]
     parts += [f"{_title(row)} is not valid: {reason}"
               for row in report["shifts"] for reason in row.get("why", [])]
     end = run.get("end")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import uuid
 from dataclasses import dataclass
 
-from ..catalogue import Signal, catalogue
+from ..catalogue import GEARBOX, Signal, catalogue
 
 TIMELINE = "t"
 BEFORE, AFTER = 0.2, 1.5  # s around the order of a shift: profiles, torque peak and the torque settling again
@@ -35,6 +35,11 @@ COLOURS = {
     "p2": S2, "I_zr_p2": S2, "I_set_zr_p2": S2_PALE, "s2_torque": S2, "s2_capacity": S2_PALE, "s2_slip": S2,
     "s2_clamp": S2, "s2_piston": S2, "zr_p2_duty": S2, "zr_p2_flow": S2,
     "p_p": SUPPLY, "T_oil": SUPPLY,
+    # the clutch bench: what turns green, what clamps blue
+    "M_e": INPUT, "n": INPUT, "p_sh": INPUT, "motor_sh_torque": INPUT_PALE, "motor_sh_setpoint": INPUT_PALE,
+    "motor_sh_speed": INPUT, "motor_sh_work": INPUT,
+    "p_z": S1, "s": S1, "pack_clamp": S1, "F_ps": S2, "pack_torque": S2, "pack_capacity": S1_PALE, "pack_slip": S1,
+    "pack_heat": S1, "cylinder_setting": S1_PALE, "T_emp": SUPPLY,
 }
 # Clutches go from grey over yellow to the hue of their gear: S1 carries gear I, S2 gear II.
 IDLE, WAITING, ALARM = (0x55, 0x5B, 0x63), (0xC9, 0xB4, 0x2B), (0xD6, 0x45, 0x50)
@@ -42,7 +47,7 @@ STATE_COLOURS = {
     "none": IDLE, "neutral": IDLE, "open": IDLE, "starting": IDLE, "slipping": WAITING, "tie-up": ALARM,
     "I": S1, "II": S2, "ready": WAITING, "running": INPUT, "tripped": ALARM,
 }
-LOCKED = {"s1_mode": S1, "s2_mode": S2}
+LOCKED = {"s1_mode": S1, "s2_mode": S2, "pack_mode": S1}
 
 SHIFT_STATES = ("gear_ordered", "gear", "s1_mode", "s2_mode")
 STATES = ("rig_state", *SHIFT_STATES)
@@ -67,11 +72,24 @@ RUN_RIGHT = (
     ("Slip", ("s1_slip", "s2_slip")),
 )
 
+# of a run of the clutch bench, which has none of the others
+BENCH_STATES = ("pack_mode",)
+BENCH_LEFT = (
+    ("Torque of meter, motor and pack", ("M_e", "motor_sh_torque", "pack_torque", "pack_capacity")),
+    ("Speed of the clutch shaft", ("n", "motor_sh_setpoint")),
+    ("Pressure before the motor", ("p_sh",)),
+)
+BENCH_RIGHT = (
+    ("Pressure in the cylinder", ("p_z", "cylinder_setting")),
+    ("Travel of the piston", ("s",)),
+    ("Clamp force", ("pack_clamp", "F_ps")),
+)
+
 MARKED_PLOTS = tuple(dict.fromkeys(SHIFT_PLOTS + RUN_LEFT + RUN_RIGHT))
 # what people call the plots of the other signals, which are gathered by quantity
 OTHER_TITLES = {"torque": "Gearbox losses", "pressure": "Load pressure", "energy": "Work since time 0",
                 "force": "Clamp force", "ratio": "Valve duty", "temperature": "Oil temperature"}
-TABS = ("shifts", "run", "other")  # as the command line names them
+TABS = ("shifts", "run", "other", "controller")  # as the command line names them
 
 # The viewer keeps the range that linked time axes share under this fixed view id. The view with this id hands
 # it the window the linked plots open with; without it they would open with the whole run.
@@ -157,14 +175,20 @@ def mark_entity(title: str) -> str:
     return f"orders/{title.lower().replace(',', '').replace(' ', '_')}"
 
 
+def own_entity(name: str) -> str:
+    """Where a signal of the controller's own is in the file."""
+    return f"controller/{name}"
+
+
 def blueprint(present: set[str], shifts: list[Shift], window: tuple[float, float] | None,
-              only: str | None = None):
+              only: str | None = None, own: tuple[str, ...] = ()):
     """The layout of a recorded run as a Rerun blueprint.
 
     present: names of the signals the file holds; plots without any are left out. shifts: shown side by side
     in the first tab. window: start and end [s] the linked plots open with, whose tab then shows; without it
     they open with the time of the shifts, or with the whole run when there is none. only: this one of TABS
-    alone and without the viewer's own bars, for a picture; a tab that the run does not have is the run's.
+    alone and without the viewer's own bars, for a picture; a tab that the run does not have is the run's. own: names
+    of the signals of the controller's own, a plot each in a tab of theirs.
     """
     import rerun.blueprint as rrb
 
@@ -183,6 +207,9 @@ def blueprint(present: set[str], shifts: list[Shift], window: tuple[float, float
     tabs["run"] = _tab("Run", run)
     if rest:
         tabs["other"] = rrb.Grid(*rest, name="Other signals")
+    if own:
+        views = [rrb.TimeSeriesView(name=name, origin=own_entity(name), axis_x=axis) for name in own]
+        tabs["controller"] = rrb.Grid(*views, name="Controller")
     if only is not None:
         return _whole(rrb, tabs.get(only, tabs["run"]), "hidden", "hidden", "paused")
     active = 1 if window and shifts else 0
@@ -246,22 +273,26 @@ def _shift_column(present: set[str], shift: Shift, legend: bool) -> list:
 
 
 def _run_columns(present: set[str], axis) -> list[list]:
-    left = _states(present, "States", STATES, axis) + _plots(present, RUN_LEFT, axis)
-    return [left, _plots(present, RUN_RIGHT, axis)]
+    left = _states(present, "States", STATES + BENCH_STATES, axis) + _plots(present, RUN_LEFT + BENCH_LEFT, axis)
+    return [left, _plots(present, RUN_RIGHT + BENCH_RIGHT, axis)]
 
 
-def other_plots() -> list[tuple[str, list[str]]]:
-    """Title and signals of the plots of every signal that the other tabs do not show, by quantity."""
-    shown = {name for _, names in MARKED_PLOTS for name in names}
+def other_plots(kind: str = GEARBOX) -> list[tuple[str, list[str]]]:
+    """Title and signals of the plots of every signal of a kind of rig that the other tabs do not show, by quantity."""
+    shown = {name for _, names in MARKED_PLOTS + BENCH_LEFT + BENCH_RIGHT for name in names}
     groups: dict[str, list[str]] = {}
-    for signal in catalogue().signals.values():
+    for signal in catalogue(kind).signals.values():
         if signal.name not in shown and not signal.states:
             groups.setdefault(signal.quantity, []).append(signal.name)
     return [(OTHER_TITLES.get(quantity, quantity.capitalize()), names) for quantity, names in groups.items()]
 
 
 def _rest(present: set[str], axis) -> list:
-    return _plots(present, other_plots(), axis)
+    # the residual is a signal of every kind
+    known = catalogue()
+    kind = next((kind for kind, other in known.others.items() if present & (set(other.signals) - set(known.signals))),
+                GEARBOX)
+    return _plots(present, other_plots(kind), axis)
 
 
 def _states(present: set[str], title: str, names, axis) -> list:

@@ -105,6 +105,17 @@ RIG_EXPORT int rig_controller_step(void *instance, const rig_controller_inputs *
 /* The end of a controller that create made. */
 RIG_EXPORT void rig_controller_destroy(void *instance);
 
+/* Optional, both or none: further transducers. The names (e.g. "M_wej", "p_p", `./rig list signals` has them), with
+ * NULL behind the last; the pointers stay valid. Before each step the rig brings their SI values, in the same order. */
+RIG_EXPORT const char *const *rig_controller_wants(void);
+RIG_EXPORT void rig_controller_wanted(void *instance, const double *values, uint32_t count);
+
+/* Optional, both or none: signals of the controller's own, to be recorded. Names of letters, digits and underscores,
+ * with NULL behind the last; the pointers stay valid. After each step with RIG_OK the library writes their values, in the
+ * same order. */
+RIG_EXPORT const char *const *rig_controller_signals(void);
+RIG_EXPORT void rig_controller_signal_values(void *instance, double *values, uint32_t count);
+
 #ifdef __cplusplus
 }
 #endif

@@ -1,0 +1,63 @@
+"""The part of a report on a run of the clutch bench: slip tests with their line, or the line of cylinder or springs.
+
+Used by analysis.report; the evaluations are analysis.slip_tests.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import RigError
+from ..plant.friction.geometry import PackGeometry
+from .logged import Logged
+from .slip_tests import LEAST_TESTS, cylinder_line, slip_line, slip_tests, spring_line
+
+TRAVELS = np.arange(0.5e-3, 4.01e-3, 0.5e-3)  # m, of the springs' line
+
+
+def bench_report(bag, configuration: dict, problems: list[str]) -> dict:
+    """``slip_tests`` (rows) and ``line`` of a clutch bench; ``cylinder`` or ``springs``, rows of a force bench.
+
+    configuration: the run's; what the recording does not give becomes a sentence in ``problems``.
+    """
+    try:
+        logger = bag.logger(fill=True)
+        logged = Logged(logger.t0, logger.period, logger.channels)
+        if configuration["cylinder"]["testing_machine"]:
+            travels = TRAVELS[TRAVELS <= np.max(logged.channels["s"]) + 30e-6]
+            forces = spring_line(logged, travels) if len(travels) else []
+            return {"springs": [{"s_m": float(s), "f_s_n": float(f)} for s, f in zip(travels, forces)]}
+        if configuration["instruments"]["force_fitted"]:
+            return {"cylinder": [{"p_z_pa": float(p), "f_p_n": float(f)} for p, f in zip(*cylinder_line(logged))]}
+        plates = configuration["plate_pack"]
+        pack = PackGeometry(**{name: plates[name] for name in PackGeometry.__dataclass_fields__})
+        tests = slip_tests(logged, pack)
+        line = None
+        if len(tests) >= LEAST_TESTS:
+            line = slip_line(tests, pack, plates["friction_static"], plates["friction_spline"])
+        return {"slip_tests": tests, "line": line}
+    except RigError as error:
+        problems.append(f"no results of the bench: {error}")
+        return {}
+
+
+def bench_lines(found: dict) -> list[str]:
+    """The part for the terminal, in MPa, mm, N and Nm."""
+    if "springs" in found:
+        return ["s mm    F_s N"] + [f"{row['s_m'] * 1e3:4.1f} {row['f_s_n']:8.1f}" for row in found["springs"]]
+    if "cylinder" in found:
+        return ["p_z MPa    F_p N"] + [f"{row['p_z_pa'] * 1e-6:7.3f} {row['f_p_n']:8.1f}" for row in found["cylinder"]]
+    if not found:
+        return []  # the problem says why
+    tests = found["slip_tests"]
+    if not tests:
+        return ["no pack was slipped"]
+    lines = ["   t s   p_z MPa    s mm    F_a N    p MPa  M_eks Nm"]
+    lines += [f"{row['t_slip_s']:6.2f} {row['p_z_pa'] * 1e-6:9.3f} {row['s_m'] * 1e3:7.3f} {row['clamp_n']:8.1f} "
+              f"{row['pressure_pa'] * 1e-6:8.3f} {row['m_eks_nm']:9.2f}" for row in tests]
+    line = found["line"]
+    if line is None:
+        return [*lines, f"no line: it takes at least {LEAST_TESTS} tests"]
+    k_kor = ", ".join(f"{model} {value:.3f}" for model, value in line["k_kor"].items())
+    return [*lines, f"M_eks = {line['slope_nm_per_pa'] * 1e6:.2f} Nm/MPa p {line['m_rest_nm']:+.2f} Nm, R2 "
+            f"{line['r_squared']:.4f}", f"k_kor against the models: {k_kor}"]

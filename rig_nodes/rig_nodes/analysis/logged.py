@@ -1,0 +1,44 @@
+"""A logger's channels of one run, of whatever rig.
+
+Base of analysis.metrics.Recording and input of analysis.slip_tests.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import RigError
+
+
+@dataclass(frozen=True)
+class Logged:
+    """t0: time of row 0 [s]; period: time between rows [s]; channels: name -> 1-D float array, all of one length, SI.
+
+    RigError when a channel of ``needed`` is missing or the shapes do not fit.
+    """
+
+    t0: float
+    period: float
+    channels: dict[str, np.ndarray]
+
+    needed = ()  # channels without which it is of no use
+    use = "the results"  # for which they are needed
+
+    def __post_init__(self):
+        missing = [name for name in self.needed if name not in self.channels]
+        if missing:
+            raise RigError(f"the recording has no channel {', '.join(missing)}; "
+                           f"{self.use} need {', '.join(self.needed)}")
+        if not self.period > 0.0:
+            raise RigError(f"the recording's period is {self.period} s; it must be above 0")
+        lengths = {name: np.shape(self.channels[name]) for name in self.needed or self.channels}
+        if len(set(lengths.values())) != 1 or len(next(iter(lengths.values()))) != 1:
+            raise RigError(f"the recording's channels have the shapes {lengths}; "
+                           "all must be 1-D of one length")
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return len(self.channels[next(iter(self.needed or self.channels))])

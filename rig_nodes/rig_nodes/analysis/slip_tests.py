@@ -1,0 +1,117 @@
+"""What the clutch bench measures (thesis 8.1.6, 8.2.3, (8.3)-(8.6)): torque at slip, its line, k_kor and M_rest.
+
+Used by analysis.report and by the validation; from the logger's channels alone, as the laboratory had them. With it
+stand the evaluations of the spring and the cylinder bench (8.2.1, 8.2.2).
+"""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+
+from ..errors import RigError
+from ..plant.friction import bench
+from ..plant.friction.geometry import PackGeometry
+from .edges import running_mean
+from .logged import Logged
+
+CLAMPED = 0.3e6  # Pa of p_z above which the pack is taken as clamped
+SLIPS = 0.2  # rad/s, two steps of the speed sensor
+TORQUE_MEAN = 2e-3  # s; the laboratory's 20 samples (Annex A)
+PRESSURE_MEAN = 20e-3  # s
+BEFORE = 0.1  # s before the slip from which p_z and s are taken
+AFTER = 20e-3  # s after the speed shows a slip in which its peak of torque may still lie: the speed sensor's gate
+MODELS = ("thesis", "osinski", "traditional")
+LEAST_TESTS = 3  # for a line
+
+
+def slip_tests(logged: Logged, pack: PackGeometry) -> list[dict]:
+    """One row for each clamping in which the pack slipped: ``t_slip_s, p_z_pa, s_m, clamp_n, pressure_pa, m_eks_nm``.
+
+    m_eks_nm: largest torque before the slip; clamp_n: F_p(p_z) - F_s(s), (8.3), of the mean p_z and s of the 100 ms
+    before it; pressure_pa: on the ring. RigError when a channel is missing.
+    """
+    lacking = [name for name in ("M_e", "n", "p_z", "s") if name not in logged.channels]
+    if lacking:
+        raise RigError(f"the recording has no channel {', '.join(lacking)}; slip tests need M_e, n, p_z and s")
+    rows_in = {name: max(1, round(time / logged.period))
+               for name, time in (("torque", TORQUE_MEAN), ("pressure", PRESSURE_MEAN), ("before", BEFORE),
+                                  ("after", AFTER))}
+    torque = running_mean(logged.channels["M_e"], rows_in["torque"])
+    pressure = running_mean(logged.channels["p_z"], rows_in["pressure"])
+    speed, travel = logged.channels["n"], logged.channels["s"]
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], pressure > CLAMPED, [False]]).astype(int)))
+    out = []
+    for first, end in edges.reshape(-1, 2):
+        slipping = np.flatnonzero(speed[first:end] > SLIPS)
+        if not len(slipping):
+            continue  # clamped, but the torque did not reach the pack's
+        peak = first + int(np.argmax(torque[first:min(end, first + slipping[0] + rows_in["after"])]))
+        before = slice(max(first, peak - rows_in["before"]), peak + 1)
+        p_z, s = float(np.mean(logged.channels["p_z"][before])), float(np.mean(travel[before]))
+        clamp = bench.clamp_force(p_z, min(max(s, 0.0), bench.SPRING_TRAVEL))
+        out.append({"t_slip_s": float(logged.t0 + peak * logged.period), "p_z_pa": p_z, "s_m": s,
+                    "clamp_n": float(clamp), "pressure_pa": float(clamp) / ring_area(pack), "m_eks_nm": float(torque[peak])})
+    return out
+
+
+def ring_area(pack: PackGeometry) -> float:
+    """A [m2] of one friction surface, (6.28)."""
+    return pi * (pack.outer_radius**2 - pack.inner_radius**2)
+
+
+def slip_line(tests: list[dict], pack: PackGeometry, friction: float, friction_spline: float) -> dict:
+    """M_eks = a p + M_rest by least squares, (8.4), and k_kor against each of MODELS, (8.5), (8.6).
+
+    friction, friction_spline: that the models are computed with. Gives ``tests, slope_nm_per_pa, m_rest_nm, r_squared,
+    k_kor`` (model -> number). RigError for fewer than three tests, which make no line.
+    """
+    if len(tests) < LEAST_TESTS:
+        raise RigError(f"{len(tests)} tests in which the pack slipped; a line needs at least {LEAST_TESTS}")
+    pressure, torque = (np.array([test[key] for test in tests]) for key in ("pressure_pa", "m_eks_nm"))
+    slope, rest = np.polyfit(pressure, torque, 1)
+    off = torque - (slope * pressure + rest)
+    per_force = bench.slip_torques(pack, 1.0, friction, friction_spline)
+    return {"tests": len(tests), "slope_nm_per_pa": float(slope), "m_rest_nm": float(rest),
+            "r_squared": float(1.0 - off @ off / np.sum((torque - torque.mean())**2)),
+            "k_kor": {model: float(slope / (per_force[model] * ring_area(pack))) for model in MODELS}}
+
+
+def cylinder_line(logged: Logged, settle: float = 0.3, stay: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
+    """(p_z [Pa], F_p [N]) at the steps of a rising pressure of the cylinder bench, 8.2.2.
+
+    A step is a time of ``stay`` s in which p_z stays within 0.02 MPa, ``settle`` s after it has come; those of a
+    falling pressure, where seals and guide rings hold the other way, are left out: (8.2) is read as the rising one.
+    """
+    rows, wide = round(stay / logged.period), round(settle / logged.period)
+    pressure = running_mean(logged.channels["p_z"], max(1, round(PRESSURE_MEAN / logged.period)))
+    force = logged.channels["F_ps"]
+    found, at = [], 0
+    while at + wide + rows <= len(pressure):
+        window = pressure[at:at + wide + rows]
+        if np.ptp(window) < 0.02e6:
+            part = slice(at + wide, at + wide + rows)
+            found.append((float(np.mean(logged.channels["p_z"][part])), float(np.mean(force[part]))))
+            at += wide + rows
+        else:
+            at += rows // 10
+    rising = [pair for before, pair in zip([(0.0, 0.0), *found], found) if pair[0] > before[0] + CLAMPED / 10.0]
+    return np.array([p for p, _ in rising]), np.array([f for _, f in rising])
+
+
+def spring_line(logged: Logged, travels: np.ndarray) -> np.ndarray:
+    """F_s [N] at these travels [m] while the springs are pressed, mean of the series, 8.2.1.
+
+    RigError when the springs were not pressed so far.
+    """
+    s = running_mean(logged.channels["s"], max(1, round(PRESSURE_MEAN / logged.period)))
+    force = running_mean(logged.channels["F_ps"], max(1, round(PRESSURE_MEAN / logged.period)))
+    step = max(1, round(0.1 / logged.period))
+    rising = np.zeros(len(s), bool)
+    rising[:-step] = s[step:] > s[:-step] + 1e-6
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], rising, [False]]).astype(int))).reshape(-1, 2)
+    lines = [np.interp(travels, s[a:b], force[a:b]) for a, b in edges if s[b - 1] >= np.max(travels) - 30e-6]
+    if not lines:
+        raise RigError(f"the springs were pressed to {np.max(s) * 1e3:.2f} mm, expected {np.max(travels) * 1e3:.2f} mm")
+    return np.mean(lines, axis=0)

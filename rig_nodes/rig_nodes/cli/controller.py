@@ -1,0 +1,63 @@
+"""``rig controller check PLUG`` and ``rig controller new KIND DIR``: is one fit for the rig; a start for one."""
+
+from __future__ import annotations
+
+import json
+
+from .what_to_run import step_timeout
+
+HELP = "check a shift controller of your own, or start one from a template"
+
+
+def add_arguments(parser) -> None:
+    """The arguments of the verb."""
+    from ..controllers.templates import KINDS
+
+    verbs = parser.add_subparsers(dest="what", required=True, metavar="WHAT", parser_class=type(parser))
+    check = verbs.add_parser("check", help="run a controller through the conformance set", allow_abbrev=False)
+    check.add_argument("spec", metavar="PLUG", help="as for --controller, e.g. c:my_controller.c (docs/controllers.md)")
+    check.add_argument("--level", choices=("duty", "current"), help="what it returns, when it knows both")
+    check.add_argument("--rig", default="hydmag", metavar="NAME", help="rig or .yaml file (default: hydmag)")
+    check.add_argument("--step-timeout", type=step_timeout, default=5.0, metavar="S",
+                       help="seconds that it may take for one sample, or none (default: 5)")
+    check.add_argument("--json", action="store_true", help="print the table as JSON")
+    new = verbs.add_parser("new", help="write a template that shifts", allow_abbrev=False)
+    new.add_argument("kind", choices=sorted(KINDS), help="what it is: " + ", ".join(KINDS))
+    new.add_argument("folder", metavar="DIR", help="new or empty folder for it")
+
+
+def main(args) -> int:
+    """0 when everything passed, 1 when something failed."""
+    return check(args) if args.what == "check" else new(args)
+
+
+def check(args) -> int:
+    """Run the set, print its table."""
+    from ..testbench.conformance import Check
+    from ..testbench.configuration import load_rig
+
+    quiet = args.json
+    say = (lambda text: None) if quiet else (lambda text: print(f"        {text}", flush=True))
+    items = []
+    for item in Check(args.spec, load_rig(args.rig), args.level, args.step_timeout, say).items():
+        items.append(item)
+        if not quiet:
+            print(f"{'ok' if item.ok else 'FAILED':<8}{item.name:<15}{item.text}", flush=True)
+    failed = sum(not item.ok for item in items)
+    if quiet:
+        table = [item._asdict() for item in items]
+        print(json.dumps({"controller": args.spec, "ok": not failed, "items": table}, indent=1))
+    else:
+        print(f"{len(items) - failed} of {len(items)} passed")
+    return 1 if failed else 0
+
+
+def new(args) -> int:
+    """Write the template, print what to do with it."""
+    from ..controllers.templates import write_template
+
+    files, commands = write_template(args.kind, args.folder)
+    print("\n".join(f"wrote {path}" for path in files))
+    print("next:")
+    print("\n".join(f"    {command}" for command in commands))
+    return 0

@@ -1,0 +1,73 @@
+"""``rig export WHAT``: files for other tools: the rig or a controller as an FMU, the CAN database, the register map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+HELP = "write an FMU, the CAN database or the Modbus registers"
+DEFAULTS = {"fmu": "{rig}.fmu", "controller-fmu": "{source}.fmu", "dbc": "rig.dbc", "registers": "registers.csv"}
+
+
+def add_arguments(parser) -> None:
+    """The arguments of the verb."""
+    parser.add_argument("what", choices=DEFAULTS, help="fmu: the rig; controller-fmu: a controller in C; dbc: for CAN; "
+                                                       "registers: for Modbus, .csv or .md")
+    parser.add_argument("sources", nargs="*", metavar="FILE.c", help="of controller-fmu: C files for rig_controller.h")
+    parser.add_argument("-o", "--out", metavar="FILE", help="file to write (default: named after what is exported)")
+    parser.add_argument("--rig", default="hydmag", metavar="NAME", help="rig or .yaml file (default: hydmag)")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
+                        help="change one value of the rig, as for run (may be repeated)")
+    parser.add_argument("--fmi", type=int, choices=(2, 3), default=2, help="version of FMI (default: 2)")
+
+
+def main(args) -> int:
+    """Write the file and say where it is."""
+    from ..errors import RigError
+    from ..testbench.folders import parse_settings
+
+    if args.sources and args.what != "controller-fmu":
+        raise RigError(f"export {args.what} takes no files; found {' '.join(args.sources)}")
+    if args.what == "controller-fmu" and not args.sources:
+        raise RigError("export controller-fmu needs the C file of your controller, e.g. my_controller.c")
+    source = Path(args.sources[0]).stem if args.sources else ""
+    target = Path(args.out or DEFAULTS[args.what].format(rig=Path(args.rig).stem, source=source))
+    _WRITERS[args.what](args, target, parse_settings(args.settings))
+    print(f"written to {target}")
+    return 0
+
+
+def _fmu(args, target: Path, settings: dict[str, str]) -> None:
+    from ..fmu.build import build_rig_fmu
+
+    build_rig_fmu(target, args.rig, settings, args.fmi)
+
+
+def _controller_fmu(args, target: Path, settings: dict[str, str]) -> None:
+    from ..fmu.build import build_controller_fmu
+    from ..testbench.configuration import load_rig
+
+    build_controller_fmu(args.sources, target, load_rig(args.rig, settings).alfa46, args.fmi)
+
+
+def _dbc(args, target: Path, settings: dict[str, str]) -> None:
+    from ..controllers.can_database import dbc_text
+
+    _write(target, dbc_text())
+
+
+def _registers(args, target: Path, settings: dict[str, str]) -> None:
+    from ..controllers.registers import csv_text, markdown_text
+
+    _write(target, markdown_text() if target.suffix == ".md" else csv_text())
+
+
+def _write(target: Path, text: str) -> None:
+    from ..errors import RigError
+
+    try:
+        target.write_text(text, encoding="utf-8", newline="")
+    except OSError as error:
+        raise RigError(f"{target}: it cannot be written ({error.strerror})") from None
+
+
+_WRITERS = {"fmu": _fmu, "controller-fmu": _controller_fmu, "dbc": _dbc, "registers": _registers}

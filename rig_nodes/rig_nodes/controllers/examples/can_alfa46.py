@@ -1,0 +1,90 @@
+"""The Alfa46 law on a CAN bus, by its own clock: the example of a controller behind ``can:``.
+
+    .venv/bin/python -m rig_nodes.controllers.examples.can_alfa46 239.74.163.2 --interface udp_multicast
+    ./rig simulate demo --controller "can:239.74.163.2?interface=udp_multicast"
+
+It needs python-can and cantools, and of the rig the messages (`./rig export dbc`) and the law. Ctrl-C ends it.
+"""
+
+import argparse
+import threading
+
+from rig_nodes.controllers.can_bus import open_bus
+from rig_nodes.controllers.can_database import database
+from rig_nodes.controllers.examples.alfa46 import Alfa46
+from rig_nodes.controllers.seam import ControllerInputs, controller_info
+from rig_nodes.testbench.configuration import load_rig
+
+LEVELS = ("duty", "current")
+PERIOD = 1e-3  # s of a sample
+
+
+class CanController:
+    """Takes the rig's frames and answers each sample."""
+
+    def __init__(self, bus, settings):
+        import can
+
+        self.bus, self.settings, self.frame = bus, settings, can.Message
+        self.messages = {message.frame_id: message for message in database().messages}
+        self.names = {message.name: message for message in database().messages}
+        self.told = {}  # signal -> its newest value
+        self.law = self.sample = None
+
+    def run(self, stop):
+        """Until ``stop``, a threading.Event, is set."""
+        while not stop.is_set():
+            frame = self.bus.recv(0.1)
+            if frame is None or frame.arbitration_id not in self.messages:
+                continue
+            message = self.messages[frame.arbitration_id]
+            if len(frame.data) != message.length or message.senders != ["RIG"]:
+                continue
+            self.told.update(message.decode(bytes(frame.data), decode_choices=False))
+            if message.name == "RIG_CURRENTS" and "level" in self.told and "n_wej" in self.told:
+                self.answer()
+
+    def answer(self):
+        """One sample of the law, in SI; a counter that jumps back is a new run."""
+        told = self.told
+        ahead = 0 if self.sample is None else (told["sample"] - self.sample) & 0xFFFF
+        if self.law is None or ahead > 0x8000:
+            self.law = Alfa46()
+            self.law.initialize(controller_info(self.settings, LEVELS[told["level"]]))
+            self.sample, ahead = told["sample"], 0
+        self.sample += ahead
+        current = tuple(told[f"current_{k}"] / 1e3 for k in (1, 2, 3))
+        out = self.law.step(ControllerInputs(self.sample, self.sample * PERIOD, told["gear_request"], current,
+                                             told["n_wej"] * 0.104719755, told["n_wyj"] * 0.104719755, told["p1"] * 1e6,
+                                             told["p2"] * 1e6))
+        counter = told["sample"]
+        self.send("CONTROL_STATE", {"sample": counter, "gear": out.gear, "shifting": int(out.shifting),
+                                    "flags": out.flags, "status": 0})
+        name, factor = (("CONTROL_COMMAND_CURRENT", 1e3) if told["level"] else ("CONTROL_COMMAND_DUTY", 100.0))
+        self.send(name, {"sample": counter, **{f"command_{k}": value * factor for k, value in enumerate(out.command, 1)}})
+
+    def send(self, name, values):
+        message = self.names[name]
+        data = message.encode(values, strict=False)
+        self.bus.send(self.frame(arbitration_id=message.frame_id, data=data, is_extended_id=False, is_fd=False))
+
+
+def main():
+    """Entry point."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("channel")
+    parser.add_argument("--interface", default="socketcan")
+    parser.add_argument("--rig", default="hydmag", help="whose Alfa46 settings are used")
+    arguments = parser.parse_args()
+    bus = open_bus(arguments.channel, arguments.interface, "example")
+    print(f"answering on CAN {arguments.interface} {arguments.channel}, until Ctrl-C", flush=True)
+    try:
+        CanController(bus, load_rig(arguments.rig).alfa46).run(threading.Event())
+    except KeyboardInterrupt:
+        pass
+    finally:
+        bus.shutdown()
+
+
+if __name__ == "__main__":
+    main()

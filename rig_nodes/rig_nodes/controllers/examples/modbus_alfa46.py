@@ -1,0 +1,93 @@
+"""The Alfa46 law as a Modbus TCP client, by its own clock: the example of a controller behind ``modbus:``.
+
+    .venv/bin/python -m rig_nodes.controllers.examples.modbus_alfa46 5020
+    ./rig simulate demo --controller modbus:5020
+
+It needs pymodbus, and of the rig the registers (`./rig export registers`) and the law. Either may start first; it
+connects again when the rig goes and comes. Ctrl-C ends it.
+"""
+
+import argparse
+import logging
+import threading
+
+from rig_nodes.controllers.examples.alfa46 import Alfa46
+from rig_nodes.controllers.registers import COMMAND_BASE, register_map
+from rig_nodes.controllers.seam import ControllerInputs, controller_info
+from rig_nodes.controllers.wire import commands, measured
+from rig_nodes.testbench.configuration import load_rig
+
+LEVELS = ("duty", "current")
+PERIOD = 1e-3  # s of a sample
+READ = len([row for row in register_map() if row.access == "read"])
+
+
+class ModbusController:
+    """Reads a sample and writes the answer to the one before, in one request (function 23) after the other."""
+
+    def __init__(self, port, settings, host="127.0.0.1"):
+        self.host, self.port, self.settings = host, port, settings
+        self.wires = measured()
+        self.law, self.sample, self.heartbeat = None, -1, 0
+
+    def run(self, stop):
+        """Until ``stop``, a threading.Event, is set."""
+        from pymodbus.client import ModbusTcpClient
+        from pymodbus.exceptions import ModbusException
+
+        while not stop.is_set():
+            client = ModbusTcpClient(self.host, port=self.port, timeout=0.5, retries=0)
+            try:
+                if client.connect():
+                    self.serve(client, stop)
+            except (ModbusException, OSError):
+                pass  # the rig has gone: look for it again
+            finally:
+                client.close()
+            stop.wait(0.1)
+
+    def serve(self, client, stop):
+        """Requests until the rig goes."""
+        written = [1, *[0] * 7]
+        while not stop.is_set():
+            answer = client.readwrite_registers(read_address=0, read_count=READ, write_address=COMMAND_BASE, values=written)
+            if answer.isError():
+                return
+            found = self.answer(answer.registers)
+            written = found or written
+            if not found or self.sample == 0:  # no new sample yet, or none at all: leave others the processor
+                stop.wait(2e-4 if not found else 2e-3)
+
+    def answer(self, told):
+        """The registers to write for those that were read; None when the sample is answered already."""
+        sample = told[0] << 16 | told[1]
+        if sample == self.sample and sample != 0:
+            return None
+        if self.law is None or sample < self.sample or sample == 0:
+            self.law = Alfa46()
+            self.law.initialize(controller_info(self.settings, LEVELS[told[3]]))
+        self.sample = sample
+        values = [wire.decode(raw - 0x10000 if raw > 0x7FFF else raw) for wire, raw in zip(self.wires, told[4:], strict=True)]
+        out = self.law.step(ControllerInputs(sample, sample * PERIOD, told[2], tuple(values[:3]), *values[3:]))
+        self.heartbeat = self.heartbeat % 0xFFFF + 1
+        raw = [wire.encode(value) for wire, value in zip(commands(LEVELS[told[3]]), out.command, strict=True)]
+        return [self.heartbeat, *raw, out.gear, int(out.shifting), out.flags, 0]
+
+
+def main():
+    """Entry point."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("port", type=int)
+    parser.add_argument("--host", default="127.0.0.1")
+    parser.add_argument("--rig", default="hydmag", help="whose Alfa46 settings are used")
+    arguments = parser.parse_args()
+    logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # that the rig is not there yet is no news
+    print(f"answering the rig at {arguments.host}:{arguments.port}, until Ctrl-C", flush=True)
+    try:
+        ModbusController(arguments.port, load_rig(arguments.rig).alfa46, arguments.host).run(threading.Event())
+    except KeyboardInterrupt:
+        pass
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,12 @@
+/* The basic types of generated code, as far as this example uses them; in your own folder, Simulink Coder's own file. */
+#ifndef RTWTYPES_H
+#define RTWTYPES_H
+
+#include <stdint.h>
+
+typedef double real_T;
+typedef uint8_t uint8_T;
+typedef int32_t int32_T;
+typedef uint8_T boolean_T;
+
+#endif

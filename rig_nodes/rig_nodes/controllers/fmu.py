@@ -1,0 +1,115 @@
+"""The plug for a controller as an FMU (2.0 or 3.0 co-simulation): ``fmu:FILE.fmu``.
+
+Made by load.py. The FMU lives in a process of its own (fmu_process.py): its crash is a fatal status, not the rig's end.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+from ..alfa46.settings import Alfa46Config
+from ..errors import RigError
+from ..graph.link import Link, LinkClosed, pair
+from .c_library import CORE
+from .own_signals import checked_signals
+from .plug import Plug, chosen_level
+from .seam import ControllerInputs, ControllerOutputs, Status, checked_wants
+
+# behind a sample the transducers asked for, behind an answer its own signals; behind a status other than ok, a sentence
+SAMPLE = struct.Struct("<QI7d")  # sample, gear_request, currents (3), n_wej, n_wyj, p1, p2
+ANSWER = struct.Struct("<IIII6d")  # status, gear, shifting, flags, command (3), setpoint (3)
+LOAD_TIMEOUT = 60.0  # s of wall clock for loading and for the initialization
+END_PATIENCE = 2.0  # s of wall clock for the end of the process
+
+
+class ControllerFmu(Plug):
+    """A controller FMU; variables are found by the names of the seam (docs/fmu.md)."""
+
+    def __init__(self, file: str, config: Alfa46Config, level: str | None = None):
+        name = f"fmu:{file}"
+        if not Path(file).is_file():
+            raise RigError(f"controller {name}: there is no such file")
+        ours, theirs = pair()
+        environment = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[2])}
+        command = [sys.executable, "-P", "-m", "rig_nodes.controllers.fmu_process", file, str(theirs.fileno()),
+                   str(os.getpid())]
+        with theirs:
+            self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=2,
+                                             pass_fds=[theirs.fileno()], env=environment)
+        self.process_id = self._process.pid  # for a debugger
+        self._link, self._core = Link(ours.detach(), name), -1
+        try:
+            found = self._hear(name)
+            super().__init__(name, config, chosen_level(level, tuple(found["levels"]), name))
+            self.wants, self.signals = checked_wants(found["wants"], name), checked_signals(found["signals"], name)
+            self._others, self._own_values = (struct.Struct(f"<{len(names)}d") for names in (self.wants, self.signals))
+            self._link.send_json({"level": self.level, "parameters": dict(self.info.parameters), "period": self.info.period})
+            self._hear(name)
+        except BaseException:
+            self._abandon()
+            raise
+
+    def _hear(self, name: str) -> dict:
+        """The process's next message before the first step; RigError with its sentence, or when there is none."""
+        try:
+            data = self._link.receive(LOAD_TIMEOUT)
+        except LinkClosed:
+            raise RigError(f"controller {name}: {self._how_it_ended()} before it was initialized") from None
+        if data is None:
+            raise RigError(f"controller {name}: the FMU did not load and initialize within {LOAD_TIMEOUT:g} s")
+        message = json.loads(data)
+        if "error" in message:
+            raise RigError(f"controller {name}: {message['error']}")
+        return message
+
+    def _how_it_ended(self) -> str:
+        try:
+            code = self._process.wait(END_PATIENCE)
+        except subprocess.TimeoutExpired:  # it closed its end and lives on
+            return "the FMU's process has closed the rig's line to it"
+        if code < 0:
+            number = signal.Signals(-code)
+            return f"the FMU's process was ended by {number.name} ({signal.strsignal(number).lower()})"
+        return f"the FMU's process ended itself with exit code {code}"
+
+    def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
+        core = CORE()
+        if core != self._core:  # as c_library.Host.ask: a process on the waiting core is woken sooner
+            self._core = core
+            with contextlib.suppress(ProcessLookupError):  # it has gone: receive() says so
+                os.sched_setaffinity(self.process_id, {core})
+        try:
+            self._link.send(SAMPLE.pack(inputs.sample, inputs.gear_request, *inputs.current, inputs.n_wej, inputs.n_wyj,
+                                        inputs.p1, inputs.p2) + self._others.pack(*inputs.others.values()))
+            data = self._link.receive(self.step_timeout)
+        except LinkClosed:
+            self._fail(Status.FATAL, inputs.sample, self._how_it_ended())
+        if data is None:
+            self._overdue(inputs.sample)
+        status, gear, shifting, flags, *values = ANSWER.unpack_from(data)
+        if status != Status.OK:
+            return ControllerOutputs(status=status, message=data[ANSWER.size:].decode("utf-8", "replace"))
+        return ControllerOutputs(values[:3], values[3:], gear, bool(shifting), flags,
+                                 signals=dict(zip(self.signals, self._own_values.unpack_from(data, ANSWER.size), strict=True)))
+
+    def _abandon(self) -> None:
+        """End the process without a call into the FMU."""
+        self._link.close()
+        self._process.kill()
+        self._process.wait()
+
+    def _end(self) -> None:
+        """The FMU is terminated and freed by its process, which ends when the line does."""
+        self._link.close()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(END_PATIENCE)
+            return
+        self._process.kill()
+        self._process.wait()

@@ -1,0 +1,141 @@
+"""The process in which a controller FMU runs: samples of the plug (fmu.py) in, answers out, until its link closes."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes as ct
+import json
+import os
+import signal
+import socket
+import struct
+import sys
+
+from ..catalogue import catalogue
+from ..errors import RigError
+from ..fmu.importer import Fmu, FmuFailed
+from .fmu import ANSWER, SAMPLE
+from .own_signals import MOST, NAME
+from .seam import OUTPUTS, Status
+
+FRAME = 1 << 20  # longest message
+PR_SET_PDEATHSIG = 1
+NUMBERS = range(1, OUTPUTS + 1)
+COMMANDS, SETPOINTS = [f"command_{k}" for k in NUMBERS], [f"setpoint_{k}" for k in NUMBERS]
+INPUTS = ["gear_request", *(f"current_{k}" for k in NUMBERS), "n_wej", "n_wyj", "p1", "p2"]
+OUTPUT_NAMES = [*COMMANDS, *SETPOINTS, "gear", "shifting", "flags", "status"]
+LEVELS = ("duty", "current")
+NUMBER_TYPES = ("Real", "Float64", "Float32", "Integer", "Int32", "Enumeration", "Boolean")
+STATUS = {"discard": Status.DISCARD, "error": Status.ERROR, "fatal": Status.FATAL}
+
+
+def check_variables(fmu: Fmu) -> list[str]:
+    """The seam's inputs that the FMU has; RigError when a variable lacks or has the wrong causality."""
+    there = fmu.variables
+    for name in ("gear_request", "command_1", "command_2", "gear", "shifting"):
+        if name not in there:
+            raise RigError(f"the FMU has no variable {name}; it has {', '.join(there)}")
+    for wanted, names in (("input", INPUTS), ("output", OUTPUT_NAMES)):
+        for name in names:
+            if name in there and there[name].causality != wanted:
+                raise RigError(f"the FMU's variable {name} has causality {there[name].causality}, expected {wanted}")
+    return [name for name in INPUTS if name in there]
+
+
+def wants_of(fmu: Fmu) -> list[str]:
+    """Further transducers: the FMU's other inputs that are named like one."""
+    known = {signal.name for signal in catalogue().signals.values() if signal.field == "value"}
+    return [name for name, v in fmu.variables.items() if v.causality == "input" and name in known - set(INPUTS)]
+
+
+def signals_of(fmu: Fmu) -> dict[str, str]:
+    """Its own signals, to be recorded: unit by name of its other outputs that are numbers, the first ones."""
+    names = [name for name, v in fmu.variables.items() if v.causality == "output" and name not in OUTPUT_NAMES
+             and v.type in NUMBER_TYPES and NAME.fullmatch(name)]
+    return {name: fmu.variables[name].unit or "-" for name in names[:MOST]}
+
+
+def levels_of(fmu: Fmu) -> list[str]:
+    """The levels that the FMU knows: by its parameter level, else by the unit of command_1, the likelier one first."""
+    level = fmu.variables.get("level")
+    if level is None:
+        return ["current"] if fmu.variables["command_1"].unit in ("A", "mA") else ["duty", "current"]
+    low, high = int(level.min or 0), int(level.max if level.max is not None else 1)
+    preferred = int(float(level.start or 0))
+    known = [name for k, name in enumerate(LEVELS) if low <= k <= high]
+    return sorted(known, key=lambda name: LEVELS.index(name) != preferred)
+
+
+def start_values(fmu: Fmu, level: str, parameters: dict[str, float]) -> dict[str, float]:
+    """The rig's settings and the level, of those that the FMU has as parameters."""
+    given = {**parameters, "level": LEVELS.index(level)}
+    return {name: value for name, value in given.items()
+            if name in fmu.variables and fmu.variables[name].causality == "parameter"}
+
+
+def answer_samples(link: socket.socket, fmu: Fmu, period: float) -> None:
+    """One communication step for each sample, until the link closes."""
+    inputs = check_variables(fmu)
+    write, places = fmu.writer(inputs), [INPUTS.index(name) for name in inputs]
+    told = [name for name in OUTPUT_NAMES if name in fmu.variables]
+    read, first, done = fmu.reader(told), None, 0
+    wants, signals = wants_of(fmu), list(signals_of(fmu))
+    write_others, read_own = fmu.writer(wants), fmu.reader(signals)
+    others, own = (struct.Struct(f"<{len(names)}d") for names in (wants, signals))
+    while data := link.recv(FRAME):
+        sample, request, *values = SAMPLE.unpack_from(data)
+        given = [request, *values]
+        first = sample if first is None else first
+        fmu.said = ""
+        try:
+            write([given[k] for k in places])
+            write_others(others.unpack_from(data, SAMPLE.size))
+            while done <= sample - first:  # samples that did not come are stepped over with what is known now
+                fmu.step(done * period, period)
+                done += 1
+            found = dict(zip(told, read(), strict=True))
+            own_values = own.pack(*read_own())
+        except FmuFailed as failure:
+            link.send(ANSWER.pack(STATUS.get(failure.status, Status.ERROR), 0, 0, 0, *[0.0] * 6) + str(failure).encode())
+            continue
+        command = [found.get(name, 0.0) for name in COMMANDS]
+        setpoint = [found.get(name, 0.0) for name in SETPOINTS]
+        gear, shifting, flags = (max(0, int(found.get(name, 0))) for name in ("gear", "shifting", "flags"))
+        status = Status.DISCARD if found.get("status") == Status.DISCARD else Status.OK
+        link.send(ANSWER.pack(status, gear, shifting, flags, *command, *setpoint) + own_values)
+
+
+def main() -> int:
+    """Arguments: the FMU's file, the socket's descriptor, the rig's process."""
+    file, descriptor, parent = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
+    # an FMU that computes without end must not outlive the rig
+    ct.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    if os.getppid() != parent:
+        return 1
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)  # a person's Ctrl-C is the rig's to obey: it ends this process in order
+    with socket.socket(fileno=descriptor) as link, contextlib.suppress(BrokenPipeError, ConnectionResetError):
+        try:
+            serve(link, file)
+        except RigError as error:
+            link.send(json.dumps({"error": str(error).removeprefix(f"{file}: ")}).encode())
+    return 0
+
+
+def serve(link: socket.socket, file: str) -> None:
+    """Everything from the FMU's loading to its end; RigError before the first sample."""
+    with Fmu(file, "controller") as fmu:
+        check_variables(fmu)
+        link.send(json.dumps({"levels": levels_of(fmu), "wants": wants_of(fmu), "signals": signals_of(fmu)}).encode())
+        start = link.recv(FRAME)
+        if not start:
+            return
+        order = json.loads(start)
+        fmu.initialize(**start_values(fmu, order["level"], order["parameters"]))
+        link.send(b"{}")
+        answer_samples(link, fmu, order["period"])
+        fmu.terminate()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

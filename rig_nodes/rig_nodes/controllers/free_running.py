@@ -1,0 +1,125 @@
+"""What controllers have in common that run by their own clock: CAN and Modbus. Nobody waits for their answer.
+
+In simulated time the rig is held to real time: sample k is not asked before k ms have passed. The newest command is used once; a sample
+without a new one is discarded, so that the rig trips when 100 ms bring none (docs/can.md, docs/modbus.md).
+"""
+
+from __future__ import annotations
+
+import time
+from urllib.parse import parse_qsl
+
+from ..alfa46.settings import Alfa46Config
+from ..errors import RigError
+from .plug import Plug, Waiting, chosen_level
+from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status
+
+OLD = 0.1  # s without a command after which the rig trips (testbench.rig.COMMAND_TIMEOUT)
+LATE = 2e-2  # s behind real time from which on the clock is set anew instead of hurrying after it
+IDLE = 1e-2  # s between messages to a controller that has not spoken yet
+
+
+def split_options(rest: str, name: str, known: tuple[str, ...]) -> tuple[str, dict[str, str]]:
+    """("channel", {"option": "value"}) of "channel?option=value&..."; RigError for an option that is not known."""
+    head, _, tail = rest.partition("?")
+    options = dict(parse_qsl(tail, keep_blank_values=True))
+    for key in options:
+        if key not in known:
+            raise RigError(f"controller {name}: unknown option '{key}'; known are {', '.join(known)}")
+    return head, options
+
+
+def number(options: dict[str, str], key: str, default: float, name: str, low: float, high: float) -> float:
+    """A number of the options; RigError when it is none or out of range."""
+    text = options.get(key, str(default))
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not low <= value <= high:
+        raise RigError(f"controller {name}: option {key} is '{text}', expected {low:g} to {high:g}")
+    return value
+
+
+class FreeRunning(Plug):
+    """A plug whose controller has a clock of its own.
+
+    Subclasses give ``_send(inputs)``, ``_listen(until)``, which takes in what comes until a time of time.monotonic()
+    and calls ``heard`` with each command, and ``_end``.
+    """
+
+    def __init__(self, name: str, config: Alfa46Config, level: str | None, place: str):
+        super().__init__(name, config, chosen_level(level, LEVELS[::-1], name))
+        self.place = place  # where the controller is expected, in words
+        self.faults: dict[str, int] = {}  # what came and was not used -> how often
+        self._newest: ControllerOutputs | None = None
+        self._waiting: Waiting | None = None  # since the newest command
+        self._discarded, self._told_silence, self._was_here = 0, False, False
+        self._origin: float | None = None  # time.monotonic() of sample 0
+
+    def heard(self, outputs: ControllerOutputs) -> None:
+        """A valid command has come."""
+        self._newest = outputs
+
+    def fault(self, text: str) -> None:
+        """Something came that is never used: said the first time, counted from then on."""
+        self.faults[text] = self.faults.get(text, 0) + 1
+        if self.faults[text] == 1:
+            self.say(f"{self.name}: {text}; it is not used, nor are others like it")
+
+    def wait(self, patience: float | None = None) -> None:
+        waiting = Waiting(f"waiting for controller on {self.place}", self.say)
+        idle = ControllerInputs(0, 0.0, 0, (0.0,) * 3, 0.0, 0.0, 0.0, 0.0)
+        while self._newest is None:
+            if patience is not None and waiting.seconds > patience:
+                self.close()
+                raise RigError(f"controller {self.name}: no command came on {self.place} within {patience:g} s"
+                               f"{self._faults_told()}")
+            waiting.tell()
+            self._send(idle)
+            self._listen(time.monotonic() + IDLE)
+        self._newest = None  # it answers nothing of this run
+        self._is_here()
+
+    def _is_here(self) -> None:
+        if not self._was_here:
+            self._was_here = True
+            self.say(f"controller on {self.place} is here")
+
+    def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
+        now = time.monotonic()
+        if self._origin is None or now - self._origin - inputs.time > LATE:
+            self._origin = now - inputs.time
+        self._listen(now if self.real_time else self._origin + inputs.time)
+        self._send(inputs)
+        if self._newest is None:
+            self._silence()
+            return ControllerOutputs(status=Status.DISCARD)
+        answer, self._newest = self._newest, None
+        self._waiting, self._discarded, self._told_silence = None, 0, False
+        self._is_here()
+        return answer
+
+    def _silence(self) -> None:
+        """No new command for this sample: said half-way to the trip, which is the rig's own, and while it lasts."""
+        self._discarded += 1
+        if self._waiting is None:
+            self._waiting = Waiting(f"waiting for controller on {self.place}", self.say)
+        if self._was_here and not self._told_silence and self._discarded * self.info.period > 0.5 * OLD:
+            self._told_silence = True
+            self.say(f"{self.name}: no command on {self.place} for {0.5e3 * OLD:.0f} ms; the rig trips at "
+                     f"{1e3 * OLD:.0f} ms{self._faults_told()}")
+        self._waiting.tell()
+
+    def _faults_told(self) -> str:
+        told = ", ".join(f"{text} ({count} times)" for text, count in self.faults.items())
+        return f"; not used: {told}" if told else ""
+
+    def _abandon(self) -> None:
+        self._end()
+
+    def _send(self, inputs: ControllerInputs) -> None:
+        raise NotImplementedError
+
+    def _listen(self, until: float) -> None:
+        raise NotImplementedError

@@ -1,0 +1,140 @@
+/* Generated code of Simulink Coder / Embedded Coder as a shift controller: wraps MODEL_initialize, MODEL_step and
+ * MODEL_terminate with their global rtU and rtY into what rig_controller.h asks for.
+ *
+ * Write one file rig_shim.c beside the generated files (`./rig controller new simulink DIR` makes one):
+ *
+ *   #include "my_model.h"
+ *   #define RIG_MODEL my_model
+ *   #define RIG_LEVELS RIG_LEVEL_CURRENT
+ *   #include "rig_simulink.h"
+ *
+ *   static void rig_inputs(const rig_controller_inputs *in) { rtU.n_wej = in->n_wej; ... }
+ *   static void rig_outputs(rig_controller_outputs *out) { out->command[0] = rtY.i_zr_p1; ... }
+ *   static void rig_parameters(void) { rtP.t12 = rig_setting("t12"); ... }
+ *
+ * What may be defined before this file is included:
+ *   RIG_MODEL_PERIOD     base sample time of the model [s], a whole multiple of the rig's 0.001; without it each sample
+ *                        is one step. Between two steps of a slower model its outputs stay.
+ *   RIG_INITIALIZE()     RIG_STEP() RIG_TERMINATE(): calls of another form, e.g. with a model structure as argument, or
+ *                        nothing where the code has no such function.
+ *   RIG_ERROR_STATUS     expression of type const char *, e.g. rtmGetErrorStatus(my_model_M): not NULL is an error.
+ */
+#ifndef RIG_SIMULINK_H
+#define RIG_SIMULINK_H
+
+#include "rig_controller.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#if !defined(RIG_MODEL) || !defined(RIG_LEVELS)
+#error "define RIG_MODEL (name of the model) and RIG_LEVELS (RIG_LEVEL_DUTY, RIG_LEVEL_CURRENT or both with |) first"
+#endif
+
+#define RIG_PASTE(model_, function_) model_##_##function_
+#define RIG_CALL(model_, function_) RIG_PASTE(model_, function_)
+#ifndef RIG_INITIALIZE
+#define RIG_INITIALIZE() RIG_CALL(RIG_MODEL, initialize)()
+#endif
+#ifndef RIG_STEP
+#define RIG_STEP() RIG_CALL(RIG_MODEL, step)()
+#endif
+#ifndef RIG_TERMINATE
+#define RIG_TERMINATE() RIG_CALL(RIG_MODEL, terminate)()
+#endif
+#ifndef RIG_ERROR_STATUS
+#define RIG_ERROR_STATUS NULL
+#endif
+
+/* The three that rig_shim.c defines. */
+static void rig_inputs(const rig_controller_inputs *in);
+static void rig_outputs(rig_controller_outputs *out);
+static void rig_parameters(void);
+
+static struct {
+  rig_controller_info *info; /* during create only */
+  uint32_t level;            /* RIG_LEVEL_... of this run */
+  unsigned long every, count;/* samples per step of the model, samples since the last */
+  int created;
+} rig_shim;
+
+/* A setting of the rig's Alfa46 by its flat name, SI; create is refused when there is none of that name. */
+static double rig_setting(const char *name) {
+  rig_controller_info *info = rig_shim.info;
+  for (uint32_t k = 0; k < info->parameter_count; k++)
+    if (strcmp(info->parameters[k].name, name) == 0) return info->parameters[k].value;
+  if (!info->message[0]) snprintf(info->message, sizeof info->message, "parameter %s is not given", name);
+  return 0.0;
+}
+
+const rig_controller_abi_info *rig_controller_abi(void) {
+  (void)rig_setting; /* a shim need not use it */
+  RIG_CONTROLLER_DESCRIBE(RIG_LEVELS);
+}
+
+int rig_controller_create(rig_controller_info *info, void **instance) {
+  const char *error;
+  if (info->size != sizeof *info) return RIG_ERROR;
+  if (rig_shim.created) {
+    snprintf(info->message, sizeof info->message, "the model's variables are global: there can be one controller only");
+    return RIG_ERROR;
+  }
+  rig_shim.every = 1;
+#ifdef RIG_MODEL_PERIOD
+  {
+    const double steps = (RIG_MODEL_PERIOD) / info->period;
+    if (!(steps > 0.999) || fabs(steps - floor(steps + 0.5)) > 1e-6) {
+      snprintf(info->message, sizeof info->message, "the model's %g s are no whole multiple of the rig's %g s",
+               (double)(RIG_MODEL_PERIOD), info->period);
+      return RIG_ERROR;
+    }
+    rig_shim.every = (unsigned long)floor(steps + 0.5);
+  }
+#endif
+  rig_shim.count = 0;
+  rig_shim.level = info->level;
+  rig_shim.info = info;
+  rig_parameters();
+  rig_shim.info = NULL;
+  if (info->message[0]) return RIG_ERROR;
+  RIG_INITIALIZE();
+  error = RIG_ERROR_STATUS;
+  if (error) {
+    snprintf(info->message, sizeof info->message, "%s", error);
+    return RIG_ERROR;
+  }
+  rig_shim.created = 1;
+  *instance = &rig_shim;
+  return RIG_OK;
+}
+
+int rig_controller_step(void *instance, const rig_controller_inputs *inputs, rig_controller_outputs *outputs) {
+  const char *error;
+  (void)instance;
+  if (inputs->size != sizeof *inputs || outputs->size != sizeof *outputs) return RIG_FATAL;
+  if (inputs->gear_request > 2) {
+    snprintf(outputs->message, sizeof outputs->message, "there is no gear %u", (unsigned)inputs->gear_request);
+    return RIG_ERROR;
+  }
+  if (rig_shim.count == 0) {
+    rig_inputs(inputs);
+    RIG_STEP();
+  }
+  rig_shim.count = (rig_shim.count + 1) % rig_shim.every;
+  error = RIG_ERROR_STATUS;
+  if (error) {
+    snprintf(outputs->message, sizeof outputs->message, "%s", error);
+    return RIG_ERROR;
+  }
+  rig_outputs(outputs);
+  return RIG_OK;
+}
+
+void rig_controller_destroy(void *instance) {
+  (void)instance;
+  RIG_TERMINATE();
+  rig_shim.created = 0;
+}
+
+#endif

@@ -1,0 +1,244 @@
+/* A shift controller behind rig_controller.h at the other end of a UDP port: the controller's side of docs/udp.md in C.
+ *
+ * For POSIX systems with little-endian numbers. Link it with the four functions of rig_controller.h and call
+ * rig_udp_serve; examples/alfa46_udp.c is all of a program. Nothing here computes: it fetches the parameters, brings each
+ * sample to rig_controller_step once, and sends the same answer again when the sample comes again.
+ */
+#ifndef RIG_UDP_H
+#define RIG_UDP_H
+
+#include "rig_controller.h"
+
+#include <arpa/inet.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <time.h>
+#include <unistd.h>
+
+#if defined(__BYTE_ORDER__) && __BYTE_ORDER__ != __ORDER_LITTLE_ENDIAN__
+#error "the frames are little-endian: turn the bytes of every number on this machine"
+#endif
+
+#define RIG_UDP_MAGIC 0x31474952u /* "RIG1" */
+#define RIG_UDP_VERSION 1u
+#define RIG_UDP_PORT 9002
+enum { RIG_HELLO = 1, RIG_INFO, RIG_ASK, RIG_PARAMETER, RIG_READY, RIG_SAMPLE, RIG_ANSWER, RIG_BYE };
+enum { RIG_UDP_AGAIN = 200, RIG_UDP_KEEP_ALIVE = 500, RIG_UDP_RESEND = 20, RIG_UDP_TRIES = 50 }; /* ms; times */
+
+/* Every member lies on a multiple of its size, so no compiler leaves gaps. */
+typedef struct {
+  uint32_t magic;
+  uint16_t version, kind;
+  uint32_t session, frame, size, reserved;
+} rig_udp_header;
+
+typedef struct {
+  rig_udp_header header;
+  union {
+    struct { uint32_t levels, reserved; } hello;
+    struct { uint32_t level, count; double period, command_high; } info;
+    struct { uint32_t index, reserved; } ask;
+    struct { uint32_t index, count; double value; char name[48]; } parameter;
+    struct {
+      uint64_t sample;
+      double time, current[3], n_wej, n_wyj, p1, p2;
+      uint32_t gear_request, reserved;
+    } sample;
+    struct {
+      double command[3], setpoint[3];
+      uint32_t status, gear, shifting, flags;
+      char message[RIG_CONTROLLER_TEXT];
+    } answer;
+    struct { char message[RIG_CONTROLLER_TEXT]; } bye;
+  } body;
+} rig_udp_frame;
+
+typedef struct {
+  int socket, running;
+  uint32_t session, last;
+  rig_udp_frame answer;
+  void *instance;
+  rig_controller_inputs inputs;
+} rig_udp_client;
+
+/* Set it from a signal handler: rig_udp_serve says goodbye and returns. */
+static volatile sig_atomic_t rig_udp_stop;
+
+static uint32_t rig_udp_size(unsigned kind) {
+  static const uint32_t body[] = {0, 8, 24, 8, 64, 0, 80, 192, RIG_CONTROLLER_TEXT};
+  return kind >= RIG_HELLO && kind <= RIG_BYE ? (uint32_t)sizeof(rig_udp_header) + body[kind] : 0u;
+}
+
+static void rig_udp_send(rig_udp_client *client, rig_udp_frame *frame, unsigned kind, uint32_t number) {
+  frame->header.magic = RIG_UDP_MAGIC;
+  frame->header.version = RIG_UDP_VERSION;
+  frame->header.kind = (uint16_t)kind;
+  frame->header.session = client->session;
+  frame->header.frame = number;
+  frame->header.size = rig_udp_size(kind);
+  frame->header.reserved = 0;
+  if (send(client->socket, frame, frame->header.size, 0) < 0) return; /* no rig there yet: it is asked again */
+}
+
+static void rig_udp_hello(rig_udp_client *client) {
+  rig_udp_frame frame;
+  memset(&frame, 0, sizeof frame);
+  frame.body.hello.levels = rig_controller_abi()->levels;
+  rig_udp_send(client, &frame, RIG_HELLO, 0);
+}
+
+/* 1 and a frame within so many ms, or 0; what is no frame of this protocol is passed over. */
+static int rig_udp_receive(rig_udp_client *client, rig_udp_frame *frame, int ms) {
+  struct pollfd look = {client->socket, POLLIN, 0};
+  while (poll(&look, 1, ms) > 0) {
+    const ssize_t size = recv(client->socket, frame, sizeof *frame, 0);
+    if (size < 0) { /* no rig there yet */
+      const struct timespec pause = {0, 100000000};
+      nanosleep(&pause, NULL);
+      return 0;
+    }
+    if (size >= (ssize_t)sizeof frame->header && frame->header.magic == RIG_UDP_MAGIC &&
+        frame->header.version == RIG_UDP_VERSION && (uint32_t)size == frame->header.size &&
+        frame->header.size == rig_udp_size(frame->header.kind))
+      return 1;
+    fprintf(stderr, "frame of %ld bytes ignored: none of version %u of the protocol\n", (long)size, RIG_UDP_VERSION);
+  }
+  return 0;
+}
+
+static void rig_udp_end(rig_udp_client *client) {
+  if (client->running) rig_controller_destroy(client->instance);
+  client->running = 0;
+  client->session = 0;
+}
+
+/* Asks for one parameter until it is there; 0 when the rig has gone. */
+static int rig_udp_parameter(rig_udp_client *client, uint32_t index, rig_udp_frame *frame) {
+  for (int tries = 0; tries < RIG_UDP_TRIES && !rig_udp_stop; tries++) {
+    rig_udp_frame ask;
+    memset(&ask, 0, sizeof ask);
+    ask.body.ask.index = index;
+    rig_udp_send(client, &ask, RIG_ASK, 0);
+    while (rig_udp_receive(client, frame, RIG_UDP_RESEND))
+      if (frame->header.kind == RIG_PARAMETER && frame->header.session == client->session &&
+          frame->body.parameter.index == index)
+        return 1;
+  }
+  return 0;
+}
+
+/* A rig is there: fetch its parameters, create the controller, say that it is ready. */
+static void rig_udp_begin(rig_udp_client *client, const rig_udp_frame *first) {
+  const uint32_t count = first->body.info.count < 1000 ? first->body.info.count : 1000;
+  rig_udp_frame frame;
+  rig_parameter *parameters = (rig_parameter *)calloc(count + 1u, sizeof *parameters);
+  char (*names)[48] = (char (*)[48])calloc(count + 1u, sizeof *names);
+  uint32_t k = 0;
+  rig_udp_end(client);
+  client->session = first->header.session;
+  while (parameters && names && k < count && rig_udp_parameter(client, k, &frame)) {
+    memcpy(names[k], frame.body.parameter.name, sizeof names[k] - 1);
+    parameters[k].name = names[k];
+    parameters[k].value = frame.body.parameter.value;
+    k++;
+  }
+  if (k == count) {
+    rig_controller_info info = {sizeof info, first->body.info.level, first->body.info.period,
+                                first->body.info.command_high, parameters, count, ""};
+    memset(&frame, 0, sizeof frame);
+    if (rig_controller_create(&info, &client->instance) == RIG_OK) {
+      client->running = 1;
+      client->last = 0;
+      rig_udp_send(client, &frame, RIG_READY, 0);
+    } else {
+      fprintf(stderr, "the controller refuses: %s\n", info.message);
+      rig_udp_stop = 1;
+    }
+  } else {
+    client->session = 0;
+  }
+  free(parameters);
+  free(names);
+}
+
+static void rig_udp_step(rig_udp_client *client, const rig_udp_frame *frame) {
+  rig_controller_inputs *in = &client->inputs;
+  rig_controller_outputs out;
+  rig_udp_frame *answer = &client->answer;
+  int status;
+  if (frame->header.frame < client->last) return;
+  if (frame->header.frame > client->last) {
+    memset(&out, 0, sizeof out);
+    out.size = sizeof out;
+    in->size = sizeof *in;
+    in->gear_request = frame->body.sample.gear_request;
+    in->sample = frame->body.sample.sample;
+    in->time = frame->body.sample.time;
+    memcpy(in->current, frame->body.sample.current, sizeof in->current);
+    in->n_wej = frame->body.sample.n_wej;
+    in->n_wyj = frame->body.sample.n_wyj;
+    in->p1 = frame->body.sample.p1;
+    in->p2 = frame->body.sample.p2;
+    status = rig_controller_step(client->instance, in, &out);
+    memset(answer, 0, sizeof *answer);
+    memcpy(answer->body.answer.command, out.command, sizeof out.command);
+    memcpy(answer->body.answer.setpoint, out.setpoint, sizeof out.setpoint);
+    answer->body.answer.status = (uint32_t)status;
+    answer->body.answer.gear = out.gear;
+    answer->body.answer.shifting = out.shifting;
+    answer->body.answer.flags = out.flags;
+    memcpy(answer->body.answer.message, out.message, sizeof out.message - 1);
+    client->last = frame->header.frame;
+  }
+  rig_udp_send(client, answer, RIG_ANSWER, client->last);
+}
+
+/* Answer the rig at host (a number, e.g. "127.0.0.1") and port until rig_udp_stop, or with `once` until the end of the
+ * first run; rig and controller may start in any order. 0 at an orderly end, 1 when there is no such address. */
+static int rig_udp_serve(const char *host, int port, int once) {
+  static rig_udp_client client;
+  struct sockaddr_in rig;
+  rig_udp_frame frame;
+  int over = 0;
+  memset(&rig, 0, sizeof rig);
+  rig.sin_family = AF_INET;
+  rig.sin_port = htons((uint16_t)port);
+  client.socket = socket(AF_INET, SOCK_DGRAM, 0);
+  if (client.socket < 0 || inet_pton(AF_INET, host, &rig.sin_addr) != 1 ||
+      connect(client.socket, (struct sockaddr *)&rig, sizeof rig) != 0) {
+    perror(host);
+    return 1;
+  }
+  while (!rig_udp_stop && !(over && once)) {
+    if (!client.running) rig_udp_hello(&client);
+    if (!rig_udp_receive(&client, &frame, client.running ? RIG_UDP_KEEP_ALIVE : RIG_UDP_AGAIN)) {
+      if (client.running) rig_udp_hello(&client); /* is the rig still there, and the same one? */
+    } else if (frame.header.kind == RIG_INFO && frame.header.session != client.session) {
+      rig_udp_begin(&client, &frame);
+    } else if (frame.header.kind == RIG_BYE && !client.running) {
+      frame.body.bye.message[sizeof frame.body.bye.message - 1] = '\0';
+      fprintf(stderr, "the rig says: %s\n", frame.body.bye.message);
+      sleep(1);
+    } else if (frame.header.session == client.session && client.running) {
+      if (frame.header.kind == RIG_SAMPLE) rig_udp_step(&client, &frame);
+      if (frame.header.kind == RIG_BYE) {
+        rig_udp_end(&client);
+        over = 1;
+      }
+    }
+  }
+  if (client.running) {
+    memset(&frame, 0, sizeof frame);
+    snprintf(frame.body.bye.message, sizeof frame.body.bye.message, "the controller was stopped");
+    rig_udp_send(&client, &frame, RIG_BYE, 0);
+    rig_udp_end(&client);
+  }
+  close(client.socket);
+  return 0;
+}
+
+#endif

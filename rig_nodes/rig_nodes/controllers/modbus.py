@@ -1,0 +1,143 @@
+"""The plug for a controller that is a Modbus TCP client, such as a PLC: ``modbus:PORT``; the rig is the server.
+
+Made by load.py; pymodbus is imported then. The registers are those of registers.py, on 127.0.0.1 unless asked otherwise.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+import time
+
+from ..alfa46.settings import Alfa46Config
+from ..errors import RigError
+from . import registers
+from .free_running import FreeRunning, split_options
+from .plug import said
+from .seam import ControllerInputs, ControllerOutputs
+from .wire import commands, held_in, measured, values_of
+
+OPTIONS = ("host",)
+WRITTEN = 4 + len(registers.STATE)  # registers of a command
+START = 10.0  # s that the server may take to listen
+
+
+class Modbus(FreeRunning):
+    """A controller that reads and writes the rig's registers.
+
+    Option: host (address to listen on, default 127.0.0.1).
+    """
+
+    def __init__(self, rest: str, config: Alfa46Config, level: str | None = None):
+        name = f"modbus:{rest}"
+        port, options = split_options(rest, name, OPTIONS)
+        host = options.get("host", "127.0.0.1")
+        if not port.isdigit() or not 1 <= int(port) <= 65535:
+            raise RigError(f"controller {name}: '{port}' is no port; expected modbus:PORT, e.g. modbus:5020")
+        super().__init__(name, config, level, f"Modbus TCP {host}:{port}")
+        self._wires, self._commands = measured(), commands(self.level)
+        self._shown = [0] * registers.COMMAND_BASE
+        self._written: list[int] | None = None
+        self._heartbeat: int | None = None
+        self._bell = threading.Condition()
+        self._start(host, int(port), name)
+
+    # ---- the server, in a thread with an event loop of its own
+
+    def _start(self, host: str, port: int, name: str) -> None:
+        try:
+            from pymodbus.server import ModbusTcpServer
+            from pymodbus.simulator import DataType, SimData, SimDevice
+        except ImportError:
+            raise RigError(f"controller {name}: Modbus needs pymodbus, which is not installed here; install it into the "
+                           "rig's environment (pip install pymodbus)") from None
+        logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
+        self._loop, problem, ready = asyncio.new_event_loop(), [], threading.Event()
+        device = SimDevice(0, [
+            SimData(0, values=[0] * len(self._read_registers()), datatype=DataType.REGISTERS, readonly=True),
+            SimData(registers.COMMAND_BASE, values=[0] * WRITTEN, datatype=DataType.REGISTERS)], action=self._access)
+
+        async def listen() -> None:
+            try:
+                self._server = ModbusTcpServer(device, address=(host, port))
+                if not await self._server.listen():
+                    raise OSError("the port is taken or not allowed")
+            except OSError as error:
+                problem.append(said(error))
+            finally:
+                ready.set()
+
+        def serve() -> None:
+            asyncio.set_event_loop(self._loop)
+            self._loop.run_until_complete(listen())
+            if not problem:
+                self._loop.run_forever()
+            for _ in range(3):  # requests that came meanwhile become tasks
+                self._loop.run_until_complete(asyncio.sleep(0))
+            rest = asyncio.all_tasks(self._loop)
+            for task in rest:
+                task.cancel()
+            self._loop.run_until_complete(asyncio.gather(*rest, return_exceptions=True))
+            self._loop.close()
+
+        self._thread = threading.Thread(target=serve, name="modbus", daemon=True)
+        self._thread.start()
+        if not ready.wait(START) or problem:
+            raise RigError(f"controller {name}: no server on {host}:{port}: {problem[0] if problem else 'it does not start'}")
+
+    @staticmethod
+    def _read_registers() -> list[registers.Register]:
+        return [row for row in registers.register_map() if row.access == "read"]
+
+    async def _access(self, function: int, first: int, address: int, count: int, current: list[int],
+                      values: list | None):
+        """Called by pymodbus with each request; ``current`` holds all registers from address ``first`` on."""
+        if values is None:
+            current[:registers.COMMAND_BASE - first] = self._shown[first:registers.COMMAND_BASE]
+            return None
+        place = address - registers.COMMAND_BASE
+        whole = list(current[registers.COMMAND_BASE - first:registers.COMMAND_BASE - first + WRITTEN])
+        whole[place:place + count] = [int(value) for value in values]
+        if place == 0 or whole[registers.HEARTBEAT] != self._heartbeat:
+            with self._bell:
+                self._written = whole
+                self._bell.notify()
+        return None
+
+    # ---- the seam
+
+    def _send(self, inputs: ControllerInputs) -> None:
+        sample = inputs.sample & 0xFFFFFFFF
+        raw = [wire.encode(value) & 0xFFFF for wire, value in zip(self._wires, values_of(inputs), strict=True)]
+        shown = [sample >> 16, sample & 0xFFFF, inputs.gear_request, int(self.level == "current"), *raw]
+        self._shown = shown + [0] * (registers.COMMAND_BASE - len(shown))  # one assignment: a reader never sees half
+
+    def _listen(self, until: float) -> None:
+        while True:
+            with self._bell:
+                if self._written is None and (rest := until - time.monotonic()) > 0.0:
+                    self._bell.wait(rest)
+                written, self._written = self._written, None
+            if written is not None:
+                self._take(written)
+            elif time.monotonic() >= until:
+                return
+
+    def _take(self, written: list[int]) -> None:
+        if written[registers.HEARTBEAT] == self._heartbeat:
+            return
+        self._heartbeat = written[registers.HEARTBEAT]
+        gear, shifting, flags, status = written[4:]
+        command = [wire.decode(value) for wire, value in zip(self._commands, written[1:4], strict=True)]
+        self.heard(ControllerOutputs(held_in(command, self.info), None, gear, bool(shifting), flags, status,
+                                     "the controller says so in register status"))
+
+    def _end(self) -> None:
+        async def shut() -> None:
+            await self._server.shutdown()
+            self._loop.stop()
+
+        if self._thread.is_alive():
+            asyncio.run_coroutine_threadsafe(shut(), self._loop)
+            self._thread.join(START)

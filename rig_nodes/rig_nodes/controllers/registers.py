@@ -1,0 +1,72 @@
+"""The Modbus register map of the seam, made from the signal catalogue; the rig is the server.
+
+Used by the plug (modbus.py), by `rig export registers` and by the example client.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass
+
+from .wire import Wire, commands, measured
+
+
+@dataclass(frozen=True)
+class Register:
+    """One 16-bit holding register. step: what one of its counts is worth in ``unit``; None for plain numbers."""
+
+    address: int
+    name: str
+    access: str
+    unit: str
+    step: float | None
+    signed: bool
+    text: str
+
+
+COMMAND_BASE = 32
+HEARTBEAT, STATE = 0, ("gear", "shifting", "flags", "status")  # places behind COMMAND_BASE: heartbeat, 3 commands, state
+
+
+def register_map() -> list[Register]:
+    """All registers, by address."""
+    out = [Register(0, "sample_high", "read", "", None, False, "Controller sample since time 0, upper 16 bits."),
+           Register(1, "sample_low", "read", "", None, False, "Its lower 16 bits."),
+           Register(2, "gear_request", "read", "", None, False, "Gear ordered last: 0 neutral, 1 (I), 2 (II)."),
+           Register(3, "level", "read", "", None, False, "Level of this run: 0 duty, 1 current.")]
+    out += [_wired(len(out) + k, wire, "read") for k, wire in enumerate(measured())]
+    current, duty = commands("current"), commands("duty")
+    out.append(Register(COMMAND_BASE, "heartbeat", "write", "", None, False,
+                        "Any other number than before: what is written with it is a new command."))
+    for k, (one, other) in enumerate(zip(current, duty, strict=True), 1):
+        out.append(Register(COMMAND_BASE + k, one.name, "write", f"{one.unit} or {other.unit}", one.step, False,
+                            f"{one.text} At level duty: {other.text.lower()} A count is {one.step:g} {one.unit} or "
+                            f"{other.step:g} {other.unit}."))
+    texts = ("Gear taken last.", "1: a shift is still running.",
+             "Bit k: at level current, output k stays on at a setpoint of zero.",
+             "0: an answer, 2: error, 3: fatal; the rig trips with the last two.")
+    return out + [Register(COMMAND_BASE + 4 + k, name, "write", "", None, False, text)
+                  for k, (name, text) in enumerate(zip(STATE, texts, strict=True))]
+
+
+def _wired(address: int, wire: Wire, access: str) -> Register:
+    return Register(address, wire.name, access, wire.unit, wire.step, wire.raw[0] < 0, wire.text)
+
+
+def csv_text() -> str:
+    """The map as CSV with one head line."""
+    file = io.StringIO()
+    table = csv.writer(file, lineterminator="\n")
+    table.writerow(("address", "name", "access", "type", "unit", "count", "meaning"))
+    for row in register_map():
+        table.writerow((row.address, row.name, row.access, "int16" if row.signed else "uint16", row.unit,
+                        "1" if row.step is None else f"{row.step:g}", row.text))
+    return file.getvalue()
+
+
+def markdown_text() -> str:
+    """The map as a table for docs/modbus.md."""
+    rows = list(csv.reader(io.StringIO(csv_text())))
+    lines = ["| " + " | ".join(row) + " |" for row in rows]
+    return "\n".join([lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]]) + "\n"

@@ -1,0 +1,72 @@
+"""Templates of controllers of one's own, each a small law that shifts; written by ``rig controller new``.
+
+A kind is a folder beside this file and, for plugs that need them, files of the rig that go with it.
+"""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import NamedTuple
+
+from ...errors import RigError
+
+HERE = Path(__file__).parent
+INCLUDE = HERE.parent / "include"
+
+
+class Kind(NamedTuple):
+    """files: of the rig, by the name that they get; commands: what to do next, with {dir} for the folder."""
+
+    folder: str
+    files: dict[str, Path]
+    commands: tuple[str, ...]
+
+
+HEADER = {"rig_controller.h": INCLUDE / "rig_controller.h"}
+KINDS = {
+    "python": Kind("python", {}, ("./rig simulate demo --controller python:{dir}/my_controller.py:MyController",)),
+    "c": Kind("c", HEADER, ("./rig simulate demo --controller c:{dir}/my_controller.c",)),
+    "cpp": Kind("cpp", HEADER, ("./rig simulate demo --controller c:{dir}/my_controller.cpp",)),
+    "simulink": Kind("simulink", HEADER | {"rig_simulink.h": INCLUDE / "rig_simulink.h"},
+                     ("./rig simulate demo --controller simulink:{dir}",)),
+    "udp-c": Kind("udp_c", HEADER | {"rig_udp.h": INCLUDE / "rig_udp.h"}, (
+        "make -C {dir}",
+        "{dir}/my_controller &",
+        "./rig simulate demo --controller udp:9002 --level current",
+    )),
+    "udp-python": Kind("udp_python", {"rig_udp.py": HERE.parent / "udp_frames.py"}, (
+        "python3 {dir}/my_controller.py &",
+        "./rig simulate demo --controller udp:9002 --level current",
+    )),
+    "fmu": Kind("c", HEADER, (
+        "./rig export controller-fmu {dir}/my_controller.c -o {dir}/my_controller.fmu",
+        "./rig simulate demo --controller fmu:{dir}/my_controller.fmu",
+    )),
+    "can": Kind("can", {}, (
+        "./rig export dbc -o {dir}/rig.dbc",
+        ".venv/bin/python {dir}/my_tcu.py &",
+        "./rig simulate demo --controller 'can:239.74.163.2?interface=udp_multicast'",
+    )),
+    "modbus": Kind("modbus", {}, (
+        ".venv/bin/python {dir}/my_plc.py &",
+        "./rig simulate demo --controller modbus:5020",
+    )),
+}
+
+
+def write_template(kind: str, folder: str) -> tuple[list[Path], list[str]]:
+    """(files written, commands to try them) for one of KINDS; RigError when the folder is not new or empty."""
+    chosen, target = KINDS[kind], Path(folder)
+    if target.exists() and (not target.is_dir() or any(target.iterdir())):
+        raise RigError(f"{folder}: it exists and is not an empty folder; choose a new name")
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RigError(f"{folder}: cannot be made ({error.strerror}); choose another place") from None
+    sources = {path.name: path for path in sorted((HERE / chosen.folder).iterdir()) if path.is_file()}
+    written = []
+    for name, source in (sources | chosen.files).items():
+        shutil.copyfile(source, target / name)
+        written.append(target / name)
+    return written, [command.format(dir=folder) for command in chosen.commands]

@@ -1,0 +1,45 @@
+/* A shift controller of your own: current setpoints in steps of 1 ms, from what the wires carry.
+ *
+ * The old clutch is held until the new one is filled, then let go; the new one gets a plateau, then a ramp. Change it.
+ * The rig runs it in a process of its own, so statics are as good as a structure behind `instance`.
+ */
+#include "rig_controller.h"
+
+static const double FILL = 0.30, PLATEAU = 0.22, SLOPE = 1.2, HELD = 0.74; /* s, A, A/s, A */
+static const double OVERLAP = 0.25, RELEASE = 0.13; /* s in which both are on; A of the old one then */
+
+static uint32_t gear, old;
+static double since;
+
+/* What step returns: setpoints in A; RIG_LEVEL_DUTY would be 0 to 1. */
+const rig_controller_abi_info *rig_controller_abi(void) { RIG_CONTROLLER_DESCRIBE(RIG_LEVEL_CURRENT); }
+
+int rig_controller_create(rig_controller_info *info, void **instance) {
+  if (info->size != sizeof *info) return RIG_ERROR;
+  *instance = NULL;
+  gear = old = 0;
+  since = -10.0; /* no shift is running */
+  return RIG_OK;
+}
+
+int rig_controller_step(void *instance, const rig_controller_inputs *in, rig_controller_outputs *out) {
+  double elapsed;
+  (void)instance;
+  if (in->gear_request > 2) return RIG_ERROR;
+  if (in->gear_request != gear) {
+    old = gear;
+    gear = in->gear_request;
+    since = in->time;
+  }
+  elapsed = in->time - since;
+  if (old && elapsed < OVERLAP + 0.2) out->command[old - 1] = elapsed < OVERLAP ? HELD : RELEASE;
+  if (gear) {
+    const double wanted = PLATEAU + (elapsed > FILL ? SLOPE * (elapsed - FILL) : 0.0);
+    out->command[gear - 1] = wanted < HELD ? wanted : HELD;
+  }
+  out->gear = gear;
+  out->shifting = elapsed < 1.5;
+  return RIG_OK;
+}
+
+void rig_controller_destroy(void *instance) { (void)instance; }

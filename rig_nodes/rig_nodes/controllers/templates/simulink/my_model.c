@@ -1,0 +1,45 @@
+/* Stands for the file that Simulink Coder generates. Put yours, with all that belong to it, in its place and change
+ * rig_shim.c accordingly.
+ *
+ * The old clutch is held until the new one is filled, then let go; the new one gets a plateau, then a ramp.
+ */
+#include "my_model.h"
+
+ExtU rtU;
+ExtY rtY;
+
+static uint8_T old;
+static real_T since;
+
+void my_model_initialize(void) {
+  rtY.gear = 0U;
+  old = 0U;
+  since = -10.0; /* no shift is running */
+}
+
+void my_model_step(void) {
+  real_T wanted[2] = {0.0, 0.0};
+  real_T elapsed;
+  if (rtU.gear_request != rtY.gear) {
+    old = rtY.gear;
+    rtY.gear = rtU.gear_request;
+    since = rtU.time;
+  }
+  elapsed = rtU.time - since;
+  if (old > 0U && elapsed < 0.45) {
+    wanted[old - 1] = elapsed < 0.25 ? 0.74 : 0.13;
+  }
+  if (rtY.gear > 0U) {
+    wanted[rtY.gear - 1] = elapsed < 0.3 ? 0.22 : 0.22 + 1.2 * (elapsed - 0.3);
+    if (wanted[rtY.gear - 1] > 0.74) {
+      wanted[rtY.gear - 1] = 0.74;
+    }
+  }
+  rtY.i_zr_p1 = wanted[0];
+  rtY.i_zr_p2 = wanted[1];
+  rtY.shifting = (boolean_T)(elapsed < 1.5);
+}
+
+void my_model_terminate(void) {
+  /* nothing to give back */
+}

@@ -1,0 +1,27 @@
+/* Stands for the header that Simulink Coder generates: global inputs rtU and outputs rtY, and three functions. */
+#ifndef RTW_HEADER_my_model_h_
+#define RTW_HEADER_my_model_h_
+
+#include "rtwtypes.h"
+
+typedef struct {
+  real_T time;         /* s */
+  uint8_T gear_request;
+  real_T n_wej;        /* rad/s */
+} ExtU;
+
+typedef struct {
+  real_T i_zr_p1;      /* A */
+  real_T i_zr_p2;      /* A */
+  uint8_T gear;
+  boolean_T shifting;
+} ExtY;
+
+extern ExtU rtU;
+extern ExtY rtY;
+
+extern void my_model_initialize(void);
+extern void my_model_step(void);
+extern void my_model_terminate(void);
+
+#endif

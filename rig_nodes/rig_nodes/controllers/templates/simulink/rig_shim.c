@@ -1,0 +1,25 @@
+/* Which input of the rig is which of the model's, and the same for outputs and parameters; rig_simulink.h says what else
+ * there is: slower models, error status, functions of another form.
+ */
+#include "my_model.h"
+
+#define RIG_MODEL my_model
+#define RIG_LEVELS RIG_LEVEL_CURRENT
+#include "rig_simulink.h"
+
+static void rig_inputs(const rig_controller_inputs *in) {
+  rtU.time = in->time;
+  rtU.gear_request = (uint8_T)in->gear_request;
+  rtU.n_wej = in->n_wej;
+}
+
+static void rig_outputs(rig_controller_outputs *out) {
+  out->command[0] = rtY.i_zr_p1;
+  out->command[1] = rtY.i_zr_p2;
+  out->gear = rtY.gear;
+  out->shifting = rtY.shifting;
+}
+
+static void rig_parameters(void) {
+  /* e.g. rtP.t12 = rig_setting("t12"); */
+}

@@ -1,0 +1,209 @@
+"""The plug for a controller at the other end of a UDP port: a frame out, a frame back for each sample (docs/udp.md).
+
+Made by load.py. The rig holds the port, on loopback unless told otherwise; the controller says HELLO. Either may start first.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import time
+
+from ..alfa46.settings import Alfa46Config
+from ..errors import RigError
+from .plug import Plug, Waiting, chosen_level
+from .seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs, Status
+from .udp_frames import (
+    ANSWER,
+    ASK,
+    BYE,
+    HELLO,
+    INFO,
+    LONGEST,
+    PARAMETER,
+    READY,
+    SAMPLE,
+    NoFrame,
+    pack,
+    text,
+    unpack,
+)
+from .udp_frames import LEVELS as LEVEL_BITS
+
+LOOPBACK = "127.0.0.1"
+RESEND = 0.02  # s of wall clock without an answer after which a sample is sent again
+GLANCE = 0.0005  # s of wall clock for an answer in real time while the controller is away
+IP_RECVERR = 11  # of Linux: tells that nobody listens at the other end
+
+
+class Udp(Plug):
+    """udp:PORT, or udp:ADDRESS:PORT to listen at another interface than loopback."""
+
+    def __init__(self, rest: str, config: Alfa46Config, level: str | None = None):
+        address, _, port = rest.rpartition(":")
+        name = f"udp:{rest}"
+        if not (port.isdecimal() and 0 < int(port) < 65536):
+            raise RigError(f"controller {name}: expected udp:PORT or udp:ADDRESS:PORT with a port from 1 to 65535")
+        super().__init__(name, config, chosen_level(level, LEVELS, name))
+        self._port = int(port)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._socket.bind((address or LOOPBACK, self._port))
+        except OSError as error:
+            self._socket.close()
+            raise RigError(f"controller {name}: the port cannot be taken ({error.strerror}); is another rig running, "
+                           "or is the address none of this machine?") from None
+        self._socket.setsockopt(socket.IPPROTO_IP, IP_RECVERR, 1)
+        self._parameters = list(self.info.parameters.items())
+        self._session = int.from_bytes(os.urandom(4), "little") or 1
+        self._peer = None  # address of the controller, once it is ready
+        self._frame = 0
+        self._was_here = False
+        self._away = True  # nobody answered the newest sample
+        self._sent_away: set = set()  # addresses of controllers that cannot be of use in this run
+
+    # ---- until it is there
+
+    def wait(self, patience: float | None = None) -> None:
+        waiting = Waiting(f"waiting for controller on udp {self._port}", self.say)
+        while self._peer is None:
+            if patience is not None and waiting.seconds > patience:
+                raise RigError(f"controller {self.name}: none has come within {patience:g} s; start it, or see that it "
+                               f"sends to port {self._port} of this machine")
+            waiting.tell()
+            self._serve(0.2)
+
+    def _serve(self, seconds: float) -> tuple | None:
+        """Take what comes within so many seconds; the values of an ANSWER to the newest sample once it is there."""
+        until = time.monotonic() + seconds
+        while True:
+            left = max(0.0, until - time.monotonic())
+            if not select.select([self._socket], [], [], left)[0]:
+                return None
+            try:
+                data, peer = self._socket.recvfrom(LONGEST)
+                kind, session, frame, values = unpack(data)
+            except ConnectionRefusedError:
+                self._see_who_has_gone()
+                continue
+            except NoFrame as error:
+                self.say(f"{self.name}: a frame was ignored: {error}")
+                continue
+            if kind == HELLO:
+                self._greet(session, peer, values[0])
+            elif session != self._session:
+                self._send(BYE, peer, session=session, values=["another run; say HELLO"])
+            elif kind == ASK and values[0] < len(self._parameters):
+                name, value = self._parameters[values[0]]
+                self._send(PARAMETER, peer, values=[values[0], len(self._parameters), value, name])
+            elif kind == READY:
+                self._peer, self._was_here = peer, True
+                self.say(f"controller on udp {self._port} is here ({peer[0]}:{peer[1]})")
+                return None
+            elif kind == BYE and peer == self._peer:
+                raise _Gone(f"it said goodbye: {text(values[0]) or 'it gave no reason'}")
+            elif kind == ANSWER and peer == self._peer and frame == self._frame:
+                return values
+
+    def _greet(self, session: int, peer, levels: int) -> None:
+        if session == self._session and peer == self._peer:
+            return  # it only asks whether the rig is still there
+        why = ""
+        if not levels & LEVEL_BITS[self.level]:
+            known = " and ".join(name for name, bit in LEVEL_BITS.items() if levels & bit) or "none"
+            why = f"this run is at level {self.level}, the controller's is {known}; choose with --level"
+        elif self._peer not in (None, peer) and not self._away:
+            why = "another controller is at work"
+        if why:
+            self._send(BYE, peer, session=0, values=[why])
+            if peer not in self._sent_away:
+                self._sent_away.add(peer)
+                self.say(f"a controller was sent away from udp {self._port}: {why}")
+            return
+        high, level = self.info.command_high, LEVEL_BITS[self.level]
+        self._send(INFO, peer, values=[level, len(self._parameters), self.info.period, high])
+
+    def _send(self, kind: int, peer, session: int | None = None, values=()) -> None:
+        data = pack(kind, self._session if session is None else session, 0, *values)
+        try:
+            self._socket.sendto(data, peer)
+        except ConnectionRefusedError:  # of something that was sent before
+            self._see_who_has_gone()
+            self._socket.sendto(data, peer)
+
+    def _see_who_has_gone(self) -> None:
+        """Take the system's notices that nobody listens where something was sent; _Gone when it is the controller."""
+        gone = set()
+        while True:
+            try:
+                gone.add(self._socket.recvmsg(1, 512, socket.MSG_ERRQUEUE | socket.MSG_DONTWAIT)[3])
+            except BlockingIOError:
+                break
+        if self._peer in gone:
+            raise _Gone("nobody listens at its port any more")
+
+    # ---- samples
+
+    def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
+        try:
+            self._serve(0.0)  # what it said since: that it goes, or that it is there
+            self._frame += 1
+            values = self._exchange(inputs)
+        except _Gone as gone:
+            self._leave()
+            raise ControllerFailed(f"controller {self.name}, sample {inputs.sample}: {gone}", Status.FATAL) from None
+        if values is None:
+            return ControllerOutputs(status=Status.DISCARD)
+        status, gear, shifting, flags, message = values[6:]
+        return ControllerOutputs(values[:3], values[3:6], gear, bool(shifting), flags, status, text(message))
+
+    def _exchange(self, inputs: ControllerInputs) -> tuple | None:
+        """The values of the answer; None in real time while there is none."""
+        data = pack(SAMPLE, self._session, self._frame, inputs.sample, inputs.time, *inputs.current, inputs.n_wej,
+                    inputs.n_wyj, inputs.p1, inputs.p2, inputs.gear_request, 0)
+        began, patience = time.monotonic(), self.step_timeout
+        if self.real_time and self._away:
+            patience = GLANCE
+        while True:
+            if self._peer is not None:
+                try:
+                    self._socket.sendto(data, self._peer)
+                except ConnectionRefusedError:
+                    self._see_who_has_gone()
+                    continue
+            left = None if patience is None else began + patience - time.monotonic()
+            if left is not None and left <= 0.0:
+                return self._no_answer(inputs.sample)
+            values = self._serve(RESEND if left is None else min(RESEND, left))
+            if values is not None:
+                self._away = False
+                return values
+
+    def _no_answer(self, sample: int) -> None:
+        if self.real_time:
+            if not self._away:
+                self.say(f"waiting for controller on udp {self._port}: no answer for {self.step_timeout * 1e3:.0f} ms")
+            self._away = True
+            return None
+        self._away = True
+        if self._was_here:
+            raise _Gone(f"no answer for {self.step_timeout:g} s (--step-timeout)")
+        raise _Gone(f"none has come within {self.step_timeout:g} s")
+
+    def _leave(self) -> None:
+        """The controller has gone; another one may come, with a frame of its own to begin with."""
+        self._peer, self._away = None, True
+        self._session = (self._session % 0xFFFFFFFF) + 1
+
+    def _end(self) -> None:
+        if self._peer is not None:
+            self._send(BYE, self._peer, values=["the run is over"])
+        self._socket.close()
+
+    def _abandon(self) -> None:
+        self._end()
+
+
+class _Gone(Exception):
+    """The controller is not there any more; why."""

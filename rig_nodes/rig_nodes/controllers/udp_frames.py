@@ -1,0 +1,188 @@
+"""The frames of the UDP lockstep protocol (docs/udp.md), and the controller's side of it; standard library only.
+
+Used by udp.py, and copied as it is to where a controller runs: ``serve(controller)`` answers until it is stopped.
+include/rig_udp.h is the same for C.
+"""
+
+import select
+import socket
+import struct
+import sys
+import time
+import types
+
+MAGIC, VERSION, PORT = 0x31474952, 1, 9002  # "RIG1"
+HELLO, INFO, ASK, PARAMETER, READY, SAMPLE, ANSWER, BYE = range(1, 9)
+HEADER = struct.Struct("<IHHIIII")  # magic, version, kind, session, frame, size of the whole frame, 0
+BODIES = {
+    HELLO: struct.Struct("<II"),  # levels, 0
+    INFO: struct.Struct("<IIdd"),  # level, number of parameters, period, command_high
+    ASK: struct.Struct("<II"),  # index of a parameter, 0
+    PARAMETER: struct.Struct("<IId48s"),  # index, number of parameters, value, name
+    READY: struct.Struct("<"),
+    SAMPLE: struct.Struct("<Qd3ddddd2I"),  # sample, time, current (3), n_wej, n_wyj, p1, p2, gear request, 0
+    ANSWER: struct.Struct("<3d3d4I128s"),  # command (3), setpoint (3), status, gear, shifting, flags, message
+    BYE: struct.Struct("<128s"),  # message
+}
+LEVELS = {"duty": 1, "current": 2}
+LONGEST = 2048  # bytes of any frame
+AGAIN = 0.2  # s between two HELLOs of a controller that waits for a rig
+KEEP_ALIVE = 0.5  # s without a frame of the rig after which the controller says HELLO again
+
+
+class NoFrame(ValueError):
+    """Bytes that are no frame of this protocol and version."""
+
+
+def pack(kind, session, frame, *values):
+    """The bytes of a frame; texts of values are encoded and cut to their field."""
+    body = BODIES[kind]
+    data = [value.encode()[:47] if kind == PARAMETER and isinstance(value, str) else
+            value.encode()[:127] if isinstance(value, str) else value for value in values]
+    return HEADER.pack(MAGIC, VERSION, kind, session, frame, HEADER.size + body.size, 0) + body.pack(*data)
+
+
+def unpack(data):
+    """(kind, session, frame, values); NoFrame when the bytes are none."""
+    if len(data) < HEADER.size:
+        raise NoFrame(f"{len(data)} bytes are less than a header")
+    magic, version, kind, session, frame, size, _ = HEADER.unpack_from(data)
+    if magic != MAGIC:
+        raise NoFrame("it does not begin with RIG1")
+    if version != VERSION:
+        raise NoFrame(f"it is of version {version} of the protocol, expected {VERSION}")
+    if kind not in BODIES:
+        raise NoFrame(f"there is no kind {kind}")
+    if not len(data) == size == HEADER.size + BODIES[kind].size:
+        raise NoFrame(f"kind {kind} has {len(data)} bytes and says {size}, expected {HEADER.size + BODIES[kind].size}")
+    return kind, session, frame, BODIES[kind].unpack_from(data, HEADER.size)
+
+
+def text(field):
+    """A text field without the zeros that fill it."""
+    return field.split(b"\0", 1)[0].decode("utf-8", "replace")
+
+
+class Client:
+    """The controller's side: ``controller`` has initialize / step / terminate as a Python class of the rig has."""
+
+    def __init__(self, controller, host="127.0.0.1", port=PORT, levels=("duty",)):
+        self.controller, self.levels = controller, sum(LEVELS[name] for name in levels)
+        self.rig = (host, port)
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.connect(self.rig)
+        self.session, self.running, self.last, self.answer = 0, False, 0, b""
+
+    def send(self, kind, *values, frame=0):
+        """One frame; a rig that is not there yet is no error."""
+        try:
+            self.socket.send(pack(kind, self.session, frame, *values))
+        except ConnectionRefusedError:
+            pass
+
+    def receive(self, seconds):
+        """The rig's next frame, None when none comes in time; a rig that is not there is silent too."""
+        until = time.monotonic() + seconds
+        while (left := until - time.monotonic()) > 0:
+            if not select.select([self.socket], [], [], left)[0]:
+                return None
+            try:
+                return unpack(self.socket.recv(LONGEST))
+            except ConnectionRefusedError:
+                time.sleep(min(0.1, max(0.0, until - time.monotonic())))
+            except NoFrame as error:
+                print(f"frame ignored: {error}", file=sys.stderr)
+        return None
+
+    def serve(self, once=False):
+        """Answer until interrupted; once: until the end of the first run."""
+        try:
+            while not (self.run() and once):
+                pass
+        finally:
+            if self.running:
+                self.send(BYE, "the controller was stopped")
+                self.end()
+            self.socket.close()
+
+    def run(self):
+        """One look for the next frame; True at the end of a run."""
+        if not self.running:
+            self.send(HELLO, self.levels, 0)
+        came = self.receive(KEEP_ALIVE if self.running else AGAIN)
+        if came is None:
+            if self.running:  # is the rig still there, and the same one?
+                self.send(HELLO, self.levels, 0)
+            return False
+        kind, session, frame, values = came
+        if kind == INFO and session != self.session:
+            self.begin(session, *values)
+        elif kind == BYE and not self.running:
+            print(f"the rig says: {text(values[0])}", file=sys.stderr)
+            time.sleep(1.0)
+        elif session != self.session or not self.running:
+            return False
+        elif kind == SAMPLE:
+            self.step(frame, values)
+        elif kind == BYE:
+            self.end()
+            return True
+        return False
+
+    def begin(self, session, level, count, period, command_high):
+        """A rig is there: fetch its parameters, start the controller, say that it is ready."""
+        if self.running:
+            self.end()
+        self.session = session
+        parameters = {}
+        for index in range(count):
+            name, value = self.parameter(index)
+            if name is None:
+                self.session = 0
+                return
+            parameters[name] = value
+        level = {number: name for name, number in LEVELS.items()}[level]
+        self.controller.initialize(types.SimpleNamespace(
+            period=period, level=level, command_high=command_high, parameters=parameters))
+        self.running, self.last, self.answer = True, 0, b""
+        self.send(READY)
+
+    def parameter(self, index):
+        """(name, value) of one of the rig's parameters, asked for again when the answer is lost."""
+        for _ in range(50):
+            self.send(ASK, index, 0)
+            came = self.receive(0.02)
+            while came is not None:
+                kind, session, _, values = came
+                if kind == PARAMETER and session == self.session and values[0] == index:
+                    return text(values[3]), values[2]
+                came = self.receive(0.02)
+        return None, None
+
+    def step(self, frame, values):
+        """A sample: compute once, and send the same answer again when the sample comes again."""
+        if frame == self.last:
+            self.socket.send(self.answer)
+            return
+        if frame < self.last:
+            return
+        sample, at, *rest = values
+        out = self.controller.step(types.SimpleNamespace(
+            sample=sample, time=at, current=tuple(rest[:3]), n_wej=rest[3], n_wyj=rest[4], p1=rest[5], p2=rest[6],
+            gear_request=rest[7]))
+        setpoint = (0.0, 0.0, 0.0) if out.setpoint is None else out.setpoint
+        self.last = frame
+        self.answer = pack(ANSWER, self.session, frame, *map(float, out.command), *map(float, setpoint),
+                           int(getattr(out, "status", 0)), int(out.gear), int(out.shifting), int(out.flags),
+                           str(getattr(out, "message", "")))
+        self.socket.send(self.answer)
+
+    def end(self):
+        """The run is over for the controller."""
+        self.running, self.session = False, 0
+        self.controller.terminate()
+
+
+def serve(controller, host="127.0.0.1", port=PORT, levels=("duty",), once=False):
+    """Connect a controller with a rig that is started with ``--controller udp:PORT``, in any order."""
+    Client(controller, host, port, levels).serve(once)

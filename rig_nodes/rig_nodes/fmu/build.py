@@ -1,0 +1,188 @@
+"""Builds FMUs: the rig as one (`rig export fmu`), and a shift controller in C as one (`rig export controller-fmu`).
+
+The C files are compiled with the user's compiler against the FMI headers that FMPy brings.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from .. import __version__
+from ..alfa46.settings import Alfa46Config
+from ..controllers.c_library import INCLUDE, LEVEL_BITS, CLibrary
+from ..controllers.seam import OUTPUTS, flat_parameters
+from ..errors import RigError
+from .description import Variable, c_header, model_description, token_of
+from .rig_variables import rig_variables
+
+SOURCES = Path(__file__).parent / "c"
+PLATFORMS = {2: "linux64", 3: "x86_64-linux"}  # folders of binaries/
+# -ffp-contract=off: no fused multiply-add, so that the same source gives the same bits on every machine
+FLAGS = ("-std=gnu11", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-fPIC", "-shared", "-Wl,-Bsymbolic")
+STAMP = (1980, 1, 1, 0, 0, 0)  # of every file in the FMU: the same input gives the same file
+
+
+def fmpy_headers() -> Path:
+    """Folder of the FMI headers; RigError when FMPy is not there."""
+    try:
+        import fmpy
+    except ImportError:
+        raise RigError("FMUs need FMPy, which is not installed here; install it into the rig's environment "
+                       "(pip install fmpy)") from None
+    return Path(fmpy.__file__).parent / "c-code"
+
+
+def compiler() -> list[str]:
+    """The user's C compiler; RigError when there is none."""
+    found = shlex.split(os.environ.get("CC", "")) or next(
+        ([path] for path in map(shutil.which, ("cc", "gcc", "clang")) if path), None)
+    if not found:
+        raise RigError("an FMU is compiled, but there is no C compiler here; install one (Debian package gcc)")
+    return found
+
+
+def compile_model(fmi: int, header: str, sources: Sequence[Path], target: Path, flags: Sequence[str] = ()) -> None:
+    """One shared library of fmi2.c or fmi3.c with these sources; RigError with the compiler's first complaint.
+
+    header: the text of variables.h.
+    """
+    with tempfile.TemporaryDirectory(prefix="rig-fmu-") as folder:
+        Path(folder, "variables.h").write_text(header, encoding="utf-8")
+        files = [SOURCES / f"fmi{fmi}.c", SOURCES / "instance.c", *sources]
+        command = [*compiler(), *FLAGS, *flags, f"-I{folder}", f"-I{SOURCES}", f"-I{INCLUDE}", f"-I{fmpy_headers()}",
+                   "-o", str(target), *map(str, files), "-lm"]
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, errors="replace", stdin=subprocess.DEVNULL,
+                                  check=False)
+        except OSError as error:
+            raise RigError(f"the compiler {command[0]} does not start ({error.strerror})") from None
+    if done.returncode:
+        lines = done.stderr.splitlines() or ["no reason given"]
+        first = next((line for line in lines if "error" in line or "undefined reference" in line), lines[0])
+        raise RigError(f"the FMU does not compile: {first.strip()}")
+
+
+def write_fmu(target: Path, fmi: int, identifier: str, text: str, variables: Sequence[Variable], sources: Sequence[Path],
+              defines: dict[str, int], resources: dict[str, str], flags: Sequence[str] = ()) -> None:
+    """Compile and zip an FMU into ``target``, which is replaced only by a whole one."""
+    if fmi not in PLATFORMS:
+        raise RigError(f"FMI {fmi} is asked for; expected 2 or 3")
+    token = token_of(identifier, variables, str(fmi))
+    header = c_header(variables, token, defines)
+    xml = model_description(fmi, identifier, text, variables, token, __version__, tool=bool(resources))
+    if not target.parent.is_dir():
+        raise RigError(f"{target}: there is no folder {target.parent}")
+    with tempfile.TemporaryDirectory(prefix="rig-fmu-") as folder:
+        library = Path(folder, f"{identifier}.so")
+        compile_model(fmi, header, sources, library, flags)
+        whole = Path(folder, "whole.fmu")
+        with zipfile.ZipFile(whole, "w", zipfile.ZIP_DEFLATED) as archive:
+            def put(name: str, data: bytes) -> None:
+                archive.writestr(zipfile.ZipInfo(name, STAMP), data, zipfile.ZIP_DEFLATED)
+
+            put("modelDescription.xml", xml.encode())
+            put(f"binaries/{PLATFORMS[fmi]}/{identifier}.so", library.read_bytes())
+            for name, content in resources.items():
+                put(f"resources/{name}", content.encode())
+        shutil.move(whole, target)
+
+
+def build_rig_fmu(target: str | Path, rig: str = "hydmag", overrides: dict[str, str] | None = None, fmi: int = 2) -> None:
+    """The rig as a co-simulation FMU of FMI 2.0 or 3.0.
+
+    rig, overrides: as testbench.configuration.load_rig takes them; the rig's file must stay where it is. The FMU starts
+    this interpreter with this package (docs/fmu.md).
+    """
+    from ..testbench.configuration import load_rig
+
+    config = load_rig(rig, overrides)
+    if config.cut_out:
+        raise RigError(f"{', '.join(config.cut_out)} is cut out of this rig; a rig as an FMU has all devices inside")
+    if rig.endswith((".yaml", ".yml")) or "/" in rig:
+        rig = str(Path(rig).expanduser().resolve())
+    resources = {
+        "tool.txt": f"{sys.executable}\n{Path(__file__).resolve().parents[2]}\n",
+        "rig.json": json.dumps({"rig": rig, "set": overrides or {}}, indent=1) + "\n",
+    }
+    write_fmu(Path(target), fmi, "hydmag_rig" if config.name == "hydmag" else _identifier(config.name),
+              "The virtual powertrain test rig of the HydmAG two-speed powershift gearbox", rig_variables(config),
+              [SOURCES / "rig_process.c"], {}, resources, ["-Werror"])
+
+
+def controller_variables(config: Alfa46Config, levels: tuple[str, ...]) -> list[Variable]:
+    """The seam as variables of an FMU: the rig's settings as parameters, the sample in, the answer out."""
+    limit = float(config.values.current_limit)
+    level = Variable("level", "integer", "parameter", "What command means: 0 duty, 1 current setpoint [A]",
+                     ("duty", "current").index(levels[0]), low=0 if "duty" in levels else 1, high=len(levels) - 1
+                     if "duty" in levels else 1)
+    out = [level]
+    for name, value in flat_parameters(config).items():
+        unit = "s" if name.endswith(".time") or name in ("t12", "t21", "sample_time", "derivative_time") else (
+            "A" if name.endswith(".current") or name == "current_limit" else "")
+        out.append(Variable(name, "real", "parameter", f"Setting {name} of the Alfa46 [SI]", value, unit))
+    outputs = range(1, OUTPUTS + 1)
+    out.append(Variable("gear_request", "integer", "input", "Gear ordered last: 0 neutral, 1 (I), 2 (II)", 0, low=0, high=2))
+    out += [Variable(f"current_{k}", "real", "input", f"Measured coil current of output {k}", 0.0, "A") for k in outputs]
+    out += [Variable("n_wej", "real", "input", "Speed of the input shaft", 0.0, "rad/s"),
+            Variable("n_wyj", "real", "input", "Speed of the output shaft", 0.0, "rad/s"),
+            Variable("p1", "real", "input", "Pressure of clutch S1, gauge", 0.0, "Pa"),
+            Variable("p2", "real", "input", "Pressure of clutch S2, gauge", 0.0, "Pa")]
+    text = f"duty 0 to 1, or current setpoint 0 to {limit:g} A, as level says"
+    out += [Variable(f"command_{k}", "real", "output", f"Command of output {k}: {text}") for k in outputs]
+    out += [Variable(f"setpoint_{k}", "real", "output", f"Current that output {k} asks for", unit="A") for k in outputs]
+    return [*out, Variable("gear", "integer", "output", "Gear taken last"),
+            Variable("shifting", "boolean", "output", "A shift is still running"),
+            Variable("flags", "integer", "output", "Bit k: at level current, output k stays on at a setpoint of zero"),
+            Variable("status", "integer", "output", "0: an answer; 1: none to this sample, the outputs are older")]
+
+
+def build_controller_fmu(sources: Sequence[str | Path], target: str | Path, config: Alfa46Config, fmi: int = 2,
+                         flags: Sequence[str] = ()) -> None:
+    """C files with the functions of rig_controller.h as a co-simulation FMU; RigError when they do not fit."""
+    files = [Path(source) for source in sources]
+    for path in files:
+        if not path.is_file():
+            raise RigError(f"{path}: there is no such file")
+    target, identifier = Path(target), _identifier(Path(target).stem)
+    with tempfile.TemporaryDirectory(prefix="rig-fmu-") as folder:
+        probe = Path(folder, f"{identifier}.so")  # of its own, to ask which levels the controller knows
+        levels = ("duty", "current")
+        for final in (False, True):
+            variables = controller_variables(config, levels)
+            names = [v.name for v in variables]
+            defines = {"MODEL_LEVEL": 0, "MODEL_LIMIT": names.index("current_limit"),
+                       "MODEL_INPUTS": names.index("gear_request"), "MODEL_OUTPUTS": names.index("command_1")}
+            model = [SOURCES / "controller_model.c", *files]
+            if final:
+                write_fmu(target, fmi, identifier, "A shift controller for the HydmAG gearbox", variables, model, defines,
+                          {}, flags)
+                return
+            compile_model(fmi, c_header(variables, "", defines), model, probe, flags)
+            bits = _Described(probe, str(files[0])).bits
+            levels = tuple(name for name, bit in LEVEL_BITS.items() if bits & bit)
+            if not levels:
+                raise RigError(f"{files[0]}: its levels are {bits}, expected 1 (duty), 2 (current) or 3 (both)")
+
+
+class _Described(CLibrary):
+    """A library of rig_controller.h only to see that it loads and which levels it knows (``bits``)."""
+
+    def __init__(self, library: Path, name: str):
+        self.bits = self._load(str(library), name)
+        self._host.kill()
+
+
+def _identifier(name: str) -> str:
+    """A name that C takes."""
+    name = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return f"_{name}" if not name or name[0].isdigit() else name

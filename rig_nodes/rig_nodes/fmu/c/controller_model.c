@@ -1,0 +1,123 @@
+/* A shift controller of rig_controller.h as the model of an FMU: inputs and outputs of the seam, parameters by name.
+ *
+ * Its step from t to t + 1 ms answers the sample at t: an importer that hands the answer to the rig at t + 1 ms has the
+ * seam's one sample of delay. variables.h tells where the seam's values lie: MODEL_LEVEL, MODEL_LIMIT (current_limit),
+ * MODEL_INPUTS (first of gear_request, current_1..3, n_wej, n_wyj, p1, p2) and MODEL_OUTPUTS (first of command_1..3,
+ * setpoint_1..3, gear, shifting, flags, status).
+ */
+#include "model.h"
+#include "rig_controller.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct model {
+  model_values *values;
+  model_say say;
+  void *importer;
+  void *controller;
+  int alive; /* controller stands for something that destroy has to end */
+};
+
+model *model_new(const char *resources, model_values *values, model_say say, void *importer) {
+  model *m = calloc(1, sizeof *m);
+  (void)resources;
+  if (!m) return NULL;
+  m->values = values;
+  m->say = say;
+  m->importer = importer;
+  return m;
+}
+
+static void end(model *m) {
+  if (m->alive) rig_controller_destroy(m->controller);
+  m->alive = 0;
+}
+
+int model_initialize(model *m) {
+  rig_parameter parameters[MODEL_COUNT];
+  rig_controller_info info;
+  double *number = m->values->number;
+  uint32_t count = 0;
+  int status;
+  end(m);
+  for (unsigned k = 0; k < MODEL_COUNT; k++) {
+    if (MODEL_KINDS[k] != 'p' || k == MODEL_LEVEL) continue;
+    parameters[count].name = MODEL_NAMES[k];
+    parameters[count++].value = number[k];
+  }
+  memset(&info, 0, sizeof info);
+  info.size = sizeof info;
+  info.level = number[MODEL_LEVEL] != 0.0 ? RIG_LEVEL_CURRENT : RIG_LEVEL_DUTY;
+  info.period = MODEL_SAMPLE;
+  info.command_high = info.level == RIG_LEVEL_CURRENT ? number[MODEL_LIMIT] : 1.0;
+  info.parameters = parameters;
+  info.parameter_count = count;
+  if (!(rig_controller_abi()->levels & info.level)) {
+    m->say(m->importer, MODEL_ERROR, "the controller does not know the level that is asked for");
+    return MODEL_ERROR;
+  }
+  status = rig_controller_create(&info, &m->controller);
+  if (status != RIG_OK) {
+    info.message[sizeof info.message - 1] = 0;
+    m->say(m->importer, MODEL_ERROR, info.message[0] ? info.message : "the controller refused to start and gave no reason");
+    return MODEL_ERROR;
+  }
+  m->alive = 1;
+  for (unsigned k = MODEL_OUTPUTS; k < MODEL_COUNT; k++) number[k] = 0.0;
+  return MODEL_OK;
+}
+
+int model_step(model *m, unsigned long sample, unsigned samples) {
+  double *number = m->values->number;
+  const double *given = number + MODEL_INPUTS;
+  double *told = number + MODEL_OUTPUTS;
+  rig_controller_inputs in;
+  rig_controller_outputs out;
+  for (unsigned n = 0; n < samples; n++) {
+    int status;
+    memset(&in, 0, sizeof in);
+    memset(&out, 0, sizeof out);
+    in.size = sizeof in;
+    out.size = sizeof out;
+    in.gear_request = (uint32_t)given[0];
+    in.sample = sample + n;
+    in.time = (double)in.sample * MODEL_SAMPLE;
+    memcpy(in.current, given + 1, sizeof in.current);
+    in.n_wej = given[4];
+    in.n_wyj = given[5];
+    in.p1 = given[6];
+    in.p2 = given[7];
+    status = rig_controller_step(m->controller, &in, &out);
+    told[9] = status == RIG_DISCARD; /* fmi2Discard would mean that time stands still */
+    if (status == RIG_DISCARD) continue;
+    if (status != RIG_OK) {
+      out.message[sizeof out.message - 1] = 0;
+      m->say(m->importer, status + 1, out.message[0] ? out.message : "the controller gave no reason");
+      if (status != RIG_ERROR) m->alive = 0; /* nothing of it is called again */
+      return status == RIG_ERROR ? MODEL_ERROR : MODEL_FATAL;
+    }
+    memcpy(told, out.command, sizeof out.command);
+    memcpy(told + 3, out.setpoint, sizeof out.setpoint);
+    told[6] = out.gear;
+    told[7] = out.shifting != 0;
+    told[8] = out.flags;
+  }
+  return MODEL_OK;
+}
+
+int model_terminate(model *m) {
+  end(m);
+  return MODEL_OK;
+}
+
+int model_reset(model *m) {
+  end(m);
+  return MODEL_OK;
+}
+
+void model_free(model *m) {
+  end(m);
+  free(m);
+}

@@ -1,0 +1,144 @@
+/* The life of an instance and its variables, for both versions of FMI: what may be called when, and what is refused. */
+#include "model.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static int refuse(instance *i, int status, const char *form, ...) {
+  char sentence[MODEL_TEXT];
+  va_list rest;
+  va_start(rest, form);
+  vsnprintf(sentence, sizeof sentence, form, rest);
+  va_end(rest);
+  i->say(i->importer, status, sentence);
+  return status;
+}
+
+/* Notes what a call of the model means for the instance. */
+static int after(instance *i, int status) {
+  if (status == MODEL_FATAL) i->phase = DEAD;
+  if (status == MODEL_ERROR) i->phase = FAILED;
+  return status;
+}
+
+static void starts(model_values *values) {
+  memset(values, 0, sizeof *values);
+  memcpy(values->number, MODEL_STARTS, sizeof values->number);
+}
+
+instance *instance_new(const char *token, const char *resources, model_say say, void *importer) {
+  instance *i;
+  if (!token || strcmp(token, MODEL_TOKEN) != 0) {
+    say(importer, MODEL_ERROR, "the GUID or instantiation token is not that of this FMU's modelDescription.xml");
+    return NULL;
+  }
+  i = calloc(1, sizeof *i);
+  if (!i) return NULL;
+  i->say = say;
+  i->importer = importer;
+  starts(&i->values);
+  i->model = model_new(resources, &i->values, say, importer);
+  if (!i->model) {
+    free(i);
+    return NULL;
+  }
+  return i;
+}
+
+/* The outputs of time 0, where parameters and inputs have changed since they were last told. */
+static int refresh(instance *i) {
+  int status;
+  if (i->fresh) return MODEL_OK;
+  status = model_initialize(i->model);
+  if (status == MODEL_OK) i->fresh = 1;
+  return after(i, status);
+}
+
+int instance_get(instance *i, char type, unsigned reference, double *value, const char **text) {
+  if (i->phase == DEAD) return MODEL_FATAL;
+  if (reference >= MODEL_COUNT || MODEL_TYPES[reference] != type)
+    return refuse(i, MODEL_ERROR, "value reference %u is none of a variable of this type", reference);
+  if (i->phase == INITIALIZING && MODEL_KINDS[reference] == 'o') {
+    const int status = refresh(i);
+    if (status > MODEL_WARNING) return status;
+  }
+  if (text) *text = i->values.text[(int)i->values.number[reference]];
+  else *value = i->values.number[reference];
+  return MODEL_OK;
+}
+
+int instance_set(instance *i, char type, unsigned reference, double value, const char *text) {
+  if (i->phase == DEAD) return MODEL_FATAL;
+  if (reference >= MODEL_COUNT || MODEL_TYPES[reference] != type)
+    return refuse(i, MODEL_ERROR, "value reference %u is none of a variable of this type", reference);
+  if (MODEL_KINDS[reference] == 'o') return refuse(i, MODEL_ERROR, "%s is an output and cannot be set", MODEL_NAMES[reference]);
+  if (MODEL_KINDS[reference] == 'p' && i->phase != INSTANTIATED && i->phase != INITIALIZING)
+    return refuse(i, MODEL_ERROR, "%s is a parameter and cannot be set after the initialization", MODEL_NAMES[reference]);
+  if (type == 's') {
+    if (strlen(text) >= MODEL_TEXT)
+      return refuse(i, MODEL_ERROR, "%s takes at most %d characters", MODEL_NAMES[reference], MODEL_TEXT - 1);
+    strcpy(i->values.text[(int)i->values.number[reference]], text);
+  } else {
+    i->values.number[reference] = value;
+  }
+  i->fresh = 0;
+  return MODEL_OK;
+}
+
+int instance_enter(instance *i, double start) {
+  if (i->phase != INSTANTIATED) return refuse(i, MODEL_ERROR, "the initialization comes first, and once; reset before another run");
+  i->start = start;
+  i->sample = 0;
+  i->phase = INITIALIZING;
+  return MODEL_OK;
+}
+
+int instance_leave_initialization(instance *i) {
+  int status;
+  if (i->phase != INITIALIZING) return refuse(i, MODEL_ERROR, "the initialization was not entered");
+  status = refresh(i);
+  if (status <= MODEL_WARNING) i->phase = STEPPING;
+  return status;
+}
+
+double instance_time(const instance *i) { return i->start + (double)i->sample * MODEL_SAMPLE; }
+
+int instance_step(instance *i, double time, double step) {
+  const double samples = step / MODEL_SAMPLE;
+  int status;
+  if (i->phase == DEAD) return MODEL_FATAL;
+  if (i->phase != STEPPING) return refuse(i, MODEL_ERROR, "a step is for an initialized instance without an error");
+  if (!(fabs(time - instance_time(i)) < 0.5 * MODEL_SAMPLE))
+    return refuse(i, MODEL_ERROR, "a step from %.6f s is asked for, but the instance stands at %.6f s", time, instance_time(i));
+  if (!(samples > 0.5 && samples < 1e9 && fabs(samples - rint(samples)) < 1e-6 * (1.0 + fabs(samples))))
+    return refuse(i, MODEL_ERROR, "a communication step of %.9g s is refused; expected whole milliseconds", step);
+  status = after(i, model_step(i->model, i->sample, (unsigned)rint(samples)));
+  if (status <= MODEL_WARNING) i->sample += (unsigned long)rint(samples);
+  return status;
+}
+
+int instance_terminate(instance *i) {
+  if (i->phase == DEAD) return MODEL_FATAL;
+  if (i->phase == TERMINATED) return MODEL_OK;
+  i->phase = TERMINATED;
+  return after(i, model_terminate(i->model));
+}
+
+int instance_reset(instance *i) {
+  int status;
+  if (i->phase == DEAD) return MODEL_FATAL;
+  status = model_reset(i->model);
+  starts(&i->values);
+  i->fresh = 0;
+  i->phase = INSTANTIATED;
+  return after(i, status);
+}
+
+void instance_free(instance *i) {
+  if (!i) return;
+  model_free(i->model);
+  free(i);
+}

@@ -1,0 +1,72 @@
+/* What stands behind the functions of FMI 2.0 (fmi2.c) and FMI 3.0 (fmi3.c): one model, its values, its calls.
+ *
+ * An FMU is one of those two files with one model: the rig as a process (rig_process.c) or a shift controller of
+ * rig_controller.h (controller_model.c). variables.h is written when the FMU is built; it lists the variables.
+ */
+#ifndef MODEL_H
+#define MODEL_H
+
+#include "variables.h" /* MODEL_TOKEN, MODEL_COUNT, MODEL_TEXTS, MODEL_TYPES, MODEL_KINDS, MODEL_STARTS, MODEL_NAMES */
+
+#define MODEL_TEXT 1024 /* bytes of a string variable or message, its closing zero included */
+#define MODEL_SAMPLE 1e-3 /* s: communication steps are whole multiples of it */
+
+/* Numbers of fmi2Status and fmi3Status. */
+enum { MODEL_OK, MODEL_WARNING, MODEL_DISCARD, MODEL_ERROR, MODEL_FATAL };
+
+/* number[r]: value of the real, integer or boolean r; of a string r, the number of its text. */
+typedef struct {
+  double number[MODEL_COUNT];
+  char text[MODEL_TEXTS][MODEL_TEXT];
+} model_values;
+
+typedef struct model model;
+
+/* Hands one sentence to the importer. */
+typedef void (*model_say)(void *importer, int status, const char *sentence);
+
+/* A new model that reads and writes `values`; NULL, and a sentence, when it cannot be made.
+ * resources: the FMU's folder of that name, without a slash at its end. */
+model *model_new(const char *resources, model_values *values, model_say say, void *importer);
+
+/* Takes parameters and inputs, leaves the outputs of time 0; may be called again until the first step. */
+int model_initialize(model *m);
+
+/* Moves by `samples` of MODEL_SAMPLE with the inputs as they are; sample: how many lie behind. */
+int model_step(model *m, unsigned long sample, unsigned samples);
+
+/* Ends the run; a new one begins with model_initialize. */
+int model_terminate(model *m);
+
+/* After it the model is as new. */
+int model_reset(model *m);
+
+void model_free(model *m);
+
+/* ---- what fmi2.c and fmi3.c share (instance.c) */
+
+typedef enum { INSTANTIATED, INITIALIZING, STEPPING, TERMINATED, FAILED, DEAD } model_phase;
+
+typedef struct {
+  model_values values;
+  model *model;
+  model_phase phase;
+  model_say say;
+  void *importer;
+  int fresh;            /* the outputs belong to the parameters as they are */
+  double start;         /* time of the first step [s] */
+  unsigned long sample; /* samples since then */
+} instance;
+
+instance *instance_new(const char *token, const char *resources, model_say say, void *importer);
+int instance_get(instance *i, char type, unsigned reference, double *value, const char **text);
+int instance_set(instance *i, char type, unsigned reference, double value, const char *text);
+int instance_enter(instance *i, double start);
+int instance_leave_initialization(instance *i);
+int instance_step(instance *i, double time, double step);
+int instance_terminate(instance *i);
+int instance_reset(instance *i);
+void instance_free(instance *i);
+double instance_time(const instance *i);
+
+#endif

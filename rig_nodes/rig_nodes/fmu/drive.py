@@ -1,0 +1,112 @@
+"""Drives the rig's FMU through a test sequence with FMPy: the example of an importer, and how the FMU is checked.
+
+    .venv/bin/python -m rig_nodes.fmu.drive hydmag.fmu demo --out runs/fmu-demo
+
+Everything goes through FMI: inputs in, 5 ms of time, outputs out. The rig inside records its bag and report.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from ..catalogue import catalogue
+from ..errors import RigError
+from ..plant.load_pump import LoadConfig
+from ..testbench.configuration import load_rig
+from ..testbench.sequence import Sequence, SequenceRunner, load_sequence
+from ..testbench.topics import MEASURED
+from .importer import Fmu
+
+TICK = 5  # ms between two looks of a sequence
+SCALAR = 10  # ms between two messages of a transducer, whose newest one a sequence reads
+
+
+class FmuBench:
+    """The bench of a sequence (testbench.sequence.Bench) over the inputs and outputs of the FMU."""
+
+    def __init__(self, fmu: Fmu):
+        self.fmu = fmu
+        self.names = list(catalogue().signals)
+        self._read = fmu.reader(self.names)
+        self._told: dict[str, float] = {}
+        self._gear: int | None = None
+
+    def hear(self, ms: int) -> None:
+        """Take the outputs as a listener on the rig's topics would: transducers at 100 Hz, states at 200 Hz."""
+        for name, value in zip(self.names, self._read(), strict=True):
+            if ms % SCALAR == 0 or catalogue().signals[name].topic not in MEASURED:
+                self._told[name] = float(value)
+
+    def ready(self) -> bool:
+        return True
+
+    def set_oil(self, pressure: float, enable: bool) -> None:
+        self.fmu.set(oil_pressure=pressure, oil_enable=enable)
+
+    def set_motor(self, speed: float, enable: bool) -> None:
+        self.fmu.set(motor_speed=speed, motor_enable=enable)
+
+    def set_load(self, pressure: float, enable: bool) -> None:
+        self.fmu.set(load_pressure=pressure, load_enable=enable)
+
+    def order_gear(self, gear: int) -> None:
+        self.fmu.set(gear_request=gear)
+        self._gear = gear
+
+    def shift_done(self) -> bool:
+        shifting, gear = self.fmu.get("shifting", "gear_ordered")
+        return not shifting and self._gear in (None, gear)
+
+    def reading(self, signal: str) -> float:
+        return self._told.get(signal, float("nan"))
+
+    def event(self, name: str, text: str, value: float = 0.0) -> None:
+        if name == "step":
+            print(f"            {text}", flush=True)
+
+
+def drive(fmu: Fmu, sequence: Sequence, load: LoadConfig, **parameters) -> float:
+    """Run the sequence on the FMU; returns its length [s]. parameters: e.g. record="runs/fmu-demo", seed=1.
+
+    RigError when the rig trips, SequenceFailed when a step does not come to its end. The FMU is terminated.
+    """
+    fmu.set(**parameters)
+    fmu.initialize()
+    bench = FmuBench(fmu)
+    runner = SequenceRunner(sequence, bench, load)
+    ms = 0
+    try:
+        while ms == 0 or not runner.poll(ms * 1e-3):
+            bench.hear(ms)
+            fmu.step(ms * 1e-3, TICK * 1e-3)
+            ms += TICK
+            if reason := fmu.get("reason")[0]:
+                raise RigError(f"the rig tripped at {ms * 1e-3:g} s: {reason}")
+    finally:
+        fmu.terminate()
+    return ms * 1e-3
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point."""
+    parser = argparse.ArgumentParser(prog="rig_nodes.fmu.drive", description=__doc__.splitlines()[0])
+    parser.add_argument("fmu", help="what ./rig export fmu wrote")
+    parser.add_argument("sequence", help="name of an installed sequence or a .yaml file")
+    parser.add_argument("--out", help="folder for bag and report (default: none is recorded)")
+    parser.add_argument("--seed", type=int, default=1)
+    parsed = parser.parse_args(arguments)
+    try:
+        record = str(Path(parsed.out).resolve()) if parsed.out else ""
+        with Fmu(parsed.fmu) as fmu:
+            seconds = drive(fmu, load_sequence(parsed.sequence), load_rig().load_pump, record=record, seed=parsed.seed)
+        print(f"{seconds:g} s driven" + (f"; look at it with: ./rig report {parsed.out}" if parsed.out else ""))
+    except RigError as error:
+        print(f"rig: {error}", file=sys.stderr)
+        return error.exit_code
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

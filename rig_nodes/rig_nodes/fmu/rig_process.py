@@ -1,0 +1,231 @@
+"""The process behind the rig as an FMU: requests of c/rig_process.c in, the same Rig as everywhere, values out.
+
+Started by the FMU with the number of its socket and the FMU's folder of resources; ends when the socket does.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import struct
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from ..errors import RigError
+
+INITIALIZE, STEP, TERMINATE, RESET = range(1, 5)
+OK, WARNING, DISCARD, ERROR, FATAL = range(5)
+HEAD = struct.Struct("<II")  # what and samples of a request; status and nothing of an answer
+TEXT = 1024  # bytes of a string and of a sentence, as in c/model.h
+
+
+class Recording:
+    """The bag of a run inside an FMU, as `rig simulate` writes it, and its report."""
+
+    def __init__(self, folder: Path, rig, config, seed: int):
+        from ..bags.writer import BagWriter
+        from ..catalogue import catalogue
+        from ..testbench.outputs import Outputs
+        from ..testbench.sequence import Sequence
+        from ..testbench.simulate import run_record
+
+        self.folder, self.rig = folder, rig
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()):
+            raise RigError(f"the parameter record names the folder {folder}, which is not empty; name a new one")
+        self.record = run_record(config, Sequence("fmu", "driven through FMI", 0.0), seed)
+        self.outputs = Outputs(rig, self.record, commands=True)
+        self._types = {name: topic.ros_type for name, topic in catalogue().all_topics.items()}
+        self._bag = BagWriter(folder, "fmu")
+        self._bag.__enter__()
+
+    def due(self) -> None:
+        """Write what is due now."""
+        for topic, stamp, data in self.outputs.due():
+            self._bag.write(topic, self._types[topic], data, stamp)
+
+    def close(self) -> None:
+        """End the bag and write report.json beside it."""
+        from ..analysis.report import build_report, write_report
+        from ..bags.reader import Bag
+        from ..testbench.timed import TICK_SAMPLES, RigStatus
+
+        self._bag.__exit__(None, None, None)
+        tripped = self.rig.status == RigStatus.TRIPPED
+        end = {"state": "tripped", "reason": self.rig.reason} if tripped else {
+            "state": "ended", "reason": "the importer ended the run"}
+        run = {**self.record, "mode": "fmu", "controller": {"name": "alfa46" if self.rig.embedded else "importer",
+                                                            "level": self.rig.level},
+               "duration_s": self.rig.time, "lost": 0, "ticks": self.rig.sample // TICK_SAMPLES, "overruns": 0,
+               "lateness_ms": None, "end": end}
+        write_report(self.folder, build_report(Bag(self.folder), run))
+
+
+class RigModel:
+    """One instance of the FMU: parameters and inputs in ``values``, outputs there after each call."""
+
+    def __init__(self, resources: Path):
+        from ..testbench.configuration import load_rig
+        from .rig_variables import Values, rig_variables
+
+        origin = json.loads((resources / "rig.json").read_text(encoding="utf-8"))
+        self.config = load_rig(origin["rig"], origin["set"])
+        self.values = Values(rig_variables(self.config))
+        self.rig = self._recording = None
+        self._given: dict[str, tuple] = {}
+
+    def initialize(self) -> None:
+        """A new rig with the parameters as they are."""
+        from ..testbench.rig import Rig
+        from .rig_variables import CONTROLLERS, Reader, with_parameters
+
+        values = self.values
+        controller = int(values["controller"])
+        if controller not in range(len(CONTROLLERS)):
+            raise RigError(f"parameter controller is {controller}, expected 0 (embedded), 1 (duty) or 2 (current)")
+        config = replace(with_parameters(self.config, values), name=self.config.name)
+        if controller:
+            self.rig = Rig(config, int(values["seed"]), "external", CONTROLLERS[controller])
+        else:
+            self.rig = Rig(config, int(values["seed"]))
+        self._given, self._changed_config = {}, config
+        self._reader = Reader(self.rig, values)
+        self._reader.read()
+
+    def step(self, samples: int) -> None:
+        """Move by samples with the inputs as they are."""
+        if self.rig.sample == 0 and self.values.text("record") and self._recording is None:
+            self._recording = Recording(Path(self.values.text("record")), self.rig, self._changed_config,
+                                        int(self.values["seed"]))
+        self._give_setpoints()
+        command = None if self.rig.embedded else self._command()
+        end = self.rig.sample + samples
+        while self.rig.sample < end:
+            if command is None:
+                self._order()
+            elif self.rig.sample:
+                # as in testbench.simulate: what answers sample s acts from s + 1 on
+                self.rig.set_command(int(self.values["controller"]) - 1, self.rig.sample - 1, *command)
+            part = 1
+            if self._recording is not None:
+                self._recording.due()
+            elif command is None:
+                part = self._until_shift_end(end - self.rig.sample)
+            self.rig.advance_samples(part)
+        self._reader.read()
+
+    def _give_setpoints(self) -> None:
+        """Motor, load and oil, where their inputs have changed."""
+        values = self.values
+        for device, quantity in (("oil", "pressure"), ("motor", "speed"), ("load", "pressure")):
+            given = values[f"{device}_{quantity}"], values[f"{device}_enable"] != 0.0
+            if self._given.get(device, (0.0, False)) == given:
+                continue
+            getattr(self.rig, f"set_{device}")(*given)
+            self._given[device] = given
+            if self._recording is not None:
+                topic = {"oil": "/oil_supply", "motor": "/motor", "load": "/load_pump"}[device]
+                self._recording.outputs.setpoint(f"{topic}/command", *given)
+
+    def _command(self) -> tuple:
+        """(duty, setpoint, gear, shifting, flags) of the importer's controller."""
+        values = self.values
+        three = [values[f"command_{k}"] for k in (1, 2, 3)]
+        return (three, three if self.rig.level == "current" else [0.0] * 3, int(values["command_gear"]),
+                values["command_shifting"] != 0.0, int(values["command_flags"]))
+
+    def _order(self) -> None:
+        """Order the gear that is asked for, once no shift runs."""
+        request = int(self.values["gear_request"])
+        if request == self.rig.gear or self.rig.shifting:
+            return
+        self.rig.order_gear(request)
+        if self._recording is not None:
+            from ..alfa46.controller import GEAR_NAMES
+
+            self._recording.outputs.event("/alfa46/events", "shift_ordered", f"shift to {GEAR_NAMES[request]} ordered",
+                                          request)
+
+    def _until_shift_end(self, samples: int) -> int:
+        """So many samples, but only to the end of a running shift when another gear is asked for."""
+        if int(self.values["gear_request"]) == self.rig.gear or not self.rig.shifting:
+            return samples
+        return max(1, min(samples, self.rig.shift_end + 1 - self.rig.sample))
+
+    def terminate(self) -> None:
+        """End the recording, if there is one."""
+        recording, self._recording = self._recording, None
+        if recording is not None:
+            recording.due()
+            recording.close()
+
+
+def serve(link: socket.socket, resources: Path) -> None:
+    """Answer requests until the importer has gone."""
+    model = RigModel(resources)
+    values = model.values
+    size = HEAD.size + values.numbers.nbytes + TEXT * len(values.texts)
+    link.send(_answer(values, OK, ""))
+    while request := link.recv(size + TEXT):
+        if len(request) != size:
+            print("rig: the FMU was made by another version of rig_nodes; export it again", file=sys.stderr)
+            break
+        what, samples = HEAD.unpack_from(request)
+        _take(values, request)
+        status, sentence = OK, ""
+        try:
+            if what == INITIALIZE:
+                model.initialize()
+            elif what == STEP:
+                model.step(samples)
+            elif what == TERMINATE:
+                model.terminate()
+            elif what == RESET:
+                model.terminate()
+                model.rig = None
+        except RigError as error:
+            status, sentence = ERROR, str(error)
+        link.send(_answer(values, status, sentence))
+    model.terminate()
+
+
+def _take(values, request: bytes) -> None:
+    import numpy as np
+
+    values.numbers[:] = np.frombuffer(request, np.float64, len(values.numbers), HEAD.size)
+    at = HEAD.size + values.numbers.nbytes
+    for k in range(len(values.texts)):
+        values.texts[k] = request[at:at + TEXT].split(b"\0", 1)[0].decode("utf-8", "replace")
+        at += TEXT
+
+
+def _answer(values, status: int, sentence: str) -> bytes:
+    texts = b"".join(_padded(text) for text in [*values.texts, sentence])
+    return HEAD.pack(status, 0) + values.numbers.tobytes() + texts
+
+
+def _padded(text: str) -> bytes:
+    return text.encode()[:TEXT - 1].ljust(TEXT, b"\0")
+
+
+def main() -> int:
+    """Entry point: number of the socket, folder of resources."""
+    number, resources = int(sys.argv[1]), Path(sys.argv[2])
+    os.closerange(number + 1, 1024)  # what the importer left open
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the importer decides
+    try:
+        with socket.socket(fileno=number) as link:
+            serve(link, resources)
+    except RigError as error:
+        print(f"rig: {error}", file=sys.stderr)
+        return error.exit_code
+    except (BrokenPipeError, ConnectionResetError):
+        return 0  # the importer has gone while it was answered
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,182 @@
+"""The variables of the rig as an FMU: which there are, and how their values reach a rig and come from it.
+
+Used by fmu.build, which writes them into modelDescription.xml, and by fmu.rig_process. Order is value reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+
+import numpy as np
+
+from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, check_profile
+from ..catalogue import catalogue
+from ..config.units import SI
+from ..errors import RigError
+from ..plant import kernel
+from ..testbench.configuration import PARTS, RigConfig
+from ..testbench.rig import SETPOINTS, Rig
+from ..testbench.topics import COMMAND, MEASURED, Heard, States
+from .description import Variable
+
+UNITS = {"Nm": "N.m", "-": ""}  # units of the configuration that the catalogue writes otherwise
+CONTROLLERS = ("embedded", "duty", "current")  # values of the parameter controller
+OUTPUTS = 3  # of the shift controller
+TRUE = {  # what each transducer would show without error, from the rig
+    "M_wej": lambda rig: rig.plant[0]["m_wej"], "n_wej": lambda rig: rig.v[0], "M_wyj": lambda rig: rig.plant[0]["m_wyj"],
+    "n_wyj": lambda rig: rig.v[1], "p1": lambda rig: rig.cylinders["line"][0], "p2": lambda rig: rig.cylinders["line"][1],
+    "p_po": lambda rig: rig.plant["load_pressure"][0], "I_zr_p1": lambda rig: rig.valves["current"][0],
+    "I_zr_p2": lambda rig: rig.valves["current"][1], "p_p": lambda rig: rig.plant["supply"][0],
+    "T_oil": lambda rig: rig.config.oil_supply.temperature,
+}
+
+
+def rig_variables(config: RigConfig) -> list[Variable]:
+    """All of them: parameters, inputs, outputs."""
+    return [*_parameters(config), *_inputs(config), *_outputs()]
+
+
+def _parameters(config: RigConfig) -> list[Variable]:
+    out = [Variable("seed", "integer", "parameter", "Seed of the transducers' noise and errors", 1, low=0, high=2**31 - 1),
+           Variable("controller", "integer", "parameter", "0: the embedded Alfa46 shifts, by gear_request; 1: command_1 to "
+                    "_3 are duties of the coils; 2: they are current setpoints [A]", 0, low=0, high=2),
+           Variable("record", "string", "parameter", "Folder for the rig's bag and report; none is recorded when empty", "")]
+    for name, (owner, field) in _fields(config).items():
+        meta, value = field.metadata, getattr(owner, field.name)
+        if meta["dimension"] == "switch":
+            out.append(Variable(name, "boolean", "parameter", f"{name}, on or off", bool(value)))
+        else:
+            unit = SI.get(meta["dimension"], "")
+            out.append(Variable(name, "real", "parameter", f"{name}, a {meta['dimension']}", float(value),
+                                UNITS.get(unit, unit), low=meta["low"], high=meta["high"]))
+    for key, points in zip(OUTPUT_KEYS, config.alfa46.profiles, strict=True):
+        for point, (time, current) in zip(POINTS, points, strict=True):
+            name = f"alfa46.{key}.{point}"
+            out += [Variable(f"{name}.time", "real", "parameter", f"Time of {point} in the profile of {key}", float(time), "s"),
+                    Variable(f"{name}.current", "real", "parameter", f"Current of {point} in the profile of {key}",
+                             float(current), "A")]
+    return out
+
+
+def _fields(config: RigConfig) -> dict:
+    """Name as `--set` takes it -> (its part, field), of all values but words and the cutting of time."""
+    parts = {**{part: getattr(config, part) for part in PARTS}, "alfa46": config.alfa46.values}
+    return {f"{part}.{field.name}": (owner, field) for part, owner in parts.items() for field in fields(owner)
+            if field.metadata["dimension"] != "choice"}
+
+
+def _inputs(config: RigConfig) -> list[Variable]:
+    out = []
+    for name, text in (("motor_speed", "Speed setpoint of the drive"), ("load_pressure", "Relief setting of the load, gauge"),
+                       ("oil_pressure", "Relief setting of the clutch oil supply, gauge")):
+        signal = catalogue().signals[SETPOINTS[name]]
+        enable = name.partition("_")[0] + "_enable"
+        out += [Variable(name, "real", "input", text, 0.0, signal.unit, (signal.display_unit, signal.scale), signal.low,
+                         signal.high), Variable(enable, "boolean", "input", f"{text}: on", False)]
+    out.append(Variable("gear_request", "integer", "input", "Gear ordered of the embedded Alfa46: 0 neutral, 1 (I), 2 (II); "
+                        "one that comes while a shift runs is taken at its end", 0, low=0, high=2))
+    out += [Variable(f"command_{k}", "real", "input", f"Command of controller output {k}: duty 0 to 1, or current setpoint "
+                     f"0 to {config.alfa46.values.current_limit:g} A, as the parameter controller says", 0.0)
+            for k in range(1, OUTPUTS + 1)]
+    return [*out, Variable("command_gear", "integer", "input", "Gear that your controller has taken", 0, low=0, high=2),
+            Variable("command_shifting", "boolean", "input", "Your controller's shift is still running", False),
+            Variable("command_flags", "integer", "input", "Bit k: at controller = 2, output k stays on at a setpoint of zero",
+                     0, low=0, high=2**OUTPUTS - 1)]
+
+
+def _outputs() -> list[Variable]:
+    out = []
+    for signal in catalogue().signals.values():
+        states = ", ".join(f"{key} {word}" for key, word in signal.states.items())
+        text = f"{signal.text} {f'({states})' if states else signal.sign}"
+        if signal.quantity == "state":
+            out.append(Variable(signal.name, "integer", "output", text))
+        else:
+            out.append(Variable(signal.name, "real", "output", text, unit="" if signal.unit == "-" else signal.unit,
+                                display=(signal.display_unit, signal.scale)))
+    for name in TRUE:
+        signal = catalogue().signals[name]
+        out.append(Variable(f"true.{name}", "real", "output", f"{signal.text} Without the transducer.", unit=signal.unit,
+                            display=(signal.display_unit, signal.scale)))
+    currents = (Variable(f"current_{k}", "real", "output", f"Measured coil current at controller output {k}", unit="A")
+                for k in range(1, OUTPUTS + 1))
+    return [*out, *currents, Variable("shifting", "boolean", "output", "A profile of the controller runs"),
+            Variable("sample", "integer", "output", "Controller samples of 1 ms since the start"),
+            Variable("reason", "string", "output", "Why the rig tripped; empty while it has not")]
+
+
+class Values:
+    """The values of an FMU's variables by name, over the two blocks in which they travel.
+
+    numbers (variables,): those of strings are the number of their text in ``texts``.
+    """
+
+    def __init__(self, variables: Sequence[Variable]):
+        self.variables = list(variables)
+        self.place = {v.name: k for k, v in enumerate(self.variables)}
+        self.strings = [v.name for v in self.variables if v.type == "string"]
+        self.numbers = np.zeros(len(self.variables))
+        self.texts = [""] * len(self.strings)
+
+    def __getitem__(self, name: str) -> float:
+        return float(self.numbers[self.place[name]])
+
+    def text(self, name: str) -> str:
+        return self.texts[self.strings.index(name)]
+
+    def set_text(self, name: str, text: str) -> None:
+        self.texts[self.strings.index(name)] = text
+
+
+def with_parameters(config: RigConfig, values: Values) -> RigConfig:
+    """The rig with those parameters changed that differ; RigError for one out of its range."""
+    changed: dict[str, dict] = {}
+    for name, (owner, field) in _fields(config).items():
+        value, meta = values[name], field.metadata
+        if meta["dimension"] == "switch":
+            value = value != 0.0
+        elif not meta["low"] <= value <= meta["high"]:
+            raise RigError(f"parameter {name} is {value:g}, expected {meta['low']:g} to {meta['high']:g} (SI)")
+        if value != getattr(owner, field.name):
+            part, _, key = name.partition(".")
+            changed.setdefault(part, {})[key] = value
+    profiles = np.array([[[values[f"alfa46.{key}.{point}.{what}"] for what in ("time", "current")] for point in POINTS]
+                         for key in OUTPUT_KEYS])
+    settings = replace(config.alfa46.values, **changed.pop("alfa46", {}))
+    for key, points in zip(OUTPUT_KEYS, profiles, strict=True):
+        check_profile(points, f"parameter alfa46.{key}", settings.current_limit)
+    parts = {part: replace(getattr(config, part), **own) for part, own in changed.items()}
+    return replace(config, alfa46=Alfa46Config(settings, profiles), **parts)
+
+
+class Reader:
+    """Fills the outputs of ``values`` from a rig as it is."""
+
+    def __init__(self, rig: Rig, values: Values):
+        self.rig, self.values = rig, values
+        self._states, self._heard = States(rig), Heard()
+        signals = catalogue().signals
+        first = values.place[next(iter(signals))]
+        self._measured = [(first + k, MEASURED[s.topic]) for k, s in enumerate(signals.values()) if s.topic in MEASURED]
+        self._others = [(first + k, name) for k, (name, s) in enumerate(signals.items()) if s.topic not in MEASURED]
+        self._true = [(values.place[f"true.{name}"], true) for name, true in TRUE.items()]
+        self._currents = values.place["current_1"]
+
+    def read(self) -> None:
+        rig, numbers, fields = self.rig, self.values.numbers, self._heard.fields
+        row = rig.row()
+        for place, column in self._measured:
+            numbers[place] = row[column]
+        self._states.refresh()
+        for topic, told in self._states.topics.items():
+            fields[topic] = told()
+        fields[COMMAND] = self._states.command() if rig.level else (0, np.zeros(OUTPUTS), np.zeros(OUTPUTS), 0, False, 0, 0)
+        for place, name in self._others:
+            numbers[place] = self._heard.reading(name)
+        for place, true in self._true:
+            numbers[place] = true(rig)
+        numbers[self._currents:self._currents + OUTPUTS] = rig.coil_currents()
+        numbers[self.values.place["shifting"]] = rig.shifting
+        numbers[self.values.place["sample"]] = rig.sample
+        self.values.set_text("reason", rig.reason)

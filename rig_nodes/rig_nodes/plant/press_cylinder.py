@@ -1,0 +1,90 @@
+"""Cylinder S_z of the clutch bench, its disc springs and what it presses: a pack, a force transducer or nothing.
+
+Called by plant.clutch_bench. Force over pressure (8.2), springs (8.1), clamp force (8.3) of the thesis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from numba import njit
+
+from ..config.schema import param, switch
+from .friction.bench import SPRING_FORCE, SPRING_TRAVEL
+
+
+@dataclass(frozen=True)
+class PressCylinder:
+    """Cylinder and springs, and how far away and how stiff what it presses is.
+
+    (8.2) is read as that of a rising pressure: its constant is the friction of seals and guide rings (8.2.2), which
+    turns round, with a value of its own, as the piston goes back. spring_share: of the force of (8.1), 0 without
+    springs. contact_travel: s at which the piston meets what it presses, contact_rate its stiffness. testing_machine: the
+    springs stand in the testing machine of fig. 8.5, which moves them at machine_speed; then there is no cylinder.
+    """
+
+    force_linear: float = param("area", 1e-5, 1e-1)
+    force_square: float = param("force per pressure squared", 0.0, 1e-9)
+    seal_friction: float = param("force", 0.0, 1e4)
+    seal_friction_back: float = param("force", 0.0, 1e4)
+    spring_share: float = param("ratio", 0.0, 10.0)
+    contact_travel: float = param("length", 0.0, 5e-3)
+    contact_rate: float = param("stiffness", 1e3, 1e10)
+    piston_damping: float = param("damping", 1.0, 1e7)
+    machine_speed: float = param("velocity", 1e-7, 1e-1)
+    testing_machine: bool = switch()
+
+
+@njit(cache=True)
+def spring_force(travel, cylinder):
+    """(F_s [N], its slope [N/m]) at travel s [m] by (8.1); beyond the 4 mm of the tests its tangent goes on."""
+    s = min(max(travel, 0.0), SPRING_TRAVEL) * 1e3
+    force, slope = 0.0, 0.0
+    for c in SPRING_FORCE:
+        slope = slope * s + force
+        force = force * s + c
+    slope *= 1e3
+    beyond = travel - s * 1e-3
+    return cylinder.spring_share * (force + slope * beyond), cylinder.spring_share * slope
+
+
+@njit(cache=True)
+def contact_force(travel, cylinder):
+    """Force [N] on what is pressed: none before the contact, then linear."""
+    return cylinder.contact_rate * max(0.0, travel - cylinder.contact_travel)
+
+
+@njit(cache=True)
+def machine_step(travel, target, h, cylinder):
+    """Travel [m] after h in the testing machine, towards its target at its speed."""
+    change = cylinder.machine_speed * h
+    return travel + min(max(target - travel, -change), change)
+
+
+@njit(cache=True)
+def piston_step(travel, pressure, h, cylinder):
+    """Travel [m] after h: implicit step of the massless, damped piston.
+
+    F_p(p) -+ seals = F_s(s) + contact + damping v; it stays while the seals take the rest. At rest after a rise
+    this is (8.3): F_a = F_p - F_s, with the constant of (8.2) in F_p.
+    """
+    push = (cylinder.force_linear + cylinder.force_square * pressure) * pressure
+    rest = push - spring_force(travel, cylinder)[0] - contact_force(travel, cylinder)
+    if rest > cylinder.seal_friction:
+        drive = push - cylinder.seal_friction
+    elif rest < -cylinder.seal_friction_back and travel > 0.0:
+        drive = push + cylinder.seal_friction_back
+    else:
+        return travel
+    rate = cylinder.piston_damping / h
+    x = travel
+    for _ in range(40):  # Newton; both forces are monotone but for a dip of 0.6 N at the springs' start
+        force, slope = spring_force(x, cylinder)
+        stiff = rate + slope + (cylinder.contact_rate if x > cylinder.contact_travel else 0.0)
+        miss = rate * (x - travel) + force + contact_force(x, cylinder) - drive
+        new = x - miss / stiff
+        if abs(new - x) < 1e-13:
+            x = new
+            break
+        x = new
+    return max(0.0, x)

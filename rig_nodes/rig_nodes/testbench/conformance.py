@@ -1,0 +1,258 @@
+"""The conformance set for shift controllers: what a rig will do to one, done before, with a sentence on each.
+
+Used by ``rig controller check`` and the tests. Every item gets a controller of its own, so a program at the other end of
+a wire must take a new run after the end of the last.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from ..alfa46.controller import GEAR_NAMES
+from ..catalogue import catalogue
+from ..controllers.load import load_controller
+from ..controllers.plug import Plug
+from ..controllers.seam import ControllerFailed, Status
+from ..errors import RigError
+from .configuration import RigConfig
+from .rig import SAMPLE_NS, Rig, RigStatus
+from .simulate import advance_with
+
+PERIOD = SAMPLE_NS * 1e-9
+UP_AND_DOWN = {100: 1, 1600: 2, 4100: 1, 6600: 0}  # sample of the order: gear; on the bench of desk()
+DESK_SAMPLES = 8000
+SHIFT = 10.0  # s that a shift may take on the rig
+STORM = (1, 2, 0, 2, 1, 1, 0, 2, 2, 0, 1)
+COME = 20.0  # s of wall clock for a controller of its own program to come
+SPEEDS = 157.0, 60.0  # rad/s of input and output shaft on the desk
+
+
+class Item(NamedTuple):
+    """One line of the table."""
+
+    name: str
+    ok: bool
+    text: str
+
+
+class Seen(NamedTuple):
+    """What a controller returned for a sample, None for the command when it discarded it."""
+
+    command: tuple | None
+    setpoint: tuple | None
+    gear: int
+    shifting: bool
+    flags: int
+
+
+class Wires(NamedTuple):
+    """What the desk's wires carry: coil currents (3,) [A], speeds [rad/s], pressures [Pa gauge]."""
+
+    current: tuple[float, float, float]
+    n_wej: float
+    n_wyj: float
+    p1: float
+    p2: float
+
+
+def desk(plug: Plug, samples, orders: dict[int, int], change: Callable[[int, Wires], Wires] | None = None,
+         took: list[float] | None = None) -> list[Seen]:
+    """Ask for each of ``samples`` (numbers), without a plant: coils follow what is asked for, pressures follow coils.
+
+    ``orders``: gear by number of the sample; one that the seam refuses is left out. ``took`` gets seconds per step.
+    """
+    current, out = [0.0, 0.0, 0.0], []
+    for sample in samples:
+        if sample in orders:
+            try:
+                plug.order(orders[sample])
+            except RigError:
+                pass  # as on the rig: the shift before is still running
+        wires = Wires(tuple(current), *SPEEDS, 3.0e6 * current[0], 3.0e6 * current[1])
+        if change is not None:
+            wires = change(sample, wires)
+        began = time.perf_counter()
+        answer = plug.step(sample, *wires, [0.0] * len(plug.wants))
+        if took is not None:
+            took.append(time.perf_counter() - began)
+        out.append(Seen(answer and answer.command, answer and answer.setpoint, plug.gear, plug.shifting, plug.flags))
+        if answer is not None:
+            for k, wanted in enumerate(answer.setpoint):
+                current[k] += 0.05 * (wanted - current[k])
+    return out
+
+
+class Check:
+    """The set for one specification; ``items()`` runs it."""
+
+    def __init__(self, spec: str | None, config: RigConfig, level: str | None = None, step_timeout: float | None = 5.0,
+                 say: Callable[[str], None] = lambda text: None):
+        self.spec, self.config, self.level, self.step_timeout, self.say = spec, config, level, step_timeout, say
+        self._first: list[Seen] = []
+
+    def items(self) -> Iterator[Item]:
+        """One after the other; nothing more after a controller that does not load."""
+        try:
+            plug = self._load()
+            text = f"{plug.name} at level {plug.level}"
+            plug.close()
+        except RigError as error:
+            yield Item("loads", False, str(error))
+            return
+        yield Item("loads", True, text)
+        for name, run in (
+            ("answers", self._answers), ("at rest", self._at_rest), ("timing", self._timing),
+            ("determinism", self._determinism), ("restart", self._restart), ("late start", self._late_start),
+            ("lost samples", self._lost_samples), ("NaN", self._nan), ("saturation", self._saturation),
+            ("both gears", self._both_gears), ("request storm", self._storm),
+        ):
+            try:
+                ok, text = run()
+            except (ControllerFailed, RigError) as error:
+                ok, text = False, str(error)
+            yield Item(name, ok, text)
+
+    def _load(self) -> Plug:
+        plug = load_controller(self.spec, self.config.alfa46, self.level)
+        plug.say = self.say
+        plug.pace(self.step_timeout)
+        try:
+            plug.wait(COME)
+        except BaseException:
+            plug.close()
+            raise
+        return plug
+
+    def _desk(self, samples, orders, change=None, took=None) -> list[Seen]:
+        plug = self._load()
+        try:
+            return desk(plug, samples, orders, change, took)
+        finally:
+            plug.close()
+
+    # ---- the items: (passed, what was seen)
+
+    def _answers(self):
+        self._took: list[float] = []
+        self._first = self._desk(range(DESK_SAMPLES), UP_AND_DOWN, took=self._took)
+        missing = sum(seen.command is None for seen in self._first)
+        runs = itertools.groupby(seen.command is None for seen in self._first)
+        longest = max((len(list(run)) for none, run in runs if none), default=0)
+        text = f"{len(self._first) - missing} of {len(self._first)} samples answered, every value in its range"
+        if longest >= 100:
+            return False, f"{text}; {longest} samples one after the other without an answer: the rig trips after 100 ms"
+        return True, text if not missing else f"{text}; {missing} discarded, at most {longest} one after the other"
+
+    def _at_rest(self):
+        before = [seen for seen in self._first[:100] if seen.command is not None]
+        if not before:
+            return False, "no answer before the first order"
+        driven = max(max(seen.command) for seen in before)
+        if driven > 0.0 or any(seen.gear or seen.shifting for seen in before):
+            return False, (f"before the first order the largest command is {driven:g}; expected none, no gear and no "
+                           "shift")
+        return True, "no coil is driven before the first order"
+
+    def _timing(self):
+        if not self._first:
+            return False, "it did not answer"
+        took = sorted(self._took)
+        # the longest are the machine's more than the controller's
+        p50, p90, p99 = (took[len(took) * percent // 100] * 1e6 for percent in (50, 90, 99))
+        text = f"{p50:.1f} us per step, 90 % below {p90:.1f}, 99 % below {p99:.1f}, longest {took[-1] * 1e6:.0f} us"
+        fits = p90 < PERIOD * 1e6
+        return fits, text if fits else f"{text}; real time takes one per {PERIOD * 1e6:.0f} us"
+
+    def _determinism(self):
+        again = self._desk(range(DESK_SAMPLES), UP_AND_DOWN)
+        other = next((n for n, pair in enumerate(zip(self._first, again, strict=True)) if pair[0] != pair[1]), None)
+        if other is None:
+            return True, f"the same inputs give the same bits, {DESK_SAMPLES} samples"
+        return False, f"the same inputs give another answer from sample {other} on"
+
+    def _restart(self):
+        began = time.monotonic()
+        self._desk(range(700), UP_AND_DOWN)  # ended in the middle of a shift
+        again = self._desk(range(700), UP_AND_DOWN)
+        if again != self._first[:700]:
+            return False, "after an end in the middle of a shift it begins otherwise than before"
+        seconds = (time.monotonic() - began) / 2
+        return True, f"ended in the middle of a shift it begins anew, {seconds:.1f} s with the run"
+
+    def _late_start(self):
+        first = 12_345
+        late = self._desk(range(first, first + 1500), {sample + first: gear for sample, gear in UP_AND_DOWN.items()})
+        same = late[-1].gear == self._first[1499].gear and late[-1].shifting == self._first[1499].shifting
+        return same, (f"a first sample of number {first} is taken as the first" if same else
+                      f"with a first sample of number {first} it is in gear {late[-1].gear} where it was in "
+                      f"{self._first[1499].gear}")
+
+    def _lost_samples(self):
+        samples = [n for n in range(DESK_SAMPLES) if not 1700 <= n < 1720 and n % 501]
+        seen = self._desk(samples, UP_AND_DOWN)
+        if (seen[-1].gear, seen[-1].shifting) != (self._first[-1].gear, self._first[-1].shifting):
+            return False, f"with samples missing it ends in gear {seen[-1].gear}, not {self._first[-1].gear}"
+        return True, "20 samples missing in a shift, and others alone: it ends in the same gear"
+
+    def _nan(self):
+        def broken(sample, wires):
+            return Wires((math.nan,) * 3, math.nan, math.nan, math.nan, math.nan) if 1700 <= sample < 1750 else wires
+
+        try:
+            self._desk(range(3000), UP_AND_DOWN, broken)
+        except ControllerFailed as failure:
+            said = failure.status == Status.ERROR or "status fatal" in str(failure)
+            return said, f"measurements that are no numbers {'trip the rig' if said else 'break it'}: {failure}"
+        return True, "measurements that are no numbers for 50 samples do not spoil what it returns"
+
+    def _saturation(self):
+        signals = catalogue().signals
+        names = ("n_wej", "n_wyj", "p1", "p2")
+        high = Wires((signals["I_zr_p1"].high,) * 3, *(signals[name].high for name in names))
+        low = Wires((-0.01,) * 3, *(signals[name].low for name in names))
+        for end in (high, low):
+            self._desk(range(3000), UP_AND_DOWN, lambda sample, wires, end=end: end)
+        return True, "all transducers at either end of their range: every value stays in its range"
+
+    def _both_gears(self):
+        plug = self._load()
+        try:
+            rig = Rig(self.config, controller="external", level=plug.level)
+            rig.set_oil(4.0e6, True)
+            text = []
+            for gear in (1, 2, 1, 0):
+                if gear == 1 and not text:
+                    rig.set_motor(30.0, True)
+                self._run(rig, plug, 0.3)
+                plug.order(gear)
+                began = rig.time
+                while (plug.gear, plug.shifting, rig.locked_gear()) != (gear, False, gear):
+                    if rig.time - began > SHIFT:
+                        return False, (f"{SHIFT:g} s after the order of gear {GEAR_NAMES[gear]} it says gear "
+                                       f"{GEAR_NAMES[plug.gear]}{', shifting' if plug.shifting else ''}, and "
+                                       f"{('no clutch', 'S1', 'S2', 'S1 and S2')[rig.locked_gear()]} is locked")
+                    self._run(rig, plug, PERIOD)
+                text.append(f"{GEAR_NAMES[gear]} in {rig.time - began:.2f} s")
+            return True, f"on the rig: {', '.join(text)}"
+        finally:
+            plug.close()
+
+    @staticmethod
+    def _run(rig: Rig, plug: Plug, seconds: float) -> None:
+        for _ in range(round(seconds / PERIOD)):
+            advance_with(rig, plug)
+            if rig.status == RigStatus.TRIPPED:
+                raise RigError(f"the rig tripped: {rig.reason}")
+
+    def _storm(self):
+        orders = dict(zip(range(100, 3000, 7), itertools.cycle(STORM)))
+        orders.update(dict.fromkeys(range(3000, 8000, 50), 1))
+        seen = self._desk(range(8000), orders)[-1]
+        if (seen.gear, seen.shifting) != (1, False):
+            still = ", shifting" * seen.shifting
+            return False, f"after 3 s of orders and 5 s of peace it is in gear {seen.gear}{still}"
+        return True, "an order every 7 ms for 3 s: it ends in the gear of the last"

@@ -1,0 +1,93 @@
+"""`rig controller check`: the reference passes, and each fault that it looks for is found and named."""
+
+import json
+
+import pytest
+
+from rig_nodes.cli.main import main
+from rig_nodes.testbench.conformance import Check
+
+from .conftest import PYTHON, C, needs_cc
+
+HEAD = """
+import random
+import time
+from rig_nodes.controllers import ControllerOutputs, Status
+from rig_nodes.controllers.examples.alfa46 import Alfa46
+
+class Mine(Alfa46):
+    def step(self, inputs):
+        out = super().step(inputs)
+        WHAT
+        return out
+"""
+
+
+def table(capsys, *arguments):
+    """(exit code, {item: (ok, text)}) of a check."""
+    code = main(["controller", "check", "--json", *arguments])
+    found = json.loads(capsys.readouterr().out)
+    assert found["ok"] is (code == 0)
+    return code, {item["name"]: (item["ok"], item["text"]) for item in found["items"]}
+
+
+@pytest.mark.parametrize("spec", ["alfa46", PYTHON, pytest.param(C, marks=needs_cc), f"{PYTHON}@current"])
+def test_the_reference_passes(capsys, spec):
+    code, items = table(capsys, spec)
+    assert code == 0, items
+    assert len(items) == 12
+
+
+@pytest.mark.parametrize(
+    ("what", "item", "sentence"),
+    [
+        ("out.command = [2.0, 0, 0]", "answers", "command[0] is 2, expected 0 to 1"),
+        ("out = None", "answers", "returned NoneType without 'command'"),
+        (
+            "if 300 <= inputs.sample < 420: out.status = Status.DISCARD",
+            "answers",
+            "120 samples one after the other without an answer: the rig trips",
+        ),
+        ("out.command = [max(out.command[0], 0.1), 0, 0]", "at rest", "before the first order the largest command is 0.1"),
+        ("if inputs.sample > 200: out.command = [random.random(), 0, 0]", "determinism", "another answer from sample 201 on"),
+        ("if inputs.n_wej != inputs.n_wej: while_true = 1 / 0", "NaN", "trip the rig"),
+        ("if inputs.p1 > 1e7: out.command = [1.5, 0, 0]", "saturation", "command[0] is 1.5"),
+        ("out.command = [0.0, 0.0, 0.0]", "both gears", "10 s after the order of gear I it says gear I, and no clutch"),
+        ("if inputs.sample > 3000: out.shifting = True", "request storm", ", shifting"),
+        ("assert inputs.sample < 10_000", "late start", "AssertionError"),
+        (
+            "self.n = getattr(self, 'n', inputs.sample - 1) + 1\n        assert self.n == inputs.sample",
+            "lost samples",
+            "AssertionError",
+        ),
+    ],
+)
+def test_each_fault_is_found_by_its_item(tmp_path, capsys, what, item, sentence):
+    path = tmp_path / "mine.py"
+    path.write_text(HEAD.replace("WHAT", what))
+    code, items = table(capsys, f"python:{path}:Mine")
+    ok, text = items[item]
+    assert sentence in text and ok is (item == "NaN") and code == (0 if ok else 1), items
+    assert all("\n" not in text for _, text in items.values())
+
+
+def test_a_slow_step_is_found(tmp_path, config):
+    path = tmp_path / "mine.py"
+    path.write_text(HEAD.replace("WHAT", "if inputs.sample % 8 == 0: time.sleep(0.0012)"))
+    item = next(item for item in Check(f"python:{path}:Mine", config).items() if item.name == "timing")
+    assert not item.ok and "real time takes one per 1000 us" in item.text
+
+
+def test_what_does_not_load_is_one_line(capsys):
+    code, items = table(capsys, "c:nowhere.so")
+    assert code == 1 and items == {"loads": (False, "controller c:nowhere.so: there is no such file")}
+
+
+def test_the_table_is_for_people(tmp_path, capsys):
+    path = tmp_path / "mine.py"
+    path.write_text(HEAD.replace("WHAT", "if inputs.sample > 5: raise RuntimeError('tired')"))
+    assert main(["controller", "check", f"python:{path}:Mine"]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("ok      loads          python:")
+    assert lines[1].startswith("FAILED  answers        controller python:") and lines[1].endswith("RuntimeError: tired")
+    assert lines[-1] == "2 of 12 passed"

@@ -1,0 +1,111 @@
+"""What a controller names as its own signals is in the bag, by name, sample for sample."""
+
+import numpy as np
+import pytest
+
+from rig_nodes.bags.reader import Bag
+from rig_nodes.controllers import ControllerFailed, load_controller
+from rig_nodes.controllers.own_signals import Blocks
+from rig_nodes.errors import RigError
+from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.testbench.simulate import simulate
+
+from .conftest import C_FRAME, PYTHON, ask, needs_cc
+
+COUNTING = """
+from rig_nodes.controllers import Status
+from rig_nodes.controllers.examples.alfa46 import Alfa46
+
+class Mine(Alfa46):
+    signals = {"count": "-", "slip": "rad/s"}
+
+    def step(self, inputs):
+        out = super().step(inputs)
+        out.signals = {"slip": inputs.n_wej - inputs.n_wyj, "count": float(inputs.sample)}
+        if inputs.sample == 103:
+            out.status = Status.DISCARD
+        return out
+"""
+
+
+def test_they_are_in_the_bag_by_name(config, tmp_path):
+    (tmp_path / "mine.py").write_text(COUNTING)
+    hashes = []
+    for name in ("one", "other"):
+        plug = load_controller(f"python:{tmp_path / 'mine.py'}:Mine", config.alfa46)
+        run = simulate(config, load_sequence("sample"), tmp_path / name, controller=plug)
+        assert run["end"]["state"] == "ended"
+        hashes.append(Bag(tmp_path / name).canonical_hash())
+    assert hashes[0] == hashes[1]
+    bag = Bag(tmp_path / "one")
+    rows = bag.logger("/alfa46/signals")
+    assert list(rows.channels) == ["count", "slip"] and rows.period == 1e-3
+    count, slip = rows.channels.values()
+    whole = np.arange(len(count), dtype=float)
+    whole[103] = np.nan  # discarded
+    assert np.array_equal(count, whole, equal_nan=True)
+    samples = [(m.sample, m.n_wej - m.n_wyj) for _, m in bag.messages("/instruments/controller")][:len(slip)]
+    assert all(slip[k] == value for k, value in samples if k != 103)
+    assert not any(bag.gaps().values()) and bag.check() == []
+
+
+def test_without_them_the_bag_has_no_such_topic(config, tmp_path):
+    simulate(config, load_sequence("sample"), tmp_path / "run", controller=load_controller(PYTHON, config.alfa46))
+    assert not {"/alfa46/signals", "/alfa46/channels"} & set(Bag(tmp_path / "run").canonical_hash())
+
+
+def test_blocks_are_five_samples_and_holes_are_none():
+    blocks = Blocks(1)
+    done = [block for sample in (0, 1, 2, 3, 4, 7, 12, 14) for block in blocks.add(sample, (float(sample),))]
+    nan = float("nan")
+    assert [first for first, _ in done] == [0, 5, 10]
+    expected = [[0, 1, 2, 3, 4], [nan, nan, 7, nan, nan], [nan, nan, 12, nan, 14]]
+    assert np.array_equal([rows[:, 0] for _, rows in done], expected, equal_nan=True)
+
+
+@pytest.mark.parametrize(("signals", "sentence"), [
+    ("('a b',)", "expected up to 64 names"), ("'slip'", "expected up to 64 names"), ("{'a': 1}", "expected up to 64 names"),
+    ("tuple(f's{k}' for k in range(65))", "expected up to 64 names"),
+])
+def test_names_that_cannot_be_recorded_are_refused(python_controller, signals, sentence):
+    with pytest.raises(RigError, match=sentence):
+        python_controller("return Out()", f"signals = {signals}")
+
+
+@pytest.mark.parametrize("given", ["None", "{}", "{'slip': 'fast'}"])
+def test_a_signal_without_its_value_is_an_error(python_controller, given):
+    with pytest.raises(ControllerFailed, match="expected a number for each of slip"):
+        ask(python_controller(f"return Out(signals={given})", "signals = ('slip',)"))
+
+
+C_SIGNALS = C_FRAME.replace("STEP", "now = (double)in->sample; if (in->sample == 2) return RIG_DISCARD;").replace(
+    '#include "rig_controller.h"', '#include "rig_controller.h"\nstatic double now;') + """
+const char *const *rig_controller_signals(void) {
+  static const char *const names[] = {"number", "half_of_it", 0};
+  return names;
+}
+"""
+VALUES = """
+void rig_controller_signal_values(void *instance, double *values, uint32_t count) {
+  (void)instance;
+  if (count == 2) { values[0] = now; values[1] = now / 2.0; }
+}
+"""
+
+
+@needs_cc
+def test_a_library_names_its_own_too(build, config):
+    plug = load_controller(f"c:{build(C_SIGNALS + VALUES, '-Wall', '-Wextra', '-Werror')}", config.alfa46)
+    assert plug.signals == {"number": "-", "half_of_it": "-"}
+    seen = []
+    for sample in range(4):
+        ask(plug, sample)
+        seen.append(plug.signal_values)
+    assert seen == [(0.0, 0.0), (1.0, 0.5), (1.0, 0.5), (3.0, 1.5)], "as at the newest answer"
+    plug.close()
+
+
+@needs_cc
+def test_names_without_values_are_refused(build, config):
+    with pytest.raises(RigError, match="does not export rig_controller_signal_values"):
+        load_controller(f"c:{build(C_SIGNALS)}", config.alfa46)

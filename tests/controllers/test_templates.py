@@ -1,0 +1,92 @@
+"""`rig controller new`: what it writes compiles without a warning and shifts, by the very commands that it prints."""
+
+import json
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rig_nodes.cli.main import main
+from rig_nodes.controllers.templates import HERE, KINDS
+
+from .conftest import multicast_works
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+COMPILED = {"c": "cc", "cpp": "c++", "simulink": "cc", "udp-c": "make", "fmu": "cc"}
+NEEDED = {"fmu": ("fmpy",), "can": ("can", "cantools", "msgpack"), "modbus": ("pymodbus",)}
+PYTHONS = ("python3", ".venv/bin/python")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_shifts_by_the_commands_that_are_printed(kind, tmp_path, monkeypatch, capsys):
+    if kind in COMPILED and not shutil.which(COMPILED[kind]):
+        pytest.skip(f"{COMPILED[kind]} is not installed")
+    for module in NEEDED.get(kind, ()):
+        pytest.importorskip(module)
+    if kind == "can" and (why := multicast_works()):
+        pytest.skip(why)
+    monkeypatch.chdir(tmp_path)
+    assert main(["controller", "new", kind, "mine"]) == 0
+    wrote, commands = capsys.readouterr().out.split("next:\n")
+    assert all(Path(line.removeprefix("wrote ")).is_file() for line in wrote.splitlines())
+    programs = []
+    try:
+        for line in commands.splitlines():
+            command = shlex.split(line)
+            if command[:2] == ["./rig", "export"]:
+                assert main(command[1:]) == 0
+            elif command[0] == "./rig":
+                command[command.index("demo")] = "sample"  # shorter
+                assert main([*command[1:], "--out", "run"]) == 0, capsys.readouterr().err
+            elif command[-1] == "&":
+                program = [sys.executable if command[0] in PYTHONS else command[0], *command[1:-1]]
+                programs.append(subprocess.Popen(program, stderr=subprocess.DEVNULL))
+            else:
+                done = subprocess.run(command, capture_output=True, text=True, check=True)
+                assert "warning" not in done.stderr
+    finally:
+        for program in programs:
+            program.kill()
+            program.wait()
+    shift, = json.loads(Path("run", "report.json").read_text())["shifts"]
+    assert (shift["from_gear"], shift["to_gear"], shift["valid"]) == (1, 2, True)
+
+
+@pytest.mark.parametrize(("kind", "compiler", "standard"), [
+    ("c", "cc", "-std=c99"), ("cpp", "c++", "-std=c++17"), ("simulink", "cc", "-std=c99"), ("udp-c", "cc", "-std=gnu99"),
+])
+def test_it_compiles_without_a_warning(kind, compiler, standard, tmp_path):
+    if not shutil.which(compiler):
+        pytest.skip(f"{compiler} is not installed")
+    folder = tmp_path / "mine"
+    assert main(["controller", "new", kind, str(folder)]) == 0
+    for source in [*folder.glob("*.c"), *folder.glob("*.cpp")]:
+        subprocess.run([compiler, standard, "-O2", "-Wall", "-Wextra", "-Werror", "-c", "-o", tmp_path / "out.o", source],
+                       check=True)
+
+
+def test_a_template_passes_the_conformance_set(tmp_path, capsys):
+    folder = tmp_path / "mine"
+    assert main(["controller", "new", "python", str(folder)]) == 0
+    assert main(["controller", "check", f"python:{folder / 'my_controller.py'}:MyController"]) == 0
+    assert "12 of 12 passed" in capsys.readouterr().out
+
+
+def test_nothing_of_the_users_is_written_over(tmp_path, capsys):
+    (tmp_path / "kept.txt").write_text("mine")
+    assert main(["controller", "new", "c", str(tmp_path)]) == 2
+    assert "it exists and is not an empty folder" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["kept.txt"]
+    assert main(["controller", "new", "fortran", str(tmp_path / "new")]) == 2
+    assert "fortran" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("page", "template"), [("can.md", "can/my_tcu.py"), ("modbus.md", "modbus/my_plc.py")])
+def test_the_code_of_the_page_is_the_template(page, template):
+    code = re.search(r"```python\n(.*?)```", (DOCS / page).read_text(encoding="utf-8"), re.S)[1]
+    assert code == (HERE / template).read_text(encoding="utf-8")

@@ -1,0 +1,421 @@
+"""A controller at the other end of a UDP port: the same bits, whoever starts first, whatever gets lost, however it ends."""
+
+import re
+import select
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from rig_nodes.bags.reader import Bag
+from rig_nodes.controllers import ControllerFailed, ControllerOutputs, Status, load_controller
+from rig_nodes.controllers.examples.alfa46 import Alfa46
+from rig_nodes.controllers.udp_frames import (
+    ANSWER,
+    BODIES,
+    BYE,
+    HEADER,
+    HELLO,
+    INFO,
+    READY,
+    SAMPLE,
+    Client,
+    NoFrame,
+    pack,
+    text,
+    unpack,
+)
+from rig_nodes.errors import RigError
+from rig_nodes.testbench.rig import Rig
+from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.testbench.simulate import advance_with, simulate
+from rig_nodes.testbench.timed import RigStatus
+
+from .conftest import ALFA46_C, CONTROLLERS, INCLUDE, STRICT, ask, needs_cc
+
+ZERO = ((0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.fixture
+def port():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        return free.getsockname()[1]
+
+
+@pytest.fixture(scope="module")
+def c_program(tmp_path_factory):
+    program = tmp_path_factory.mktemp("udp") / "alfa46_udp"
+    flags = [flag for flag in STRICT if flag not in ("-std=c99", "-pedantic")]
+    source = CONTROLLERS / "examples" / "alfa46_udp.c"
+    subprocess.run(["cc", "-std=gnu99", *flags, "-o", program, source, ALFA46_C, "-lm"], check=True)
+    return program
+
+
+@pytest.fixture
+def program(port, request):
+    """Starts the example of a language; ended after the test."""
+    started = []
+
+    def start(language):
+        if language == "c":
+            command = [request.getfixturevalue("c_program")]
+        else:
+            command = [sys.executable, "-m", "rig_nodes.controllers.examples.alfa46_udp"]
+        started.append(subprocess.Popen([*command, "127.0.0.1", str(port)], stderr=subprocess.PIPE, text=True))
+        return started[-1]
+
+    yield start
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+@pytest.fixture
+def thread(port):
+    """Serves a controller from a thread of this process."""
+    clients = []
+
+    def start(controller, to=None, levels=("duty", "current")):
+        client = Client(controller, "127.0.0.1", to or port, levels)
+        clients.append((client, threading.Thread(target=client.serve, kwargs={"once": True}, daemon=True)))
+        clients[-1][1].start()
+        return client
+
+    yield start
+    for _, worker in clients:
+        worker.join(10.0)
+
+
+class Steady:
+    """Says 0.5 on the first output and the gear that it is asked for."""
+
+    ended = 0
+
+    def initialize(self, info):
+        self.info, self.steps = info, []
+
+    def step(self, inputs):
+        self.steps.append(inputs.sample)
+        return ControllerOutputs([0.5, 0.0, 0.0], gear=inputs.gear_request)
+
+    def terminate(self):
+        self.ended += 1
+
+
+@pytest.fixture
+def plug(port, config):
+    made = load_controller(f"udp:{port}", config.alfa46)
+    made.said = []
+    made.say = made.said.append
+    yield made
+    made.close()
+
+
+# ---- the same bits
+
+
+@pytest.fixture(scope="module")
+def built_in(config, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("built-in")
+    simulate(config, load_sequence("sample"), folder)
+    return Bag(folder).canonical_hash()
+
+
+@pytest.mark.parametrize("language", [pytest.param("c", marks=needs_cc), "python"])
+@pytest.mark.parametrize("first", ["rig", "controller"])
+def test_every_topic_is_that_of_the_built_in_controller(config, port, program, built_in, tmp_path, language, first):
+    if first == "controller":
+        program(language)
+    plug = load_controller(f"udp:{port}", config.alfa46)
+    if first == "rig":
+        program(language)
+    plug.wait(20.0)
+    run = simulate(config, load_sequence("sample"), tmp_path / "run", controller=plug)
+    assert run["end"]["state"] == "ended", run["end"]["reason"]
+    assert Bag(tmp_path / "run").canonical_hash() == built_in
+
+
+class Lossy(threading.Thread):
+    """Between controller and rig: loses every 29th frame, sends every 13th twice and every 17th once more, later."""
+
+    def __init__(self, rig_port):
+        super().__init__(daemon=True)
+        self.inside, self.outside = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+        self.outside.bind(("127.0.0.1", 0))
+        self.inside.connect(("127.0.0.1", rig_port))
+        self.port, self.over, self.lost, self.count = self.outside.getsockname()[1], False, 0, 0
+
+    def run(self):
+        peer, old = None, {}
+        while not self.over:
+            for ready in select.select([self.inside, self.outside], [], [], 0.05)[0]:
+                if ready is self.outside:
+                    data, peer = ready.recvfrom(4096)
+                    send = self.inside.send
+                else:
+                    try:
+                        data = ready.recv(4096)
+                    except ConnectionRefusedError:
+                        continue
+                    send = lambda data: self.outside.sendto(data, peer)  # noqa: E731
+                self.count += 1
+                if self.count % 29 == 0:
+                    self.lost += 1
+                    continue
+                send(data)
+                if self.count % 13 == 0:
+                    send(data)
+                if self.count % 17 == 0 and ready in old:
+                    send(old[ready])
+                old[ready] = data
+
+
+def test_lost_doubled_and_late_frames_change_nothing(config, port, plug, thread):
+    proxy = Lossy(port)
+    proxy.start()
+    thread(Alfa46(), proxy.port)
+    plug.wait(20.0)
+    other = load_controller("alfa46", config.alfa46)
+    for sample in range(1500):
+        if sample == 10:
+            plug.order(1)
+            other.order(1)
+        current = (0.0001 * sample, 0.0, 0.0)
+        mine = plug.step(sample, current, 1.0, 2.0, 3.0, 4.0)
+        assert mine == other.step(sample, current, 1.0, 2.0, 3.0, 4.0), sample
+    assert proxy.lost > 50
+    plug.close()
+    proxy.over = True
+
+
+# ---- how it begins and ends
+
+
+def test_it_gets_what_every_controller_gets(plug, thread, config):
+    user = Steady()
+    thread(user)
+    plug.wait(20.0)
+    plug.order(2)
+    assert plug.step(7, (0.1, 0.2, 0.3), 1.0, 2.0, 3.0, 4.0).command == (0.5, 0.0, 0.0)
+    assert plug.gear == 2 and user.steps == [7]
+    assert dict(user.info.parameters) == plug.info.parameters
+    assert (user.info.period, user.info.level, user.info.command_high) == (1e-3, "duty", 1.0)
+    plug.close()
+
+
+def test_waiting_is_told_and_has_an_end(plug, port):
+    with pytest.raises(RigError, match=f"udp:{port}: none has come within 1.1 s; start it, or see"):
+        plug.wait(1.1)
+    assert plug.said == [f"waiting for controller on udp {port}, 1 s"]
+
+
+def test_a_killed_controller_is_seen_at_the_next_sample(plug, program, config):
+    process = program("python")
+    plug.wait(20.0)
+    rig = Rig(config, controller="external")
+    for _ in range(5):
+        advance_with(rig, plug)
+    process.kill()
+    process.wait()
+    advance_with(rig, plug)
+    assert rig.status == RigStatus.TRIPPED and re.search("sample 5: nobody listens at its port any more$", rig.reason)
+
+
+def test_a_controller_that_is_stopped_says_goodbye(plug, program):
+    process = program("python")
+    plug.wait(20.0)
+    ask(plug)
+    process.send_signal(signal.SIGINT)
+    process.wait()
+    with pytest.raises(ControllerFailed, match="sample 1: it said goodbye: the controller was stopped") as failure:
+        ask(plug, 1)
+    assert failure.value.status == Status.FATAL
+
+
+def test_after_its_end_another_may_come(plug, program):
+    """As in a rig that is worked by hand: reset, and on with the controller that was started again."""
+    first = program("python")
+    plug.wait(20.0)
+    ask(plug)
+    first.kill()
+    first.wait()
+    with pytest.raises(ControllerFailed):
+        ask(plug, 1)
+    program("python")
+    assert ask(plug, 2) is not None
+    assert sum("is here" in text for text in plug.said) == 2
+
+
+def test_a_controller_that_hangs_is_overdue(plug, program):
+    process = program("python")
+    plug.wait(20.0)
+    plug.pace(0.3)
+    ask(plug)
+    process.send_signal(signal.SIGSTOP)
+    with pytest.raises(ControllerFailed, match=r"sample 1: no answer for 0.3 s \(--step-timeout\)"):
+        ask(plug, 1)
+
+
+def test_without_a_step_timeout_it_may_stand_in_a_debugger(plug, program):
+    process = program("python")
+    plug.wait(20.0)
+    plug.pace(None)
+    ask(plug)
+    process.send_signal(signal.SIGSTOP)
+    again = threading.Timer(0.7, process.send_signal, (signal.SIGCONT,))
+    again.start()
+    assert ask(plug, 1) is not None
+    again.join()
+
+
+def test_in_real_time_nobody_waits_and_a_controller_comes_back(plug, program):
+    """Without an answer a sample is discarded: the rig trips by the age of its commands, after 100 ms."""
+    plug.pace(0.1, real_time=True)
+    assert ask(plug) is None, "nobody has come yet"
+    process = program("python")
+    sample = 1
+    while (answer := ask(plug, sample)) is None and sample < 30_000:
+        sample += 1
+    assert answer is not None
+    process.send_signal(signal.SIGSTOP)
+    assert [ask(plug, sample + n) for n in range(1, 5)] == [None] * 4
+    process.send_signal(signal.SIGCONT)
+    sample += 5
+    while (answer := ask(plug, sample)) is None and sample < 60_000:
+        sample += 1
+    assert answer is not None
+    assert sum("no answer for 100 ms" in text for text in plug.said) == 1
+
+
+def test_a_controller_of_another_level_is_sent_away(plug, port):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.settimeout(5.0)
+        other.connect(("127.0.0.1", port))
+        other.send(pack(HELLO, 0, 0, 2, 0))
+        with pytest.raises(RigError, match="none has come"):
+            plug.wait(0.3)
+        kind, _, _, (why,) = unpack(other.recv(2048))
+    assert kind == BYE and text(why) == "this run is at level duty, the controller's is current; choose with --level"
+    assert plug.said == [f"a controller was sent away from udp {port}: {text(why)}"]
+
+
+def test_one_rig_has_one_controller(plug, thread, port):
+    thread(Steady())
+    plug.wait(20.0)
+    ask(plug)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.settimeout(5.0)
+        other.connect(("127.0.0.1", port))
+        other.send(pack(HELLO, 0, 0, 3, 0))
+        assert ask(plug, 1) is not None
+        ask(plug, 2)
+        kind, _, _, (why,) = unpack(other.recv(2048))
+        assert kind == BYE and text(why) == "another controller is at work"
+    plug.close()
+
+
+@pytest.mark.parametrize(
+    ("data", "why"),
+    [
+        (b"hello", "5 bytes are less than a header"),
+        (b"x" * 40, "does not begin with RIG1"),
+        (pack(HELLO, 0, 0, 1, 0)[:-1], "kind 1 has 31 bytes and says 32, expected 32"),
+        (pack(HELLO, 0, 0, 1, 0)[:4] + b"\x02\x00" + pack(HELLO, 0, 0, 1, 0)[6:], "version 2 of the protocol, expected 1"),
+        (pack(HELLO, 0, 0, 1, 0)[:6] + b"\x09\x00" + pack(HELLO, 0, 0, 1, 0)[8:], "no kind 9"),
+    ],
+)
+def test_what_is_no_frame_is_ignored_and_said(plug, thread, port, data, why):
+    with pytest.raises(NoFrame, match=why):
+        unpack(data)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.sendto(data, ("127.0.0.1", port))
+    thread(Steady())
+    plug.wait(20.0)
+    assert ask(plug).command == (0.5, 0.0, 0.0)
+    assert any(why in told for told in plug.said)
+    plug.close()
+
+
+def test_an_answer_that_no_valve_can_be_given_is_an_error(plug, thread):
+    class Mad(Steady):
+        def step(self, inputs):
+            return ControllerOutputs([float("nan"), 0.0, 0.0])
+
+    thread(Mad())
+    plug.wait(20.0)
+    with pytest.raises(ControllerFailed, match=r"command\[0\] is nan") as failure:
+        ask(plug)
+    assert failure.value.status == Status.ERROR
+
+
+def test_a_port_that_is_taken_or_none_is_refused(plug, port, config):
+    with pytest.raises(RigError, match="the port cannot be taken .*is another rig running"):
+        load_controller(f"udp:{port}", config.alfa46)
+    for spec in ("udp:here", "udp:0", "udp:65536"):
+        with pytest.raises(RigError, match="expected udp:PORT"):
+            load_controller(spec, config.alfa46)
+
+
+@needs_cc
+def test_the_frames_are_those_of_the_c_header(tmp_path):
+    """Sizes and places of every member, by two compilers of their own: C's and struct's."""
+    source = r"""
+#include "rig_udp.h"
+#include <stddef.h>
+int main(void) {
+  rig_udp_frame f; memset(&f, 0, sizeof f); (void)rig_udp_serve;
+  for (unsigned kind = RIG_HELLO; kind <= RIG_BYE; kind++) printf("%u ", rig_udp_size(kind));
+  rig_udp_client c; memset(&c, 0, sizeof c); c.session = 7; c.socket = 1;
+  f.body.answer.command[2] = 0.25; f.body.answer.setpoint[0] = 0.5; f.body.answer.gear = 2; f.body.answer.flags = 5;
+  strcpy(f.body.answer.message, "no speed");
+  printf("\n"); fflush(stdout);
+  f.header.magic = RIG_UDP_MAGIC; f.header.version = RIG_UDP_VERSION; f.header.kind = RIG_ANSWER; f.header.session = 7;
+  f.header.frame = 9; f.header.size = rig_udp_size(RIG_ANSWER);
+  fwrite(&f, 1, f.header.size, stdout);
+  return 0;
+}
+"""
+    (tmp_path / "sizes.c").write_text(source)
+    subprocess.run(["cc", "-std=gnu99", f"-I{INCLUDE}", "-o", tmp_path / "sizes", tmp_path / "sizes.c", ALFA46_C, "-lm"],
+                   check=True)
+    sizes, data = subprocess.run([tmp_path / "sizes"], capture_output=True, check=True).stdout.split(b"\n", 1)
+    assert list(map(int, sizes.split())) == [HEADER.size + BODIES[kind].size for kind in (HELLO, INFO, 3, 4, READY,
+                                                                                           SAMPLE, ANSWER, BYE)]
+    assert data == pack(ANSWER, 7, 9, 0.0, 0.0, 0.25, 0.5, 0.0, 0.0, 0, 2, 0, 5, "no speed")
+
+
+@needs_cc
+def test_the_c_example_is_clean_under_the_sanitizers(tmp_path, port, config):
+    sanitize = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    (tmp_path / "nothing.c").write_text("int main(void) { return 0; }\n")
+    probe = subprocess.run(["cc", *sanitize, "-o", tmp_path / "nothing", tmp_path / "nothing.c"], capture_output=True)
+    if probe.returncode or subprocess.run([tmp_path / "nothing"], capture_output=True).returncode:
+        pytest.skip("the compiler's sanitizer libraries are not installed or do not run here")
+    source, program = CONTROLLERS / "examples" / "alfa46_udp.c", tmp_path / "alfa46_udp"
+    subprocess.run(["cc", "-std=gnu99", *sanitize, f"-I{INCLUDE}", "-o", program, source, ALFA46_C, "-lm"], check=True)
+    process = subprocess.Popen([program, "127.0.0.1", str(port)], stderr=subprocess.PIPE, text=True)
+    for gears in ((1, 2), (2,)):  # two runs of one program
+        plug = load_controller(f"udp:{port}", config.alfa46)
+        plug.wait(20.0)
+        for sample, gear in enumerate(gears):
+            plug.order(gear)
+            for n in range(1500):
+                ask(plug, 1500 * sample + n)
+        assert plug.gear == 2
+        plug.close()
+    process.send_signal(signal.SIGTERM)
+    said = process.communicate(timeout=10)[1]
+    assert process.returncode == 0 and said == ""
+
+
+def test_the_c_header_is_usable_from_cpp(tmp_path):
+    if not shutil.which("c++"):
+        pytest.skip("no C++ compiler here")
+    source = CONTROLLERS / "examples" / "alfa46_udp.c"
+    flags = ["-std=c++17", "-Wall", "-Wextra", "-Werror", f"-I{INCLUDE}"]
+    subprocess.run(["c++", "-x", "c++", *flags, "-c", "-o", tmp_path / "mine.o", source], check=True)

@@ -1,0 +1,53 @@
+"""The rig's FMUs of both versions, built once."""
+
+import shutil
+
+import pytest
+
+from rig_nodes.fmu.build import build_rig_fmu
+from rig_nodes.fmu.importer import Fmu
+
+pytest.importorskip("fmpy", reason="FMPy is not installed")
+if shutil.which("cc") is None:
+    pytest.skip("no C compiler here", allow_module_level=True)
+
+
+@pytest.fixture(scope="session")
+def rig_fmu(tmp_path_factory):
+    """Path of the rig's FMU of a version of FMI."""
+    folder, built = tmp_path_factory.mktemp("fmu"), {}
+
+    def get(fmi=2):
+        if fmi not in built:
+            built[fmi] = folder / f"hydmag{fmi}.fmu"
+            build_rig_fmu(built[fmi], fmi=fmi)
+        return built[fmi]
+
+    return get
+
+
+@pytest.fixture(scope="session")
+def _instances(rig_fmu):
+    """One instance of each version, which the tests share: to start one takes a second."""
+    made = {}
+    yield made
+    for instance in made.values():
+        instance.close()
+
+
+@pytest.fixture(params=[2, 3], ids=["FMI 2.0", "FMI 3.0"])
+def fmu(request, rig_fmu, _instances):
+    """An instance of the rig's FMU, of each version, as new."""
+    if request.param not in _instances:
+        _instances[request.param] = Fmu(rig_fmu(request.param))
+    _instances[request.param].reset()
+    return _instances[request.param]
+
+
+@pytest.fixture
+def fmu2(rig_fmu, _instances):
+    """An instance of FMI 2.0, as new."""
+    if 2 not in _instances:
+        _instances[2] = Fmu(rig_fmu())
+    _instances[2].reset()
+    return _instances[2]

@@ -1,0 +1,74 @@
+/* Calls an FMU's functions as an importer does, right and wrong, twice; built with sanitizers by test_sanitized.py.
+ * Argument: URI of the folder of resources. Prints the sentences of what is refused.
+ */
+#include "fmi2Functions.h"
+#include "model.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void log_message(void *environment, fmi2String name, fmi2Status status, fmi2String category, fmi2String form, ...) {
+  va_list rest;
+  (void)environment;
+  (void)category;
+  va_start(rest, form);
+  printf("%s %d: ", name, (int)status);
+  vprintf(form, rest);
+  printf("\n");
+  va_end(rest);
+}
+
+static void check(int good, const char *what) {
+  if (good) return;
+  printf("FAILED: %s\n", what);
+  exit(1);
+}
+
+int main(int count, char **arguments) {
+  const fmi2CallbackFunctions callbacks = {log_message, calloc, free, NULL, NULL};
+  check(count == 2, "one argument");
+  check(!fmi2Instantiate("wrong", fmi2CoSimulation, "{0}", arguments[1], &callbacks, 0, 0), "a wrong GUID is refused");
+  check(!fmi2Instantiate("wrong", fmi2ModelExchange, MODEL_TOKEN, arguments[1], &callbacks, 0, 0), "model exchange is refused");
+  fmi2Component one = fmi2Instantiate("one", fmi2CoSimulation, MODEL_TOKEN, arguments[1], &callbacks, 0, 1);
+  fmi2Component other = fmi2Instantiate("other", fmi2CoSimulation, MODEL_TOKEN, arguments[1], &callbacks, 0, 1);
+  check(one && other, "two instances");
+  for (int round = 0; round < 2; round++) {
+    check(fmi2SetupExperiment(one, 0, 0.0, 1.0, 0, 0.0) == fmi2OK, "set up");
+    check(fmi2EnterInitializationMode(one) == fmi2OK && fmi2ExitInitializationMode(one) == fmi2OK, "initialization");
+    check(fmi2EnterInitializationMode(one) == fmi2Error, "a second initialization");
+    for (int step = 0; step < 50; step++) {
+      check(fmi2DoStep(one, 1.0 + 0.002 * step, 0.002, 1) == fmi2OK, "step");
+      for (fmi2ValueReference r = 0; r < MODEL_COUNT; r++) {
+        fmi2Real real;
+        fmi2Integer whole;
+        fmi2String text;
+        if (MODEL_TYPES[r] == 'r') check(fmi2GetReal(one, &r, 1, &real) == fmi2OK && isfinite(real), "a real");
+        if (MODEL_TYPES[r] == 'i') check(fmi2GetInteger(one, &r, 1, &whole) == fmi2OK, "an integer");
+        if (MODEL_TYPES[r] == 'b') check(fmi2GetBoolean(one, &r, 1, &whole) == fmi2OK && (whole == 0 || whole == 1), "a boolean");
+        if (MODEL_TYPES[r] == 's') check(fmi2GetString(one, &r, 1, &text) == fmi2OK && strlen(text) < MODEL_TEXT, "a string");
+        if (MODEL_TYPES[r] != 'r') check(fmi2GetReal(one, &r, 1, &real) == fmi2Error, "a wrong type");
+      }
+    }
+    check(fmi2DoStep(one, 7.0, 0.001, 1) == fmi2Error, "a step from elsewhere");
+    check(fmi2DoStep(one, 1.1, NAN, 1) == fmi2Error, "a step that is no number");
+    fmi2ValueReference nowhere = MODEL_COUNT;
+    fmi2Real value = 0.0;
+    check(fmi2SetReal(one, &nowhere, 1, &value) == fmi2Error, "a variable that is none");
+    check(fmi2Terminate(one) == fmi2OK && fmi2Reset(one) == fmi2OK, "terminate and reset");
+  }
+  char *lengthy = malloc(3000);
+  memset(lengthy, 'x', 2999);
+  lengthy[2999] = 0;
+  for (fmi2ValueReference r = 0; r < MODEL_COUNT; r++)
+    if (MODEL_TYPES[r] == 's' && MODEL_KINDS[r] == 'p')
+      check(fmi2SetString(one, &r, 1, (const fmi2String[]){lengthy}) == fmi2Error, "a string that is too long");
+  free(lengthy);
+  fmi2FreeInstance(one);
+  fmi2FreeInstance(other);
+  fmi2FreeInstance(NULL);
+  puts("done");
+  return 0;
+}

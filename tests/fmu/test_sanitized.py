@@ -1,0 +1,60 @@
+"""The C code of both FMUs under the address and undefined-behaviour sanitizers, driven by a program in C."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rig_nodes import fmu
+from rig_nodes.controllers.c_library import INCLUDE
+from rig_nodes.fmu.build import SOURCES, controller_variables, fmpy_headers
+from rig_nodes.fmu.description import c_header
+from rig_nodes.fmu.rig_variables import rig_variables
+from rig_nodes.testbench.configuration import load_rig
+
+PACKAGE = Path(fmu.__file__).parents[2]
+ALFA46_C = INCLUDE.parent / "examples" / "alfa46.c"
+SANITIZE = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+STRICT = ["-std=gnu11", "-O1", "-Wall", "-Wextra", "-Werror"]
+
+
+def build(folder, header, sources):
+    """Path of the program; skips where the compiler has no sanitizers."""
+    (folder / "variables.h").write_text(header)
+    (folder / "empty.c").write_text("int main(void) { return 0; }\n")
+    if subprocess.run(["cc", *SANITIZE, "-o", folder / "empty", folder / "empty.c"], capture_output=True).returncode:
+        pytest.skip("the compiler has no sanitizers")
+    files = [Path(__file__).parent / "driver.c", SOURCES / "fmi2.c", SOURCES / "instance.c", *sources]
+    subprocess.run(["cc", *STRICT, *SANITIZE, f"-I{folder}", f"-I{SOURCES}", f"-I{INCLUDE}", f"-I{fmpy_headers()}",
+                    "-o", folder / "driver", *files, "-lm"], check=True)
+    return folder / "driver"
+
+
+def drive(program, folder):
+    """What the program prints; it ends with 0 and without a complaint of the sanitizers."""
+    done = subprocess.run([program, folder.as_uri().replace("resources", "%72esources")], capture_output=True, text=True,
+                          timeout=100)
+    assert (done.returncode, done.stderr) == (0, "") and done.stdout.endswith("done\n"), done.stdout + done.stderr
+    return done.stdout
+
+
+def test_the_controller(tmp_path):
+    variables = controller_variables(load_rig().alfa46, ("duty", "current"))
+    names = [v.name for v in variables]
+    defines = {"MODEL_LEVEL": 0, "MODEL_LIMIT": names.index("current_limit"),
+               "MODEL_INPUTS": names.index("gear_request"), "MODEL_OUTPUTS": names.index("command_1")}
+    program = build(tmp_path, c_header(variables, "{1}", defines), [SOURCES / "controller_model.c", ALFA46_C])
+    assert "wrong 3: the GUID or instantiation token is not that" in drive(program, tmp_path)
+
+
+def test_the_rig(tmp_path):
+    resources = tmp_path / "resources"
+    resources.mkdir()
+    (resources / "tool.txt").write_text(f"{sys.executable}\n{PACKAGE}\n")
+    (resources / "rig.json").write_text(json.dumps({"rig": "hydmag", "set": {}}))
+    program = build(tmp_path, c_header(rig_variables(load_rig()), "{1}", {}), [SOURCES / "rig_process.c"])
+    assert not {"RIG_FMU_PYTHON", "RIG_FMU_PATH"} & os.environ.keys()
+    assert "one 3: record takes at most 1023 characters" in drive(program, resources)

@@ -1,0 +1,51 @@
+"""`rig run` of the clutch bench: its devices are nodes, its bag has what simulate's has, its results are the same."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from rig_nodes.bags.reader import Bag
+from rig_nodes.catalogue import catalogue
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.record import record
+from rig_nodes.testbench.sequence import load_sequence
+
+PARAMETERS = {"pressures": "1 MPa, 1.25 MPa, 1.5 MPa", "wetting": "200 ms"}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """Folder of a run on the node graph and what it said."""
+    folder = tmp_path_factory.mktemp("bench") / "run"
+    words = [sys.executable, "-P", "-m", "rig_nodes.cli.main", "run", "clutch_bench", "--out", str(folder)]
+    for name, value in PARAMETERS.items():
+        words += ["--with", f"{name}={value}"]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=180, env=dict(os.environ))
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder, done.stdout
+
+
+def test_every_topic_of_the_bench_is_in_the_bag_and_nothing_is_lost(run):
+    folder, out = run
+    bag = Bag(folder)
+    assert set(catalogue("clutch_bench").topics) - set(bag.counts) == {"/testing_machine/command"}
+    assert bag.check() == [] and "messages lost: 0" in out
+    report = json.loads((folder / "report.json").read_text())
+    assert set(report["run"]["processes"]) == {"container", "sequencer", "recorder"}
+    assert report["run"]["end"]["state"] == "ended"
+
+
+def test_the_results_are_those_of_the_run_in_one_process(run):
+    folder, _ = run
+    report = json.loads((folder / "report.json").read_text())["bench"]
+    same = record(load_rig("clutch_bench"), load_sequence("clutch_bench", PARAMETERS)).recording.channels
+    assert [round(row["p_z_pa"] * 1e-6, 1) for row in report["slip_tests"]] == [1.0, 1.3, 1.5]
+    # commands come some samples later over DDS; the torque at slip does not know
+    assert report["slip_tests"][-1]["m_eks_nm"] == pytest.approx(same["M_e"].max(), abs=1.0)
+    assert report["line"]["k_kor"]["thesis"] == pytest.approx(1.0, rel=0.01)
+    t, work = Bag(folder).series("motor_sh_work")
+    assert np.all(np.diff(t) > 0.0) and work[-1] > 100.0

@@ -1,0 +1,183 @@
+"""Controllers that run as processes of their own, on the graph: the same bits in lockstep, the safe state when they go."""
+
+import shutil
+import socket
+import subprocess
+import sys
+
+import pytest
+from running_graph import SHORT, RigRun
+
+from rig_nodes.bags.reader import Bag
+from rig_nodes.controllers import load_controller
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.testbench.simulate import simulate
+
+NOT_THE_PLANTS = {"/alfa46/events", "all"}
+BREAKING = """
+#include "rig_controller.h"
+const rig_controller_abi_info *rig_controller_abi(void) { RIG_CONTROLLER_DESCRIBE(RIG_LEVEL_DUTY); }
+int rig_controller_create(rig_controller_info *info, void **instance) { (void)info; *instance = 0; return RIG_OK; }
+int rig_controller_step(void *instance, const rig_controller_inputs *in, rig_controller_outputs *out) {
+  (void)instance;
+  if (in->sample >= 500) { WHAT }
+  out->command[0] = 0.5;
+  return RIG_OK;
+}
+void rig_controller_destroy(void *instance) { (void)instance; }
+"""
+
+
+@pytest.fixture
+def breaking(tmp_path):
+    if not shutil.which("cc"):
+        pytest.skip("no C compiler")
+
+    def make(what):
+        path = tmp_path / "breaking.c"
+        path.write_text(BREAKING.replace("WHAT", what))
+        return f"c:{path}"
+
+    return make
+
+
+@pytest.fixture
+def port():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        return free.getsockname()[1]
+
+
+def start_udp(port):
+    return subprocess.Popen([sys.executable, "-m", "rig_nodes.controllers.examples.alfa46_udp", "127.0.0.1", str(port)])
+
+
+WANTING = """
+from rig_nodes.controllers.examples.alfa46 import Alfa46
+
+
+class Wanting(Alfa46):
+    levels = ("duty",)
+    wants = ("p_p", "M_wej")
+    signals = ("p_supply",)
+
+    def step(self, inputs):
+        out = super().step(inputs)
+        out.signals = {"p_supply": inputs.others["p_p"]}
+        out.setpoint[2] = inputs.others["p_p"] + inputs.others["M_wej"]
+        return out
+"""
+
+
+@pytest.mark.parametrize("arguments", [("--speed", "max"), ()], ids=["lockstep", "real time"])
+def test_a_controller_gets_the_transducers_that_it_wants(tmp_path, arguments):
+    """In lockstep those of each sample, as in simulate; in real time the newest of their topics."""
+    (tmp_path / "wanting.py").write_text(WANTING)
+    spec = f"python:{tmp_path / 'wanting.py'}:Wanting"
+    run = RigRun(tmp_path / "run", *arguments, "--controller", spec)
+    code, output = run.end()
+    assert code == 0, output
+    if arguments:
+        assert other_topics(tmp_path, spec=spec) == set()
+    own = Bag(run.folder).logger("/alfa46/signals", fill=True)
+    assert list(own.channels) == ["p_supply"] and 3.9e6 < own.channels["p_supply"][-1] < 4.2e6
+    shown = [message.setpoint[2] for _, message in Bag(run.folder).messages("/alfa46/command")]
+    assert 3.9e6 < shown[-1] < 4.2e6 and shown[0] < 1e6
+
+
+SETTING = """
+from rig_nodes.controllers.examples.alfa46 import Alfa46
+
+
+class Setting(Alfa46):
+    levels = ("duty",)
+    settings = {"third": 0.25}
+
+    def step(self, inputs):
+        out = super().step(inputs)
+        out.setpoint[2] = inputs.settings["third"]
+        return out
+"""
+SEQUENCE = """
+description: gear I, a setting, and on
+ready: {timeout: 20 s}
+steps:
+  - oil: {pressure: 4 MPa}
+  - shift: {to: I, timeout: 5 s}
+  - controller: {third: 0.5}
+  - wait: {for: 200 ms}
+"""
+
+
+@pytest.mark.parametrize("arguments", [("--speed", "max"), ()], ids=["lockstep", "real time"])
+def test_a_sequence_sets_what_a_controller_names_as_its_own(tmp_path, arguments):
+    (tmp_path / "setting.py").write_text(SETTING)
+    (tmp_path / "sequence.yaml").write_text(SEQUENCE)
+    spec = f"python:{tmp_path / 'setting.py'}:Setting"
+    run = RigRun(tmp_path / "run", *arguments, "--controller", spec, sequence=tmp_path / "sequence.yaml")
+    code, output = run.end()
+    assert code == 0, output
+    if arguments:
+        assert other_topics(tmp_path, spec=spec, sequence=tmp_path / "sequence.yaml") == set()
+    shown = [message.setpoint[2] for _, message in Bag(run.folder).messages("/alfa46/command")]
+    assert (shown[0], shown[-1]) == (0.25, 0.5)
+
+
+def other_topics(folder, delay=1, spec="alfa46", sequence=SHORT):
+    """Topics whose content is not that of `simulate` with the same controller."""
+    config = load_rig()
+    simulate(config, load_sequence(sequence), folder / "simulated", delay=delay,
+             controller=load_controller(spec, config.alfa46))
+    expected, found = (Bag(folder / name).canonical_hash() for name in ("simulated", "run"))
+    return {topic for topic in expected if found.get(topic) != expected[topic]} - NOT_THE_PLANTS
+
+
+@pytest.mark.parametrize(("what", "arguments", "sentence", "oldest"), [
+    ("*(volatile int *)8 = 1;", ("--speed", "1"), "sample 500: the library's process was ended by SIGSEGV", 0.007),
+    ("for (;;);", ("--speed", "1", "--step-timeout", "0.5"), "sample 500: no answer for 500 ms (--step-timeout)", 0.007),
+    ("*(volatile int *)8 = 1;", (), "older than 100 ms: the shift controller is silent", 0.107),
+    ("for (;;);", (), "older than 100 ms: the shift controller is silent", 0.107),
+], ids=["crash in lockstep", "hang in lockstep", "crash in real time", "hang in real time"])
+def test_a_library_that_breaks_ends_in_the_safe_state(tmp_path, breaking, what, arguments, sentence, oldest):
+    run = RigRun(tmp_path / "run", *arguments, "--controller", breaking(what))
+    code, output = run.end()
+    assert code == 1 and sentence in output, output
+    bag = Bag(run.folder)
+    assert next(m.command_age for _, m in bag.messages("/valve_zr_p1/state") if m.safe) <= oldest
+    said = [text for _, topic, name, text, _ in bag.events() if name == "controller_failed"]
+    assert len(said) == 1 and "sample 500: " in said[0]
+
+
+def test_a_delay_in_lockstep_is_that_of_simulate(tmp_path):
+    run = RigRun(tmp_path / "run", "--speed", "max", "--delay", "3")
+    code, output = run.end()
+    assert code == 0, output
+    assert other_topics(tmp_path, delay=3) == set()
+
+
+def test_udp_in_lockstep_gives_the_same_bits_and_waiting_is_seen(tmp_path, port):
+    run = RigRun(tmp_path / "run", "--speed", "max", "--controller", f"udp:{port}")
+    run.until(f"waiting for controller on udp {port}, 1 s")
+    program = start_udp(port)
+    try:
+        code, output = run.end()
+    finally:
+        program.kill()
+        program.wait()
+    assert code == 0, output
+    assert other_topics(tmp_path) == set()
+
+
+def test_a_killed_udp_controller_in_real_time_is_the_safe_state(tmp_path, port):
+    program = start_udp(port)
+    run = RigRun(tmp_path / "run", "--controller", f"udp:{port}")
+    try:
+        run.until("shift to II")
+    finally:
+        program.kill()
+        program.wait()
+    code, output = run.end()
+    assert code == 1 and "older than 100 ms" in output
+    bag = Bag(run.folder)
+    assert next(m.command_age for _, m in bag.messages("/valve_zr_p1/state") if m.safe) <= 0.107
