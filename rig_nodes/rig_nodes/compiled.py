@@ -24,14 +24,24 @@ def cache_root() -> Path:
     return Path(home) / "rig_nodes" / "kernel-cache"
 
 
-def cache_key() -> str:
-    """Key of everything that decides the machine code."""
+def _sources():
+    """A hash over all compiled sources."""
     key = hashlib.sha256()
-    package = Path(__file__).resolve().parent
     for folder in _SOURCES:
-        for source in sorted((package / folder).glob("*.py")):
+        for source in sorted((Path(__file__).resolve().parent / folder).glob("*.py")):
             key.update(source.name.encode())
             key.update(source.read_bytes())
+    return key
+
+
+def sources_key() -> str:
+    """Key of the physics, the same on every machine: what a sweep that goes on must have in common with its beginning."""
+    return _sources().hexdigest()[:16]
+
+
+def cache_key() -> str:
+    """Key of everything that decides the machine code."""
+    key, package = _sources(), Path(__file__).resolve().parent
     key.update(f"{version('numba')} {version('numpy')} {platform.python_version()} {_processor()}".encode())
     # numba finds its files by the source's path too, so a second checkout gets a folder of its own
     key.update(str(package).encode())

@@ -22,10 +22,19 @@ def running_mean(x: np.ndarray, width: int) -> np.ndarray:
     if half == 0 or x.size == 0:
         return np.array(x, dtype=float)
     # measured from the first sample: the running sum then stays small and loses no digits
-    total = np.concatenate(([0.0], np.cumsum(x - x[0])))
-    index = np.arange(x.size)
-    low, high = np.maximum(index - half, 0), np.minimum(index + half + 1, x.size)
-    return x[0] + (total[high] - total[low]) / (high - low)
+    total = np.zeros(x.size + 1)
+    np.cumsum(x - x[0], out=total[1:])
+    out = np.empty(x.size)
+    if x.size > 2 * half:
+        np.subtract(total[2 * half + 1:], total[:-2 * half - 1], out=out[half:x.size - half])
+        out[half:x.size - half] /= 2 * half + 1
+        ends = np.r_[:half, x.size - half:x.size]
+    else:
+        ends = np.arange(x.size)
+    low, high = np.maximum(ends - half, 0), np.minimum(ends + half + 1, x.size)
+    out[ends] = (total[high] - total[low]) / (high - low)
+    out += x[0]
+    return out
 
 
 def mean_ahead(x: np.ndarray, width: int) -> np.ndarray:

@@ -319,7 +319,8 @@ def _longest_level(grid: np.ndarray, middle: np.ndarray, swing: float, slope: fl
     index, away = np.arange(grid.size), grid - grid[0]
     total, moment = (np.concatenate(([0.0], np.cumsum(x))) for x in (away, index * away))
     outside = np.concatenate(([0], np.cumsum(~middle)))
-    for length in range(grid.size, 2, -1):
+    runs = np.diff(np.flatnonzero(np.diff(np.concatenate(([0], middle.astype(int), [0])))))[::2]
+    for length in range(int(runs.max()) if runs.size else 0, 2, -1):
         shift, count = length // 2, grid.size - length + 1
         # value i of a filter, moved so that it belongs to the stretch that begins at i
         highest = maximum_filter1d(grid, length)[shift : shift + count]

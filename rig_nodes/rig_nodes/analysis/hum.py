@@ -27,8 +27,9 @@ def without_hum(t: np.ndarray, pressure: np.ndarray, quiet: int) -> tuple[np.nda
     level = float(np.mean(mean[before]))
 
     def base(times, hz):
-        angle = 2.0 * np.pi * hz * np.outer(times, np.arange(1, HARMONICS + 1))
-        return np.hstack([np.sin(angle), np.cos(angle), (times - at[0])[:, None], np.ones((times.size, 1))])
+        first = np.exp(2j * np.pi * hz * times)
+        turns = np.multiply.accumulate(np.broadcast_to(first[:, None], (times.size, HARMONICS)), axis=1)
+        return np.hstack([turns.imag, turns.real, (times - at[0])[:, None], np.ones((times.size, 1))])
 
     def fitted(hz):
         b = base(at[before], hz)

@@ -122,7 +122,7 @@ def _assembled(run: dict, problems: list[str], metrics: dict, energy: dict) -> d
     if problems:
         run["problems"] = problems
     rest = {key: metrics[key] for key in ("uncertainty", "annex_a", "truth") if key in metrics}
-    return _plain({"run": run, "shifts": metrics["shifts"], "energy": energy, **rest})
+    return plain({"run": run, "shifts": metrics["shifts"], "energy": energy, **rest})
 
 
 def inertias_of(run: dict) -> Inertias:
@@ -157,12 +157,12 @@ def _window(row: dict, later: list[dict]) -> tuple[float, float]:
     return start, min(end, later[0]["t_order_s"]) if later else end
 
 
-def _plain(value):
+def plain(value):
     """Only what JSON knows: dicts, lists, text, booleans, finite numbers, None."""
     if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple, np.ndarray)):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, (bool, np.bool_)):
         return bool(value)
     if isinstance(value, (int, np.integer)):

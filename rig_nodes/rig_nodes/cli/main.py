@@ -19,6 +19,8 @@ VERBS = {
     "run": "run a sequence on the ROS 2 node graph and record it",
     "simulate": "run a test sequence without ROS traffic, as fast as it goes",
     "procedure": "run series of a measuring procedure of the laboratory, with bags",
+    "sweep": "run a sequence for many values of its parameters, on all cores or a cluster",
+    "tune": "find valve profiles and delays for an operating range: a front of trade-offs, with controllers to use",
     "controller": "check a shift controller of your own, or start one from a template",
     "device": "start a device of its own, for a rig with source: topic",
     "replay": "publish a recorded bag again, with /clock",

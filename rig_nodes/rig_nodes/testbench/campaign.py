@@ -1,6 +1,6 @@
 """Many runs on all cores: what is measured of each comes back, the rows stay where they were made.
 
-Used by the validation and the calibration.
+Used by the validation, the calibration, the sweeps and the tuner.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import threading
 import traceback
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from multiprocessing import connection, get_context
 from typing import Any
@@ -20,6 +20,9 @@ from .configuration import load_rig
 from .kinds import make_rig
 from .procedure import Series, run_repeat
 from .record import Run
+
+
+TRIES = 2  # of an item in Workers.stream whose process was killed
 
 
 class Workers:
@@ -40,16 +43,24 @@ class Workers:
     def __enter__(self) -> Workers:
         if self.jobs > 1:
             warm_up()
-            context = get_context("spawn")
-            with _interrupts_ignored():  # by the processes too, which inherit it
-                for _ in range(self.jobs):
-                    here, there = context.Pipe()
-                    process = context.Process(target=_work, args=(there,), daemon=True)
-                    process.start()
-                    there.close()
-                    self._ends.append(here)
-                    self._processes.append(process)
+            for _ in range(self.jobs):
+                self._start()
         return self
+
+    def _start(self) -> None:
+        """One more process."""
+        context = get_context("spawn")
+        here, there = context.Pipe()
+        with _interrupts_ignored():  # by the process too, which inherits it
+            process = context.Process(target=_work, args=(there,), daemon=True)
+            process.start()
+        there.close()
+        self._ends.append(here)
+        self._processes.append(process)
+
+    def pids(self) -> list[int]:
+        """Of the processes that are there."""
+        return [process.pid for process in self._processes if process.is_alive()]
 
     def __exit__(self, *_error) -> None:
         self._leave()
@@ -88,6 +99,55 @@ class Workers:
             raise RigError("a process of the campaign was killed from outside; where memory is short, give it one "
                            "job") from None
 
+    def stream(self, function: Callable[[Any], Any],
+               items: Iterable) -> Iterator[tuple[int, Any, Exception | None]]:
+        """(place, result, error) of each item as it comes, for long lists that nothing may stop.
+
+        ``error`` is None, or what the item raised: a RigError, a RuntimeError with the traceback. The place of a
+        process that is killed is taken by a new one, which tries its item again; an item that has lost TRIES processes
+        comes with a RigError. An interrupt is passed on; after it only __exit__ is left.
+        """
+        if self.jobs == 1:
+            for place, item in enumerate(items):
+                error, result = _answer(function, item)
+                yield place, result, error
+            return
+        try:
+            yield from self._stream(function, enumerate(items))
+        except (KeyboardInterrupt, GeneratorExit):
+            self._leave()
+            raise
+
+    def _stream(self, function, numbered: Iterator[tuple[int, Any]]) -> Iterator[tuple[int, Any, Exception | None]]:
+        busy: dict[connection.Connection, tuple[int, Any]] = {}
+        again: deque[tuple[int, Any]] = deque()
+        lost: dict[int, int] = {}  # place -> processes
+        while True:
+            for end in list(self._ends):
+                if end not in busy:
+                    task = again.popleft() if again else next(numbered, None)
+                    if task is None:
+                        break
+                    busy[end] = task
+                    with suppress(ConnectionError):  # of a process that is gone: its end says so below
+                        end.send((function, task[1]))
+            if not busy:
+                return
+            for end in connection.wait(list(busy)):
+                place, item = busy.pop(end)
+                try:
+                    error, result = end.recv()
+                except (EOFError, ConnectionError):
+                    self._ends.remove(end)
+                    end.close()
+                    self._start()
+                    lost[place] = lost.get(place, 0) + 1
+                    if lost[place] < TRIES:
+                        again.append((place, item))
+                        continue
+                    error, result = RigError(f"{TRIES} processes were killed from outside while they ran it"), None
+                yield place, result, error
+
     def _map(self, function, items: list, progress) -> list:
         results, told = [None] * len(items), 0
         left, places = deque(range(len(items))), {}  # items not begun; task -> item
@@ -119,15 +179,19 @@ def _work(end: connection.Connection) -> None:
         except (EOFError, ConnectionError):
             return
         try:
-            answer = None, function(item)
-        except RigError as error:
-            answer = error, None
-        except Exception:
-            answer = RuntimeError(traceback.format_exc()), None
-        try:
-            end.send(answer)
+            end.send(_answer(function, item))
         except ConnectionError:
             return
+
+
+def _answer(function, item) -> tuple[Exception | None, Any]:
+    """(error, result) of function(item)."""
+    try:
+        return None, function(item)
+    except RigError as error:
+        return error, None
+    except Exception:
+        return RuntimeError(traceback.format_exc()), None
 
 
 def warm_up() -> None:

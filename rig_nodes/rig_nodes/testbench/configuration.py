@@ -188,6 +188,12 @@ def _whole(node, path) -> RigConfig:
     if "cut" in node:
         cut = build(CutConfig, node["cut"], path, "cut")
         _check_tick(cut, f"{where_of(path, node['cut'], 'tick')}: cut.tick")
+    return RigConfig(name=Path(path).stem, kernel=kernel, wiring=_wiring(node["wiring"], path),
+                     alfa46=_controller(node, path), cut=cut, cut_out=cut_out, **parts)
+
+
+def _controller(node, path) -> Alfa46Config:
+    """The settings that a rig's ``controller`` names: installed ones, or a file beside the rig's."""
     named = str(node["controller"])
     if named.endswith((".yaml", ".yml")) and not Path(named).expanduser().is_absolute():
         named = str(Path(path).parent / named)
@@ -195,8 +201,7 @@ def _whole(node, path) -> RigConfig:
         controller = find_config("controllers", named)
     except RigError as error:
         raise RigError(f"{where_of(path, node, 'controller')}: controller: {error}") from None
-    return RigConfig(name=Path(path).stem, kernel=kernel, wiring=_wiring(node["wiring"], path),
-                     alfa46=read_alfa46(controller), cut=cut, cut_out=cut_out, **parts)
+    return read_alfa46(controller)
 
 
 def _on_base(node, path) -> RigConfig | ClutchBenchConfig:
@@ -208,11 +213,13 @@ def _on_base(node, path) -> RigConfig | ClutchBenchConfig:
     config = replace(config, name=Path(path).stem)
     if config.kind == clutch_bench.KIND:
         return clutch_bench.on_base(config, node, path)
-    check_keys(path, node, ("description", "base", "controller_values", "prescribed", *PARTS), ("description", "base"),
-               "a rig on a base")
+    check_keys(path, node, ("description", "base", "controller", "controller_values", "prescribed", *PARTS),
+               ("description", "base"), "a rig on a base")
     for part in PARTS:
         if part in node:
             config = replace(config, **{part: changed(getattr(config, part), node[part], path, part)})
+    if "controller" in node:
+        config = replace(config, alfa46=_controller(node, path))
     if "controller_values" in node:
         values = changed(config.alfa46.values, node["controller_values"], path, "controller_values")
         config = replace(config, alfa46=Alfa46Config(values, config.alfa46.profiles))

@@ -21,6 +21,7 @@ from .topics import COMMAND, SCALAR_SAMPLES, Heard
 
 LOGGER_PERIOD = 1e-4  # s, 10 kHz
 CHUNK = 500  # controller samples between two looks into the ring of rows, which holds at least 1.9 s
+FIRST_ROWS = 200_000  # for which there is room at first: 20 s at 10 kHz
 ORDER = "shift_ordered"  # event of the controller with the gear as value
 
 
@@ -138,19 +139,23 @@ class Rows:
         if abs(self.per_sample * period - SAMPLE_NS * 1e-9) > 1e-12 or self.per_sample < 1:
             raise RigError(f"rows every {period * 1e6:g} us do not fit into samples of 1000 us; take e.g. 100 us or "
                            "8 us")
-        rig.rows_at(period, 0, 0)  # refuses a period that is no whole number of steps
-        self._chunks: list[np.ndarray] = []
+        columns = rig.rows_at(period, 0, 0).shape[1]  # refuses a period that is no whole number of steps
+        self._columns = np.empty((columns, FIRST_ROWS))
         self._taken = 0
 
     def take(self, sample: int) -> None:
         """The rows before that of a sample."""
-        rows = sample * self.per_sample - self._taken
-        self._chunks.append(self.rig.rows_at(self.period, self._taken, rows))
-        self._taken += rows
+        first, last = self._taken, sample * self.per_sample
+        if last > self._columns.shape[1]:
+            more = np.empty((self._columns.shape[0], 2 * last))
+            more[:, :first] = self._columns[:, :first]
+            self._columns = more
+        self._columns[:, first:last] = self.rig.rows_at(self.period, first, last - first).T
+        self._taken = last
 
     def channels(self) -> dict[str, np.ndarray]:
         """Channel -> values."""
-        return dict(zip(self.rig.channels, np.ascontiguousarray(np.concatenate(self._chunks).T)))
+        return dict(zip(self.rig.channels, self._columns[:, :self._taken]))
 
 
 def record(config: AnyConfig, sequence: Sequence, seed: int = 1, rows_per_second: int | None = None,

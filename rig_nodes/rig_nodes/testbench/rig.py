@@ -14,6 +14,7 @@ import numpy as np
 
 from ..alfa46 import law
 from ..alfa46.controller import refusal
+from ..alfa46.settings import Alfa46Config
 from ..catalogue import catalogue
 from ..config.schema import fill, limits
 from ..controllers.seam import LEVELS
@@ -115,7 +116,7 @@ class Rig(Timed):
         self._wiring = world["wiring"][0]
         self._wiring[:] = c.wiring
         self._law_config = c.alfa46.law_config()
-        self._law_profiles = np.ascontiguousarray(c.alfa46.profiles)
+        self._law_profiles = np.array(c.alfa46.profiles, order="C")  # its own: set_controller writes into it
         self._law_outputs = np.zeros(law.OUTPUTS, law.LAW_OUTPUT)
         self._law_state = np.zeros(1, law.LAW_STATE)
         self._setpoint, self._gear, self._shifting, self._flags = np.zeros(law.OUTPUTS), 0, False, 0
@@ -409,6 +410,33 @@ class Rig(Timed):
                 used += value
         out["residual"] = out["motor"] - used
         return out
+
+    # ---- its state, put aside and taken up again
+
+    def _state(self) -> tuple:
+        """Everything that a step reads and changes, but the ring of rows."""
+        return (self._world, self._law_outputs, self._law_state, self._duty, self._setpoint, self.gauges.state,
+                self.gauges.counts)
+
+    def snapshot(self) -> tuple:
+        """The state of now, for :meth:`restore`; of a rig without devices outside and with no order waiting."""
+        if self.config.cut_out or self._ordered is not None:
+            raise RigError("only a rig without devices outside, and without an order that waits, can be put aside")
+        return self.sample, self.row().copy(), tuple(part.copy() for part in self._state())
+
+    def restore(self, snapshot: tuple) -> None:
+        """Go to a state that a rig of this configuration and seed was in. Older rows are not there any more."""
+        self.sample, row, parts = snapshot[0], snapshot[1], snapshot[2]
+        for part, value in zip(self._state(), parts):
+            part[...] = value
+        self._log[(self.sample * self._steps_per_sample) % len(self._log)] = row
+        self._ordered, self._drained = None, 0
+
+    def set_controller(self, settings: Alfa46Config) -> None:
+        """Other settings of the embedded controller from the next sample on; a profile that runs takes its new points."""
+        self._law_config[:] = settings.law_config()
+        self._law_profiles[:] = settings.profiles
+        self.config = replace(self.config, alfa46=settings)
 
     def state_hash(self) -> str:
         """Digest of the whole state: equal for equal histories, however they were cut into calls."""

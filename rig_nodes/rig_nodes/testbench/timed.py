@@ -147,9 +147,11 @@ class Timed:
         if abs(steps - stride) > 1e-9 or stride < 1:
             raise RigError(f"the plant's step of {self.step * 1e6:g} us does not divide the "
                            f"{period * 1e6:g} us between two rows")
-        index = (first + np.arange(rows)) * stride
-        now = self.sample * self._steps_per_sample
-        if rows and (index[-1] > now or now - index[0] >= len(self._log)):
+        begin, last, now = first * stride, (first + rows - 1) * stride, self.sample * self._steps_per_sample
+        if rows and (last > now or now - begin >= len(self._log)):
             raise RigError(f"rows {first} to {first + rows - 1} are not in the ring at {self.time:g} s")
-        return self._log[index % len(self._log)]
+        place = begin % len(self._log)
+        if place + last - begin < len(self._log):
+            return self._log[place:place + rows * stride:stride].copy()
+        return self._log[(begin + stride * np.arange(rows)) % len(self._log)]
 

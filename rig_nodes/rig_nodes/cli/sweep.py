@@ -1,0 +1,201 @@
+"""``rig sweep``: a sequence for many values of its parameters, each run's metrics into one table."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+from .progress import ProgressLine
+
+HELP = "run a sequence for many values of its parameters, on all cores or a cluster"
+SHOWN = (("t_dt_s", "t_d ms", 1e3, 0), ("t_c_s", "t_c ms", 1e3, 0), ("m_wej_max_nm", "M_wej max Nm", 1.0, 1),
+         ("k", "k", 1.0, 3), ("e_loss_j", "E_loss J", 1.0, 0))
+GEARS = {0: "0", 1: "I", 2: "II"}
+MOST_REASONS = 5
+OF_A_PLAN = ("vary", "method", "samples", "seed", "repeats", "settings", "parameters", "rig")
+
+
+def add_arguments(parser) -> None:
+    parser.add_argument("what",
+                        help="a sequence, with --vary; a sweep's .yaml file; or a sweep's folder, to go on with it")
+    parser.add_argument("--vary", action="append", metavar="NAME=SPEC",
+                        help="a parameter, as --set or --with name it, and what it takes: \"LOW .. HIGH\", "
+                             "\"LOW .. HIGH in 5\", \"LOW .. HIGH step 10 ms\" (and log behind it), \"A, B, C\"; may "
+                             "be repeated")
+    parser.add_argument("--method", metavar="NAME", help="grid (default), list (values row by row), random, lhs "
+                                                         "(Latin hypercube; default with --samples)")
+    parser.add_argument("--samples", type=int, metavar="N", help="members that random and lhs draw")
+    parser.add_argument("--repeats", type=int, metavar="N", help="runs of each point, with other noise (default 1)")
+    parser.add_argument("--seed", type=int, metavar="N",
+                        help="of the points drawn and of the first member; the others' seeds follow (default 1)")
+    parser.add_argument("--set", action="append", metavar="KEY=VALUE", dest="settings",
+                        help="a value of the rig for all members (may be repeated)")
+    parser.add_argument("--with", action="append", metavar="NAME=VALUE", dest="parameters",
+                        help="a parameter of the sequence for all members (may be repeated)")
+    parser.add_argument("--rig", metavar="NAME", help="rig or .yaml file (default: the sequence's own)")
+    parser.add_argument("--out", metavar="DIR", help="folder (default: runs/<sequence>-sweep-<n>); one that holds the "
+                                                     "same sweep is gone on with")
+    parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes on this machine (default 2)")
+    parser.add_argument("--dask", metavar="ADDRESS", help="a Dask cluster instead: its scheduler, or local:N")
+    parser.add_argument("--bags", action="store_true", help="keep a bag with its report of every member")
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+
+
+def main(args) -> int:
+    from ..errors import RigError
+    from ..sweep.run import manifest_of, run_sweep
+    from ..sweep.store import RESULTS, Store, parquet
+
+    if args.jobs < 1:
+        raise RigError(f"--jobs is {args.jobs}, expected at least 1")
+    parquet()
+    plan, folder, bags = _chosen(args)
+    manifest = manifest_of(plan, bags)
+    folder = folder or _new_folder(args.out, plan.name)
+    with Store(folder, manifest) as store:
+        of, begun, start = manifest["members"], len(store.done), time.monotonic()
+        if begun:
+            print(f"{folder}: {begun} of {of} members are finished already", file=sys.stderr, flush=True)
+        line, failed = ProgressLine(of, begun), [0]
+
+        def progress(done: int, entry: dict) -> None:
+            failed[0] += entry["end"]["state"] != "ended"
+            line.tell(done, f"{done} of {of} members" + (f", {failed[0]} not ended" if failed[0] else ""))
+
+        interrupted = False
+        if begun < of:
+            try:
+                with _stream(args) as stream:
+                    run_sweep(plan, store, stream, progress)
+            except KeyboardInterrupt:
+                interrupted = True
+                line.leave()
+        seconds, now = time.monotonic() - start, len(store.done) - begun
+        if not interrupted:
+            store.write_results(plan)
+        summary = {"folder": str(folder), "results": None if interrupted else str(folder / RESULTS), "members": of,
+                   "finished": len(store.done), "finished_before": begun, "seconds": round(seconds, 3),
+                   "members_per_second": round(now / seconds, 3) if now and seconds else None,
+                   **_what_came(store.entries())}
+    if args.json:
+        print(json.dumps(summary, indent=1, ensure_ascii=False))
+    else:
+        print(_text(summary))
+    if interrupted:
+        print(f"rig: interrupted by Ctrl-C; go on with: ./rig sweep {folder}", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _chosen(args):
+    """(plan, folder to go on with or None, bags)."""
+    from ..config import load_yaml
+    from ..errors import RigError
+    from ..sweep.plan import make_plan, plan_of, read_plan
+    from ..sweep.store import read_manifest
+    from ..testbench.folders import parse_parameters, parse_settings
+
+    given = [name for name in OF_A_PLAN if getattr(args, name) not in (None, [])]
+    options = {"settings": "--set", "parameters": "--with"}
+    if Path(args.what).is_dir():
+        if given or args.out or args.bags:
+            first = options.get(given[0], f"--{given[0]}") if given else "--out" if args.out else "--bags"
+            raise RigError(f"{args.what} is a sweep's folder and says itself what it is; leave out {first}")
+        manifest = read_manifest(args.what)
+        return plan_of(manifest["plan"]), Path(args.what), manifest["bags"]
+    if args.what.endswith((".yaml", ".yml")) and "vary" in (load_yaml(args.what) or {}):
+        if given:
+            raise RigError(f"{args.what} is a sweep and says itself what it varies; leave out "
+                           f"{options.get(given[0], f'--{given[0]}')}, or write it there")
+        return read_plan(args.what), None, args.bags
+    vary = _pairs(args.vary or [])
+    numbers = {name: getattr(args, name) for name in ("seed", "repeats") if getattr(args, name) is not None}
+    return make_plan(args.what, vary, args.rig, args.method, args.samples,
+                     fixed=parse_settings(args.settings or []), fixed_with=parse_parameters(args.parameters or []),
+                     **numbers), None, args.bags
+
+
+def _pairs(texts: list[str]) -> dict[str, str]:
+    from ..errors import RigError
+
+    out: dict[str, str] = {}
+    for text in texts:
+        name, sign, spec = text.partition("=")
+        if not (name and sign and spec):
+            raise RigError(f"--vary {text}: expected NAME=SPEC, e.g. alfa46.t12=\"-250 ms .. -150 ms\"")
+        if name in out:
+            raise RigError(f"--vary {name} is given twice")
+        out[name] = spec
+    return out
+
+
+def _new_folder(out: str | None, name: str) -> Path:
+    if out is not None:
+        return Path(out)
+    number = 1
+    while (folder := Path("runs") / f"{name}-{number}").exists():
+        number += 1
+    return folder
+
+
+@contextmanager
+def _stream(args):
+    """Who runs the members, and as many processes as there may be."""
+    if args.dask:
+        from ..sweep.cluster import dask_stream
+
+        with dask_stream(args.dask) as stream:
+            yield stream
+        return
+    from ..testbench.campaign import Workers
+
+    with Workers(args.jobs) as workers:
+        yield workers.stream
+
+
+def _what_came(entries) -> dict:
+    """Ends, reasons and the metrics' spread of what is finished."""
+    import numpy as np
+
+    ends: dict[str, int] = {}
+    reasons: dict[str, int] = {}
+    values: dict[str, dict[str, list[float]]] = {}
+    shifts = valid = 0
+    for entry in entries:
+        state, reason = entry["end"]["state"], entry["end"]["reason"]
+        ends[state] = ends.get(state, 0) + 1
+        if state != "ended":
+            reasons[reason] = reasons.get(reason, 0) + 1
+        for row in entry["shifts"]:
+            shifts, valid = shifts + 1, valid + row["valid"]
+            if not row["valid"] or not row["from_gear"]:
+                continue
+            way = f"{GEARS[row['from_gear']]} -> {GEARS[row['to_gear']]}"
+            for key, *_ in SHOWN:
+                if row[key] is not None:
+                    values.setdefault(way, {}).setdefault(key, []).append(row[key])
+    spread = {way: {key: [float(np.min(x)), float(np.median(x)), float(np.max(x))] for key, x in of.items()}
+              for way, of in values.items()}
+    return {"ends": ends, "reasons": reasons, "shifts": shifts, "valid_shifts": valid, "spread": spread}
+
+
+def _text(summary: dict) -> str:
+    lines = [f"{summary['finished']} of {summary['members']} members finished, {summary['shifts']} shifts, "
+             f"{summary['valid_shifts']} of them valid"]
+    if summary["members_per_second"]:
+        lines.append(f"{summary['members_per_second']:.1f} members a second")
+    reasons = sorted(summary["reasons"].items(), key=lambda item: -item[1])
+    lines += [f"{count} did not end: {reason}" for reason, count in reasons[:MOST_REASONS]]
+    if len(reasons) > MOST_REASONS:
+        lines.append(f"and {len(reasons) - MOST_REASONS} more reasons, in the column 'reason'")
+    for way, of in summary["spread"].items():
+        lines.append(f"{way}, valid shifts: lowest, median, highest")
+        for key, name, factor, digits in SHOWN:
+            if key in of:
+                lines.append(f"  {name:<13}" + "".join(f"{value * factor:>10.{digits}f}" for value in of[key]))
+    if summary["results"]:
+        lines.append(f"written to {summary['results']}")
+    return "\n".join(lines)

@@ -1,0 +1,166 @@
+"""``rig tune``: settings of the Alfa46 for an operating range, as a front of trade-offs, proven elsewhere."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+from .progress import ProgressLine
+
+HELP = "find valve profiles and delays for an operating range: a front of trade-offs, with controllers to use"
+
+
+def add_arguments(parser) -> None:
+    parser.add_argument("--ways", nargs="+", default=["I-II", "II-I"], metavar="WAY", help="I-II, II-I (default: both)")
+    parser.add_argument("--speeds", default="1000 rpm .. 2000 rpm", metavar="RANGE",
+                        help="of the input shaft (default \"1000 rpm .. 2000 rpm\", the thesis's)")
+    parser.add_argument("--load-up", default="40 Nm .. 120 Nm", metavar="RANGE",
+                        help="M_wyj before I-II (default the thesis's)")
+    parser.add_argument("--load-down", default="40 Nm .. 240 Nm", metavar="RANGE",
+                        help="before II-I (default the thesis's)")
+    parser.add_argument("--objectives", default="peak,time", metavar="A,B",
+                        help="two or more of peak, time, dip, energy, jerk (default peak,time); the first two are "
+                             "drawn and chosen by")
+    parser.add_argument("--bound", action="append", default=[], metavar="NAME=VALUE", dest="bounds",
+                        help="largest value of an objective in any shift, e.g. peak=\"300 Nm\" (may be repeated; "
+                             "dip is bounded to 5 %%, or what the compared settings dip)")
+    parser.add_argument("--oil", default="20 degC .. 60 degC", metavar="RANGE",
+                        help="temperatures (default 20 to 60 degC)")
+    parser.add_argument("--rigs", type=int, default=5, metavar="N",
+                        help="sampled rigs beside the rig itself (default 5)")
+    parser.add_argument("--judge-rigs", type=int, default=6, metavar="N",
+                        help="other sampled rigs to judge on (default 6)")
+    parser.add_argument("--points", type=int, default=8, metavar="N", help="operating points to judge in (default 8)")
+    parser.add_argument("--spreads", metavar="FILE",
+                        help="spreads of the calibrated parameters, from rig calibrate --json (default: determined "
+                             "anew)")
+    parser.add_argument("--rig", default="hydmag", metavar="NAME", help="rig or .yaml file; its controller is what is "
+                                                                        "compared with (default: hydmag)")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
+                        help="change one value of the rig (may be repeated)")
+    parser.add_argument("--minutes", type=float, default=8.0, metavar="T", help="of search (default 8)")
+    parser.add_argument("--generations", type=int, metavar="N",
+                        help="at most so many of each search: the same settings each time, however fast the machine "
+                             "is")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of search and sampled rigs (default 1)")
+    parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes (default 2)")
+    parser.add_argument("--out", metavar="DIR",
+                        help="folder (default: runs/tune-<n>); one that holds the same tuning is gone on with")
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+
+
+def main(args) -> int:
+    from ..errors import RigError
+    from ..sweep.store import parquet
+    from ..testbench.campaign import Workers
+    from ..tune import run, search
+    from ..tune.folder import open_journal
+
+    for name, least in (("jobs", 1), ("rigs", 0), ("judge_rigs", 0), ("points", 1), ("seed", 0)):
+        if getattr(args, name) < least:
+            raise RigError(f"--{name.replace('_', '-')} is {getattr(args, name)}, expected at least {least}")
+    if not args.minutes > 0.0 or (args.generations is not None and args.generations < 1):
+        raise RigError("--minutes and --generations must be above 0")
+    parquet()
+    search.load_optuna()
+    folder = _folder(args.out)
+    line = ProgressLine(1.0)
+    with Workers(args.jobs) as workers:
+        problem = _problem(args, workers)
+        journal = open_journal(folder, problem.manifest())
+        try:
+            summary = run.tune(problem, folder, workers, journal, line.tell)
+        except KeyboardInterrupt:
+            line.leave()
+            print(f"rig: interrupted by Ctrl-C; go on with the same command and --out {folder}", file=sys.stderr)
+            return 130
+        finally:
+            journal.close()
+    if args.json:
+        from ..analysis.report import plain
+
+        print(json.dumps(plain(summary), indent=1, ensure_ascii=False))
+    else:
+        print(run.text(summary, problem.objectives))
+    return 0
+
+
+def _folder(out: str | None) -> Path:
+    if out is not None:
+        return Path(out)
+    number = 1
+    while (folder := Path("runs") / f"tune-{number}").exists():
+        number += 1
+    return folder
+
+
+def _problem(args, workers):
+    from ..errors import RigError
+    from ..testbench.configuration import load_rig
+    from ..testbench.folders import parse_settings
+    from ..tune.problem import OBJECTIVES, Range
+    from ..tune.run import Problem
+    from ..tune.space import WAYS
+    from ..tune.uncertainty import read_spreads, spreads_of
+
+    objectives = tuple(args.objectives.split(","))
+    for name in objectives:
+        if name not in OBJECTIVES:
+            raise RigError(f"--objectives: there is no '{name}'; known are {', '.join(OBJECTIVES)}")
+    if len(objectives) < 2 or len(set(objectives)) < len(objectives):
+        raise RigError("--objectives: expected two or more different ones")
+    for way in args.ways:
+        if way not in WAYS:
+            raise RigError(f"--ways: there is no '{way}'; known are {', '.join(WAYS)}")
+    speeds = _range("--speeds", args.speeds, "angular velocity")
+    ranges = {"I-II": Range(*speeds, *_range("--load-up", args.load_up, "torque")),
+              "II-I": Range(*speeds, *_range("--load-down", args.load_down, "torque"))}
+    config = load_rig(args.rig, parse_settings(args.settings))
+    if config.cut_out:
+        raise RigError("rig tune searches on a whole rig; give it one without source: topic")
+    if config.prescribed:
+        raise RigError(f"rig '{config.name}' has prescribed pressures, which no setting of the controller changes")
+    bounds, oil = _bounds(args.bounds), _range("--oil", args.oil, "temperature")
+    spreads = read_spreads(args.spreads) if args.spreads else spreads_of(config, workers)
+    rig = args.rig if not args.rig.endswith((".yaml", ".yml")) else str(Path(args.rig).absolute())
+    return Problem(rig, config, {way: ranges[way] for way in WAYS if way in args.ways}, objectives, bounds,
+                   spreads, oil, args.rigs, args.judge_rigs, args.points, args.seed,
+                   args.generations, 60.0 * args.minutes)
+
+
+def _range(option: str, text: str, dimension: str) -> tuple[float, float]:
+    from ..config.units import quantity
+    from ..errors import RigError
+
+    low, dots, high = text.partition("..")
+    if not dots:
+        raise RigError(f"{option} {text}: expected \"LOW .. HIGH\", each with its unit")
+    values = quantity(low.strip(), dimension, option), quantity(high.strip(), dimension, option)
+    if not 0.0 <= values[0] < values[1]:
+        raise RigError(f"{option} {text}: the range must rise from 0 or more")
+    return values
+
+
+def _bounds(texts: list[str]) -> dict[str, float]:
+    from ..config.units import quantity
+    from ..errors import RigError
+    from ..tune.problem import OBJECTIVES
+
+    dimensions = {"peak": "torque", "time": "time", "dip": "ratio", "energy": "energy"}
+    out = {}
+    for text in texts:
+        name, sign, value = text.partition("=")
+        if not sign or name not in OBJECTIVES:
+            raise RigError(f"--bound {text}: expected NAME=VALUE, the name one of {', '.join(OBJECTIVES)}")
+        if name in dimensions:
+            out[name] = quantity(value, dimensions[name], f"--bound {name}")
+            continue
+        number, _, unit = value.strip().partition(" ")
+        try:
+            out[name] = float(number)
+        except ValueError:
+            unit = ""
+        if unit.strip() != "rad/s3":
+            raise RigError(f"--bound {text}: expected a number with its unit, e.g. \"5e4 rad/s3\"")
+    return out

@@ -1,0 +1,4 @@
+"""Many members of one sequence, each with other parameters: what varies, how it is run, where results are kept.
+
+Used by the verb ``sweep``; docs/sweep.md says how.
+"""

@@ -1,0 +1,377 @@
+"""What a sweep varies, and the points of its members: grid, list, random or Latin hypercube.
+
+Used by the verb ``sweep`` and sweep.run; a plan is plain data that goes into the folder as it is.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from ..alfa46.settings import OUTPUT_KEYS, POINTS
+from ..config import load_marked
+from ..config.schema import check_keys, where_of
+from ..config.units import UNITS, dimension_of, quantity
+from ..errors import RigError
+from ..testbench.configuration import load_rig, with_overrides
+from ..testbench.sequence import load_sequence
+
+METHODS = ("grid", "list", "random", "lhs")
+DRAWN = ("random", "lhs")  # need a number of samples
+SEED = "seed"  # name under which the seed itself is varied
+MOST_MEMBERS = 1_000_000
+FILE_KEYS = ("description", "sequence", "rig", "method", "samples", "seed", "repeats", "vary", "set", "with")
+_RANGE = re.compile(r"(.+?)\s*\.\.\s*(.+?)(?:\s+in\s+(\d+))?(?:\s+step\s+(\S+(?:\s+[^\d\s]\S*)?))?(\s+log)?\s*")
+_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
+_POINT_PART = re.compile(rf"(alfa46\.(?:{'|'.join(OUTPUT_KEYS)})\.(?:{'|'.join(POINTS)}))\.(time|current)")
+
+
+@dataclass(frozen=True)
+class Varied:
+    """One parameter that is varied.
+
+    name: of the rig (as ``--set``, or a point's ``.time`` or ``.current``), of the sequence (as ``--with``), or "seed".
+    of: "rig", "sequence" or "seed". unit: of its numbers, as first written; "" for whole numbers, None for words.
+    values: those it takes; empty for a range from low to high that values are drawn from, along its logarithm if log.
+    """
+
+    name: str
+    of: str
+    unit: str | None
+    values: tuple = ()
+    low: float = 0.0
+    high: float = 0.0
+    log: bool = False
+
+    def text(self, value) -> str:
+        """A value as it is written after ``--set`` or ``--with``."""
+        return f"{value!r} {self.unit}" if self.unit else str(value)
+
+    def at(self, share: float):
+        """The value at a share (0 to 1) of the range or of the values."""
+        if self.values:
+            return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
+        if self.log:
+            value = math.exp(math.log(self.low) + share * (math.log(self.high) - math.log(self.low)))
+        else:
+            value = self.low + share * (self.high - self.low)
+        return round(value) if self.unit == "" else value
+
+
+@dataclass(frozen=True)
+class Member:
+    """One run of a sweep: its number, seed, and the texts of what it sets at the rig and at the sequence."""
+
+    number: int
+    seed: int
+    values: dict
+    overrides: dict[str, str]
+    parameters: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A checked sweep. rig, sequence: names or absolute files; fixed, fixed_with: what all members share."""
+
+    sequence: str
+    rig: str
+    method: str
+    samples: int
+    seed: int
+    repeats: int
+    varied: tuple[Varied, ...]
+    fixed: dict[str, str] = field(default_factory=dict)
+    fixed_with: dict[str, str] = field(default_factory=dict)
+    description: str = ""
+
+    @property
+    def name(self) -> str:
+        """Of the folder that it gets."""
+        return f"{Path(self.sequence).stem}-sweep"
+
+    def members(self) -> list[Member]:
+        """All members in their order; the same ones for the same plan."""
+        members = []
+        for point in self._points():
+            values = dict(zip((one.name for one in self.varied), point))
+            for _ in range(self.repeats):
+                number = len(members)
+                members.append(Member(number, int(values.get(SEED, self.seed + number)), values,
+                                      {**self.fixed, **self._texts("rig", point)},
+                                      {**self.fixed_with, **self._texts("sequence", point)}))
+        return members
+
+    def _texts(self, of: str, point) -> dict[str, str]:
+        return {one.name: one.text(value) for one, value in zip(self.varied, point) if one.of == of}
+
+    def count(self) -> int:
+        """Number of members."""
+        if self.method in DRAWN:
+            return self.samples * self.repeats
+        sizes = [len(one.values) for one in self.varied]
+        return (math.prod(sizes) if self.method == "grid" else sizes[0]) * self.repeats
+
+    def _points(self):
+        if self.method == "grid":
+            return product(*(one.values for one in self.varied))
+        if self.method == "list":
+            return zip(*(one.values for one in self.varied))
+        return [tuple(one.at(share) for one, share in zip(self.varied, row)) for row in self._shares().tolist()]
+
+    def _shares(self) -> np.ndarray:
+        """Places of the samples in the unit cube (samples, parameters)."""
+        random = np.random.default_rng(self.seed)
+        if self.method == "random":
+            return random.random((self.samples, len(self.varied)))
+        from scipy.stats import qmc
+
+        return qmc.LatinHypercube(len(self.varied), seed=random).random(self.samples)
+
+    def as_dict(self) -> dict:
+        """Plain data, from which :func:`plan_of` makes the plan again."""
+        return {"sequence": self.sequence, "rig": self.rig, "method": self.method, "samples": self.samples,
+                "seed": self.seed, "repeats": self.repeats, "description": self.description,
+                "varied": [{"name": one.name, "of": one.of, "unit": one.unit, "values": list(one.values),
+                            "low": one.low, "high": one.high, "log": one.log} for one in self.varied],
+                "set": self.fixed, "with": self.fixed_with}
+
+
+def plan_of(data: dict) -> Plan:
+    """The plan of :meth:`Plan.as_dict`."""
+    varied = tuple(Varied(**{**one, "values": tuple(one["values"])}) for one in data["varied"])
+    names = ("sequence", "rig", "method", "samples", "seed", "repeats", "description")
+    return Plan(**{name: data[name] for name in names}, varied=varied, fixed=data["set"], fixed_with=data["with"])
+
+
+def read_plan(path: str | Path) -> Plan:
+    """The plan of a sweep file; RigError with file and line when it is not right."""
+    node = load_marked(path)
+    check_keys(path, node, FILE_KEYS, ("sequence", "vary"), "the sweep")
+    vary = node["vary"]
+    if not isinstance(vary, dict) or not vary:
+        raise RigError(f"{where_of(path, node, 'vary')}: vary must be a map of parameters and what they take")
+    wheres = {str(name): f"{where_of(path, vary, name)}: vary {name}" for name in vary}
+    numbers = {}
+    for key in ("samples", "seed", "repeats"):
+        if key in node:
+            if not isinstance(node[key], int) or isinstance(node[key], bool):
+                raise RigError(f"{where_of(path, node, key)}: {key} is {node[key]!r}, expected a whole number")
+            numbers[key] = node[key]
+    fixed, fixed_with = ({str(k): str(v) for k, v in (node.get(key) or {}).items()} for key in ("set", "with"))
+    beside = Path(path).parent
+    names = {key: str(beside / node[key]) if str(node.get(key, "")).endswith((".yaml", ".yml")) else str(node[key])
+             for key in ("sequence", "rig") if key in node}
+    return make_plan(names["sequence"], dict(vary), names.get("rig"), node.get("method"),
+                     fixed=fixed, fixed_with=fixed_with, description=str(node.get("description", "")), wheres=wheres,
+                     **numbers)
+
+
+def make_plan(sequence: str, vary: dict, rig: str | None = None, method: str | None = None, samples: int | None = None,
+              seed: int = 1, repeats: int = 1, fixed: dict[str, str] | None = None,
+              fixed_with: dict[str, str] | None = None, description: str = "",
+              wheres: dict[str, str] | None = None) -> Plan:
+    """A checked plan. rig: the one that the sequence is written for, if not given; vary: name -> text or list of values;
+    method None: grid, or lhs when samples are asked for.
+
+    RigError when a name, a unit or a value does not fit the rig or the sequence, or the method does not fit them.
+    """
+    fixed, fixed_with = fixed or {}, fixed_with or {}
+    loaded = load_sequence(sequence, fixed_with)
+    rig = rig or loaded.rig
+    config = load_rig(rig, fixed)
+    loaded.check_rig(config)
+    method = method or ("lhs" if samples else "grid")
+    if method not in METHODS:
+        raise RigError(f"method is '{method}', expected {', '.join(METHODS)}")
+    varied = []
+    for name, spec in vary.items():
+        where = (wheres or {}).get(name, f"--vary {name}")
+        if name in fixed or name in fixed_with:
+            raise RigError(f"{where}: it is set for all members too; give it once")
+        varied.append(_read(name, spec, where, config, sequence, loaded))
+    if not varied:
+        raise RigError("a sweep needs something to vary: --vary NAME=\"LOW .. HIGH\" or NAME=\"A, B, C\"")
+    _check_method(method, samples, varied, wheres or {})
+    for name, value, low, high in (("samples", samples or 1, 1, MOST_MEMBERS), ("seed", seed, 0, 2**62),
+                                   ("repeats", repeats, 1, MOST_MEMBERS)):
+        if not low <= value <= high:
+            raise RigError(f"{name} is {value}, expected {low} to {high}")
+    plan = Plan(_place(sequence), _place(rig), method, samples or 0, seed, repeats, tuple(varied), dict(fixed),
+                dict(fixed_with), description)
+    if not 1 <= plan.count() <= MOST_MEMBERS:
+        raise RigError(f"the sweep has {plan.count()} members, expected 1 to {MOST_MEMBERS}")
+    return plan
+
+
+def _place(name: str) -> str:
+    """A file by its absolute path, so that the sweep can go on from another folder; an installed name as it is."""
+    text = str(name)
+    return str(Path(text).expanduser().absolute()) if text.endswith((".yaml", ".yml")) or "/" in text else text
+
+
+def _check_method(method: str, samples: int | None, varied: list[Varied], wheres: dict[str, str]) -> None:
+    if method in DRAWN:
+        if not samples:
+            raise RigError(f"method {method} draws its members; say how many with --samples (samples: in a file)")
+        return
+    if samples:
+        raise RigError(f"method {method} has as many members as its values make; samples belong to "
+                       f"{' and '.join(DRAWN)}")
+    for one in varied:
+        if not one.values:
+            raise RigError(f"{wheres.get(one.name, f'--vary {one.name}')}: method {method} needs values; write "
+                           "\"A, B, C\", \"LOW .. HIGH in 5\" or \"LOW .. HIGH step 10 ms\", or choose method lhs")
+    sizes = {one.name: len(one.values) for one in varied}
+    if method == "list" and len(set(sizes.values())) > 1:
+        raise RigError("method list takes the values row by row, so all parameters need equally many; found "
+                       + ", ".join(f"{size} of {name}" for name, size in sizes.items()))
+
+
+# ---- reading what a parameter takes
+
+
+def _read(name: str, spec, where: str, config, sequence: str, loaded) -> Varied:
+    of, dimension = _dimension(name, where, config, loaded)
+    texts = spec if isinstance(spec, list) else None
+    if texts is None and isinstance(spec, str):
+        match = _RANGE.fullmatch(spec) if dimension is not None else None
+        if match:
+            return _range(name, of, dimension, match, where, config, sequence)
+        texts = spec.split(",")
+    if texts is None:
+        texts = [spec]
+    texts = [str(text).strip() for text in texts]
+    if not texts or not all(texts):
+        raise RigError(f"{where}: expected values, e.g. \"A, B, C\", or a range \"LOW .. HIGH\"")
+    if dimension is None:
+        values, unit = tuple(texts), None
+    else:
+        unit = _unit(texts[0], dimension, where)
+        values = tuple(_number(text, dimension, unit, where) for text in texts)
+    one = Varied(name, of, unit, values)
+    for value in values:
+        _check(one, value, where, config, sequence)
+    return one
+
+
+def _dimension(name: str, where: str, config, sequence) -> tuple[str, str | None]:
+    """(whose parameter it is, its dimension: "whole" for whole numbers, None for words)."""
+    if name == SEED:
+        return "seed", "whole"
+    if name in sequence.parameters:
+        default = sequence.parameters[name]
+        return "sequence", "whole" if isinstance(default, int) else dimension_of(default)
+    if "." not in name and name != "wiring":
+        known = ", ".join(sequence.parameters) or "none"
+        raise RigError(f"{where}: neither a parameter of sequence '{sequence.name}' ({known}) nor a value of the rig "
+                       "(as --set names them, e.g. alfa46.t12)")
+    if match := _POINT_PART.fullmatch(name):
+        return "rig", match[2]
+    part, _, key = name.partition(".")
+    owner = getattr(config, part, None)
+    if part == "alfa46" and owner is not None:
+        owner = owner.values
+    about = getattr(type(owner), "__dataclass_fields__", {}).get(key)
+    dimension = about.metadata.get("dimension") if about is not None else None
+    return "rig", None if dimension in (None, "choice", "switch") else dimension
+
+
+def _unit(text: str, dimension: str, where: str) -> str:
+    """The unit that a value is written in; refuses one of another dimension."""
+    if dimension == "whole":
+        return ""
+    quantity(text, dimension, where)
+    return _NUMBER.fullmatch(text)[2] or "-"
+
+
+def _number(text: str, dimension: str, unit: str, where: str) -> float | int:
+    """A value in ``unit``."""
+    if dimension == "whole":
+        if not re.fullmatch(r"-?\d+", text):
+            raise RigError(f"{where}: '{text}' is no whole number")
+        return int(text)
+    value = quantity(text, dimension, where)
+    number, own = _NUMBER.fullmatch(text).groups()
+    return float(number) if (own or "-") == unit else value / UNITS[unit][1]
+
+
+def _range(name: str, of: str, dimension: str, match, where: str, config, sequence: str) -> Varied:
+    low_text, high_text, count, step_text, log = match.groups()
+    if dimension != "whole" and dimension_of(low_text) is None and dimension_of(high_text) is not None:
+        low_text = f"{low_text} {_NUMBER.fullmatch(high_text)[2]}"  # "-250 .. -150 ms"
+    unit = _unit(low_text, dimension, where)
+    low, high = (_number(text, dimension, unit, where) for text in (low_text, high_text))
+    if not low < high:
+        raise RigError(f"{where}: the range must rise, found {low_text} .. {high_text}")
+    if log and low <= 0.0:
+        raise RigError(f"{where}: a range along its logarithm must be above 0")
+    if count and step_text:
+        raise RigError(f"{where}: a range takes 'in' or 'step', not both")
+    one = Varied(name, of, unit, (), low, high, bool(log))
+    for value in (low, high):
+        _check(one, value, where, config, sequence)
+    if not (count or step_text):
+        return one
+    if step_text:
+        step = _number(step_text, dimension, unit, where)
+        if not step > 0:
+            raise RigError(f"{where}: the step must be above 0")
+        number = math.floor((high - low) / step * (1.0 + 1e-12)) + 1
+        if number > MOST_MEMBERS:
+            raise RigError(f"{where}: the step makes {number} values, more than {MOST_MEMBERS}")
+        values = [low + k * step for k in range(number)]
+        values = values if unit == "" else [float(f"{value:.12g}") for value in values]
+    else:
+        number = int(count)
+        if not 2 <= number <= MOST_MEMBERS:
+            raise RigError(f"{where}: 'in {number}': expected 2 to {MOST_MEMBERS} values")
+        values = [one.at(k / (number - 1)) for k in range(number)]
+        values = values if unit == "" else [float(f"{value:.12g}") for value in values]
+    return Varied(name, of, unit, tuple(values))
+
+
+def _check(one: Varied, value, where: str, config, sequence) -> None:
+    """RigError when rig or sequence would refuse this value by itself; what does not fit others, a run shows."""
+    if one.of == "sequence":
+        try:
+            load_sequence(sequence, {one.name: one.text(value)})
+        except RigError as error:
+            raise RigError(f"{where}: {error}") from None
+    if one.of != "rig":
+        return
+    if match := _POINT_PART.fullmatch(one.name):
+        si = quantity(one.text(value), match[2], where)
+        limit = config.alfa46.values.current_limit if match[2] == "current" else 60.0
+        if not 0.0 <= si <= limit:
+            raise RigError(f"{where}: {one.text(value)} is outside 0 to {limit:g} (SI)")
+    elif re.fullmatch(rf"alfa46\.(?:{'|'.join(OUTPUT_KEYS)})\.(?:{'|'.join(POINTS)})", one.name):
+        if len(str(value).split()) != 4:
+            raise RigError(f"{where}: expected time and current, e.g. \"200 ms 160 mA\", found '{value}'")
+    else:
+        try:
+            with_overrides(config, {one.name: one.text(value)})
+        except RigError as error:
+            raise RigError(f"{where}: {error}") from None
+
+
+def with_member(config, member_overrides: dict[str, str]):
+    """The rig with a member's values; times and currents of points given alone keep the other half."""
+    points: dict[str, dict[str, str]] = {}
+    plain = {}
+    for name, text in member_overrides.items():
+        if match := _POINT_PART.fullmatch(name):
+            points.setdefault(match[1], {})[match[2]] = text
+        else:
+            plain[name] = text
+    for name, halves in points.items():
+        if name in plain:
+            raise RigError(f"{name} is set as a whole and in part; give one of them")
+        _, output, point = name.split(".")
+        time, current = config.alfa46.profiles[OUTPUT_KEYS.index(output), POINTS.index(point)]
+        plain[name] = f"{halves.get('time', f'{float(time)!r} s')} {halves.get('current', f'{float(current)!r} A')}"
+    return with_overrides(config, plain)

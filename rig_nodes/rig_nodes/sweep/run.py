@@ -1,0 +1,109 @@
+"""Runs the members of a sweep, on this machine's cores or on a Dask cluster, and notes each in the sweep's folder.
+
+Used by the verb ``sweep``; what a member gives depends on nothing but its own values and seed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import platform
+import re
+import shutil
+from collections.abc import Callable, Iterable, Iterator
+from functools import lru_cache, partial
+from importlib.metadata import version
+from pathlib import Path
+
+from .. import __version__
+from ..analysis.metrics import Recording, shifts
+from ..analysis.report import build_report, inertias_of, plain, write_report
+from ..bags.reader import Bag
+from ..compiled import sources_key
+from ..errors import RigError
+from ..testbench.configuration import find_config, load_rig
+from ..testbench.record import record
+from ..testbench.sequence import load_sequence
+from ..testbench.simulate import simulate
+from .plan import Member, Plan, with_member
+from .store import BAGS, Store
+
+FOLDER = re.compile(r"\S*/(?=\S+\.ya?ml:\d)")  # where a file stands is no part of a result
+Stream = Callable[[Callable, Iterable], Iterator[tuple[int, dict, Exception | None]]]
+
+
+def manifest_of(plan: Plan, bags: bool) -> dict:
+    """What decides the results of a sweep: plan, configuration, sequence and versions; no clock, host or folder."""
+    text = find_config("sequences", plan.sequence).read_text(encoding="utf-8")
+    return {"plan": plan.as_dict(), "members": plan.count(), "bags": bags,
+            "configuration": load_rig(plan.rig, plan.fixed).as_dict(),
+            "sequence": hashlib.sha256(text.encode()).hexdigest(),
+            "versions": {"rig_nodes": __version__, "plant": sources_key(), "python": platform.python_version(),
+                         **{name: version(name) for name in ("numpy", "scipy", "numba")}}}
+
+
+def run_sweep(plan: Plan, store: Store, stream: Stream, progress: Callable[[int, dict], None] | None = None) -> int:
+    """Run the members that the store lacks; returns how many. progress(finished, entry) after each.
+
+    stream: as Workers.stream. A member that fails is noted with its reason; an interrupt is passed on.
+    """
+    left = [member for member in plan.members() if member.number not in store.done]
+    bags = str(store.folder.absolute() / BAGS) if store.manifest["bags"] else None
+    setup = pickle.dumps((load_rig(plan.rig, plan.fixed), plan.sequence, bags))
+    for place, entry, error in stream(partial(run_member, setup), left):
+        if error is not None:
+            entry = failed(left[place], error)
+        store.add(entry)
+        if progress:
+            progress(len(store.done), entry)
+    return len(left)
+
+
+@lru_cache(maxsize=2)
+def _setup(pickled: bytes):
+    return pickle.loads(pickled)
+
+
+def run_member(setup: bytes, member: Member) -> dict:
+    """What is noted of one run: its end and the metrics of its shifts. setup: as run_sweep makes it."""
+    base, name, bags = _setup(setup)
+    try:
+        config = with_member(base, member.overrides)
+        sequence = load_sequence(name, member.parameters)
+        if bags:
+            end, metrics = _into_bag(config, sequence, member, Path(bags))
+        else:
+            run = record(config, sequence, member.seed)
+            end = run.end
+            metrics = (shifts(run.recording, inertias_of({"configuration": config.as_dict()}))
+                       if isinstance(run.recording, Recording) else [])
+    except RigError as error:
+        return failed(member, error)
+    return _entry(member, end["state"], end["reason"], plain(metrics))
+
+
+def failed(member: Member, error: Exception) -> dict:
+    """What is noted of a run that could not be made: refused values, or an error with its last line."""
+    state = "refused" if isinstance(error, RigError) else "error"
+    reason = str(error).strip().splitlines()[-1] if str(error).strip() else type(error).__name__
+    return _entry(member, state, reason, [])
+
+
+def _entry(member: Member, state: str, reason: str, metrics: list[dict]) -> dict:
+    return {"member": member.number, "seed": member.seed, "values": member.values,
+            "end": {"state": state, "reason": FOLDER.sub("", reason)}, "shifts": metrics}
+
+
+def _into_bag(config, sequence, member: Member, bags: Path) -> tuple[dict, list[dict]]:
+    """The run as ``rig simulate`` makes it, in a folder that gets its name when it is whole."""
+    folder, temporary = bags / f"{member.number:06d}", bags / f".{member.number:06d}-{os.getpid()}"
+    for old in (folder, temporary):
+        shutil.rmtree(old, ignore_errors=True)  # of a run that was killed before it was noted
+    temporary.mkdir(parents=True)
+    run = simulate(config, sequence, temporary, member.seed)
+    report = build_report(Bag(temporary), run)
+    write_report(temporary, report)
+    os.replace(temporary, folder)
+    return run["end"], report["shifts"]
+

@@ -1,0 +1,207 @@
+"""The folder of a sweep: what it is, a journal of finished members, and the results as Parquet.
+
+Used by sweep.run and the verb ``sweep``; the journal by tune.folder too. A member counts as finished when its line of
+the journal is whole, which its checksum says; a line half written by a killed process is cut off and its member runs
+again.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from ..analysis.metrics import KEYS
+from ..errors import RigError
+from .plan import Plan, Varied
+
+MANIFEST, JOURNAL, RESULTS, BAGS = "sweep.json", "members.jsonl", "results.parquet", "bags"
+UNITS = {"s": "s", "nm": "Nm", "rpm": "rpm", "j": "J"}  # by the last word of a metric's name
+KINDS = {"valid": "bool_", "why": "string", "from_gear": "int8", "to_gear": "int8"}  # of metrics that are no float
+METADATA = b"rig_nodes.sweep"
+
+
+class Store:
+    """An open folder; a context manager that keeps others out of it. ``done``: numbers of finished members."""
+
+    def __init__(self, folder: Path, manifest: dict):
+        """Opens the folder, or makes it. RigError when it holds something else, or somebody works in it."""
+        self.folder, self.manifest = Path(folder), manifest
+        path = self.folder / MANIFEST
+        if not path.exists():
+            if self.folder.exists() and (not self.folder.is_dir() or any(self.folder.iterdir())):
+                raise RigError(f"{folder}: it exists and holds no sweep; choose a new name with --out")
+            self.folder.mkdir(parents=True, exist_ok=True)
+            write_atomically(path, json.dumps(manifest, indent=1, ensure_ascii=False) + "\n")
+        elif (why := differs(read_manifest(self.folder), manifest)) is not None:
+            raise RigError(f"{folder} holds another sweep ({why} is not the same); choose a new folder with --out")
+        self._journal = Journal(self.folder / JOURNAL)
+        self.done: set[int] = {entry["member"] for entry in self._journal.entries()}
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(self, *_error) -> None:
+        self._journal.close()
+
+    def add(self, entry: dict) -> None:
+        """Note a finished member; it is safe from a kill of this process when this returns."""
+        if entry["member"] in self.done:
+            raise ValueError(f"member {entry['member']} is there already")
+        self._journal.add(entry)
+        self.done.add(entry["member"])
+
+    def entries(self) -> Iterator[dict]:
+        """What is noted of each finished member, in the order in which they came."""
+        return self._journal.entries()
+
+    def write_results(self, plan: Plan) -> Path:
+        """``results.parquet`` of all finished members, in the order of their numbers; the old one until it is whole."""
+        pa, pq = parquet()
+        schema = schema_of(plan, self.manifest)
+        rows = [row for entry in sorted(self.entries(), key=lambda e: e["member"]) for row in rows_of(plan, entry)]
+        columns = {name: [row[name] for row in rows] for name in schema.names}
+        path = self.folder / RESULTS
+        temporary = path.with_suffix(".part")
+        pq.write_table(pa.table(columns, schema=schema), temporary, compression="zstd")
+        os.replace(temporary, path)
+        return path
+
+
+class Journal:
+    """A file that only grows, of entries with a checksum each; one process at a time has it open.
+
+    Opening it cuts off what follows the last whole entry, as a kill in the middle of writing leaves it.
+    """
+
+    def __init__(self, path: Path):
+        """RigError when another process has it open."""
+        self.path, self._file = path, open(path, "a+b")
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            self._file.close()
+            raise RigError(f"{path.parent}: another process is working there; wait for it or end it") from None
+        good = self._file.seek(0)
+        for line in self._file:
+            if decode(line) is None:
+                break
+            good += len(line)
+        self._file.truncate(good)
+
+    def add(self, entry: dict) -> None:
+        """Note an entry; it is safe from a kill of this process when this returns."""
+        self._file.write(encode(entry))
+        self._file.flush()
+
+    def entries(self) -> Iterator[dict]:
+        """All entries, in the order in which they came."""
+        with open(self.path, "rb") as file:
+            for line in file:
+                yield decode(line)
+
+    def close(self) -> None:
+        """Let others have it."""
+        self._file.close()
+
+
+def encode(entry: dict) -> bytes:
+    """A line of the journal: checksum, content."""
+    text = json.dumps(entry, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
+    return b"%08x %s\n" % (zlib.crc32(text), text)
+
+
+def decode(line: bytes) -> dict | None:
+    """What a line holds; None when it is not whole."""
+    if not line.endswith(b"\n") or line[8:9] != b" ":
+        return None
+    text = line[9:-1]
+    if line[:8] != b"%08x" % zlib.crc32(text):
+        return None
+    return json.loads(text)
+
+
+def read_manifest(folder: str | Path) -> dict:
+    """What a sweep's folder says of itself; RigError when it holds none."""
+    path = Path(folder) / MANIFEST
+    try:
+        manifest = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(manifest, dict) or "plan" not in manifest:
+            raise ValueError("no plan in it")
+    except FileNotFoundError:
+        raise RigError(f"{folder}: holds no sweep (no {MANIFEST} in it)") from None
+    except (OSError, ValueError) as error:
+        raise RigError(f"{path}: cannot be read ({error}); start the sweep in a new folder") from None
+    return manifest
+
+
+def differs(one: dict, other: dict) -> str | None:
+    """The first thing in which two manifests are not the same, e.g. "plan.seed"; None when there is none."""
+    for key in dict.fromkeys([*one, *other]):
+        a, b = one.get(key), other.get(key)
+        if a != b:
+            inside = differs(a, b) if isinstance(a, dict) and isinstance(b, dict) else None
+            return f"{key}.{inside}" if inside else str(key)
+    return None
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """A file that is there as a whole or not at all."""
+    temporary = path.with_name(path.name + ".part")
+    temporary.write_text(text, encoding="utf-8")
+    os.replace(temporary, path)
+
+
+def parquet():
+    """(pyarrow, pyarrow.parquet); RigError when it is not installed."""
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        raise RigError("sweeps write Parquet with pyarrow, which is not installed; install the extra "
+                       "'rig_nodes[sweep]'") from None
+    return pyarrow, pyarrow.parquet
+
+
+# ---- the table
+
+
+def rows_of(plan: Plan, entry: dict) -> list[dict]:
+    """Rows of a member: one for each of its shifts, one without metrics when it has none."""
+    shared = {"member": entry["member"], "seed": entry["seed"],
+              **{one.name: entry["values"][one.name] for one in plan.varied if one.of != "seed"},
+              "end": entry["end"]["state"], "reason": entry["end"]["reason"]}
+    out = []
+    for number, metrics in enumerate(entry["shifts"] or [None]):
+        row = {**shared, "shift": None if metrics is None else number}
+        for key in KEYS:
+            value = None if metrics is None else metrics[key]
+            row[key] = "; ".join(value) if key == "why" and value is not None else value
+        out.append(row)
+    return out
+
+
+def schema_of(plan: Plan, manifest: dict):
+    """Columns with their units, and where all of it is from."""
+    pa, _ = parquet()
+
+    def column(name, kind, unit=None, about=None):
+        metadata = {key: value for key, value in (("unit", unit), ("about", about)) if value}
+        return pa.field(name, kind, metadata=metadata or None)
+
+    columns = [column("member", pa.int64(), about="number of the run"),
+               column("seed", pa.int64(), about="of the run's noise"),
+               *(column(one.name, _kind(pa, one), one.unit, f"parameter of the {one.of}")
+                 for one in plan.varied if one.of != "seed"),
+               column("shift", pa.int32(), about="number of the shift in its run; empty where there was none")]
+    for key in KEYS:
+        columns.append(column(key, getattr(pa, KINDS.get(key, "float64"))(), UNITS.get(key.rpartition("_")[2])))
+    columns += [column("end", pa.string(), about="how the run ended"), column("reason", pa.string())]
+    return pa.schema(columns, metadata={METADATA: json.dumps(manifest, ensure_ascii=False).encode()})
+
+
+def _kind(pa, one: Varied):
+    return pa.string() if one.unit is None else pa.int64() if one.unit == "" else pa.float64()

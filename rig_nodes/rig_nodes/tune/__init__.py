@@ -1,0 +1,4 @@
+"""Search for settings of the Alfa46: profiles and delays for an operating range, as a front of trade-offs.
+
+Used by the verb ``tune``; docs/tune.md says how.
+"""

@@ -1,0 +1,172 @@
+"""What found settings are worth where they were not sought: other operating points, other rigs, and the largest load.
+
+Used by the verb ``tune`` after the search.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import partial
+
+from ..alfa46.settings import Alfa46Config
+from ..analysis.metrics import shifts
+from ..testbench.campaign import Workers
+from ..testbench.configuration import RigConfig
+from ..testbench.record import record
+from ..testbench.sequence import load_sequence
+from .bench import GEARS, RPM, Bench, Point
+from .problem import Ground, Task, excess, share
+
+ENGINE = 271.0  # Nm, the engine that the gearbox was made for (thesis 1, John Deere 4045TF280)
+LOAD_FROM, LOAD_WITHIN = 20.0, 2.0  # Nm: where the search for the largest load begins, and how near it comes
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Settings against the compared ones, shift by shift (each a pair: one rig, one operating point).
+
+    shares: of each objective (worst, mean). better: pairs in which every share is below 1; failed: in which these
+    settings have no shift; missed: in which a bound is not kept. rigs: how many there are, better_rigs: on how many of
+    them every share is below 1 in the mean over the operating points, and the highest peak no higher.
+    """
+
+    pairs: int
+    better: int
+    failed: int
+    missed: int
+    rigs: int
+    better_rigs: int
+    shares: dict[str, tuple[float, float]]
+    highest_peak: float
+    compared_peak: float
+
+    @property
+    def dominates(self) -> bool:
+        """Better on every rig, with every shift coming to its end."""
+        return 0 < self.rigs == self.better_rigs and not self.failed
+
+    def as_dict(self) -> dict:
+        return {"pairs": self.pairs, "better": self.better, "failed": self.failed, "bounds_missed": self.missed,
+                "rigs": self.rigs, "better_rigs": self.better_rigs, "dominates": self.dominates,
+                "highest_peak_nm": self.highest_peak, "compared_highest_peak_nm": self.compared_peak,
+                "shares": {name: {"worst": worst, "mean": mean} for name, (worst, mean) in self.shares.items()}}
+
+
+def verdicts(task: Task, candidates: list[Alfa46Config], workers: Workers) -> list[Verdict]:
+    """Of each of the settings on all rigs and points of the task."""
+    items = [(place, rig) for place in range(len(candidates)) for rig in range(len(task.rigs))]
+    parts = workers.map(partial(_on_rig, task.pickled(), candidates), items)
+    found: list[list[list]] = [[] for _ in candidates]
+    for (place, _), pairs in zip(items, parts):
+        if pairs:
+            found[place].append(pairs)
+    return [_verdict(task, rigs) for rigs in found]
+
+
+def _on_rig(pickled: bytes, candidates: list[Alfa46Config], item: tuple[int, int]) -> list:
+    place, rig = item
+    ground = Ground.of(pickled)
+    return ground.pairs(rig, ground.shifts(rig, candidates[place]))
+
+
+def _verdict(task: Task, rigs: list[list]) -> Verdict:
+    names = [name for name in task.objectives if name != "dip"]
+    shares: dict[str, list[float]] = {name: [] for name in task.objectives}
+    better = failed = missed = better_rigs = 0
+    for pairs in rigs:
+        good = [(shift, compared) for _, shift, compared in pairs if shift.valid]
+        of_rig = {name: [share(name, *pair) for pair in good] for name in task.objectives}
+        for name, values in of_rig.items():
+            shares[name] += values
+        failed += len(pairs) - len(good)
+        missed += sum(excess(task, *pair) > 0.0 for pair in good)
+        better += sum(all(of_rig[name][k] < 1.0 for name in names) for k in range(len(good)))
+        better_rigs += bool(good) and all(sum(of_rig[name]) < len(good) for name in names) and (
+            max(shift.peak for shift, _ in good) <= max(compared.peak for _, compared in good))
+    every = [pair for pairs in rigs for pair in pairs]
+    return Verdict(len(every), better, failed, missed, len(rigs), better_rigs,
+                   {name: (max(x), sum(x) / len(x)) for name, x in shares.items() if x},
+                   max((shift.peak for _, shift, _ in every if shift.valid), default=float("nan")),
+                   max((compared.peak for _, _, compared in every), default=float("nan")))
+
+
+def as_measured(config: RigConfig, settings: Iterable[Alfa46Config], points: Iterable[Point], workers: Workers,
+                seed: int) -> list[list[dict | None]]:
+    """For each of the settings and points the metrics of the sequence ``grid_point`` with its transducers, as the
+    laboratory would have measured them; None where the sequence failed.
+    """
+    settings, points = list(settings), list(points)
+    items = [(one, point, seed + number) for one in settings for number, point in enumerate(points)]
+    rows = iter(workers.map(partial(_measured, config), items))
+    return [[next(rows) for _ in points] for _ in settings]
+
+
+def _measured(config: RigConfig, item) -> dict | None:
+    from dataclasses import replace
+
+    settings, point, seed = item
+    up, down = (point.m_wyj, point.m_wyj) if point.way == "I-II" else (40.0, point.m_wyj)
+    sequence = load_sequence("grid_point", {"speed": f"{point.n_wej / RPM!r} rpm", "load_up": f"{up!r} Nm",
+                                            "load_down": f"{min(down, 240.0)!r} Nm"})
+    run = record(replace(config, alfa46=settings), sequence, seed)
+    rows = [row for row in shifts(run.recording) if (row["from_gear"], row["to_gear"]) == GEARS[point.way]
+            and row["n_wej_rpm"]]
+    return rows[-1] if rows and rows[-1]["t_c_s"] is not None else None
+
+
+# ---- the largest load
+
+
+@dataclass(frozen=True)
+class Heavy:
+    """Downshifts at one speed. Before the shift M_wej is ``before`` already, at ``load``; ``least`` and ``compared``
+    are the peaks with the settings sought for this and with the compared ones; the *_load are the largest loads [Nm]
+    at which each of the three stays within the engine's torque.
+    """
+
+    n_wej: float
+    load: float
+    before: float
+    least: float | None
+    compared: float | None
+    before_load: float
+    least_load: float
+    compared_load: float
+
+    def as_dict(self) -> dict:
+        return {"n_wej_rpm": self.n_wej / RPM, "load_nm": self.load, "m_wej_before_nm": self.before,
+                "least_peak_nm": self.least, "compared_peak_nm": self.compared, "engine_nm": ENGINE,
+                "load_within_engine_nm": {"before_the_shift": self.before_load, "least_peak": self.least_load,
+                                          "compared": self.compared_load}}
+
+
+def heavy(config: RigConfig, best: Alfa46Config, compared: Alfa46Config, points: list[Point],
+          workers: Workers) -> list[Heavy]:
+    """Each of the points, all II-I, on the rig itself."""
+    return workers.map(partial(_heavy, config, best, compared), points)
+
+
+def _heavy(config: RigConfig, best: Alfa46Config, compared: Alfa46Config, point: Point) -> Heavy:
+    bench = Bench(config)
+    ours, theirs = bench.shift(point, best), bench.shift(point, compared)
+
+    def within(read) -> float:
+        """The largest load at which what is read stays within the engine's torque, by halving."""
+        low, high = LOAD_FROM, point.m_wyj
+        if read(high) <= ENGINE:
+            return high
+        while high - low > LOAD_WITHIN:
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if read(middle) <= ENGINE else (low, middle)
+        return low
+
+    def peak(settings):
+        def read(load: float) -> float:
+            shift = bench.shift(Point(point.way, point.n_wej, load), settings)
+            return shift.peak if shift.valid else float("inf")
+        return read
+
+    return Heavy(point.n_wej, point.m_wyj, ours.before, ours.peak, theirs.peak,
+                 within(lambda load: bench.shift(Point(point.way, point.n_wej, load), compared).before),
+                 within(peak(best)), within(peak(compared)))

@@ -1,0 +1,166 @@
+"""What is tuned: the operating range, the objectives with their bounds, and the rigs over which it must hold.
+
+Used by tune.search and tune.judge; plain data that goes to worker processes and into the folder.
+"""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy.stats import qmc
+
+from ..alfa46.settings import Alfa46Config
+from ..errors import RigError
+from ..testbench.configuration import RigConfig
+from .bench import Bench, Point, Shift
+
+# objective -> (what it is, unit). All but the dip are shares of what the compared settings give in the same shift
+OBJECTIVES = {
+    "peak": ("highest M_wej from the order until everything is at rest", "Nm"),
+    "time": ("t_c, from the order to the new gear; as a share, the larger one of t_c and t_dt", "s"),
+    "dip": ("by how much k lies below 1", "-"),
+    "energy": ("heat of both clutches", "J"),
+    "jerk": ("largest change of the output's acceleration", "rad/s3"),
+}
+FIELDS = {"peak": "peak", "time": "time", "dip": "dip", "energy": "heat", "jerk": "jerk"}
+DIP = 0.05  # what Annex A calls a dip: no settings may dip further than this, or than the compared ones
+# objectives of settings that are no shift at all, all the same, so that nothing that shifts is worse
+REFUSED, INVALID = 10.0, 5.0
+LOAD_STEP = 10.0  # Nm in which a load that the rig does not hold is lowered
+
+
+@dataclass(frozen=True)
+class Range:
+    """Speeds of the input [rad/s] and torques at the output [Nm] of one way."""
+
+    low_speed: float
+    high_speed: float
+    low_load: float
+    high_load: float
+
+    def corners(self, way: str) -> list[Point]:
+        """The four corners and the middle."""
+        speeds, loads = (self.low_speed, self.high_speed), (self.low_load, self.high_load)
+        return [*(Point(way, n, m) for n in speeds for m in loads), Point(way, 0.5 * sum(speeds), 0.5 * sum(loads))]
+
+    def heaviest(self, way: str) -> list[Point]:
+        """The largest load at three speeds."""
+        return [Point(way, n, self.high_load) for n in np.linspace(self.low_speed, self.high_speed, 3).tolist()]
+
+    def inside(self, way: str, count: int, seed: int) -> list[Point]:
+        """``count`` points by a Latin hypercube; the first one has the largest load."""
+        places = qmc.LatinHypercube(2, seed=np.random.default_rng(seed)).random(count).tolist()
+        points = [Point(way, self.low_speed + a * (self.high_speed - self.low_speed),
+                        self.low_load + b * (self.high_load - self.low_load)) for a, b in places]
+        return [Point(way, points[0].n_wej, self.high_load), *points[1:]]
+
+
+@dataclass(frozen=True)
+class Task:
+    """Shifts to be judged: rigs (the first is the rig itself), points, the settings that all others are compared with,
+    objectives and bounds (name -> largest value, SI).
+    """
+
+    rigs: tuple[RigConfig, ...]
+    points: tuple[Point, ...]
+    compared: Alfa46Config
+    objectives: tuple[str, ...]
+    bounds: tuple[tuple[str, float], ...]
+
+    def pickled(self) -> bytes:
+        return pickle.dumps(self)
+
+
+class Ground:
+    """A task with its rigs warm, and what the compared settings give; one for each process."""
+
+    def __init__(self, task: Task):
+        self.task, self.benches = task, [Bench(config) for config in task.rigs]
+        self.compared = [[bench.shift(point, task.compared) for point in task.points] for bench in self.benches]
+
+    @staticmethod
+    def of(pickled: bytes) -> Ground:
+        """The ground of a pickled task, kept for the next call."""
+        return _ground(pickled)
+
+    def shifts(self, rig: int, settings: Alfa46Config) -> list[Shift]:
+        """The shifts of one rig in all points."""
+        return [self.benches[rig].shift(point, settings) for point in self.task.points]
+
+    def pairs(self, rig: int, shifts: list[Shift]) -> list[tuple[Point, Shift, Shift]]:
+        """(point, shift, the compared one), where the compared settings shift at all."""
+        return [(point, shift, compared) for point, shift, compared
+                in zip(self.task.points, shifts, self.compared[rig]) if compared.valid]
+
+
+@lru_cache(maxsize=4)
+def _ground(pickled: bytes) -> Ground:
+    return Ground(pickle.loads(pickled))
+
+
+def held(config: RigConfig, points: list[Point]) -> tuple[list[Point], list[str]]:
+    """(points, loads lowered until the rig holds them; a sentence for each that was); RigError where none helps."""
+    bench, out, said = Bench(config), [], []
+    for point in points:
+        load = point.m_wyj
+        while load > 0.0 and (why := bench.holds(Point(point.way, point.n_wej, load))):
+            load -= LOAD_STEP
+        if load <= 0.0:
+            raise RigError(why)
+        chosen = Point(point.way, point.n_wej, load)
+        if chosen != point:
+            said.append(f"{point.text()} is more than the rig holds; {chosen.text()} in its place")
+        if chosen not in out:
+            out.append(chosen)
+    return out, said
+
+
+def share(name: str, shift: Shift, compared: Shift) -> float:
+    """An objective of one shift: a share of the compared one's, the dip as it is."""
+    if name == "dip":
+        return shift.dip
+    if name == "time":
+        return max(shift.time / compared.time, shift.t_dt / compared.t_dt)
+    return getattr(shift, FIELDS[name]) / getattr(compared, FIELDS[name])
+
+
+def excess(task: Task, shift: Shift, compared: Shift) -> float:
+    """By how much a shift misses the bounds; 0: not at all."""
+    limits = dict(task.bounds)
+    dip = limits.pop("dip", max(DIP, compared.dip))
+    return max(0.0, shift.dip - dip) + sum(
+        max(0.0, getattr(shift, FIELDS[name]) / limit - 1.0) for name, limit in limits.items())
+
+
+def judged(task: Task, pairs: list[tuple[Point, Shift, Shift]]) -> tuple[list[float], float] | None:
+    """(objectives, how far bounds are missed) of some shifts; None when one of them is no shift.
+
+    An objective is half the mean and half the worst of its shares, so that 1 is what the compared settings give; of the
+    dip it is the worst.
+    """
+    if not all(shift.valid for _, shift, _ in pairs):
+        return None
+    values = []
+    for name in task.objectives:
+        shares = [share(name, shift, compared) for _, shift, compared in pairs]
+        values.append(max(shares) if name == "dip" else 0.5 * (sum(shares) / len(shares) + max(shares)))
+    return values, max(excess(task, shift, compared) for _, shift, compared in pairs)
+
+
+def dominates(one, other) -> bool:
+    """Whether objectives are nowhere worse and somewhere better."""
+    return all(a <= b for a, b in zip(one, other)) and any(a < b for a, b in zip(one, other))
+
+
+def front_of(entries: list, values) -> list:
+    """The entries whose ``values(entry)`` nobody else's dominate, each value once, sorted by the first objective."""
+    kept, seen = [], set()
+    for entry in sorted(entries, key=lambda e: tuple(values(e))):
+        mine = tuple(values(entry))
+        if mine not in seen and not any(dominates(values(other), mine) for other in kept):
+            kept.append(entry)
+            seen.add(mine)
+    return [e for e in kept if not any(dominates(values(o), values(e)) for o in kept)]

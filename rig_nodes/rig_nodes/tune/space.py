@@ -1,0 +1,109 @@
+"""The settings of one shift as the tuner sees them: eleven whole numbers, in ms and mA as the box takes them.
+
+Used by tune.search; what comes out is an Alfa46Config within the hardware's currents, times and rates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..alfa46.settings import Alfa46Config, check_profile
+from ..errors import RigError
+from ..testbench.configuration import RigConfig
+
+WAYS = {"I-II": (1, 0), "II-I": (0, 1)}  # shift -> places of the engaging and of the releasing clutch
+DELAY = {"I-II": "t12", "II-I": "t21"}
+# name -> (lowest, highest); gaps are times between a point and the one before it. P1 to P3 are the engaging valve's,
+# P4 to P6 the releasing one's; the current of P3 is given, that of P6 is 0: the coil is off after it
+BOUNDS = {
+    "P1.time": (20, 400), "P1.current": (0, 800), "P2.gap": (5, 400), "P2.current": (100, 600), "P3.gap": (20, 800),
+    "P4.time": (5, 500), "P4.current": (0, 500), "P5.gap": (5, 600), "P5.current": (0, 400), "P6.gap": (5, 500),
+    "delay": (-500, 200),
+}
+# a second place to begin from, beside the settings that are there: the new clutch is filled at once with three quarters
+# of the coil's current, then clamped along a ramp, while the old one is let go; no delay
+FAST_FILL = {
+    "P1.time": 25, "P1.current": 600, "P2.gap": 50, "P2.current": 560, "P3.gap": 350, "P4.time": 160, "P4.current": 40,
+    "P5.gap": 300, "P5.current": 120, "P6.gap": 100, "delay": 0,
+}
+LONGEST = 1500  # ms from the order to the last point of both profiles
+MS, MA = 1e-3, 1e-3
+
+
+@dataclass(frozen=True)
+class Rates:
+    """What a coil can follow between two currents: rising with the supply, falling through its own resistance."""
+
+    supply: float  # V
+    resistance: float  # ohm
+    inductance: float  # H
+
+    @classmethod
+    def of(cls, config: RigConfig, valve: int) -> Rates:
+        coil = (config.valve_zr_p1, config.valve_zr_p2)[valve]
+        supply = min(coil.coil_voltage, config.alfa46.values.supply_voltage)
+        return cls(supply, coil.coil_resistance, coil.coil_inductance)
+
+    def shortest(self, i0: float, i1: float) -> float:
+        """Least time [s] for a straight line from i0 to i1 [A]: the coil still follows its slope at the worse end."""
+        if i1 > i0:
+            spare = self.supply - self.resistance * i1
+            return np.inf if spare <= 0.0 else (i1 - i0) * self.inductance / spare
+        # against its resistance the current falls by itself; a line is followed down to a tenth of its height
+        return (i0 - i1) * self.inductance / (self.resistance * max(i1, 0.1 * i0)) if i0 > i1 else 0.0
+
+
+def whole(values: dict[str, int]) -> tuple[int, ...]:
+    """The numbers in the order of BOUNDS."""
+    return tuple(int(values[name]) for name in BOUNDS)
+
+
+def values_of(config: Alfa46Config, way: str, wiring: tuple[int, int]) -> dict[str, int]:
+    """The numbers of settings that are there, rounded to whole ms and mA."""
+    engaging, releasing = (config.profiles[wiring[place]] for place in WAYS[way])
+    t, i = engaging[:, 0] / MS, engaging[:, 1] / MA
+    u, j = releasing[:, 0] / MS, releasing[:, 1] / MA
+    found = (t[0], i[0], t[1] - t[0], i[1], t[2] - t[1], u[3], j[3], u[4] - u[3], j[4], u[5] - u[4],
+             getattr(config.values, DELAY[way]) / MS)
+    return {name: int(round(float(value))) for name, value in zip(BOUNDS, found)}
+
+
+def settings(base: Alfa46Config, way: str, values: dict[str, int], wiring: tuple[int, int]) -> Alfa46Config:
+    """The base with the numbers of one shift; the current of P3 and the other shift's points stay the base's."""
+    profiles = base.profiles.copy()
+    engaging, releasing = (wiring[place] for place in WAYS[way])
+    v = values
+    t1 = v["P1.time"]
+    t2 = t1 + v["P2.gap"]
+    profiles[engaging, :3, 0] = np.array([t1, t2, t2 + v["P3.gap"]]) * MS
+    profiles[engaging, :2, 1] = np.array([v["P1.current"], v["P2.current"]]) * MA
+    t4 = v["P4.time"]
+    t5 = t4 + v["P5.gap"]
+    profiles[releasing, 3:, 0] = np.array([t4, t5, t5 + v["P6.gap"]]) * MS
+    profiles[releasing, 3:, 1] = np.array([v["P4.current"], v["P5.current"], 0]) * MA
+    return Alfa46Config(replace(base.values, **{DELAY[way]: v["delay"] * MS}), np.round(profiles, 9))
+
+
+def refused(base: RigConfig, way: str, values: dict[str, int]) -> float:
+    """By how much [s] settings ask for more than the hardware gives, slopes and length together; 0: not at all."""
+    config = settings(base.alfa46, way, values, base.wiring)
+    engaging, releasing = WAYS[way]
+    too_much = 0.0
+    up, hold = config.profiles[base.wiring[engaging]], config.profiles[base.wiring[releasing]]
+    points = [(engaging, (0.0, 0.0), up[0]), (engaging, up[0], up[1]), (engaging, up[1], up[2]),
+              (releasing, (0.0, hold[2, 1]), hold[3]), (releasing, hold[3], hold[4])]
+    for valve, a, b in points:
+        too_much += max(0.0, Rates.of(base, valve).shortest(a[1], b[1]) - (b[0] - a[0]))
+    delay = getattr(config.values, DELAY[way])
+    last = max(max(0.0, delay) + up[2, 0], max(0.0, -delay) + hold[5, 0])
+    return too_much + max(0.0, last - LONGEST * MS)
+
+
+def check(config: Alfa46Config) -> None:
+    """RigError when the box would refuse the settings; whole ms and mA are what it takes."""
+    for number, profile in enumerate(config.profiles):
+        check_profile(profile, f"output_{number + 1}", config.values.current_limit)
+        if not np.allclose(np.round(profile / 1e-3), profile / 1e-3, atol=1e-6):
+            raise RigError(f"output_{number + 1}: the box takes whole ms and mA")

@@ -1,0 +1,104 @@
+"""Rigs that the laboratory's rows allow as well: calibrated parameters within their spreads, oil of other temperatures.
+
+Used by tune.problem; the spreads are those that ``rig calibrate`` prints.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import qmc
+
+from ..errors import RigError
+from ..testbench.campaign import Workers
+from ..testbench.configuration import RigConfig
+from ..validation.calibrate import Parameter, load_stages, sensitivities, shares_of, with_values
+from ..validation.calibration_rows import ROWS, calibrating
+
+DRAWN_BACK = (1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1, 0.05)  # shares of the way to a sampled value that are tried
+
+
+def parameters() -> dict[str, Parameter]:
+    """"stage.name" -> parameter, of all stages of the calibration."""
+    return {f"{stage}.{name}": p for stage, those in load_stages().items() for name, p in those.items()}
+
+
+def values_now(config: RigConfig) -> dict[str, float]:
+    """"stage.name" -> its value in this rig [SI], within the bounds of the calibration."""
+    known = parameters()
+    shares = shares_of(config, known)
+    return {name: p.low + (p.high - p.low) * share for (name, p), share in zip(known.items(), shares)}
+
+
+def spreads_of(config: RigConfig, workers: Workers) -> dict[str, float]:
+    """Spread of each calibrated parameter of this rig [SI], as ``rig calibrate`` determines it; some seconds."""
+    found = workers.map(partial(_stage_spread, config), list(load_stages()))
+    return {name: value for one in found for name, value in one.items()}
+
+
+def _stage_spread(config: RigConfig, stage: str) -> dict[str, float]:
+    those, now = load_stages()[stage], values_now(config)
+    values = {name: now[f"{stage}.{name}"] for name in those}
+    spread = sensitivities(config, those, values, ROWS[stage])[1]
+    return {f"{stage}.{name}": float(value) for name, value in spread.items()}
+
+
+def read_spreads(path: str | Path) -> dict[str, float]:
+    """The spreads in a file of ``rig calibrate --json``; RigError when it is none or is of another calibration."""
+    try:
+        spread = json.loads(Path(path).read_text(encoding="utf-8"))["spread"]
+        spread = {str(name): float(value) for name, value in spread.items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise RigError(f"{path}: holds no spreads ({error}); make it with: ./rig calibrate --json FILE") from None
+    for name in spread:
+        if name not in parameters():
+            raise RigError(f"{path}: the calibration has no parameter '{name}'; make the file anew")
+    return spread
+
+
+def sampled_rigs(config: RigConfig, spreads: dict[str, float], oil: tuple[float, float], count: int,
+                 seed: int) -> list[RigConfig]:
+    """``count`` rigs: each parameter within its spread around the rig's value and within its bounds, the oil between
+    two temperatures [degC], by a Latin hypercube of this seed; each stage drawn back until its rows allow it.
+    """
+    known, now = parameters(), values_now(config)
+    names = [name for name in known if spreads.get(name, 0.0) > 0.0]
+    rigs = []
+    for row in qmc.LatinHypercube(len(names) + 1, seed=np.random.default_rng(seed)).random(count).tolist():
+        values: dict[str, float] = {}
+        for name, share in zip(names, row):
+            value = now[name] + spreads[name] * (2.0 * share - 1.0)
+            values[name] = float(np.clip(value, known[name].low, known[name].high))
+        rig = _allowed(config, values, now)
+        temperature = oil[0] + (oil[1] - oil[0]) * row[-1]
+        rigs.append(replace(rig, oil_supply=replace(rig.oil_supply, temperature=temperature)))
+    return rigs
+
+
+def _allowed(config: RigConfig, values: dict[str, float], now: dict[str, float]) -> RigConfig:
+    """The rig with these values, each stage of them drawn back towards ``now`` until its rows allow it.
+
+    A spread is what moves the sum of a stage's squared misses by 1, the others held. So values within the spreads may move
+    it by as many as there are; where they move it further, together or because a row breaks off, they are no rig that
+    the laboratory's rows allow.
+    """
+    rig = config
+    for stage, those in load_stages().items():
+        moved = {name: values[f"{stage}.{name}"] for name in those if f"{stage}.{name}" in values}
+        limit = _misses(config, stage) + len(moved)
+        for part in DRAWN_BACK:
+            drawn = {name: now[f"{stage}.{name}"] + part * (value - now[f"{stage}.{name}"])
+                     for name, value in moved.items()}
+            if _misses(with_values(config, those, drawn), stage) <= limit:
+                rig = with_values(rig, those, drawn)
+                break
+    return rig
+
+
+def _misses(config: RigConfig, stage: str) -> float:
+    """Sum of squared misses of a stage's rows [tolerances]."""
+    return sum(miss.tolerances**2 for miss in ROWS[stage](config, calibrating()))

@@ -1,0 +1,40 @@
+"""A sweep in a process of its own for test_resume.py: says what it does line by line, so that the test can wait for it.
+
+Arguments: folder, number of processes, and "many" for two thousand members of demo. Lines: "processes PID ...", then
+"finished N" for each member.
+"""
+
+import sys
+from pathlib import Path
+
+from rig_nodes.sweep.plan import make_plan
+from rig_nodes.sweep.run import manifest_of, run_sweep
+from rig_nodes.sweep.store import Store
+from rig_nodes.testbench.campaign import Workers
+
+HERE = Path(__file__).resolve().parent
+
+
+def plan():
+    """Twenty-two short members: eleven rests, each twice."""
+    return make_plan(str(HERE / "short.yaml"), {"rest": "20 ms .. 130 ms in 11"}, repeats=2)
+
+
+def many():
+    """Two thousand runs of demo."""
+    return make_plan("demo", {"alfa46.t12": "-300 ms .. 100 ms", "alfa46.t21": "-300 ms .. 100 ms",
+                              "oil_supply.temperature": "20 degC .. 70 degC"}, samples=2000)
+
+
+def main() -> None:
+    folder, jobs = Path(sys.argv[1]), int(sys.argv[2])
+    chosen = many() if "many" in sys.argv[3:] else plan()
+    with Store(folder, manifest_of(chosen, False)) as store, Workers(jobs) as workers:
+        print("processes", *workers.pids(), flush=True)
+        run_sweep(chosen, store, workers.stream, lambda done, entry: print("finished", entry["member"], flush=True))
+        store.write_results(chosen)
+    print("whole", flush=True)
+
+
+if __name__ == "__main__":
+    main()

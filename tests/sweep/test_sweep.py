@@ -1,0 +1,102 @@
+"""Members, their rows and the command: the same bits wherever a member runs; a failing one is a row."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from rig_nodes.cli.main import main, run_verb
+from rig_nodes.errors import RigError
+from rig_nodes.sweep.plan import make_plan
+from rig_nodes.sweep.run import manifest_of, run_sweep
+from rig_nodes.sweep.store import METADATA, RESULTS, Store
+from rig_nodes.testbench.campaign import Workers
+
+pq = pytest.importorskip("pyarrow.parquet")
+SHORT = str(Path(__file__).with_name("short.yaml"))
+
+
+def ran(folder, plan, jobs=1, bags=False):
+    with Store(folder, manifest_of(plan, bags)) as store, Workers(jobs) as workers:
+        run_sweep(plan, store, workers.stream)
+        return pq.read_table(store.write_results(plan))
+
+
+def test_a_member_is_what_simulate_gives(tmp_path):
+    table = ran(tmp_path / "sweep", make_plan(SHORT, {"alfa46.t12": "-200 ms, -100 ms"}, seed=4))
+    row = table.to_pylist()[-1]
+    assert main(["simulate", SHORT, "--seed", "5", "--set", "alfa46.t12=-100 ms", "--out", str(tmp_path / "run")]) == 0
+    shift = json.loads((tmp_path / "run" / "report.json").read_text())["shifts"][-1]
+    assert {key: row[key] for key in shift if key != "why"} == {key: shift[key] for key in shift if key != "why"}
+    assert row["why"] == "; ".join(shift["why"]) and row["seed"] == 5 and row["alfa46.t12"] == -100.0
+
+
+def test_a_failing_member_is_a_row_and_the_rest_goes_on(tmp_path):
+    # P2 must come after P1, at 330 ms: the second member's profile is refused
+    table = ran(tmp_path / "sweep", make_plan(SHORT, {"alfa46.output_1.P1.time": "200 ms, 400 ms, 210 ms"}))
+    assert [(row["member"], row["end"]) for row in table.to_pylist() if row["shift"] in (0, None)] == [
+        (0, "ended"), (1, "refused"), (2, "ended")]
+    row = next(row for row in table.to_pylist() if row["member"] == 1)
+    assert "must come after P1" in row["reason"] and row["t_c_s"] is None
+
+
+def test_bags_give_the_same_rows(tmp_path):
+    plan = make_plan(SHORT, {"rest": "30 ms, 60 ms"})
+    without, bagged = ran(tmp_path / "a", plan), ran(tmp_path / "b", plan, bags=True)
+    assert bagged.to_pylist() == without.to_pylist()
+    assert (tmp_path / "b" / "bags" / "000001" / "short.mcap").is_file()
+    assert sorted(path.name for path in (tmp_path / "b" / "bags").iterdir()) == ["000000", "000001"]
+
+
+def test_the_file_says_where_it_is_from(tmp_path):
+    plan = make_plan(SHORT, {"alfa46.t12": "-200 ms .. -100 ms", "rest": "30 ms, 60 ms"}, samples=2, seed=9)
+    table = ran(tmp_path / "sweep", plan)
+    about = json.loads(table.schema.metadata[METADATA])
+    assert about["plan"]["seed"] == 9 and about["configuration"]["alfa46"]["t21"] == pytest.approx(-0.22)
+    assert {"rig_nodes", "plant", "numba"} <= set(about["versions"])
+    units = {name: (table.schema.field(name).metadata or {}).get(b"unit") for name in table.schema.names}
+    assert (units["alfa46.t12"], units["rest"], units["t_c_s"], units["m_wej_max_nm"], units["k"]) == (
+        b"ms", b"ms", b"s", b"Nm", None)
+
+
+def test_the_command_goes_on_and_says_so(tmp_path, capsys):
+    folder = str(tmp_path / "sweep")
+    arguments = ["sweep", SHORT, "--vary", "rest=30 ms, 60 ms", "--jobs", "1", "--out", folder, "--json"]
+    assert main(arguments) == 0
+    first = json.loads(capsys.readouterr().out)
+    assert (first["members"], first["finished"], first["finished_before"], first["ends"]) == (2, 2, 0, {"ended": 2})
+    assert main(["sweep", folder, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["finished_before"] == 2
+    assert main([*arguments[:3], "rest=30 ms, 70 ms", *arguments[4:]]) == 2
+    assert "holds another sweep" in capsys.readouterr().err
+    assert main(["sweep", folder, "--seed", "2"]) == 2
+    assert "leave out --seed" in capsys.readouterr().err
+
+
+def test_an_interrupt_ends_it_and_says_how_to_go_on(tmp_path, capsys, monkeypatch):
+    def interrupted(plan, store, stream, progress=None):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("rig_nodes.sweep.run.run_sweep", interrupted)
+    folder = tmp_path / "sweep"
+    assert main(["sweep", SHORT, "--vary", "rest=30 ms, 60 ms", "--jobs", "1", "--out", str(folder)]) == 130
+    assert f"go on with: ./rig sweep {folder}" in capsys.readouterr().err
+    monkeypatch.undo()
+    assert main(["sweep", str(folder), "--jobs", "1"]) == 0
+    assert (folder / RESULTS).is_file()
+
+
+def test_dask_gives_the_same_rows(tmp_path):
+    pytest.importorskip("distributed")
+    from rig_nodes.sweep.cluster import dask_stream
+
+    plan = make_plan(SHORT, {"rest": "30 ms, 60 ms, 90 ms"})
+    with Store(tmp_path / "dask", manifest_of(plan, False)) as store, dask_stream("local:2") as stream:
+        assert run_sweep(plan, store, stream) == 3
+        table = pq.read_table(store.write_results(plan))
+    assert table.to_pylist() == ran(tmp_path / "here", plan).to_pylist()
+
+
+def test_no_cluster_there(tmp_path):
+    with pytest.raises(RigError, match="expected a number of processes"):
+        run_verb("sweep", [SHORT, "--vary", "rest=30 ms, 60 ms", "--dask", "local:none", "--out", str(tmp_path / "s")])
