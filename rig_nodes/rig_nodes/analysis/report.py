@@ -56,7 +56,7 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
     if (run.get("configuration") or {}).get("kind") == CLUTCH_BENCH:
         found = bench_report(bag, run["configuration"], problems)
         return _assembled(_run_data(bag, run), problems, {"shifts": [], "uncertainty": []},
-                          {"run": None, "shifts": []}) | {"bench": _plain(found)}
+                          {"run": None, "shifts": []}) | {"bench": plain(found)}
     recording, inertias = None, inertias_of(run)
     try:
         recording = recording_of(bag)

@@ -14,7 +14,6 @@ from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, check_profile
 from ..catalogue import catalogue
 from ..config.units import SI
 from ..errors import RigError
-from ..plant import kernel
 from ..testbench.configuration import PARTS, RigConfig
 from ..testbench.rig import SETPOINTS, Rig
 from ..testbench.topics import COMMAND, MEASURED, Heard, States

@@ -218,7 +218,9 @@ class Container:
                 self.process.spin(0.05)
         facts = {"time_s": self.rig.time, "state": self.rig.status.name, "reason": self.rig.reason,
                  "interrupted": self.process.interrupted, "refused": dict(self.commands.refused),
-                 "real_time_priority": self.clock.real_time_priority, "delay": self.rig.delay}
+                 "real_time_priority": self.clock.real_time_priority}
+        if self.rig.config.kind == GEARBOX:  # no other rig has a controller that could be late
+            facts["delay"] = self.rig.delay
         if self.tap is not None:
             self.tap.close()
         self.process.leave(self.nodes, self.publishers.values(), published=self.outputs.counts, **facts,

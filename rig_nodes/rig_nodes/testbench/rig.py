@@ -23,7 +23,6 @@ from ..instruments import transducers
 from ..plant import clutch, driveline_algebra, kernel
 from ..plant.effects import leave_out
 from ..plant.gearbox import S1, S2, build_driveline
-from ..plant.prescribed import Force
 from .configuration import PARTS, RigConfig
 from .cuts import Cuts
 from .gauges import Gauges

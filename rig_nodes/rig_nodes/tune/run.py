@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from ..testbench.configuration import RigConfig
 from ..validation.pictures import write_pictures
 from . import folder as files
 from . import judge, search
-from .bench import RPM, Bench, Point
+from .bench import Bench, Point
 from .problem import Range, Task, held
 from .space import DELAY, FAST_FILL, settings, values_of
 from .uncertainty import sampled_rigs
