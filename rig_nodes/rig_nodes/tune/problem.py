@@ -29,6 +29,7 @@ FIELDS = {"peak": "peak", "time": "time", "dip": "dip", "energy": "heat", "jerk"
 DIP = 0.05  # what Annex A calls a dip: no settings may dip further than this, or than the compared ones
 # objectives of settings that are no shift at all, all the same, so that nothing that shifts is worse
 REFUSED, INVALID = 10.0, 5.0
+WORST, WEIGHT = 0.97, 2.0  # a share that no shift should exceed, and how much it counts where one does
 LOAD_STEP = 10.0  # Nm in which a load that the rig does not hold is lowered
 
 
@@ -138,15 +139,16 @@ def excess(task: Task, shift: Shift, compared: Shift) -> float:
 def judged(task: Task, pairs: list[tuple[Point, Shift, Shift]]) -> tuple[list[float], float] | None:
     """(objectives, how far bounds are missed) of some shifts; None when one of them is no shift.
 
-    An objective is half the mean and half the worst of its shares, so that 1 is what the compared settings give; of the
-    dip it is the worst.
+    An objective is the mean of its shares, and WEIGHT times what the worst of them is above WORST, so that settings which
+    are good in the mean are not bad in one shift; of the dip it is the worst.
     """
     if not all(shift.valid for _, shift, _ in pairs):
         return None
     values = []
     for name in task.objectives:
         shares = [share(name, shift, compared) for _, shift, compared in pairs]
-        values.append(max(shares) if name == "dip" else 0.5 * (sum(shares) / len(shares) + max(shares)))
+        mean, worst = sum(shares) / len(shares), max(shares)
+        values.append(worst if name == "dip" else mean + WEIGHT * max(0.0, worst - WORST))
     return values, max(excess(task, shift, compared) for _, shift, compared in pairs)
 
 
