@@ -73,12 +73,15 @@ def save_bare_layout(run: str | Path, window: tuple[float, float] | None, path: 
                      tab: str | None = None) -> None:
     """Write the layout of one tab of a run's view, without the viewer's own bars, for a picture of it.
 
-    tab: one of layout.TABS, the one that the view opens with unless told otherwise.
+    tab: one of layout.TABS, the one that the view opens with unless told otherwise; RigError when the run has none.
     """
     bag = Bag(run, recover=True)
+    own = tuple(_own_signals(bag)[1])
+    if tab == "controller" and not own:
+        raise RigError(f"{run}: its controller names no signals of its own; --tab can be shifts, run or other")
     shifts = layout.choose(layout.shifts_of(_orders(bag.events())))
     tab = tab or ("shifts" if shifts and not window else "run")
-    layout.blueprint(set(_signals(bag)[0]), shifts, window, tab, tuple(_own_signals(bag)[1])).save(APPLICATION, path)
+    layout.blueprint(set(_signals(bag)[0]), shifts, window, tab, own).save(APPLICATION, path)
 
 
 def import_rerun():
