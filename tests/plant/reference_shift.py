@@ -69,7 +69,9 @@ class Equations:
         cases = ((pack.friction_kinetic, pack.friction_spline, False), (pack.friction_static, pack.friction_spline, False),
                  (pack.friction_static, pack.friction_spline_static, True))
         per_force = [closed.thesis(pack, 1.0, mu, spline, releasing=way) for mu, spline, way in cases]
-        self.per_force = [[x.friction_correction * f for f in per_force] for x in self.cylinders]
+        self.per_force = [[x.friction_correction * f for f in
+                           (*per_force[:2], per_force[1] + x.spline_hold * (per_force[2] - per_force[1]))]
+                          for x in self.cylinders]
         self.film = drag.kitabayashi(pack, 1.0, 1.0, 1.0)
         self.j_in, self.j_out = config.gearbox.inertia_in, config.gearbox.inertia_out_z5 * (41 / 40) ** 2
         self.stiff = [a * a / self.j_in + b * b / self.j_out for a, b in SLIPS]
@@ -150,7 +152,7 @@ class Equations:
         x, pack, oil = self.cylinders[k], self.pack, self.c.oil_supply
         rest = x.rest_torque * z[REST]
         factor = max(0.2, 1.0 + pack.friction_per_kelvin * (z[HEAT] - pack.friction_temperature))
-        kinetic = max(factor * self.per_force[k][0] * force, pack.friction_kinetic / pack.friction_static * rest)
+        kinetic = max(factor * self.per_force[k][0] * force, x.rest_sliding * rest)
         static = factor * z[HELD] + rest
         viscosity = oil.viscosity * exp(-oil.viscosity_per_kelvin * (z[HEAT] - oil.viscosity_temperature))
         gap = max((x.clearance + z[WEAR] - z[PISTON]) / pack.surfaces, pack.film_gap)

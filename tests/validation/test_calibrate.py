@@ -51,7 +51,7 @@ def test_a_curve_of_chapter_9_begins_and_ends_as_printed():
     assert rows.on_curve(fall, t) == pytest.approx([2.3e6, 2.3e6, 1.18014e6, 0.0, 0.0], abs=10.0)
     p = rows.on_curve(fall, np.arange(0.0, 1.0, 1e-3) - 0.2)
     assert rows.fall_begins(fall, p) == pytest.approx(0.2, abs=1.5e-3)
-    assert rows.deviation(fall, p, 0.2) < 2e3 < rows.deviation(fall, p, 0.21)
+    assert np.abs(rows.distances(fall, p, 0.2)).mean() < 2e3 < np.abs(rows.distances(fall, p, 0.21)).mean()
 
 
 def test_kiss_pressure_by_hand(config):
@@ -111,6 +111,16 @@ def test_least_squares_meet_what_can_be_met(config):
     assert values["loss_out_constant"] == pytest.approx(2.8, abs=1e-3)
 
 
+def test_random_places_are_no_worse_than_the_one_at_hand(config):
+    """From anywhere the same least place is found; the place at hand stays where the others are worse."""
+    parameters = {"loss_out_constant": c.load_stages()["losses"]["loss_out_constant"]}
+    shares = c.anywhere([0.99], 3, 1, 1, config, parameters, made_up)
+    assert c.at_shares(config, parameters, shares)[1]["loss_out_constant"] == pytest.approx(2.8, abs=1e-3)
+    best = [(2.8 - parameters["loss_out_constant"].low) / (parameters["loss_out_constant"].high
+                                                          - parameters["loss_out_constant"].low)]
+    assert c.anywhere(best, 0, 1, 1, config, parameters, made_up) == pytest.approx(best)
+
+
 def test_a_trade_off_runs_from_one_row_to_the_other(config, monkeypatch):
     """With weight w on the one row it is least at (w 2 + 6 / (4 w)) / (w + 1 / (4 w))."""
     monkeypatch.setitem(rows.ROWS, "losses", made_up)
@@ -137,6 +147,6 @@ def test_a_clutch_that_holds_longer_lets_the_dip_begin_later(config):
     """How long a released S1 holds shows in the delay t12 from which on the output dips."""
     parameters = c.load_stages()["release"]
     borders = [rows.release_misses(c.with_values(config, parameters, {"rest_torque": torque}), TARGETS)[0].value
-               for torque in (40.0, 65.0)]
+               for torque in (40.0, 70.0)]
     assert borders[0] < borders[1] - 5e-3
     assert borders[1] == pytest.approx(-0.175, abs=0.025)

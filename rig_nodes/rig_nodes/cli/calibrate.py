@@ -13,7 +13,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--write", action="store_true", help="put what was found into config/rigs/hydmag.yaml and "
                         "config/controllers/alfa46.yaml; without it nothing is changed")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write values, misses, sensitivities and spreads")
-    parser.add_argument("--generations", type=int, default=120, metavar="N", help="of the search over the bounds (default 120, some 10 min); 0: only from where the rig is, a minute")
+    parser.add_argument("--generations", type=int, default=120, metavar="N", help="of the search over the bounds (default "
+                        "120, some 10 min); 0: only from where the rig is, a minute")
+    parser.add_argument("--starts", type=int, default=0, metavar="N", help="least squares from so many random places of the "
+                        "bounds too (default 0; half a minute each for a clutch)")
     parser.add_argument("--stages", nargs="+", metavar="NAME", help="only these: losses, clutch_s1, clutch_s2, release")
     parser.add_argument("--trade-offs", action="store_true",
                         help="then what it costs to mend each of two rows that pull against each other (minutes)")
@@ -30,7 +33,7 @@ def main(args: argparse.Namespace) -> int:
     from ..validation.calibration_rows import ROWS
     from ..validation.trade_off import trade_offs
 
-    for name, least in (("generations", 0), ("jobs", 1)):
+    for name, least in (("generations", 0), ("starts", 0), ("jobs", 1)):
         if getattr(args, name) < least:
             raise RigError(f"--{name} is {getattr(args, name)}, expected at least {least}")
     unknown = sorted(set(args.stages or ()) - set(ROWS))
@@ -46,7 +49,8 @@ def main(args: argparse.Namespace) -> int:
 
     curves = []
     try:
-        found, rig = c.calibrate(load_rig(), args.generations, args.jobs, args.seed, args.stages, progress)
+        found, rig = c.calibrate(load_rig(), args.generations, args.jobs, args.seed, args.stages, progress,
+                                 args.starts)
         if args.trade_offs:
             curves = trade_offs(rig, found.after, found.sensitivities, args.jobs, pair)
     except KeyboardInterrupt:

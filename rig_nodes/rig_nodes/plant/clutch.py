@@ -59,6 +59,8 @@ class Cylinder:
     drag_model: str = choice("kitabayashi", "davis", "pahlovy", "peng_yuan", "iqbal")
     friction_correction: float = param("ratio", 0.1, 10.0)
     rest_torque: float = param("torque", 0.0, 500.0)
+    rest_sliding: float = param("ratio", 0.0, 1.0)
+    spline_hold: float = param("ratio", 0.0, 1.0)
 
 
 def torque_per_force(pack: PlatePack, friction: float, releasing: bool = False, model: str = "thesis") -> float:

@@ -48,10 +48,11 @@ CLUTCH_STATE = np.dtype([
     ("clamp", "f8"), ("held", "f8"), ("rest", "f8"), ("kinetic", "f8"), ("static", "f8"), ("drag", "f8"),
     ("temperature", "f8"), ("wear", "f8"), ("heat", "f8"),
 ])
-# what of the thesis's error sources acts here; the others are parameters. pwm: frequency, 0 where it is averaged;
+# what of the thesis's error sources acts here; the others are parameters. bounded: the output speed by both gears, only in
+# chapter 9's simulation. pwm: frequency, 0 where it is averaged;
 # pulses: of the coils' voltage as the transducers pick it up, there also where the plant takes the average
 EFFECTS = np.dtype([("current_loop", "f8"), ("motor_speed", "f8"), ("pwm", "f8"), ("pulses", "f8"),
-                    ("prescribed", "f8"), ("loss_driving", "f8"), ("transducers", "f8")])
+                    ("prescribed", "f8"), ("bounded", "f8"), ("loss_driving", "f8"), ("transducers", "f8")])
 # carried: by w0 into the clutches; gain: of a value in the last step, of a torque only where no mode has changed in it
 PLANT_STATE = np.dtype([
     ("motor_torque", "f8"), ("motor_integral", "f8"), ("motor_setpoint", "f8"), ("supply", "f8"),
@@ -69,7 +70,7 @@ SETTINGS = np.dtype([
     ("oil_on", "f8"), ("safe", "f8"),
 ])
 # a clutch's values that testbench.rig works out of those that are given
-CLUTCH_DERIVED = ("engaging_kinetic", "engaging_static", "releasing_static", "kinetic_share", "drag_factor",
+CLUTCH_DERIVED = ("engaging_kinetic", "engaging_static", "releasing_static", "drag_factor",
                   "new_clearance", *(field.name for field in fields(Force)))
 CLUTCH = np.dtype(record_dtype(clutch_model.Cylinder, clutch_model.PlatePack).descr
                   + [(name, "f8") for name in CLUTCH_DERIVED])
@@ -146,7 +147,7 @@ def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch
     factor = clutch_model.friction_factor(cylinder.temperature, clutch)
     # sliding breaks the adhesion and shakes the plates loose on their splines; the waves' force is the clamp itself
     # until the piston has left them alone
-    cylinder.kinetic = max(factor * clutch.engaging_kinetic * cylinder.clamp, clutch.kinetic_share * rest)
+    cylinder.kinetic = max(factor * clutch.engaging_kinetic * cylinder.clamp, clutch.rest_sliding * rest)
     cylinder.static = factor * cylinder.held + rest
     viscosity = oil_supply.viscosity_at(cylinder.temperature, oil)
     cylinder.drag = clutch_model.drag_coefficient(cylinder.piston, cylinder.clamp, viscosity, clutch)
@@ -247,6 +248,9 @@ def plant_step(world, h, t):
     if not quiet:
         driveline_step(h, t, minv, w, line.sh, line.kc, q, cap, v, line.twist, line.mode, el, line.shaft, line.e_in,
                        line.events, line.count, line.work)
+    if effects.bounded > 0.0:
+        # as an integrator with limits: no slip of S1 against the drive, none of S2 with it
+        v[1] = min(max(v[1], -v[0] * w[S1, 0] / w[S1, 1]), -v[0] * w[S1 + 1, 0] / w[S1 + 1, 1])
     plant.gain_in, plant.gain_out = v[0] - old_in, v[1] - old_out
     for k in range(VALVES):
         cylinder, heat = cylinders[k], el[E_FRIC, S1 + k] + el[E_VISC, S1 + k]

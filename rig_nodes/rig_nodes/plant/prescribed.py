@@ -14,6 +14,7 @@ from ..errors import RigError
 
 CLUTCHES = ("clutch_s1", "clutch_s2")
 WAYS = ("engaging", "releasing")
+OUTPUT_SPEEDS = ("bounded", "free")
 MPA = 1e6
 
 
@@ -31,23 +32,31 @@ class Force:
 class Prescribed:
     """Force of both clutches, and ``pieces`` (2 clutches, engaging and releasing, rows, 5): rows of end [s] and the
     coefficients of a cubic in time since the switch signal [Pa, s], lowest power first; the last ones never end.
+    bounded: the output never leaves the speeds of the two gears, whatever the clutches can hold.
     """
 
     forces: tuple[Force, Force]
     pieces: np.ndarray
+    bounded: bool
 
     def as_dict(self) -> dict:
         """Plain values; a piece without end has none."""
         rows = [[[[None if np.isinf(x) else float(x) for x in row] for row in way] for way in clutch]
                 for clutch in self.pieces]
-        return {"forces": [vars(force) for force in self.forces], "pieces": rows}
+        return {"forces": [vars(force) for force in self.forces], "pieces": rows,
+                "output_speed": OUTPUT_SPEEDS[0 if self.bounded else 1]}
 
 
 def read_prescribed(node, path) -> Prescribed:
     """From the key ``prescribed`` of a rig: for each clutch the force, and for each way rows [end s, MPa, MPa/s,
-    MPa/s2, MPa/s3], the last one with the end "end"; RigError with file and line otherwise.
+    MPa/s2, MPa/s3], the last one with the end "end"; and whether the output speed is bounded or free. RigError with
+    file and line otherwise.
     """
-    check_keys(path, node, CLUTCHES, CLUTCHES, "prescribed")
+    keys = (*CLUTCHES, "output_speed")
+    check_keys(path, node, keys, keys, "prescribed")
+    if node["output_speed"] not in OUTPUT_SPEEDS:
+        raise RigError(f"{where_of(path, node, 'output_speed')}: prescribed.output_speed must be one of "
+                       f"{', '.join(OUTPUT_SPEEDS)}, found {node['output_speed']!r}")
     forces, tables = [], []
     for name in CLUTCHES:
         part = node[name]
@@ -58,7 +67,8 @@ def read_prescribed(node, path) -> Prescribed:
             tables.append(_rows(part[way], f"{where_of(path, part, way)}: prescribed.{name}.{way}"))
     longest = max(map(len, tables))
     full = [rows + [rows[-1]] * (longest - len(rows)) for rows in tables]
-    return Prescribed((forces[0], forces[1]), np.array(full).reshape(2, 2, longest, 5))
+    return Prescribed((forces[0], forces[1]), np.array(full).reshape(2, 2, longest, 5),
+                      node["output_speed"] == OUTPUT_SPEEDS[0])
 
 
 def _rows(node, where: str) -> list[list[float]]:

@@ -93,12 +93,13 @@ class Rig(Timed):
         packs, plates, clutches = (c.clutch_s1, c.clutch_s2), c.plate_pack, world["clutches"][0]
         for row, cylinder in zip(clutches, packs):
             fill(row, cylinder, plates)
-            for way, kind, mu, turned in (("engaging", "kinetic", plates.friction_kinetic, False),
-                                          ("engaging", "static", plates.friction_static, False),
-                                          ("releasing", "static", plates.friction_static, effects.spline_hysteresis)):
-                row[f"{way}_{kind}"] = cylinder.friction_correction * clutch.torque_per_force(
-                    plates, mu, turned, cylinder.friction_model)
-            row["kinetic_share"] = plates.friction_kinetic / plates.friction_static if plates.friction_static > 0.0 else 0.0
+            kinetic, static, held = (cylinder.friction_correction * clutch.torque_per_force(
+                plates, mu, turned, cylinder.friction_model)
+                for mu, turned in ((plates.friction_kinetic, False), (plates.friction_static, False),
+                                   (plates.friction_static, True)))
+            hold = cylinder.spline_hold if effects.spline_hysteresis else 0.0
+            row["engaging_kinetic"], row["engaging_static"] = kinetic, static
+            row["releasing_static"] = static + hold * (held - static)
             row["drag_factor"] = clutch.drag_factor(plates, cylinder.drag_model)
             row["new_clearance"] = cylinder.clearance
         self._effects["transducers"] = effects.transducers
@@ -109,6 +110,7 @@ class Rig(Timed):
         self._pieces = np.full((2, 2, 1, 5), np.inf)
         if c.prescribed:
             self._effects["prescribed"], self._pieces = 1.0, c.prescribed.pieces[list(c.wiring)]
+            self._effects["bounded"] = c.prescribed.bounded
             for row, force in zip(clutches, c.prescribed.forces):
                 fill(row, force)
         self.cylinders["temperature"] = c.oil_supply.temperature

@@ -107,7 +107,7 @@ def residuals(shares, config: RigConfig, parameters: dict[str, Parameter], misse
               scale: dict[str, float] | None = None) -> np.ndarray:
     """Misses [tolerances] of all rows with parameters at shares of their bounds, some rows' scaled."""
     found = misses(at_shares(config, parameters, shares)[0], calibrating())
-    return np.array([(scale or {}).get(miss.row, 1.0) * miss.tolerances for miss in found])
+    return np.concatenate([(scale or {}).get(miss.row, 1.0) * np.array(miss.residuals) for miss in found])
 
 
 def nearby(shares, config: RigConfig, parameters: dict[str, Parameter], misses: Callable,
@@ -119,16 +119,29 @@ def nearby(shares, config: RigConfig, parameters: dict[str, Parameter], misses: 
     return found if np.sum(cost(found) ** 2) < np.sum(cost(shares) ** 2) else np.asarray(shares)
 
 
+def anywhere(best, starts: int, jobs: int, seed: int, config: RigConfig, parameters: dict[str, Parameter],
+             misses: Callable) -> np.ndarray:
+    """The best shares of :func:`nearby` from these and from as many random places as ``starts``.
+
+    Valves and pistons have many minima, each narrow in some directions: steps find their floors, where a search by
+    populations of a size that can be paid does not.
+    """
+    places = np.random.default_rng(seed).uniform(size=(starts, len(parameters)))
+    with Workers(jobs) as workers:
+        found = list(workers.map(partial(nearby, config=config, parameters=parameters, misses=misses), places))
+    return min([np.asarray(best), *found], key=partial(_cost, config=config, parameters=parameters, misses=misses))
+
+
 def _cost(shares, config, parameters, misses) -> float:
     return float(np.sum(residuals(shares, config, parameters, misses) ** 2))
 
 
 def search(config: RigConfig, parameters: dict[str, Parameter], misses: Callable, generations: int, jobs: int,
-           seed: int, progress: Callable[[int, float], None] | None = None) -> dict[str, float]:
+           seed: int, progress: Callable[[int, float], None] | None = None, starts: int = 0) -> dict[str, float]:
     """Values that make the sum of squared misses small; an interrupt is passed on.
 
     Differential evolution over the bounds, then least squares from its best; the latter alone, from the rig as it is, with
-    no generations. misses: of calibration_rows.ROWS. The same seed finds the same values for any number of jobs.
+    no generations; and from ``starts`` random places. misses: of calibration_rows.ROWS. The same seed finds the same values for any number of jobs.
     """
     cost = partial(_cost, config=config, parameters=parameters, misses=misses)
     turn = [0]
@@ -146,6 +159,8 @@ def search(config: RigConfig, parameters: dict[str, Parameter], misses: Callable
                 mutation=(0.4, 0.9), recombination=0.8, polish=False, callback=tell, workers=workers.map,
                 updating="deferred").x
     best = nearby(best, config, parameters, misses)
+    if starts:
+        best = anywhere(best, starts, jobs, seed, config, parameters, misses)
     if progress:
         progress(turn[0] + 1, cost(best))
     return at_shares(config, parameters, best)[1]
@@ -185,7 +200,7 @@ def sensitivities(config: RigConfig, parameters: dict[str, Parameter], values: d
 
 
 def calibrate(config: RigConfig, generations: int, jobs: int, seed: int, stages: list[str] | None = None,
-              progress: Callable[[str, int, float], None] | None = None) -> tuple[Found, RigConfig]:
+              progress: Callable[[str, int, float], None] | None = None, starts: int = 0) -> tuple[Found, RigConfig]:
     """(what was found, the rig with it): the stages, all or some, one after the other, each on its rows; RigError when
     calibration.yaml is not right.
     """
@@ -196,7 +211,8 @@ def calibrate(config: RigConfig, generations: int, jobs: int, seed: int, stages:
         misses = ROWS[stage]
         found.before[stage] = misses(config, targets)
         tell = partial(progress, stage) if progress else None
-        values = search(config, those, misses, generations if len(those) > 4 else min(generations, 15), jobs, seed, tell)
+        values = search(config, those, misses, generations if len(those) > 4 else min(generations, 15), jobs, seed, tell,
+                        starts)
         config = with_values(config, those, values)
         found.after[stage] = misses(config, targets)
         rows, spread = sensitivities(config, those, values, misses)

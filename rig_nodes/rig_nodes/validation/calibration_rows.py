@@ -24,6 +24,7 @@ from .targets import Target, load_targets
 SUPPLY = 4e6  # Pa, 7.1.2
 SETTLE = 300  # samples in which the supply comes up
 MS = 1e-3
+RPM = np.pi / 30.0
 PULSES = 4e-3  # A: what the ripple of the coil's pulses and the noise in the loop add to a current that stands
 FIRST_RISE = 10e3  # Pa: about what the laboratory could see of a first rise
 FALLEN = 2.2e6  # Pa: the fall has begun when it is passed (22 bar, Annex A)
@@ -89,13 +90,13 @@ def on_curve(target: Target, t: np.ndarray) -> np.ndarray:
     return np.maximum(out, 0.0) * 1e6
 
 
-def deviation(target: Target, p: np.ndarray, start: float) -> float:
-    """Root mean square distance [Pa] of pressures each millisecond from a curve that begins at ``start`` [s]."""
-    t = np.arange(len(p)) * MS - start
-    span = (t >= 0.0) & (t <= target.pieces[-1][1])
-    if not span.any():
-        return 2.3e6
-    return float(np.sqrt(np.mean((p[span] - on_curve(target, t[span])) ** 2)))
+def distances(target: Target, p: np.ndarray, start: float) -> np.ndarray:
+    """Distances [Pa] of pressures from a curve that begins at ``start`` [s], each millisecond of the curve.
+
+    p: each millisecond since the order; after its end the last one stays.
+    """
+    t = np.arange(0.0, target.pieces[-1][1], MS)
+    return np.interp(start + t, MS * np.arange(len(p)), p) - on_curve(target, t)
 
 
 def fall_begins(target: Target, p: np.ndarray) -> float:
@@ -106,11 +107,21 @@ def fall_begins(target: Target, p: np.ndarray) -> float:
 
 @dataclass(frozen=True)
 class Miss:
-    """How far a row is from what is printed, in tolerances, and its value [SI]."""
+    """How far a row is from what is printed, in tolerances, and its value [SI].
+
+    parts: of a curve, its distances in tolerances over the root of their number, so that their squares sum up to that of
+    ``tolerances``; a search by slopes sees more in them than in their sum.
+    """
 
     row: str
     value: float
     tolerances: float
+    parts: tuple[float, ...] = ()
+
+    @property
+    def residuals(self) -> tuple[float, ...]:
+        """What a least squares search is to make small."""
+        return self.parts or (self.tolerances,)
 
 
 def hydraulic_misses(config: RigConfig, targets: dict[str, Target], clutch: int) -> list[Miss]:
@@ -129,8 +140,9 @@ def hydraulic_misses(config: RigConfig, targets: dict[str, Target], clutch: int)
            Miss(kiss.id, meets, (meets - kiss.printed[0]) / kiss.tolerance),
            Miss(f"{falling.id}: start", fallen + order_to_off, (fallen + order_to_off - due) / tolerance)]
     for row, p, start in ((rising, rise, first), (falling, fall, fallen)):
-        miss = deviation(row, p, start)
-        out.append(Miss(row.id, miss, miss / row.tolerance))
+        apart = distances(row, p, start)
+        miss = float(np.sqrt(np.mean(apart**2)))
+        out.append(Miss(row.id, miss, miss / row.tolerance, tuple(apart / row.tolerance / np.sqrt(len(apart)))))
     return out
 
 
@@ -164,19 +176,23 @@ def loss_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
             for name, value in values.items()]
 
 
-def upshift(config: RigConfig, t12: float) -> dict:
-    """Metrics of I to II at 500 rpm and 60 Nm (7.1.3.4) with a delay t12 [s], true values, in the rig's second shift."""
+def upshift(config: RigConfig, t12: float | None = None, speed: float = 500.0 * RPM, load: float = 60.0) -> dict:
+    """Metrics of I to II with a delay t12 [s], at a speed [rad/s] and load [Nm], true values, in the rig's second shift.
+
+    By default the rig's own delay, and speed and load of the delay series (7.1.3.4).
+    """
+    values = config.alfa46.values if t12 is None else replace(config.alfa46.values, t12=t12)
     config = replace(config, effects=replace(config.effects, transducers=False),
-                     alfa46=Alfa46Config(replace(config.alfa46.values, t12=t12), config.alfa46.profiles))
+                     alfa46=Alfa46Config(values, config.alfa46.profiles))
     rig = Rig(config)
     rig.set_oil(SUPPLY, True)
     rig.advance_samples(SETTLE)
     for gear in (2, 1):  # a piston that has never moved lies deeper than its seals let it return
         rig.order_gear(gear)
         rig.advance_samples(1600)
-    rig.set_motor(500 * np.pi / 30.0, True)
-    rig.advance_samples(1500)
-    rig.set_load(relief_setting_for(60.0, float(rig.v[1]), config.load_pump), True)
+    rig.set_motor(speed, True)
+    rig.advance_samples(max(1500, 1000 + round(1000.0 * speed / config.motor.ramp)))
+    rig.set_load(relief_setting_for(load, float(rig.v[1]), config.load_pump), True)
     rig.advance_samples(1500)
     order, before, after = rig.sample, 150, 1700
     rig.order_gear(2)
@@ -197,7 +213,8 @@ def clutch_s2_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss
 
 
 def release_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
-    """Where the upshift begins to dip: how long a released S1 holds says how late S2 may be.
+    """What a released S1 holds: where over t12 the upshift begins to dip, whether the load lets it dip, and, as what is
+    left of it while it slips brakes S2's torque or not, the lowest and the highest peak of the grid.
 
     The border is where k crosses 0.95 on the straight line between the delays of series 6 and 9, which lie around it.
     """
@@ -205,7 +222,15 @@ def release_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
     k_late, k_early = (upshift(config, t12)["k"] for t12 in (late, early))
     steep = min(k_late - k_early, -0.02)  # flat where neither dips: the border is then far off, on its side
     border = early + (late - early) * (NO_DIP - k_early) / steep
-    return [Miss(target.id, border, (border - target.printed[0]) / target.tolerance)]
+    slow, slow_loaded, fast_loaded = (upshift(config, None, speed * RPM, load)
+                                      for speed, load in ((1000, 40.0), (1000, 120.0), (2000, 120.0)))
+    flat, peaks = targets["up_k_flat_load"], targets["up_peak_torque_range"]
+    fall = slow["k"] - slow_loaded["k"]
+    least, most = slow["m_wej_max_nm"], fast_loaded["m_wej_max_nm"]
+    return [Miss(target.id, border, (border - target.printed[0]) / target.tolerance),
+            Miss(flat.id, fall, max(0.0, fall / flat.tolerance - 1.0)),
+            Miss(f"{peaks.id}: least", least, min(0.0, least - peaks.low) / PEAK_TOLERANCE),
+            Miss(f"{peaks.id}: most", most, max(0.0, most - peaks.high) / PEAK_TOLERANCE)]
 
 
 ROWS: dict[str, Callable] = {  # of each stage
