@@ -22,7 +22,7 @@ PASSES_ON = True
 # Tests of processes in real time: on a machine that stalls for a tenth of a second the rig they look at rightly goes to
 # its safe state. They alone have the machine to themselves, and get a second chance, in a process of their own, and that
 # is said.
-AGAINST_THE_CLOCK = ("tests/graph/", "tests/jazzy/", "tests/view/test_live_view.py")
+AGAINST_THE_CLOCK = ("tests/graph/", "tests/jazzy/", "tests/view/test_live_view.py", "tests/controllers/test_free_running.py")
 AT_MOST = 5
 LONGEST_FIRST = ("controllers", "fmu", "view", "testbench")  # folders that take longest, so that none is left at the end
 MOST_PARTS = 4  # at a time; each takes up to 1 GB
