@@ -1,4 +1,4 @@
-"""`rig test`: pytest on the checkout's tests, with ROS field checks on; all of them in parts, side by side where they may.
+"""`rig test`: pytest on the checkout's tests, with ROS field checks on; all of them in parts, side by side.
 
 What failed against the clock runs a second time.
 """
@@ -20,11 +20,11 @@ from rig_nodes.errors import RigError
 HELP = "run the tests"
 PASSES_ON = True
 # Tests of processes in real time: on a machine that stalls for a tenth of a second the rig they look at rightly goes to
-# its safe state. They alone have the machine to themselves, and get a second chance, in a process of their own, and that
-# is said.
-AGAINST_THE_CLOCK = ("tests/graph/", "tests/jazzy/", "tests/view/test_live_view.py", "tests/controllers/test_free_running.py")
+# its safe state. They alone run one after the other, and get a second chance, in a process of their own, and that is said.
+AGAINST_THE_CLOCK = ("tests/graph/", "tests/jazzy/", "tests/view/test_live_view.py",
+                     "tests/controllers/test_free_running.py")
 AT_MOST = 5
-LONGEST_FIRST = ("controllers", "fmu", "view", "testbench")  # folders that take longest, so that none is left at the end
+LONGEST_FIRST = ("controllers", "fmu", "view", "testbench")  # folders that are not to be left to the end
 MOST_PARTS = 4  # at a time; each takes up to 1 GB
 PASSED, FAILED, NOTHING_THERE = 0, 1, 5  # exit codes of pytest
 PARTS, LAST_FAILED = ".pytest_cache/parts", "v/cache/lastfailed"
@@ -34,8 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.usage = "rig test [pytest arguments]"
     parser.epilog = ("Without a path all of tests/ runs, apart from what is marked 'campaign'. "
                      "Everything given is passed to pytest: 'rig test -x -k valve', 'rig test tests/plant'. "
-                     "Without arguments, the folders run side by side on this machine's cores, and after them what runs "
-                     "against the clock, of which up to 5 failures are tried once more and named.")
+                     "Without arguments, the folders run side by side on this machine's cores, and after them what "
+                     "runs against the clock, of which up to 5 failures are tried once more and named.")
 
 
 def tests_root() -> Path:
@@ -69,11 +69,11 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
     subprocess.run([sys.executable, "-m", "rig_nodes.testbench.preloaded"], env=env, cwd=root)  # or two would compile
     parts, clock = parts_of(root)
     at_a_time = min(len(os.sched_getaffinity(0)), MOST_PARTS)
-    print(f"rig: {len(parts)} parts, {at_a_time} at a time, each shown when it is done; then {len(clock)} files against "
-          "the clock", flush=True)
+    print(f"rig: {len(parts)} parts, {at_a_time} at a time, each shown when it is done; then {len(clock)} files "
+          "against the clock", flush=True)
 
     def begin(name: str, *arguments: str) -> subprocess.Popen:
-        own = ["--no-header", "-o", f"cache_dir={root / PARTS / name}"]  # two that share one would lose each other's notes
+        own = ["--no-header", "-o", f"cache_dir={root / PARTS / name}"]  # with one for all, notes would be lost
         return subprocess.Popen([*command, *own, *arguments], env=env, cwd=root, text=True, stdout=subprocess.PIPE,
                                 stderr=subprocess.STDOUT)
 
