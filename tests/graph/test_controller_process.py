@@ -102,10 +102,10 @@ def test_a_controller_gets_what_it_wants_and_the_settings_that_it_names_as_its_o
     assert (shown[0], shown[-1]) == (0.25, 0.5)
 
 
-def other_topics(folder, delay=1, spec="alfa46", sequence=SHORT):
+def other_topics(folder, spec="alfa46", sequence=SHORT):
     """Topics whose content is not that of `simulate` with the same controller."""
     config = load_rig()
-    simulate(config, load_sequence(sequence), folder / "simulated", delay=delay,
+    simulate(config, load_sequence(sequence), folder / "simulated",
              controller=load_controller(spec, config.alfa46))
     expected, found = (Bag(folder / name).canonical_hash() for name in ("simulated", "run"))
     return {topic for topic in expected if found.get(topic) != expected[topic]} - NOT_THE_PLANTS
@@ -125,13 +125,6 @@ def test_a_library_that_breaks_ends_in_the_safe_state(tmp_path, breaking, what, 
     assert next(m.command_age for _, m in bag.messages("/valve_zr_p1/state") if m.safe) <= oldest
     said = [text for _, topic, name, text, _ in bag.events() if name == "controller_failed"]
     assert len(said) == 1 and "sample 500: " in said[0]
-
-
-def test_a_delay_in_lockstep_is_that_of_simulate(tmp_path):
-    run = RigRun(tmp_path / "run", "--speed", "max", "--delay", "3")
-    code, output = run.end()
-    assert code == 0, output
-    assert other_topics(tmp_path, delay=3) == set()
 
 
 def test_udp_in_lockstep_gives_the_same_bits_and_waiting_is_seen(tmp_path, port):

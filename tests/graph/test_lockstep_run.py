@@ -22,25 +22,31 @@ EXAMPLES = Path(rig_nodes.controllers.__file__).parent / "examples"
 NOT_THE_PLANTS = {"/alfa46/events", "all"}
 
 
+PYTHON = f"python:{EXAMPLES / 'alfa46.py'}:Alfa46"
+
+
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory):
-    """canonical_hash of `simulate`, by the level of the controller."""
+    """canonical_hash of `simulate`, by the level and the delay of the controller."""
     hashes = {}
-    for level in ("duty", "current"):
-        config, folder = load_rig(), tmp_path_factory.mktemp("simulated") / level
-        plug = load_controller("alfa46", config.alfa46, level) if level == "current" else None
-        simulate(config, load_sequence(SHORT), folder, controller=plug)
-        hashes[level] = Bag(folder).canonical_hash()
-    return hashes
+
+    def get(level, delay):
+        if (level, delay) not in hashes:
+            config, folder = load_rig(), tmp_path_factory.mktemp("simulated")
+            plug = load_controller("alfa46", config.alfa46, level) if (level, delay) != ("duty", 1) else None
+            simulate(config, load_sequence(SHORT), folder, controller=plug, delay=delay)
+            hashes[level, delay] = Bag(folder).canonical_hash()
+        return hashes[level, delay]
+
+    return get
 
 
 @pytest.mark.parametrize("arguments", [
     ("--speed", "max"),
-    ("--speed", "2"),
-    ("--speed", "max", "--controller", f"python:{EXAMPLES / 'alfa46.py'}:Alfa46"),
+    ("--speed", "max", "--delay", "3", "--controller", PYTHON),
     ("--speed", "max", "--controller", f"c:{EXAMPLES / 'alfa46.c'}"),
-    ("--speed", "max", "--controller", f"python:{EXAMPLES / 'alfa46.py'}:Alfa46", "--level", "current"),
-], ids=["max", "twice", "python", "c", "python-current"])
+    ("--speed", "2", "--controller", PYTHON, "--level", "current"),
+], ids=["max", "late python", "c", "python-current at twice"])
 def test_same_bits_as_simulate(tmp_path, simulated, arguments):
     if arguments[-1].startswith("c:") and not shutil.which("cc"):
         pytest.skip("no C compiler")
@@ -55,7 +61,7 @@ def test_same_bits_as_simulate(tmp_path, simulated, arguments):
     assert bag.check() == []
     level = "current" if arguments[-1].endswith("current") else "duty"
     assert part["controller"]["level"] == level
-    hashes, expected = bag.canonical_hash(), simulated[level]
+    hashes, expected = bag.canonical_hash(), simulated(level, 3 if "--delay" in arguments else 1)
     assert {topic for topic in expected if hashes.get(topic) != expected[topic]} <= NOT_THE_PLANTS
 
 
