@@ -18,16 +18,21 @@ from ..errors import RigError
 
 TRIES = 2  # of an item in Workers.stream whose process was killed
 PRELOADED = "rig_nodes.testbench.preloaded"
+NO_PROCESSES = "the processes of the campaign cannot be started; one job (--jobs 1) needs none"
 
 
 def start_server(*modules: str) -> None:
     """Let the processes' server begin to load, beside what this process does next; more calls do nothing.
 
-    modules: what the work will need, beyond the plants. The server ends with this process, however it ends.
+    modules: what the work will need, beyond the plants. The server ends with this process, however it ends. RigError
+    when it cannot be started.
     """
     get_context("forkserver").set_forkserver_preload([PRELOADED, *modules])
     with _interrupts_ignored():  # by the server and its processes too, which inherit it
-        forkserver.ensure_running()
+        try:
+            forkserver.ensure_running()
+        except OSError as error:
+            raise RigError(f"{NO_PROCESSES} ({error}; its socket stands in the temporary folder)") from None
 
 
 class Workers:
@@ -61,7 +66,7 @@ class Workers:
         try:
             process.start()
         except (EOFError, ConnectionError):
-            raise RigError("the processes of the campaign cannot be started; one job (--jobs 1) needs none") from None
+            raise RigError(f"{NO_PROCESSES} (their server has ended)") from None
         there.close()
         self._ends.append(here)
         self._processes.append(process)
