@@ -107,9 +107,26 @@ def test_a_gear_asked_for_during_a_shift_is_taken_at_its_end_whatever_the_step(f
     assert taken == {1: 652, 50: 700}
 
 
-def test_the_demo_driven_through_fmi_has_the_metrics_of_simulate(rig_fmu, tmp_path, capsys):
-    assert example.main([str(rig_fmu()), "demo", "--out", str(tmp_path / "fmu")]) == 0
-    assert main(["simulate", "demo", "--out", str(tmp_path / "simulate")]) == 0
+UP_AND_DOWN = """
+description: a shift up and a shift down at little load, five seconds
+steps:
+  - oil: {pressure: 4 MPa}
+  - shift: {to: I, timeout: 3 s}
+  - load: {pressure: 1 MPa}
+  - motor: {speed: 300 rpm}
+  - wait: {for: 450 ms}
+  - shift: {to: II, timeout: 5 s}
+  - wait: {for: 500 ms}
+  - shift: {to: I, timeout: 5 s}
+  - wait: {for: 300 ms}
+"""
+
+
+def test_a_sequence_driven_through_fmi_has_the_metrics_of_simulate(rig_fmu, tmp_path, capsys):
+    sequence = tmp_path / "up_and_down.yaml"
+    sequence.write_text(UP_AND_DOWN)
+    assert example.main([str(rig_fmu()), str(sequence), "--out", str(tmp_path / "fmu")]) == 0
+    assert main(["simulate", str(sequence), "--out", str(tmp_path / "simulate")]) == 0
     driven, simulated = (json.loads((tmp_path / name / "report.json").read_text()) for name in ("fmu", "simulate"))
     assert len(simulated["shifts"]) == 2 and all(shift["valid"] for shift in simulated["shifts"])
     for one, other in zip(driven["shifts"], simulated["shifts"], strict=True):

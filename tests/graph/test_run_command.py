@@ -5,9 +5,11 @@ import os
 import signal
 
 import pytest
-from running_graph import RigRun, Traces
+from running_graph import SHORT, RigRun, Traces
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.cli.main import main
+from rig_nodes.graph.domain import allocate
 
 STARTED = "starting the nodes"
 CONNECTED = "all nodes are connected"
@@ -75,11 +77,14 @@ def test_another_killed_process_ends_the_run_with_its_name(tmp_path, module, nam
 
 @pytest.mark.parametrize("moment", [STARTED, CONNECTED, SHIFTING])
 def test_ctrl_c_at_any_time_leaves_a_readable_bag_and_no_process(tmp_path, moment):
-    run = RigRun(tmp_path / "run")
-    run.until(moment)
-    traces = Traces(run)
-    run.ctrl_c()
-    code, output = run.end()
+    """In a domain of the user's choice, which is used."""
+    with allocate() as domain:
+        run = RigRun(tmp_path / "run", env={"ROS_DOMAIN_ID": str(domain.number)})
+        run.until(moment)
+        traces = Traces(run)
+        run.ctrl_c()
+        code, output = run.end()
+    assert f"ROS_DOMAIN_ID={domain.number}" in output
     assert code == 130 and "Traceback" not in output
     assert output.splitlines()[-1] == "rig: interrupted by Ctrl-C"
     assert report_of(run)["run"]["end"] == {"state": "interrupted", "reason": "interrupted by Ctrl-C"}
@@ -112,35 +117,25 @@ def test_a_killed_supervisor_leaves_no_process_and_a_whole_bag(tmp_path):
     assert Bag(run.folder).check() == []
 
 
-def test_the_users_domain_is_used(tmp_path):
-    from rig_nodes.graph.domain import allocate
-
-    with allocate() as domain:
-        run = RigRun(tmp_path / "run", env={"ROS_DOMAIN_ID": str(domain.number)})
-        assert f"ROS_DOMAIN_ID={domain.number}" in run.until(STARTED)
-        run.until(CONNECTED)
-        run.ctrl_c()
-        assert run.end()[0] == 130
-
-
 @pytest.mark.parametrize("arguments, sentence", [
     (["--out-there"], "unrecognized arguments"),
     (["--set", "alfa46.t12=1 bar"], "t12"),
     (["--drop", "/motor/m_wej"], "expected a topic"),
 ])
-def test_wrong_arguments_start_nothing(tmp_path, arguments, sentence):
-    code, output = RigRun(tmp_path / "run", *arguments).end()
-    assert code == 2 and sentence in output and len(output.strip().splitlines()) == 1
+def test_wrong_arguments_start_nothing(tmp_path, arguments, sentence, capsys):
+    assert main(["run", str(SHORT), "--out", str(tmp_path / "run"), *arguments]) == 2
+    said = capsys.readouterr().err
+    assert sentence in said and len(said.strip().splitlines()) == 1
     assert not (tmp_path / "run").exists()
 
 
-def test_a_folder_with_something_in_it_is_not_touched(tmp_path):
+def test_a_folder_with_something_in_it_is_not_touched(tmp_path, capsys):
     (tmp_path / "mine.txt").write_text("mine")
-    code, output = RigRun(tmp_path).end()
-    assert code == 2 and "not an empty folder" in output
+    assert main(["run", str(SHORT), "--out", str(tmp_path)]) == 2
+    assert "not an empty folder" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
 
-def test_an_unknown_sequence_is_refused(tmp_path):
-    code, output = RigRun(tmp_path / "run", sequence="dmeo").end()
-    assert code == 2 and "demo" in output and not (tmp_path / "run").exists()
+def test_an_unknown_sequence_is_refused(tmp_path, capsys):
+    assert main(["run", "dmeo", "--out", str(tmp_path / "run")]) == 2
+    assert "demo" in capsys.readouterr().err and not (tmp_path / "run").exists()

@@ -17,7 +17,7 @@ steps:
   - oil: {pressure: 4 MPa}
   - shift: {to: I}
   - motor: {speed: 300 rpm}
-  - wait: {for: 3 s}
+  - wait: {for: 1 s}
   - wait: {for: 3600 s}
 """
 LOWER = PROFILE_1.copy()

@@ -1,13 +1,17 @@
-"""Which failures `rig test` tries once more: few, and only of tests that run against the clock."""
+"""`rig test` without arguments: every file in one part, and which failures are tried once more."""
 
 import json
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
-from rig_nodes.cli.test import failed_tests, may_try_again
+from rig_nodes.cli.test import counted, failed_tests, may_try_again, parts_of
 
 CLOCK = "tests/graph/test_live_graph.py::test_torque_is_read_without_gaps_and_in_time"
 PLAIN = "tests/plant/test_models.py::test_something"
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.parametrize("failed, again", [
@@ -18,9 +22,39 @@ def test_only_a_few_failures_against_the_clock(failed, again):
 
 def test_the_failures_are_those_that_pytest_noted(tmp_path):
     assert failed_tests(tmp_path) == []
-    notes = tmp_path / ".pytest_cache/v/cache/lastfailed"
-    notes.parent.mkdir(parents=True)
-    notes.write_text(json.dumps({CLOCK: True, PLAIN: True}))
+    for part, name in (("clock", CLOCK), ("plant", PLAIN)):
+        notes = tmp_path / ".pytest_cache/parts" / part / "v/cache/lastfailed"
+        notes.parent.mkdir(parents=True)
+        notes.write_text(json.dumps({name: True}))
     (tmp_path / "tests/graph").mkdir(parents=True)
     (tmp_path / CLOCK.split("::")[0]).write_text("")
     assert failed_tests(tmp_path) == [CLOCK], "what is gone from the checkout is not tried again"
+
+
+def test_every_file_is_in_exactly_one_part():
+    parts, clock = parts_of(ROOT)
+    assert "tests/graph/test_cut.py" in clock and "tests/view/test_live_view.py" in clock and parts[0] == "tests/controllers"
+    covered = [file for folder in parts for file in (ROOT / folder).rglob("test_*.py")
+               if file.relative_to(ROOT).as_posix() not in clock]
+    assert sorted(covered + [ROOT / file for file in clock]) == sorted((ROOT / "tests").rglob("test_*.py"))
+
+
+@pytest.mark.parametrize("line, counts", [
+    ("1 failed, 30 passed, 1 skipped, 2 deselected in 3.10s", {"failed": 1, "passed": 30, "skipped": 1}),
+    ("==== 7 passed, 2 errors in 0.5s ====", {"passed": 7, "error": 2}), ("no tests ran in 0.01s", {})])
+def test_what_a_part_says_at_its_end_is_counted(line, counts):
+    assert counted(f"....\n{line}\n") == counts
+
+
+def test_a_checkout_is_tested_in_parts_and_its_failures_are_told(tmp_path):
+    (tmp_path / "pytest.ini").write_text("[pytest]\ntestpaths = tests\naddopts = --import-mode=importlib\n")
+    for folder, text in (("plant", "def test_a(): pass\n"), ("bags", "def test_b(): assert False\n"),
+                         ("graph", "def test_c(): pass\n\n\ndef test_d(): pass\n")):
+        (tmp_path / "tests" / folder).mkdir(parents=True)
+        (tmp_path / "tests" / folder / "test_one.py").write_text(text)
+    code = ("import sys; from argparse import Namespace; from pathlib import Path; from rig_nodes.cli import test; "
+            "test.tests_root = lambda: Path(sys.argv[1]); sys.exit(test.main(Namespace(passed_on=[])))")
+    done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1 and "rig: 1 failed, 3 passed in" in done.stdout, done.stdout + done.stderr
+    assert failed_tests(tmp_path) == ["tests/bags/test_one.py::test_b"], "no test against the clock: no second chance"
+    assert "once more" not in done.stdout

@@ -16,8 +16,8 @@ pq = pytest.importorskip("pyarrow.parquet")
 SHORT = str(Path(__file__).with_name("short.yaml"))
 
 
-def ran(folder, plan, jobs=1, bags=False):
-    with Store(folder, manifest_of(plan, bags)) as store, Workers(jobs) as workers:
+def ran(folder, plan, bags=False):
+    with Store(folder, manifest_of(plan, bags)) as store, Workers(1) as workers:
         run_sweep(plan, store, workers.stream)
         return pq.read_table(store.write_results(plan))
 
@@ -86,15 +86,17 @@ def test_an_interrupt_ends_it_and_says_how_to_go_on(tmp_path, capsys, monkeypatc
     assert (folder / RESULTS).is_file()
 
 
-def test_dask_gives_the_same_rows(tmp_path):
+def test_dask_gives_the_same_bytes(tmp_path):
+    """On a local cluster of two processes."""
     pytest.importorskip("distributed")
     from rig_nodes.sweep.cluster import dask_stream
 
     plan = make_plan(SHORT, {"rest": "30 ms, 60 ms, 90 ms"})
     with Store(tmp_path / "dask", manifest_of(plan, False)) as store, dask_stream("local:2") as stream:
         assert run_sweep(plan, store, stream) == 3
-        table = pq.read_table(store.write_results(plan))
-    assert table.to_pylist() == ran(tmp_path / "here", plan).to_pylist()
+        store.write_results(plan)
+    assert ran(tmp_path / "here", plan).num_rows >= 3
+    assert (tmp_path / "dask" / RESULTS).read_bytes() == (tmp_path / "here" / RESULTS).read_bytes()
 
 
 def test_no_cluster_there(tmp_path):

@@ -46,11 +46,16 @@ def add_arguments(parser) -> None:
 
 def main(args) -> int:
     from ..errors import RigError
-    from ..sweep.run import manifest_of, run_sweep
-    from ..sweep.store import RESULTS, Store, parquet
+    from ..testbench.workers import start_server
 
     if args.jobs < 1:
         raise RigError(f"--jobs is {args.jobs}, expected at least 1")
+    if args.jobs > 1 and not args.dask:
+        start_server("rig_nodes.sweep.run")
+
+    from ..sweep.run import manifest_of, run_sweep
+    from ..sweep.store import RESULTS, Store, parquet
+
     parquet()
     plan, folder, bags = _chosen(args)
     manifest = manifest_of(plan, bags)
@@ -150,7 +155,7 @@ def _stream(args):
         with dask_stream(args.dask) as stream:
             yield stream
         return
-    from ..testbench.campaign import Workers
+    from ..testbench.workers import Workers
 
     with Workers(args.jobs) as workers:
         yield workers.stream

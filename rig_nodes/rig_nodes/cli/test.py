@@ -1,10 +1,17 @@
-"""`rig test`: pytest on the checkout's tests, with ROS field checks on; what failed against the clock a second time."""
+"""`rig test`: pytest on the checkout's tests, with ROS field checks on; all of them in parts, side by side.
+
+What failed against the clock runs a second time.
+"""
 
 import argparse
 import json
 import os
+import re
 import subprocess
 import sys
+import time
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import rig_nodes
@@ -13,16 +20,23 @@ from rig_nodes.errors import RigError
 HELP = "run the tests"
 PASSES_ON = True
 # Tests of processes in real time: on a machine that stalls for a tenth of a second the rig they look at rightly goes to
-# its safe state. They alone get a second chance, in a process of their own, and that is said.
-AGAINST_THE_CLOCK = ("tests/graph/", "tests/jazzy/", "tests/view/test_live_view.py")
+# its safe state. They alone run one after the other, and get a second chance, in a process of their own, and that is said.
+AGAINST_THE_CLOCK = ("tests/graph/", "tests/jazzy/", "tests/view/test_live_view.py",
+                     "tests/controllers/test_free_running.py")
 AT_MOST = 5
+# folders that are not to be left to the end
+LONGEST_FIRST = ("controllers", "fmu", "view", "testbench", "sweep", "validation", "tune", "plant")
+MOST_PARTS = 4  # at a time; each takes up to 1 GB
+PASSED, FAILED, NOTHING_THERE = 0, 1, 5  # exit codes of pytest
+PARTS, LAST_FAILED = ".pytest_cache/parts", "v/cache/lastfailed"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.usage = "rig test [pytest arguments]"
     parser.epilog = ("Without a path all of tests/ runs, apart from what is marked 'campaign'. "
                      "Everything given is passed to pytest: 'rig test -x -k valve', 'rig test tests/plant'. "
-                     "Without arguments, up to 5 failures of tests against the clock are tried once more and named.")
+                     "Without arguments, the folders run side by side on this machine's cores, and after them what "
+                     "runs against the clock, of which up to 5 failures are tried once more and named.")
 
 
 def tests_root() -> Path:
@@ -35,35 +49,98 @@ def tests_root() -> Path:
 
 def main(args: argparse.Namespace) -> int:
     root = tests_root()
-    command = [sys.executable, "-m", "pytest", "--rootdir", str(root), "-c", str(root / "pytest.ini"),
-               *args.passed_on]
+    command = [sys.executable, "-m", "pytest", "--rootdir", str(root), "-c", str(root / "pytest.ini")]
     print("rig: " + " ".join(["ROS_PYTHON_CHECK_FIELDS=1", "pytest", *args.passed_on]), flush=True)
     # Message setters do not check types by default and send garbage; in tests a wrong type must be an error.
     env = dict(os.environ, ROS_PYTHON_CHECK_FIELDS="1")
-    # Paths given are the caller's; without any, pytest.ini's testpaths count from the checkout.
-    paths = [a.split("::")[0] for a in args.passed_on if not a.startswith("-")]
-    given = any((Path.cwd() / p).exists() for p in paths)
     try:
-        code = subprocess.run(command, env=env, cwd=None if given else root).returncode
-        failed = failed_tests(root)
-        if code != 1 or args.passed_on or not may_try_again(failed):
-            return code
-        print("rig: what failed runs against the clock; once more, file by file: " + ", ".join(failed), flush=True)
-        files = sorted({test.split("::")[0] for test in failed})
-        code = max(subprocess.run([*command, file], env=env, cwd=root).returncode for file in files)
-        print(f"rig: {'passed' if code == 0 else 'failed'} the second time, failed the first: {', '.join(failed)}")
-        return code
+        if args.passed_on:
+            # Paths given are the caller's; without any, pytest.ini's testpaths count from the checkout.
+            paths = [a.split("::")[0] for a in args.passed_on if not a.startswith("-")]
+            given = any((Path.cwd() / p).exists() for p in paths)
+            return subprocess.run([*command, *args.passed_on], env=env, cwd=None if given else root).returncode
+        return _all(root, command, env)
     except KeyboardInterrupt:
         return 130
 
 
+def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
+    """Every test: the parts side by side, then those against the clock, then their second chance."""
+    began, counts, codes = time.monotonic(), Counter(), []
+    subprocess.run([sys.executable, "-m", "rig_nodes.testbench.preloaded"], env=env, cwd=root)  # or two would compile
+    parts, clock = parts_of(root)
+    at_a_time = min(len(os.sched_getaffinity(0)), MOST_PARTS)
+    print(f"rig: {len(parts)} parts, {at_a_time} at a time, each shown when it is done; then {len(clock)} files "
+          "against the clock", flush=True)
+
+    def begin(name: str, *arguments: str) -> subprocess.Popen:
+        own = ["--no-header", "-o", f"cache_dir={root / PARTS / name}"]  # with one for all, notes would be lost
+        return subprocess.Popen([*command, *own, *arguments], env=env, cwd=root, text=True, stdout=subprocess.PIPE,
+                                stderr=subprocess.STDOUT)
+
+    def part(folder: str) -> tuple[str, int]:
+        process = begin(Path(folder).name, "-q", *(f"--ignore={root / path}" for path in clock), folder)
+        output, _ = process.communicate()
+        return output, process.returncode
+
+    with ThreadPoolExecutor(at_a_time) as together:
+        try:
+            for folder, (output, code) in zip(parts, together.map(part, parts)):
+                print(f"rig: {folder}\n{output}", end="", flush=True)
+                counts += counted(output)
+                codes.append(code)
+        except KeyboardInterrupt:
+            together.shutdown(wait=False, cancel_futures=True)
+            raise
+    if clock:
+        print("rig: against the clock", flush=True)
+        process, line = begin("clock", "-v", *clock), ""
+        for line in process.stdout:
+            print(line, end="", flush=True)
+        counts += counted(line)
+        codes.append(process.wait())
+    failed = failed_tests(root)
+    note_failed(root, failed)
+    total = ", ".join(f"{counts[what]} {what}" for what in ("failed", "error", "passed", "skipped") if counts[what])
+    print(f"rig: {total} in {time.monotonic() - began:.0f} s", flush=True)
+    code = next((code for code in codes if code not in (PASSED, FAILED, NOTHING_THERE)), int(FAILED in codes))
+    if code != FAILED or not may_try_again(failed):
+        return code
+    print("rig: what failed runs against the clock; once more, file by file: " + ", ".join(failed), flush=True)
+    files = sorted({test.split("::")[0] for test in failed})
+    code = max(subprocess.run([*command, file], env=env, cwd=root).returncode for file in files)
+    print(f"rig: {'passed' if code == 0 else 'failed'} the second time, failed the first: {', '.join(failed)}")
+    return code
+
+
+def parts_of(root: Path) -> tuple[list[str], list[str]]:
+    """Folders whose tests may run side by side, the longest ones first; files that run against the clock."""
+    files = sorted(path.relative_to(root).as_posix() for path in (root / "tests").rglob("test_*.py"))
+    clock = [file for file in files if file.startswith(AGAINST_THE_CLOCK)]
+    folders = sorted({"/".join(file.split("/")[:2]) for file in files if file not in clock})
+    long = [f"tests/{name}" for name in LONGEST_FIRST if f"tests/{name}" in folders]
+    return long + [folder for folder in folders if folder not in long], clock
+
+
+def counted(output: str) -> Counter:
+    """What pytest's last line counts, e.g. "2 failed, 30 passed in 3.10s"."""
+    last = output.strip().rpartition("\n")[2]
+    return Counter({what: int(number) for number, what in re.findall(r"(\d+) (failed|passed|skipped|error)s?\b", last)})
+
+
 def failed_tests(root: Path) -> list[str]:
-    """The tests that pytest has noted as failed, by name; none where it keeps no notes."""
-    try:
-        noted = json.loads((root / ".pytest_cache/v/cache/lastfailed").read_text())
-    except (OSError, ValueError):
-        return []
-    return sorted(test for test in noted if (root / test.split("::")[0]).is_file())
+    """The tests that the parts have noted as failed, by name; none where they keep no notes."""
+    failed: set[str] = set()
+    for notes in (root / PARTS).glob(f"*/{LAST_FAILED}"):
+        failed.update(json.loads(notes.read_text()))
+    return sorted(test for test in failed if (root / test.split("::")[0]).is_file())
+
+
+def note_failed(root: Path, failed: list[str]) -> None:
+    """For a later ``rig test --lf``, which looks at one place only."""
+    notes = root / ".pytest_cache" / LAST_FAILED
+    notes.parent.mkdir(parents=True, exist_ok=True)
+    notes.write_text(json.dumps(dict.fromkeys(failed, True), indent=2))
 
 
 def may_try_again(failed: list[str]) -> bool:

@@ -49,15 +49,20 @@ class Progress:
 
 def main(args) -> int:
     from ..errors import RigError
-    from ..testbench.campaign import Workers
-    from ..testbench.configuration import load_gearbox_rig
-    from ..testbench.folders import parse_settings
-    from ..validation import document, pictures, programme, time_courses
+    from ..testbench.workers import Workers, start_server
 
+    began = time.monotonic()
     if args.jobs < 1:
         raise RigError(f"--jobs is {args.jobs}, expected at least 1")
     if args.write_docs and (args.rows or args.procedures or args.settings):
         raise RigError("--write-docs writes about all rows of a rig as it is; without --rows, --procedures and --set")
+    if args.jobs > 1:
+        start_server("rig_nodes.validation.programme")
+
+    from ..testbench.configuration import load_gearbox_rig
+    from ..testbench.folders import parse_settings
+    from ..validation import document, pictures, programme, time_courses
+
     page = _page() if args.write_docs else None
     explanations = document.load_explanations()
     targets = programme.choose(args.rows, args.procedures)
@@ -76,6 +81,8 @@ def main(args) -> int:
         result = programme.validate(targets, workers, args.rig, settings, Progress(runs))
         if args.pictures and procedures:
             drawn = time_courses.time_courses(procedures, workers, args.rig, settings)
+    print(f"{sum(count for count, _ in runs.values())} runs with their metrics in {time.monotonic() - began:.1f} s",
+          file=sys.stderr)
 
     if args.json != "-":
         print(document.terminal(result.rows))

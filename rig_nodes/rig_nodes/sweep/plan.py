@@ -126,11 +126,12 @@ class Plan:
     def _shares(self) -> np.ndarray:
         """Places of the samples in the unit cube (samples, parameters)."""
         random = np.random.default_rng(self.seed)
+        shares = random.random((self.samples, len(self.varied)))
         if self.method == "random":
-            return random.random((self.samples, len(self.varied)))
-        from scipy.stats import qmc
-
-        return qmc.LatinHypercube(len(self.varied), seed=random).random(self.samples)
+            return shares
+        # Latin hypercube: each column visits its strata in an order of its own. Not scipy's, which takes 0.7 s to load
+        strata = random.permuted(np.tile(np.arange(self.samples)[:, None], len(self.varied)), axis=0)
+        return (strata + shares) / self.samples
 
     def as_dict(self) -> dict:
         """Plain data, from which :func:`plan_of` makes the plan again."""

@@ -139,23 +139,26 @@ class Rows:
         if abs(self.per_sample * period - SAMPLE_NS * 1e-9) > 1e-12 or self.per_sample < 1:
             raise RigError(f"rows every {period * 1e6:g} us do not fit into samples of 1000 us; take e.g. 100 us or "
                            "8 us")
-        columns = rig.rows_at(period, 0, 0).shape[1]  # refuses a period that is no whole number of steps
-        self._columns = np.empty((columns, FIRST_ROWS))
+        count = rig.rows_at(period, 0, 0).shape[1]  # refuses a period that is no whole number of steps
+        # one array a channel: a single large one would come in huge pages, which the kernel may take 0.1 s to find
+        self._columns = [np.empty(FIRST_ROWS) for _ in range(count)]
         self._taken = 0
 
     def take(self, sample: int) -> None:
         """The rows before that of a sample."""
         first, last = self._taken, sample * self.per_sample
-        if last > self._columns.shape[1]:
-            more = np.empty((self._columns.shape[0], 2 * last))
-            more[:, :first] = self._columns[:, :first]
-            self._columns = more
-        self._columns[:, first:last] = self.rig.rows_at(self.period, first, last - first).T
+        if last > self._columns[0].size:
+            for number, column in enumerate(self._columns):
+                self._columns[number] = np.empty(2 * last)
+                self._columns[number][:first] = column[:first]
+        rows = self.rig.rows_at(self.period, first, last - first)
+        for number, column in enumerate(self._columns):
+            column[first:last] = rows[:, number]
         self._taken = last
 
     def channels(self) -> dict[str, np.ndarray]:
         """Channel -> values."""
-        return dict(zip(self.rig.channels, self._columns[:, :self._taken]))
+        return {name: column[:self._taken] for name, column in zip(self.rig.channels, self._columns)}
 
 
 def record(config: AnyConfig, sequence: Sequence, seed: int = 1, rows_per_second: int | None = None,

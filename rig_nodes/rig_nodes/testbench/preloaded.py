@@ -1,0 +1,11 @@
+"""What the server of testbench.workers imports: each process forked from it has both plants compiled and in memory.
+
+It compiles where nothing is cached yet, so that of several processes none does it beside another; ``rig test`` runs it
+for that.
+"""
+
+from .configuration import load_rig
+from .kinds import make_rig
+
+for _name in ("hydmag", "clutch_bench"):
+    make_rig(load_rig(_name)).advance_samples(1)

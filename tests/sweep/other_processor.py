@@ -1,0 +1,24 @@
+"""A small sweep for test_other_processor.py, in a process whose compiler and libraries are told of a simpler processor.
+
+Argument: folder. What it is told stands in the environment.
+"""
+
+import sys
+from pathlib import Path
+
+from rig_nodes.sweep.plan import make_plan
+from rig_nodes.sweep.run import manifest_of, run_sweep
+from rig_nodes.sweep.store import Store
+from rig_nodes.testbench.workers import Workers
+
+
+def main() -> None:
+    plan = make_plan("demo", {"alfa46.t12": "-300 ms, -220 ms, 0 ms", "oil_supply.temperature": "40 degC, 20 degC, 60 degC"},
+                     method="list")
+    with Store(Path(sys.argv[1]), manifest_of(plan, False)) as store, Workers(1) as workers:
+        run_sweep(plan, store, workers.stream)
+        store.write_results(plan)
+
+
+if __name__ == "__main__":
+    main()

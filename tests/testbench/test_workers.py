@@ -1,0 +1,38 @@
+"""Processes of campaigns: forked from a server that is loaded beside its caller, and said when there can be none."""
+
+import os
+import subprocess
+import sys
+
+from rig_nodes.testbench.workers import Workers
+
+
+def loaded(_item):
+    """(own parent, is the plant there before anything asks for it) of the process that works."""
+    return os.getppid(), "rig_nodes.plant.kernel" in sys.modules
+
+
+def test_they_are_forked_from_one_server_that_has_the_plant():
+    with Workers(2) as workers:
+        answers = set(workers.map(loaded, range(8)))
+    assert len(answers) == 1 and answers.pop()[1]
+    with Workers(2) as again:
+        parents = {parent for parent, _ in again.map(loaded, range(4))}
+    assert len(parents) == 1 and os.getpid() not in parents
+
+
+def python(code: str, **more: str) -> str:
+    return subprocess.run([sys.executable, "-c", code], env={**os.environ, **more}, capture_output=True, text=True,
+                          check=True, timeout=60).stdout.strip()
+
+
+def test_a_verb_can_start_the_server_before_it_loads_a_compiler():
+    assert python("import sys, rig_nodes.testbench.workers; print({'numba', 'numpy'} & set(sys.modules))") == "set()"
+
+
+def test_a_server_that_cannot_be_started_is_said_in_a_sentence(tmp_path):
+    far = tmp_path / ("x" * 100)  # a socket's path has 107 characters at most
+    far.mkdir()
+    said = python("from rig_nodes.errors import RigError\nfrom rig_nodes.testbench.workers import Workers\n"
+                  "try:\n    Workers(2).__enter__()\nexcept RigError as error:\n    print(error)", TMPDIR=str(far))
+    assert "one job (--jobs 1) needs none" in said and "path too long" in said and "\n" not in said
