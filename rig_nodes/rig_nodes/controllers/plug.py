@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 import math
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple, NoReturn
@@ -71,7 +72,7 @@ class Waiting:
             self._next = {1.0: 2.0, 2.0: 5.0}.get(self._next, 10.0 * (self.seconds // 10.0 + 1.0))
 
 
-class Plug:
+class Plug(ABC):
     """A controller behind the seam; subclasses give ``_answer(inputs)`` and, if there is one, an ``_end``.
 
     ``gear``, ``shifting`` and ``flags`` are those of the newest answer. ``_answer`` may take ``step_timeout`` s of wall
@@ -79,6 +80,7 @@ class Plug:
     """
 
     in_process = False  # True: user code runs in this process, which cannot go on while that does not return
+    own_clock = False  # True: nobody waits for the controller, it answers when its own clock says so
     step_timeout: float | None = STEP_TIMEOUT
     real_time = False
     wants: tuple[str, ...] = ()  # transducers that it gets in ``others`` beside what all get
@@ -222,8 +224,9 @@ class Plug:
         seconds = f"{self.step_timeout * 1e3:.0f} ms" if self.step_timeout < 1.0 else f"{self.step_timeout:g} s"
         self._fail(Status.FATAL, sample, f"no answer for {seconds}{option}")
 
+    @abstractmethod
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
-        raise NotImplementedError
+        """The controller's own answer to a sample, not checked yet."""
 
     def _abandon(self) -> None:
         """After a fatal status, once: let go of what is outside this process, without a call into the controller."""
