@@ -1,6 +1,5 @@
 """Settings, the reference controllers, and ways to make a controller of a few lines in Python and in C."""
 
-import shutil
 import subprocess
 import textwrap
 from pathlib import Path
@@ -18,8 +17,7 @@ SIMULINK_FOLDER = CONTROLLERS / "examples" / "simulink"
 SIMULINK = f"simulink:{SIMULINK_FOLDER}"
 PYTHON, C = "python:rig_nodes.controllers.examples.alfa46:Alfa46", f"c:{ALFA46_C}"
 STRICT = ("-O2", "-ffp-contract=off", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", f"-I{INCLUDE}")
-
-needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")
+SANITIZE = ("-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 
 C_FRAME = """
 #include "rig_controller.h"

@@ -6,8 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from rig_nodes import fmu
 from rig_nodes.controllers.c_library import INCLUDE
 from rig_nodes.fmu.build import SOURCES, controller_variables, fmpy_headers
@@ -22,11 +20,8 @@ STRICT = ["-std=gnu11", "-O1", "-Wall", "-Wextra", "-Werror"]
 
 
 def build(folder, header, sources):
-    """Path of the program; skips where the compiler has no sanitizers."""
+    """Path of the program."""
     (folder / "variables.h").write_text(header)
-    (folder / "empty.c").write_text("int main(void) { return 0; }\n")
-    if subprocess.run(["cc", *SANITIZE, "-o", folder / "empty", folder / "empty.c"], capture_output=True).returncode:
-        pytest.skip("the compiler has no sanitizers")
     files = [Path(__file__).parent / "driver.c", SOURCES / "fmi2.c", SOURCES / "instance.c", *sources]
     subprocess.run(["cc", *STRICT, *SANITIZE, f"-I{folder}", f"-I{SOURCES}", f"-I{INCLUDE}", f"-I{fmpy_headers()}",
                     "-o", folder / "driver", *files, "-lm"], check=True)

@@ -1,7 +1,7 @@
 /* A shift controller behind rig_controller.h at the other end of a UDP port: the controller's side of docs/udp.md in C.
  *
  * For POSIX systems with little-endian numbers. Link it with the four functions of rig_controller.h and call
- * rig_udp_serve; examples/alfa46_udp.c is all of a program. Nothing here computes: it fetches the parameters, brings each
+ * rig_udp_serve; examples/udp_main.c is all of a program. Nothing here computes: it fetches the parameters, brings each
  * sample to rig_controller_step once, and sends the same answer again when the sample comes again.
  */
 #ifndef RIG_UDP_H
@@ -207,9 +207,13 @@ static int rig_udp_serve(const char *host, int port, int once) {
   memset(&rig, 0, sizeof rig);
   rig.sin_family = AF_INET;
   rig.sin_port = htons((uint16_t)port);
+  if (inet_pton(AF_INET, host, &rig.sin_addr) != 1 || port < 1 || port > 65535) {
+    fprintf(stderr, "there is no rig at %s port %d; expected an address such as 127.0.0.1 and a port, e.g. %d\n", host,
+            port, RIG_UDP_PORT);
+    return 1;
+  }
   client.socket = socket(AF_INET, SOCK_DGRAM, 0);
-  if (client.socket < 0 || inet_pton(AF_INET, host, &rig.sin_addr) != 1 ||
-      connect(client.socket, (struct sockaddr *)&rig, sizeof rig) != 0) {
+  if (client.socket < 0 || connect(client.socket, (struct sockaddr *)&rig, sizeof rig) != 0) {
     perror(host);
     return 1;
   }
