@@ -1,5 +1,6 @@
 """Settings, the reference controllers, and ways to make a controller of a few lines in Python and in C."""
 
+import socket
 import subprocess
 import textwrap
 from pathlib import Path
@@ -83,6 +84,14 @@ def build(tmp_path):
         return stem.with_suffix(".so")
 
     return make
+
+
+@pytest.fixture
+def free_udp_port():
+    """A port of loopback that nobody has."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        return free.getsockname()[1]
 
 
 def ask(plug, sample=0, current=(0.0, 0.0, 0.0)):

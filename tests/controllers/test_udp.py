@@ -20,6 +20,7 @@ from rig_nodes.controllers.udp_frames import (
     HEADER,
     HELLO,
     INFO,
+    OWN,
     READY,
     SAMPLE,
     Client,
@@ -81,13 +82,14 @@ def thread(port):
 
     def start(controller, to=None, levels=("duty", "current")):
         client = Client(controller, "127.0.0.1", to or port, levels)
-        clients.append((client, threading.Thread(target=client.serve, kwargs={"once": True}, daemon=True)))
-        clients[-1][1].start()
+        client.thread = threading.Thread(target=client.serve, kwargs={"once": True}, daemon=True)
+        client.thread.start()
+        clients.append(client)
         return client
 
     yield start
-    for _, worker in clients:
-        worker.join(10.0)
+    for client in clients:
+        client.thread.join(10.0)
 
 
 class Steady:
@@ -163,7 +165,7 @@ class Lossy(threading.Thread):
                         continue
                     send = lambda data: self.outside.sendto(data, peer)  # noqa: E731
                 self.count += 1
-                if self.count % 29 == 0:
+                if self.count % 29 == 0 and unpack(data)[0] != BYE:
                     self.lost += 1
                     continue
                 send(data)
@@ -177,7 +179,7 @@ class Lossy(threading.Thread):
 def test_lost_doubled_and_late_frames_change_nothing(config, port, plug, thread):
     proxy = Lossy(port)
     proxy.start()
-    thread(Alfa46(), proxy.port)
+    client = thread(Alfa46(), proxy.port)
     plug.wait(20.0)
     other = load_controller("alfa46", config.alfa46)
     for sample in range(1500):
@@ -189,6 +191,7 @@ def test_lost_doubled_and_late_frames_change_nothing(config, port, plug, thread)
         assert mine == other.step(sample, current, 1.0, 2.0, 3.0, 4.0), sample
     assert proxy.lost > 50
     plug.close()
+    client.thread.join(10.0)
     proxy.over = True
 
 
@@ -303,6 +306,61 @@ def test_a_controller_of_another_level_is_sent_away(plug, port):
     assert plug.said == [f"a controller was sent away from udp {port}: {text(why)}"]
 
 
+def named(*own):
+    """A steady controller with these transducers, signals and settings."""
+    wants, signals, settings = own
+
+    def step(self, inputs):
+        return ControllerOutputs([inputs.settings.get("held", 0.5), 0.0, 0.0], signals={"twice": 2.0})
+
+    return type("Named", (Steady,), {"wants": wants, "signals": signals, "settings": settings, "step": step})()
+
+
+@pytest.mark.parametrize(("own", "why"), [
+    ((("p_9",), (), {}), "it wants 'p_9'; the transducers are M_wej, n_wej"),
+    (((), ("a b",), {}), "signals is {'a b': '-'}, expected up to 64 names"),
+    (((), (), {"held": float("nan")}), "settings is {'held': nan}, expected a map of names"),
+])
+def test_names_that_cannot_be_had_are_said_to_both_sides(plug, thread, capsys, own, why):
+    client = thread(named(*own))
+    with pytest.raises(RigError, match="none has come"):
+        plug.wait(0.3)
+    assert [text.partition(": ")[0] for text in plug.said if why in text] == [
+        f"a controller was sent away from {plug.name.replace(':', ' ')}"]
+    assert not client.running and f"the rig says: controller {plug.name}: " in capsys.readouterr().err
+    plug.close()
+
+
+def test_a_controller_that_comes_later_names_the_same(plug, thread, config):
+    """The bag has its columns already; what was set stays set."""
+    thread(named(("p_p",), ("twice",), {"held": 0.25}))
+    plug.wait(20.0)
+    plug.set_value("held", 0.75)
+    assert plug.step(0, *ZERO, [4e6]).command[0] == 0.75 and plug.signal_values == (2.0,)
+    plug._send(BYE, plug._peer, values=["go"])
+    plug._leave()  # as when it was killed
+    other, same = named((), (), {}), named(("p_p",), ("twice",), {"held": 0.25})
+    thread(other)
+    with pytest.raises(RigError, match="none has come"):
+        plug.wait(0.3)
+    assert "it names other transducers, signals or settings than the controller before it" in plug.said[-1]
+    thread(same)
+    plug.wait(20.0)
+    assert plug.step(1, *ZERO, [4e6]).command[0] == 0.75
+    plug.close()
+
+
+def test_one_that_comes_in_real_time_gets_what_it_wants_from_then_on(plug, thread):
+    plug.pace(0.1, real_time=True)
+    thread(named(("p_p",), (), {}))
+    sample, answer = 0, None
+    while answer is None and sample < 30_000:
+        answer = plug.step(sample, *ZERO, [4e6] * len(plug.wants))
+        sample += 1
+    assert answer is not None and plug.wants == ("p_p",)
+    plug.close()
+
+
 def test_one_rig_has_one_controller(plug, thread, port):
     thread(Steady())
     plug.wait(20.0)
@@ -324,8 +382,8 @@ def test_one_rig_has_one_controller(plug, thread, port):
         (b"hello", "5 bytes are less than a header"),
         (b"x" * 40, "does not begin with RIG1"),
         (pack(HELLO, 0, 0, 1, 0)[:-1], "kind 1 has 31 bytes and says 32, expected 32"),
-        (pack(HELLO, 0, 0, 1, 0)[:4] + b"\x02\x00" + pack(HELLO, 0, 0, 1, 0)[6:], "version 2 of the protocol, expected 1"),
-        (pack(HELLO, 0, 0, 1, 0)[:6] + b"\x09\x00" + pack(HELLO, 0, 0, 1, 0)[8:], "no kind 9"),
+        (pack(HELLO, 0, 0, 1, 0)[:4] + b"\x01\x00" + pack(HELLO, 0, 0, 1, 0)[6:], "version 1 of the protocol, expected 2"),
+        (pack(HELLO, 0, 0, 1, 0)[:6] + b"\x0a\x00" + pack(HELLO, 0, 0, 1, 0)[8:], "no kind 10"),
     ],
 )
 def test_what_is_no_frame_is_ignored_and_said(plug, thread, port, data, why):
@@ -367,13 +425,13 @@ def test_the_frames_are_those_of_the_c_header(tmp_path):
 #include <stddef.h>
 int main(void) {
   rig_udp_frame f; memset(&f, 0, sizeof f); (void)rig_udp_serve;
-  for (unsigned kind = RIG_HELLO; kind <= RIG_BYE; kind++) printf("%u ", rig_udp_size(kind));
+  for (unsigned kind = RIG_HELLO; kind <= RIG_OWN; kind++) printf("%u ", rig_udp_size(kind));
   rig_udp_client c; memset(&c, 0, sizeof c); c.session = 7; c.socket = 1;
   f.body.answer.command[2] = 0.25; f.body.answer.setpoint[0] = 0.5; f.body.answer.gear = 2; f.body.answer.flags = 5;
   strcpy(f.body.answer.message, "no speed");
   printf("\n"); fflush(stdout);
   f.header.magic = RIG_UDP_MAGIC; f.header.version = RIG_UDP_VERSION; f.header.kind = RIG_ANSWER; f.header.session = 7;
-  f.header.frame = 9; f.header.size = rig_udp_size(RIG_ANSWER);
+  f.header.frame = 9; f.header.size = rig_udp_size(RIG_ANSWER) + 16; f.body.answer.more[1] = 0.125;
   fwrite(&f, 1, f.header.size, stdout);
   return 0;
 }
@@ -383,8 +441,8 @@ int main(void) {
                    check=True)
     sizes, data = subprocess.run([tmp_path / "sizes"], capture_output=True, check=True).stdout.split(b"\n", 1)
     assert list(map(int, sizes.split())) == [HEADER.size + BODIES[kind].size for kind in (HELLO, INFO, 3, 4, READY,
-                                                                                           SAMPLE, ANSWER, BYE)]
-    assert data == pack(ANSWER, 7, 9, 0.0, 0.0, 0.25, 0.5, 0.0, 0.0, 0, 2, 0, 5, "no speed")
+                                                                                           SAMPLE, ANSWER, BYE, OWN)]
+    assert data == pack(ANSWER, 7, 9, 0.0, 0.0, 0.25, 0.5, 0.0, 0.0, 0, 2, 0, 5, "no speed", more=(0.0, 0.125))
 
 
 def test_the_c_example_is_clean_under_the_sanitizers(tmp_path, port, config):

@@ -94,6 +94,7 @@ class Plug(ABC):
         self.info = controller_info(config, level)
         self.gear, self.shifting, self.flags = 0, False, 0
         self.say: Callable[[str], None] = LOG.info  # to people: what is waited for, who came and went
+        self.named: Callable[[], None] = lambda: None  # called when a program of its own has named wants, signals, settings
         self._request, self._ordered, self._before = 0, False, 0
         self._over = False  # failed or closed: it is not called again
 
