@@ -5,9 +5,11 @@ import sys
 
 import numpy as np
 import pytest
+from fmpy.validation import validate_fmu
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.controllers import load_controller
+from rig_nodes.fmu.build import build_controller_fmu
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
 
@@ -126,9 +128,8 @@ def udp_python(folder, _config, port):
 
 
 def fmu(folder, config, _port):
-    from rig_nodes.fmu.build import build_controller_fmu
-
     build_controller_fmu([folder / "mine.c"], folder / "mine.fmu", config.alfa46, flags=["-Werror"])
+    assert validate_fmu(str(folder / "mine.fmu")) == []
     return f"fmu:{folder / 'mine.fmu'}", None
 
 

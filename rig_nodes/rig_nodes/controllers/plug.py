@@ -85,6 +85,7 @@ class Plug(ABC):
     real_time = False
     wants: tuple[str, ...] = ()  # transducers that it gets in ``others`` beside what all get
     settings: Mapping[str, float] = MappingProxyType({})  # its own, that can be set while it runs: value by name
+    named_later = False  # True: wants, settings and signals are known, and ``named`` is called, when the controller comes
     signals: Mapping[str, str] = MappingProxyType({})  # its own, to be recorded: unit by name
     signal_values: tuple[float, ...] = ()  # at the newest answer
     process_id: int | None = None  # of a process that works for the plug
@@ -94,7 +95,7 @@ class Plug(ABC):
         self.info = controller_info(config, level)
         self.gear, self.shifting, self.flags = 0, False, 0
         self.say: Callable[[str], None] = LOG.info  # to people: what is waited for, who came and went
-        self.named: Callable[[], None] = lambda: None  # called when a program of its own has named wants, signals, settings
+        self.named: Callable[[], None] = lambda: None
         self._request, self._ordered, self._before = 0, False, 0
         self._over = False  # failed or closed: it is not called again
 

@@ -45,6 +45,8 @@ IP_RECVERR = 11  # of Linux: tells that nobody listens at the other end
 class Udp(Plug):
     """udp:PORT, or udp:ADDRESS:PORT to listen at another interface than loopback."""
 
+    named_later = True
+
     def __init__(self, rest: str, config: Alfa46Config, level: str | None = None):
         address, _, port = rest.rpartition(":")
         name = f"udp:{rest}"

@@ -84,6 +84,15 @@ class Settings(ABC):
     def take(self, changes: dict) -> None:
         """Enqueue values that were accepted."""
 
+    def declare(self, setting: Setting) -> None:
+        """One more parameter, while the node is at work."""
+        self.settings[setting.name] = setting
+        self._following = True
+        try:
+            self.node.declare_parameter(setting.name, setting.value, setting.descriptor(), ignore_override=True)
+        finally:
+            self._following = False
+
     def follow(self, values: dict) -> None:
         """Bring parameters to what the rig has already."""
         self._following = True
