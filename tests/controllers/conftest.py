@@ -5,6 +5,8 @@ import subprocess
 import textwrap
 from pathlib import Path
 
+import pymodbus.client  # here, because plug and example client would import them at once from two threads
+import pymodbus.server
 import pytest
 
 import rig_nodes

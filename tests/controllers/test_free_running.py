@@ -13,8 +13,7 @@ from pathlib import Path
 import can
 import cantools
 import numpy as np
-import pymodbus.client  # here, because plug and example would import it at once from two threads
-import pymodbus.server
+import pymodbus.client
 import pytest
 
 from rig_nodes.analysis.report import build_report
