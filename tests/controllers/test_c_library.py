@@ -237,7 +237,8 @@ def test_the_example_is_clean_under_the_sanitizers(tmp_path, example):
     (tmp_path / "driver.c").write_text(DRIVER)
     sources = [ALFA46_C] if example == "c" else sorted(SIMULINK_FOLDER.glob("*.c"))
     subprocess.run(
-        ["cc", *STRICT, *SANITIZE, f"-I{SIMULINK_FOLDER}", "-o", tmp_path / "driver", tmp_path / "driver.c", *sources, "-lm"],
+        ["cc", *STRICT, *SANITIZE, f"-I{SIMULINK_FOLDER}", "-o", tmp_path / "driver", tmp_path / "driver.c", *sources,
+         "-lm"],
         check=True,
     )
     done = subprocess.run([tmp_path / "driver"], capture_output=True, text=True, timeout=60)

@@ -1,4 +1,4 @@
-"""Each way in which a controller can fail, as a person at the terminal meets it: its sentence, exit code and the safe state.
+"""Each way in which a controller can fail, as a person meets it: its sentence, exit code and the safe state.
 
 The table of docs/controllers.md names these tests; what the graph does is in tests/graph/test_controller_process.py.
 """
@@ -56,7 +56,8 @@ def simulate(tmp_path, capsys):
     (tmp_path / "sequence.yaml").write_text(SEQUENCE)
 
     def run(spec, *more):
-        code = main(["simulate", str(tmp_path / "sequence.yaml"), "--out", str(tmp_path / "run"), "--controller", spec, *more])
+        sequence, folder = str(tmp_path / "sequence.yaml"), str(tmp_path / "run")
+        code = main(["simulate", sequence, "--out", folder, "--controller", spec, *more])
         said = capsys.readouterr()
         return code, said.out, said.err
 
@@ -89,7 +90,8 @@ def other_machine(build, _tmp_path):
 @pytest.mark.parametrize(("made", "sentence"), [
     (missing, "the library does not export rig_controller_destroy; see rig_controller.h"),
     (lacking, "the library cannot be loaded: {}: undefined symbol: model_step"),
-    (other_abi, "the library was made for ABI 7 of rig_controller.h, this rig has ABI 1; compile it again with this rig's header"),
+    (other_abi, "the library was made for ABI 7 of rig_controller.h, this rig has ABI 1; compile it again with this "
+                "rig's header"),
     (other_machine, "the library is for aarch64, 64 bits; this machine is x86_64, 64 bits"),
 ])
 def test_a_library_that_does_not_fit_is_refused(made, sentence, simulate, build, tmp_path):
@@ -115,7 +117,7 @@ def test_an_fmu_without_a_binary_for_this_platform_is_refused(simulate, config, 
 
 
 def check_safe_state(folder, oldest):
-    """The bag shows the valve driven, then a trip, and from its boundary on nothing; ``oldest``: of what was held [s]."""
+    """The bag shows the valve driven, then a trip, and from then on nothing; ``oldest``: what was held [s]."""
     run = json.loads((folder / "report.json").read_text())["run"]
     assert run["end"]["state"] == "tripped"
     bag = Bag(folder)
@@ -194,8 +196,8 @@ def modbus_that_leaves(config, port):
 
 
 @pytest.mark.parametrize(("made", "told"), [
-    (can_with_short_frames, r"frame CONTROL_COMMAND_CURRENT \(0x201\) came with 6 bytes instead of 8; it is not used, nor are "
-                            "others like it"),
+    (can_with_short_frames, r"frame CONTROL_COMMAND_CURRENT \(0x201\) came with 6 bytes instead of 8; it is not used, "
+                            "nor are others like it"),
     (modbus_that_leaves, r"no command on Modbus TCP 127.0.0.1:\d+ for 50 ms; the rig trips at 100 ms"),
 ])
 def test_a_controller_by_its_own_clock_that_fails(made, told, simulate, config, tmp_path, free_udp_port):

@@ -202,7 +202,8 @@ def test_what_cannot_be_asked_of_a_clock_of_its_own_says_why(config, example, mo
     monkeypatch.setattr(conformance, "DESK_SAMPLES", 300)  # they take as long as they say
     items = list(itertools.islice(conformance.Check(example(kind).spec, config).items(), 6))
     assert [(item.name, item.ok) for item in items] == [
-        ("loads", True), ("answers", True), ("at rest", True), ("timing", None), ("determinism", None), ("restart", None)]
+        ("loads", True), ("answers", True), ("at rest", True), ("timing", None), ("determinism", None),
+        ("restart", None)]
     assert all(item.text.startswith("does not apply: ") and len(item.text) < 140 for item in items[3:])
 
 

@@ -1,4 +1,4 @@
-"""Whatever the plug: transducers it wants, signals of its own and settings that a sequence sets, in one short run of each."""
+"""Whatever the plug: transducers it wants, signals of its own and settings that a sequence sets, in a short run."""
 
 import subprocess
 import sys
@@ -13,7 +13,7 @@ from rig_nodes.fmu.build import build_controller_fmu
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
 
-from .conftest import CONTROLLERS, INCLUDE
+from .conftest import CONTROLLERS, INCLUDE, SANITIZE
 
 SEQUENCE = """
 description: pressure comes, and the held current is set from 250 mA to 500 mA
@@ -102,8 +102,8 @@ WARNINGS = ["-Wall", "-Wextra", "-Werror"]
 
 
 def c_library(folder, _config, _port):
-    subprocess.run(["cc", "-std=c99", "-pedantic", *WARNINGS, "-fPIC", "-shared", f"-I{INCLUDE}", "-o", folder / "mine.so",
-                    folder / "mine.c"], check=True)
+    subprocess.run(["cc", "-std=c99", "-pedantic", *WARNINGS, "-fPIC", "-shared", f"-I{INCLUDE}",
+                    "-o", folder / "mine.so", folder / "mine.c"], check=True)
     return f"c:{folder / 'mine.so'}", None
 
 
@@ -111,14 +111,15 @@ def model(folder, _config, _port):
     (folder / "model").mkdir()
     for name, text in (("my_model.c", MODEL_C), ("my_model.h", MODEL_H), ("rig_shim.c", SHIM)):
         (folder / "model" / name).write_text(text)
-    subprocess.run(["cc", "-std=c99", *WARNINGS, f"-I{INCLUDE}", "-c", "-o", folder / "shim.o", folder / "model" / "rig_shim.c"],
-                   check=True)
+    subprocess.run(["cc", "-std=c99", *WARNINGS, f"-I{INCLUDE}", "-c",
+                    "-o", folder / "shim.o", folder / "model" / "rig_shim.c"], check=True)
     return f"simulink:{folder / 'model'}", None
 
 
 def udp_c(folder, _config, port):
     program, main = folder / "mine", CONTROLLERS / "examples" / "udp_main.c"
-    subprocess.run(["cc", "-std=gnu99", *WARNINGS, f"-I{INCLUDE}", "-o", program, main, folder / "mine.c", "-lm"], check=True)
+    flags = ["-std=gnu99", *WARNINGS, *SANITIZE, f"-I{INCLUDE}"]  # a fault would end the program, and the run
+    subprocess.run(["cc", *flags, "-o", program, main, folder / "mine.c", "-lm"], check=True)
     return f"udp:{port}@current", [program, "127.0.0.1", str(port)]
 
 
@@ -157,4 +158,5 @@ def test_it_gets_what_it_wants_is_set_and_recorded(made, config, tmp_path, free_
     assert set(own) == {"twice", "held_now"} and np.array_equal(own["held_now"], asked[:len(own["held_now"])])
     pressure = own["twice"] / 2.0
     assert 3.8e6 < pressure[-1] < 4.2e6 and pressure[0] < 1e6, "the supply's pressure as it is measured"
-    assert [text for _, _, name, text, _ in bag.events() if name == "setting_changed"] == ["alfa46.controller.held = 0.5"]
+    changed = [text for _, _, name, text, _ in bag.events() if name == "setting_changed"]
+    assert changed == ["alfa46.controller.held = 0.5"]

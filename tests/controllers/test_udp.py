@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import pytest
 
@@ -443,6 +444,12 @@ int main(void) {
     assert list(map(int, sizes.split())) == [HEADER.size + BODIES[kind].size for kind in (HELLO, INFO, 3, 4, READY,
                                                                                            SAMPLE, ANSWER, BYE, OWN)]
     assert data == pack(ANSWER, 7, 9, 0.0, 0.0, 0.25, 0.5, 0.0, 0.0, 0, 2, 0, 5, "no speed", more=(0.0, 0.125))
+
+
+def test_the_page_says_the_kinds_and_their_bytes():
+    page = (Path(__file__).parents[2] / "docs" / "udp.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (\d) [A-Z]+ \|.*\| (\d+)[^|]*\|$", page, re.M)
+    assert {int(kind): int(size) for kind, size in rows} == {kind: HEADER.size + body.size for kind, body in BODIES.items()}
 
 
 def test_the_c_example_is_clean_under_the_sanitizers(tmp_path, port, config):

@@ -1,7 +1,7 @@
 """Every lockstep plug on the graph: the bits of `simulate` at any speed, and with its process stopped as in a debugger.
 
-The short test runs always; the whole matrix on demand: `./rig test -m campaign tests/graph/test_plug_speeds.py -s` prints the
-factors that docs/controllers.md shows.
+The short test runs always; the whole matrix on demand: `./rig test -m campaign tests/graph/test_plug_speeds.py` prints
+the factors that docs/controllers.md shows.
 """
 
 import os
@@ -66,10 +66,12 @@ def process_of(run, word):
                 found.append(int(folder.name))
         except OSError:
             continue
+
     def below(pid):
         while pid in parents and pid not in (run.process.pid, os.getpid()):
             pid = parents[pid]
         return pid in (run.process.pid, os.getpid())
+
     return next(pid for pid in found if below(pid))
 
 
@@ -83,7 +85,8 @@ def check(folder, sequence, expected, plug, speed, stop=0.0):
         build_controller_fmu([EXAMPLES / "alfa46.c"], folder / "alfa46.fmu", load_rig().alfa46)
     program = None
     if plug == "udp":
-        program = subprocess.Popen([sys.executable, "-m", "rig_nodes.controllers.examples.alfa46_udp", "127.0.0.1", str(port)])
+        module = "rig_nodes.controllers.examples.alfa46_udp"
+        program = subprocess.Popen([sys.executable, "-m", module, "127.0.0.1", str(port)])
     try:
         run = RigRun(folder / "run", "--speed", speed, "--step-timeout", "none", "--controller",
                      spec.format(port=port, folder=folder), sequence=sequence)

@@ -1,9 +1,9 @@
 """The process in which a C library runs, so that nothing in it can harm the rig; and the structs of rig_controller.h.
 
 Started by c_library.py as a program of its own that imports nothing of the rig: it is there in 30 ms. Whole messages
-over one socket: a description of the library, an order to create, then for each sample the inputs and the answer as the
-structs' own bytes, and behind them what the library asked for and what it names its own. It ends when the socket does, and
-is killed by the system when the rig's process has gone.
+over one socket: a description of the library, an order to create, then for each sample the inputs and the answer as
+the structs' own bytes, and behind them what the library asked for and what it names its own. It ends when the socket
+does, and is killed by the system when the rig's process has gone.
 """
 
 import ctypes as ct

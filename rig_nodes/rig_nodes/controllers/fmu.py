@@ -22,8 +22,8 @@ from .own_signals import checked_settings, checked_signals
 from .plug import Plug, chosen_level
 from .seam import ControllerInputs, ControllerOutputs, Status, checked_wants
 
-# behind a sample: transducers asked for, its own settings; behind an answer: its own signals, or for a status other than
-# ok a sentence
+# behind a sample: transducers asked for, its own settings; behind an answer: its own signals, or for a status other
+# than ok a sentence
 SAMPLE = struct.Struct("<QI7d")  # sample, gear_request, currents (3), n_wej, n_wyj, p1, p2
 ANSWER = struct.Struct("<IIII6d")  # status, gear, shifting, flags, command (3), setpoint (3)
 LOAD_TIMEOUT = 60.0  # s of wall clock for loading and for the initialization

@@ -85,7 +85,7 @@ class Plug(ABC):
     real_time = False
     wants: tuple[str, ...] = ()  # transducers that it gets in ``others`` beside what all get
     settings: Mapping[str, float] = MappingProxyType({})  # its own, that can be set while it runs: value by name
-    named_later = False  # True: wants, settings and signals are known, and ``named`` is called, when the controller comes
+    named_later = False  # True: wants, settings and signals are known, and ``named`` is called, when it comes
     signals: Mapping[str, str] = MappingProxyType({})  # its own, to be recorded: unit by name
     signal_values: tuple[float, ...] = ()  # at the newest answer
     process_id: int | None = None  # of a process that works for the plug

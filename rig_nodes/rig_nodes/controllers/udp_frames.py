@@ -24,7 +24,7 @@ BODIES = {
     SAMPLE: struct.Struct("<Qd3ddddd2I"),  # sample, time, current (3), n_wej, n_wyj, p1, p2, gear request, 0
     ANSWER: struct.Struct("<3d3d4I128s"),  # command (3), setpoint (3), status, gear, shifting, flags, message
     BYE: struct.Struct("<128s"),  # message
-    OWN: struct.Struct("<IId48s16s"),  # index, WANT, SIGNAL or SETTING, first value of a setting, name, unit of a signal
+    OWN: struct.Struct("<IId48s16s"),  # index, WANT, SIGNAL or SETTING, a setting's first value, name, unit
 }
 LONGER = (SAMPLE, ANSWER)  # may have further numbers (f64) behind their body: wanted and settings, or signals
 MOST = 128  # of them
@@ -64,7 +64,8 @@ def unpack(data):
     if not len(data) == size == end + 8 * more:
         raise NoFrame(f"kind {kind} has {len(data)} bytes and says {size}, expected {end}"
                       + ", or 8 more for each further number" * (kind in LONGER))
-    return kind, session, frame, BODIES[kind].unpack_from(data, HEADER.size) + struct.unpack_from("<%dd" % more, data, end)
+    values = BODIES[kind].unpack_from(data, HEADER.size) + struct.unpack_from("<%dd" % more, data, end)
+    return kind, session, frame, values
 
 
 def text(field):

@@ -159,8 +159,9 @@ def controller_variables(config: Alfa46Config, levels: tuple[str, ...], wants: S
               for name, unit in signals.items())]
 
 
-def controller_defines(variables: Sequence[Variable], wants: int = 0, signals: int = 0, settings: int = 0) -> dict[str, int]:
-    """Where c/controller_model.c finds the seam's values among :func:`controller_variables`, and how many are its own."""
+def controller_defines(variables: Sequence[Variable], wants: int = 0, signals: int = 0,
+                       settings: int = 0) -> dict[str, int]:
+    """Where c/controller_model.c finds the values of :func:`controller_variables`, and how many are its own."""
     names = [v.name for v in variables]
     first = names.index("gear_request")
     return {"MODEL_LEVEL": 0, "MODEL_LIMIT": names.index("current_limit"), "MODEL_INPUTS": first,
@@ -184,7 +185,7 @@ def build_controller_fmu(sources: Sequence[str | Path], target: str | Path, conf
             variables = controller_variables(config, levels, *own)
             names = [v.name for v in variables]
             if twice := next((name for name in names if names.count(name) > 1), None):
-                raise RigError(f"{files[0]}: its own '{twice}' is the name of another variable of the FMU; call it otherwise")
+                raise RigError(f"{files[0]}: its own '{twice}' is the name of another variable of the FMU; rename it")
             defines = controller_defines(variables, *map(len, own))
             model = [SOURCES / "controller_model.c", *files]
             if final:
@@ -199,7 +200,7 @@ def build_controller_fmu(sources: Sequence[str | Path], target: str | Path, conf
 
 
 class _Described(CLibrary):
-    """A library of rig_controller.h, to see that it loads, which levels it knows (``bits``) and what it names its own."""
+    """A library of rig_controller.h, to see that it loads, its levels (``bits``) and what it names its own."""
 
     def __init__(self, library: Path, name: str):
         self.bits = self._load(str(library), name)

@@ -1,9 +1,9 @@
 /* A shift controller behind rig_controller.h at the other end of a UDP port: the controller's side of docs/udp.md in C.
  *
  * For POSIX systems with little-endian numbers and a compiler that knows weak symbols (gcc, clang). Link it with the
- * functions of rig_controller.h, the optional ones where you have them, and call rig_udp_serve; examples/udp_main.c is all
- * of a program. Nothing here computes: it fetches the parameters, brings each sample to rig_controller_step once, and sends
- * the same answer again when the sample comes again.
+ * functions of rig_controller.h, the optional ones where you have them, and call rig_udp_serve; examples/udp_main.c is
+ * all of a program. Nothing here computes: it fetches the parameters, brings each sample to rig_controller_step once,
+ * and sends the same answer again when the sample comes again.
  */
 #ifndef RIG_UDP_H
 #define RIG_UDP_H
@@ -289,7 +289,7 @@ static int rig_udp_serve(const char *host, int port, int once) {
   while (!rig_udp_stop && !(over && once)) {
     if (!client.running) rig_udp_hello(&client);
     if (!rig_udp_receive(&client, &frame, client.running && client.last ? RIG_UDP_KEEP_ALIVE : RIG_UDP_AGAIN)) {
-      if (client.running && !client.last) rig_udp_ready(&client); /* until the first sample nobody knows if it was heard */
+      if (client.running && !client.last) rig_udp_ready(&client); /* until the first sample: was it heard? */
       else if (client.running) rig_udp_hello(&client); /* is the rig still there, and the same one? */
     } else if (frame.header.kind == RIG_INFO && frame.header.session != client.session) {
       rig_udp_begin(&client, &frame);

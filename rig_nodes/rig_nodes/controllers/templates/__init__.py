@@ -16,7 +16,7 @@ INCLUDE, EXAMPLES = HERE.parent / "include", HERE.parent / "examples"
 
 
 class Kind(NamedTuple):
-    """files: those that stand elsewhere, by the name that they get; commands: what to do next, with {dir} for the folder."""
+    """files: from elsewhere, by the name that they get; commands: what to do next, with {dir} for the folder."""
 
     folder: str
     files: dict[str, Path]
