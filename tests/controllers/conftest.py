@@ -1,10 +1,12 @@
 """Settings, the reference controllers, and ways to make a controller of a few lines in Python and in C."""
 
-import shutil
+import socket
 import subprocess
 import textwrap
 from pathlib import Path
 
+import pymodbus.client  # here, because plug and example client would import them at once from two threads
+import pymodbus.server
 import pytest
 
 import rig_nodes
@@ -18,8 +20,7 @@ SIMULINK_FOLDER = CONTROLLERS / "examples" / "simulink"
 SIMULINK = f"simulink:{SIMULINK_FOLDER}"
 PYTHON, C = "python:rig_nodes.controllers.examples.alfa46:Alfa46", f"c:{ALFA46_C}"
 STRICT = ("-O2", "-ffp-contract=off", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", f"-I{INCLUDE}")
-
-needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")
+SANITIZE = ("-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 
 C_FRAME = """
 #include "rig_controller.h"
@@ -85,6 +86,14 @@ def build(tmp_path):
         return stem.with_suffix(".so")
 
     return make
+
+
+@pytest.fixture
+def free_udp_port():
+    """A port of loopback that nobody has."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        return free.getsockname()[1]
 
 
 def ask(plug, sample=0, current=(0.0, 0.0, 0.0)):

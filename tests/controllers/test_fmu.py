@@ -13,10 +13,7 @@ from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
 
-from .conftest import ALFA46_C, ask, needs_cc
-
-pytest.importorskip("fmpy", reason="FMPy is not installed")
-pytestmark = needs_cc
+from .conftest import ALFA46_C, ask
 
 FAULTS = """
 #include "rig_controller.h"

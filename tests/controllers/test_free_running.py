@@ -2,6 +2,7 @@
 
 import csv
 import io
+import itertools
 import re
 import socket
 import struct
@@ -9,33 +10,32 @@ import threading
 import time
 from pathlib import Path
 
+import can
+import cantools
 import numpy as np
+import pymodbus.client
 import pytest
 
 from rig_nodes.analysis.report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.controllers import ControllerOutputs, load_controller
+from rig_nodes.controllers.can_bus import open_bus
+from rig_nodes.controllers.can_database import dbc_text
+from rig_nodes.controllers.examples.alfa46 import Alfa46
+from rig_nodes.controllers.examples.can_alfa46 import CanController
+from rig_nodes.controllers.examples.modbus_alfa46 import ModbusController
+from rig_nodes.controllers.registers import csv_text, markdown_text, register_map
 from rig_nodes.controllers.wire import measured
 from rig_nodes.errors import RigError
+from rig_nodes.testbench import conformance
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import advance_with, ask_controller, give_answer, simulate
 from rig_nodes.testbench.timed import RigStatus
 
-can = pytest.importorskip("can", reason="python-can is not installed")
-cantools = pytest.importorskip("cantools", reason="cantools is not installed")
-pytest.importorskip("pymodbus", reason="pymodbus is not installed")
-
-from rig_nodes.controllers.can_bus import open_bus  # noqa: E402
-from rig_nodes.controllers.can_database import dbc_text  # noqa: E402
-from rig_nodes.controllers.examples.alfa46 import Alfa46  # noqa: E402
-from rig_nodes.controllers.examples.can_alfa46 import CanController  # noqa: E402
-from rig_nodes.controllers.examples.modbus_alfa46 import ModbusController  # noqa: E402
-from rig_nodes.controllers.registers import csv_text, markdown_text, register_map  # noqa: E402
-
-from .conftest import MULTICAST, multicast_works  # noqa: E402
+from .conftest import MULTICAST, multicast_works
 
 DOCS = Path(__file__).parents[2] / "docs"
 RPM = 0.10471975511965977
@@ -195,6 +195,16 @@ def test_either_level_and_either_gear(config, example, kind):
     plug.close()
     assert (plug.gear, plug.shifting, rig.status) == (2, False, RigStatus.READY)
     assert rig.measurement("I_zr_p2") == pytest.approx(0.74, abs=0.08)
+
+
+@pytest.mark.parametrize("kind", ["virtual", "modbus"])
+def test_what_cannot_be_asked_of_a_clock_of_its_own_says_why(config, example, monkeypatch, kind):
+    monkeypatch.setattr(conformance, "DESK_SAMPLES", 300)  # they take as long as they say
+    items = list(itertools.islice(conformance.Check(example(kind).spec, config).items(), 6))
+    assert [(item.name, item.ok) for item in items] == [
+        ("loads", True), ("answers", True), ("at rest", True), ("timing", None), ("determinism", None),
+        ("restart", None)]
+    assert all(item.text.startswith("does not apply: ") and len(item.text) < 140 for item in items[3:])
 
 
 # ---- silence and faults
@@ -399,13 +409,11 @@ def test_the_register_map_is_that_of_the_page_and_of_the_export(tmp_path):
 
 
 def test_registers_are_read_and_written_as_the_map_says(config):
-    from pymodbus.client import ModbusTcpClient
-
     port = free_port()
     told = {}
 
     def be_a_plc():
-        with ModbusTcpClient("127.0.0.1", port=port, timeout=2, retries=20) as client:
+        with pymodbus.client.ModbusTcpClient("127.0.0.1", port=port, timeout=2, retries=20) as client:
             while not client.connect():
                 time.sleep(0.01)
             client.write_registers(33, [10000, 0, 0, 1, 1, 0, 0])

@@ -3,7 +3,6 @@
 import json
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -280,8 +279,6 @@ def doc_commands(heading, page=DOCS):
     ("UDP", "udp.md", 7),
 ])
 def test_the_first_shift_page_works_as_it_is_written(kind, page, count, tmp_path, monkeypatch):
-    if kind != "Python" and not shutil.which("cc") or kind == "UDP" and not shutil.which("make"):
-        pytest.skip("no C compiler or no make here")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "rig_nodes").symlink_to(DOCS.parents[1] / "rig_nodes")
     if kind in ("Python", "C"):

@@ -15,9 +15,8 @@ from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.simulate import advance_with
 from rig_nodes.testbench.timed import RigStatus
 
-from .conftest import C_FRAME, ask, needs_cc
+from .conftest import C_FRAME, ask
 
-pytestmark = needs_cc
 ENDLESS = "for (volatile int k = 0;;) k = 0;"
 
 

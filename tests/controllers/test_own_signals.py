@@ -10,7 +10,7 @@ from rig_nodes.errors import RigError
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
 
-from .conftest import C_FRAME, PYTHON, ask, needs_cc
+from .conftest import C_FRAME, PYTHON, ask
 
 COUNTING = """
 from rig_nodes.controllers import Status
@@ -93,7 +93,6 @@ void rig_controller_signal_values(void *instance, double *values, uint32_t count
 """
 
 
-@needs_cc
 def test_a_library_names_its_own_too(build, config):
     plug = load_controller(f"c:{build(C_SIGNALS + VALUES, '-Wall', '-Wextra', '-Werror')}", config.alfa46)
     assert plug.signals == {"number": "-", "half_of_it": "-"}
@@ -105,7 +104,6 @@ def test_a_library_names_its_own_too(build, config):
     plug.close()
 
 
-@needs_cc
 def test_names_without_values_are_refused(build, config):
     with pytest.raises(RigError, match="does not export rig_controller_signal_values"):
         load_controller(f"c:{build(C_SIGNALS)}", config.alfa46)

@@ -7,7 +7,7 @@ from rig_nodes.errors import RigError
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.simulate import advance_with
 
-from .conftest import C_FRAME, needs_cc
+from .conftest import C_FRAME
 
 C_WANTS = C_FRAME.replace("STEP", "out->setpoint[0] = seen[0]; out->setpoint[1] = seen[1];").replace(
     '#include "rig_controller.h"', '#include "rig_controller.h"\nstatic double seen[2];') + """
@@ -48,14 +48,12 @@ def test_a_class_gets_what_it_wants(config, python_controller):
     check(seen_on_the_rig(config, plug))
 
 
-@needs_cc
 def test_a_library_gets_what_it_wants(config, build):
     plug = load_controller(f"c:{build(C_WANTS, '-Wall', '-Wextra', '-Werror')}", config.alfa46)
     assert plug.wants == ("p_p", "T_oil")
     check(seen_on_the_rig(config, plug))
 
 
-@needs_cc
 def test_half_of_the_pair_is_refused(config, build):
     text = C_FRAME.replace("STEP", "") + "const char *const *rig_controller_wants(void) { return 0; }\n"
     with pytest.raises(RigError, match="does not export rig_controller_wanted"):

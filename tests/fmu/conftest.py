@@ -1,15 +1,9 @@
 """The rig's FMUs of both versions, built once."""
 
-import shutil
-
 import pytest
 
 from rig_nodes.fmu.build import build_rig_fmu
 from rig_nodes.fmu.importer import Fmu
-
-pytest.importorskip("fmpy", reason="FMPy is not installed")
-if shutil.which("cc") is None:
-    pytest.skip("no C compiler here", allow_module_level=True)
 
 
 @pytest.fixture(scope="session")

@@ -48,7 +48,7 @@ class Case(NamedTuple):
 
 def _c_program(folder: Path, port: int) -> list[str]:
     program = folder / "alfa46_udp"
-    sources = [str(EXAMPLES / name) for name in ("alfa46_udp.c", "alfa46.c")]
+    sources = [str(EXAMPLES / name) for name in ("udp_main.c", "alfa46.c")]
     flags = ["-std=gnu99", "-O2", "-ffp-contract=off", f"-I{INCLUDE}"]
     subprocess.run(["cc", *flags, "-o", str(program), *sources, "-lm"], check=True)
     return [str(program), "127.0.0.1", str(port)]

@@ -1,8 +1,9 @@
 """The process in which a C library runs, so that nothing in it can harm the rig; and the structs of rig_controller.h.
 
 Started by c_library.py as a program of its own that imports nothing of the rig: it is there in 30 ms. Whole messages
-over one socket: a description of the library, an order to create, then for each sample the inputs and the answer as the
-structs' own bytes. It ends when the socket does, and is killed by the system when the rig's process has gone.
+over one socket: a description of the library, an order to create, then for each sample the inputs and the answer as
+the structs' own bytes, and behind them what the library asked for and what it names its own. It ends when the socket
+does, and is killed by the system when the rig's process has gone.
 """
 
 import ctypes as ct
@@ -16,7 +17,8 @@ OUTPUTS, TEXT, OK = 3, 128, 0
 FUNCTIONS = ("rig_controller_abi", "rig_controller_create", "rig_controller_step", "rig_controller_destroy")
 # optional, both of a pair or none: function that names, function that brings or takes the values
 PAIRS = {"wants": ("rig_controller_wants", "rig_controller_wanted"),
-         "signals": ("rig_controller_signals", "rig_controller_signal_values")}
+         "signals": ("rig_controller_signals", "rig_controller_signal_values"),
+         "settings": ("rig_controller_settings", "rig_controller_set")}
 END = b"end"  # in place of a sample: destroy the controller
 PR_SET_PDEATHSIG = 1
 THREE = ct.c_double * OUTPUTS
@@ -113,10 +115,15 @@ def describe(path: str) -> tuple[ct.CDLL | None, dict]:
         if not hasattr(library, values):
             return None, {"missing": [values]}
         function = getattr(library, names)
-        function.restype, function.argtypes = ct.POINTER(ct.c_char_p), []
+        function.restype, function.argtypes = ct.POINTER(Parameter if key == "settings" else ct.c_char_p), []
         given = function()
-        while given and (name := given[len(found[key])]) is not None:
-            found[key].append(name.decode("utf-8", "replace"))
+        while given:
+            item = given[len(found[key])]
+            name = item.name if key == "settings" else item
+            if name is None:
+                break
+            text = name.decode("utf-8", "replace")
+            found[key].append([text, item.value] if key == "settings" else text)
         getattr(library, values).restype = None
         getattr(library, values).argtypes = [ct.c_void_p, ct.POINTER(ct.c_double), ct.c_uint32]
     return library, found
@@ -142,17 +149,21 @@ def serve(line: socket.socket, path: str) -> None:
     line.send(json.dumps(created).encode())
     if created["status"] != OK:
         return
-    wants, signals = len(description["wants"]), len(description["signals"])
-    bring, take = (getattr(library, PAIRS[key][1], None) for key in ("wants", "signals"))
-    size, width = ct.sizeof(Inputs) + 8 * wants, ct.sizeof(Answer) + 8 * signals
+    wants, signals, settings = (len(description[key]) for key in ("wants", "signals", "settings"))
+    bring, take, give = (getattr(library, PAIRS[key][1], None) for key in ("wants", "signals", "settings"))
+    place = ct.sizeof(Inputs) + 8 * wants
+    size, width = place + 8 * settings, ct.sizeof(Answer) + 8 * signals
     frame, reply = bytearray(size), bytearray(width)
     inputs, wanted = Inputs.from_buffer(frame), (ct.c_double * wants).from_buffer(frame, ct.sizeof(Inputs))
+    given = (ct.c_double * settings).from_buffer(frame, place)
     answer, own = Answer.from_buffer(reply), (ct.c_double * signals).from_buffer(reply, ct.sizeof(Answer))
     step, arguments = library.rig_controller_step, (instance, ct.byref(inputs), ct.byref(answer.outputs))
     receive, send = line.recv_into, line.send
     while (count := receive(frame)) == size:
         if wants:
             bring(instance, wanted, wants)
+        if settings:
+            give(instance, given, settings)
         ct.memset(ct.byref(answer), 0, width)
         answer.outputs.size = ct.sizeof(Outputs)
         answer.status = step(*arguments)

@@ -25,7 +25,7 @@ from ..errors import RigError
 from ..graph.link import Link, LinkClosed, pair
 from .c_host import END, Info, Inputs, Outputs, Parameter
 from .c_host import Answer as HostAnswer
-from .own_signals import checked_signals
+from .own_signals import checked_settings, checked_signals
 from .plug import Plug, chosen_level
 from .seam import ControllerInputs, ControllerOutputs, Status, checked_wants
 
@@ -239,7 +239,9 @@ class CLibrary(Plug):
         bits = _check_description(found, name)
         self.wants = checked_wants(found["wants"], name)
         self.signals = checked_signals(found["signals"], name)
-        self._others, self._own_values = (struct.Struct(f"={len(names)}d") for names in (self.wants, self.signals))
+        self.settings = checked_settings(dict(found["settings"]), name)
+        self._behind = struct.Struct(f"={len(self.wants) + len(self.settings)}d")
+        self._own_values = struct.Struct(f"={len(self.signals)}d")
         return bits
 
     def _create(self) -> None:
@@ -270,7 +272,9 @@ class CLibrary(Plug):
         given.current[:] = inputs.current
         given.n_wej, given.n_wyj, given.p1, given.p2 = inputs.n_wej, inputs.n_wyj, inputs.p1, inputs.p2
         try:
-            frame = bytes(given) + self._others.pack(*inputs.others.values()) if self.wants else given
+            frame = given
+            if self._behind.size:
+                frame = bytes(given) + self._behind.pack(*inputs.others.values(), *inputs.settings.values())
             data = self._host.ask(frame, self.step_timeout)
         except LinkClosed as gone:
             self._fail(Status.FATAL, inputs.sample, str(gone))

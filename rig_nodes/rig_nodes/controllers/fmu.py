@@ -18,11 +18,12 @@ from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
 from ..graph.link import Link, LinkClosed, pair
 from .c_library import CORE
-from .own_signals import checked_signals
+from .own_signals import checked_settings, checked_signals
 from .plug import Plug, chosen_level
 from .seam import ControllerInputs, ControllerOutputs, Status, checked_wants
 
-# behind a sample the transducers asked for, behind an answer its own signals; behind a status other than ok, a sentence
+# behind a sample: transducers asked for, its own settings; behind an answer: its own signals, or for a status other
+# than ok a sentence
 SAMPLE = struct.Struct("<QI7d")  # sample, gear_request, currents (3), n_wej, n_wyj, p1, p2
 ANSWER = struct.Struct("<IIII6d")  # status, gear, shifting, flags, command (3), setpoint (3)
 LOAD_TIMEOUT = 60.0  # s of wall clock for loading and for the initialization
@@ -49,8 +50,13 @@ class ControllerFmu(Plug):
             found = self._hear(name)
             super().__init__(name, config, chosen_level(level, tuple(found["levels"]), name))
             self.wants, self.signals = checked_wants(found["wants"], name), checked_signals(found["signals"], name)
-            self._others, self._own_values = (struct.Struct(f"<{len(names)}d") for names in (self.wants, self.signals))
-            self._link.send_json({"level": self.level, "parameters": dict(self.info.parameters), "period": self.info.period})
+            # a parameter that is named like one of the rig's has that one's value
+            self.settings = checked_settings({key: value for key, value in found["settings"].items()
+                                              if key not in self.info.parameters}, name)
+            self._behind = struct.Struct(f"<{len(self.wants) + len(self.settings)}d")
+            self._own_values = struct.Struct(f"<{len(self.signals)}d")
+            self._link.send_json({"level": self.level, "parameters": dict(self.info.parameters),
+                                  "period": self.info.period, "settings": list(self.settings)})
             self._hear(name)
         except BaseException:
             self._abandon()
@@ -87,7 +93,8 @@ class ControllerFmu(Plug):
                 os.sched_setaffinity(self.process_id, {core})
         try:
             self._link.send(SAMPLE.pack(inputs.sample, inputs.gear_request, *inputs.current, inputs.n_wej, inputs.n_wyj,
-                                        inputs.p1, inputs.p2) + self._others.pack(*inputs.others.values()))
+                                        inputs.p1, inputs.p2)
+                            + self._behind.pack(*inputs.others.values(), *inputs.settings.values()))
             data = self._link.receive(self.step_timeout)
         except LinkClosed:
             self._fail(Status.FATAL, inputs.sample, self._how_it_ended())

@@ -55,6 +55,13 @@ def signals_of(fmu: Fmu) -> dict[str, str]:
     return {name: fmu.variables[name].unit or "-" for name in names[:MOST]}
 
 
+def settings_of(fmu: Fmu) -> dict[str, float]:
+    """Its own settings: start value by name of its tunable parameters that are numbers, the first ones."""
+    names = [name for name, v in fmu.variables.items() if v.causality == "parameter" and v.variability == "tunable"
+             and v.type in ("Real", "Float64", "Float32") and v.start is not None and NAME.fullmatch(name)]
+    return {name: float(fmu.variables[name].start) for name in names[:MOST]}
+
+
 def levels_of(fmu: Fmu) -> list[str]:
     """The levels that the FMU knows: by its parameter level, else by the unit of command_1, the likelier one first."""
     level = fmu.variables.get("level")
@@ -73,15 +80,16 @@ def start_values(fmu: Fmu, level: str, parameters: dict[str, float]) -> dict[str
             if name in fmu.variables and fmu.variables[name].causality == "parameter"}
 
 
-def answer_samples(link: socket.socket, fmu: Fmu, period: float) -> None:
-    """One communication step for each sample, until the link closes."""
+def answer_samples(link: socket.socket, fmu: Fmu, period: float, settings: list[str]) -> None:
+    """One communication step for each sample, until the link closes. settings: names of those that come with it."""
     inputs = check_variables(fmu)
     write, places = fmu.writer(inputs), [INPUTS.index(name) for name in inputs]
     told = [name for name in OUTPUT_NAMES if name in fmu.variables]
     read, first, done = fmu.reader(told), None, 0
     wants, signals = wants_of(fmu), list(signals_of(fmu))
-    write_others, read_own = fmu.writer(wants), fmu.reader(signals)
-    others, own = (struct.Struct(f"<{len(names)}d") for names in (wants, signals))
+    write_others, read_own, write_settings = fmu.writer(wants), fmu.reader(signals), fmu.writer(settings)
+    others, own, tuned = (struct.Struct(f"<{len(names)}d") for names in (wants, signals, settings))
+    newest = tuple(settings_of(fmu)[name] for name in settings)  # as the FMU has them
     while data := link.recv(FRAME):
         sample, request, *values = SAMPLE.unpack_from(data)
         given = [request, *values]
@@ -90,6 +98,10 @@ def answer_samples(link: socket.socket, fmu: Fmu, period: float) -> None:
         try:
             write([given[k] for k in places])
             write_others(others.unpack_from(data, SAMPLE.size))
+            now = tuned.unpack_from(data, SAMPLE.size + others.size)
+            if now != newest:
+                write_settings(now)
+                newest = now
             while done <= sample - first:  # samples that did not come are stepped over with what is known now
                 fmu.step(done * period, period)
                 done += 1
@@ -126,14 +138,15 @@ def serve(link: socket.socket, file: str) -> None:
     """Everything from the FMU's loading to its end; RigError before the first sample."""
     with Fmu(file, "controller") as fmu:
         check_variables(fmu)
-        link.send(json.dumps({"levels": levels_of(fmu), "wants": wants_of(fmu), "signals": signals_of(fmu)}).encode())
+        link.send(json.dumps({"levels": levels_of(fmu), "wants": wants_of(fmu), "signals": signals_of(fmu),
+                              "settings": settings_of(fmu)}).encode())
         start = link.recv(FRAME)
         if not start:
             return
         order = json.loads(start)
         fmu.initialize(**start_values(fmu, order["level"], order["parameters"]))
         link.send(b"{}")
-        answer_samples(link, fmu, order["period"])
+        answer_samples(link, fmu, order["period"], order["settings"])
         fmu.terminate()
 
 

@@ -7,6 +7,7 @@ without a new one is discarded, so that the rig trips when 100 ms bring none (do
 from __future__ import annotations
 
 import time
+from abc import abstractmethod
 from urllib.parse import parse_qsl
 
 from ..alfa46.settings import Alfa46Config
@@ -44,9 +45,10 @@ def number(options: dict[str, str], key: str, default: float, name: str, low: fl
 class FreeRunning(Plug):
     """A plug whose controller has a clock of its own.
 
-    Subclasses give ``_send(inputs)``, ``_listen(until)``, which takes in what comes until a time of time.monotonic()
-    and calls ``heard`` with each command, and ``_end``.
+    Subclasses give ``_send``, ``_listen`` and ``_end``.
     """
+
+    own_clock = True
 
     def __init__(self, name: str, config: Alfa46Config, level: str | None, place: str):
         super().__init__(name, config, chosen_level(level, LEVELS[::-1], name))
@@ -118,8 +120,10 @@ class FreeRunning(Plug):
     def _abandon(self) -> None:
         self._end()
 
+    @abstractmethod
     def _send(self, inputs: ControllerInputs) -> None:
-        raise NotImplementedError
+        """Show a sample to whoever looks."""
 
+    @abstractmethod
     def _listen(self, until: float) -> None:
-        raise NotImplementedError
+        """Take in what comes until a time of time.monotonic(), and call ``heard`` with each command."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 import math
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple, NoReturn
@@ -71,7 +72,7 @@ class Waiting:
             self._next = {1.0: 2.0, 2.0: 5.0}.get(self._next, 10.0 * (self.seconds // 10.0 + 1.0))
 
 
-class Plug:
+class Plug(ABC):
     """A controller behind the seam; subclasses give ``_answer(inputs)`` and, if there is one, an ``_end``.
 
     ``gear``, ``shifting`` and ``flags`` are those of the newest answer. ``_answer`` may take ``step_timeout`` s of wall
@@ -79,10 +80,12 @@ class Plug:
     """
 
     in_process = False  # True: user code runs in this process, which cannot go on while that does not return
+    own_clock = False  # True: nobody waits for the controller, it answers when its own clock says so
     step_timeout: float | None = STEP_TIMEOUT
     real_time = False
     wants: tuple[str, ...] = ()  # transducers that it gets in ``others`` beside what all get
     settings: Mapping[str, float] = MappingProxyType({})  # its own, that can be set while it runs: value by name
+    named_later = False  # True: wants, settings and signals are known, and ``named`` is called, when it comes
     signals: Mapping[str, str] = MappingProxyType({})  # its own, to be recorded: unit by name
     signal_values: tuple[float, ...] = ()  # at the newest answer
     process_id: int | None = None  # of a process that works for the plug
@@ -92,6 +95,7 @@ class Plug:
         self.info = controller_info(config, level)
         self.gear, self.shifting, self.flags = 0, False, 0
         self.say: Callable[[str], None] = LOG.info  # to people: what is waited for, who came and went
+        self.named: Callable[[], None] = lambda: None
         self._request, self._ordered, self._before = 0, False, 0
         self._over = False  # failed or closed: it is not called again
 
@@ -222,8 +226,9 @@ class Plug:
         seconds = f"{self.step_timeout * 1e3:.0f} ms" if self.step_timeout < 1.0 else f"{self.step_timeout:g} s"
         self._fail(Status.FATAL, sample, f"no answer for {seconds}{option}")
 
+    @abstractmethod
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
-        raise NotImplementedError
+        """The controller's own answer to a sample, not checked yet."""
 
     def _abandon(self) -> None:
         """After a fatal status, once: let go of what is outside this process, without a call into the controller."""

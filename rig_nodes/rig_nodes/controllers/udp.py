@@ -12,8 +12,9 @@ import time
 
 from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
+from .own_signals import MOST, checked_settings, checked_signals
 from .plug import Plug, Waiting, chosen_level
-from .seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs, Status
+from .seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs, Status, checked_wants
 from .udp_frames import (
     ANSWER,
     ASK,
@@ -21,9 +22,13 @@ from .udp_frames import (
     HELLO,
     INFO,
     LONGEST,
+    OWN,
     PARAMETER,
     READY,
     SAMPLE,
+    SETTING,
+    SIGNAL,
+    WANT,
     NoFrame,
     pack,
     text,
@@ -39,6 +44,8 @@ IP_RECVERR = 11  # of Linux: tells that nobody listens at the other end
 
 class Udp(Plug):
     """udp:PORT, or udp:ADDRESS:PORT to listen at another interface than loopback."""
+
+    named_later = True
 
     def __init__(self, rest: str, config: Alfa46Config, level: str | None = None):
         address, _, port = rest.rpartition(":")
@@ -58,6 +65,9 @@ class Udp(Plug):
         self._parameters = list(self.info.parameters.items())
         self._session = int.from_bytes(os.urandom(4), "little") or 1
         self._peer = None  # address of the controller, once it is ready
+        self._coming, self._names, self._count = None, {}, 0  # who is getting ready; its own names by index, of so many
+        self._refused: dict = {}  # why its names cannot be had, by address of a controller
+        self._declared = False  # a controller of this run has named its own
         self._frame = 0
         self._was_here = False
         self._away = True  # nobody answered the newest sample
@@ -97,10 +107,16 @@ class Udp(Plug):
             elif kind == ASK and values[0] < len(self._parameters):
                 name, value = self._parameters[values[0]]
                 self._send(PARAMETER, peer, values=[values[0], len(self._parameters), value, name])
-            elif kind == READY:
-                self._peer, self._was_here = peer, True
-                self.say(f"controller on udp {self._port} is here ({peer[0]}:{peer[1]})")
-                return None
+            elif kind == READY and peer != self._peer and self._away:
+                self._coming, self._count = peer, values[0]
+                self._names = {}
+                if self._is_here():
+                    return None
+            elif kind == OWN and peer == self._coming:
+                what, first, name, unit = values[1:]
+                self._names[values[0]] = what, text(name), first, text(unit)
+                if self._is_here():
+                    return None
             elif kind == BYE and peer == self._peer:
                 raise _Gone(f"it said goodbye: {text(values[0]) or 'it gave no reason'}")
             elif kind == ANSWER and peer == self._peer and frame == self._frame:
@@ -109,20 +125,58 @@ class Udp(Plug):
     def _greet(self, session: int, peer, levels: int) -> None:
         if session == self._session and peer == self._peer:
             return  # it only asks whether the rig is still there
-        why = ""
+        why = self._refused.get(peer, "")
         if not levels & LEVEL_BITS[self.level]:
             known = " and ".join(name for name, bit in LEVEL_BITS.items() if levels & bit) or "none"
             why = f"this run is at level {self.level}, the controller's is {known}; choose with --level"
         elif self._peer not in (None, peer) and not self._away:
             why = "another controller is at work"
         if why:
-            self._send(BYE, peer, session=0, values=[why])
-            if peer not in self._sent_away:
-                self._sent_away.add(peer)
-                self.say(f"a controller was sent away from udp {self._port}: {why}")
+            self._send_away(peer, why)
             return
         high, level = self.info.command_high, LEVEL_BITS[self.level]
         self._send(INFO, peer, values=[level, len(self._parameters), self.info.period, high])
+
+    def _send_away(self, peer, why: str) -> None:
+        self._send(BYE, peer, session=0, values=[why])
+        if peer not in self._sent_away:
+            self._sent_away.add(peer)
+            self.say(f"a controller was sent away from udp {self._port}: {why}")
+
+    def _is_here(self) -> bool:
+        """Ask for the next of the controller's own names that is not known; True when it has told all of them."""
+        peer = self._coming
+        missing = next((k for k in range(self._count) if k not in self._names), None)
+        if missing is not None and self._count <= 3 * MOST:
+            self._send(ASK, peer, values=[missing, 0])
+            return False
+        self._coming = None
+        try:
+            self._take_names()
+        except RigError as error:
+            self._refused[peer] = str(error)
+            self._send(BYE, peer, values=[str(error)])  # it began already: of this session
+            self._send_away(peer, str(error))
+            return False
+        self._peer, self._was_here = peer, True
+        self.say(f"controller on udp {self._port} is here ({peer[0]}:{peer[1]})")
+        return True
+
+    def _take_names(self) -> None:
+        """Transducers, signals and settings as the controller names them; RigError when they cannot be had."""
+        if self._count > 3 * MOST:
+            raise RigError(f"it has {self._count} names of its own, expected up to {MOST} of each kind")
+        names = [self._names[k] for k in range(self._count)]
+        wants = checked_wants([name for what, name, _, _ in names if what == WANT], self.name)
+        signals = checked_signals({name: unit for what, name, _, unit in names if what == SIGNAL}, self.name)
+        settings = checked_settings({name: value for what, name, value, _ in names if what == SETTING}, self.name)
+        now, before = ((tuple(w), tuple(s.items()), tuple(t)) for w, s, t in (
+            (wants, signals, settings), (self.wants, self.signals, self.settings)))
+        if self._declared and now != before:
+            raise RigError("it names other transducers, signals or settings than the controller before it in this run")
+        if not self._declared:  # what was set since stays set
+            self.wants, self.signals, self.settings, self._declared = wants, signals, settings, True
+            self.named()
 
     def _send(self, kind: int, peer, session: int | None = None, values=()) -> None:
         data = pack(kind, self._session if session is None else session, 0, *values)
@@ -155,20 +209,21 @@ class Udp(Plug):
             raise ControllerFailed(f"controller {self.name}, sample {inputs.sample}: {gone}", Status.FATAL) from None
         if values is None:
             return ControllerOutputs(status=Status.DISCARD)
-        status, gear, shifting, flags, message = values[6:]
-        return ControllerOutputs(values[:3], values[3:6], gear, bool(shifting), flags, status, text(message))
+        status, gear, shifting, flags, message, *own = values[6:]
+        return ControllerOutputs(values[:3], values[3:6], gear, bool(shifting), flags, status, text(message),
+                                 dict(zip(self.signals, own, strict=False)))
 
     def _exchange(self, inputs: ControllerInputs) -> tuple | None:
         """The values of the answer; None in real time while there is none."""
-        data = pack(SAMPLE, self._session, self._frame, inputs.sample, inputs.time, *inputs.current, inputs.n_wej,
-                    inputs.n_wyj, inputs.p1, inputs.p2, inputs.gear_request, 0)
         began, patience = time.monotonic(), self.step_timeout
         if self.real_time and self._away:
             patience = GLANCE
         while True:
             if self._peer is not None:
+                if len(inputs.others) != len(self.wants):
+                    return None  # the sample was made before the controller said what it wants
                 try:
-                    self._socket.sendto(data, self._peer)
+                    self._socket.sendto(self._sample(inputs), self._peer)
                 except ConnectionRefusedError:
                     self._see_who_has_gone()
                     continue
@@ -179,6 +234,11 @@ class Udp(Plug):
             if values is not None:
                 self._away = False
                 return values
+
+    def _sample(self, inputs: ControllerInputs) -> bytes:
+        return pack(SAMPLE, self._session, self._frame, inputs.sample, inputs.time, *inputs.current, inputs.n_wej,
+                    inputs.n_wyj, inputs.p1, inputs.p2, inputs.gear_request, 0,
+                    more=[*inputs.others.values(), *self.settings.values()])
 
     def _no_answer(self, sample: int) -> None:
         if self.real_time:

@@ -11,19 +11,24 @@ import sys
 import time
 import types
 
-MAGIC, VERSION, PORT = 0x31474952, 1, 9002  # "RIG1"
-HELLO, INFO, ASK, PARAMETER, READY, SAMPLE, ANSWER, BYE = range(1, 9)
+MAGIC, VERSION, PORT = 0x31474952, 2, 9002  # "RIG1"
+HELLO, INFO, ASK, PARAMETER, READY, SAMPLE, ANSWER, BYE, OWN = range(1, 10)
+WANT, SIGNAL, SETTING = range(1, 4)  # what the name in an OWN is
 HEADER = struct.Struct("<IHHIIII")  # magic, version, kind, session, frame, size of the whole frame, 0
 BODIES = {
     HELLO: struct.Struct("<II"),  # levels, 0
     INFO: struct.Struct("<IIdd"),  # level, number of parameters, period, command_high
-    ASK: struct.Struct("<II"),  # index of a parameter, 0
+    ASK: struct.Struct("<II"),  # index of a parameter, or of the rig's from the controller's own names; 0
     PARAMETER: struct.Struct("<IId48s"),  # index, number of parameters, value, name
-    READY: struct.Struct("<"),
+    READY: struct.Struct("<II"),  # number of the controller's own names, 0
     SAMPLE: struct.Struct("<Qd3ddddd2I"),  # sample, time, current (3), n_wej, n_wyj, p1, p2, gear request, 0
     ANSWER: struct.Struct("<3d3d4I128s"),  # command (3), setpoint (3), status, gear, shifting, flags, message
     BYE: struct.Struct("<128s"),  # message
+    OWN: struct.Struct("<IId48s16s"),  # index, WANT, SIGNAL or SETTING, a setting's first value, name, unit
 }
+LONGER = (SAMPLE, ANSWER)  # may have further numbers (f64) behind their body: wanted and settings, or signals
+MOST = 128  # of them
+TEXTS = {PARAMETER: (48,), OWN: (48, 16)}  # bytes of the text fields; of other kinds 128
 LEVELS = {"duty": 1, "current": 2}
 LONGEST = 2048  # bytes of any frame
 AGAIN = 0.2  # s between two HELLOs of a controller that waits for a rig
@@ -34,16 +39,17 @@ class NoFrame(ValueError):
     """Bytes that are no frame of this protocol and version."""
 
 
-def pack(kind, session, frame, *values):
-    """The bytes of a frame; texts of values are encoded and cut to their field."""
-    body = BODIES[kind]
-    data = [value.encode()[:47] if kind == PARAMETER and isinstance(value, str) else
-            value.encode()[:127] if isinstance(value, str) else value for value in values]
-    return HEADER.pack(MAGIC, VERSION, kind, session, frame, HEADER.size + body.size, 0) + body.pack(*data)
+def pack(kind, session, frame, *values, more=()):
+    """The bytes of a frame, ``more`` numbers behind its body; texts of values are encoded and cut to their field."""
+    body, sizes = BODIES[kind], iter(TEXTS.get(kind, (128,)))
+    data = [value.encode()[:next(sizes) - 1] if isinstance(value, str) else value for value in values]
+    size = HEADER.size + body.size + 8 * len(more)
+    return (HEADER.pack(MAGIC, VERSION, kind, session, frame, size, 0) + body.pack(*data)
+            + struct.pack("<%dd" % len(more), *more))
 
 
 def unpack(data):
-    """(kind, session, frame, values); NoFrame when the bytes are none."""
+    """(kind, session, frame, values), the numbers behind a body last; NoFrame when the bytes are none."""
     if len(data) < HEADER.size:
         raise NoFrame(f"{len(data)} bytes are less than a header")
     magic, version, kind, session, frame, size, _ = HEADER.unpack_from(data)
@@ -53,9 +59,13 @@ def unpack(data):
         raise NoFrame(f"it is of version {version} of the protocol, expected {VERSION}")
     if kind not in BODIES:
         raise NoFrame(f"there is no kind {kind}")
-    if not len(data) == size == HEADER.size + BODIES[kind].size:
-        raise NoFrame(f"kind {kind} has {len(data)} bytes and says {size}, expected {HEADER.size + BODIES[kind].size}")
-    return kind, session, frame, BODIES[kind].unpack_from(data, HEADER.size)
+    end = HEADER.size + BODIES[kind].size
+    more = (size - end) // 8 if kind in LONGER and end <= size <= end + 8 * MOST else 0
+    if not len(data) == size == end + 8 * more:
+        raise NoFrame(f"kind {kind} has {len(data)} bytes and says {size}, expected {end}"
+                      + ", or 8 more for each further number" * (kind in LONGER))
+    values = BODIES[kind].unpack_from(data, HEADER.size) + struct.unpack_from("<%dd" % more, data, end)
+    return kind, session, frame, values
 
 
 def text(field):
@@ -64,7 +74,10 @@ def text(field):
 
 
 class Client:
-    """The controller's side: ``controller`` has initialize / step / terminate as a Python class of the rig has."""
+    """The controller's side: ``controller`` has initialize / step / terminate as a Python class of the rig has.
+
+    ``wants``, ``signals`` and ``settings`` of it are used where they are there, as of a Python class.
+    """
 
     def __init__(self, controller, host="127.0.0.1", port=PORT, levels=("duty",)):
         self.controller, self.levels = controller, sum(LEVELS[name] for name in levels)
@@ -72,6 +85,14 @@ class Client:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.connect(self.rig)
         self.session, self.running, self.last, self.answer = 0, False, 0, b""
+        self.wants = tuple(getattr(controller, "wants", ()))
+        signals = getattr(controller, "signals", ())
+        self.signals = dict(signals) if isinstance(signals, dict) else dict.fromkeys(signals, "-")
+        settings = dict(getattr(controller, "settings", {}))
+        self.settings = tuple(settings)
+        self.own = [(WANT, 0.0, name, "") for name in self.wants]
+        self.own += [(SIGNAL, 0.0, name, unit) for name, unit in self.signals.items()]
+        self.own += [(SETTING, float(value), name, "") for name, value in settings.items()]
 
     def send(self, kind, *values, frame=0):
         """One frame; a rig that is not there yet is no error."""
@@ -109,9 +130,11 @@ class Client:
         """One look for the next frame; True at the end of a run."""
         if not self.running:
             self.send(HELLO, self.levels, 0)
-        came = self.receive(KEEP_ALIVE if self.running else AGAIN)
+        came = self.receive(KEEP_ALIVE if self.running and self.last else AGAIN)
         if came is None:
-            if self.running:  # is the rig still there, and the same one?
+            if self.running and not self.last:  # until the first sample nobody knows whether it was heard
+                self.send(READY, len(self.own), 0)
+            elif self.running:  # is the rig still there, and the same one?
                 self.send(HELLO, self.levels, 0)
             return False
         kind, session, frame, values = came
@@ -122,9 +145,13 @@ class Client:
             time.sleep(1.0)
         elif session != self.session or not self.running:
             return False
+        elif kind == ASK and values[0] < len(self.own):
+            self.send(OWN, values[0], *self.own[values[0]])
         elif kind == SAMPLE:
             self.step(frame, values)
         elif kind == BYE:
+            if not self.last:
+                print(f"the rig says: {text(values[0])}", file=sys.stderr)
             self.end()
             return True
         return False
@@ -145,7 +172,7 @@ class Client:
         self.controller.initialize(types.SimpleNamespace(
             period=period, level=level, command_high=command_high, parameters=parameters))
         self.running, self.last, self.answer = True, 0, b""
-        self.send(READY)
+        self.send(READY, len(self.own), 0)
 
     def parameter(self, index):
         """(name, value) of one of the rig's parameters, asked for again when the answer is lost."""
@@ -167,14 +194,17 @@ class Client:
         if frame < self.last:
             return
         sample, at, *rest = values
+        others, settings = rest[9:9 + len(self.wants)], rest[9 + len(self.wants):]
         out = self.controller.step(types.SimpleNamespace(
             sample=sample, time=at, current=tuple(rest[:3]), n_wej=rest[3], n_wyj=rest[4], p1=rest[5], p2=rest[6],
-            gear_request=rest[7]))
+            gear_request=rest[7], others=dict(zip(self.wants, others)), settings=dict(zip(self.settings, settings))))
         setpoint = (0.0, 0.0, 0.0) if out.setpoint is None else out.setpoint
+        own = getattr(out, "signals", None) or {}
         self.last = frame
         self.answer = pack(ANSWER, self.session, frame, *map(float, out.command), *map(float, setpoint),
                            int(getattr(out, "status", 0)), int(out.gear), int(out.shifting), int(out.flags),
-                           str(getattr(out, "message", "")))
+                           str(getattr(out, "message", "")),
+                           more=[float(own[name]) for name in self.signals if name in own])
         self.socket.send(self.answer)
 
     def end(self):

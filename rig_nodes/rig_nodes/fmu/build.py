@@ -14,11 +14,13 @@ import subprocess
 import sys
 import tempfile
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 from .. import __version__
 from ..alfa46.settings import Alfa46Config
+from ..catalogue import catalogue
 from ..controllers.c_library import INCLUDE, LEVEL_BITS, CLibrary
 from ..controllers.seam import OUTPUTS, flat_parameters
 from ..errors import RigError
@@ -119,8 +121,13 @@ def build_rig_fmu(target: str | Path, rig: str = "hydmag", overrides: dict[str, 
               [SOURCES / "rig_process.c"], {}, resources, ["-Werror"])
 
 
-def controller_variables(config: Alfa46Config, levels: tuple[str, ...]) -> list[Variable]:
-    """The seam as variables of an FMU: the rig's settings as parameters, the sample in, the answer out."""
+def controller_variables(config: Alfa46Config, levels: tuple[str, ...], wants: Sequence[str] = (),
+                         signals: Mapping[str, str] = MappingProxyType({}),
+                         settings: Mapping[str, float] = MappingProxyType({})) -> list[Variable]:
+    """The seam as variables of an FMU: the rig's settings as parameters, the sample in, the answer out.
+
+    wants, signals, settings: as a plug has them, the controller's own.
+    """
     limit = float(config.values.current_limit)
     level = Variable("level", "integer", "parameter", "What command means: 0 duty, 1 current setpoint [A]",
                      ("duty", "current").index(levels[0]), low=0 if "duty" in levels else 1, high=len(levels) - 1
@@ -130,6 +137,8 @@ def controller_variables(config: Alfa46Config, levels: tuple[str, ...]) -> list[
         unit = "s" if name.endswith(".time") or name in ("t12", "t21", "sample_time", "derivative_time") else (
             "A" if name.endswith(".current") or name == "current_limit" else "")
         out.append(Variable(name, "real", "parameter", f"Setting {name} of the Alfa46 [SI]", value, unit))
+    out += [Variable(name, "real", "parameter", "Setting of the controller's own", value, tunable=True)
+            for name, value in settings.items()]
     outputs = range(1, OUTPUTS + 1)
     out.append(Variable("gear_request", "integer", "input", "Gear ordered last: 0 neutral, 1 (I), 2 (II)", 0, low=0, high=2))
     out += [Variable(f"current_{k}", "real", "input", f"Measured coil current of output {k}", 0.0, "A") for k in outputs]
@@ -137,13 +146,27 @@ def controller_variables(config: Alfa46Config, levels: tuple[str, ...]) -> list[
             Variable("n_wyj", "real", "input", "Speed of the output shaft", 0.0, "rad/s"),
             Variable("p1", "real", "input", "Pressure of clutch S1, gauge", 0.0, "Pa"),
             Variable("p2", "real", "input", "Pressure of clutch S2, gauge", 0.0, "Pa")]
+    known = catalogue().signals
+    out += [Variable(name, "real", "input", known[name].text, 0.0, known[name].unit) for name in wants]
     text = f"duty 0 to 1, or current setpoint 0 to {limit:g} A, as level says"
     out += [Variable(f"command_{k}", "real", "output", f"Command of output {k}: {text}") for k in outputs]
     out += [Variable(f"setpoint_{k}", "real", "output", f"Current that output {k} asks for", unit="A") for k in outputs]
     return [*out, Variable("gear", "integer", "output", "Gear taken last"),
             Variable("shifting", "boolean", "output", "A shift is still running"),
             Variable("flags", "integer", "output", "Bit k: at level current, output k stays on at a setpoint of zero"),
-            Variable("status", "integer", "output", "0: an answer; 1: none to this sample, the outputs are older")]
+            Variable("status", "integer", "output", "0: an answer; 1: none to this sample, the outputs are older"),
+            *(Variable(name, "real", "output", "Signal of the controller's own", unit="" if unit == "-" else unit)
+              for name, unit in signals.items())]
+
+
+def controller_defines(variables: Sequence[Variable], wants: int = 0, signals: int = 0,
+                       settings: int = 0) -> dict[str, int]:
+    """Where c/controller_model.c finds the values of :func:`controller_variables`, and how many are its own."""
+    names = [v.name for v in variables]
+    first = names.index("gear_request")
+    return {"MODEL_LEVEL": 0, "MODEL_LIMIT": names.index("current_limit"), "MODEL_INPUTS": first,
+            "MODEL_OUTPUTS": names.index("command_1"), "MODEL_TUNABLE": first - settings,
+            "MODEL_WANTS": wants, "MODEL_SIGNALS": signals, "MODEL_SETTINGS": settings}
 
 
 def build_controller_fmu(sources: Sequence[str | Path], target: str | Path, config: Alfa46Config, fmi: int = 2,
@@ -156,26 +179,28 @@ def build_controller_fmu(sources: Sequence[str | Path], target: str | Path, conf
     target, identifier = Path(target), _identifier(Path(target).stem)
     with tempfile.TemporaryDirectory(prefix="rig-fmu-") as folder:
         probe = Path(folder, f"{identifier}.so")  # of its own, to ask which levels the controller knows
-        levels = ("duty", "current")
+        levels, found = ("duty", "current"), None
         for final in (False, True):
-            variables = controller_variables(config, levels)
+            own = (found.wants, found.signals, found.settings) if final else ((), {}, {})
+            variables = controller_variables(config, levels, *own)
             names = [v.name for v in variables]
-            defines = {"MODEL_LEVEL": 0, "MODEL_LIMIT": names.index("current_limit"),
-                       "MODEL_INPUTS": names.index("gear_request"), "MODEL_OUTPUTS": names.index("command_1")}
+            if twice := next((name for name in names if names.count(name) > 1), None):
+                raise RigError(f"{files[0]}: its own '{twice}' is the name of another variable of the FMU; rename it")
+            defines = controller_defines(variables, *map(len, own))
             model = [SOURCES / "controller_model.c", *files]
             if final:
                 write_fmu(target, fmi, identifier, "A shift controller for the HydmAG gearbox", variables, model, defines,
                           {}, flags)
                 return
             compile_model(fmi, c_header(variables, "", defines), model, probe, flags)
-            bits = _Described(probe, str(files[0])).bits
-            levels = tuple(name for name, bit in LEVEL_BITS.items() if bits & bit)
+            found = _Described(probe, str(files[0]))
+            levels = tuple(name for name, bit in LEVEL_BITS.items() if found.bits & bit)
             if not levels:
-                raise RigError(f"{files[0]}: its levels are {bits}, expected 1 (duty), 2 (current) or 3 (both)")
+                raise RigError(f"{files[0]}: its levels are {found.bits}, expected 1 (duty), 2 (current) or 3 (both)")
 
 
 class _Described(CLibrary):
-    """A library of rig_controller.h only to see that it loads and which levels it knows (``bits``)."""
+    """A library of rig_controller.h, to see that it loads, its levels (``bits``) and what it names its own."""
 
     def __init__(self, library: Path, name: str):
         self.bits = self._load(str(library), name)

@@ -16,6 +16,7 @@ TYPES = {  # type -> (letter in C, element of FMI 2.0, of FMI 3.0)
     "string": ("s", "String", "String"),
 }
 KINDS = {"parameter": "p", "input": "i", "output": "o"}
+TUNABLE = "t"  # the letter of a parameter that may be set between steps
 # unit -> its base units; others are named without
 BASE_UNITS = {
     "N.m": {"kg": 1, "m": 2, "s": -2}, "rad/s": {"rad": 1, "s": -1}, "Pa": {"kg": 1, "m": -1, "s": -2}, "A": {"A": 1},
@@ -28,7 +29,7 @@ BASE_UNITS = {
 class Variable:
     """One variable. type: a key of TYPES; causality: a key of KINDS; start: of parameters and inputs, SI.
 
-    display: (unit that people read, factor from ``unit``).
+    display: (unit that people read, factor from ``unit``). tunable: a parameter that may be set between steps.
     """
 
     name: str
@@ -40,11 +41,17 @@ class Variable:
     display: tuple[str, float] | None = None
     low: float | None = None
     high: float | None = None
+    tunable: bool = False
+
+    @property
+    def kind(self) -> str:
+        """Its letter in C."""
+        return TUNABLE if self.tunable else KINDS[self.causality]
 
     @property
     def variability(self) -> str:
         if self.causality == "parameter":
-            return "fixed"
+            return "tunable" if self.tunable else "fixed"
         return "continuous" if self.type == "real" else "discrete"
 
 
@@ -64,7 +71,7 @@ def c_header(variables: Sequence[Variable], token: str, defines: dict[str, int])
              f"enum {{ MODEL_COUNT = {len(variables)}, MODEL_TEXTS = {max(1, len(texts))} }};"]
     lines += [f"enum {{ {name} = {value} }};" for name, value in defines.items()]
     for name, letters in (("TYPES", "".join(TYPES[v.type][0] for v in variables)),
-                          ("KINDS", "".join(KINDS[v.causality] for v in variables))):
+                          ("KINDS", "".join(v.kind for v in variables))):
         lines.append(f'static const char MODEL_{name}[] = "{letters}";')
     names = ", ".join(json.dumps(v.name) for v in variables)
     lines += ["static const double MODEL_STARTS[] = {" + ", ".join(repr(float(s)) for s in starts) + "};",

@@ -64,9 +64,9 @@ class Alfa46Node(Node):
             self.box.pace(REAL_TIME_TIMEOUT, real_time=True)
         else:  # who computes in this very process is watched by the container, which can go on without it
             self.box.pace(None if self.box.in_process else process.arguments.step_timeout)
-        own = catalogue().controller_topics.values() if self.box.signals else ()
+        own = catalogue().controller_topics.values() if self.box.signals or self.box.named_later else ()
         self.outputs = publishers_of(self, in_lockstep=bool(process.descriptors()), more=own)
-        self._blocks = own_signals.Blocks(len(self.box.signals))
+        self._blocks = None  # of its own signals, from the first on
         self.counts = dict.fromkeys(self.outputs, 0)
         self.first_seq = process.first_seq
         self.tap = process.tap(self.outputs)
@@ -84,8 +84,10 @@ class Alfa46Node(Node):
         self._ordered_at = -1  # newest sample when it was ordered: the order is taken with the next one
         self._refusal = None  # why the order that is being taken is refused
         self._orders = threading.Lock()  # in lockstep samples and what comes over ROS have different threads
+        self.real_time = False  # samples come over their topic
         self._server = GoalServer(self, Shift, "/alfa46/shift", self.on_goal, self.on_cancel, self.on_request)
         self.settings = BoxSettings(self, self.box, config.alfa46)
+        self.box.named = self.on_named
         self._watch = self.create_timer(SILENCE / 2, self.on_watch)
         self._missing = Growing()
         self.diagnostics = Diagnostics(self, self.health, lambda: self._stamp)
@@ -94,9 +96,20 @@ class Alfa46Node(Node):
         """Subscribe to the samples; called when those who receive the commands are there."""
         profile = stream_profile(catalogue().topics[SAMPLES].qos)
         self.create_subscription(ControllerSample, SAMPLES, self.on_sample, profile, raw=True)
+        self.real_time = True
+        self.listen_to_wants()
+
+    def listen_to_wants(self) -> None:
+        """Subscribe to the transducers that the controller wants."""
         for name in self.box.wants:
             topic = catalogue().topics[catalogue().signals[name].topic]
             self.create_subscription(Measurement, topic.name, partial(self.on_value, name), stream_profile(topic.qos))
+
+    def on_named(self) -> None:
+        """A program of its own is there and has said what it wants and which settings it has."""
+        self.settings.declare_own()
+        if self.real_time:
+            self.listen_to_wants()
 
     def on_value(self, name: str, message) -> None:
         """A transducer that the controller wants, in real time."""
@@ -167,6 +180,7 @@ class Alfa46Node(Node):
         """Publish the controller's own signals, a block at a time; their names come first of all."""
         if not self.counts[own_signals.CHANNELS]:
             signals = self.box.signals
+            self._blocks = own_signals.Blocks(len(signals))
             self.publish(own_signals.CHANNELS, encoder("rig_msgs/msg/ChannelList").encode(
                 0, self.first_seq, list(signals), list(signals.values()), SAMPLE_NS * 1e-9))
         for first, rows in self._blocks.add(sample, self.box.signal_values):

@@ -51,10 +51,18 @@ class BoxSettings(Settings):
             for column, (name, (dimension, text)) in enumerate(COLUMNS.items()):
                 settings.append(Setting(f"{key}.{name}", f"{text} of {key}", config.profiles[k, :, column].tolist(),
                                         SI[dimension], rule=rules[name]))
-        settings += [Setting(OWN + name, "Setting of the controller's own", value, "", OWN_BOUNDS)
-                     for name, value in box.settings.items()]
+        settings += self._own()
         super().__init__(node, settings)
         self._service = node.create_service(SetProfile, "~/set_profile", self.on_set_profile)
+
+    def _own(self) -> list[Setting]:
+        return [Setting(OWN + name, "Setting of the controller's own", value, "", OWN_BOUNDS)
+                for name, value in self.box.settings.items()]
+
+    def declare_own(self) -> None:
+        """The settings of a controller that has named them only now."""
+        for setting in self._own():
+            self.declare(setting)
 
     def changed(self, changes: dict) -> Alfa46Config:
         """The settings with these changes; RigError when they are not right."""

@@ -7,6 +7,7 @@ what is accepted is enqueued and taken by the loop that owns the values.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -62,7 +63,7 @@ class Setting:
         return f"{node}.{self.name} = {text}".rstrip()
 
 
-class Settings:
+class Settings(ABC):
     """Parameters of a node. Subclasses give :meth:`refusal` and :meth:`take`."""
 
     def __init__(self, node: Node, settings: list[Setting]):
@@ -75,13 +76,22 @@ class Settings:
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._accepted)
 
+    @abstractmethod
     def refusal(self, changes: dict) -> str | None:
         """Why values, each right for itself, cannot be taken now or together; None when they can."""
-        raise NotImplementedError
 
+    @abstractmethod
     def take(self, changes: dict) -> None:
         """Enqueue values that were accepted."""
-        raise NotImplementedError
+
+    def declare(self, setting: Setting) -> None:
+        """One more parameter, while the node is at work."""
+        self.settings[setting.name] = setting
+        self._following = True
+        try:
+            self.node.declare_parameter(setting.name, setting.value, setting.descriptor(), ignore_override=True)
+        finally:
+            self._following = False
 
     def follow(self, values: dict) -> None:
         """Bring parameters to what the rig has already."""

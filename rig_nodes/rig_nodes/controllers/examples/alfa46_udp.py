@@ -4,13 +4,19 @@
 ``./rig simulate demo --controller udp:9002`` in another, before or after.
 """
 
-import sys
-
 from rig_nodes.controllers.examples.alfa46 import Alfa46
+from rig_nodes.controllers.examples.command import address, parser, port, run
 from rig_nodes.controllers.udp_frames import PORT, serve
 
+
+def main():
+    """Entry point."""
+    given = parser(__doc__, "alfa46_udp")
+    given.add_argument("address", nargs="?", type=address, default="127.0.0.1")
+    given.add_argument("port", nargs="?", type=port, default=PORT)
+    arguments = given.parse_args()
+    serve(Alfa46(), arguments.address, arguments.port, Alfa46.levels)
+
+
 if __name__ == "__main__":
-    try:
-        serve(Alfa46(), *sys.argv[1:2] or ["127.0.0.1"], int(sys.argv[2]) if len(sys.argv) > 2 else PORT, Alfa46.levels)
-    except KeyboardInterrupt:
-        sys.exit(130)
+    run(main)

@@ -6,14 +6,14 @@
 It needs python-can and cantools, and of the rig the messages (`./rig export dbc`) and the law. Ctrl-C ends it.
 """
 
-import argparse
 import threading
 
 from rig_nodes.controllers.can_bus import open_bus
 from rig_nodes.controllers.can_database import database
 from rig_nodes.controllers.examples.alfa46 import Alfa46
+from rig_nodes.controllers.examples.command import parser, run
 from rig_nodes.controllers.seam import ControllerInputs, controller_info
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.configuration import load_gearbox_rig
 
 LEVELS = ("duty", "current")
 PERIOD = 1e-3  # s of a sample
@@ -71,20 +71,19 @@ class CanController:
 
 def main():
     """Entry point."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("channel")
-    parser.add_argument("--interface", default="socketcan")
-    parser.add_argument("--rig", default="hydmag", help="whose Alfa46 settings are used")
-    arguments = parser.parse_args()
-    bus = open_bus(arguments.channel, arguments.interface, "example")
+    given = parser(__doc__, "can_alfa46")
+    given.add_argument("channel")
+    given.add_argument("--interface", default="socketcan")
+    given.add_argument("--rig", default="hydmag", help="whose Alfa46 settings are used")
+    arguments = given.parse_args()
+    settings = load_gearbox_rig(arguments.rig, None, "this example").alfa46
+    bus = open_bus(arguments.channel, arguments.interface, "this example")
     print(f"answering on CAN {arguments.interface} {arguments.channel}, until Ctrl-C", flush=True)
     try:
-        CanController(bus, load_rig(arguments.rig).alfa46).run(threading.Event())
-    except KeyboardInterrupt:
-        pass
+        CanController(bus, settings).run(threading.Event())
     finally:
         bus.shutdown()
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

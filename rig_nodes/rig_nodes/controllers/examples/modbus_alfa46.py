@@ -7,15 +7,15 @@ It needs pymodbus, and of the rig the registers (`./rig export registers`) and t
 connects again when the rig goes and comes. Ctrl-C ends it.
 """
 
-import argparse
 import logging
 import threading
 
 from rig_nodes.controllers.examples.alfa46 import Alfa46
+from rig_nodes.controllers.examples.command import address, parser, port, run
 from rig_nodes.controllers.registers import COMMAND_BASE, register_map
 from rig_nodes.controllers.seam import ControllerInputs, controller_info
 from rig_nodes.controllers.wire import commands, measured
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.configuration import load_gearbox_rig
 
 LEVELS = ("duty", "current")
 PERIOD = 1e-3  # s of a sample
@@ -76,18 +76,16 @@ class ModbusController:
 
 def main():
     """Entry point."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("port", type=int)
-    parser.add_argument("--host", default="127.0.0.1")
-    parser.add_argument("--rig", default="hydmag", help="whose Alfa46 settings are used")
-    arguments = parser.parse_args()
+    given = parser(__doc__, "modbus_alfa46")
+    given.add_argument("port", type=port)
+    given.add_argument("--host", type=address, default="127.0.0.1")
+    given.add_argument("--rig", default="hydmag", help="whose Alfa46 settings are used")
+    arguments = given.parse_args()
+    settings = load_gearbox_rig(arguments.rig, None, "this example").alfa46
     logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # that the rig is not there yet is no news
     print(f"answering the rig at {arguments.host}:{arguments.port}, until Ctrl-C", flush=True)
-    try:
-        ModbusController(arguments.port, load_rig(arguments.rig).alfa46, arguments.host).run(threading.Event())
-    except KeyboardInterrupt:
-        pass
+    ModbusController(arguments.port, settings, arguments.host).run(threading.Event())
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

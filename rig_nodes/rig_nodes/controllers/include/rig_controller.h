@@ -15,7 +15,8 @@
 extern "C" {
 #endif
 
-#define RIG_CONTROLLER_ABI 1u     /* raised with every change of this file that old libraries would not survive */
+#define RIG_CONTROLLER_ABI 1u     /* raised with every change of this file that old libraries would not survive; new
+                                   * optional functions are none: an older rig does not call them */
 #define RIG_CONTROLLER_OUTPUTS 3  /* valves a controller can drive */
 #define RIG_CONTROLLER_TEXT 128   /* bytes of a message, its closing zero included */
 
@@ -115,6 +116,12 @@ RIG_EXPORT void rig_controller_wanted(void *instance, const double *values, uint
  * same order. */
 RIG_EXPORT const char *const *rig_controller_signals(void);
 RIG_EXPORT void rig_controller_signal_values(void *instance, double *values, uint32_t count);
+
+/* Optional, both or none: settings of the controller's own, which a sequence or a person may change while it runs.
+ * Names of letters, digits and underscores with their first values, and a NULL name behind the last; the pointer stays
+ * valid. Before each step the rig brings the values as they are then, in the same order. */
+RIG_EXPORT const rig_parameter *rig_controller_settings(void);
+RIG_EXPORT void rig_controller_set(void *instance, const double *values, uint32_t count);
 
 #ifdef __cplusplus
 }

@@ -18,6 +18,13 @@
  *   RIG_INITIALIZE()     RIG_STEP() RIG_TERMINATE(): calls of another form, e.g. with a model structure as argument, or
  *                        nothing where the code has no such function.
  *   RIG_ERROR_STATUS     expression of type const char *, e.g. rtmGetErrorStatus(my_model_M): not NULL is an error.
+ *   RIG_WANTS            further transducers, e.g. "M_wej", "p_p": rig_inputs finds their SI values in rig_wanted[0] and
+ *                        rig_wanted[1]
+ *   RIG_SIGNALS          names of the model's own signals that are to be recorded, e.g. "slip", "state"; then one more
+ *                        function, static void rig_signals(double *values) { values[0] = rtDW.slip; ... }
+ *   RIG_SETTINGS         parameters of the model that a sequence may set while it runs, with first values, e.g.
+ *                        {"gain", 2.0}, {"limit", 0.7}; then one more function, called before each step of the model,
+ *                        static void rig_settings(const double *values) { rtP.gain = values[0]; ... }
  */
 #ifndef RIG_SIMULINK_H
 #define RIG_SIMULINK_H
@@ -58,6 +65,47 @@ static struct {
   unsigned long every, count;/* samples per step of the model, samples since the last */
   int created;
 } rig_shim;
+
+#define RIG_COUNT(list_) ((uint32_t)(sizeof(list_) / sizeof *(list_)) - 1u)
+
+#ifdef RIG_WANTS
+static const char *const rig_wanted_names[] = {RIG_WANTS, NULL};
+static double rig_wanted[RIG_COUNT(rig_wanted_names)];
+
+const char *const *rig_controller_wants(void) { return rig_wanted_names; }
+
+void rig_controller_wanted(void *instance, const double *values, uint32_t count) {
+  (void)instance;
+  if (count == RIG_COUNT(rig_wanted_names)) memcpy(rig_wanted, values, sizeof rig_wanted);
+}
+#endif
+
+#ifdef RIG_SIGNALS
+static void rig_signals(double *values);
+
+static const char *const rig_signal_names[] = {RIG_SIGNALS, NULL};
+
+const char *const *rig_controller_signals(void) { return rig_signal_names; }
+
+void rig_controller_signal_values(void *instance, double *values, uint32_t count) {
+  (void)instance;
+  if (count == RIG_COUNT(rig_signal_names)) rig_signals(values);
+}
+#endif
+
+#ifdef RIG_SETTINGS
+static void rig_settings(const double *values);
+
+static const rig_parameter rig_setting_names[] = {RIG_SETTINGS, {NULL, 0.0}};
+static double rig_set_values[RIG_COUNT(rig_setting_names)];
+
+const rig_parameter *rig_controller_settings(void) { return rig_setting_names; }
+
+void rig_controller_set(void *instance, const double *values, uint32_t count) {
+  (void)instance;
+  if (count == RIG_COUNT(rig_setting_names)) memcpy(rig_set_values, values, sizeof rig_set_values);
+}
+#endif
 
 /* A setting of the rig's Alfa46 by its flat name, SI; create is refused when there is none of that name. */
 static double rig_setting(const char *name) {
@@ -119,6 +167,9 @@ int rig_controller_step(void *instance, const rig_controller_inputs *inputs, rig
   }
   if (rig_shim.count == 0) {
     rig_inputs(inputs);
+#ifdef RIG_SETTINGS
+    rig_settings(rig_set_values);
+#endif
     RIG_STEP();
   }
   rig_shim.count = (rig_shim.count + 1) % rig_shim.every;

@@ -1,8 +1,9 @@
 /* A shift controller behind rig_controller.h at the other end of a UDP port: the controller's side of docs/udp.md in C.
  *
- * For POSIX systems with little-endian numbers. Link it with the four functions of rig_controller.h and call
- * rig_udp_serve; examples/alfa46_udp.c is all of a program. Nothing here computes: it fetches the parameters, brings each
- * sample to rig_controller_step once, and sends the same answer again when the sample comes again.
+ * For POSIX systems with little-endian numbers and a compiler that knows weak symbols (gcc, clang). Link it with the
+ * functions of rig_controller.h, the optional ones where you have them, and call rig_udp_serve; examples/udp_main.c is
+ * all of a program. Nothing here computes: it fetches the parameters, brings each sample to rig_controller_step once,
+ * and sends the same answer again when the sample comes again.
  */
 #ifndef RIG_UDP_H
 #define RIG_UDP_H
@@ -24,9 +25,11 @@
 #endif
 
 #define RIG_UDP_MAGIC 0x31474952u /* "RIG1" */
-#define RIG_UDP_VERSION 1u
+#define RIG_UDP_VERSION 2u
 #define RIG_UDP_PORT 9002
-enum { RIG_HELLO = 1, RIG_INFO, RIG_ASK, RIG_PARAMETER, RIG_READY, RIG_SAMPLE, RIG_ANSWER, RIG_BYE };
+#define RIG_UDP_MOST 128 /* numbers behind a sample or an answer */
+enum { RIG_HELLO = 1, RIG_INFO, RIG_ASK, RIG_PARAMETER, RIG_READY, RIG_SAMPLE, RIG_ANSWER, RIG_BYE, RIG_OWN };
+enum { RIG_WANT = 1, RIG_SIGNAL, RIG_SETTING }; /* what the name in an OWN is */
 enum { RIG_UDP_AGAIN = 200, RIG_UDP_KEEP_ALIVE = 500, RIG_UDP_RESEND = 20, RIG_UDP_TRIES = 50 }; /* ms; times */
 
 /* Every member lies on a multiple of its size, so no compiler leaves gaps. */
@@ -43,22 +46,35 @@ typedef struct {
     struct { uint32_t level, count; double period, command_high; } info;
     struct { uint32_t index, reserved; } ask;
     struct { uint32_t index, count; double value; char name[48]; } parameter;
+    struct { uint32_t count, reserved; } ready;
+    struct { uint32_t index, what; double first; char name[48], unit[16]; } own;
     struct {
       uint64_t sample;
       double time, current[3], n_wej, n_wyj, p1, p2;
       uint32_t gear_request, reserved;
+      double more[RIG_UDP_MOST]; /* what the controller wants, then its settings */
     } sample;
     struct {
       double command[3], setpoint[3];
       uint32_t status, gear, shifting, flags;
       char message[RIG_CONTROLLER_TEXT];
+      double more[RIG_UDP_MOST]; /* its own signals */
     } answer;
     struct { char message[RIG_CONTROLLER_TEXT]; } bye;
   } body;
 } rig_udp_frame;
 
+/* The optional functions, which a controller need not have. */
+extern const char *const *rig_controller_wants(void) __attribute__((weak));
+extern void rig_controller_wanted(void *instance, const double *values, uint32_t count) __attribute__((weak));
+extern const char *const *rig_controller_signals(void) __attribute__((weak));
+extern void rig_controller_signal_values(void *instance, double *values, uint32_t count) __attribute__((weak));
+extern const rig_parameter *rig_controller_settings(void) __attribute__((weak));
+extern void rig_controller_set(void *instance, const double *values, uint32_t count) __attribute__((weak));
+
 typedef struct {
   int socket, running;
+  uint32_t wants, signals, settings; /* how many the controller has */
   uint32_t session, last;
   rig_udp_frame answer;
   void *instance;
@@ -69,8 +85,8 @@ typedef struct {
 static volatile sig_atomic_t rig_udp_stop;
 
 static uint32_t rig_udp_size(unsigned kind) {
-  static const uint32_t body[] = {0, 8, 24, 8, 64, 0, 80, 192, RIG_CONTROLLER_TEXT};
-  return kind >= RIG_HELLO && kind <= RIG_BYE ? (uint32_t)sizeof(rig_udp_header) + body[kind] : 0u;
+  static const uint32_t body[] = {0, 8, 24, 8, 64, 8, 80, 192, RIG_CONTROLLER_TEXT, 80};
+  return kind >= RIG_HELLO && kind <= RIG_OWN ? (uint32_t)sizeof(rig_udp_header) + body[kind] : 0u;
 }
 
 static void rig_udp_send(rig_udp_client *client, rig_udp_frame *frame, unsigned kind, uint32_t number) {
@@ -79,7 +95,7 @@ static void rig_udp_send(rig_udp_client *client, rig_udp_frame *frame, unsigned 
   frame->header.kind = (uint16_t)kind;
   frame->header.session = client->session;
   frame->header.frame = number;
-  frame->header.size = rig_udp_size(kind);
+  frame->header.size = rig_udp_size(kind) + (kind == RIG_ANSWER ? 8u * client->signals : 0u);
   frame->header.reserved = 0;
   if (send(client->socket, frame, frame->header.size, 0) < 0) return; /* no rig there yet: it is asked again */
 }
@@ -103,7 +119,8 @@ static int rig_udp_receive(rig_udp_client *client, rig_udp_frame *frame, int ms)
     }
     if (size >= (ssize_t)sizeof frame->header && frame->header.magic == RIG_UDP_MAGIC &&
         frame->header.version == RIG_UDP_VERSION && (uint32_t)size == frame->header.size &&
-        frame->header.size == rig_udp_size(frame->header.kind))
+        frame->header.size == rig_udp_size(frame->header.kind) +
+                                  (frame->header.kind == RIG_SAMPLE ? 8u * (client->wants + client->settings) : 0u))
       return 1;
     fprintf(stderr, "frame of %ld bytes ignored: none of version %u of the protocol\n", (long)size, RIG_UDP_VERSION);
   }
@@ -114,6 +131,48 @@ static void rig_udp_end(rig_udp_client *client) {
   if (client->running) rig_controller_destroy(client->instance);
   client->running = 0;
   client->session = 0;
+}
+
+/* The controller's own names: counted, or with an index the one that the rig asks for. */
+static void rig_udp_count(rig_udp_client *client) {
+  const char *const *wants = rig_controller_wants && rig_controller_wanted ? rig_controller_wants() : NULL;
+  const char *const *signals =
+      rig_controller_signals && rig_controller_signal_values ? rig_controller_signals() : NULL;
+  const rig_parameter *settings = rig_controller_settings && rig_controller_set ? rig_controller_settings() : NULL;
+  client->wants = client->signals = client->settings = 0;
+  while (wants && wants[client->wants] && client->wants < RIG_UDP_MOST / 2) client->wants++;
+  while (signals && signals[client->signals] && client->signals < RIG_UDP_MOST) client->signals++;
+  while (settings && settings[client->settings].name && client->settings < RIG_UDP_MOST / 2) client->settings++;
+}
+
+static void rig_udp_own(rig_udp_client *client, uint32_t index) {
+  rig_udp_frame frame;
+  const char *name;
+  memset(&frame, 0, sizeof frame);
+  frame.body.own.index = index;
+  if (index < client->wants) {
+    frame.body.own.what = RIG_WANT;
+    name = rig_controller_wants()[index];
+  } else if ((index -= client->wants) < client->signals) {
+    frame.body.own.what = RIG_SIGNAL;
+    name = rig_controller_signals()[index];
+    frame.body.own.unit[0] = '-';
+  } else if ((index -= client->signals) < client->settings) {
+    frame.body.own.what = RIG_SETTING;
+    name = rig_controller_settings()[index].name;
+    frame.body.own.first = rig_controller_settings()[index].value;
+  } else {
+    return;
+  }
+  snprintf(frame.body.own.name, sizeof frame.body.own.name, "%s", name);
+  rig_udp_send(client, &frame, RIG_OWN, 0);
+}
+
+static void rig_udp_ready(rig_udp_client *client) {
+  rig_udp_frame frame;
+  memset(&frame, 0, sizeof frame);
+  frame.body.ready.count = client->wants + client->signals + client->settings;
+  rig_udp_send(client, &frame, RIG_READY, 0);
 }
 
 /* Asks for one parameter until it is there; 0 when the rig has gone. */
@@ -149,11 +208,11 @@ static void rig_udp_begin(rig_udp_client *client, const rig_udp_frame *first) {
   if (k == count) {
     rig_controller_info info = {sizeof info, first->body.info.level, first->body.info.period,
                                 first->body.info.command_high, parameters, count, ""};
-    memset(&frame, 0, sizeof frame);
     if (rig_controller_create(&info, &client->instance) == RIG_OK) {
       client->running = 1;
       client->last = 0;
-      rig_udp_send(client, &frame, RIG_READY, 0);
+      rig_udp_count(client);
+      rig_udp_ready(client);
     } else {
       fprintf(stderr, "the controller refuses: %s\n", info.message);
       rig_udp_stop = 1;
@@ -183,8 +242,13 @@ static void rig_udp_step(rig_udp_client *client, const rig_udp_frame *frame) {
     in->n_wyj = frame->body.sample.n_wyj;
     in->p1 = frame->body.sample.p1;
     in->p2 = frame->body.sample.p2;
+    if (client->wants) rig_controller_wanted(client->instance, frame->body.sample.more, client->wants);
+    if (client->settings)
+      rig_controller_set(client->instance, frame->body.sample.more + client->wants, client->settings);
     status = rig_controller_step(client->instance, in, &out);
     memset(answer, 0, sizeof *answer);
+    if (client->signals && status == RIG_OK)
+      rig_controller_signal_values(client->instance, answer->body.answer.more, client->signals);
     memcpy(answer->body.answer.command, out.command, sizeof out.command);
     memcpy(answer->body.answer.setpoint, out.setpoint, sizeof out.setpoint);
     answer->body.answer.status = (uint32_t)status;
@@ -197,6 +261,11 @@ static void rig_udp_step(rig_udp_client *client, const rig_udp_frame *frame) {
   rig_udp_send(client, answer, RIG_ANSWER, client->last);
 }
 
+static void rig_udp_told(rig_udp_frame *frame) {
+  frame->body.bye.message[sizeof frame->body.bye.message - 1] = '\0';
+  fprintf(stderr, "the rig says: %s\n", frame->body.bye.message);
+}
+
 /* Answer the rig at host (a number, e.g. "127.0.0.1") and port until rig_udp_stop, or with `once` until the end of the
  * first run; rig and controller may start in any order. 0 at an orderly end, 1 when there is no such address. */
 static int rig_udp_serve(const char *host, int port, int once) {
@@ -207,25 +276,31 @@ static int rig_udp_serve(const char *host, int port, int once) {
   memset(&rig, 0, sizeof rig);
   rig.sin_family = AF_INET;
   rig.sin_port = htons((uint16_t)port);
+  if (inet_pton(AF_INET, host, &rig.sin_addr) != 1 || port < 1 || port > 65535) {
+    fprintf(stderr, "there is no rig at %s port %d; expected an address such as 127.0.0.1 and a port, e.g. %d\n", host,
+            port, RIG_UDP_PORT);
+    return 1;
+  }
   client.socket = socket(AF_INET, SOCK_DGRAM, 0);
-  if (client.socket < 0 || inet_pton(AF_INET, host, &rig.sin_addr) != 1 ||
-      connect(client.socket, (struct sockaddr *)&rig, sizeof rig) != 0) {
+  if (client.socket < 0 || connect(client.socket, (struct sockaddr *)&rig, sizeof rig) != 0) {
     perror(host);
     return 1;
   }
   while (!rig_udp_stop && !(over && once)) {
     if (!client.running) rig_udp_hello(&client);
-    if (!rig_udp_receive(&client, &frame, client.running ? RIG_UDP_KEEP_ALIVE : RIG_UDP_AGAIN)) {
-      if (client.running) rig_udp_hello(&client); /* is the rig still there, and the same one? */
+    if (!rig_udp_receive(&client, &frame, client.running && client.last ? RIG_UDP_KEEP_ALIVE : RIG_UDP_AGAIN)) {
+      if (client.running && !client.last) rig_udp_ready(&client); /* until the first sample: was it heard? */
+      else if (client.running) rig_udp_hello(&client); /* is the rig still there, and the same one? */
     } else if (frame.header.kind == RIG_INFO && frame.header.session != client.session) {
       rig_udp_begin(&client, &frame);
     } else if (frame.header.kind == RIG_BYE && !client.running) {
-      frame.body.bye.message[sizeof frame.body.bye.message - 1] = '\0';
-      fprintf(stderr, "the rig says: %s\n", frame.body.bye.message);
+      rig_udp_told(&frame);
       sleep(1);
     } else if (frame.header.session == client.session && client.running) {
+      if (frame.header.kind == RIG_ASK) rig_udp_own(&client, frame.body.ask.index);
       if (frame.header.kind == RIG_SAMPLE) rig_udp_step(&client, &frame);
       if (frame.header.kind == RIG_BYE) {
+        if (!client.last) rig_udp_told(&frame);
         rig_udp_end(&client);
         over = 1;
       }

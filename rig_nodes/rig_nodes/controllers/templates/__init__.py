@@ -1,6 +1,6 @@
 """Templates of controllers of one's own, each a small law that shifts; written by ``rig controller new``.
 
-A kind is a folder beside this file and, for plugs that need them, files of the rig that go with it.
+A kind is a folder beside this file and, for plugs that need them, files of the rig and of other kinds that go with it.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from typing import NamedTuple
 from ...errors import RigError
 
 HERE = Path(__file__).parent
-INCLUDE = HERE.parent / "include"
+INCLUDE, EXAMPLES = HERE.parent / "include", HERE.parent / "examples"
 
 
 class Kind(NamedTuple):
-    """files: of the rig, by the name that they get; commands: what to do next, with {dir} for the folder."""
+    """files: from elsewhere, by the name that they get; commands: what to do next, with {dir} for the folder."""
 
     folder: str
     files: dict[str, Path]
@@ -28,9 +28,11 @@ KINDS = {
     "python": Kind("python", {}, ("./rig simulate demo --controller python:{dir}/my_controller.py:MyController",)),
     "c": Kind("c", HEADER, ("./rig simulate demo --controller c:{dir}/my_controller.c",)),
     "cpp": Kind("cpp", HEADER, ("./rig simulate demo --controller c:{dir}/my_controller.cpp",)),
-    "simulink": Kind("simulink", HEADER | {"rig_simulink.h": INCLUDE / "rig_simulink.h"},
+    "simulink": Kind("simulink", HEADER | {"rig_simulink.h": INCLUDE / "rig_simulink.h",
+                                           "rtwtypes.h": EXAMPLES / "simulink" / "rtwtypes.h"},
                      ("./rig simulate demo --controller simulink:{dir}",)),
-    "udp-c": Kind("udp_c", HEADER | {"rig_udp.h": INCLUDE / "rig_udp.h"}, (
+    "udp-c": Kind("udp_c", HEADER | {"rig_udp.h": INCLUDE / "rig_udp.h", "main.c": EXAMPLES / "udp_main.c",
+                                     "my_controller.c": HERE / "c" / "my_controller.c"}, (
         "make -C {dir}",
         "{dir}/my_controller &",
         "./rig simulate demo --controller udp:9002 --level current",

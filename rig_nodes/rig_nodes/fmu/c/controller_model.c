@@ -2,8 +2,9 @@
  *
  * Its step from t to t + 1 ms answers the sample at t: an importer that hands the answer to the rig at t + 1 ms has the
  * seam's one sample of delay. variables.h tells where the seam's values lie: MODEL_LEVEL, MODEL_LIMIT (current_limit),
- * MODEL_INPUTS (first of gear_request, current_1..3, n_wej, n_wyj, p1, p2) and MODEL_OUTPUTS (first of command_1..3,
- * setpoint_1..3, gear, shifting, flags, status).
+ * MODEL_INPUTS (first of gear_request, current_1..3, n_wej, n_wyj, p1, p2, then MODEL_WANTS further transducers),
+ * MODEL_OUTPUTS (first of command_1..3, setpoint_1..3, gear, shifting, flags, status, then MODEL_SIGNALS signals of the
+ * controller's own) and MODEL_TUNABLE (first of MODEL_SETTINGS settings of its own).
  */
 #include "model.h"
 #include "rig_controller.h"
@@ -11,6 +12,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+/* The optional functions of rig_controller.h, which a controller need not have. */
+extern void rig_controller_wanted(void *instance, const double *values, uint32_t count) __attribute__((weak));
+extern void rig_controller_signal_values(void *instance, double *values, uint32_t count) __attribute__((weak));
+extern void rig_controller_set(void *instance, const double *values, uint32_t count) __attribute__((weak));
+
+enum { TOLD = 10 }; /* outputs of the seam */
 
 struct model {
   model_values *values;
@@ -89,6 +97,8 @@ int model_step(model *m, unsigned long sample, unsigned samples) {
     in.n_wyj = given[5];
     in.p1 = given[6];
     in.p2 = given[7];
+    if (MODEL_WANTS) rig_controller_wanted(m->controller, given + 8, MODEL_WANTS);
+    if (MODEL_SETTINGS) rig_controller_set(m->controller, number + MODEL_TUNABLE, MODEL_SETTINGS);
     status = rig_controller_step(m->controller, &in, &out);
     told[9] = status == RIG_DISCARD; /* fmi2Discard would mean that time stands still */
     if (status == RIG_DISCARD) continue;
@@ -103,6 +113,7 @@ int model_step(model *m, unsigned long sample, unsigned samples) {
     told[6] = out.gear;
     told[7] = out.shifting != 0;
     told[8] = out.flags;
+    if (MODEL_SIGNALS) rig_controller_signal_values(m->controller, told + TOLD, MODEL_SIGNALS);
   }
   return MODEL_OK;
 }

@@ -1,4 +1,4 @@
-/* The basic types of generated code, as far as this example uses them; in your own folder, Simulink Coder's own file. */
+/* The basic types of generated code, as far as the model beside it uses them; Simulink Coder writes its own. */
 #ifndef RTWTYPES_H
 #define RTWTYPES_H
 

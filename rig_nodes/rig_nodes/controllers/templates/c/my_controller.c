@@ -1,7 +1,7 @@
 /* A shift controller of your own: current setpoints in steps of 1 ms, from what the wires carry.
  *
  * The old clutch is held until the new one is filled, then let go; the new one gets a plateau, then a ramp. Change it.
- * The rig runs it in a process of its own, so statics are as good as a structure behind `instance`.
+ * It has a process of its own, so statics are as good as a structure behind `instance`.
  */
 #include "rig_controller.h"
 

@@ -1,0 +1,23 @@
+/* Brings the controller that it is linked with (rig_controller.h) to the rig over UDP, until Ctrl-C.
+ *
+ *   cc -std=gnu99 -O2 -ffp-contract=off -I<this rig's include folder> -o mine udp_main.c my_controller.c -lm
+ *   ./mine                                                    (in one terminal; ./mine ADDRESS PORT for another rig)
+ *   ./rig simulate demo --controller udp:9002                 (in another, before or after)
+ */
+#include "rig_udp.h"
+
+static void on_signal(int number) {
+  (void)number;
+  rig_udp_stop = 1;
+}
+
+int main(int count, char **arguments) {
+  const char *host = count > 1 ? arguments[1] : "127.0.0.1";
+  const int port = count > 2 ? atoi(arguments[2]) : RIG_UDP_PORT;
+  struct sigaction action;
+  memset(&action, 0, sizeof action);
+  action.sa_handler = on_signal;
+  sigaction(SIGINT, &action, NULL);
+  sigaction(SIGTERM, &action, NULL);
+  return rig_udp_serve(host, port, 0);
+}

@@ -1,0 +1,125 @@
+"""Every lockstep plug on the graph: the bits of `simulate` at any speed, and with its process stopped as in a debugger.
+
+The short test runs always; the whole matrix on demand: `./rig test -m campaign tests/graph/test_plug_speeds.py` prints
+the factors that docs/controllers.md shows.
+"""
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from running_graph import RigRun
+
+import rig_nodes
+from rig_nodes.bags.reader import Bag
+from rig_nodes.fmu.build import build_controller_fmu
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.testbench.simulate import simulate
+
+EXAMPLES = Path(rig_nodes.__file__).parent / "controllers" / "examples"
+NOT_THE_PLANTS = {"/alfa46/events", "all"}
+SEQUENCE = """
+description: gear I, nothing else
+ready: {timeout: 30 s}
+steps:
+  - oil: {pressure: 4 MPa}
+  - shift: {to: I, timeout: 5 s}
+"""
+PLUGS = {  # specification, or how it is made; word in the command line of the process that computes
+    "python": ("python:rig_nodes.controllers.examples.alfa46:Alfa46", "rig_nodes.nodes.alfa46"),
+    "c": (f"c:{EXAMPLES / 'alfa46.c'}", "c_host.py"),
+    "simulink": (f"simulink:{EXAMPLES / 'simulink'}", "c_host.py"),
+    "udp": ("udp:{port}", "examples.alfa46_udp"),
+    "fmu": ("fmu:{folder}/alfa46.fmu", "rig_nodes.controllers.fmu_process"),
+}
+
+
+@pytest.fixture(scope="module")
+def sequence(tmp_path_factory):
+    path = tmp_path_factory.mktemp("sequence") / "sequence.yaml"
+    path.write_text(SEQUENCE)
+    return path
+
+
+@pytest.fixture(scope="module")
+def expected(sequence, tmp_path_factory):
+    """Hashes of `simulate` with the built-in controller, and how long the sequence is [s]."""
+    folder = tmp_path_factory.mktemp("simulated")
+    run = simulate(load_rig(), load_sequence(sequence), folder)
+    return Bag(folder).canonical_hash(), run["duration_s"]
+
+
+def process_of(run, word):
+    """The process below `rig run`, or beside it, whose command line has this word."""
+    parents, found = {}, []
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            parents[int(folder.name)] = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
+            if word in (folder / "cmdline").read_bytes().decode(errors="replace"):
+                found.append(int(folder.name))
+        except OSError:
+            continue
+
+    def below(pid):
+        while pid in parents and pid not in (run.process.pid, os.getpid()):
+            pid = parents[pid]
+        return pid in (run.process.pid, os.getpid())
+
+    return next(pid for pid in found if below(pid))
+
+
+def check(folder, sequence, expected, plug, speed, stop=0.0):
+    """Run it; the bag is that of `simulate`, and the factor that is printed is what the speed and the stop let be."""
+    spec, word = PLUGS[plug]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    if plug == "fmu":
+        build_controller_fmu([EXAMPLES / "alfa46.c"], folder / "alfa46.fmu", load_rig().alfa46)
+    program = None
+    if plug == "udp":
+        module = "rig_nodes.controllers.examples.alfa46_udp"
+        program = subprocess.Popen([sys.executable, "-m", module, "127.0.0.1", str(port)])
+    try:
+        run = RigRun(folder / "run", "--speed", speed, "--step-timeout", "none", "--controller",
+                     spec.format(port=port, folder=folder), sequence=sequence)
+        if stop:
+            run.until("shift to I")
+            controller = process_of(run, word)
+            os.kill(controller, signal.SIGSTOP)
+            time.sleep(stop)
+            os.kill(controller, signal.SIGCONT)
+        code, output = run.end()
+    finally:
+        if program:
+            program.kill()
+            program.wait()
+    assert code == 0, output
+    hashes, seconds = expected
+    found = Bag(run.folder).canonical_hash()
+    assert {topic for topic in hashes if found.get(topic) != hashes[topic]} <= NOT_THE_PLANTS
+    factor = float(re.search(r"^speed: (\d+\.\d+) times real time$", output, re.M)[1])
+    assert 0.0 < factor <= 1.01 * min(float(speed.replace("max", "inf")), seconds / stop if stop else float("inf"))
+    return factor
+
+
+def test_half_speed_and_a_stop_in_a_debugger_change_no_bit(tmp_path, sequence, expected):
+    check(tmp_path, sequence, expected, "c", "0.5", stop=1.5)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("plug", PLUGS)
+def test_the_same_bits_at_any_speed_and_with_a_stop_of_ten_seconds(tmp_path, sequence, expected, plug, capfd):
+    factors = {}
+    for name, speed, stop in (("0.5", "0.5", 0.0), ("1", "1", 0.0), ("max", "max", 0.0), ("max, stopped", "max", 10.0)):
+        (tmp_path / name).mkdir()
+        factors[name] = check(tmp_path / name, sequence, expected, plug, speed, stop)
+    with capfd.disabled():
+        print(f"\n{plug}: " + ", ".join(f"{name} {factor:.2f}" for name, factor in factors.items()))
