@@ -17,22 +17,26 @@ from .conftest import multicast_works
 
 DOCS = Path(__file__).parents[2] / "docs"
 
-COMPILED = {"c": "cc", "cpp": "c++", "simulink": "cc", "udp-c": "make", "fmu": "cc"}
+COMPILED = {"c": "cc", "cpp": "c++", "simulink": "cc", "udp-c": "make", "fmu": "cc", "ros-cpp": "c++"}
 NEEDED = {"fmu": ("fmpy",), "can": ("can", "cantools", "msgpack"), "modbus": ("pymodbus",)}
 PYTHONS = ("python3", ".venv/bin/python")
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_it_shifts_by_the_commands_that_are_printed(kind, tmp_path, monkeypatch, capsys):
+def test_it_shifts_by_the_commands_that_are_printed(kind, tmp_path, monkeypatch, capsys, request):
     if kind in COMPILED and not shutil.which(COMPILED[kind]):
         pytest.skip(f"{COMPILED[kind]} is not installed")
     for module in NEEDED.get(kind, ()):
         pytest.importorskip(module)
     if kind == "can" and (why := multicast_works()):
         pytest.skip(why)
+    if kind.startswith("ros-"):
+        request.getfixturevalue("ros_domain")
     monkeypatch.chdir(tmp_path)
     assert main(["controller", "new", kind, "mine"]) == 0
     wrote, commands = capsys.readouterr().out.split("next:\n")
+    if kind == "ros-cpp":  # what follows the first command needs a ROS 2 with rclcpp and colcon
+        commands = commands.splitlines()[0]
     assert all(Path(line.removeprefix("wrote ")).is_file() for line in wrote.splitlines())
     programs = []
     try:

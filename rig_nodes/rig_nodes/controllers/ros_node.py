@@ -8,6 +8,7 @@ import os
 import random
 import signal
 import sys
+import traceback
 from types import SimpleNamespace
 
 import rclpy
@@ -62,19 +63,30 @@ class ControllerNode(Node):
             return
         self.session, self.start, self.answer = start.session, start, None
         level = next(name for name, (number, _) in LEVELS.items() if number == start.level)
-        if level not in self.levels:
-            self.tell(ControllerReady.REFUSES, f"this run is at level {level}, the controller's is "
-                                               f"{' and '.join(self.levels)}; choose with --level")
+        why = self.refusal(start, level)
+        if why:
+            self.tell(ControllerReady.REFUSES, why)
             return
         try:
             self.controller.initialize(SimpleNamespace(
                 period=start.period, level=level, command_high=start.command_high,
                 parameters=dict(zip(start.parameter_names, start.parameter_values))))
         except Exception as error:
+            self.get_logger().error(f"initialize failed:\n{traceback.format_exc()}")
             self.tell(ControllerReady.REFUSES, f"initialize failed: {type(error).__name__}: {error}")
-            raise
+            return
         self.running = True
         self.tell(ControllerReady.READY)
+
+    def refusal(self, start, level):
+        """Why the controller cannot work in a run, or nothing: its level, or what its class names and the rig does not."""
+        if level not in self.levels:
+            return f"this run is at level {level}, the controller's is {' and '.join(self.levels)}; choose with --level"
+        for kind in ("wants", "settings", "signals"):
+            for name in getattr(self.controller, kind, ()):
+                if name not in getattr(start, kind):
+                    return f"it needs {name}; start the rig with ros:NAME?{kind}={name}"
+        return ""
 
     def on_step(self, step):
         """A sample: compute once, and send the same answer again when the step comes again."""
@@ -101,7 +113,7 @@ class ControllerNode(Node):
             answer.setpoint = [float(value) for value in out.setpoint or ()]
             answer.signals = [float(out.signals[name]) for name in self.start.signals]
         except Exception as error:
-            self.get_logger().error(f"sample {step.sample}: {type(error).__name__}: {error}")
+            self.get_logger().error(f"sample {step.sample}:\n{traceback.format_exc()}")
             answer.status, answer.message = ControllerAnswer.ERROR, f"{type(error).__name__}: {error}"
         return answer
 
