@@ -4,7 +4,9 @@ import itertools
 import re
 import signal
 import threading
+from pathlib import Path
 from types import SimpleNamespace
+from xml.etree import ElementTree
 
 import pytest
 from rclpy.context import Context
@@ -15,7 +17,6 @@ from rig_msgs.msg import ControllerAnswer, ControllerStep
 from rig_nodes.bags import cdr
 from rig_nodes.bags.reader import Bag
 from rig_nodes.controllers import ControllerFailed, ControllerInputs, ControllerOutputs, Status, load_controller
-from rig_nodes.controllers.bench import CASES, measure
 from rig_nodes.controllers.ros_node import ControllerNode
 from rig_nodes.controllers.ros_topics import NoAnswer, pack_step, unpack_answer
 from rig_nodes.errors import RigError
@@ -373,10 +374,15 @@ def test_free_running_nobody_waits_and_silence_is_the_safe_state(config, example
     plug.close()
 
 
-# ---- cost
+# ---- the page
 
 
-def test_it_stands_in_the_table_of_costs(config):
-    (case,) = [case for case in CASES if case.spec.startswith("ros:")]
-    cost = measure(case, config.alfa46, steps=300)
-    assert 5.0 < cost.median_us < 5000.0
+def test_the_description_in_the_words_of_ros2_control_names_fields_that_there_are():
+    text = (Path(__file__).parents[2] / "docs" / "ros_controller.md").read_text(encoding="utf-8")
+    description = ElementTree.fromstring(re.search(r"```xml\n(.*?)```", text, re.S)[1])
+    fields = [(parent.tag, param.text) for parent in description.iter() for param in parent.iterfind("param[@name='field']")]
+    assert len(fields) == 12
+    for tag, field in fields:
+        message, _, name = field.partition(".")
+        kind = {"command_interface": ControllerAnswer, "state_interface": ControllerStep}[tag]
+        assert message == kind.__name__ and name.partition("[")[0] in kind.get_fields_and_field_types()
