@@ -77,6 +77,7 @@ class _OtherSide:
         self.was_here = False
         self.session = self._seq = 0
         self._life: int | None = None  # descriptor that tells of the end of the controller's process
+        self.refused = ""  # why the last one that came is not used
         self._said: set[tuple] = set()
 
     @property
@@ -166,6 +167,7 @@ class _OtherSide:
         elif self.controller not in (0, ready.controller):
             why = "another controller is at work"
         if why:
+            self.refused = why
             if (ready.controller, why) not in self._said:
                 self._said.add((ready.controller, why))
                 plug.say(f"a controller on {self.place} is not used: {why}")
@@ -221,8 +223,9 @@ class RosNode(Plug):
             if patience is not None and waiting.seconds > patience:
                 domain = side.topics.domain
                 self.close()
-                raise RigError(f"controller {self.name}: none has come within {patience:g} s; start its node in the same "
-                               f"ROS domain (export ROS_DOMAIN_ID={domain})")
+                came = f"; one came and is not used: {side.refused}" if side.refused else ""
+                raise RigError(f"controller {self.name}: none has come within {patience:g} s{came}; start its node in the "
+                               f"same ROS domain (export ROS_DOMAIN_ID={domain})")
             waiting.tell()
             try:
                 side.take(0.2, self._fault)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import socket
 import struct
-import time
 from typing import NamedTuple
 
 from rclpy.context import Context
@@ -29,7 +28,6 @@ SENT = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 HEARD = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 # Those who come later get the newest one too.
 LASTING = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-SPIN = 300e-6  # s; to sleep and be woken takes 50 us
 
 ENCAPSULATION = b"\x00\x01\x00\x00"  # of little-endian CDR
 STEP = struct.Struct("<4s2I2Qd3d4dB3x")  # session, controller, seq, sample, time, current (3), n_wej ... p2, gear; then lists
@@ -125,7 +123,6 @@ class Topics:
         self._ready = node.create_subscription(ControllerReady, f"/{name}/ready", _nothing, LASTING)
         self._answers = node.create_subscription(ControllerAnswer, f"/{name}/answer", _nothing, HEARD, raw=True)
         self._wait_set = rclpy_c.WaitSet(2, 0, 0, 0, 0, 0, self._context.handle)
-        self._spin = SPIN if len(os.sched_getaffinity(0)) > 1 else 0.0
 
     def _hold(self, name: str) -> socket.socket:
         """The topics' name in this domain, which the kernel frees when this process dies."""
@@ -155,16 +152,10 @@ class Topics:
         found = self._look()
         if found is not None or seconds <= 0.0:
             return found
-        until = time.monotonic() + min(seconds, self._spin)
-        while time.monotonic() < until:
-            found = self._answers.handle.take_message(ControllerAnswer, True)
-            if found:
-                return unpack_answer(found[0])
-            os.sched_yield()
         self._wait_set.clear_entities()
         self._wait_set.add_subscription(self._answers.handle)
         self._wait_set.add_subscription(self._ready.handle)
-        self._wait_set.wait(max(0, int((seconds - self._spin) * 1e9)))
+        self._wait_set.wait(int(seconds * 1e9))
         return self._look()
 
     def _look(self) -> Answered | ControllerReady | None:
