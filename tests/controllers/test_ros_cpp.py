@@ -1,4 +1,4 @@
-"""The C++ side of a controller that is a ROS 2 node: what brings messages to rig_controller.h, and the node where rclcpp is."""
+"""The C++ side of a ROS 2 controller: what brings messages to rig_controller.h, and the node where rclcpp is."""
 
 import shutil
 import struct
@@ -94,8 +94,8 @@ def box(messages, tmp_path_factory):
     """The program of MAIN with the Alfa46 law, under the sanitizers where the machine has them."""
     folder = tmp_path_factory.mktemp("box")
     (folder / "main.cpp").write_text(MAIN)
-    subprocess.run(["cc", "-std=c99", "-O1", "-ffp-contract=off", f"-I{INCLUDE}", "-c", ALFA46_C, "-o", folder / "law.o"],
-                   check=True)
+    law = ["cc", "-std=c99", "-O1", "-ffp-contract=off", f"-I{INCLUDE}", "-c", ALFA46_C, "-o", folder / "law.o"]
+    subprocess.run(law, check=True)
     command = ["c++", *STRICT, f"-I{INCLUDE}", *messages, folder / "main.cpp", folder / "law.o", "-lm"]
     sanitized = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     if subprocess.run([*command, *sanitized, "-o", folder / "box"], capture_output=True).returncode:
@@ -131,8 +131,8 @@ def test_the_law_behind_the_messages_gives_the_bits_of_the_built_in_one(box, lev
 def test_a_controller_that_does_not_know_the_level_refuses(messages, tmp_path):
     write_template("ros-cpp", str(tmp_path / "mine"))
     (tmp_path / "main.cpp").write_text(MAIN)
-    subprocess.run(["c++", *STRICT, f"-I{INCLUDE}", *messages, tmp_path / "main.cpp", tmp_path / "mine/my_controller.cpp",
-                    "-o", tmp_path / "box"], check=True)
+    sources = [tmp_path / "main.cpp", tmp_path / "mine" / "my_controller.cpp"]
+    subprocess.run(["c++", *STRICT, f"-I{INCLUDE}", *messages, *sources, "-o", tmp_path / "box"], check=True)
     for level, state in ((0, ControllerReady.REFUSES), (1, ControllerReady.READY)):  # duty, current
         data = struct.pack("<BdII", level, 0.8, 0, 0)
         said = subprocess.run([tmp_path / "box"], input=data, capture_output=True).stdout.decode().split()

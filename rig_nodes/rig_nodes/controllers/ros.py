@@ -1,6 +1,6 @@
-"""The plugs for a controller that is a ROS 2 node of its own: in lockstep, or by its own clock (docs/ros_controller.md).
+"""The plugs for a controller that is a ROS 2 node: in lockstep, or by its own clock (docs/ros_controller.md).
 
-Made by load.py. The topics are ros_topics.py; the node may start before or after the rig, and one node serves many runs.
+Made by load.py. The topics are ros_topics.py; the node may start before or after the rig and serves many runs.
 """
 
 from __future__ import annotations
@@ -179,7 +179,7 @@ class _OtherSide:
             plug.say(f"controller on {self.place} is here{process}")
 
     def _watch(self, ready) -> None:
-        """Be told by the kernel when the controller's process ends; not for one whose numbers are another container's."""
+        """Be told by the kernel when the controller's process ends, unless its number is another container's."""
         if ready.process_id and ready.pid_namespace == os.readlink("/proc/self/ns/pid"):
             try:
                 self._life = os.pidfd_open(ready.process_id)
@@ -224,8 +224,8 @@ class RosNode(Plug):
                 domain = side.topics.domain
                 self.close()
                 came = f"; one came and is not used: {side.refused}" if side.refused else ""
-                raise RigError(f"controller {self.name}: none has come within {patience:g} s{came}; start its node in the "
-                               f"same ROS domain (export ROS_DOMAIN_ID={domain})")
+                raise RigError(f"controller {self.name}: none has come within {patience:g} s{came}; start its node in "
+                               f"the same ROS domain (export ROS_DOMAIN_ID={domain})")
             waiting.tell()
             try:
                 side.take(0.2, self._fault)

@@ -1,7 +1,8 @@
-"""A shift controller as a ROS 2 node: brings a class with initialize / step / terminate to the rig (docs/ros_controller.md).
+"""A shift controller as a ROS 2 node: brings a class with initialize / step / terminate to the rig.
 
-Copied as it is to where a controller runs; it needs rclpy and rig_msgs. ``serve(controller)`` answers until it is stopped;
-a node with more to do than that makes a ControllerNode and spins it as it likes. include/rig_ros.hpp is the same for C++.
+The messages are those of docs/ros_controller.md. Copied as it is to where a controller runs; it needs rclpy and rig_msgs.
+``serve(controller)`` answers until it is stopped; a node with more to do than that makes a ControllerNode and spins it
+as it likes. include/rig_ros.hpp is the same for C++.
 """
 
 import os
@@ -79,7 +80,7 @@ class ControllerNode(Node):
         self.tell(ControllerReady.READY)
 
     def refusal(self, start, level):
-        """Why the controller cannot work in a run, or nothing: its level, or what its class names and the rig does not."""
+        """Why the controller cannot work in a run, or nothing: the level, or what its class names and the rig not."""
         if level not in self.levels:
             return f"this run is at level {level}, the controller's is {' and '.join(self.levels)}; choose with --level"
         for kind in ("wants", "settings", "signals"):
@@ -103,9 +104,10 @@ class ControllerNode(Node):
         answer.session, answer.controller, answer.seq = step.session, self.number, step.seq
         try:
             out = self.controller.step(SimpleNamespace(
-                sample=step.sample, time=step.time, gear_request=step.gear_request, current=tuple(step.current.tolist()),
-                n_wej=step.n_wej, n_wyj=step.n_wyj, p1=step.p1, p2=step.p2,
-                others=dict(zip(self.start.wants, step.others)), settings=dict(zip(self.start.settings, step.settings))))
+                sample=step.sample, time=step.time, gear_request=step.gear_request,
+                current=tuple(step.current.tolist()), n_wej=step.n_wej, n_wyj=step.n_wyj, p1=step.p1, p2=step.p2,
+                others=dict(zip(self.start.wants, step.others)),
+                settings=dict(zip(self.start.settings, step.settings))))
             answer.status, answer.message = int(getattr(out, "status", 0)), str(getattr(out, "message", ""))
             answer.gear, answer.shifting, answer.flags = int(out.gear), bool(out.shifting), int(out.flags)
             # messages do not check types: what is no float would go out as another number

@@ -1,7 +1,7 @@
-"""The rig's end of the topics of a controller that is a ROS 2 node (docs/ros_controller.md): start, ready, step, answer.
+"""The rig's end of the topics of a controller that is a ROS 2 node: start, ready, step, answer (docs/ros_controller.md).
 
-Used by the plug (ros.py). No executor: one wait set over two subscriptions, messages as bytes, which takes some 60 us for a step
-there and back where an executor takes 160.
+Used by the plug (ros.py). No executor: one wait set over two subscriptions, messages as bytes, which takes some 60 us for
+a step there and back where an executor takes 160.
 """
 
 from __future__ import annotations
@@ -30,8 +30,10 @@ HEARD = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 LASTING = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 ENCAPSULATION = b"\x00\x01\x00\x00"  # of little-endian CDR
-STEP = struct.Struct("<4s2I2Qd3d4dB3x")  # session, controller, seq, sample, time, current (3), n_wej ... p2, gear; then lists
-ANSWER = struct.Struct("<2IQ4B")  # session, controller, seq, status, gear, shifting, flags; then lists and the message
+# session, controller, seq, sample, time, current (3), n_wej, n_wyj, p1, p2, gear request; two lists follow
+STEP = struct.Struct("<4s2I2Qd3d4dB3x")
+# session, controller, seq, status, gear, shifting, flags; three lists and the message follow
+ANSWER = struct.Struct("<2IQ4B")
 COUNT = struct.Struct("<I")
 
 

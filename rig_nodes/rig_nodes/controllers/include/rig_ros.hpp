@@ -1,7 +1,7 @@
 // A shift controller behind rig_controller.h as a ROS 2 node: the controller's side of docs/ros_controller.md in C++.
 //
-// Link it with the functions of rig_controller.h and call rig_ros::serve; examples/ros_cpp is all of a package. A node with
-// more to do than that makes a rig_ros::Node and spins it as it likes.
+// Link it with the functions of rig_controller.h and call rig_ros::serve; examples/ros_cpp is all of a package. A node
+// with more to do than that makes a rig_ros::Node and spins it as it likes.
 #ifndef RIG_ROS_HPP
 #define RIG_ROS_HPP
 
@@ -30,9 +30,10 @@ class Node : public rclcpp::Node {
                                                   if (const ControllerAnswer *answer = box_.step(step))
                                                     answer_->publish(*answer);
                                                 });
-    start_ = create_subscription<ControllerStart>("/" + topics + "/start", lasting, [this](const ControllerStart &start) {
-      if (const auto said = box_.start(start)) ready_->publish(*said);
-    });
+    start_ = create_subscription<ControllerStart>("/" + topics + "/start", lasting,
+                                                  [this](const ControllerStart &start) {
+                                                    if (const auto said = box_.start(start)) ready_->publish(*said);
+                                                  });
   }
 
   // Say goodbye when a run is on, and wait until that is heard.

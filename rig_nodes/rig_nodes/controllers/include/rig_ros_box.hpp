@@ -1,7 +1,7 @@
-// A controller behind rig_controller.h as the rig's ROS 2 messages see it (docs/ros_controller.md): a message in, one out.
+// A controller behind rig_controller.h as the rig's ROS 2 messages see it: a message in, one out (docs/ros_controller.md).
 //
-// Used by rig_ros.hpp, which is the node around it; rclcpp is not needed here. Nothing here computes: each step is brought to
-// rig_controller_step once, and a step that comes again gets the same answer again.
+// Used by rig_ros.hpp, which is the node around it; rclcpp is not needed here. Nothing here computes: each step is brought
+// to rig_controller_step once, and a step that comes again gets the same answer again.
 #ifndef RIG_ROS_BOX_HPP
 #define RIG_ROS_BOX_HPP
 
@@ -44,7 +44,10 @@ inline Names names_of(const char *const *(*list)()) {
 
 class Box {
  public:
-  Box() : number_(std::random_device{}() | 1u), wants_(names_of(rig_controller_wants)), signals_(names_of(rig_controller_signals)) {}
+  Box()
+      : number_(std::random_device{}() | 1u),
+        wants_(names_of(rig_controller_wants)),
+        signals_(names_of(rig_controller_signals)) {}
   ~Box() { end(); }
   Box(const Box &) = delete;
   Box &operator=(const Box &) = delete;
