@@ -11,11 +11,14 @@ import select
 import time
 from collections.abc import Callable
 
+from rig_msgs.msg import ControllerStart
+
 from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
 from .free_running import FreeRunning, split_options
 from .own_signals import checked_settings, checked_signals
 from .plug import Plug, Waiting, chosen_level
+from .ros_topics import Answered, NoAnswer, Topics, pack_step
 from .seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs, Status, checked_wants
 
 TOKEN = "[A-Za-z](_?[A-Za-z0-9])*_?"  # ROS 2 takes no two underscores one after the other
@@ -88,8 +91,6 @@ class _OtherSide:
     def open(self) -> None:
         """Join the graph, once."""
         if self.topics is None:
-            from .ros_topics import Topics
-
             self.topics = Topics(self.name)
             self.begin()
 
@@ -101,8 +102,6 @@ class _OtherSide:
         self.topics.start(self._start(over=False))
 
     def _start(self, over: bool, message: str = ""):
-        from rig_msgs.msg import ControllerStart
-
         info, plug = self._plug.info, self._plug
         return ControllerStart(
             session=self.session, over=over, level=LEVELS.index(info.level), period=info.period,
@@ -119,8 +118,6 @@ class _OtherSide:
 
     def next_step(self, inputs: ControllerInputs) -> bytes:
         """The message of the next step."""
-        from .ros_topics import pack_step
-
         self._seq += 1
         return pack_step(self.session, self.controller, self._seq, inputs)
 
@@ -129,8 +126,6 @@ class _OtherSide:
 
         Gone when the one at work has left. ``fault`` gets what came and is not used.
         """
-        from .ros_topics import Answered, NoAnswer
-
         try:
             came = self.topics.take(seconds)
         except NoAnswer as error:
