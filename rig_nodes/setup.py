@@ -29,8 +29,9 @@ setup(
     maintainer="Virtual rig maintainers",
     maintainer_email="rig@example.invalid",
     packages=find_packages(include=[NAME, NAME + ".*"]),
-    package_data={NAME: ["config/**/*.yaml", "config/**/*.csv", "config/*.xml", "controllers/include/*.h", "controllers/examples/**/*.c",
-                         "controllers/examples/**/*.h", "controllers/templates/**/*", "fmu/c/*", "validation/*.yaml"]},
+    package_data={NAME: ["config/**/*.yaml", "config/**/*.csv", "config/*.xml", "controllers/include/*.h*",
+                         "controllers/examples/**/*.c*", "controllers/examples/**/*.h", "controllers/examples/**/*.xml",
+                         "controllers/examples/**/CMakeLists.txt", "controllers/templates/**/*", "fmu/c/*", "validation/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/" + NAME]),
         ("share/" + NAME, ["package.xml"]),

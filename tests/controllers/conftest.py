@@ -1,7 +1,9 @@
 """Settings, the reference controllers, and ways to make a controller of a few lines in Python and in C."""
 
+import os
 import socket
 import subprocess
+import sys
 import textwrap
 from pathlib import Path
 
@@ -12,6 +14,7 @@ import pytest
 import rig_nodes
 from rig_nodes.controllers import load_controller
 from rig_nodes.errors import RigError
+from rig_nodes.graph.domain import allocate, use_own_transports
 from rig_nodes.testbench.configuration import load_rig
 
 CONTROLLERS = Path(rig_nodes.__file__).parent / "controllers"
@@ -99,6 +102,34 @@ def free_udp_port():
 def ask(plug, sample=0, current=(0.0, 0.0, 0.0)):
     """One step at standstill."""
     return plug.step(sample, current, 0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def ros_domain():
+    """A ROS domain of the file's own, for processes started there too; the environment is as before afterwards."""
+    before = dict(os.environ)
+    with allocate() as held:
+        os.environ["ROS_DOMAIN_ID"] = str(held.number)
+        use_own_transports()
+        yield held.number
+    os.environ.clear()
+    os.environ.update(before)
+
+
+@pytest.fixture(scope="module")
+def ros_program(ros_domain):
+    """Starts the Alfa46 as a ROS 2 node of its own on topics of a name; ended with the file."""
+    started = []
+
+    def start(name):
+        command = [sys.executable, "-m", "rig_nodes.controllers.examples.alfa46_ros", name]
+        started.append(subprocess.Popen(command, stderr=subprocess.PIPE, text=True))
+        return started[-1]
+
+    yield start
+    for process in started:
+        process.kill()
+        process.communicate()
 
 
 MULTICAST = "239.74.163.2"

@@ -1,4 +1,4 @@
-"""Controllers that nobody waits for, on CAN and Modbus TCP: what they do to a shift, and what their faults do."""
+"""Controllers that nobody waits for, on CAN, Modbus TCP and ROS topics: what they do to a shift, and what their faults do."""
 
 import csv
 import io
@@ -151,16 +151,18 @@ def late(exact, tmp_path_factory):
     return get
 
 
-@pytest.mark.parametrize("kind", ["virtual", "udp_multicast", "modbus"])
-def test_every_metric_is_as_the_stated_delay_makes_it(exact, example, late, tmp_path, kind):
-    """docs/can.md, docs/modbus.md: one sample later than in lockstep, and later where the machine is busy, for either
+@pytest.mark.parametrize("kind", ["virtual", "udp_multicast", "modbus", "ros"])
+def test_every_metric_is_as_the_stated_delay_makes_it(exact, example, late, tmp_path, request, kind):
+    """docs/can.md, docs/modbus.md, docs/ros_controller.md: one sample later than in lockstep, and later where the machine is busy, for either
     valve by itself. What setpoints so late do in lockstep is the range for every metric."""
     if kind == "udp_multicast" and (why := multicast_works()):
         pytest.skip(why)
-    controller = example(kind)
+    if kind == "ros":
+        request.getfixturevalue("ros_program")("free")
+    spec = "ros:free?timing=free" if kind == "ros" else example(kind).spec
     for attempt in range(3):
         began = time.monotonic()
-        found, gap = run_with(exact, tmp_path / f"run{attempt}", here(controller.spec, exact.alfa46))
+        found, gap = run_with(exact, tmp_path / f"run{attempt}", here(spec, exact.alfa46))
         assert time.monotonic() - began > 2.5, "2.586 s of the sequence take as long"
         if gap <= LATEST:
             break

@@ -276,9 +276,11 @@ def doc_commands(heading, page=DOCS):
 
 @pytest.mark.parametrize(("kind", "page", "count"), [
     ("Python", "controllers.md", 1), ("C", "controllers.md", 3), ("Simulink Coder", "controllers.md", 2),
-    ("UDP", "udp.md", 7),
+    ("UDP", "udp.md", 7), ("ROS", "ros_controller.md", 3),
 ])
-def test_the_first_shift_page_works_as_it_is_written(kind, page, count, tmp_path, monkeypatch):
+def test_the_first_shift_page_works_as_it_is_written(kind, page, count, tmp_path, monkeypatch, request):
+    if kind == "ROS":
+        request.getfixturevalue("ros_domain")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "rig_nodes").symlink_to(DOCS.parents[1] / "rig_nodes")
     if kind in ("Python", "C"):
@@ -293,7 +295,7 @@ def test_the_first_shift_page_works_as_it_is_written(kind, page, count, tmp_path
             if command[-1] == "&":
                 for program in programs:  # one at a time
                     program.kill()
-                program = [sys.executable if command[0] == "python3" else command[0], *command[1:-1]]
+                program = [sys.executable if command[0] in ("python3", ".venv/bin/python") else command[0], *command[1:-1]]
                 programs.append(subprocess.Popen(program, stderr=subprocess.DEVNULL))
             elif command[0] != "./rig":
                 subprocess.run(command, check=True)

@@ -1,4 +1,4 @@
-"""One law, four plugs, two levels: the same numbers to the last bit, alone and on the rig."""
+"""One law, five plugs, two levels: the same numbers to the last bit, alone and on the rig."""
 
 import random
 
@@ -15,6 +15,7 @@ from rig_nodes.testbench.simulate import simulate
 
 from .conftest import PYTHON, SIMULINK, C
 
+ROS = "ros:same_bits"
 UP_AND_DOWN = """
 description: both gears, a shift up, a shift down and neutral
 steps:
@@ -41,7 +42,13 @@ def sequence(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def hashes(sequence, tmp_path_factory):
+def ros_node(ros_program):
+    """One node that serves every run of this file."""
+    ros_program("same_bits")
+
+
+@pytest.fixture(scope="module")
+def hashes(sequence, tmp_path_factory, request):
     """canonical_hash of the run with a controller (None: the one inside the kernel) under named settings."""
     known = {}
 
@@ -49,7 +56,11 @@ def hashes(sequence, tmp_path_factory):
         if (name, spec) not in known:
             seed, settings = SETTINGS[name]
             config, folder = load_rig("hydmag", settings), tmp_path_factory.mktemp("run")
+            if spec and spec.startswith("ros:"):
+                request.getfixturevalue("ros_node")
             plug = load_controller(spec, config.alfa46) if spec else None
+            if plug:
+                plug.wait(20.0)
             run = simulate(config, sequence, folder, seed, controller=plug)
             assert run["end"]["state"] == "ended", run["end"]["reason"]
             bag = Bag(folder)
@@ -66,7 +77,7 @@ def hashes(sequence, tmp_path_factory):
     "spec",
     [
         pytest.param(f"{spec}{level}", id=f"{spec.partition(':')[0]}{level}")
-        for spec in ("alfa46", PYTHON, C, SIMULINK)
+        for spec in ("alfa46", PYTHON, C, SIMULINK, ROS)
         for level in ("", "@current")
     ],
 )

@@ -38,7 +38,11 @@ MILLISECONDS = np.arange(10_000)
     ],
 )
 def test_the_currents_are_those_of_the_thesis(spec):
-    plug = load_controller(spec, load_rig("hydmag", SETTINGS).alfa46)
+    currents_are_those_of_the_thesis(load_controller(spec, load_rig("hydmag", SETTINGS).alfa46))
+
+
+def currents_are_those_of_the_thesis(plug):
+    """Asserts it for a plug with SETTINGS, which is closed then."""
     seen = []
     for ms in MILLISECONDS:
         if ms in ORDERS:

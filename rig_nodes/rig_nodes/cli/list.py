@@ -95,7 +95,7 @@ def markdown() -> str:
         "Made from the catalogue (`rig_nodes/rig_nodes/config/signals.yaml`) by `./rig list signals --markdown`; "
         "a test keeps it in step.", "",
         "Units travel in SI; \"shown\" is what plots and reports use, and the range is given in it. Pressures are "
-        "gauge. Every message of `rig_msgs` starts with `stamp` (simulated time) and `seq` (counted per topic "
+        "gauge. Every message of `rig_msgs` here starts with `stamp` (simulated time) and `seq` (counted per topic "
         "from 0).", "",
         "## Topics", "", *table(_rows_of(catalogue().topics)), "",
         "Only in a run with `source: topic` for the device ([cuts.md](cuts.md)), once a tick of the cut:", "",

@@ -35,8 +35,8 @@ class Cost(NamedTuple):
 
 
 class Case(NamedTuple):
-    """name: for people; spec: of the controller, with {port} and {folder}; program: its command for a folder and a port,
-    or none; build: writes what spec names into the folder, or none.
+    """name: for people; spec: of the controller, with {port} and {folder}; program: its command for a folder and a number
+    of its own, a free port, or none; build: writes what spec names into the folder, or none.
     """
 
     name: str
@@ -58,6 +58,10 @@ def _python_program(_folder: Path, port: int) -> list[str]:
     return [sys.executable, "-m", "rig_nodes.controllers.examples.alfa46_udp", "127.0.0.1", str(port)]
 
 
+def _ros_program(_folder: Path, port: int) -> list[str]:
+    return [sys.executable, "-m", "rig_nodes.controllers.examples.alfa46_ros", f"bench{port}"]
+
+
 def _fmu(folder: Path, config: Alfa46Config) -> None:
     from ..fmu.build import build_controller_fmu
 
@@ -72,6 +76,7 @@ CASES = (
     Case("FMU", "fmu:{folder}/alfa46.fmu", "cc", build=_fmu),
     Case("UDP, C program", "udp:{port}", "cc", _c_program),
     Case("UDP, Python program", "udp:{port}", "", _python_program),
+    Case("ROS 2 node, Python", "ros:bench{port}", "", _ros_program),
 )
 
 

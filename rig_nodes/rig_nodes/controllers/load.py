@@ -15,11 +15,15 @@ from .seam import LEVELS
 
 
 class Kind(NamedTuple):
-    """Where the plug of a prefix is, ``class_name(rest, config, level)`` in ``module``, and how it is written."""
+    """Where the plug of a prefix is, ``maker(rest, config, level)`` in ``module``, and how it is written.
+
+    alone: the prefix says enough, nothing needs to follow it.
+    """
 
     module: str
-    class_name: str
+    maker: str
     form: str
+    alone: bool = False
 
 
 KINDS = {
@@ -30,6 +34,7 @@ KINDS = {
     "fmu": Kind("fmu", "ControllerFmu", "fmu:FILE.fmu"),
     "can": Kind("can_bus", "CanBus", "can:CHANNEL?interface=NAME"),
     "modbus": Kind("modbus", "Modbus", "modbus:PORT"),
+    "ros": Kind("ros", "ros_controller", "ros:NAME", alone=True),
 }
 
 
@@ -61,7 +66,7 @@ def load_controller(spec: str | None, config: Alfa46Config, level: str | None = 
     if text == "alfa46":
         return BuiltIn(config, level)
     kind = KINDS.get(name)
-    if kind is None or not rest:
+    if kind is None or not (rest or kind.alone):
         raise RigError(f"controller '{text}' is none that can be loaded; expected {forms()}")
     module = importlib.import_module(f".{kind.module}", __package__)
-    return getattr(module, kind.class_name)(rest, config, level)
+    return getattr(module, kind.maker)(rest, config, level)

@@ -54,6 +54,17 @@ KINDS = {
         ".venv/bin/python {dir}/my_plc.py &",
         "./rig simulate demo --controller modbus:5020",
     )),
+    "ros-python": Kind("ros_python", {"rig_ros.py": HERE.parent / "ros_node.py"}, (
+        ".venv/bin/python {dir}/my_controller.py &",
+        "./rig simulate demo --controller ros: --level current",
+    )),
+    "ros-cpp": Kind("ros_cpp", HEADER | {name: INCLUDE / name for name in ("rig_ros.hpp", "rig_ros_box.hpp")} | {
+        "my_controller.cpp": HERE / "cpp" / "my_controller.cpp"}, (
+        "./rig simulate demo --controller c:{dir}/my_controller.cpp",
+        "colcon build --base-paths msgs {dir} && . install/setup.sh",
+        "ros2 run my_controller my_controller &",
+        "./rig simulate demo --controller ros: --level current",
+    )),
 }
 
 

@@ -1,0 +1,75 @@
+// A shift controller behind rig_controller.h as a ROS 2 node: the controller's side of docs/ros_controller.md in C++.
+//
+// Link it with the functions of rig_controller.h and call rig_ros::serve; examples/ros_cpp is all of a package. A node
+// with more to do than that makes a rig_ros::Node and spins it as it likes.
+#ifndef RIG_ROS_HPP
+#define RIG_ROS_HPP
+
+#include "rig_ros_box.hpp"
+
+#include <chrono>
+#include <csignal>
+#include <memory>
+#include <rclcpp/rclcpp.hpp>
+#include <string>
+#include <vector>
+
+namespace rig_ros {
+
+class Node : public rclcpp::Node {
+ public:
+  // topics: NAME of the rig's --controller ros:NAME
+  explicit Node(const std::string &topics = "controller", const std::string &name = "my_controller")
+      : rclcpp::Node(name) {
+    const rclcpp::QoS lasting = rclcpp::QoS(1).transient_local();
+    ready_ = create_publisher<ControllerReady>("/" + topics + "/ready", lasting);
+    answer_ = create_publisher<ControllerAnswer>("/" + topics + "/answer", rclcpp::QoS(1));
+    // best effort: the rig asks again for a lost answer, and an acknowledgement of each step would cost a third of it
+    step_ = create_subscription<ControllerStep>("/" + topics + "/step", rclcpp::QoS(1).best_effort(),
+                                                [this](const ControllerStep &step) {
+                                                  if (const ControllerAnswer *answer = box_.step(step))
+                                                    answer_->publish(*answer);
+                                                });
+    start_ = create_subscription<ControllerStart>("/" + topics + "/start", lasting,
+                                                  [this](const ControllerStart &start) {
+                                                    if (const auto said = box_.start(start)) ready_->publish(*said);
+                                                  });
+  }
+
+  // Say goodbye when a run is on, and wait until that is heard.
+  void leave(const std::string &why) {
+    if (const auto said = box_.leave(why)) {
+      ready_->publish(*said);
+      ready_->wait_for_all_acked(std::chrono::milliseconds(500));
+    }
+  }
+
+ private:
+  Box box_;
+  rclcpp::Publisher<ControllerReady>::SharedPtr ready_;
+  rclcpp::Publisher<ControllerAnswer>::SharedPtr answer_;
+  rclcpp::Subscription<ControllerStep>::SharedPtr step_;
+  rclcpp::Subscription<ControllerStart>::SharedPtr start_;
+};
+
+inline volatile std::sig_atomic_t stopped = 0;  // number of the signal that asked for the end
+
+// Answer rigs in any order until Ctrl-C. The first argument that is not for ROS is the NAME of ros:NAME. The exit code.
+inline int serve(int count, char **arguments) {
+  const std::vector<std::string> words = rclcpp::remove_ros_arguments(count, arguments);
+  rclcpp::init(count, arguments, rclcpp::InitOptions(), rclcpp::SignalHandlerOptions::None);
+  for (const int number : {SIGINT, SIGTERM}) std::signal(number, [](int asked) { stopped = asked; });
+  {
+    const auto node = std::make_shared<Node>(words.size() > 1 ? words[1] : "controller");
+    rclcpp::executors::SingleThreadedExecutor executor;
+    executor.add_node(node);
+    while (!stopped) executor.spin_once(std::chrono::milliseconds(100));
+    node->leave("the controller was stopped");
+  }
+  rclcpp::shutdown();
+  return stopped == SIGINT ? 130 : 0;
+}
+
+}  // namespace rig_ros
+
+#endif

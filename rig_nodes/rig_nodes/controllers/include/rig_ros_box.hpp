@@ -1,0 +1,169 @@
+// A controller behind rig_controller.h as the rig's ROS 2 messages see it: a message in, one out (docs/ros_controller.md).
+//
+// Used by rig_ros.hpp, which is the node around it; rclcpp is not needed here. Nothing here computes: each step is brought
+// to rig_controller_step once, and a step that comes again gets the same answer again.
+#ifndef RIG_ROS_BOX_HPP
+#define RIG_ROS_BOX_HPP
+
+#include "rig_controller.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdio>
+#include <optional>
+#include <random>
+#include <rig_msgs/msg/controller_answer.hpp>
+#include <rig_msgs/msg/controller_ready.hpp>
+#include <rig_msgs/msg/controller_start.hpp>
+#include <rig_msgs/msg/controller_step.hpp>
+#include <string>
+#include <vector>
+
+// Optional functions of a controller: null when it has none.
+#pragma weak rig_controller_wants
+#pragma weak rig_controller_wanted
+#pragma weak rig_controller_signals
+#pragma weak rig_controller_signal_values
+
+namespace rig_ros {
+
+using rig_msgs::msg::ControllerAnswer;
+using rig_msgs::msg::ControllerReady;
+using rig_msgs::msg::ControllerStart;
+using rig_msgs::msg::ControllerStep;
+using Names = std::vector<std::string>;
+
+inline Names names_of(const char *const *(*list)()) {
+  Names out;
+  if (list)
+    for (const char *const *name = list(); *name; ++name) out.emplace_back(*name);
+  return out;
+}
+
+class Box {
+ public:
+  Box()
+      : number_(std::random_device{}() | 1u),
+        wants_(names_of(rig_controller_wants)),
+        signals_(names_of(rig_controller_signals)) {}
+  ~Box() { end(); }
+  Box(const Box &) = delete;
+  Box &operator=(const Box &) = delete;
+
+  bool running() const { return running_; }
+
+  // A run begins or is over; what to say to that.
+  std::optional<ControllerReady> start(const ControllerStart &start) {
+    end();
+    if (start.over) return std::nullopt;
+    start_ = start;
+    const uint32_t level = start.level == ControllerStart::LEVEL_CURRENT ? RIG_LEVEL_CURRENT : RIG_LEVEL_DUTY;
+    if (!(rig_controller_abi()->levels & level))
+      return ready(ControllerReady::REFUSES, std::string("this run is at level ") +
+                                                 (level == RIG_LEVEL_CURRENT ? "current" : "duty") +
+                                                 ", which the controller does not know; choose with --level");
+    for (const std::string &name : wants_)
+      if (std::find(start.wants.begin(), start.wants.end(), name) == start.wants.end())
+        return ready(ControllerReady::REFUSES, "it wants " + name + "; start the rig with ros:?wants=" + name);
+    if (signals_ != Names(start.signals.begin(), start.signals.end()))
+      return ready(ControllerReady::REFUSES, "its own signals are not those that the rig's ros:?signals= names");
+    std::vector<rig_parameter> parameters;
+    for (size_t k = 0; k < std::min(start_.parameter_names.size(), start_.parameter_values.size()); ++k)
+      parameters.push_back({start_.parameter_names[k].c_str(), start_.parameter_values[k]});
+    rig_controller_info info = {sizeof info,           level,
+                                start.period,          start.command_high,
+                                parameters.data(),     static_cast<uint32_t>(parameters.size()),
+                                ""};
+    if (rig_controller_create(&info, &instance_) != RIG_OK)
+      return ready(ControllerReady::REFUSES, std::string("create failed: ") + info.message);
+    running_ = true;
+    answer_ = ControllerAnswer();
+    return ready(ControllerReady::READY, "");
+  }
+
+  // A sample; its answer, or nothing for a step that is not this controller's. The answer stays until the next one.
+  const ControllerAnswer *step(const ControllerStep &step) {
+    if (!running_ || step.session != start_.session || (step.controller && step.controller != number_)) return nullptr;
+    if (step.seq > answer_.seq) compute(step);
+    return step.seq == answer_.seq ? &answer_ : nullptr;
+  }
+
+  // What to say when this controller ends; nothing when no run is on.
+  std::optional<ControllerReady> leave(const std::string &why) {
+    if (!running_) return std::nullopt;
+    end();
+    return ready(ControllerReady::LEAVES, why);
+  }
+
+ private:
+  ControllerReady ready(uint8_t state, const std::string &message) const {
+    ControllerReady out;
+    out.session = start_.session;
+    out.controller = number_;
+    out.state = state;
+    out.levels = static_cast<uint8_t>(rig_controller_abi()->levels);
+    out.process_id = static_cast<uint32_t>(getpid());
+    char place[64];
+    const ssize_t length = readlink("/proc/self/ns/pid", place, sizeof place);
+    out.pid_namespace.assign(place, length > 0 ? static_cast<size_t>(length) : 0u);
+    out.message = message;
+    return out;
+  }
+
+  void compute(const ControllerStep &step) {
+    rig_controller_inputs in = {};
+    in.size = sizeof in;
+    in.gear_request = step.gear_request;
+    in.sample = step.sample;
+    in.time = step.time;
+    std::copy(step.current.begin(), step.current.end(), in.current);
+    in.n_wej = step.n_wej;
+    in.n_wyj = step.n_wyj;
+    in.p1 = step.p1;
+    in.p2 = step.p2;
+    if (!wants_.empty()) {
+      std::vector<double> values;
+      for (const std::string &name : wants_) {
+        const auto place = std::find(start_.wants.begin(), start_.wants.end(), name) - start_.wants.begin();
+        values.push_back(step.others.at(static_cast<size_t>(place)));
+      }
+      rig_controller_wanted(instance_, values.data(), static_cast<uint32_t>(values.size()));
+    }
+    rig_controller_outputs out = {};
+    out.size = sizeof out;
+    const int status = rig_controller_step(instance_, &in, &out);
+    answer_.session = step.session;
+    answer_.controller = number_;
+    answer_.seq = step.seq;
+    answer_.status = static_cast<uint8_t>(status);
+    answer_.gear = static_cast<uint8_t>(std::min(out.gear, 255u));
+    answer_.shifting = out.shifting != 0;
+    answer_.flags = static_cast<uint8_t>(std::min(out.flags, 255u));
+    answer_.command.assign(out.command, out.command + RIG_CONTROLLER_OUTPUTS);
+    answer_.setpoint.assign(out.setpoint, out.setpoint + RIG_CONTROLLER_OUTPUTS);
+    out.message[RIG_CONTROLLER_TEXT - 1] = '\0';
+    answer_.message = out.message;
+    if (!signals_.empty()) {
+      answer_.signals.resize(signals_.size());
+      rig_controller_signal_values(instance_, answer_.signals.data(), static_cast<uint32_t>(signals_.size()));
+    }
+  }
+
+  void end() {
+    if (running_) rig_controller_destroy(instance_);
+    running_ = false;
+  }
+
+  const uint32_t number_;  // tells this controller from others on the same topics
+  const Names wants_, signals_;
+  ControllerStart start_;
+  ControllerAnswer answer_;
+  void *instance_ = nullptr;
+  bool running_ = false;
+};
+
+}  // namespace rig_ros
+
+#endif

@@ -1,0 +1,339 @@
+"""The plugs for a controller that is a ROS 2 node: in lockstep, or by its own clock (docs/ros_controller.md).
+
+Made by load.py. The topics are ros_topics.py; the node may start before or after the rig and serves many runs.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import select
+import time
+from collections.abc import Callable
+
+from rig_msgs.msg import ControllerStart
+
+from ..alfa46.settings import Alfa46Config
+from ..errors import RigError
+from .free_running import FreeRunning, split_options
+from .own_signals import checked_settings, checked_signals
+from .plug import Plug, Waiting, chosen_level
+from .ros_topics import Answered, NoAnswer, Topics, pack_step
+from .seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs, Status, checked_wants
+
+TOKEN = "[A-Za-z](_?[A-Za-z0-9])*_?"  # ROS 2 takes no two underscores one after the other
+NAME = re.compile(f"{TOKEN}(/{TOKEN})*")
+OPTIONS = ("timing", "wants", "settings", "signals")
+TIMINGS = ("lockstep", "free")
+LEVEL_BITS = {"duty": 1, "current": 2}
+RESEND = 0.02  # s of wall clock without an answer after which a step is sent again
+FAREWELL = 0.5  # s of wall clock that the last words to a controller may take
+GLANCE = 0.0005  # s of wall clock for an answer in real time while the controller is away
+
+
+def ros_controller(rest: str, config: Alfa46Config, level: str | None = None) -> Plug:
+    """ros:NAME?timing=free&wants=M_wej,p_p&settings=gain:2.0&signals=slip:rad/s,state; all of it may be left out."""
+    spec = f"ros:{rest}"
+    name, options = split_options(rest, spec, OPTIONS)
+    name = name or "controller"
+    if not NAME.fullmatch(name):
+        raise RigError(f"controller {spec}: '{name}' is no name of topics; expected letters, digits and single "
+                       "underscores, e.g. ros:controller")
+    timing = options.get("timing", TIMINGS[0])
+    if timing not in TIMINGS:
+        raise RigError(f"controller {spec}: timing is '{timing}', expected {' or '.join(TIMINGS)}")
+    if timing == "free":
+        plug = FreeRosNode(spec, config, level, f"ROS topic /{name}/answer")
+    else:
+        plug = RosNode(spec, config, chosen_level(level, LEVELS, spec))
+    plug.other_side = _OtherSide(plug, name)
+    plug.wants = checked_wants(_items(options, "wants"), spec)
+    plug.settings = checked_settings(dict(_setting(item, spec) for item in _items(options, "settings")), spec)
+    plug.signals = checked_signals({item.partition(":")[0]: item.partition(":")[2] or "-"
+                                    for item in _items(options, "signals")}, spec)
+    return plug
+
+
+def _items(options: dict[str, str], key: str) -> list[str]:
+    return [item for item in options.get(key, "").split(",") if item]
+
+
+def _setting(item: str, spec: str) -> tuple[str, float]:
+    name, _, value = item.partition(":")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise RigError(f"controller {spec}: setting '{item}' has no first value; expected e.g. gain:2.0") from None
+
+
+class Gone(Exception):
+    """The controller is not there any more; why."""
+
+
+class _OtherSide:
+    """Who is at the other end of the topics: waits for it, and sees when it has gone."""
+
+    def __init__(self, plug: Plug, name: str):
+        self._plug, self.name = plug, name
+        self.topics = None  # until they are opened: `rig run` looks at a plug before its domain is known
+        self.controller = 0  # number of the one that is at work, 0 while none is
+        self.was_here = False
+        self.session = self._seq = 0
+        self._life: int | None = None  # descriptor that tells of the end of the controller's process
+        self.refused = ""  # why the last one that came is not used
+        self._said: set[tuple] = set()
+
+    @property
+    def place(self) -> str:
+        """Where the controller is expected, in words."""
+        return f"ROS topic /{self.name}/answer in domain {self.topics.domain}"
+
+    def open(self) -> None:
+        """Join the graph, once."""
+        if self.topics is None:
+            self.topics = Topics(self.name)
+            self.begin()
+
+    def begin(self) -> None:
+        """A new session, for whoever is there or comes."""
+        self.forget()
+        self.session = int.from_bytes(os.urandom(4), "little") or 1
+        self._seq = 0
+        self.topics.start(self._start(over=False))
+
+    def _start(self, over: bool, message: str = ""):
+        info, plug = self._plug.info, self._plug
+        return ControllerStart(
+            session=self.session, over=over, level=LEVELS.index(info.level), period=info.period,
+            command_high=info.command_high, parameter_names=list(info.parameters),
+            parameter_values=list(info.parameters.values()), wants=list(plug.wants), settings=list(plug.settings),
+            signals=list(plug.signals), message=message)
+
+    def forget(self) -> None:
+        """The controller that was at work is not any more."""
+        self.controller = 0
+        if self._life is not None:
+            os.close(self._life)
+            self._life = None
+
+    def next_step(self, inputs: ControllerInputs) -> bytes:
+        """The message of the next step."""
+        self._seq += 1
+        return pack_step(self.session, self.controller, self._seq, inputs)
+
+    def take(self, seconds: float, fault: Callable[[str], None]):
+        """The next answer of this session within so many seconds; None without one, or when a controller is ready.
+
+        Gone when the one at work has left. ``fault`` gets what came and is not used.
+        """
+        try:
+            came = self.topics.take(seconds)
+        except NoAnswer as error:
+            fault(str(error))
+            return None
+        if isinstance(came, Answered):
+            if came.session != self.session or self.controller not in (0, came.controller):
+                return None  # of a run before, or of a controller that is not asked
+            if came.seq > self._seq:
+                fault(f"an answer to step {came.seq} came before that was asked")
+                return None
+            return came
+        if came is not None and came.session == self.session:
+            self._hear(came)
+        return None
+
+    def is_newest(self, answered) -> bool:
+        """True for an answer to the newest step."""
+        return answered.seq == self._seq
+
+    def _hear(self, ready) -> None:
+        """A controller says that it is ready, or that it is not."""
+        plug, text = self._plug, " ".join(ready.message.split()) or "it gave no reason"
+        why = ""
+        if ready.state == ready.LEAVES:
+            if ready.controller == self.controller:
+                raise Gone(f"it said goodbye: {text}")
+            return
+        if ready.state == ready.REFUSES:
+            why = text
+        elif not ready.levels & LEVEL_BITS[plug.level]:
+            known = " and ".join(name for name, bit in LEVEL_BITS.items() if ready.levels & bit) or "none"
+            why = f"this run is at level {plug.level}, the controller's is {known}; choose with --level"
+        elif self.controller not in (0, ready.controller):
+            why = "another controller is at work"
+        if why:
+            self.refused = why
+            if (ready.controller, why) not in self._said:
+                self._said.add((ready.controller, why))
+                plug.say(f"a controller on {self.place} is not used: {why}")
+            return
+        if ready.controller != self.controller:
+            self.controller, self.was_here = ready.controller, True
+            self._watch(ready)
+            process = f" (process {ready.process_id})" if ready.process_id else ""
+            plug.say(f"controller on {self.place} is here{process}")
+
+    def _watch(self, ready) -> None:
+        """Be told by the kernel when the controller's process ends, unless its number is another container's."""
+        if ready.process_id and ready.pid_namespace == os.readlink("/proc/self/ns/pid"):
+            try:
+                self._life = os.pidfd_open(ready.process_id)
+            except ProcessLookupError:
+                raise Gone("its process has ended") from None
+
+    def look_after(self) -> None:
+        """Gone when the controller at work has ended without a word."""
+        if self._life is not None and select.select([self._life], [], [], 0.0)[0]:
+            raise Gone("its process has ended")
+        if self.controller and not self.topics.somebody_answers():
+            raise Gone("its node has left the graph")
+
+    def close(self, message: str) -> None:
+        """The run is over."""
+        if self.topics is not None:
+            self.topics.start(self._start(over=True, message=message))
+            self.topics.close(FAREWELL if self.controller else 0.0)
+            self.topics = None
+        self.forget()
+
+
+class RosNode(Plug):
+    """One step out, its answer in; simulated time waits."""
+
+    def __init__(self, name: str, config: Alfa46Config, level: str):
+        super().__init__(name, config, level)
+        self.other_side: _OtherSide | None = None
+        self._away = True  # nobody answered the newest sample
+        self._faults: set[str] = set()
+
+    def pace(self, step_timeout: float | None, real_time: bool = False) -> None:
+        super().pace(step_timeout, real_time)
+        self.other_side.open()
+
+    def wait(self, patience: float | None = None) -> None:
+        side = self.other_side
+        side.open()
+        waiting = Waiting(f"waiting for controller on {side.place}", self.say)
+        while not side.controller:
+            if patience is not None and waiting.seconds > patience:
+                domain = side.topics.domain
+                self.close()
+                came = f"; one came and is not used: {side.refused}" if side.refused else ""
+                raise RigError(f"controller {self.name}: none has come within {patience:g} s{came}; start its node in "
+                               f"the same ROS domain (export ROS_DOMAIN_ID={domain})")
+            waiting.tell()
+            try:
+                side.take(0.2, self._fault)
+            except Gone:
+                side.begin()  # it came and went before it was asked anything
+
+    def _fault(self, text: str) -> None:
+        if text not in self._faults:
+            self._faults.add(text)
+            self.say(f"{self.name}: {text}; it is not used")
+
+    def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
+        side = self.other_side
+        side.open()
+        try:
+            while side.take(0.0, self._fault) is not None:
+                pass  # late answers
+            answered = self._exchange(inputs)
+        except Gone as gone:
+            self._away = True
+            side.begin()  # another one may come
+            raise ControllerFailed(f"controller {self.name}, sample {inputs.sample}: {gone}", Status.FATAL) from None
+        if answered is None:
+            return ControllerOutputs(status=Status.DISCARD)
+        return outputs_of(answered, self)
+
+    def _exchange(self, inputs: ControllerInputs):
+        """The answer; None in real time while there is none."""
+        side, began = self.other_side, time.monotonic()
+        patience = GLANCE if self.real_time and self._away else self.step_timeout
+        waiting, sent_to = None, 0
+        while True:
+            if side.controller != sent_to:
+                data, sent_to = side.next_step(inputs), side.controller
+            if sent_to:
+                side.topics.step(data)
+            again = time.monotonic() + RESEND
+            if patience is not None:
+                again = min(again, began + patience)
+            while (left := again - time.monotonic()) > 0.0:
+                answered = side.take(left, self._fault)
+                if answered is not None and side.is_newest(answered):
+                    self._away = False
+                    return answered
+            side.look_after()
+            if patience is not None and time.monotonic() >= began + patience:
+                return self._no_answer()
+            waiting = waiting or Waiting(f"waiting for controller on {side.place}", self.say)
+            waiting.tell()
+
+    def _no_answer(self) -> None:
+        side = self.other_side
+        if self.real_time:
+            if not self._away:
+                self.say(f"waiting for controller on {side.place}: no answer for {self.step_timeout * 1e3:.0f} ms")
+            self._away = True
+            return None
+        if side.was_here:
+            raise Gone(f"no answer for {self.step_timeout:g} s (--step-timeout)")
+        raise Gone(f"none has come within {self.step_timeout:g} s")
+
+    def _end(self) -> None:
+        self.other_side.close("the run is over")
+
+    def _abandon(self) -> None:
+        self._end()
+
+
+class FreeRosNode(FreeRunning):
+    """Steps go out, the newest answer is used once; nobody waits."""
+
+    def __init__(self, name: str, config: Alfa46Config, level: str | None, place: str):
+        super().__init__(name, config, level, place)
+        self.other_side: _OtherSide | None = None
+
+    def pace(self, step_timeout: float | None, real_time: bool = False) -> None:
+        super().pace(step_timeout, real_time)
+        self.other_side.open()
+
+    def wait(self, patience: float | None = None) -> None:
+        self.other_side.open()
+        super().wait(patience)
+
+    def _send(self, inputs: ControllerInputs) -> None:
+        self.other_side.open()
+        self.other_side.topics.step(self.other_side.next_step(inputs))
+
+    def _listen(self, until: float) -> None:
+        side = self.other_side
+        side.open()
+        while True:
+            rest = until - time.monotonic()
+            try:
+                answered = side.take(max(rest, 0.0), self.fault)
+                side.look_after()
+            except Gone as gone:
+                self.say(f"controller {self.name}: {gone}")
+                side.begin()
+                return
+            if answered is not None:
+                self.heard(outputs_of(answered, self))
+            elif rest <= 0.0:
+                return
+
+    def _end(self) -> None:
+        self.other_side.close("the run is over")
+
+
+def outputs_of(answered, plug: Plug) -> ControllerOutputs:
+    """What an answer says, for the seam, which checks it."""
+    signals = None
+    if answered.status == Status.OK and plug.signals:
+        signals = dict(zip(plug.signals, answered.signals, strict=False)) if (
+            len(answered.signals) == len(plug.signals)) else list(answered.signals)
+    return ControllerOutputs(answered.command, answered.setpoint or None, answered.gear, answered.shifting,
+                             answered.flags, answered.status, answered.message, signals)

@@ -1,0 +1,153 @@
+"""A shift controller as a ROS 2 node: brings a class with initialize / step / terminate to the rig.
+
+The messages are those of docs/ros_controller.md. Copied as it is to where a controller runs; it needs rclpy and rig_msgs.
+``serve(controller)`` answers until it is stopped; a node with more to do than that makes a ControllerNode and spins it
+as it likes. include/rig_ros.hpp is the same for C++.
+"""
+
+import os
+import random
+import signal
+import sys
+import traceback
+from types import SimpleNamespace
+
+import rclpy
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+from rig_msgs.msg import ControllerAnswer, ControllerReady, ControllerStart, ControllerStep
+
+try:
+    from rclpy.experimental import EventsExecutor as Executor  # in a third of the time
+except ImportError:
+    from rclpy.executors import SingleThreadedExecutor as Executor
+
+NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+UNCONFIRMED = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  # the rig asks again for a lost answer
+LASTING = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+LEVELS = {"duty": (ControllerStart.LEVEL_DUTY, ControllerReady.DUTY),
+          "current": (ControllerStart.LEVEL_CURRENT, ControllerReady.CURRENT)}
+
+
+class ControllerNode(Node):
+    """``controller`` has initialize / step / terminate as a Python class of the rig has.
+
+    levels: "duty", "current" or both; topics: NAME of the rig's ``--controller ros:NAME``; others: as for rclpy's Node.
+    """
+
+    def __init__(self, controller, levels=("duty",), topics="controller", name="my_controller", **others):
+        super().__init__(name, **others)
+        self.controller, self.levels = controller, levels
+        self.number = random.randrange(1, 2**32)  # tells this controller from others on the same topics
+        self.session, self.running, self.runs, self.answer = 0, False, 0, None
+        self.start = None
+        self._ready = self.create_publisher(ControllerReady, f"/{topics}/ready", LASTING)
+        self._answer = self.create_publisher(ControllerAnswer, f"/{topics}/answer", NEWEST)
+        self.create_subscription(ControllerStep, f"/{topics}/step", self.on_step, UNCONFIRMED)
+        self.create_subscription(ControllerStart, f"/{topics}/start", self.on_start, LASTING)
+
+    def tell(self, state, message=""):
+        """ControllerReady: this node is ready, refuses or leaves."""
+        levels = sum(LEVELS[name][1] for name in self.levels)
+        self._ready.publish(ControllerReady(
+            session=self.session, controller=self.number, state=state, levels=levels, process_id=os.getpid(),
+            pid_namespace=os.readlink("/proc/self/ns/pid"), message=message))
+
+    def on_start(self, start):
+        """A run begins or is over."""
+        if self.running:
+            self.end()
+        if start.over:
+            return
+        self.session, self.start, self.answer = start.session, start, None
+        level = next(name for name, (number, _) in LEVELS.items() if number == start.level)
+        why = self.refusal(start, level)
+        if why:
+            self.tell(ControllerReady.REFUSES, why)
+            return
+        try:
+            self.controller.initialize(SimpleNamespace(
+                period=start.period, level=level, command_high=start.command_high,
+                parameters=dict(zip(start.parameter_names, start.parameter_values))))
+        except Exception as error:
+            self.get_logger().error(f"initialize failed:\n{traceback.format_exc()}")
+            self.tell(ControllerReady.REFUSES, f"initialize failed: {type(error).__name__}: {error}")
+            return
+        self.running = True
+        self.tell(ControllerReady.READY)
+
+    def refusal(self, start, level):
+        """Why the controller cannot work in a run, or nothing: the level, or what its class names and the rig not."""
+        if level not in self.levels:
+            return f"this run is at level {level}, the controller's is {' and '.join(self.levels)}; choose with --level"
+        for kind in ("wants", "settings", "signals"):
+            for name in getattr(self.controller, kind, ()):
+                if name not in getattr(start, kind):
+                    return f"it needs {name}; start the rig with ros:NAME?{kind}={name}"
+        return ""
+
+    def on_step(self, step):
+        """A sample: compute once, and send the same answer again when the step comes again."""
+        if not self.running or step.session != self.session or step.controller not in (0, self.number):
+            return
+        if self.answer is None or step.seq > self.answer.seq:
+            self.answer = self.compute(step)
+        if step.seq == self.answer.seq:
+            self._answer.publish(self.answer)
+
+    def compute(self, step):
+        """The ControllerAnswer to a ControllerStep."""
+        answer = ControllerAnswer()
+        answer.session, answer.controller, answer.seq = step.session, self.number, step.seq
+        try:
+            out = self.controller.step(SimpleNamespace(
+                sample=step.sample, time=step.time, gear_request=step.gear_request,
+                current=tuple(step.current.tolist()), n_wej=step.n_wej, n_wyj=step.n_wyj, p1=step.p1, p2=step.p2,
+                others=dict(zip(self.start.wants, step.others)),
+                settings=dict(zip(self.start.settings, step.settings))))
+            answer.status, answer.message = int(getattr(out, "status", 0)), str(getattr(out, "message", ""))
+            answer.gear, answer.shifting, answer.flags = int(out.gear), bool(out.shifting), int(out.flags)
+            # messages do not check types: what is no float would go out as another number
+            answer.command = [float(value) for value in out.command]
+            answer.setpoint = [float(value) for value in out.setpoint or ()]
+            answer.signals = [float(out.signals[name]) for name in self.start.signals]
+        except Exception as error:
+            self.get_logger().error(f"sample {step.sample}:\n{traceback.format_exc()}")
+            answer.status, answer.message = ControllerAnswer.ERROR, f"{type(error).__name__}: {error}"
+        return answer
+
+    def end(self):
+        """The run is over for the controller."""
+        self.running = False
+        self.runs += 1
+        self.controller.terminate()
+
+    def leave(self, why):
+        """Say goodbye when a run is on, and wait until that is heard."""
+        if self.running:
+            self.tell(ControllerReady.LEAVES, why)
+            self._ready.wait_for_all_acked(Duration(seconds=0.5))
+            self.end()
+
+
+def serve(controller, levels=("duty",), topics="controller", once=False):
+    """Connect a controller with rigs that are started with ``--controller ros:NAME``, in any order, until Ctrl-C.
+
+    once: until the end of the first run. Returns 130 after Ctrl-C, else 0.
+    """
+    asked = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _frame: asked.append(number))
+    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+    node, executor = ControllerNode(controller, levels, topics), Executor()
+    executor.add_node(node)
+    while not asked and not (once and node.runs):
+        executor.spin_until_future_complete(Future(), 0.1)
+    node.leave("the controller was stopped")
+    executor.remove_node(node)
+    node.destroy_node()
+    rclpy.shutdown()
+    return 130 if signal.SIGINT in asked else 0

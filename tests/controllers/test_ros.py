@@ -1,0 +1,388 @@
+"""A controller that is a ROS 2 node: the same bits, whoever starts first, however it ends, whatever it answers."""
+
+import itertools
+import re
+import signal
+import threading
+from pathlib import Path
+from types import SimpleNamespace
+from xml.etree import ElementTree
+
+import pytest
+from rclpy.context import Context
+from rclpy.experimental import EventsExecutor
+from rclpy.task import Future
+from rig_msgs.msg import ControllerAnswer, ControllerStep
+
+from rig_nodes.bags import cdr
+from rig_nodes.bags.reader import Bag
+from rig_nodes.controllers import ControllerFailed, ControllerInputs, ControllerOutputs, Status, load_controller
+from rig_nodes.controllers.ros_node import ControllerNode
+from rig_nodes.controllers.ros_topics import NoAnswer, pack_step, unpack_answer
+from rig_nodes.errors import RigError
+from rig_nodes.testbench.conformance import Check
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.rig import Rig
+from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.testbench.simulate import advance_with, simulate
+from rig_nodes.testbench.timed import RigStatus
+
+from .conftest import ask
+from .test_thesis_trace import SETTINGS, currents_are_those_of_the_thesis
+
+NUMBERS = itertools.count()
+
+
+@pytest.fixture(scope="module")
+def example(ros_program):
+    """One node that serves run after run; the name of its topics."""
+    ros_program("example")
+    return "example"
+
+
+@pytest.fixture
+def plug(config, ros_domain):
+    """A plug whose sentences are kept, on topics of its own."""
+    name = f"mine_{next(NUMBERS)}"
+    made = load_controller(f"ros:{name}", config.alfa46)
+    made.topics_name, made.said = name, []
+    made.say = made.said.append
+    yield made
+    made.close()
+
+
+class Steady:
+    """Says 0.5 on the first output and the gear that it is asked for; ``out`` may say something else."""
+
+    out = None
+
+    def __init__(self):
+        self.ended, self.over = 0, threading.Event()
+
+    def initialize(self, info):
+        self.info, self.steps = info, []
+
+    def step(self, inputs):
+        self.steps.append(inputs)
+        return self.out or ControllerOutputs([0.5, 0.0, 0.0], gear=inputs.gear_request)
+
+    def terminate(self):
+        self.ended += 1
+        self.over.set()
+
+
+@pytest.fixture
+def thread(ros_domain):
+    """Serves a controller from a thread of this process; the node."""
+    nodes = []
+
+    def start(controller, name, levels=("duty", "current")):
+        context = Context()
+        context.init(args=[], initialize_logging=False)
+        node, over = ControllerNode(controller, levels, name, context=context), []
+        executor = EventsExecutor(context=context)
+        executor.add_node(node)
+
+        def spin():
+            while not over:
+                executor.spin_until_future_complete(Future(), 0.02)
+
+        worker = threading.Thread(target=spin)
+        worker.start()
+        nodes.append((node, executor, over, worker, context))
+        return node
+
+    yield start
+    for node, executor, over, worker, context in nodes:
+        over.append(True)
+        worker.join()
+        executor.remove_node(node)
+        node.destroy_node()
+        context.shutdown()
+
+
+# ---- the same bits
+
+
+@pytest.mark.parametrize("level", ["duty", "current"])
+def test_the_currents_are_those_of_the_thesis(example, level):
+    plug = load_controller(f"ros:{example}", load_rig("hydmag", SETTINGS).alfa46, level)
+    plug.wait(20.0)
+    currents_are_those_of_the_thesis(plug)
+
+
+def test_the_verb_takes_it_and_the_bag_is_that_of_the_built_in_controller(config, example, tmp_path):
+    from rig_nodes.cli.main import main
+
+    simulate(config, load_sequence("sample"), tmp_path / "built-in")
+    assert main(["simulate", "sample", "--controller", f"ros:{example}", "--out", str(tmp_path / "ros")]) == 0
+    assert Bag(tmp_path / "ros").canonical_hash() == Bag(tmp_path / "built-in").canonical_hash()
+
+
+def test_the_conformance_set_takes_it(config, example):
+    """The first items; what comes later is the seam's own and the same for every plug."""
+    items = list(itertools.islice(Check(f"ros:{example}", config).items(), 3))
+    assert [(item.name, item.ok) for item in items] == [("loads", True), ("answers", True), ("at rest", True)]
+
+
+def test_what_it_asks_for_reaches_it_and_what_it_records_comes_back(config, thread):
+    user = Steady()
+    user.out = SimpleNamespace(command=[0, 0, 0], setpoint=None, gear=0, shifting=False, flags=0,
+                               signals={"slip": 1.5, "state": 2})
+    thread(user, "asking")
+    plug = load_controller("ros:asking?wants=M_wej,p_p&settings=gain:2.0&signals=slip:rad/s,state", config.alfa46)
+    plug.wait(20.0)
+    plug.order(2)
+    plug.set_value("gain", 3.5)
+    plug.step(7, (0.1, 0.2, 0.3), 1.0, 2.0, 3.0, 4.0, [55.0, 4e6])
+    (seen,) = user.steps
+    assert (seen.sample, seen.time, seen.gear_request, seen.current) == (7, 0.007, 2, (0.1, 0.2, 0.3))
+    assert (seen.n_wej, seen.n_wyj, seen.p1, seen.p2) == (1.0, 2.0, 3.0, 4.0)
+    assert seen.others == {"M_wej": 55.0, "p_p": 4e6} and seen.settings == {"gain": 3.5}
+    assert plug.signals == {"slip": "rad/s", "state": "-"} and plug.signal_values == (1.5, 2.0)
+    assert dict(user.info.parameters) == plug.info.parameters
+    assert (user.info.period, user.info.level, user.info.command_high) == (1e-3, "duty", 1.0)
+    user.out.signals = {"slip": 1.5}
+    with pytest.raises(ControllerFailed, match="sample 8: status error: KeyError: 'state'"):
+        plug.step(8, (0.1, 0.2, 0.3), 1.0, 2.0, 3.0, 4.0, [55.0, 4e6])
+
+
+@pytest.mark.parametrize("others", [{}, {"a": 1.5}, {"a": 1.5, "b": -2.5}])
+@pytest.mark.parametrize("settings", [{}, {"c": 3.5}])
+def test_the_bytes_are_those_of_the_messages(others, settings):
+    """The rig packs and unpacks by hand; here by the definitions of the messages."""
+    inputs = ControllerInputs(2**40, 0.25, 2, (1.0, 2.0, 3.0), 4.0, 5.0, 6.0, 7.0, others, settings)
+    data = pack_step(3, 4, 2**33, inputs)
+    assert data == cdr.encode_any("rig_msgs/msg/ControllerStep", ControllerStep(
+        session=3, controller=4, seq=2**33, sample=2**40, time=0.25, current=[1.0, 2.0, 3.0], n_wej=4.0, n_wyj=5.0,
+        p1=6.0, p2=7.0, gear_request=2, others=list(others.values()), settings=list(settings.values())))
+    answer = ControllerAnswer(session=5, controller=6, seq=7, status=2, gear=1, shifting=True, flags=3,
+                              command=[0.5] * 3, setpoint=list(others.values()), signals=list(settings.values()),
+                              message="nie ma prędkości")
+    data = cdr.encode_any("rig_msgs/msg/ControllerAnswer", answer)
+    assert unpack_answer(data) == (5, 6, 7, 2, 1, True, 3, (0.5,) * 3, tuple(others.values()), tuple(settings.values()),
+                                   "nie ma prędkości")
+    for length in range(len(data)):
+        with pytest.raises(NoAnswer):
+            unpack_answer(data[:length])
+
+
+# ---- how it begins and ends
+
+
+def test_waiting_is_told_and_has_an_end(plug, ros_domain):
+    with pytest.raises(RigError, match=f"none has come within 1.1 s; start its node in .*ROS_DOMAIN_ID={ros_domain}"):
+        plug.wait(1.1)
+    assert plug.said == [f"waiting for controller on ROS topic /{plug.topics_name}/answer in domain {ros_domain}, 1 s"]
+
+
+def test_a_controller_that_comes_later_is_waited_for_and_its_death_is_seen_at_once(plug, ros_program, config):
+    timer = threading.Timer(0.2, lambda: processes.append(ros_program(plug.topics_name)))
+    processes = []
+    timer.start()
+    plug.wait(20.0)
+    rig = Rig(config, controller="external")
+    rig.set_oil(4.0e6, True)
+    plug.order(1)
+    for _ in range(400):
+        advance_with(rig, plug)
+    assert max(rig.coil_currents()) > 0.05
+    processes[0].kill()
+    processes[0].wait()
+    advance_with(rig, plug)
+    assert rig.status == RigStatus.TRIPPED
+    assert rig.reason == f"controller {plug.name}, sample 400: its process has ended"
+    rig.advance_samples(100)
+    assert max(rig.coil_currents()) < 0.02, "no coil is driven"
+    # as in a rig that is worked by hand: reset, and on with the controller that was started again
+    rig.reset()
+    again = ros_program(plug.topics_name)
+    plug.wait(20.0)
+    assert ask(plug, rig.sample) is not None
+    again.send_signal(signal.SIGINT)
+    assert again.wait(10.0) == 130
+    with pytest.raises(ControllerFailed, match="it said goodbye: the controller was stopped") as failure:
+        ask(plug, rig.sample + 1)
+    assert failure.value.status == Status.FATAL
+
+
+def test_a_controller_that_stands_still_is_waited_for_or_overdue(plug, ros_program, config):
+    """With --step-timeout none it may stand in a debugger, and the answers are the same; with one it is fatal."""
+    process = ros_program(plug.topics_name)
+    plug.wait(20.0)
+    plug.pace(None)
+    other = load_controller("alfa46", config.alfa46)
+    for controller in (plug, other):
+        controller.order(1)
+    for sample in range(300):
+        if sample == 200:
+            process.send_signal(signal.SIGSTOP)
+            said = []
+            # goes on when the rig has said that it waits
+            plug.say = lambda text: (said.append(text), process.send_signal(signal.SIGCONT))
+        current = (0.001 * sample, 0.0, 0.0)
+        assert plug.step(sample, current, 1.0, 2.0, 3.0, 4.0) == other.step(sample, current, 1.0, 2.0, 3.0, 4.0)
+    assert len(said) == 1 and re.match(r"waiting for controller on ROS topic /\S+/answer in domain \d+, 1 s", said[0])
+    plug.pace(0.3)
+    process.send_signal(signal.SIGSTOP)
+    with pytest.raises(ControllerFailed, match=r"sample 300: no answer for 0.3 s \(--step-timeout\)") as failure:
+        ask(plug, 300)
+    assert failure.value.status == Status.FATAL
+    process.send_signal(signal.SIGCONT)
+    plug.wait(20.0)
+    assert ask(plug, 301) is not None, "it begins anew"
+
+
+def test_in_real_time_nobody_waits_and_a_controller_comes_back(plug, ros_program):
+    """Without an answer a sample is discarded: the rig trips by the age of its commands, after 100 ms."""
+    plug.pace(0.1, real_time=True)
+    assert ask(plug) is None, "nobody has come yet"
+    process = ros_program(plug.topics_name)
+    sample = 1
+    while ask(plug, sample) is None and sample < 30_000:
+        sample += 1
+    assert sample < 30_000
+    process.send_signal(signal.SIGSTOP)
+    assert [ask(plug, sample + n) for n in range(1, 5)] == [None] * 4
+    process.send_signal(signal.SIGCONT)
+    sample += 5
+    while ask(plug, sample) is None and sample < 60_000:
+        sample += 1
+    assert sample < 60_000
+    assert sum("no answer for 100 ms" in text for text in plug.said) == 1
+
+
+def test_a_controller_of_another_level_is_not_used_and_the_end_of_a_run_reaches_its_own(plug, thread, config):
+    user, wrong = Steady(), Steady()
+    thread(wrong, plug.topics_name, ("current",))
+    with pytest.raises(RigError, match="none has come"):
+        first = load_controller(plug.name, config.alfa46)
+        first.say = plug.said.append
+        first.wait(1.0)
+    (why,) = [text for text in plug.said if "not used" in text]
+    assert why.endswith("is not used: this run is at level duty, the controller's is current; choose with --level")
+    thread(user, plug.topics_name)
+    plug.wait(20.0)
+    assert ask(plug).command == (0.5, 0.0, 0.0)
+    second = Steady()
+    thread(second, plug.topics_name)
+    sample = 1
+    while not any("another controller is at work" in text for text in plug.said) and sample < 10_000:
+        ask(plug, sample)
+        sample += 1
+    assert sample < 10_000 and not second.steps
+    plug.close()
+    assert user.over.wait(10.0)
+    assert user.ended == 1 and not wrong.ended
+
+
+# ---- wrong answers
+
+
+@pytest.mark.parametrize(("change", "why"), [
+    ({"command": [float("nan"), 0.0, 0.0]}, r"command\[0\] is nan, expected 0 to 1"),
+    ({"command": [0.5, 0.0]}, "command has 2 numbers, expected 3"),
+    ({"setpoint": [0.5]}, "setpoint has 1 numbers, expected 3"),
+    ({"gear": 7}, "gear is 7, expected 0"),
+    ({"status": 9}, "status is 9, expected 0"),
+    ({"status": 2, "message": "no speed"}, "status error: no speed"),
+])
+def test_an_answer_that_no_valve_can_be_given_is_an_error(plug, thread, monkeypatch, change, why):
+    node = thread(Steady(), plug.topics_name)
+    compute = node.compute
+
+    def wrong(step):
+        answer = compute(step)
+        for name, value in change.items():
+            setattr(answer, name, value)
+        return answer
+
+    monkeypatch.setattr(node, "compute", wrong)
+    plug.wait(20.0)
+    with pytest.raises(ControllerFailed, match=f"sample 0: {why}") as failure:
+        ask(plug)
+    assert failure.value.status == Status.ERROR
+
+
+def test_answers_to_other_steps_and_bytes_that_are_none_are_not_used(plug, thread, monkeypatch):
+    node = thread(Steady(), plug.topics_name)
+    compute = node.compute
+
+    def wrong(step):
+        if step.sample == 1:
+            node._answer.publish(bytes(12))
+        if step.sample == 2:
+            node._answer.publish(ControllerAnswer(session=step.session, controller=node.number, seq=step.seq + 5,
+                                                  command=[1.0] * 3))
+        if step.sample == 3:
+            node._answer.publish(ControllerAnswer(session=step.session + 1, controller=node.number, seq=step.seq,
+                                                  command=[1.0] * 3))
+        return compute(step)
+
+    monkeypatch.setattr(node, "compute", wrong)
+    plug.wait(20.0)
+    for sample in range(5):
+        assert ask(plug, sample).command == (0.5, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(("spec", "why"), [
+    ("ros:9lives", "'9lives' is no name of topics"),
+    ("ros:my__box", "'my__box' is no name of topics"),
+    ("ros:?timing=soon", "timing is 'soon', expected lockstep or free"),
+    ("ros:?speed=2", "unknown option 'speed'; known are timing, wants, settings, signals"),
+    ("ros:?wants=torque", "it wants 'torque'; the transducers are"),
+    ("ros:?settings=gain", "setting 'gain' has no first value; expected e.g. gain:2.0"),
+    ("ros:?signals=a-b", "expected up to 64 names"),
+])
+def test_what_is_no_specification_is_refused(config, spec, why):
+    with pytest.raises(RigError, match=re.escape(why)):
+        load_controller(spec, config.alfa46)
+
+
+def test_one_rig_has_the_topics(plug, config, ros_domain):
+    plug.pace(1.0)
+    with pytest.raises(RigError, match=f"another rig uses these topics in ROS domain {ros_domain}"):
+        load_controller(plug.name, config.alfa46).pace(1.0)
+
+
+# ---- by its own clock
+
+
+def test_free_running_nobody_waits_and_silence_is_the_safe_state(config, ros_program):
+    """What the delay does to a shift is measured in test_free_running.py."""
+    process = ros_program("dying")
+    plug, said = load_controller("ros:dying?timing=free", config.alfa46), []
+    plug.say = said.append
+    plug.wait(20.0)
+    assert plug.level == "current"
+    rig = Rig(config, controller="external", level=plug.level)
+    plug.order(1)
+    for _ in range(300):
+        advance_with(rig, plug)
+    assert rig.status != RigStatus.TRIPPED and rig.measurement("I_zr_p1") > 0.1
+    process.kill()
+    process.wait()
+    newest = rig.sample
+    while rig.status != RigStatus.TRIPPED and rig.sample < 1000:
+        sample = rig.sample
+        newest = sample if advance_with(rig, plug) else newest
+    assert 100 <= rig.sample - newest <= 103 and "older than 100 ms" in rig.reason
+    assert any("its process has ended" in text for text in said)
+    rig.advance_samples(200)
+    assert rig.measurement("I_zr_p1") < 0.005
+    plug.close()
+
+
+# ---- the page
+
+
+def test_the_description_in_the_words_of_ros2_control_names_fields_that_there_are():
+    text = (Path(__file__).parents[2] / "docs" / "ros_controller.md").read_text(encoding="utf-8")
+    description = ElementTree.fromstring(re.search(r"```xml\n(.*?)```", text, re.S)[1])
+    fields = [(parent.tag, param.text) for parent in description.iter()
+              for param in parent.iterfind("param[@name='field']")]
+    assert len(fields) == 11
+    for tag, field in fields:
+        message, _, name = field.partition(".")
+        kind = {"command_interface": ControllerAnswer, "state_interface": ControllerStep}[tag]
+        assert message == kind.__name__ and name.partition("[")[0] in kind.get_fields_and_field_types()

@@ -1,0 +1,147 @@
+"""The C++ side of a ROS 2 controller: what brings messages to rig_controller.h, and the node where rclcpp is."""
+
+import shutil
+import struct
+import subprocess
+from pathlib import Path
+
+import pytest
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+from rig_msgs.msg import ControllerReady
+
+from rig_nodes.controllers import load_controller
+from rig_nodes.controllers.templates import write_template
+from rig_nodes.testbench.configuration import load_rig
+
+from .conftest import ALFA46_C, CONTROLLERS, INCLUDE
+
+STRICT = ("-std=c++17", "-O1", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror")
+# reads what a rig would send, writes what the box says
+MAIN = r"""
+#include "rig_ros_box.hpp"
+
+template <typename T> T get() {
+  T value{};
+  if (std::fread(&value, sizeof value, 1, stdin) != 1) std::exit(3);
+  return value;
+}
+
+int main() {
+  rig_ros::Box box;
+  rig_msgs::msg::ControllerStart start;
+  start.session = 5;
+  start.level = get<uint8_t>();
+  start.period = 1e-3;
+  start.command_high = get<double>();
+  for (uint32_t count = get<uint32_t>(); count; --count) {
+    char name[48];
+    if (std::fread(name, sizeof name, 1, stdin) != 1) return 3;
+    start.parameter_names.push_back(name);
+    start.parameter_values.push_back(get<double>());
+  }
+  const auto ready = box.start(start);
+  std::printf("%u %d %d %u\n", ready->session, ready->state, ready->levels, ready->process_id == (uint32_t)getpid());
+  rig_msgs::msg::ControllerStep step;
+  for (uint32_t count = get<uint32_t>(); count; --count) {
+    step.session = 5;
+    step.seq += 1;
+    step.sample = get<uint64_t>();
+    step.time = 1e-3 * static_cast<double>(step.sample);
+    step.gear_request = get<uint8_t>();
+    for (double &value : step.current) value = get<double>();
+    const auto *answer = box.step(step);
+    const auto first = *answer;
+    if (*box.step(step) != first) return 4;  // the same again: computed once
+    step.session = 6;
+    if (box.step(step)) return 5;  // of another run
+    for (double value : first.command) std::printf("%a ", value);
+    for (double value : first.setpoint) std::printf("%a ", value);
+    std::printf("%d %d %d\n", first.gear, first.shifting, first.flags);
+  }
+  const auto gone = box.leave("enough");
+  if (!gone) return 6;
+  std::printf("%d %s %d\n", gone->state, gone->message.c_str(), box.leave("again").has_value());
+  start.over = true;
+  return box.start(start).has_value();
+}
+"""
+
+
+def includes(*packages):
+    """-isystem for headers of ROS packages; skips the test where one is not installed."""
+    out = []
+    for package in packages:
+        try:
+            folder = Path(get_package_prefix(package)) / "include" / package
+        except PackageNotFoundError:
+            pytest.skip(f"{package} is not installed here")
+        if not folder.is_dir():
+            pytest.skip(f"{package} has no headers here")
+        out += ["-isystem", str(folder)]
+    return out
+
+
+@pytest.fixture(scope="module")
+def messages():
+    if not shutil.which("c++"):
+        pytest.skip("no C++ compiler here")
+    return includes("rig_msgs", "builtin_interfaces", "rosidl_runtime_cpp", "rosidl_runtime_c",
+                    "rosidl_typesupport_interface", "rcutils")
+
+
+@pytest.fixture(scope="module")
+def box(messages, tmp_path_factory):
+    """The program of MAIN with the Alfa46 law, under the sanitizers where the machine has them."""
+    folder = tmp_path_factory.mktemp("box")
+    (folder / "main.cpp").write_text(MAIN)
+    law = ["cc", "-std=c99", "-O1", "-ffp-contract=off", f"-I{INCLUDE}", "-c", ALFA46_C, "-o", folder / "law.o"]
+    subprocess.run(law, check=True)
+    command = ["c++", *STRICT, f"-I{INCLUDE}", *messages, folder / "main.cpp", folder / "law.o", "-lm"]
+    sanitized = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    if subprocess.run([*command, *sanitized, "-o", folder / "box"], capture_output=True).returncode:
+        subprocess.run([*command, "-o", folder / "box"], check=True)
+    return folder / "box"
+
+
+@pytest.mark.parametrize("level", ["duty", "current"])
+def test_the_law_behind_the_messages_gives_the_bits_of_the_built_in_one(box, level):
+    plug = load_controller("alfa46", load_rig("hydmag").alfa46, level)
+    samples, orders = 1500, {10: 1, 900: 2}
+    data = struct.pack("<BdI", ("duty", "current").index(level), plug.info.command_high, len(plug.info.parameters))
+    data += b"".join(struct.pack("<48sd", name.encode(), value) for name, value in plug.info.parameters.items())
+    data += struct.pack("<I", samples)
+    expected, gear = [], 0
+    for sample in range(samples):
+        if sample in orders:
+            gear = orders[sample]
+            plug.order(gear)
+        current = (0.0004 * sample, 0.1, 0.0)
+        data += struct.pack("<QB3d", sample, gear, *current)
+        answer = plug.step(sample, current, 1.0, 2.0, 3.0, 4.0)
+        expected.append([*answer.command, *answer.setpoint, plug.gear, plug.shifting, plug.flags])
+    done = subprocess.run([box], input=data, capture_output=True)
+    assert (done.returncode, done.stderr) == (0, b"")
+    first, *lines, last = done.stdout.decode().splitlines()
+    assert first == f"5 {ControllerReady.READY} {ControllerReady.DUTY + ControllerReady.CURRENT} 1"
+    found = [[*map(float.fromhex, line.split()[:6]), *map(int, line.split()[6:])] for line in lines]
+    assert found == expected
+    assert last == f"{ControllerReady.LEAVES} enough 0"
+
+
+def test_a_controller_that_does_not_know_the_level_refuses(messages, tmp_path):
+    write_template("ros-cpp", str(tmp_path / "mine"))
+    (tmp_path / "main.cpp").write_text(MAIN)
+    sources = [tmp_path / "main.cpp", tmp_path / "mine" / "my_controller.cpp"]
+    subprocess.run(["c++", *STRICT, f"-I{INCLUDE}", *messages, *sources, "-o", tmp_path / "box"], check=True)
+    for level, state in ((0, ControllerReady.REFUSES), (1, ControllerReady.READY)):  # duty, current
+        data = struct.pack("<BdII", level, 0.8, 0, 0)
+        said = subprocess.run([tmp_path / "box"], input=data, capture_output=True).stdout.decode().split()
+        assert said[:3] == ["5", str(state), str(ControllerReady.CURRENT)]
+
+
+def test_the_node_compiles_without_a_warning(messages):
+    """Only where a ROS 2 with rclcpp is."""
+    folder = Path(includes("rclcpp")[1]).parent
+    more = [word for path in sorted(folder.iterdir()) if path.is_dir() for word in ("-isystem", str(path))]
+    subprocess.run(["c++", *STRICT, f"-I{INCLUDE}", *messages, *more, "-fsyntax-only",
+                    CONTROLLERS / "examples" / "ros_cpp" / "alfa46_node.cpp"], check=True)
