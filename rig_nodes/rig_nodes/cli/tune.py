@@ -8,7 +8,7 @@ from pathlib import Path
 
 from .progress import ProgressLine
 
-SHIFTS = 60_000  # some 4 minutes on two cores
+SHIFTS = 110_000  # some 7 minutes on two cores
 HELP = "find valve profiles and delays for an operating range: a front of trade-offs, with controllers to use"
 
 

@@ -32,7 +32,7 @@ from .uncertainty import sampled_rigs
 LEAST = "least"  # the search for the smallest peak at the largest load of II-I
 SCOUT = "scout "  # ahead of a way's name
 # shares of the shifts that are tried
-BUDGET = {"scout I-II": 0.27, "I-II": 0.18, "scout II-I": 0.27, "II-I": 0.18, LEAST: 0.10}
+BUDGET = {"scout I-II": 0.22, "I-II": 0.25, "scout II-I": 0.22, "II-I": 0.25, LEAST: 0.06}
 SCOUT_RIGS, SCOUT_POINTS = 6, slice(None, None, 2)  # of the search's: corners and middle of the grid
 FOUND = 19  # settings of a scout that a search begins with
 LIMIT = 1.0  # no share of any shift may be above it: nothing is bought with a shift that is worse than the compared one
