@@ -17,7 +17,9 @@ from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.analysis.metrics import shifts
 from rig_nodes.tune import document, folder, judge, run, scout, search, space, uncertainty
 from rig_nodes.tune.bench import RPM, Bench, Point, Shift
-from rig_nodes.tune.problem import INVALID, REFUSED, Ground, Range, Task, dominates, excess, front_of, held, share, sought
+from rig_nodes.tune.problem import (
+    INVALID, REFUSED, Ground, Range, Task, dominates, excess, front_of, held, share, sought,
+)
 
 WAYS = ("I-II", "II-I")
 
@@ -187,7 +189,7 @@ def test_settings_that_are_out_of_reach_are_tried_no_further(config):
     assert whole["excess"] >= max(whole["objectives"]) - 1.0 > 0.01
     assert tried(config, task, slow, cut=0.0)["tried"] == 1
     assert tried(config, task, slow, best=[[0.9, 0.9]])["tried"] == 2  # how far it misses has to be known
-    loose = replace(task, limit=None)
+    loose = replace(task, limit=None, bounds=(("dip", 0.5),))
     assert tried(config, loose, slow, best=[[0.9, 0.9]], cut=0.0)["tried"] == 1
     assert tried(config, loose, slow, best=[[0.9, 2.0]], cut=0.0)["tried"] == 2
 
@@ -305,8 +307,8 @@ def test_a_whole_tuning(config, tmp_path, capsys, monkeypatch):
     (tmp_path / "s.json").write_text(json.dumps({"spread": {"clutch_s2.orifice": 2e-8}}))
     out = tmp_path / "tune"
     arguments = ["tune", "--ways", "II-I", "--speeds", "1200 rpm .. 1600 rpm", "--load-down", "60 Nm .. 160 Nm",
-                 "--rigs", "1", "--judge-rigs", "1", "--points", "2", "--fresh", "1", "--generations", "2", "--jobs", "1", "--spreads",
-                 str(tmp_path / "s.json"), "--out", str(out), "--json"]
+                 "--rigs", "1", "--judge-rigs", "1", "--points", "2", "--fresh", "1", "--generations", "2",
+                 "--jobs", "1", "--spreads", str(tmp_path / "s.json"), "--out", str(out), "--json"]
     assert main(arguments) == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["searches"]["II-I"]["generations"] == 2 and summary["searches"]["least"]["generations"] == 2

@@ -43,8 +43,8 @@ def add_arguments(parser) -> None:
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
                         help="change one value of the rig (may be repeated)")
     parser.add_argument("--shifts", type=int, default=SHIFTS, metavar="N",
-                        help=f"that the search tries; the same settings each time, however fast the machine is (default "
-                             f"{SHIFTS})")
+                        help=f"that the search tries; the same settings each time, however fast the machine is "
+                             f"(default {SHIFTS})")
     parser.add_argument("--generations", type=int, metavar="N", help="at most so many of each search")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of search and sampled rigs (default 1)")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes (default 2)")

@@ -40,14 +40,15 @@ def tables(summary: dict, seed: int) -> str:
 
 
 def _search(summary: dict, seed: int) -> str:
-    lines = [f"`./rig tune --write-docs --seed {seed}`; the search took {summary['search_cpu_seconds']:.0f} s of CPU time.", "",
+    lines = [f"`./rig tune --write-docs --seed {seed}`; the search took {summary['search_cpu_seconds']:.0f} s of CPU "
+             "time.", "",
              "| search | settings | shifts tried | on | front | of the front better in every shift elsewhere |",
              "| --- | --- | --- | --- | --- | --- |"]
     for name, one in summary["searches"].items():
         judged = summary["front"].get(name)
         elsewhere = "" if judged is None else f"{judged['dominating']} of {judged['settings']} judged"
-        lines.append(f"| {name} | {one['settings']} | {one['shifts']} | {one['shifts_like']} | {'' if one['front'] is None else one['front']} | "
-                     f"{elsewhere} |")
+        front = "" if one["front"] is None else one["front"]
+        lines.append(f"| {name} | {one['settings']} | {one['shifts']} | {one['shifts_like']} | {front} | {elsewhere} |")
     return "\n".join(lines)
 
 
@@ -81,8 +82,8 @@ def _verdicts(summary: dict) -> str:
                     f"{one['compared_highest_peak_nm']:.0f} Nm | {one['better']} of {one['pairs']} shifts | "
                     f"{one['better_rigs']} of {one['rigs']} rigs | {'yes' if one['dominates'] else 'no'} |")
     out = sum(verdict[CHOICES[0]][way]["left_out"] for verdict in summary["verdicts"] for way in summary["chosen"])
-    lines += ["", f"Left out are {out} shifts, which the compared settings do not make on the sampled rig or which it does "
-                  "not hold."]
+    lines += ["", f"Left out are {out} shifts, which the compared settings do not make on the sampled rig or which it "
+                  "does not hold."]
     return "\n".join(lines)
 
 
@@ -91,8 +92,8 @@ def _share(shares: dict, name: str) -> str:
 
 
 def _largest_load(found: dict) -> str:
-    lines = [f"The largest load of II-I, on the rig itself ({found['tried']} settings sought for the least peak alone); "
-             "the last three columns are the loads up to which the engine's torque is kept:", "",
+    lines = [f"The largest load of II-I, on the rig itself ({found['tried']} settings sought for the least peak "
+             "alone); the last three columns are the loads up to which the engine's torque is kept:", "",
              "| speed | load | M_wej before the shift | least peak found | compared | engine | gear II alone | least "
              "peak | compared |", "| --- " * 9 + "|"]
     for one in found["speeds"]:

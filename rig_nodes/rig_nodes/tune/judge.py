@@ -30,9 +30,9 @@ class Verdict:
     """Settings against the compared ones, shift by shift (each a pair: one rig, one operating point).
 
     shares: of each objective, and of DETAILS, (worst, mean). better: pairs in which every share is below 1; failed: in
-    which these settings have no shift; missed: in which a bound is not kept; left_out: in which the compared settings do
-    not shift, so that nothing can be compared. rigs: how many there are, better_rigs: on how many of them every share is
-    below 1 in the mean over the operating points, and the highest peak no higher.
+    which these settings have no shift; missed: in which a bound is not kept; left_out: in which the compared settings
+    do not shift, so that nothing can be compared. rigs: how many there are, better_rigs: on how many of them every share
+    is below 1 in the mean over the operating points, and the highest peak no higher.
     """
 
     pairs: int

@@ -47,8 +47,8 @@ CHOICES = ("soft", "balanced", "fast")
 class Problem:
     """What was asked for. ranges: way -> Range; rigs, judge_rigs: how many sampled rigs there are beside the rig
     itself, in the search and in a judgement; points: operating points of each way in a judgement; fresh: how many
-    judgements of the written controllers there are, each on rigs and in points of its own; oil: [degC]; shifts: that the
-    search may try, and then ends with its generation.
+    judgements of the written controllers there are, each on rigs and in points of its own; oil: [degC]; shifts: that
+    the search may try, and then ends with its generation.
     """
 
     rig: str
@@ -97,8 +97,8 @@ class Problem:
             shifting = workers.map(partial(_shifting, every, self.config.alfa46), rigs)
             chosen += [rig for rig, share in zip(rigs, shifting) if share >= SHIFTING]
         if len(chosen) < count:
-            raise RigError(f"in {DRAWS} draws of sampled rigs only {len(chosen)} shift with the settings that are there; "
-                           "the spreads are too wide, give others with --spreads")
+            raise RigError(f"in {DRAWS} draws of sampled rigs only {len(chosen)} shift with the settings that are "
+                           "there; the spreads are too wide, give others with --spreads")
         return chosen
 
 
@@ -311,7 +311,8 @@ def text(summary: dict, objectives) -> str:
     lines = [*summary["said"]]
     for name, one in summary["searches"].items():
         lines.append(f"{name}: {one['settings']} settings in {one['generations']} generations on "
-                     f"{one['shifts_like']}, {one['shifts']} shifts" + (f"; {one['front']} on the front" if one["front"] is not None else ""))
+                     f"{one['shifts_like']}, {one['shifts']} shifts"
+                     + ("" if one["front"] is None else f"; {one['front']} on the front"))
     for way, front in summary["front"].items():
         lines.append(f"{way}: {front['dominating']} of {front['settings']} settings of the front are better than the "
                      "compared ones on every other rig, in operating points that were not searched")
@@ -332,7 +333,8 @@ def text(summary: dict, objectives) -> str:
         lines.append(
             f"II-I at {one['n_wej_rpm']:.0f} rpm, {one['load_nm']:.0f} Nm: least peak found "
             f"{one['least_peak_nm']:.0f} Nm (compared {one['compared_peak_nm']:.0f} Nm), "
-            f"{one['m_wej_before_nm']:.0f} Nm before the shift already; {one['engine_nm']:.0f} Nm {'can' if kept else 'cannot'} be kept. Up to "
+            f"{one['m_wej_before_nm']:.0f} Nm before the shift already; {one['engine_nm']:.0f} Nm "
+            f"{'can' if kept else 'cannot'} be kept. Up to "
             f"{within['least_peak']:.0f} Nm of load it can (compared {within['compared']:.0f} Nm; gear II alone "
             f"reaches it at {within['before_the_shift']:.0f} Nm)")
     folder = summary["folder"]

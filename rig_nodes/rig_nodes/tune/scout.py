@@ -1,7 +1,7 @@
 """Where the search begins: settings whose worst shifts are good, found by the covariance matrix adaptation (CMA-ES).
 
-Used by tune.run ahead of tune.search. NSGA-II, begun at the settings that are there, stays with them: close by nothing is
-better in every shift, and what is, has another filling. One smooth number over few rigs leads there.
+Used by tune.run ahead of tune.search. NSGA-II, begun at the settings that are there, stays with them: close by nothing
+is better in every shift, and what is, has another filling. One smooth number over few rigs leads there.
 """
 
 from __future__ import annotations

@@ -60,8 +60,8 @@ class Study:
         return sum(entry["tried"] for entry in self.entries)
 
     def front(self) -> list[dict]:
-        """The settings that were tried in all shifts, keep all bounds and are dominated by none of the others; also such
-        whose worst shift is beyond the task's limit, which only leads the search.
+        """The settings that were tried in all shifts, keep all bounds and are dominated by none of the others; also
+        such whose worst shift is beyond the task's limit, which only leads the search.
         """
         limit = self.task.limit
         good = [entry for entry in self.entries if entry["whole"] and entry["excess"] <= (
@@ -128,11 +128,10 @@ def evaluate(pickled: bytes, way: str, base: Alfa46Config, best: list[list[float
     """Objectives of settings, in a worker process: each the worst of all shifts, which are tried in this order.
 
     ``whole``: all were tried, else ``tried`` of them. That ends where bounds are missed by more than ``cut``, or, when
-    ``cut`` is 0, where settings of the front ``best`` are better in everything by more than NEAR, as the worst only grows.
-    ``excess``: how far
-    bounds are missed, and with the task's limit the worst share. Settings that ask too much of the hardware are not
-    tried: REFUSED and by how much [s]. A shift that has no end gives INVALID and the share of shifts that were left to
-    try. ``hardest``: number of the worst shift; ``cpu``: seconds.
+    ``cut`` is 0, where settings of the front ``best`` are better in everything by more than NEAR, as the worst only
+    grows. ``excess``: how far bounds are missed, and with the task's limit the worst share. Settings that ask too much of
+    the hardware are not tried: REFUSED and by how much [s]. A shift that has no end gives INVALID and the share of shifts
+    that were left to try. ``hardest``: number of the worst shift; ``cpu``: seconds.
     """
     begun = time.process_time()
     ground = Ground.of(pickled)
@@ -161,7 +160,8 @@ def evaluate(pickled: bytes, way: str, base: Alfa46Config, best: list[list[float
         if max(shares) + over > most:
             most, hardest = max(shares) + over, place
         # as long as settings that miss bounds go on, how far they miss them must be known
-        if missed + beyond > cut or cut == 0.0 and any(dominates([NEAR * one for one in those], worst) for those in best):
+        behind = cut == 0.0 and any(dominates([NEAR * value for value in one], worst) for one in best)
+        if missed + beyond > cut or behind:
             return found(worst, missed + beyond, tried, hardest)
     return found(worst, missed + beyond, len(places), hardest, True)
 

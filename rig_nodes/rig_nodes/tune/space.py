@@ -22,8 +22,8 @@ BOUNDS = {
     "P4.time": (5, 400), "P4.current": (0, 500), "P5.gap": (5, 350), "P5.current": (0, 400), "P6.gap": (5, 150),
     "delay": (-500, 200),
 }
-# where the search begins: the new clutch is filled at once, then clamped along a ramp, while the old one is let go. S1's
-# piston travels a third of S2's, so its valve is turned back after the filling
+# where the search begins: the new clutch is filled at once, then clamped along a ramp, while the old one is let go.
+# S1's piston travels a third of S2's, so its valve is turned back after the filling
 FILL = {
     "I-II": {"P1.time": 25, "P1.current": 600, "P2.gap": 50, "P2.current": 560, "P3.gap": 350, "P4.time": 160,
              "P4.current": 40, "P5.gap": 250, "P5.current": 120, "P6.gap": 100, "delay": 0},
