@@ -8,6 +8,7 @@ from pathlib import Path
 
 from .progress import ProgressLine
 
+SHIFTS = 110_000  # some 7 minutes on two cores
 HELP = "find valve profiles and delays for an operating range: a front of trade-offs, with controllers to use"
 
 
@@ -27,11 +28,13 @@ def add_arguments(parser) -> None:
                              "dip is bounded to 5 %%, or what the compared settings dip)")
     parser.add_argument("--oil", default="20 degC .. 60 degC", metavar="RANGE",
                         help="temperatures (default 20 to 60 degC)")
-    parser.add_argument("--rigs", type=int, default=5, metavar="N",
-                        help="sampled rigs beside the rig itself (default 5)")
+    parser.add_argument("--rigs", type=int, default=11, metavar="N",
+                        help="sampled rigs beside the rig itself (default 11)")
     parser.add_argument("--judge-rigs", type=int, default=6, metavar="N",
                         help="other sampled rigs to judge on (default 6)")
     parser.add_argument("--points", type=int, default=8, metavar="N", help="operating points to judge in (default 8)")
+    parser.add_argument("--fresh", type=int, default=3, metavar="N",
+                        help="judgements of the written controllers, each on rigs and in points of its own (default 3)")
     parser.add_argument("--spreads", metavar="FILE",
                         help="spreads of the calibrated parameters, from rig calibrate --json (default: determined "
                              "anew)")
@@ -39,14 +42,15 @@ def add_arguments(parser) -> None:
                                                                         "compared with (default: hydmag)")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
                         help="change one value of the rig (may be repeated)")
-    parser.add_argument("--minutes", type=float, default=8.0, metavar="T", help="of search (default 8)")
-    parser.add_argument("--generations", type=int, metavar="N",
-                        help="at most so many of each search: the same settings each time, however fast the machine "
-                             "is")
+    parser.add_argument("--shifts", type=int, default=SHIFTS, metavar="N",
+                        help=f"that the search tries; the same settings each time, however fast the machine is "
+                             f"(default {SHIFTS})")
+    parser.add_argument("--generations", type=int, metavar="N", help="at most so many of each search")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of search and sampled rigs (default 1)")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes (default 2)")
     parser.add_argument("--out", metavar="DIR",
                         help="folder (default: runs/tune-<n>); one that holds the same tuning is gone on with")
+    parser.add_argument("--write-docs", action="store_true", help="write the tables of docs/tune.md of the checkout")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 
 
@@ -54,14 +58,15 @@ def main(args) -> int:
     from ..errors import RigError
     from ..sweep.store import parquet
     from ..testbench.campaign import Workers
-    from ..tune import run, search
+    from ..tune import document, run, search
     from ..tune.folder import open_journal
 
-    for name, least in (("jobs", 1), ("rigs", 0), ("judge_rigs", 0), ("points", 1), ("seed", 0)):
+    for name, least in (("jobs", 1), ("rigs", 0), ("judge_rigs", 0), ("points", 1), ("fresh", 1), ("seed", 0)):
         if getattr(args, name) < least:
             raise RigError(f"--{name.replace('_', '-')} is {getattr(args, name)}, expected at least {least}")
-    if not args.minutes > 0.0 or (args.generations is not None and args.generations < 1):
-        raise RigError("--minutes and --generations must be above 0")
+    if args.shifts < 1 or (args.generations is not None and args.generations < 1):
+        raise RigError("--shifts and --generations must be above 0")
+    page = document.page() if args.write_docs else None
     parquet()
     search.load_optuna()
     folder = _folder(args.out)
@@ -77,6 +82,8 @@ def main(args) -> int:
             return 130
         finally:
             journal.close()
+    if page is not None:
+        document.write(page, summary, args.seed)
     if args.json:
         from ..analysis.report import plain
 
@@ -125,8 +132,8 @@ def _problem(args, workers):
     spreads = read_spreads(args.spreads) if args.spreads else spreads_of(config, workers)
     rig = args.rig if not args.rig.endswith((".yaml", ".yml")) else str(Path(args.rig).absolute())
     return Problem(rig, config, {way: ranges[way] for way in WAYS if way in args.ways}, objectives, bounds,
-                   spreads, oil, args.rigs, args.judge_rigs, args.points, args.seed,
-                   args.generations, 60.0 * args.minutes)
+                   spreads, oil, args.rigs, args.judge_rigs, args.points, args.fresh, args.seed,
+                   args.generations, args.shifts)
 
 
 def _range(option: str, text: str, dimension: str) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Shifts at operating points, fast: a rig is brought to each point once and put aside; a shift then costs 1 to 2 s.
+"""Shifts at operating points, fast: a rig is brought to each point once and put aside; a shift then costs about 1 s.
 
 Used by tune.search and tune.judge in their worker processes. The plant is the rig's own, the channels show the truth
 (no transducers), the metrics are those of analysis.metrics.
@@ -21,7 +21,7 @@ from ..testbench.rig import Rig
 
 RPM = pi / 30.0
 OIL = 4e6  # Pa, as in all of the laboratory's tests
-LEAD = 0.25  # s before the order, in which the coil takes the settings' own hold current
+LEAD = 0.25  # s at rest before the order
 AFTER = 0.25  # s recorded after the last point of both profiles
 LEAST_WINDOW, WINDOW = 0.9, 1.75  # s after the order, at least and at most
 PERIOD = 1e-4  # s
@@ -84,20 +84,21 @@ class Bench:
         return snapshot if isinstance(snapshot, str) else ""
 
     def shift(self, point: Point, settings: Alfa46Config) -> Shift:
-        """One shift with these settings of the controller from an operating point."""
-        rig, snapshot = self._rig, self._at(point)
-        if isinstance(snapshot, str):
-            return Shift(None, None, None, None, None, None, 0.0, snapshot)
+        """One shift with these settings of the controller from an operating point; their currents of P3, which hold the
+        gear before the shift, must be those of the rig's own controller.
+        """
+        rig, standing = self._rig, self._at(point)
+        if isinstance(standing, str):
+            return Shift(None, None, None, None, None, None, 0.0, standing)
+        snapshot, before = standing
         rig.restore(snapshot)
         rig.set_controller(settings)
-        rig.advance(LEAD)
         heat, ordered = self._heat(), rig.time
         rig.order_gear(GEARS[point.way][1])
         rig.advance(0.001)  # the order is taken, and says how long the profiles run
         window = min(max(rig.shift_end / 1000.0 - ordered + AFTER, LEAST_WINDOW), WINDOW)
         rig.advance(round(window, 3) - 0.001)
-        first = round((ordered - BEFORE) / PERIOD)
-        rows = rig.rows_at(PERIOD, first, round((rig.time - ordered + BEFORE) / PERIOD))
+        rows = np.vstack((before, rig.rows_at(PERIOD, round(ordered / PERIOD), round((rig.time - ordered) / PERIOD))))
         channels = {name: np.ascontiguousarray(rows[:, kernel.CHANNELS.index(name)]) for name in NEEDED}
         return _measured(point, channels, self._heat() - heat)
 
@@ -106,7 +107,7 @@ class Bench:
         return energy["heat_s1"] + energy["heat_s2"]
 
     def _at(self, point: Point) -> tuple | str:
-        """The rig at rest in a point, or why it does not get there."""
+        """The rig at rest in a point with its rows of the last BEFORE, or why it does not get there."""
         if point not in self._points:
             self._points[point] = self._bring(point)
         return self._points[point]
@@ -139,7 +140,9 @@ class Bench:
             rig.advance(1.5)
             speed, miss = rig.measurement("n_wej"), point.m_wyj - rig.measurement("M_wyj")
             if abs(miss) < LOAD_WITHIN and abs(speed - point.n_wej) < SPEED_WITHIN:
-                return rig.snapshot()
+                rig.advance(LEAD)
+                before = round(BEFORE / PERIOD)
+                return rig.snapshot(), rig.rows_at(PERIOD, round(rig.time / PERIOD) - before, before)
             torque += miss
         return f"the rig does not hold {point.text()}: {speed / RPM:.0f} rpm, {point.m_wyj - miss:.0f} Nm"
 

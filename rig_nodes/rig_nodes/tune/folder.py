@@ -18,7 +18,7 @@ from .problem import OBJECTIVES
 from .space import BOUNDS, check
 
 MANIFEST, JOURNAL, FRONT = "tune.json", "generations.jsonl", "front"
-COUNTS = ("rigs", "better_rigs", "pairs", "better", "failed", "missed")  # of a judgement, as judge.Verdict
+COUNTS = ("rigs", "better_rigs", "pairs", "better", "failed", "missed", "left_out")  # of a judgement, as judge.Verdict
 # the units in which the laboratory gave the settings
 SETTING_UNITS = {
     "sample_time": "ms", "pwm_frequency": "kHz", "supply_voltage": "V", "gain_p": "V/A", "gain_i": "V/(A s)",
@@ -72,7 +72,7 @@ def write_front(folder: Path, rows: list[dict], manifest: dict) -> None:
     pa, pq = parquet()
     objectives = manifest["objectives"]
     columns = [pa.field("way", pa.string()), pa.field("dominates", pa.bool_(), metadata={
-        "about": "better than the compared settings on every rig of the judgement, which the search did not see"})]
+        "about": "better than the compared settings in every shift of the judgement, which the search did not see"})]
     columns += [pa.field(name, pa.int64()) for name in COUNTS]
     for name in objectives:
         about = OBJECTIVES[name][0] + ("" if name == "dip" else ", as a share of the compared settings'")

@@ -15,26 +15,31 @@ from ..testbench.campaign import Workers
 from ..testbench.configuration import RigConfig
 from ..testbench.record import record
 from ..testbench.sequence import load_sequence
-from .bench import GEARS, RPM, Bench, Point
+from .bench import GEARS, RPM, Bench, Point, Shift
 from .problem import Ground, Task, excess, share
 
 ENGINE = 271.0  # Nm, the engine that the gearbox was made for (thesis 1, John Deere 4045TF280)
 LOAD_FROM, LOAD_WITHIN = 20.0, 2.0  # Nm: where the search for the largest load begins, and how near it comes
 
 
+DETAILS = {"peak": ("rise",), "time": ("t_c", "t_dt")}  # objective -> shares that are counted beside its own
+
+
 @dataclass(frozen=True)
 class Verdict:
     """Settings against the compared ones, shift by shift (each a pair: one rig, one operating point).
 
-    shares: of each objective (worst, mean). better: pairs in which every share is below 1; failed: in which these
-    settings have no shift; missed: in which a bound is not kept. rigs: how many there are, better_rigs: on how many of
-    them every share is below 1 in the mean over the operating points, and the highest peak no higher.
+    shares: of each objective, and of DETAILS, (worst, mean). better: pairs in which every share is below 1; failed: in
+    which these settings have no shift; missed: in which a bound is not kept; left_out: in which the compared settings
+    do not shift, so that nothing can be compared. rigs: how many there are, better_rigs: on how many of them every share
+    is below 1 in the mean over the operating points, and the highest peak no higher.
     """
 
     pairs: int
     better: int
     failed: int
     missed: int
+    left_out: int
     rigs: int
     better_rigs: int
     shares: dict[str, tuple[float, float]]
@@ -43,12 +48,13 @@ class Verdict:
 
     @property
     def dominates(self) -> bool:
-        """Better on every rig, with every shift coming to its end."""
-        return 0 < self.rigs == self.better_rigs and not self.failed
+        """Better in every single shift, none failed, all bounds kept."""
+        return 0 < self.pairs == self.better and not self.missed
 
     def as_dict(self) -> dict:
         return {"pairs": self.pairs, "better": self.better, "failed": self.failed, "bounds_missed": self.missed,
-                "rigs": self.rigs, "better_rigs": self.better_rigs, "dominates": self.dominates,
+                "left_out": self.left_out, "rigs": self.rigs, "better_rigs": self.better_rigs,
+                "dominates": self.dominates,
                 "highest_peak_nm": self.highest_peak, "compared_highest_peak_nm": self.compared_peak,
                 "shares": {name: {"worst": worst, "mean": mean} for name, (worst, mean) in self.shares.items()}}
 
@@ -59,24 +65,23 @@ def verdicts(task: Task, candidates: list[Alfa46Config], workers: Workers) -> li
     parts = workers.map(partial(_on_rig, task.pickled(), candidates), items)
     found: list[list[list]] = [[] for _ in candidates]
     for (place, _), pairs in zip(items, parts):
-        if pairs:
-            found[place].append(pairs)
+        found[place].append(pairs)
     return [_verdict(task, rigs) for rigs in found]
 
 
 def _on_rig(pickled: bytes, candidates: list[Alfa46Config], item: tuple[int, int]) -> list:
     place, rig = item
-    ground = Ground.of(pickled)
-    return ground.pairs(rig, ground.shifts(rig, candidates[place]))
+    return Ground.of(pickled).pairs(rig, candidates[place])
 
 
-def _verdict(task: Task, rigs: list[list]) -> Verdict:
+def _verdict(task: Task, rigs: list[list[tuple[Shift, Shift]]]) -> Verdict:
     names = [name for name in task.objectives if name != "dip"]
-    shares: dict[str, list[float]] = {name: [] for name in task.objectives}
+    told = [*task.objectives, *(detail for name in names for detail in DETAILS.get(name, ()))]
+    shares: dict[str, list[float]] = {name: [] for name in told}
     better = failed = missed = better_rigs = 0
     for pairs in rigs:
-        good = [(shift, compared) for _, shift, compared in pairs if shift.valid]
-        of_rig = {name: [share(name, *pair) for pair in good] for name in task.objectives}
+        good = [pair for pair in pairs if pair[0].valid]
+        of_rig = {name: [share(name, *pair) for pair in good] for name in told}
         for name, values in of_rig.items():
             shares[name] += values
         failed += len(pairs) - len(good)
@@ -85,10 +90,11 @@ def _verdict(task: Task, rigs: list[list]) -> Verdict:
         better_rigs += bool(good) and all(sum(of_rig[name]) < len(good) for name in names) and (
             max(shift.peak for shift, _ in good) <= max(compared.peak for _, compared in good))
     every = [pair for pairs in rigs for pair in pairs]
-    return Verdict(len(every), better, failed, missed, len(rigs), better_rigs,
+    return Verdict(len(every), better, failed, missed, len(rigs) * len(task.points) - len(every),
+                   sum(bool(pairs) for pairs in rigs), better_rigs,
                    {name: (max(x), sum(x) / len(x)) for name, x in shares.items() if x},
-                   max((shift.peak for _, shift, _ in every if shift.valid), default=float("nan")),
-                   max((compared.peak for _, _, compared in every), default=float("nan")))
+                   max((shift.peak for shift, _ in every if shift.valid), default=float("nan")),
+                   max((compared.peak for _, compared in every), default=float("nan")))
 
 
 def as_measured(config: RigConfig, settings: Iterable[Alfa46Config], points: Iterable[Point], workers: Workers,

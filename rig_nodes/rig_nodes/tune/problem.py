@@ -25,11 +25,11 @@ OBJECTIVES = {
     "energy": ("heat of both clutches", "J"),
     "jerk": ("largest change of the output's acceleration", "rad/s3"),
 }
-FIELDS = {"peak": "peak", "time": "time", "dip": "dip", "energy": "heat", "jerk": "jerk"}
+FIELDS = {"peak": "peak", "time": "time", "t_c": "time", "t_dt": "t_dt", "dip": "dip", "energy": "heat", "jerk": "jerk"}
 DIP = 0.05  # what Annex A calls a dip: no settings may dip further than this, or than the compared ones
 # objectives of settings that are no shift at all, all the same, so that nothing that shifts is worse
 REFUSED, INVALID = 10.0, 5.0
-WORST, WEIGHT = 0.97, 2.0  # a share that no shift should exceed, and how much it counts where one does
+RISE = 1.0  # Nm, the torque meter's largest error: no rise of M_wej counts as less
 LOAD_STEP = 10.0  # Nm in which a load that the rig does not hold is lowered
 
 
@@ -42,10 +42,11 @@ class Range:
     low_load: float
     high_load: float
 
-    def corners(self, way: str) -> list[Point]:
-        """The four corners and the middle."""
+    def grid(self, way: str) -> list[Point]:
+        """Lowest, middle and highest of speeds and loads, each with each."""
         speeds, loads = (self.low_speed, self.high_speed), (self.low_load, self.high_load)
-        return [*(Point(way, n, m) for n in speeds for m in loads), Point(way, 0.5 * sum(speeds), 0.5 * sum(loads))]
+        return [Point(way, n, m) for n in (speeds[0], 0.5 * sum(speeds), speeds[1])
+                for m in (loads[0], 0.5 * sum(loads), loads[1])]
 
     def heaviest(self, way: str) -> list[Point]:
         """The largest load at three speeds."""
@@ -62,7 +63,7 @@ class Range:
 @dataclass(frozen=True)
 class Task:
     """Shifts to be judged: rigs (the first is the rig itself), points, the settings that all others are compared with,
-    objectives and bounds (name -> largest value, SI).
+    objectives and bounds (name -> largest value, SI). limit: the largest share that is wanted in any shift, None: any.
     """
 
     rigs: tuple[RigConfig, ...]
@@ -70,6 +71,7 @@ class Task:
     compared: Alfa46Config
     objectives: tuple[str, ...]
     bounds: tuple[tuple[str, float], ...]
+    limit: float | None = None
 
     def pickled(self) -> bytes:
         return pickle.dumps(self)
@@ -87,14 +89,20 @@ class Ground:
         """The ground of a pickled task, kept for the next call."""
         return _ground(pickled)
 
-    def shifts(self, rig: int, settings: Alfa46Config) -> list[Shift]:
-        """The shifts of one rig in all points."""
-        return [self.benches[rig].shift(point, settings) for point in self.task.points]
+    def compared_at(self, place: int) -> Shift:
+        """What the compared settings give in a shift by its number: rig by rig, point by point."""
+        rig, point = divmod(place, len(self.task.points))
+        return self.compared[rig][point]
 
-    def pairs(self, rig: int, shifts: list[Shift]) -> list[tuple[Point, Shift, Shift]]:
-        """(point, shift, the compared one), where the compared settings shift at all."""
-        return [(point, shift, compared) for point, shift, compared
-                in zip(self.task.points, shifts, self.compared[rig]) if compared.valid]
+    def shift_at(self, place: int, settings: Alfa46Config) -> Shift:
+        """The same shift with other settings."""
+        rig, point = divmod(place, len(self.task.points))
+        return self.benches[rig].shift(self.task.points[point], settings)
+
+    def pairs(self, rig: int, settings: Alfa46Config) -> list[tuple[Shift, Shift]]:
+        """(shift, the compared one) of one rig in all points in which the compared settings shift at all."""
+        return [(self.benches[rig].shift(point, settings), compared)
+                for point, compared in zip(self.task.points, self.compared[rig]) if compared.valid]
 
 
 @lru_cache(maxsize=4)
@@ -120,11 +128,15 @@ def held(config: RigConfig, points: list[Point]) -> tuple[list[Point], list[str]
 
 
 def share(name: str, shift: Shift, compared: Shift) -> float:
-    """An objective of one shift: a share of the compared one's, the dip as it is."""
+    """An objective of one shift: a share of the compared one's, the dip as it is. Beside the objectives ``rise``, of
+    the peak above M_wej before the shift, and ``t_c`` and ``t_dt`` by themselves.
+    """
     if name == "dip":
         return shift.dip
+    if name == "rise":
+        return (shift.peak - compared.before) / max(compared.peak - compared.before, RISE)
     if name == "time":
-        return max(shift.time / compared.time, shift.t_dt / compared.t_dt)
+        return max(share("t_c", shift, compared), share("t_dt", shift, compared))
     return getattr(shift, FIELDS[name]) / getattr(compared, FIELDS[name])
 
 
@@ -136,20 +148,11 @@ def excess(task: Task, shift: Shift, compared: Shift) -> float:
         max(0.0, getattr(shift, FIELDS[name]) / limit - 1.0) for name, limit in limits.items())
 
 
-def judged(task: Task, pairs: list[tuple[Point, Shift, Shift]]) -> tuple[list[float], float] | None:
-    """(objectives, how far bounds are missed) of some shifts; None when one of them is no shift.
-
-    An objective is the mean of its shares, and WEIGHT times what the worst of them is above WORST, so that settings which
-    are good in the mean are not bad in one shift; of the dip it is the worst.
+def sought(name: str, shift: Shift, compared: Shift) -> float:
+    """What the search lowers: the share, of the peak that of its rise above M_wej before the shift. No settings change
+    what M_wej is before, and against that a heavy load's few Nm would not be seen. Either is below 1 when the other is.
     """
-    if not all(shift.valid for _, shift, _ in pairs):
-        return None
-    values = []
-    for name in task.objectives:
-        shares = [share(name, shift, compared) for _, shift, compared in pairs]
-        mean, worst = sum(shares) / len(shares), max(shares)
-        values.append(worst if name == "dip" else mean + WEIGHT * max(0.0, worst - WORST))
-    return values, max(excess(task, shift, compared) for _, shift, compared in pairs)
+    return share("rise" if name == "peak" else name, shift, compared)
 
 
 def dominates(one, other) -> bool:

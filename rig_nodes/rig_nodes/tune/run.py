@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
@@ -22,15 +23,22 @@ from ..testbench.campaign import Workers
 from ..testbench.configuration import RigConfig
 from ..validation.pictures import write_pictures
 from . import folder as files
-from . import judge, search
+from . import judge, scout, search
 from .bench import Bench, Point
 from .problem import Range, Task, held
-from .space import DELAY, FAST_FILL, settings, values_of
+from .space import DELAY, FILL, settings, values_of
 from .uncertainty import sampled_rigs
 
 LEAST = "least"  # the search for the smallest peak at the largest load of II-I
-BUDGET = {"I-II": 0.45, "II-I": 0.40, LEAST: 0.15}  # shares of the time of search
+SCOUT = "scout "  # ahead of a way's name
+# shares of the shifts that are tried
+BUDGET = {"scout I-II": 0.22, "I-II": 0.25, "scout II-I": 0.22, "II-I": 0.25, LEAST: 0.06}
+SCOUT_RIGS, SCOUT_POINTS = 6, slice(None, None, 2)  # of the search's: corners and middle of the grid
+FOUND = 19  # settings of a scout that a search begins with
+LIMIT = 1.0  # no share of any shift may be above it: nothing is bought with a shift that is worse than the compared one
 DRAWS = 10  # times the rigs wanted that are sampled at most
+SHIFTING = 0.75  # share of the points in which the compared settings must shift on a sampled rig
+SEARCH, JUDGE, FRESH, SHOWN = range(4)  # what rigs and points are drawn for: each its own seeds
 CANDIDATES = 20  # of a front, at most, that are judged elsewhere
 CHOICES = ("soft", "balanced", "fast")
 
@@ -38,7 +46,9 @@ CHOICES = ("soft", "balanced", "fast")
 @dataclass(frozen=True)
 class Problem:
     """What was asked for. ranges: way -> Range; rigs, judge_rigs: how many sampled rigs there are beside the rig
-    itself, in the search and in the judgement; points: operating points of each way in the judgement; oil: [degC].
+    itself, in the search and in a judgement; points: operating points of each way in a judgement; fresh: how many
+    judgements of the written controllers there are, each on rigs and in points of its own; oil: [degC]; shifts: that
+    the search may try, and then ends with its generation.
     """
 
     rig: str
@@ -51,37 +61,50 @@ class Problem:
     rigs: int
     judge_rigs: int
     points: int
+    fresh: int
     seed: int
     generations: int | None
-    seconds: float
+    shifts: int
 
     def manifest(self) -> dict:
         """What decides a tuning but for its length; no clock, host or folder."""
         return {"rig": self.rig, "configuration": self.config.as_dict(),
                 "ranges": {way: vars(one) for way, one in self.ranges.items()}, "objectives": list(self.objectives),
                 "bounds": self.bounds, "spreads": self.spreads, "oil_degc": list(self.oil), "rigs": self.rigs,
-                "judge_rigs": self.judge_rigs, "points": self.points, "seed": self.seed,
+                "judge_rigs": self.judge_rigs, "points": self.points, "fresh": self.fresh, "seed": self.seed,
                 "versions": {"rig_nodes": __version__, "plant": sources_key(), "python": platform.python_version(),
                              **{name: version(name) for name in ("numpy", "scipy", "numba", "optuna")}}}
 
-    def task(self, points: list[Point], rigs: int, seed: int, objectives: tuple[str, ...] | None = None) -> Task:
-        """Shifts on the rig itself and on sampled ones on which the compared settings shift in all points, as they did
-        in the laboratory: a rig on which they do not is none that its rows allow. RigError when hardly any is.
+    def drawn(self, *use: int) -> int:
+        """The seed of what is drawn for a use."""
+        return int(np.random.SeedSequence([self.seed, *use]).generate_state(1)[0])
+
+    def task(self, points: list[Point], rigs: list[RigConfig]) -> Task:
+        return Task((self.config, *rigs), tuple(points), self.config.alfa46, self.objectives,
+                    tuple(sorted(self.bounds.items())), LIMIT)
+
+    def sampled(self, points: dict[str, list[Point]], count: int, workers: Workers, *use: int) -> list[RigConfig]:
+        """Sampled rigs on which the compared settings shift in SHIFTING of the points at least, of all ways together:
+        one on which they do not is none that the laboratory's rows allow. RigError when hardly any is.
         """
+        every = [point for those in points.values() for point in those]
         chosen: list[RigConfig] = []
-        for turn in range(DRAWS if rigs else 0):
-            for rig in sampled_rigs(self.config, self.spreads, self.oil, rigs, seed + 1000 * turn):
-                bench = Bench(rig)
-                if len(chosen) < rigs and all(bench.shift(point, self.config.alfa46).valid for point in points):
-                    chosen.append(rig)
-            if len(chosen) == rigs:
-                break
-        else:
-            if rigs:
-                raise RigError(f"of {DRAWS * rigs} sampled rigs only {len(chosen)} shift with the settings that are "
-                               "there; the spreads are too wide, give others with --spreads")
-        return Task((self.config, *chosen), tuple(points), self.config.alfa46, objectives or self.objectives,
-                    tuple(sorted(self.bounds.items())))
+        for turn in range(DRAWS):
+            missing = count - len(chosen)
+            if missing <= 0:
+                return chosen
+            rigs = sampled_rigs(self.config, self.spreads, self.oil, missing, self.drawn(*use, turn), workers.map)
+            shifting = workers.map(partial(_shifting, every, self.config.alfa46), rigs)
+            chosen += [rig for rig, share in zip(rigs, shifting) if share >= SHIFTING]
+        if len(chosen) < count:
+            raise RigError(f"in {DRAWS} draws of sampled rigs only {len(chosen)} shift with the settings that are "
+                           "there; the spreads are too wide, give others with --spreads")
+        return chosen
+
+
+def _shifting(points: list[Point], compared: Alfa46Config, rig: RigConfig) -> float:
+    bench = Bench(rig)
+    return sum(bench.shift(point, compared).valid for point in points) / len(points)
 
 
 def tune(problem: Problem, folder: Path, workers: Workers, journal: Journal,
@@ -91,62 +114,76 @@ def tune(problem: Problem, folder: Path, workers: Workers, journal: Journal,
     """
     said: list[str] = []
     known: dict[str, list[dict]] = {}
-    spent = 0.0
+    cpu: list[float] = []
     for note in journal.entries():
         known.setdefault(note["study"], []).extend(note["entries"])
-        spent = note["spent"]
-    clock = search.Clock(problem.seconds, spent)
-    studies: dict[str, search.Study] = {}
-    used = 0.0
-    for name, budget in BUDGET.items():
-        way = "II-I" if name == LEAST else name
-        if way not in problem.ranges:
-            continue
-        used += budget
-        study = studies[name] = _study(problem, name, way, known.get(name, []), studies.get("II-I"), said)
-        end = used / sum(share for n, share in BUDGET.items() if ("II-I" if n == LEAST else n) in problem.ranges)
+        cpu.append(note["cpu"])
+    points: dict[str, list[Point]] = {}
+    for way, where in problem.ranges.items():
+        points[way], lowered = held(problem.config, where.grid(way))
+        said += lowered
+    rigs = problem.sampled(points, problem.rigs, workers, SEARCH)
+    studies: dict[str, search.Study | scout.Scout] = {}
+    ways = {name: "II-I" if name == LEAST else name.removeprefix(SCOUT) for name in BUDGET}
+    names = [name for name, way in ways.items() if way in problem.ranges]
+    for name in names:
+        study = _study(problem, name, ways[name], points[ways[name]], rigs, known.get(name, []), studies)
+        studies[name] = study
+        budget = problem.shifts * BUDGET[name] / sum(BUDGET[other] for other in names)
 
-        def until(end=end, study=study) -> bool:
+        def until(study=study, budget=budget) -> bool:
             if progress:
-                progress(min(clock.spent / clock.seconds, 1.0), f"{study.name}: {study.generation} generations, "
-                                                               f"{len(study.front())} settings on the front")
+                progress(min(sum(one.shifts for one in studies.values()) / problem.shifts, 1.0),
+                         f"{study.name}: {study.generation} generations")
             done = problem.generations is not None and study.generation >= problem.generations
-            return done or (clock.spent >= end * clock.seconds and study.generation > 0)
+            return done or study.shifts >= budget
 
-        def note(entries: list[dict], study=study) -> None:
-            journal.add({"study": study.name, "spent": round(clock.spent, 3), "entries": entries})
+        def note(entries: list[dict], seconds: float, study=study) -> None:
+            cpu.append(seconds)
+            journal.add({"study": study.name, "cpu": round(seconds, 3), "entries": entries})
 
-        search.run(study, workers, note, until)
+        (scout if isinstance(study, scout.Scout) else search).run(study, workers, note, until)
     if progress:
         progress(1.0, "judging the fronts")
-    return _finish(problem, folder, studies, workers, said, clock.spent)
+    return _finish(problem, folder, studies, workers, said, sum(cpu))
 
 
-def _study(problem: Problem, name: str, way: str, known: list[dict], down: search.Study | None,
-           said: list[str]) -> search.Study:
-    where, config = problem.ranges[way], problem.config
-    base = values_of(config.alfa46, way, config.wiring)
+def _study(problem: Problem, name: str, way: str, points: list[Point], rigs: list[RigConfig], known: list[dict],
+           studies: dict) -> search.Study | scout.Scout:
+    config = problem.config
     seed = problem.seed * 10 + list(BUDGET).index(name)
+    if name.startswith(SCOUT):
+        task = problem.task(points[SCOUT_POINTS], rigs[:SCOUT_RIGS - 1])
+        return scout.Scout(name, way, config.alfa46, task, FILL[way], seed, known)
+    base = values_of(config.alfa46, way, config.wiring)
     if name == LEAST:
-        points, _ = held(config, where.heaviest(way))
-        task = problem.task([p for p in points if p.m_wyj == max(q.m_wyj for q in points)], 0, seed, ("peak", "time"))
-        start = [base, *(entry["values"] for entry in down.front()[:12])]
+        points, _ = held(config, problem.ranges[way].heaviest(way))
+        points = [point for point in points if point.m_wyj == max(other.m_wyj for other in points)]
+        task = replace(problem.task(points, []), objectives=("peak", "time"), limit=None)
+        start = [base, *(entry["values"] for entry in studies[way].front()[:12])]
     else:
-        points, lowered = held(config, where.corners(way))
-        said += lowered
-        task, start = problem.task(points, problem.rigs, seed), [base, FAST_FILL]
+        task, start = problem.task(points, rigs), [base, *studies[SCOUT + way].best(FOUND)]
     return search.Study(name, way, config, config.alfa46, task, start, seed, known)
 
 
+def _elsewhere(problem: Problem, workers: Workers, *use: int) -> dict[str, Task]:
+    """way -> a judgement in operating points and on rigs that are drawn for this use alone."""
+    points = {way: held(problem.config, where.inside(way, problem.points, problem.drawn(*use, number)))[0]
+              for number, (way, where) in enumerate(problem.ranges.items())}
+    rigs = problem.sampled(points, problem.judge_rigs, workers, *use, len(points))
+    return {way: problem.task(those, rigs) for way, those in points.items()}
+
+
 def _finish(problem: Problem, folder: Path, studies: dict[str, search.Study], workers: Workers, said: list[str],
-            spent: float) -> dict:
+            cpu: float) -> dict:
     config, base = problem.config, problem.config.alfa46
     rows: list[dict] = []
     chosen: dict[str, dict[str, dict]] = {}
+    judgement = _elsewhere(problem, workers, JUDGE)
     for way, study in studies.items():
-        if way == LEAST:
+        if way not in problem.ranges:
             continue
-        mine = _judged_front(problem, study, workers)
+        mine = _judged_front(problem, study, judgement[way], workers)
         chosen[way] = choose(mine, problem.objectives)
         rows += mine
     manifest = problem.manifest()
@@ -155,16 +192,18 @@ def _finish(problem: Problem, folder: Path, studies: dict[str, search.Study], wo
                                                            list(problem.objectives), chosen[way]))
                     for way in chosen], folder)
     controllers = _write_controllers(problem, folder, chosen)
-    verdict = _last_verdict(problem, controllers, workers)
     summary = {
-        "folder": str(folder), "search_seconds": round(spent, 1), "said": said,
+        "folder": str(folder), "search_cpu_seconds": round(cpu, 1), "said": said,
         "searches": {name: {"generations": study.generation, "settings": len(study.entries),
+                            "shifts": study.shifts,
                             "shifts_like": f"{len(study.task.rigs)} rigs x {len(study.task.points)} points",
-                            "front": len(study.front())} for name, study in studies.items()},
+                            "front": len(study.front()) if isinstance(study, search.Study) else None}
+                     for name, study in studies.items()},
         "front": {way: {"settings": sum(row["way"] == way for row in rows),
                         "dominating": sum(row["way"] == way and row["dominates"] for row in rows)} for way in chosen},
         "chosen": {way: {name: row for name, row in of.items()} for way, of in chosen.items()},
-        "verdict": verdict,
+        "verdicts": [_verdict(_elsewhere(problem, workers, FRESH, number), controllers, workers)
+                     for number in range(problem.fresh)],
         "measured": _measured(problem, controllers, workers),
     }
     if LEAST in studies:
@@ -181,13 +220,11 @@ def _json(data: dict) -> str:
     return json.dumps(plain(data), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _judged_front(problem: Problem, study: search.Study, workers: Workers) -> list[dict]:
+def _judged_front(problem: Problem, study: search.Study, task: Task, workers: Workers) -> list[dict]:
     """Rows of a front, its members judged on other rigs and in other points."""
     front = study.front()
     if len(front) > CANDIDATES:
         front = [front[k] for k in np.unique(np.linspace(0, len(front) - 1, CANDIDATES).round().astype(int))]
-    points, _ = held(problem.config, problem.ranges[study.way].inside(study.way, problem.points, problem.seed * 10 + 3))
-    task = problem.task(points, problem.judge_rigs, problem.seed * 10 + 4)
     candidates = [settings(study.base, study.way, entry["values"], problem.config.wiring) for entry in front]
     rows = []
     for entry, verdict in zip(front, judge.verdicts(task, candidates, workers)):
@@ -196,26 +233,32 @@ def _judged_front(problem: Problem, study: search.Study, workers: Workers) -> li
         for name, value in zip(problem.objectives, entry["objectives"]):
             row[name] = value
             row[f"{name}_worst"], row[f"{name}_mean"] = verdict.shares.get(name, (None, None))
+        row["rise_worst"] = verdict.shares.get("rise", (None, None))[0]
         rows.append({**row, **entry["values"]})
     return rows
 
 
 def choose(rows: list[dict], objectives) -> dict[str, dict]:
     """Three settings of a judged front: soft (least mean of the first objective elsewhere), fast (of the second),
-    balanced (least of the larger one); of those that dominate, else of those that are better on the most rigs.
+    balanced (whose worst as sought and worst elsewhere are the furthest below 1); of those that dominate, else of those
+    that are better in the most shifts.
     """
     if not rows:
         return {}
-    most = max((row["dominates"], row["better_rigs"] - row["failed"]) for row in rows)
-    kept = [row for row in rows if (row["dominates"], row["better_rigs"] - row["failed"]) == most]
-    first, second = (f"{name}_mean" for name in objectives[:2])
+    most = max((row["dominates"], row["better"] - row["missed"]) for row in rows)
+    kept = [row for row in rows if (row["dominates"], row["better"] - row["missed"]) == most]
+    first, second = objectives[:2]
 
     def value(row, key):
         return float("inf") if row[key] is None else row[key]
 
-    return {"soft": min(kept, key=lambda row: (value(row, first), value(row, second))),
-            "balanced": min(kept, key=lambda row: max(value(row, first), value(row, second))),
-            "fast": min(kept, key=lambda row: (value(row, second), value(row, first)))}
+    def worst(row):
+        elsewhere = ["rise_worst" if name == "peak" else f"{name}_worst" for name in (first, second)]
+        return max(*(value(row, key) for key in elsewhere), row[first], row[second])
+
+    return {"soft": min(kept, key=lambda row: (value(row, f"{first}_mean"), value(row, f"{second}_mean"))),
+            "balanced": min(kept, key=worst),
+            "fast": min(kept, key=lambda row: (value(row, f"{second}_mean"), value(row, f"{first}_mean")))}
 
 
 def _write_controllers(problem: Problem, folder: Path, chosen: dict) -> dict[str, Alfa46Config]:
@@ -234,12 +277,10 @@ def _write_controllers(problem: Problem, folder: Path, chosen: dict) -> dict[str
     return out
 
 
-def _last_verdict(problem: Problem, controllers: dict[str, Alfa46Config], workers: Workers) -> dict:
-    """The written controllers on rigs and in points that nothing was sought or chosen by."""
+def _verdict(tasks: dict[str, Task], controllers: dict[str, Alfa46Config], workers: Workers) -> dict:
+    """name -> way -> verdict on the written controllers."""
     out: dict[str, dict] = {name: {} for name in controllers}
-    for way, where in problem.ranges.items():
-        points, _ = held(problem.config, where.inside(way, problem.points, problem.seed * 10 + 5))
-        task = problem.task(points, problem.judge_rigs, problem.seed * 10 + 6)
+    for way, task in tasks.items():
         for name, verdict in zip(controllers, judge.verdicts(task, list(controllers.values()), workers)):
             out[name][way] = verdict.as_dict()
     return out
@@ -250,7 +291,7 @@ def _measured(problem: Problem, controllers: dict[str, Alfa46Config], workers: W
     both = {"compared": problem.config.alfa46, "balanced": controllers["balanced"]}
     points = []
     for way, where in problem.ranges.items():
-        points += held(problem.config, where.inside(way, 3, problem.seed * 10 + 7))[0]
+        points += held(problem.config, where.inside(way, 3, problem.drawn(SHOWN)))[0]
     found = judge.as_measured(problem.config, both.values(), points, workers, 1)
     keys = ("m_wej_max_nm", "t_dt_s", "t_c_s", "k")
     return [{"point": point.text(), **{name: None if row is None else {key: row[key] for key in keys}
@@ -269,8 +310,9 @@ def text(summary: dict, objectives) -> str:
     """The summary for the terminal."""
     lines = [*summary["said"]]
     for name, one in summary["searches"].items():
-        lines.append(f"{name}: {one['settings']} settings in {one['generations']} generations, each on "
-                     f"{one['shifts_like']}; {one['front']} on the front")
+        lines.append(f"{name}: {one['settings']} settings in {one['generations']} generations on "
+                     f"{one['shifts_like']}, {one['shifts']} shifts"
+                     + ("" if one["front"] is None else f"; {one['front']} on the front"))
     for way, front in summary["front"].items():
         lines.append(f"{way}: {front['dominating']} of {front['settings']} settings of the front are better than the "
                      "compared ones on every other rig, in operating points that were not searched")
@@ -278,16 +320,10 @@ def text(summary: dict, objectives) -> str:
             shares = ", ".join(f"{key} {row[f'{key}_mean']:.3f}" for key in objectives
                                if row[f"{key}_mean"] is not None)
             lines.append(f"  {name:<9} mean there: {shares}; {DELAY[way]} {row['delay']} ms")
-    lines.append("last check, rigs and points that nothing was sought or chosen by (shares of the compared settings):")
-    for name, ways in summary["verdict"].items():
-        for way, verdict in ways.items():
-            shares = ", ".join(f"{key} mean {one['mean']:.3f} worst {one['worst']:.3f}"
-                               for key, one in verdict["shares"].items())
-            says = "dominates" if verdict["dominates"] else "does not dominate"
-            highest, compared = verdict["highest_peak_nm"], verdict["compared_highest_peak_nm"]
-            lines.append(f"  {name:<9} {way:<5} {says}: better on {verdict['better_rigs']} of {verdict['rigs']} rigs, "
-                         f"in {verdict['better']} of {verdict['pairs']} shifts ({verdict['failed']} failed); {shares}; "
-                         f"highest peak {highest:.0f} Nm, compared {compared:.0f} Nm")
+    lines.append("fresh rigs and points, that nothing was sought or chosen by (shares of the compared settings):")
+    for number, verdict in enumerate(summary["verdicts"], 1):
+        for name, ways in verdict.items():
+            lines += [f"  draw {number}: {name:<9} {way:<5} {_says(one)}" for way, one in ways.items()]
     lines.append("as measured on the rig itself (sequence grid_point): compared, then balanced")
     for row in summary["measured"]:
         lines.append(f"  {row['point']:<22} {_cell(row['compared'])}  |  {_cell(row['balanced'])}")
@@ -297,12 +333,23 @@ def text(summary: dict, objectives) -> str:
         lines.append(
             f"II-I at {one['n_wej_rpm']:.0f} rpm, {one['load_nm']:.0f} Nm: least peak found "
             f"{one['least_peak_nm']:.0f} Nm (compared {one['compared_peak_nm']:.0f} Nm), "
-            f"{one['m_wej_before_nm']:.0f} Nm before the shift already; {one['engine_nm']:.0f} Nm {'can' if kept else 'cannot'} be kept. Up to "
+            f"{one['m_wej_before_nm']:.0f} Nm before the shift already; {one['engine_nm']:.0f} Nm "
+            f"{'can' if kept else 'cannot'} be kept. Up to "
             f"{within['least_peak']:.0f} Nm of load it can (compared {within['compared']:.0f} Nm; gear II alone "
             f"reaches it at {within['before_the_shift']:.0f} Nm)")
     folder = summary["folder"]
     lines.append(f"written to {folder}; try: ./rig simulate demo --rig {folder}/rig_balanced.yaml")
     return "\n".join(lines)
+
+
+def _says(verdict: dict) -> str:
+    """One verdict on the terminal."""
+    shares = ", ".join(f"{key} mean {one['mean']:.3f} worst {one['worst']:.3f}"
+                       for key, one in verdict["shares"].items())
+    return (f"{'dominates' if verdict['dominates'] else 'does not dominate'}: better in {verdict['better']} of "
+            f"{verdict['pairs']} shifts ({verdict['failed']} failed) and on {verdict['better_rigs']} of "
+            f"{verdict['rigs']} rigs; {shares}; highest peak {verdict['highest_peak_nm']:.0f} Nm, compared "
+            f"{verdict['compared_highest_peak_nm']:.0f} Nm")
 
 
 def _cell(row: dict | None) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import random
 import time
 import warnings
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -17,12 +18,12 @@ from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
 from ..testbench.campaign import Workers
 from ..testbench.configuration import RigConfig
-from .problem import INVALID, REFUSED, Ground, Task, dominates, front_of, judged
+from .problem import INVALID, REFUSED, Ground, Task, dominates, excess, front_of, sought
 from .space import BOUNDS, refused, settings
 
 POPULATION = 40
-NEAR = 1.05  # times the front: further away, settings are judged on the rig itself and on no other
-SEEDS_NEARBY = 0.12  # standard deviation of the first settings around those given, as a share of the bounds
+NEAR = 1.01  # times the front: settings further away are tried in no further shift
+SEEDS_NEARBY = 0.04  # standard deviation of the first settings around those given, as a share of the bounds
 
 
 @dataclass
@@ -43,14 +44,33 @@ class Study:
         """The next one."""
         return len(self.entries) // POPULATION
 
+    def order(self) -> list[int]:
+        """Numbers of all shifts (rig by rig, point by point), those first that were the worst of the most settings."""
+        counts = Counter(entry["hardest"] for entry in self.entries)
+        return sorted(range(len(self.task.rigs) * len(self.task.points)), key=lambda place: (-counts[place], place))
+
+    def cut(self) -> float:
+        """How far bounds may be missed: with more, settings do not get among the POPULATION that goes on."""
+        missed = sorted(entry["excess"] for entry in self.entries)
+        return missed[POPULATION - 1] if len(missed) >= POPULATION else INVALID
+
+    @property
+    def shifts(self) -> int:
+        """How many were tried so far."""
+        return sum(entry["tried"] for entry in self.entries)
+
     def front(self) -> list[dict]:
-        """The settings that were judged on all rigs, keep all bounds and are dominated by none of the others."""
-        good = [entry for entry in self.entries if entry["whole"] and entry["excess"] <= 0.0]
+        """The settings that were tried in all shifts, keep all bounds and are dominated by none of the others; also
+        such whose worst shift is beyond the task's limit, which only leads the search.
+        """
+        limit = self.task.limit
+        good = [entry for entry in self.entries if entry["whole"] and entry["excess"] <= (
+            0.0 if limit is None else max(0.0, max(entry["objectives"]) - limit))]
         return front_of(good, lambda entry: entry["objectives"])
 
 
-def run(study: Study, workers: Workers, note: Callable[[list[dict]], None], until: Callable[[], bool]) -> None:
-    """Generations until ``until()`` says so; ``note`` takes each as a list of entries."""
+def run(study: Study, workers: Workers, note: Callable[[list[dict], float], None], until: Callable[[], bool]) -> None:
+    """Generations until ``until()`` says so; ``note`` takes each as a list of entries, and its CPU seconds."""
     optuna = load_optuna()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # optuna calls its SBX crossover and polynomial mutation experimental
@@ -72,16 +92,17 @@ def _run(optuna, study: Study, workers: Workers, note, until) -> None:
                 search.enqueue_trial(values)
         trials = [search.ask(ranges) for _ in range(POPULATION)]
         best = [entry["objectives"] for entry in study.front()]
-        judge = partial(evaluate, study.task.pickled(), study.way, study.base, best)
-        entries = []
+        judge = partial(evaluate, study.task.pickled(), study.way, study.base, best, study.cut(), study.order())
+        entries, cpu = [], 0.0
         for trial, found in zip(trials, workers.map(judge, [trial.params for trial in trials])):
+            cpu += found.pop("cpu")
             trial.set_constraint("bounds", found["excess"])
             search.tell(trial, found["objectives"])
             attrs = search.trials[trial.number].system_attrs
             entries.append({"study": study.name, "number": trial.number, "values": trial.params, **found,
                             "attrs": {k: v for k, v in attrs.items() if "fixed_params" not in k}})
         study.entries += entries
-        note(entries)
+        note(entries, cpu)
 
 
 def _sampler(optuna, seed: int):
@@ -102,30 +123,47 @@ def first_settings(study: Study) -> list[dict[str, int]]:
     return [{name: min(max(values[name], low), high) for name, (low, high) in BOUNDS.items()} for values in out]
 
 
-def evaluate(pickled: bytes, way: str, base: Alfa46Config, best: list[list[float]], values: dict[str, int]) -> dict:
-    """Objectives of settings, in a worker process.
+def evaluate(pickled: bytes, way: str, base: Alfa46Config, best: list[list[float]], cut: float,
+             order: list[int], values: dict[str, int]) -> dict:
+    """Objectives of settings, in a worker process: each the worst of all shifts, which are tried in this order.
 
-    ``whole``: they were judged on all rigs. Settings that ask too much of the hardware are not tried: REFUSED and by
-    how much [s]. A shift that has no end gives INVALID and the share of such shifts. Others are judged on one rig after
-    the other, until settings of the front ``best`` are better than what was found so far by more than NEAR in everything.
+    ``whole``: all were tried, else ``tried`` of them. That ends where bounds are missed by more than ``cut``, or, when
+    ``cut`` is 0, where settings of the front ``best`` are better in everything by more than NEAR, as the worst only
+    grows. ``excess``: how far bounds are missed, and with the task's limit the worst share. Settings that ask too much of
+    the hardware are not tried: REFUSED and by how much [s]. A shift that has no end gives INVALID and the share of shifts
+    that were left to try. ``hardest``: number of the worst shift; ``cpu``: seconds.
     """
+    begun = time.process_time()
     ground = Ground.of(pickled)
     task = ground.task
     count = len(task.objectives)
-    too_much = refused(task.rigs[0], way, values)
-    if too_much > 0.0:
-        return {"objectives": [REFUSED + too_much] * count, "excess": REFUSED + too_much, "whole": False}
+
+    def found(objectives: list[float], missed: float, tried: int, hardest: int | None, whole: bool = False) -> dict:
+        return {"objectives": objectives, "excess": missed, "whole": whole, "tried": tried, "hardest": hardest,
+                "cpu": time.process_time() - begun}
+
+    too_much = REFUSED + refused(task.rigs[0], way, values)
+    if too_much > REFUSED:
+        return found([too_much] * count, too_much, 0, None)
     config = settings(base, way, values, task.rigs[0].wiring)
-    pairs = []
-    for rig in range(len(task.rigs)):
-        pairs += ground.pairs(rig, ground.shifts(rig, config))
-        found = judged(task, pairs)
-        if found is None:
-            bad = sum(not shift.valid for _, shift, _ in pairs) / len(pairs)
-            return {"objectives": [INVALID + bad] * count, "excess": INVALID + bad, "whole": False}
-        if rig < len(task.rigs) - 1 and any(dominates([NEAR * value for value in one], found[0]) for one in best):
-            return {"objectives": found[0], "excess": found[1], "whole": False}
-    return {"objectives": found[0], "excess": found[1], "whole": True}
+    worst, missed, beyond, hardest, most = [0.0] * count, 0.0, 0.0, None, 0.0
+    places = [place for place in order if ground.compared_at(place).valid]
+    for tried, place in enumerate(places, 1):
+        shift, compared = ground.shift_at(place, config), ground.compared_at(place)
+        if not shift.valid:
+            bad = INVALID + 1.0 - tried / len(places)
+            return found([bad] * count, bad, tried, place)
+        shares = [sought(name, shift, compared) for name in task.objectives]
+        over = excess(task, shift, compared)
+        worst, missed = [max(pair) for pair in zip(worst, shares)], max(missed, over)
+        beyond = 0.0 if task.limit is None else max(0.0, max(worst) - task.limit)
+        if max(shares) + over > most:
+            most, hardest = max(shares) + over, place
+        # as long as settings that miss bounds go on, how far they miss them must be known
+        behind = cut == 0.0 and any(dominates([NEAR * value for value in one], worst) for one in best)
+        if missed + beyond > cut or behind:
+            return found(worst, missed + beyond, tried, hardest)
+    return found(worst, missed + beyond, len(places), hardest, True)
 
 
 def load_optuna():
@@ -137,19 +175,3 @@ def load_optuna():
                        ) from None
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     return optuna
-
-
-class Clock:
-    """Seconds of search that are left, over interruptions. ``spent`` before this start."""
-
-    def __init__(self, seconds: float, spent: float = 0.0):
-        self.end = time.monotonic() + seconds - spent
-        self.seconds = seconds
-
-    @property
-    def left(self) -> float:
-        return self.end - time.monotonic()
-
-    @property
-    def spent(self) -> float:
-        return self.seconds - self.left

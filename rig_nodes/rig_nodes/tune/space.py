@@ -19,14 +19,16 @@ DELAY = {"I-II": "t12", "II-I": "t21"}
 # P4 to P6 the releasing one's; the current of P3 is given, that of P6 is 0: the coil is off after it
 BOUNDS = {
     "P1.time": (20, 400), "P1.current": (0, 800), "P2.gap": (5, 400), "P2.current": (100, 600), "P3.gap": (20, 800),
-    "P4.time": (5, 500), "P4.current": (0, 500), "P5.gap": (5, 600), "P5.current": (0, 400), "P6.gap": (5, 500),
+    "P4.time": (5, 400), "P4.current": (0, 500), "P5.gap": (5, 350), "P5.current": (0, 400), "P6.gap": (5, 150),
     "delay": (-500, 200),
 }
-# a second place to begin from, beside the settings that are there: the new clutch is filled at once with three quarters
-# of the coil's current, then clamped along a ramp, while the old one is let go; no delay
-FAST_FILL = {
-    "P1.time": 25, "P1.current": 600, "P2.gap": 50, "P2.current": 560, "P3.gap": 350, "P4.time": 160, "P4.current": 40,
-    "P5.gap": 300, "P5.current": 120, "P6.gap": 100, "delay": 0,
+# where the search begins: the new clutch is filled at once, then clamped along a ramp, while the old one is let go.
+# S1's piston travels a third of S2's, so its valve is turned back after the filling
+FILL = {
+    "I-II": {"P1.time": 25, "P1.current": 600, "P2.gap": 50, "P2.current": 560, "P3.gap": 350, "P4.time": 160,
+             "P4.current": 40, "P5.gap": 250, "P5.current": 120, "P6.gap": 100, "delay": 0},
+    "II-I": {"P1.time": 30, "P1.current": 550, "P2.gap": 90, "P2.current": 300, "P3.gap": 300, "P4.time": 160,
+             "P4.current": 40, "P5.gap": 100, "P5.current": 60, "P6.gap": 50, "delay": -60},
 }
 LONGEST = 1500  # ms from the order to the last point of both profiles
 MS, MA = 1e-3, 1e-3

@@ -6,6 +6,7 @@ Used by tune.problem; the spreads are those that ``rig calibrate`` prints.
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -60,23 +61,27 @@ def read_spreads(path: str | Path) -> dict[str, float]:
     return spread
 
 
-def sampled_rigs(config: RigConfig, spreads: dict[str, float], oil: tuple[float, float], count: int,
-                 seed: int) -> list[RigConfig]:
+def sampled_rigs(config: RigConfig, spreads: dict[str, float], oil: tuple[float, float], count: int, seed: int,
+                 mapped: Callable = map) -> list[RigConfig]:
     """``count`` rigs: each parameter within its spread around the rig's value and within its bounds, the oil between
     two temperatures [degC], by a Latin hypercube of this seed; each stage drawn back until its rows allow it.
+    mapped: as ``map``, of Workers for instance.
     """
     known, now = parameters(), values_now(config)
     names = [name for name in known if spreads.get(name, 0.0) > 0.0]
-    rigs = []
+    draws = []
     for row in qmc.LatinHypercube(len(names) + 1, seed=np.random.default_rng(seed)).random(count).tolist():
         values: dict[str, float] = {}
         for name, share in zip(names, row):
             value = now[name] + spreads[name] * (2.0 * share - 1.0)
             values[name] = float(np.clip(value, known[name].low, known[name].high))
-        rig = _allowed(config, values, now)
-        temperature = oil[0] + (oil[1] - oil[0]) * row[-1]
-        rigs.append(replace(rig, oil_supply=replace(rig.oil_supply, temperature=temperature)))
-    return rigs
+        draws.append((values, oil[0] + (oil[1] - oil[0]) * row[-1]))
+    return list(mapped(partial(_sampled, config, now), draws))
+
+
+def _sampled(config: RigConfig, now: dict[str, float], draw: tuple[dict[str, float], float]) -> RigConfig:
+    rig = _allowed(config, draw[0], now)
+    return replace(rig, oil_supply=replace(rig.oil_supply, temperature=draw[1]))
 
 
 def _allowed(config: RigConfig, values: dict[str, float], now: dict[str, float]) -> RigConfig:

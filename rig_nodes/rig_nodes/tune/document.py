@@ -1,0 +1,105 @@
+"""The tables of docs/tune.md: what a tuning found, and what that is worth elsewhere.
+
+Used by the verb ``tune``; the rest of the page is written by hand.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..errors import RigError
+from .run import CHOICES
+
+BEGIN, END = "<!-- made by ./rig tune --write-docs; a change by hand is lost -->", "<!-- up to here -->"
+
+
+def page() -> Path:
+    """docs/tune.md of the checkout; RigError when there is none, or none with a place for the tables."""
+    path = Path(__file__).resolve().parents[3] / "docs" / "tune.md"
+    if not path.is_file():
+        raise RigError(f"there is no {path}; --write-docs works in a checkout only")
+    text = path.read_text(encoding="utf-8")
+    if not 0 <= text.find(BEGIN) < text.find(END):
+        raise RigError(f"{path}: the lines '{BEGIN}' and '{END}' are not there, between which the tables stand")
+    return path
+
+
+def write(path: Path, summary: dict, seed: int) -> None:
+    """The tables, in place of those of before."""
+    text = path.read_text(encoding="utf-8")
+    before, after = text[:text.index(BEGIN)], text[text.index(END):]
+    path.write_text(f"{before}{BEGIN}\n\n{tables(summary, seed)}\n\n{after}", encoding="utf-8")
+
+
+def tables(summary: dict, seed: int) -> str:
+    """Markdown of a tuning's summary."""
+    blocks = [_search(summary, seed), _settings(summary), _verdicts(summary)]
+    if "largest_load" in summary:
+        blocks.append(_largest_load(summary["largest_load"]))
+    return "\n\n".join(blocks)
+
+
+def _search(summary: dict, seed: int) -> str:
+    lines = [f"`./rig tune --write-docs --seed {seed}`; the search took {summary['search_cpu_seconds']:.0f} s of CPU "
+             "time.", "",
+             "| search | settings | shifts tried | on | front | of the front better in every shift elsewhere |",
+             "| --- | --- | --- | --- | --- | --- |"]
+    for name, one in summary["searches"].items():
+        judged = summary["front"].get(name)
+        elsewhere = "" if judged is None else f"{judged['dominating']} of {judged['settings']} judged"
+        front = "" if one["front"] is None else one["front"]
+        lines.append(f"| {name} | {one['settings']} | {one['shifts']} | {one['shifts_like']} | {front} | {elsewhere} |")
+    return "\n".join(lines)
+
+
+def _settings(summary: dict) -> str:
+    lines = ["What the box is set to (ms and mA, P1 to P3 of the engaging valve, P4 to P6 of the releasing one):", "",
+             "| controller | shift | P1 | P2 | P3 at | P4 | P5 | P6 at | delay |", "| --- " * 9 + "|"]
+    for name in CHOICES:
+        for way, of in summary["chosen"].items():
+            if name in of:
+                row = of[name]
+                t2, t5 = row["P1.time"] + row["P2.gap"], row["P4.time"] + row["P5.gap"]
+                lines.append(
+                    f"| `{name}` | {way} | {row['P1.time']}, {row['P1.current']} | {t2}, {row['P2.current']} | "
+                    f"{t2 + row['P3.gap']} | {row['P4.time']}, {row['P4.current']} | {t5}, {row['P5.current']} | "
+                    f"{t5 + row['P6.gap']} | {row['delay']} |")
+    return "\n".join(lines)
+
+
+def _verdicts(summary: dict) -> str:
+    lines = ["Fresh rigs and operating points, several draws; mean (worst) of the shares of what the compared settings "
+             "give:", "",
+             "| controller | shift | draw | peak | its rise | t_c | t_dt | highest peak, compared | better in | "
+             "better on | dominates |", "| --- " * 11 + "|"]
+    for name in CHOICES:
+        for way in summary["chosen"]:
+            for number, verdict in enumerate(summary["verdicts"], 1):
+                one = verdict[name][way]
+                shares = " | ".join(_share(one["shares"], key) for key in ("peak", "rise", "t_c", "t_dt"))
+                lines.append(
+                    f"| `{name}` | {way} | {number} | {shares} | {one['highest_peak_nm']:.0f} Nm, "
+                    f"{one['compared_highest_peak_nm']:.0f} Nm | {one['better']} of {one['pairs']} shifts | "
+                    f"{one['better_rigs']} of {one['rigs']} rigs | {'yes' if one['dominates'] else 'no'} |")
+    out = sum(verdict[CHOICES[0]][way]["left_out"] for verdict in summary["verdicts"] for way in summary["chosen"])
+    lines += ["", f"Left out are {out} shifts, which the compared settings do not make on the sampled rig or which it "
+                  "does not hold."]
+    return "\n".join(lines)
+
+
+def _share(shares: dict, name: str) -> str:
+    return f"{shares[name]['mean']:.3f} ({shares[name]['worst']:.3f})" if name in shares else "-"
+
+
+def _largest_load(found: dict) -> str:
+    lines = [f"The largest load of II-I, on the rig itself ({found['tried']} settings sought for the least peak "
+             "alone); the last three columns are the loads up to which the engine's torque is kept:", "",
+             "| speed | load | M_wej before the shift | least peak found | compared | engine | gear II alone | least "
+             "peak | compared |", "| --- " * 9 + "|"]
+    for one in found["speeds"]:
+        within = one["load_within_engine_nm"]
+        lines.append(
+            f"| {one['n_wej_rpm']:.0f} rpm | {one['load_nm']:.0f} Nm | {one['m_wej_before_nm']:.0f} Nm | "
+            f"{one['least_peak_nm']:.0f} Nm | {one['compared_peak_nm']:.0f} Nm | {one['engine_nm']:.0f} Nm | "
+            f"{within['before_the_shift']:.0f} Nm | {within['least_peak']:.0f} Nm | {within['compared']:.0f} Nm |")
+    return "\n".join(lines)
