@@ -312,7 +312,7 @@ def first_row(log, h, worlds, showns, table, keys, hum, state, counts):
     shown.mains = hum[0]
     for c in ENCODERS:
         shown.counted[c] = 0.0
-    measure(0, h, worlds[0], shown)
+    measure(int(0), h, worlds[0], shown)  # int(): a literal would have it compiled once more
     for c in ENCODERS:
         counts[0, c] = shown.counted[c]
     for c in range(len(CHANNELS)):

@@ -22,6 +22,7 @@ from ..errors import RigError
 from ..instruments import transducers
 from ..plant import clutch, driveline_algebra, kernel
 from ..plant.effects import leave_out
+from ..plant.first_start import compile_beside
 from ..plant.gearbox import S1, S2, build_driveline
 from .configuration import PARTS, RigConfig
 from .cuts import Cuts
@@ -123,7 +124,7 @@ class Rig(Timed):
         self._duty = np.zeros(law.OUTPUTS)
         self._log = self.ring()
         self._shown = np.zeros(1, transducers.SHOWN)
-        kernel.first_row(self._log, c.kernel.step, world, self._shown, *self.gauges.arrays)
+        compile_beside(lambda: kernel.first_row(self._log, c.kernel.step, world, self._shown, *self.gauges.arrays))
 
     # ---- time
 
