@@ -57,8 +57,21 @@ def _processor() -> str:
 
 
 def use_kernel_cache() -> None:
-    """Set numba's cache folder unless the user has chosen one."""
+    """Set numba's cache folder unless the user has chosen one; called before numba is imported."""
     if "NUMBA_CACHE_DIR" not in os.environ:
         os.environ["NUMBA_CACHE_DIR"] = str(cache_root() / cache_key())
         if "numba" in sys.modules:  # somebody else's: it has read its settings already
             sys.modules["numba"].config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
+
+
+def load_numba() -> None:
+    """Import all of numba but scipy's BLAS, which it looks for in 0.15 s and which nothing compiled here uses."""
+    blas = "scipy.linalg.cython_blas"
+    hide = blas not in sys.modules
+    if hide:
+        sys.modules[blas] = None
+    try:
+        import numba.np.arraymath  # noqa: F401
+    finally:
+        if hide:
+            del sys.modules[blas]

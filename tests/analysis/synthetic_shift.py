@@ -91,5 +91,9 @@ class FakeBag:
     def messages(self, topic):
         return iter(self._messages.get(topic, []))
 
+    def fields(self, topic, names):
+        held = self._messages.get(topic, [])
+        return np.array([t * 1e-9 for t, _ in held]), [np.array([getattr(m, n) for _, m in held]) for n in names]
+
     def gaps(self):
         return self._gaps

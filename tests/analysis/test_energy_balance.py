@@ -58,14 +58,14 @@ def test_what_cannot_be_balanced_is_said():
 
 
 def test_energies_out_of_a_bag():
-    def messages(**fields):
-        return [(int(t * 1e9), SimpleNamespace(**{k: float(v[i]) for k, v in fields.items()}))
-                for i, t in enumerate(T)]
+    def fields(topic, names):
+        values = topics.get(topic)
+        return (T, [values[name] for name in names]) if values else (T[:0], [T[:0] for _ in names])
 
-    topics = {"/motor/state": messages(work=500.0 * T), "/load_pump/state": messages(work=300.0 * T),
-              "/clutch_s1/state": messages(heat=120.0 * T), "/clutch_s2/state": messages(heat=30.0 * T),
-              "/gearbox/state": messages(heat=10.0 * T, w_wej=100.0 + T, w_wyj=80.0 - T)}
-    bag = SimpleNamespace(messages=lambda topic: iter(topics.get(topic, [])))
+    topics = {"/motor/state": {"work": 500.0 * T}, "/load_pump/state": {"work": 300.0 * T},
+              "/clutch_s1/state": {"heat": 120.0 * T}, "/clutch_s2/state": {"heat": 30.0 * T},
+              "/gearbox/state": {"heat": 10.0 * T, "w_wej": 100.0 + T, "w_wyj": 80.0 - T}}
+    bag = SimpleNamespace(fields=fields)
     energies = energies_of(bag, Inertias(driving=2.0, driven=1.0))
     result = balance(energies, 0.0, 1.0)
     stored = (101.0**2 - 100.0**2) + 0.5 * (41 / 40) ** 2 * (79.0**2 - 80.0**2)

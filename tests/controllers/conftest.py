@@ -8,7 +8,7 @@ import textwrap
 from pathlib import Path
 
 import pymodbus.client  # here, because plug and example client would import them at once from two threads
-import pymodbus.server
+import pymodbus.server  # noqa: F401
 import pytest
 
 import rig_nodes

@@ -68,10 +68,8 @@ def energies_of(bag, inertias: Inertias = Inertias()) -> dict[str, Series]:
     """
     energies: dict[str, Series] = {}
     for topic, names in FIELDS.items():
-        rows = [(stamp * 1e-9, *(getattr(message, f) for f in names.values()))
-                for stamp, message in bag.messages(topic)]
-        if rows:
-            t, *columns = np.asarray(rows, dtype=float).T
+        t, columns = bag.fields(topic, list(names.values()))
+        if len(t):
             energies.update((name, (t, column)) for name, column in zip(names, columns))
     if "w_wej" in energies:
         t, w_wej = energies.pop("w_wej")

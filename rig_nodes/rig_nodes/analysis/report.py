@@ -16,7 +16,6 @@ import numpy as np
 
 from ..errors import RigError
 from .annex_a import shifts_annex_a
-from .bench_report import bench_lines, bench_report
 from .comparison import annex_lines, truth_lines
 from .energy import balance, energies_of
 from .metrics import LONGEST, Inertias, Recording, shifts
@@ -54,6 +53,8 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
     """
     problems: list[str] = []
     if (run.get("configuration") or {}).get("kind") == CLUTCH_BENCH:
+        from .bench_report import bench_report
+
         found = bench_report(bag, run["configuration"], problems)
         return _assembled(_run_data(bag, run), problems, {"shifts": [], "uncertainty": []},
                           {"run": None, "shifts": []}) | {"bench": plain(found)}
@@ -215,6 +216,8 @@ def format_report(report: dict) -> str:
     report holds them.
     """
     if "bench" in report:
+        from .bench_report import bench_lines
+
         return "\n".join([*bench_lines(report["bench"]), "", *_run_lines(report["run"])])
     rows, errors = report["shifts"], report.get("uncertainty", [])
     lines = _shift_table(rows, errors) if rows else ["no shift was ordered"]

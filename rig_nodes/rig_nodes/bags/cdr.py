@@ -36,7 +36,7 @@ class Encoder:
         self._fixed_fields = self._fields[:len(self._fields) - len(definition.tail)]
         self._arrays = any(node.kind != "number" for _, node in self._fixed_fields)
         self._booleans = [i for i, (_, node) in enumerate(self._fixed_fields) if node.name == "bool"]
-        self._tail = definition.tail
+        self._tail, self._count = definition.tail, len(self._fields)
 
     def encode(self, stamp_ns: int, seq: int, *values) -> bytes:
         """The message as bytes, encapsulation included.
@@ -45,17 +45,17 @@ class Encoder:
         the order of the definition, arrays and sequences as lists or numpy arrays. Raises TypeError for a
         wrong number or type of values, ValueError for a number that its field cannot hold.
         """
-        if len(values) != len(self._fields):
+        if len(values) != self._count:
             raise TypeError(f"{self.name} has {len(self._fields)} values after stamp and seq "
                             f"({', '.join(name for name, _ in self._fields)}), got {len(values)}")
         fixed = values[:len(self._fixed_fields)] if self._tail else values
         for i in self._booleans:
             # struct would take anything for a bool.
-            if not isinstance(fixed[i], (bool, np.bool_)):
+            if fixed[i] is not True and fixed[i] is not False and not isinstance(fixed[i], np.bool_):
                 raise TypeError(f"{self.name}.{self._fields[i][0]} is a bool, got {fixed[i]!r}")
         try:
             flat = self._flat(fixed) if self._arrays else fixed
-            data = self._pack(*HEADER, stamp_ns // _SECOND, stamp_ns % _SECOND, seq, *flat)
+            data = self._pack(HEADER, stamp_ns // _SECOND, stamp_ns % _SECOND, seq, *flat)
         except (struct.error, TypeError, OverflowError):
             self._explain(stamp_ns, seq, fixed)
             raise
@@ -88,7 +88,7 @@ class Encoder:
 
 def _struct_format(leaves) -> str:
     """struct format of encapsulation and leaves, with the padding of CDR written out."""
-    text, position = "<4B", 0
+    text, position = "<4s", 0
     for leaf in leaves:
         text += "x" * (leaf.offset - position) + leaf.node.code * (leaf.count or 1)
         position = leaf.offset + leaf.node.size * (leaf.count or 1)

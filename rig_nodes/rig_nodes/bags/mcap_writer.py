@@ -38,7 +38,7 @@ class McapWriter:
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
         self._counts: dict[int, int] = defaultdict(int)
-        self._chunks: list[ChunkIndex] = []
+        self._chunks, self._chunk_count = bytearray(), 0  # their index as it will stand in the file
         self._metadata: list[MetadataIndex] = []
         self._first = self._last = 0  # times of all messages in closed chunks
         self._begin_chunk()
@@ -87,19 +87,15 @@ class McapWriter:
         """Write the end of the file: summary, indices, magic."""
         self._end_chunk()
         self._write(_bytes(DataEnd(self._data_crc)))
-        start, summary, groups = self._file.tell(), RecordBuilder(), []
-        for opcode, records in ((Opcode.SCHEMA, self._schemas), (Opcode.CHANNEL, self._channels),
-                                (Opcode.STATISTICS, [self._statistics()]), (Opcode.CHUNK_INDEX, self._chunks),
-                                (Opcode.ATTACHMENT_INDEX, []), (Opcode.METADATA_INDEX, self._metadata)):
-            begin = summary.count
-            for record in records:
-                record.write(summary)
-            groups.append(SummaryOffset(group_opcode=opcode, group_start=start + begin,
-                                        group_length=summary.count - begin))
-        offsets = start + summary.count
-        for group in groups:
-            group.write(summary)
-        data = summary.end()
+        start, data, groups = self._file.tell(), bytearray(), []
+        for opcode, part in ((Opcode.SCHEMA, map(_bytes, self._schemas)), (Opcode.CHANNEL, map(_bytes, self._channels)),
+                             (Opcode.STATISTICS, [_bytes(self._statistics())]), (Opcode.CHUNK_INDEX, [self._chunks]),
+                             (Opcode.ATTACHMENT_INDEX, []), (Opcode.METADATA_INDEX, map(_bytes, self._metadata))):
+            begin = len(data)
+            data += b"".join(part)
+            groups.append(SummaryOffset(group_opcode=opcode, group_start=start + begin, group_length=len(data) - begin))
+        offsets = start + len(data)
+        data += b"".join(map(_bytes, groups))
         crc = zlib.crc32(_FOOTER.pack(Opcode.FOOTER, 8 + 8 + 4, start, offsets), zlib.crc32(data))
         self._file.write(data)
         self._file.write(_bytes(Footer(summary_start=start, summary_offset_start=offsets, summary_crc=crc)))
@@ -107,7 +103,7 @@ class McapWriter:
 
     def _statistics(self) -> Statistics:
         return Statistics(attachment_count=0, channel_count=len(self._channels), channel_message_counts=self._counts,
-                          chunk_count=len(self._chunks), message_count=sum(self._counts.values()),
+                          chunk_count=self._chunk_count, message_count=sum(self._counts.values()),
                           metadata_count=len(self._metadata), message_start_time=self._first,
                           message_end_time=self._last, schema_count=len(self._schemas))
 
@@ -125,7 +121,7 @@ class McapWriter:
             return
         first = min(min(index[::2]) for index in self._indices.values())
         last = max(max(index[::2]) for index in self._indices.values())
-        self._first, self._last = (min(self._first, first) if self._chunks else first), max(self._last, last)
+        self._first, self._last = (min(self._first, first) if self._chunk_count else first), max(self._last, last)
         content = b"".join(self._parts)
         packed = self._compress(content)
         at = self._file.tell()
@@ -139,7 +135,8 @@ class McapWriter:
             self._counts[channel] += len(index) // 2
         table = b"".join(rows)
         self._write(table)
-        self._chunks.append(ChunkIndex(
+        self._chunk_count += 1
+        self._chunks += _bytes(ChunkIndex(
             message_start_time=first, message_end_time=last, chunk_start_offset=at, chunk_length=indices_at - at,
             message_index_offsets=places, message_index_length=len(table), compression=COMPRESSION,
             compressed_size=len(packed), uncompressed_size=len(content)))

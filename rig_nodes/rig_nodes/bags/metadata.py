@@ -6,6 +6,7 @@ Written by the writer, without anything of the host or of the wall clock; profil
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from io import StringIO
 
 from ruamel.yaml import YAML
@@ -63,6 +64,7 @@ def read_profile(text: str) -> Offered:
         raise BagError(f"a quality of service in the bag is no list of profiles ({problem})") from None
 
 
+@lru_cache(maxsize=None)
 def profile_text(qos: str) -> str:
     """The offered profile of a class as rosbag2 keeps it in a channel."""
     return _yaml([PROFILES[qos]])

@@ -116,6 +116,19 @@ class Bag:
         for time, data in zip(stream.times, stream.payloads):
             yield time, self._decode(definition, data, topic)
 
+    def fields(self, topic: str, names: list[str]) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Time [s] of every message of a topic and the values of some of its fields, each 1-D float64 (2-D for an array).
+
+        BagError when the bag does not hold the topic or a field.
+        """
+        stream = self._stream(topic)
+        held = dict(self._definition(stream).tree.fields)
+        if unknown := [name for name in names if name not in held]:
+            raise BagError(f"{self.path}: {topic} has no field '{unknown[0]}'; the bag is of another version of "
+                           f"{stream.ros_type}")
+        times = np.array(stream.times, dtype=np.int64) * 1e-9
+        return times, [np.ascontiguousarray(self._field(stream, name), float) for name in names]
+
     def series(self, signal_name: str) -> tuple[np.ndarray, np.ndarray]:
         """Time [s] and value [SI] of a signal of the catalogue, both 1-D float64.
 

@@ -6,6 +6,7 @@ Used by the headless run and the recorder; the same calls give the same bytes.
 from __future__ import annotations
 
 import os
+import struct
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +22,7 @@ from .mcap_writer import McapWriter
 FLUSH_NS = 100_000_000
 CHUNK_BYTES = 4 * 1024 * 1024
 LIBRARY = f"rig_nodes {__version__}"
-_SEQUENCE_MASK = 0xFFFFFFFF
+_SEQUENCE = struct.Struct("<I")  # the low half of a sequence number
 
 
 @dataclass
@@ -72,7 +73,8 @@ class BagWriter:
         RigError when the bag is closed, the bytes are no such message, the topic changes its type, or the
         disk takes no more.
         """
-        self._writable()
+        if self._closed or self._failure:
+            self._writable()
         known = self._topics.get(topic) or self._guard(self._add_topic, topic, ros_type)
         if known.definition.name != ros_type:
             raise RigError(f"topic {topic} holds {known.definition.name}, got a {ros_type}; "
@@ -90,8 +92,11 @@ class BagWriter:
             self._guard(self._writer.flush)
             self._interval = interval
         count = self.counts[topic]
-        sequence = int.from_bytes(data[12:20], "little") & _SEQUENCE_MASK if known.counted else count
-        self._guard(self._writer.add_message, known.channel, log_time_ns, data, sequence)
+        sequence = _SEQUENCE.unpack_from(data, 12)[0] if known.counted else count
+        try:
+            self._writer.add_message(known.channel, log_time_ns, data, sequence)
+        except OSError as error:
+            raise self._fail(error) from None
         self.counts[topic] = count + 1
         if log_time_ns > self._last:
             self._last = log_time_ns
@@ -135,11 +140,14 @@ class BagWriter:
         try:
             return action(*arguments)
         except OSError as error:
-            self._failure = (f"{self.path} cannot be written ({error.strerror or error}); the last 100 ms "
-                             f"before {self._last / 1e9:.3f} s of the run may be missing in it")
-            with suppress(OSError):
-                self._file.close()
-            raise RigError(self._failure) from None
+            raise self._fail(error) from None
+
+    def _fail(self, error: OSError) -> RigError:
+        self._failure = (f"{self.path} cannot be written ({error.strerror or error}); the last 100 ms "
+                         f"before {self._last / 1e9:.3f} s of the run may be missing in it")
+        with suppress(OSError):
+            self._file.close()
+        return RigError(self._failure)
 
     def _begin(self) -> McapWriter:
         writer = McapWriter(self._file, "ros2", LIBRARY, CHUNK_BYTES)

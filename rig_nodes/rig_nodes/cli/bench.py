@@ -1,25 +1,123 @@
-"""``rig bench WHAT``: how fast something is, on this machine; ``--json`` for programs."""
+"""``rig bench [PART ...]``: how fast the rig computes on this machine, part by part; ``--json`` for programs."""
 
 from __future__ import annotations
 
 import json
+import sys
+import time
 
 HELP = "measure how fast the rig computes on this machine"
+PARTS = ("kernel", "demo", "graph", "controllers", "scaling", "peers")
 
 
 def add_arguments(parser) -> None:
-    parser.add_argument("what", choices=("kernel",), help="kernel: the rig without bag and ROS")
+    parser.add_argument("parts", nargs="*", metavar="PART",
+                        help=f"of {', '.join(PARTS)}, or all (default): about five minutes on an idle machine")
     parser.add_argument("--repeats", type=int, default=5, metavar="N", help="the fastest of so many runs counts")
-    parser.add_argument("--no-start", action="store_true", help="leave out the start without kept compiled code (30 s)")
-    parser.add_argument("--json", action="store_true", help="for programs")
+    parser.add_argument("--json", metavar="FILE", help="write the numbers as JSON; - for stdout, without tables")
+    parser.add_argument("--write-docs", action="store_true", help="write docs/performance.md of the checkout (all parts)")
+
+
+class Progress:
+    """A line on stderr of what is measured now; into a file one line for each part."""
+
+    def __init__(self, parts: list[str]):
+        self.parts, self.start, self.live = parts, time.monotonic(), sys.stderr.isatty()
+
+    def begin(self, part: str) -> None:
+        self.head = f"[{self.parts.index(part) + 1}/{len(self.parts)}] {part}"
+        if not self.live:
+            print(f"{self.head}, {time.monotonic() - self.start:.0f} s so far", file=sys.stderr, flush=True)
+
+    def tell(self, text: str) -> None:
+        if self.live:
+            line = f"{self.head}: {text}, {time.monotonic() - self.start:.0f} s"
+            print(f"\r{line[:110]:<110}", end="", file=sys.stderr, flush=True)
+
+    def end(self) -> None:
+        if self.live:
+            print(f"\r{'':<110}\r", end="", file=sys.stderr, flush=True)
 
 
 def main(args) -> int:
     from ..errors import RigError
-    from ..testbench.bench_kernel import bench_kernel, lines
 
+    parts = _chosen(args.parts)
     if args.repeats < 1:
         raise RigError(f"--repeats {args.repeats}: at least 1 is needed")
-    result = bench_kernel(args.repeats, not args.no_start)
-    print(json.dumps(result, indent=2) if args.json else "\n".join(lines(result)))
+    if args.write_docs and parts != list(PARTS):
+        raise RigError("--write-docs writes about all parts of one run; without naming parts")
+    from ..benchmark.document import TITLES, lines, machine_line, write_document
+    from ..benchmark.machine import machine
+
+    progress, results = Progress(parts), {"machine": machine()}
+    text = args.json != "-"
+    if text:
+        print(machine_line(results["machine"]), flush=True)
+    try:
+        for part in parts:
+            progress.begin(part)
+            results[part] = _measure(part, args.repeats, progress.tell)
+            progress.end()
+            if text:
+                print("\n".join(["", TITLES[part], "", *lines(part, results[part])]), flush=True)
+    finally:
+        progress.end()
+    if args.json:
+        written = json.dumps(results, indent=2) + "\n"
+        if args.json == "-":
+            sys.stdout.write(written)
+        else:
+            _write(args.json, written)
+    if args.write_docs:
+        print(f"{write_document(results)} is written", file=sys.stderr)
     return 0
+
+
+def _chosen(parts: list[str]) -> list[str]:
+    from ..errors import RigError
+
+    for part in parts:
+        if part not in (*PARTS, "all"):
+            raise RigError(f"there is nothing to measure called '{part}'; there are {', '.join(PARTS)}, and all")
+    return list(PARTS) if not parts or "all" in parts else [part for part in PARTS if part in parts]
+
+
+def _measure(part: str, repeats: int, tell):
+    if part == "kernel":
+        from ..benchmark.kernel import bench_kernel
+
+        return bench_kernel(repeats, tell)
+    if part == "demo":
+        from ..benchmark.starts import bench_demo
+
+        return bench_demo(repeats, tell)
+    if part == "graph":
+        from ..benchmark.starts import bench_graph
+
+        return bench_graph(min(repeats, 3), tell)
+    if part == "controllers":
+        from ..controllers.bench import controllers_table
+        from ..testbench.configuration import load_rig
+
+        tell("every plug")
+        rows = [cost._asdict() for cost in controllers_table(load_rig("hydmag").alfa46)]
+        return [{**row, "median_us": None, "p99_us": None} if row["missing"] else row for row in rows]
+    if part == "scaling":
+        from ..benchmark.growth import bench_scaling
+
+        return bench_scaling(tell)
+    from ..benchmark.peers import bench_peers
+
+    return bench_peers(0.05 * repeats, tell)
+
+
+def _write(path: str, text: str) -> None:
+    from pathlib import Path
+
+    from ..errors import RigError
+
+    try:
+        Path(path).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise RigError(f"{path}: cannot be written ({error.strerror})") from None

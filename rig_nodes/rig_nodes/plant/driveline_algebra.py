@@ -137,7 +137,7 @@ def project(minv, w, ost, work):
     og = owm + m * n
     ov = og + m * m
     oi = ov + m * m
-    nc = 0
+    nc = int(0)  # no literal, which would have pseudo_inverse compiled once more
     pattern = 1.0
     bit = 1.0
     for f in range(m):

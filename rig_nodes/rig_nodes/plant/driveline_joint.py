@@ -11,6 +11,9 @@ from rig_nodes.plant.driveline_algebra import (
     N_EVENTS, RANK, STUCK, VISC, apart, high, lin, low, project)
 
 
+# int() around a constant argument or start value: a literal would have the callee compiled once more
+
+
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def note(t, f, kind, events, count):
     if events.shape[0] > 0:
@@ -104,7 +107,7 @@ def resolve(x, t, minv, w, sh, kc, q, cap, v, twist, mode, events, count, work):
                 total += work[op + i * n + j] * work[of + j]
             work[oa + i] = total
         least = it > 3 * m
-        worst = -1
+        worst = int(-1)
         worst_dir = 0.0
         worst_by = 0.0
         back = -1
@@ -182,16 +185,16 @@ def resolve(x, t, minv, w, sh, kc, q, cap, v, twist, mode, events, count, work):
         new = int(work[ost + f])
         if abs(new) >= 2:
             if abs(old) < 2:
-                note(t, f, LOCK, events, count)
+                note(t, f, int(LOCK), events, count)
                 made += 1
         elif abs(old) >= 2:
-            note(t, f, BREAK, events, count)
+            note(t, f, int(BREAK), events, count)
             made += 1
         elif old == 0:
-            note(t, f, CLOSE, events, count)
+            note(t, f, int(CLOSE), events, count)
             made += 1
         elif old != new:
-            note(t, f, CROSS, events, count)
+            note(t, f, int(CROSS), events, count)
             made += 1
         mode[f] = new
         work[ocand + f] = 0.0

@@ -226,7 +226,7 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_i
         work[oforce + f] = 0.0
         if not has_capacity(cap, f):
             if mo != OPEN:
-                note(t, f, FREE, events, count)
+                note(t, f, int(FREE), events, count)
                 made += 1
                 mode[f] = OPEN
         elif mo == OPEN or abs(mo) == 1:
@@ -239,13 +239,13 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_i
                     joint = True
                 else:
                     mode[f] = FORWARD if slip > 0.0 else BACKWARD
-                    note(t, f, CLOSE, events, count)
+                    note(t, f, int(CLOSE), events, count)
                     made += 1
             elif mo * slip < -tol:
                 if mo * slip < -1e-6 * (1.0 + vmax):
                     # left behind by a capped step, or the caller has set another speed
                     mode[f] = -mo
-                    note(t, f, CROSS, events, count)
+                    note(t, f, int(CROSS), events, count)
                     made += 1
                 else:
                     work[ocand + f] = 1.0

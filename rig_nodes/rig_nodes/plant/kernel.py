@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 
 from ..alfa46.law import OFF, ON, OUTPUTS, current_loop, law_step
+from ..compiled import load_numba
 from ..config.schema import record_dtype
 from ..instruments import transducers
 from . import clutch as clutch_model
@@ -25,6 +26,7 @@ from .driveline_kernel import driveline_step, quiet_step
 from .gearbox import LOAD, LOSS_IN, LOSS_OUT, S1
 from .prescribed import Force
 
+load_numba()
 VALVES = 2
 # columns of the logger's rows; the signal catalogue must agree (testbench.rig checks it)
 CHANNELS = ("M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2", "p_po", "I_zr_p1", "I_zr_p2", "p_p", "T_oil",
@@ -314,7 +316,7 @@ def first_row(log, h, worlds, showns, table, keys, hum, state, counts):
     shown.mains = hum[0]
     for c in ENCODERS:
         shown.counted[c] = 0.0
-    measure(0, h, worlds[0], shown)
+    measure(int(0), h, worlds[0], shown)  # int(): a literal would have it compiled once more
     for c in ENCODERS:
         counts[0, c] = shown.counted[c]
     for c in range(len(CHANNELS)):

@@ -44,7 +44,9 @@ def pressure_after(pressure, setting, enabled, speed, decay, load):
     target = 0.0
     if enabled:
         target = min(setting * relief_factor(speed), load.pressure_limit)
-    return target + (pressure - target) * decay
+    # what fades for ever must not end in denormal numbers: they slow the processor down by a fifth
+    after = target + (pressure - target) * decay
+    return after if after > 1e-200 else 0.0
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

@@ -22,6 +22,7 @@ from ..errors import RigError
 from ..instruments import transducers
 from ..plant import clutch, driveline_algebra, kernel
 from ..plant.effects import leave_out
+from ..plant.first_start import compile_beside
 from ..plant.gearbox import S1, S2, build_driveline
 from .configuration import PARTS, RigConfig
 from .cuts import Cuts
@@ -76,6 +77,7 @@ class Rig(Timed):
         self._world = world = np.zeros(1, kernel.WORLD)
         self.settings, self.plant, self.held, self._effects = (
             world[name] for name in ("settings", "plant", "held", "effects"))
+        self._safe, self._motor_on = self.settings["safe"], self.settings["motor_on"]  # asked for at every sample
         self.valves, self.cylinders = world["valves"][0], world["cylinders"][0]
         line, start = world["driveline"], system.state()
         for name in ("minv", "w", "v"):
@@ -124,7 +126,7 @@ class Rig(Timed):
         self._duty = np.zeros(law.OUTPUTS)
         self._log = self.ring()
         self._shown = np.zeros(1, transducers.SHOWN)
-        kernel.first_row(self._log, c.kernel.step, world, self._shown, *self.gauges.arrays)
+        compile_beside(lambda: kernel.first_row(self._log, c.kernel.step, world, self._shown, *self.gauges.arrays))
 
     # ---- time
 
@@ -288,11 +290,11 @@ class Rig(Timed):
     @property
     def status(self) -> RigStatus:
         """What the rig is doing."""
-        if self.settings["safe"][0] > 0.0:
+        if self._safe[0] > 0.0:
             return RigStatus.TRIPPED
         if self.newest_command < 0:
             return RigStatus.STARTING
-        return RigStatus.RUNNING if self.settings["motor_on"][0] > 0.0 else RigStatus.READY
+        return RigStatus.RUNNING if self._motor_on[0] > 0.0 else RigStatus.READY
 
     @property
     def newest_command(self) -> int:
@@ -361,9 +363,7 @@ class Rig(Timed):
     def coil_currents(self) -> np.ndarray:
         """Measured currents at the controller's outputs (3,) [A]."""
         out = np.zeros(law.OUTPUTS)
-        row = self.row()
-        for k in range(kernel.VALVES):
-            out[self._wiring[k]] = row[kernel.I_1 + k]
+        out[self._wiring] = self.row()[kernel.I_1:kernel.I_1 + kernel.VALVES]
         return out
 
     def clutch_mode(self, k: int) -> int:

@@ -79,7 +79,7 @@ class States:
     def each_sample(self) -> list[tuple]:
         """(topic, its fields) of what goes out with every sample: what the controller sees."""
         rig, row = self.rig, self.rig.row()
-        return [("/instruments/controller", (rig.sample, rig.coil_currents(), float(row[kernel.N_WEJ]),
+        return [("/instruments/controller", (rig.sample, rig.coil_currents().tolist(), float(row[kernel.N_WEJ]),
                                              float(row[kernel.N_WYJ]), float(row[kernel.P_1]), float(row[kernel.P_2])))]
 
     def mirrors(self) -> list[tuple]:
@@ -104,7 +104,7 @@ class States:
     def command(self) -> tuple:
         """Fields of the newest valve command, whose topic comes with every sample."""
         rig = self.rig
-        return (rig.newest_command, rig.duty, rig.setpoint, rig.gear, rig.shifting, LEVELS.index(rig.level), rig.flags)
+        return (rig.newest_command, rig.duty.tolist(), rig.setpoint.tolist(), rig.gear, rig.shifting, LEVELS.index(rig.level), rig.flags)
 
     def _motor(self):
         rig, plant = self.rig, self.rig.plant[0]

@@ -1,0 +1,1 @@
+"""Parts of ``rig bench``: what each measures, the peers, and docs/performance.md."""

@@ -1,0 +1,124 @@
+"""The bare problem: two inertias and a clutch that closes; exact lock-up time, our driveline on it, longer chains.
+
+Used by ``rig bench peers`` and ``rig bench scaling``. Inertias, capacity and times as in the laboratory's gearbox:
+0.7 and 0.127 kg m2, 0 to 264 Nm in 45 ms, 2 s. The capacity rises as a quarter of a sine, so that no tool's straight
+lines are exact by luck, and both sides carry a torque, so that the common speed goes on changing after the lock-up.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from ..plant.driveline import Driveline, System
+from ..plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LO0, LO1, LOCK, N_EVENTS
+from ..plant.driveline_kernel import driveline_step, quiet_step
+
+J1, J2 = 0.7, 0.127  # kg m2
+CAPACITY, RISE, STICK = 264.0, 0.045, 1.1  # Nm, s, break-away over kinetic torque
+DRIVE, LOAD = 60.0, -40.0  # Nm on the first and the last body
+W1 = 1500.0 * math.pi / 30.0  # rad/s, the second body stands
+END = 2.0  # s
+
+
+def capacity(t: float) -> float:
+    """Friction torque of the slipping clutch [Nm]."""
+    return CAPACITY if t >= RISE else CAPACITY * math.sin(0.5 * math.pi * t / RISE)
+
+
+def lock_up() -> float:
+    """Exact time of the lock-up [s], from the momentum of the slip; after the rise everything is constant."""
+    per_torque = 1.0 / J1 + 1.0 / J2
+    apart = DRIVE / J1 - LOAD / J2
+    left = W1 + apart * RISE - per_torque * CAPACITY * RISE * 2.0 / math.pi
+    return RISE + left / (per_torque * CAPACITY - apart)
+
+
+def end_speed() -> float:
+    """Exact common speed at the end [rad/s], from the whole momentum."""
+    return (J1 * W1 + (DRIVE + LOAD) * END) / (J1 + J2)
+
+
+def chain(clutches: int = 1) -> System:
+    """Bodies in a row with clutches between them: the bare problem, or a longer row of its second body."""
+    line = Driveline()
+    line.inertia("0", J1, W1)
+    for k in range(clutches):
+        line.inertia(str(k + 1), J2, 0.0)
+        line.clutch(f"c{k}", str(k), str(k + 1), stick=STICK)
+    return line.build()
+
+
+class Ours:
+    """The driveline of this project on a chain; ``lock``: time of the first lock-up [s] of the last run."""
+
+    def __init__(self, clutches: int = 1):
+        self.system = s = chain(clutches)
+        self.state = s.state()
+        self.q = np.zeros((2, len(s.speeds)))
+        self.q[:, 0], self.q[:, -1] = DRIVE, LOAD
+        self.cap = s.limits()
+        x = self.state
+        self._arrays = (s.minv, s.w, s.sh, s.kc, self.q, self.cap, x.v, x.twist, x.mode, x.el, x.shaft, x.e_in, x.events,
+                        x.count, x.work)
+
+    def start(self) -> None:
+        """To time 0."""
+        x = self.state
+        x.v[:] = self.system.v_start
+        x.mode[:] = x.el[:] = x.e_in[:] = x.count[:] = x.work[:] = 0
+        self.t = 0.0
+
+    def advance(self, step: float, steps: int) -> None:
+        """So many steps [s]."""
+        _advance(self.t, steps, step, *self._arrays)
+        self.t += step * steps
+
+    def run(self, step: float, parts: int = 1) -> float:
+        """All of it in steps of one length [s], in one call or in parts; the time of the first lock-up [s]."""
+        self.start()
+        steps = math.ceil(END / step - 1e-9)
+        for part in range(parts):
+            self.advance(step, steps * (part + 1) // parts - steps * part // parts)
+        return self.lock()
+
+    def run_straight(self, steps: int) -> float:
+        """The rise in some steps and the rest in one: it is exact where torques are straight lines."""
+        self.start()
+        self.advance(RISE / steps, steps)
+        self.advance(END - RISE, 1)
+        return self.lock()
+
+    def lock(self) -> float:
+        """Time of the first lock-up so far [s]."""
+        for t, _, kind in self.state.events[:self.state.count[N_EVENTS]]:
+            if kind == LOCK:
+                return float(t)
+        return math.inf
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _capacity(t):
+    return CAPACITY if t >= RISE else CAPACITY * math.sin(0.5 * math.pi * t / RISE)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _advance(begin, steps, h, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_in, events, count, work):
+    # the straight line through the capacity at the step's two Gauss points has its mean to the fourth order
+    at = 0.5 - 0.5 / math.sqrt(3.0)
+    for i in range(steps):
+        t = begin + i * h
+        if t >= RISE:
+            before = after = CAPACITY
+        else:
+            low, high = _capacity(t + at * h), _capacity(t + (1.0 - at) * h)
+            slope = (high - low) / (1.0 - 2.0 * at)
+            before, after = max(0.0, low - at * slope), high + at * slope
+        for f in range(w.shape[0]):
+            cap[KIN0, f], cap[KIN1, f] = before, after
+            cap[HI0, f], cap[HI1, f] = STICK * before, STICK * after
+            cap[LO0, f], cap[LO1, f] = -STICK * before, -STICK * after
+        if not quiet_step(h, minv, w, q, cap, v, mode, el, e_in, work):
+            driveline_step(h, t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_in, events, count, work)

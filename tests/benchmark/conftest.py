@@ -1,0 +1,13 @@
+"""The sample bag, copied: a report may be written beside a bag."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def sample_bag(tmp_path_factory) -> str:
+    """A run's folder."""
+    source = Path(__file__).resolve().parents[2] / "bags" / "sample"
+    return str(shutil.copytree(source, tmp_path_factory.mktemp("bench") / "sample"))
