@@ -23,6 +23,7 @@ class Kind(NamedTuple):
     commands: tuple[str, ...]
 
 
+LAW = {"my_law.py": HERE / "law_python" / "my_law.py"}
 HEADER = {"rig_controller.h": INCLUDE / "rig_controller.h"}
 KINDS = {
     "python": Kind("python", {}, ("./rig simulate demo --controller python:{dir}/my_controller.py:MyController",)),
@@ -37,7 +38,7 @@ KINDS = {
         "{dir}/my_controller &",
         "./rig simulate demo --controller udp:9002 --level current",
     )),
-    "udp-python": Kind("udp_python", {"rig_udp.py": HERE.parent / "udp_frames.py"}, (
+    "udp-python": Kind("udp_python", LAW | {"rig_udp.py": HERE.parent / "udp_frames.py"}, (
         "python3 {dir}/my_controller.py &",
         "./rig simulate demo --controller udp:9002 --level current",
     )),
@@ -54,7 +55,7 @@ KINDS = {
         ".venv/bin/python {dir}/my_plc.py &",
         "./rig simulate demo --controller modbus:5020",
     )),
-    "ros-python": Kind("ros_python", {"rig_ros.py": HERE.parent / "ros_node.py"}, (
+    "ros-python": Kind("ros_python", LAW | {"rig_ros.py": HERE.parent / "ros_node.py"}, (
         ".venv/bin/python {dir}/my_controller.py &",
         "./rig simulate demo --controller ros: --level current",
     )),

@@ -1,0 +1,29 @@
+"""The law: current setpoints in steps of 1 ms, from what the wires carry. my_controller.py brings it onto the wires.
+
+The old clutch is held until the new one is filled, then let go; the new one gets a plateau, then a ramp. Change it.
+"""
+
+from types import SimpleNamespace
+
+FILL, PLATEAU, SLOPE, HELD = 0.30, 0.22, 1.2, 0.74  # s, A, A/s, A
+OVERLAP, RELEASE = 0.25, 0.13  # s in which both clutches are on; A of the old one while the new one takes over
+
+
+class MyController:
+    def initialize(self, info):
+        self.gear, self.old, self.since = 0, 0, -10.0  # no shift is running
+        self.settings = info.parameters  # e.g. info.parameters["t12"], SI
+
+    def step(self, inputs):
+        if inputs.gear_request != self.gear:
+            self.old, self.gear, self.since = self.gear, inputs.gear_request, inputs.time
+        elapsed = inputs.time - self.since
+        command = [0.0, 0.0, 0.0]
+        if self.old and elapsed < OVERLAP + 0.2:
+            command[self.old - 1] = HELD if elapsed < OVERLAP else RELEASE
+        if self.gear:
+            command[self.gear - 1] = min(PLATEAU + SLOPE * max(0.0, elapsed - FILL), HELD)
+        return SimpleNamespace(command=command, setpoint=None, gear=self.gear, shifting=elapsed < 1.5, flags=0)
+
+    def terminate(self):
+        pass
