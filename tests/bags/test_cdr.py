@@ -16,7 +16,9 @@ from rig_nodes.bags.definitions import installed
 from rig_nodes.errors import RigError
 
 SHARE = Path(get_package_share_directory("rig_msgs")) / "msg"
-RIG_TYPES = sorted(f"rig_msgs/msg/{path.stem}" for path in SHARE.glob("*.msg"))
+# what bags hold; the messages of a controller's handshake, Controller*, have no stamp and are recorded by nobody
+HANDSHAKE = {f"Controller{name}" for name in ("Start", "Ready", "Step", "Answer")}
+RIG_TYPES = sorted(f"rig_msgs/msg/{path.stem}" for path in SHARE.glob("*.msg") if path.stem not in HANDSHAKE)
 TEXTS = ["", "x", "ab", "abc", "Sprzęgło S1 zamknięte", "four"]
 
 
