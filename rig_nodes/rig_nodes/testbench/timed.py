@@ -6,6 +6,7 @@ Base of testbench.rig (the gearbox) and testbench.clutch_bench.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -43,7 +44,7 @@ def check_range(name: str, value: float, signal: Signal) -> None:
                        f"{signal.unit}")
 
 
-class Timed:
+class Timed(ABC):
     """``channels``: names of the columns of a row, those of the logger first; ``sample``: controller samples since 0;
     ``settings``: record of what people and sequences set, with ``motor_on`` and ``safe``; ``reason``: of a trip.
 
@@ -73,9 +74,9 @@ class Timed:
                            f"{self.channels}")
 
     @property
+    @abstractmethod
     def status(self) -> RigStatus:
         """What the rig is doing."""
-        raise NotImplementedError
 
     def trip(self, reason: str) -> None:
         """Safe state: no drive torque, no clutch clamped; the first reason stays until reset."""
@@ -95,9 +96,9 @@ class Timed:
         self._log = np.zeros((LOG_ROWS * self._logger_stride, len(self.channels)))
         return self._log
 
+    @abstractmethod
     def advance_samples(self, samples: int = 1) -> None:
         """Move by so many controller samples."""
-        raise NotImplementedError
 
     @property
     def time_ns(self) -> int:
