@@ -82,7 +82,7 @@ def _verdicts(summary: dict) -> str:
                     f"{one['compared_highest_peak_nm']:.0f} Nm | {one['better']} of {one['pairs']} shifts | "
                     f"{one['better_rigs']} of {one['rigs']} rigs | {'yes' if one['dominates'] else 'no'} |")
     out = sum(verdict[CHOICES[0]][way]["left_out"] for verdict in summary["verdicts"] for way in summary["chosen"])
-    lines += ["", f"Left out are {out} shifts, which the compared settings do not make on the sampled rig or which it "
+    lines += ["", f"Left out: {out} shift{'s' if out != 1 else ''}, which the compared settings do not make on the sampled rig or which it "
                   "does not hold."]
     return "\n".join(lines)
 

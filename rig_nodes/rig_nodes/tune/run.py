@@ -32,7 +32,8 @@ from .uncertainty import sampled_rigs
 LEAST = "least"  # the search for the smallest peak at the largest load of II-I
 SCOUT = "scout "  # ahead of a way's name
 # shares of the shifts that are tried
-BUDGET = {"scout I-II": 0.22, "I-II": 0.25, "scout II-I": 0.22, "II-I": 0.25, LEAST: 0.06}
+BUDGET = {"scout I-II": 0.22, "I-II": 0.26, "scout II-I": 0.22, "II-I": 0.27, LEAST: 0.03}
+LEAST_GENERATIONS = 40  # with so few shifts in each, what the optimiser itself takes is most of a generation
 SCOUT_RIGS, SCOUT_POINTS = 6, slice(None, None, 2)  # of the search's: corners and middle of the grid
 FOUND = 19  # settings of a scout that a search begins with
 LIMIT = 1.0  # no share of any shift may be above it: nothing is bought with a shift that is worse than the compared one
@@ -135,8 +136,9 @@ def tune(problem: Problem, folder: Path, workers: Workers, journal: Journal,
             if progress:
                 progress(min(sum(one.shifts for one in studies.values()) / problem.shifts, 1.0),
                          f"{study.name}: {study.generation} generations")
-            done = problem.generations is not None and study.generation >= problem.generations
-            return done or study.shifts >= budget
+            most = min(np.inf if problem.generations is None else problem.generations,
+                       LEAST_GENERATIONS if study.name == LEAST else np.inf)
+            return study.generation >= most or study.shifts >= budget
 
         def note(entries: list[dict], seconds: float, study=study) -> None:
             cpu.append(seconds)
