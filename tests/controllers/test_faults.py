@@ -125,8 +125,8 @@ def check_safe_state(folder, oldest):
     (tripped,) = [t for t, _, name, _, _ in bag.events() if name == "rig_tripped"]
     states = [(t, m) for t, m in bag.messages("/valve_zr_p1/state")]
     assert max(m.duty for t, m in states if not m.safe) > 0.1
-    safe = [(t, m.duty) for t, m in states if m.safe]
-    assert len(safe) > 10 and all(duty == 0.0 for t, duty in safe if t > tripped)
+    safe = [(1e-9 * t, m.duty) for t, m in states if m.safe]
+    assert len(safe) > 10 and all(duty == 0.0 for t, duty in safe if t > tripped + 1e-6)
     t, asked = bag.series("I_set_zr_p1")
     assert 0.0 <= tripped - t[-1] <= oldest + 0.006, "a message each 5 ms"
     t, current = bag.series("I_zr_p1")
