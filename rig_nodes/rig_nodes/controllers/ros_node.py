@@ -41,6 +41,8 @@ class ControllerNode(Node):
     def __init__(self, controller, levels=("duty",), topics="controller", name="my_controller", **others):
         super().__init__(name, **others)
         self.controller, self.levels = controller, levels
+        # as the class has it: what an attribute of that name holds later is the controller's own
+        self.needs = {kind: tuple(getattr(controller, kind, ())) for kind in ("wants", "settings", "signals")}
         self.number = random.randrange(1, 2**32)  # tells this controller from others on the same topics
         self.session, self.running, self.runs, self.answer = 0, False, 0, None
         self.start = None
@@ -83,8 +85,8 @@ class ControllerNode(Node):
         """Why the controller cannot work in a run, or nothing: the level, or what its class names and the rig not."""
         if level not in self.levels:
             return f"this run is at level {level}, the controller's is {' and '.join(self.levels)}; choose with --level"
-        for kind in ("wants", "settings", "signals"):
-            for name in getattr(self.controller, kind, ()):
+        for kind, names in self.needs.items():
+            for name in names:
                 if name not in getattr(start, kind):
                     return f"it needs {name}; start the rig with ros:NAME?{kind}={name}"
         return ""

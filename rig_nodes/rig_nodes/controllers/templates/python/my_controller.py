@@ -14,7 +14,7 @@ class MyController:
 
     def initialize(self, info):
         self.gear, self.old, self.since = 0, 0, -10.0  # no shift is running
-        self.settings = info.parameters  # e.g. info.parameters["t12"], SI
+        self.parameters = info.parameters  # e.g. info.parameters["t12"], SI
 
     def step(self, inputs):
         if inputs.gear_request != self.gear:
