@@ -1,6 +1,5 @@
 """A rig worked by hand outlives its processes: safe state, the reason, the process once more, a whole bag."""
 
-import shutil
 import signal
 import time
 from pathlib import Path
@@ -46,8 +45,6 @@ def shifting(user, commands) -> None:
     ("alfa46", None), ("sequencer", None), ("recorder", None), ("alfa46", f"c:{C_BOX}"),
 ], ids=["alfa46", "sequencer", "recorder", "c-library"])
 def test_a_killed_process_is_started_again(tmp_path, victim, controller):
-    if controller and not shutil.which("cc"):
-        pytest.skip("no C compiler")
     graph = Graph(tmp_path / "run", controller=controller)
     user = Client(graph.domain)
     try:
