@@ -10,9 +10,10 @@ from xml.etree import ElementTree
 
 import pytest
 from rclpy.context import Context
+from rclpy.duration import Duration
 from rclpy.experimental import EventsExecutor
 from rclpy.task import Future
-from rig_msgs.msg import ControllerAnswer, ControllerStep
+from rig_msgs.msg import ControllerAnswer, ControllerReady, ControllerStart, ControllerStep
 
 from rig_nodes.bags import cdr
 from rig_nodes.bags.reader import Bag
@@ -57,10 +58,11 @@ class Steady:
     out = None
 
     def __init__(self):
-        self.ended, self.over = 0, threading.Event()
+        self.ended, self.begun, self.over = 0, threading.Event(), threading.Event()
 
     def initialize(self, info):
         self.info, self.steps = info, []
+        self.begun.set()
 
     def step(self, inputs):
         self.steps.append(inputs)
@@ -274,6 +276,29 @@ def test_a_controller_of_another_level_is_not_used_and_the_end_of_a_run_reaches_
     plug.close()
     assert user.over.wait(10.0)
     assert user.ended == 1 and not wrong.ended
+
+
+def test_a_refusal_displaces_no_other_nodes_ready(plug, thread):
+    """Both came before the rig looked, the refusal last."""
+    controller = Steady()
+    user, wrong = thread(controller, plug.topics_name), thread(Steady(), plug.topics_name, ("current",))
+    plug.other_side.open()
+    assert controller.begun.wait(20.0)
+    user.tell(ControllerReady.READY)
+    assert user._ready.wait_for_all_acked(Duration(seconds=10.0))
+    wrong.session = plug.other_side.session  # whether it has heard of the run by now or not
+    wrong.tell(ControllerReady.REFUSES, "again")
+    assert wrong._ready.wait_for_all_acked(Duration(seconds=10.0))
+    plug.wait(20.0)
+    assert ask(plug).command == (0.5, 0.0, 0.0)
+
+
+def test_the_goodbye_of_a_rig_before_ends_no_run(plug, thread):
+    user = Steady()
+    node = thread(user, plug.topics_name)
+    plug.wait(20.0)
+    node.on_start(ControllerStart(session=plug.other_side.session ^ 1, over=True))
+    assert ask(plug).command == (0.5, 0.0, 0.0) and not user.ended
 
 
 # ---- wrong answers

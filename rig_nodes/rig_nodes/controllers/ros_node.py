@@ -28,6 +28,8 @@ except ImportError:
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 UNCONFIRMED = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  # the rig asks again for a lost answer
 LASTING = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+# a reader's depth is for all writers together: one rig's goodbye must not displace the next one's start
+FROM_MANY = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 LEVELS = {"duty": (ControllerStart.LEVEL_DUTY, ControllerReady.DUTY),
           "current": (ControllerStart.LEVEL_CURRENT, ControllerReady.CURRENT)}
 
@@ -49,7 +51,7 @@ class ControllerNode(Node):
         self._ready = self.create_publisher(ControllerReady, f"/{topics}/ready", LASTING)
         self._answer = self.create_publisher(ControllerAnswer, f"/{topics}/answer", NEWEST)
         self.create_subscription(ControllerStep, f"/{topics}/step", self.on_step, UNCONFIRMED)
-        self.create_subscription(ControllerStart, f"/{topics}/start", self.on_start, LASTING)
+        self.create_subscription(ControllerStart, f"/{topics}/start", self.on_start, FROM_MANY)
 
     def tell(self, state, message=""):
         """ControllerReady: this node is ready, refuses or leaves."""
@@ -60,6 +62,8 @@ class ControllerNode(Node):
 
     def on_start(self, start):
         """A run begins or is over."""
+        if start.over and start.session != self.session:
+            return  # the goodbye of a rig before
         if self.running:
             self.end()
         if start.over:

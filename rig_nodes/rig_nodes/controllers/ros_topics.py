@@ -28,6 +28,8 @@ SENT = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 HEARD = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 # Those who come later get the newest one too.
 LASTING = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+# A reader's depth is for all writers together: with 1, one node's refusal would displace another's ready.
+FROM_MANY = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 ENCAPSULATION = b"\x00\x01\x00\x00"  # of little-endian CDR
 # session, controller, seq, sample, time, current (3), n_wej, n_wyj, p1, p2, gear request; two lists follow
@@ -122,7 +124,7 @@ class Topics:
         node = self._node
         self._start = node.create_publisher(ControllerStart, f"/{name}/start", LASTING)
         self._step = node.create_publisher(ControllerStep, f"/{name}/step", SENT)
-        self._ready = node.create_subscription(ControllerReady, f"/{name}/ready", _nothing, LASTING)
+        self._ready = node.create_subscription(ControllerReady, f"/{name}/ready", _nothing, FROM_MANY)
         self._answers = node.create_subscription(ControllerAnswer, f"/{name}/answer", _nothing, HEARD, raw=True)
         self._wait_set = rclpy_c.WaitSet(2, 0, 0, 0, 0, 0, self._context.handle)
 

@@ -30,7 +30,9 @@ class Node : public rclcpp::Node {
                                                   if (const ControllerAnswer *answer = box_.step(step))
                                                     answer_->publish(*answer);
                                                 });
-    start_ = create_subscription<ControllerStart>("/" + topics + "/start", lasting,
+    // a reader's depth is for all writers together: one rig's goodbye must not displace the next one's start
+    const rclcpp::QoS from_many = rclcpp::QoS(10).transient_local();
+    start_ = create_subscription<ControllerStart>("/" + topics + "/start", from_many,
                                                   [this](const ControllerStart &start) {
                                                     if (const auto said = box_.start(start)) ready_->publish(*said);
                                                   });

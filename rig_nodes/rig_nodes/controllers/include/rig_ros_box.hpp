@@ -56,6 +56,7 @@ class Box {
 
   // A run begins or is over; what to say to that.
   std::optional<ControllerReady> start(const ControllerStart &start) {
+    if (start.over && start.session != start_.session) return std::nullopt;  // the goodbye of a rig before
     end();
     if (start.over) return std::nullopt;
     start_ = start;
