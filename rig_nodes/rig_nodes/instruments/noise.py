@@ -34,7 +34,7 @@ def noise_at(key, sample):
     total = float(z & low) + float((z >> np.uint64(16)) & low)
     total += float((z >> np.uint64(32)) & low) + float(z >> np.uint64(48))
     # four uniforms on 0..65535: mean 131070, variance 4 (65536^2 - 1) / 12
-    return (total - 131070.0) / 37837.22722
+    return (total - 131070.0) * (1.0 / 37837.22722)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

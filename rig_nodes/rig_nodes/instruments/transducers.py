@@ -23,13 +23,13 @@ HARMONICS = {1: 1.0, 3: 0.3, 5: 0.15}  # of the mains and their shares of the fi
 SQRT2 = sqrt(2.0)
 # all channels of a logger side by side, for :func:`show`: as wide as two vectors of the processor. table: as above;
 # white: noise of the analog channels; keys: of the noise; state: of the low passes; angle: of the encoders, in counts;
-# counted: their counters a gate ago, then now; induced: voltage of the coils less its mean; mains: hum; row: true
-# values, then what is shown; pickup, noisy > 0: somebody has some
+# counted: their counters a gate ago, then now; fineness: steps of the converter per unit; induced: voltage of the coils
+# less its mean; mains: hum; row: true values, then what is shown; pickup, noisy > 0: somebody has some
 LANES = 16
 SHOWN = np.dtype([
     ("table", "f8", (ROWS, LANES)), ("white", "f8", (LANES,)), ("keys", "u8", (LANES,)), ("state", "f8", (LANES,)),
-    ("angle", "f8", (LANES,)), ("counted", "f8", (LANES,)), ("induced", "f8", (LANES,)), ("row", "f8", (LANES,)),
-    ("mains", "f8"), ("pickup", "f8"), ("noisy", "f8"),
+    ("angle", "f8", (LANES,)), ("counted", "f8", (LANES,)), ("fineness", "f8", (LANES,)), ("induced", "f8", (LANES,)),
+    ("row", "f8", (LANES,)), ("mains", "f8"), ("pickup", "f8"), ("noisy", "f8"),
 ])
 
 
@@ -91,6 +91,7 @@ def take(shown, table, keys, state):
             shown.table[i, c] = table[i, c]
         shown.keys[c] = keys[c]
         shown.state[c] = shown.angle[c] = state[c]
+        shown.fineness[c] = 1.0 / table[QUANTUM, c] if table[QUANTUM, c] > 0.0 else 0.0
         shown.white[c] = table[NOISE, c] if table[STEP, c] == 0.0 else 0.0
         if table[PICKUP, c] > 0.0:
             shown.pickup = 1.0
@@ -138,5 +139,5 @@ def show(shown, index):
     for c in range(LANES):
         value = min(max(row[c], table[LOW, c]), table[HIGH, c])
         quantum = table[QUANTUM, c]
-        steps = np.rint(value / quantum) * quantum + 0.0  # no zero with a sign
+        steps = np.rint(value * shown.fineness[c]) * quantum + 0.0  # no zero with a sign
         row[c] = steps if quantum > 0.0 else value

@@ -5,7 +5,9 @@ Used by testbench.procedure for campaigns; gives the same rows, bit for bit, as 
 
 from __future__ import annotations
 
+import ctypes
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 
@@ -22,6 +24,7 @@ from .topics import COMMAND, SCALAR_SAMPLES, Heard
 LOGGER_PERIOD = 1e-4  # s, 10 kHz
 CHUNK = 500  # controller samples between two looks into the ring of rows, which holds at least 1.9 s
 FIRST_ROWS = 200_000  # for which there is room at first: 20 s at 10 kHz
+KEPT_MEMORY = 1 << 28  # bytes that are freed and yet kept for the next run
 ORDER = "shift_ordered"  # event of the controller with the gear as value
 
 
@@ -130,6 +133,15 @@ class Listener:
         """A setpoint that the rig has taken; nobody listens to it here."""
 
 
+@cache
+def keep_freed_memory() -> None:
+    """Have the C library keep what is freed: the system hands it out again page by page, 40 ns for each row of a run."""
+    trim_threshold, mmap_threshold = -1, -3  # numbers of malloc.h
+    mallopt = ctypes.CDLL(None).mallopt
+    mallopt(mmap_threshold, KEPT_MEMORY >> 3)  # 32 MB, the most that it takes
+    mallopt(trim_threshold, KEPT_MEMORY)
+
+
 class Rows:
     """Collects the rows of a rig, one every ``period`` [s], before its ring overwrites them."""
 
@@ -139,7 +151,8 @@ class Rows:
         if abs(self.per_sample * period - SAMPLE_NS * 1e-9) > 1e-12 or self.per_sample < 1:
             raise RigError(f"rows every {period * 1e6:g} us do not fit into samples of 1000 us; take e.g. 100 us or "
                            "8 us")
-        count = rig.rows_at(period, 0, 0).shape[1]  # refuses a period that is no whole number of steps
+        count = rig.rows_in_ring(period, 0, 0).shape[1]  # refuses a period that is no whole number of steps
+        keep_freed_memory()
         # one array a channel: a single large one would come in huge pages, which the kernel may take 0.1 s to find
         self._columns = [np.empty(FIRST_ROWS) for _ in range(count)]
         self._taken = 0
@@ -151,7 +164,7 @@ class Rows:
             for number, column in enumerate(self._columns):
                 self._columns[number] = np.empty(2 * last)
                 self._columns[number][:first] = column[:first]
-        rows = self.rig.rows_at(self.period, first, last - first)
+        rows = self.rig.rows_in_ring(self.period, first, last - first)
         for number, column in enumerate(self._columns):
             column[first:last] = rows[:, number]
         self._taken = last

@@ -93,7 +93,8 @@ class Timed(ABC):
 
     def ring(self) -> np.ndarray:
         """An empty ring of rows."""
-        self._log = np.zeros((LOG_ROWS * self._logger_stride, len(self.channels)))
+        # a channel's values lie side by side: whoever keeps rows copies whole channels
+        self._log = np.zeros((LOG_ROWS * self._logger_stride, len(self.channels)), order="F")
         return self._log
 
     @abstractmethod
@@ -143,6 +144,10 @@ class Timed(ABC):
         """Rows (rows, channels) ``first`` to ``first + rows - 1``, one every ``period`` [s] from time 0, of all
         channels; RigError when they are not there any more or the period is no whole number of steps.
         """
+        return self.rows_in_ring(period, first, rows).copy()
+
+    def rows_in_ring(self, period: float, first: int, rows: int) -> np.ndarray:
+        """As :meth:`rows_at`, for who copies them at once: they lie in the ring itself, which is overwritten."""
         steps = period / self.step
         stride = round(steps)
         if abs(steps - stride) > 1e-9 or stride < 1:
@@ -153,6 +158,6 @@ class Timed(ABC):
             raise RigError(f"rows {first} to {first + rows - 1} are not in the ring at {self.time:g} s")
         place = begin % len(self._log)
         if place + last - begin < len(self._log):
-            return self._log[place:place + rows * stride:stride].copy()
+            return self._log[place:place + rows * stride:stride]
         return self._log[(begin + stride * np.arange(rows)) % len(self._log)]
 
