@@ -37,6 +37,8 @@ class Encoder:
         self._arrays = any(node.kind != "number" for _, node in self._fixed_fields)
         self._booleans = [i for i, (_, node) in enumerate(self._fixed_fields) if node.name == "bool"]
         self._tail, self._count = definition.tail, len(self._fields)
+        if not (self._tail or self._arrays or self._booleans):
+            self.encode = self._numbers_only
 
     def encode(self, stamp_ns: int, seq: int, *values) -> bytes:
         """The message as bytes, encapsulation included.
@@ -65,6 +67,13 @@ class Encoder:
         for (name, node), value in zip(self._tail, values[len(fixed):]):
             _write(out, node, value, f"{self.name}.{name}")
         return bytes(out)
+
+    def _numbers_only(self, stamp_ns: int, seq: int, *values) -> bytes:
+        """:meth:`encode` for most of a run's messages."""
+        try:
+            return self._pack(HEADER, stamp_ns // _SECOND, stamp_ns % _SECOND, seq, *values)
+        except (struct.error, TypeError, OverflowError):
+            return Encoder.encode(self, stamp_ns, seq, *values)  # which says what is wrong
 
     def _flat(self, values) -> list:
         flat: list = []

@@ -129,6 +129,7 @@ def installed(ros_type: str) -> Definition:
     return parse(ros_type, text)
 
 
+@lru_cache(maxsize=256)
 def parse(ros_type: str, text: str) -> Definition:
     """A definition from the text a bag stores: the message itself, then each type it needs after ``MSG:``.
 
@@ -160,13 +161,18 @@ def _collect(ros_type: str, texts: dict[str, str]) -> None:
                        f"'./rig doctor' says what is") from None
     except FileNotFoundError:
         raise RigError(f"the package '{package}' has no message '{short}'") from None
-    for _, fields in [get_types_from_msg(texts[ros_type], ros_type)[ros_type]]:
-        for _, description in fields:
-            kind, value = description
-            if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
-                kind, value = value[0]
-            if kind == Nodetype.NAME:
-                _collect(value, texts)
+    for _, description in _fields_of(ros_type, texts[ros_type]):
+        kind, value = description
+        if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+            kind, value = value[0]
+        if kind == Nodetype.NAME:
+            _collect(value, texts)
+
+
+@lru_cache(maxsize=256)
+def _fields_of(ros_type: str, text: str):
+    """Fields in the words of rosbags; a time is part of every message."""
+    return get_types_from_msg(text, ros_type)[ros_type][1]
 
 
 def _short(ros_type: str) -> str:

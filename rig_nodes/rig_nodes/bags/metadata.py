@@ -5,9 +5,11 @@ Written by the writer, without anything of the host or of the wall clock; profil
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import lru_cache
 from io import StringIO
+from textwrap import indent
 
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
@@ -15,6 +17,7 @@ from ruamel.yaml.error import YAMLError
 from ..errors import BagError
 
 VERSION = 9
+_CLASS = re.compile(r"^(( *)offered_qos_profiles:) (\w+)\n", re.MULTILINE)
 FOREVER = {"sec": 9223372036, "nsec": 854775807}
 
 
@@ -79,7 +82,7 @@ def bag_metadata(file_name: str, topics: list[dict], start_ns: int, end_ns: int)
     count = sum(topic["count"] for topic in topics)
     starting_time = {"nanoseconds_since_epoch": start_ns}
     duration = {"nanoseconds": end_ns - start_ns}
-    return _yaml({
+    information = _yaml({
         "version": VERSION,
         "storage_identifier": "mcap",
         "duration": duration,
@@ -91,7 +94,7 @@ def bag_metadata(file_name: str, topics: list[dict], start_ns: int, end_ns: int)
                     "name": topic["name"],
                     "type": topic["type"],
                     "serialization_format": "cdr",
-                    "offered_qos_profiles": [PROFILES[topic["qos"]]],
+                    "offered_qos_profiles": topic["qos"],
                     "type_description_hash": topic["hash"],
                 },
                 "message_count": topic["count"],
@@ -106,6 +109,8 @@ def bag_metadata(file_name: str, topics: list[dict], start_ns: int, end_ns: int)
         "custom_data": None,
         "ros_distro": "jazzy",
     })
+    # there are few classes and many topics, and the library is slow
+    return _CLASS.sub(lambda found: found[1] + "\n" + indent(profile_text(found[3]), found[2]), information)
 
 
 def metadata_file(information: str) -> str:

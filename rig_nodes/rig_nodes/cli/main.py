@@ -7,6 +7,7 @@ with PASSES_ON = True gets its arguments as they are, in args.passed_on.
 
 import argparse
 import difflib
+import gc
 import importlib
 import os
 import sys
@@ -68,6 +69,7 @@ def run_verb(verb: str, arguments: list[str]) -> int:
 def main(arguments: list[str] | None = None) -> int:
     """Entry point of the launcher and of the console script; returns the exit code."""
     arguments = sys.argv[1:] if arguments is None else arguments
+    gc.set_threshold(500_000)  # what is loaded stays; to look through it again and again costs a start 0.1 s
     try:
         if not arguments or arguments[0] in ("-h", "--help", "help"):
             print(usage())

@@ -74,7 +74,8 @@ class Outputs:
         if self.commands and answered > self._answered:
             self._answered = answered
             yield self._message(COMMAND, answered * SAMPLE_NS, *self.states.command())
-        yield from self._cuts(now)
+        if rig.cuts.devices:
+            yield from self._cuts(now)
         self._watch_status()
         for topic, stamp, *values in self._queued:
             yield self._message(topic, stamp, *values)
