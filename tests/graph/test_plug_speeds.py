@@ -4,6 +4,7 @@ The short test runs always; the whole matrix on demand: `./rig test -m campaign 
 the factors that docs/controllers.md shows.
 """
 
+import contextlib
 import os
 import re
 import signal
@@ -19,6 +20,7 @@ from running_graph import RigRun
 import rig_nodes
 from rig_nodes.bags.reader import Bag
 from rig_nodes.fmu.build import build_controller_fmu
+from rig_nodes.graph.domain import allocate, environment
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
@@ -38,6 +40,11 @@ PLUGS = {  # specification, or how it is made; word in the command line of the p
     "simulink": (f"simulink:{EXAMPLES / 'simulink'}", "c_host.py"),
     "udp": ("udp:{port}", "examples.alfa46_udp"),
     "fmu": ("fmu:{folder}/alfa46.fmu", "rig_nodes.controllers.fmu_process"),
+    "ros": ("ros:speeds", "examples.alfa46_ros"),
+}
+PROGRAMS = {  # what runs beside the rig, with its arguments
+    "udp": ("rig_nodes.controllers.examples.alfa46_udp", "127.0.0.1", "{port}"),
+    "ros": ("rig_nodes.controllers.examples.alfa46_ros", "speeds"),
 }
 
 
@@ -75,6 +82,21 @@ def process_of(run, word):
     return next(pid for pid in found if below(pid))
 
 
+@contextlib.contextmanager
+def program_of(plug, port, domain):
+    """The controller's own program, of the plugs that have one."""
+    if plug not in PROGRAMS:
+        yield
+        return
+    words = [word.format(port=port) for word in PROGRAMS[plug]]
+    program = subprocess.Popen([sys.executable, "-m", *words], env=environment(domain))
+    try:
+        yield
+    finally:
+        program.kill()
+        program.wait()
+
+
 def check(folder, sequence, expected, plug, speed, stop=0.0):
     """Run it; the bag is that of `simulate`, and the factor that is printed is what the speed and the stop let be."""
     spec, word = PLUGS[plug]
@@ -83,13 +105,10 @@ def check(folder, sequence, expected, plug, speed, stop=0.0):
         port = free.getsockname()[1]
     if plug == "fmu":
         build_controller_fmu([EXAMPLES / "alfa46.c"], folder / "alfa46.fmu", load_rig().alfa46)
-    program = None
-    if plug == "udp":
-        module = "rig_nodes.controllers.examples.alfa46_udp"
-        program = subprocess.Popen([sys.executable, "-m", module, "127.0.0.1", str(port)])
-    try:
+    with allocate() as domain, program_of(plug, port, domain):
         run = RigRun(folder / "run", "--speed", speed, "--step-timeout", "none", "--controller",
-                     spec.format(port=port, folder=folder), sequence=sequence)
+                     spec.format(port=port, folder=folder), sequence=sequence,
+                     env={"ROS_DOMAIN_ID": str(domain.number)})
         if stop:
             run.until("shift to I")
             controller = process_of(run, word)
@@ -97,10 +116,6 @@ def check(folder, sequence, expected, plug, speed, stop=0.0):
             time.sleep(stop)
             os.kill(controller, signal.SIGCONT)
         code, output = run.end()
-    finally:
-        if program:
-            program.kill()
-            program.wait()
     assert code == 0, output
     hashes, seconds = expected
     found = Bag(run.folder).canonical_hash()
@@ -110,8 +125,9 @@ def check(folder, sequence, expected, plug, speed, stop=0.0):
     return factor
 
 
-def test_half_speed_and_a_stop_in_a_debugger_change_no_bit(tmp_path, sequence, expected):
-    check(tmp_path, sequence, expected, "c", "0.5", stop=1.5)
+@pytest.mark.parametrize("plug", ["c", "ros"])
+def test_half_speed_and_a_stop_in_a_debugger_change_no_bit(tmp_path, sequence, expected, plug):
+    check(tmp_path, sequence, expected, plug, "0.5", stop=1.5)
 
 
 @pytest.mark.campaign
