@@ -34,7 +34,9 @@ class Encoder:
         leaves = definition.leaves
         self._pack = struct.Struct(_struct_format(leaves)).pack
         self._fixed_fields = self._fields[:len(self._fields) - len(definition.tail)]
-        self._arrays = any(node.kind != "number" for _, node in self._fixed_fields)
+        # numbers of each field, None for one that stands alone
+        self._counts = [None if node.kind == "number" else node.count for _, node in self._fixed_fields]
+        self._arrays = any(self._counts)
         self._booleans = [i for i, (_, node) in enumerate(self._fixed_fields) if node.name == "bool"]
         self._tail, self._count = definition.tail, len(self._fields)
         if not (self._tail or self._arrays or self._booleans):
@@ -77,13 +79,13 @@ class Encoder:
 
     def _flat(self, values) -> list:
         flat: list = []
-        for (name, node), value in zip(self._fixed_fields, values):
-            if node.kind == "number":
+        for i, (count, value) in enumerate(zip(self._counts, values)):
+            if count is None:
                 flat.append(value)
-                continue
-            if len(value) != node.count:
-                raise TypeError(f"{self.name}.{name} has {node.count} elements, got {len(value)}")
-            flat.extend(value)
+            elif len(value) == count:
+                flat.extend(value)
+            else:
+                raise TypeError(f"{self.name}.{self._fields[i][0]} has {count} elements, got {len(value)}")
         return flat
 
     def _explain(self, stamp_ns, seq, values) -> None:

@@ -21,6 +21,7 @@ from .mcap_file import MAGIC
 
 COMPRESSION = "zstd"
 _MESSAGE = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
+_MESSAGE_OPCODE = int(Opcode.MESSAGE)  # as a plain number: an enumeration's member costs as much as all the packing
 _MESSAGE_HEAD = 2 + 4 + 8 + 8  # bytes of it that its length counts
 _MESSAGE_INDEX = struct.Struct("<BQHI")  # opcode, length, channel, bytes of the entries
 _CHUNK = struct.Struct("<BQQQQII4sQ")  # opcode, length, first and last time, size, CRC, compression, packed size
@@ -60,14 +61,9 @@ class McapWriter:
 
     def add_message(self, channel: int, log_time: int, data: bytes, sequence: int) -> None:
         """Store a message with its time [ns], which is that of its publication, too."""
-        index = self._indices.get(channel)
-        if index is None:
-            index = self._indices[channel] = array("Q")
-        index.append(log_time)
-        index.append(self._size)
         size = _MESSAGE_HEAD + len(data)
-        self._parts.append(_MESSAGE.pack(Opcode.MESSAGE, size, channel, sequence, log_time, log_time))
-        self._parts.append(data)
+        self._indices[channel] += log_time, self._size
+        self._parts += _MESSAGE.pack(_MESSAGE_OPCODE, size, channel, sequence, log_time, log_time), data
         self._size += 9 + size
         if self._size > self._chunk_bytes:
             self._end_chunk()
@@ -110,7 +106,7 @@ class McapWriter:
     def _begin_chunk(self) -> None:
         self._parts: list[bytes] = []
         self._size = 0
-        self._indices: dict[int, array] = {}  # by channel: log time and offset of each message
+        self._indices: dict[int, list[int]] = defaultdict(list)  # by channel: log time and offset of each message
 
     def _into_chunk(self, record: bytes) -> None:
         self._parts.append(record)
@@ -130,7 +126,7 @@ class McapWriter:
         indices_at, places, rows = self._file.tell(), {}, []
         for channel, index in self._indices.items():
             places[channel] = indices_at + sum(map(len, rows))
-            entries = index.tobytes()
+            entries = array("Q", index).tobytes()
             rows.append(_MESSAGE_INDEX.pack(Opcode.MESSAGE_INDEX, 6 + len(entries), channel, len(entries)) + entries)
             self._counts[channel] += len(index) // 2
         table = b"".join(rows)
