@@ -301,6 +301,27 @@ def test_the_goodbye_of_a_rig_before_ends_no_run(plug, thread):
     assert ask(plug).command == (0.5, 0.0, 0.0) and not user.ended
 
 
+def test_a_node_says_what_it_needs_and_serves_on_when_its_end_of_a_run_fails(plug, thread, config):
+    class Needing(Steady):
+        settings = {"gain": 2.0}
+
+        def terminate(self):
+            super().terminate()
+            raise ValueError("no such file")
+
+    user = Needing()
+    thread(user, plug.topics_name)
+    with pytest.raises(RigError, match=r"it needs gain; start the rig with ros:NAME\?settings=gain:VALUE"):
+        plug.wait(1.0)
+    for gain in (3.0, 4.0):
+        user.over.clear()
+        run = load_controller(f"{plug.name}?settings=gain:{gain}", config.alfa46)
+        run.wait(20.0)
+        assert ask(run).command == (0.5, 0.0, 0.0) and user.steps[0].settings == {"gain": gain}
+        run.close()
+        assert user.over.wait(10.0)
+
+
 # ---- wrong answers
 
 
