@@ -391,15 +391,22 @@ def test_one_rig_has_the_topics(plug, config, ros_domain):
         load_controller(plug.name, config.alfa46).pace(1.0)
 
 
+def test_a_domain_that_is_none_is_refused(config, ros_domain, monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", "lab")
+    with pytest.raises(RigError, match="ROS_DOMAIN_ID is 'lab', expected a number from 0 to 232"):
+        load_controller("ros:", config.alfa46).pace(1.0)
+
+
 # ---- by its own clock
 
 
-def test_free_running_nobody_waits_and_silence_is_the_safe_state(config, ros_program):
+def test_free_running_nobody_waits_and_silence_is_the_safe_state(config, ros_program, ros_domain):
     """What the delay does to a shift is measured in test_free_running.py."""
     process = ros_program("dying")
     plug, said = load_controller("ros:dying?timing=free", config.alfa46), []
     plug.say = said.append
     plug.wait(20.0)
+    assert said[-1] == f"controller on ROS topic /dying/answer in domain {ros_domain} is here"
     assert plug.level == "current"
     rig = Rig(config, controller="external", level=plug.level)
     plug.order(1)
