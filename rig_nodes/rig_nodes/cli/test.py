@@ -68,7 +68,7 @@ def main(args: argparse.Namespace) -> int:
 def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
     """Every test: the parts side by side, then those against the clock, then their second chance."""
     began, counts, codes = time.monotonic(), Counter(), []
-    shutil.rmtree(root / PARTS, ignore_errors=True)  # pytest notes there for ever what failed and has been renamed since
+    shutil.rmtree(root / PARTS, ignore_errors=True)  # pytest would keep what failed once and has another name now
     subprocess.run([sys.executable, "-m", "rig_nodes.testbench.preloaded"], env=env, cwd=root)  # or two would compile
     parts, clock = parts_of(root)
     at_a_time = min(len(os.sched_getaffinity(0)), MOST_PARTS)
