@@ -33,7 +33,9 @@ ARGUMENTS = (
     ("rig", "hydmag", "name or .yaml file of the rig's configuration"),
     ("out", "", "new or empty folder for bag, report and logs; empty: runs/<sequence>-<n>"),
     ("seed", "1", "seed of the transducers' noise and errors"),
-    ("controller", "", "your controller in place of the Alfa46: python:FILE.py:CLASS or c:FILE.c"),
+    ("controller", "", "your controller in place of the Alfa46: python:FILE.py:CLASS, c:FILE.c, ros:NAME or another "
+                       "of docs/controllers.md"),
+    ("delay", "1", "samples of 1 ms from a measurement to the effect of the controller's answer to it"),
 )
 AFTER_FAILURE = 1.0  # s in which the rig notices that its controller is gone and the bag gets the safe state
 END_ORDER = ("rig_container", "alfa46", "recorder")  # each hears everything of those before it
@@ -118,7 +120,7 @@ def start(context) -> list:
     if folder is not None:
         (folder / "logs").mkdir()
         run.add("recorder", "--out", str(folder), "--name", name)
-    run.add("rig_container", *rig, *chosen, "--seed", given["seed"])
+    run.add("rig_container", *rig, *chosen, "--seed", given["seed"], "--delay", given["delay"])
     run.add("alfa46", *rig, *(["--controller", given["controller"]] if given["controller"] else []))
     run.add("sequencer", *rig, *chosen, *(["--once"] if sequence else []))
     return [RegisterEventHandler(OnProcessExit(on_exit=run.on_exit)), *run.nodes.values()]

@@ -301,6 +301,27 @@ def test_the_goodbye_of_a_rig_before_ends_no_run(plug, thread):
     assert ask(plug).command == (0.5, 0.0, 0.0) and not user.ended
 
 
+def test_a_node_says_what_it_needs_and_serves_on_when_its_end_of_a_run_fails(plug, thread, config):
+    class Needing(Steady):
+        settings = {"gain": 2.0}
+
+        def terminate(self):
+            super().terminate()
+            raise ValueError("no such file")
+
+    user = Needing()
+    thread(user, plug.topics_name)
+    with pytest.raises(RigError, match=r"it needs gain; start the rig with ros:NAME\?settings=gain:VALUE"):
+        plug.wait(1.0)
+    for gain in (3.0, 4.0):
+        user.over.clear()
+        run = load_controller(f"{plug.name}?settings=gain:{gain}", config.alfa46)
+        run.wait(20.0)
+        assert ask(run).command == (0.5, 0.0, 0.0) and user.steps[0].settings == {"gain": gain}
+        run.close()
+        assert user.over.wait(10.0)
+
+
 # ---- wrong answers
 
 
@@ -370,15 +391,22 @@ def test_one_rig_has_the_topics(plug, config, ros_domain):
         load_controller(plug.name, config.alfa46).pace(1.0)
 
 
+def test_a_domain_that_is_none_is_refused(config, ros_domain, monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", "lab")
+    with pytest.raises(RigError, match="ROS_DOMAIN_ID is 'lab', expected a number from 0 to 232"):
+        load_controller("ros:", config.alfa46).pace(1.0)
+
+
 # ---- by its own clock
 
 
-def test_free_running_nobody_waits_and_silence_is_the_safe_state(config, ros_program):
+def test_free_running_nobody_waits_and_silence_is_the_safe_state(config, ros_program, ros_domain):
     """What the delay does to a shift is measured in test_free_running.py."""
     process = ros_program("dying")
     plug, said = load_controller("ros:dying?timing=free", config.alfa46), []
     plug.say = said.append
     plug.wait(20.0)
+    assert said[-1] == f"controller on ROS topic /dying/answer in domain {ros_domain} is here"
     assert plug.level == "current"
     rig = Rig(config, controller="external", level=plug.level)
     plug.order(1)

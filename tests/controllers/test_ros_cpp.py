@@ -9,10 +9,10 @@ from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from rig_msgs.msg import ControllerReady
 
 from rig_nodes.controllers import load_controller
-from rig_nodes.controllers.templates import write_template
 from rig_nodes.testbench.configuration import load_rig
 
 from .conftest import ALFA46_C, CONTROLLERS, INCLUDE
+from .test_parity import C
 
 STRICT = ("-std=c++17", "-O1", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror")
 # reads what a rig would send, writes what the box says
@@ -125,15 +125,59 @@ def test_the_law_behind_the_messages_gives_the_bits_of_the_built_in_one(box, lev
     assert last == f"{ControllerReady.LEAVES} enough 0"
 
 
-def test_a_controller_that_does_not_know_the_level_refuses(messages, tmp_path):
-    write_template("ros-cpp", str(tmp_path / "mine"))
-    (tmp_path / "main.cpp").write_text(MAIN)
-    sources = [tmp_path / "main.cpp", tmp_path / "mine" / "my_controller.cpp"]
+# one controller with names of its own; each run asks for another set of them
+NAMES_MAIN = r"""
+#include "rig_ros_box.hpp"
+
+int main() {
+  using Start = rig_msgs::msg::ControllerStart;
+  rig_ros::Box box;
+  Start start;
+  const auto tell = [&] {
+    start.session += 1;
+    const auto said = box.start(start);
+    std::printf("%d %s\n", said->state, said->message.c_str());
+  };
+  start.level = Start::LEVEL_DUTY;
+  tell();
+  start.level = Start::LEVEL_CURRENT;
+  tell();
+  start.wants = {"M_wyj", "M_wej", "p_p"};
+  tell();
+  start.settings = {"other", "held"};
+  tell();
+  start.signals = {"held_now", "slip", "twice"};
+  tell();
+  start.signals = {"held_now", "twice"};
+  tell();
+  rig_msgs::msg::ControllerStep step;
+  step.session = start.session;
+  step.seq = 1;
+  step.others = {1.0, 2.0, 4e6};
+  step.settings = {0.5, 0.25};
+  const auto *answer = box.step(step);
+  std::printf("%g %zu %g %g\n", answer->command[0], answer->signals.size(), answer->signals[0], answer->signals[1]);
+}
+"""
+
+
+def test_what_it_needs_is_said_and_what_it_names_as_its_own_is_brought(messages, tmp_path):
+    """The rig's order of names is not the controller's, and the rig may have more transducers than it wants."""
+    (tmp_path / "main.cpp").write_text(NAMES_MAIN)
+    (tmp_path / "mine.cpp").write_text(C)
+    sources = [tmp_path / "main.cpp", tmp_path / "mine.cpp"]
     subprocess.run(["c++", *STRICT, f"-I{INCLUDE}", *messages, *sources, "-o", tmp_path / "box"], check=True)
-    for level, state in ((0, ControllerReady.REFUSES), (1, ControllerReady.READY)):  # duty, current
-        data = struct.pack("<BdII", level, 0.8, 0, 0)
-        said = subprocess.run([tmp_path / "box"], input=data, capture_output=True).stdout.decode().split()
-        assert said[:3] == ["5", str(state), str(ControllerReady.CURRENT)]
+    said = subprocess.run([tmp_path / "box"], capture_output=True, text=True, check=True).stdout.splitlines()
+    refuses = ControllerReady.REFUSES
+    assert said == [
+        f"{refuses} this run is at level duty, which the controller does not know; choose with --level",
+        f"{refuses} it needs p_p; start the rig with ros:NAME?wants=p_p",
+        f"{refuses} it needs held; start the rig with ros:NAME?settings=held:VALUE",
+        f"{refuses} it needs twice; start the rig with ros:NAME?signals=twice",
+        f"{refuses} it has no signal slip, which ros:NAME?signals= asks for",
+        f"{ControllerReady.READY} ",
+        "0.125 2 0.125 8e+06",
+    ]
 
 
 def test_the_node_compiles_without_a_warning(messages):

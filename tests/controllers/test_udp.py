@@ -36,7 +36,7 @@ from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import advance_with, simulate
 from rig_nodes.testbench.timed import RigStatus
 
-from .conftest import ALFA46_C, CONTROLLERS, INCLUDE, SANITIZE, STRICT, ask
+from .conftest import ALFA46_C, C_FRAME, CONTROLLERS, INCLUDE, SANITIZE, STRICT, ask
 
 ZERO = ((0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
 
@@ -468,6 +468,17 @@ def test_the_c_example_is_clean_under_the_sanitizers(tmp_path, port, config):
     process.send_signal(signal.SIGTERM)
     said = process.communicate(timeout=10)[1]
     assert process.returncode == 0 and said == ""
+
+
+def test_a_c_program_whose_controller_refuses_says_why_and_fails(tmp_path, port, plug):
+    refusing = C_FRAME.replace("(void)info;", 'strcpy(info->message, "no t12"); return RIG_ERROR;').replace("STEP", "")
+    (tmp_path / "mine.c").write_text("#include <string.h>\n" + refusing)
+    sources = [CONTROLLERS / "examples" / "udp_main.c", tmp_path / "mine.c"]
+    subprocess.run(["cc", "-std=gnu99", f"-I{INCLUDE}", "-o", tmp_path / "mine", *sources], check=True)
+    process = subprocess.Popen([tmp_path / "mine", "127.0.0.1", str(port)], stderr=subprocess.PIPE, text=True)
+    with pytest.raises(RigError, match="none has come"):
+        plug.wait(0.5)
+    assert process.communicate(timeout=10)[1] == "the controller refuses: no t12\n" and process.returncode == 1
 
 
 def test_the_c_header_is_usable_from_cpp(tmp_path):

@@ -122,11 +122,12 @@ steps:
 """
 
 
-def test_a_sequence_driven_through_fmi_has_the_metrics_of_simulate(rig_fmu, tmp_path, capsys):
-    sequence = tmp_path / "up_and_down.yaml"
-    sequence.write_text(UP_AND_DOWN)
-    assert example.main([str(rig_fmu()), str(sequence), "--out", str(tmp_path / "fmu")]) == 0
-    assert main(["simulate", str(sequence), "--out", str(tmp_path / "simulate")]) == 0
+@pytest.mark.parametrize("sequence", ["up_and_down.yaml", pytest.param("demo", marks=pytest.mark.campaign)])
+def test_a_sequence_driven_through_fmi_has_the_metrics_of_simulate(sequence, rig_fmu, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("up_and_down.yaml").write_text(UP_AND_DOWN)
+    assert example.main([str(rig_fmu()), sequence, "--out", "fmu"]) == 0
+    assert main(["simulate", sequence, "--out", "simulate"]) == 0
     driven, simulated = (json.loads((tmp_path / name / "report.json").read_text()) for name in ("fmu", "simulate"))
     assert len(simulated["shifts"]) == 2 and all(shift["valid"] for shift in simulated["shifts"])
     for one, other in zip(driven["shifts"], simulated["shifts"], strict=True):

@@ -80,6 +80,7 @@ def test_a_controller_that_dies_in_lockstep_trips_at_once(tmp_path):
 @pytest.mark.parametrize("arguments, sentence", [
     (("--speed", "0"), "expected a number above 0 or max"), (("--speed", "fast"), "expected a number above 0 or max"),
     (("--step-timeout", "-1"), "expected a number above 0"), (("--controller", "c:none.so"), "none.so"),
+    (("--delay", "0"), "in real time time passes while the controller computes"),
 ])
 def test_wrong_options_are_refused(tmp_path, arguments, sentence, capsys):
     assert main(["run", str(SHORT), "--out", str(tmp_path / "run"), *arguments]) == 2

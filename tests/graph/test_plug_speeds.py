@@ -121,13 +121,13 @@ def check(folder, sequence, expected, plug, speed, stop=0.0):
     found = Bag(run.folder).canonical_hash()
     assert {topic for topic in hashes if found.get(topic) != hashes[topic]} <= NOT_THE_PLANTS
     factor = float(re.search(r"^speed: (\d+\.\d+) times real time$", output, re.M)[1])
-    assert 0.0 < factor <= 1.01 * min(float(speed.replace("max", "inf")), seconds / stop if stop else float("inf"))
+    most = min(float(speed.replace("max", "inf")), seconds / stop if stop else float("inf"))
+    assert 0.0 < factor <= 1.01 * most + 0.005, "two digits are printed"
     return factor
 
 
-@pytest.mark.parametrize("plug", ["c", "ros"])
-def test_half_speed_and_a_stop_in_a_debugger_change_no_bit(tmp_path, sequence, expected, plug):
-    check(tmp_path, sequence, expected, plug, "0.5", stop=1.5)
+def test_half_speed_and_a_stop_in_a_debugger_change_no_bit(tmp_path, sequence, expected):
+    check(tmp_path, sequence, expected, "ros", "0.5", stop=1.5)
 
 
 @pytest.mark.campaign

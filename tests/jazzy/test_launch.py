@@ -15,10 +15,11 @@ def launch(ros2: str, domain: int, *arguments: str) -> subprocess.CompletedProce
 
 
 def test_the_launch_ends_with_its_sequence_and_leaves_a_whole_run(ros2, domain, tmp_path):
-    ended = launch(ros2, domain, f"sequence:={SHORT}", f"out:={tmp_path / 'run'}", "seed:=3")
+    ended = launch(ros2, domain, f"sequence:={SHORT}", f"out:={tmp_path / 'run'}", "seed:=3", "delay:=2")
     assert ended.returncode == 0, ended.stdout + ended.stderr
     run = json.loads((tmp_path / "run" / "report.json").read_text())["run"]
     assert run["end"]["state"] == "ended" and run["lost"] == 0 and run["seed"] == 3
+    assert run["controller"]["delay"] == 2
 
 
 def test_a_process_that_cannot_start_ends_the_launch_with_its_name(ros2, domain, tmp_path):

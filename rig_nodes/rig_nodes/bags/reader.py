@@ -117,9 +117,9 @@ class Bag:
             yield time, self._decode(definition, data, topic)
 
     def fields(self, topic: str, names: list[str]) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Time [s] of every message of a topic and the values of some of its fields, each 1-D float64 (2-D for an array).
+        """Time [s] of every message of a topic and the values of some of its fields.
 
-        BagError when the bag does not hold the topic or a field.
+        Each is 1-D float64, 2-D for a field that is an array. BagError when the bag does not hold the topic or a field.
         """
         stream = self._stream(topic)
         held = dict(self._definition(stream).tree.fields)

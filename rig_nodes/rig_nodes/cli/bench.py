@@ -15,7 +15,8 @@ def add_arguments(parser) -> None:
                         help=f"of {', '.join(PARTS)}, or all (default): about five minutes on an idle machine")
     parser.add_argument("--repeats", type=int, default=5, metavar="N", help="the fastest of so many runs counts")
     parser.add_argument("--json", metavar="FILE", help="write the numbers as JSON; - for stdout, without tables")
-    parser.add_argument("--write-docs", action="store_true", help="write docs/performance.md of the checkout (all parts)")
+    parser.add_argument("--write-docs", action="store_true",
+                        help="write docs/performance.md of the checkout (all parts)")
 
 
 class Progress:

@@ -1,4 +1,4 @@
-"""``rig list WHAT``: installed sequences, procedures and rigs, topics and signals; ``--markdown`` writes docs/signals.md."""
+"""``rig list WHAT``: what is installed, topics and signals; ``--markdown`` writes docs/signals.md."""
 
 from __future__ import annotations
 
@@ -103,7 +103,8 @@ def markdown() -> str:
         "Only in a run whose controller names signals of its own ([controllers.md](controllers.md)):", "",
         *table(_rows_of(catalogue().controller_topics)), "",
         "Actions: `/alfa46/shift` (`rig_msgs/action/Shift`), `/sequencer/run` (`rig_msgs/action/RunSequence`). "
-        "Services: `/rig/e_stop` and `/rig/reset` (`std_srvs/srv/Trigger`), `/alfa46/set_profile` (`rig_msgs/srv/SetProfile`).", "",
+        "Services: `/rig/e_stop` and `/rig/reset` (`std_srvs/srv/Trigger`), `/alfa46/set_profile` "
+        "(`rig_msgs/srv/SetProfile`).", "",
         "Quality of service: measurement is reliable with depth 1000; command is reliable, the receiver keeps the "
         "newest, deadline 100 ms; setting is reliable and sent on change; latched is transient local, sent once.", "",
         "## Signals", "", *table(_signal_rows(known.signals.values(), known.topics)), "", *benches])

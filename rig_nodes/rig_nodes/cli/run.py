@@ -55,7 +55,7 @@ def run(args) -> int:
     from ..testbench.folders import parse_parameters, parse_settings, run_folder
     from ..testbench.kinds import make_rig
     from ..testbench.sequence import BY_HAND, load_sequence
-    from ..testbench.simulate import check_controller, run_record
+    from ..testbench.simulate import check_controller, check_delay, run_record
 
     parameters = parse_parameters(args.parameters)
     if parameters and not args.sequence:
@@ -67,9 +67,7 @@ def run(args) -> int:
     parse_drop(args.drop)
     processes, plug = tuple(MODULES), None
     if config.kind == GEARBOX:
-        if args.delay == 0 and args.speed is None:
-            raise RigError("--delay 0: in real time time passes while the controller computes; use --speed or a delay "
-                           "of 1")
+        check_delay(args.delay, args.speed)
         controller = load_controller(args.controller, config.alfa46, args.level)
         controller.close()
         plug = f"{split_level(args.controller or 'alfa46', args.level)[0]}@{controller.level}"

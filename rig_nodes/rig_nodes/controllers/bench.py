@@ -35,8 +35,9 @@ class Cost(NamedTuple):
 
 
 class Case(NamedTuple):
-    """name: for people; spec: of the controller, with {port} and {folder}; program: its command for a folder and a number
-    of its own, a free port, or none; build: writes what spec names into the folder, or none.
+    """name: for people; spec: of the controller, with {port} and {folder}; build: writes what spec names into the folder.
+
+    program: its command, for a folder and a number of its own, which is a free port. Both may be none.
     """
 
     name: str

@@ -110,7 +110,8 @@ class Host:
         with theirs:
             # -I -S: no site, no user's PYTHON variables; a person's breakpoints are in the library, not in Python
             arguments = map(str, (HOST, path.resolve(), theirs.fileno(), os.getpid()))
-            self.process = subprocess.Popen([sys.executable, "-I", "-S", *arguments], stdin=subprocess.DEVNULL, pass_fds=[theirs.fileno()])
+            self.process = subprocess.Popen([sys.executable, "-I", "-S", *arguments], stdin=subprocess.DEVNULL,
+                                            pass_fds=[theirs.fileno()])
         self._line = Link(ours.detach(), name)
         self.send, self._receive = self._line.send, self._line.receive
         self._core = -1

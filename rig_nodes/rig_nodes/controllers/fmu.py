@@ -103,8 +103,8 @@ class ControllerFmu(Plug):
         status, gear, shifting, flags, *values = ANSWER.unpack_from(data)
         if status != Status.OK:
             return ControllerOutputs(status=status, message=data[ANSWER.size:].decode("utf-8", "replace"))
-        return ControllerOutputs(values[:3], values[3:], gear, bool(shifting), flags,
-                                 signals=dict(zip(self.signals, self._own_values.unpack_from(data, ANSWER.size), strict=True)))
+        own = dict(zip(self.signals, self._own_values.unpack_from(data, ANSWER.size), strict=True))
+        return ControllerOutputs(values[:3], values[3:], gear, bool(shifting), flags, signals=own)
 
     def _abandon(self) -> None:
         """End the process without a call into the FMU."""

@@ -108,7 +108,8 @@ def answer_samples(link: socket.socket, fmu: Fmu, period: float, settings: list[
             found = dict(zip(told, read(), strict=True))
             own_values = own.pack(*read_own())
         except FmuFailed as failure:
-            link.send(ANSWER.pack(STATUS.get(failure.status, Status.ERROR), 0, 0, 0, *[0.0] * 6) + str(failure).encode())
+            status = STATUS.get(failure.status, Status.ERROR)
+            link.send(ANSWER.pack(status, 0, 0, 0, *[0.0] * 6) + str(failure).encode())
             continue
         command = [found.get(name, 0.0) for name in COMMANDS]
         setpoint = [found.get(name, 0.0) for name in SETPOINTS]

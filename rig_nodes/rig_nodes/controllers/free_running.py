@@ -1,7 +1,7 @@
-"""What controllers have in common that run by their own clock: CAN and Modbus. Nobody waits for their answer.
+"""What controllers have in common that run by their own clock: CAN, Modbus, free ROS 2 nodes. Nobody waits for them.
 
-In simulated time the rig is held to real time: sample k is not asked before k ms have passed. The newest command is used once; a sample
-without a new one is discarded, so that the rig trips when 100 ms bring none (docs/can.md, docs/modbus.md).
+In simulated time the rig is held to real time: sample k is not asked before k ms have passed. The newest command is
+used once; a sample without a new one is discarded, so that the rig trips when 100 ms bring none (docs/can.md).
 """
 
 from __future__ import annotations

@@ -43,7 +43,7 @@ def ros_controller(rest: str, config: Alfa46Config, level: str | None = None) ->
     if timing not in TIMINGS:
         raise RigError(f"controller {spec}: timing is '{timing}', expected {' or '.join(TIMINGS)}")
     if timing == "free":
-        plug = FreeRosNode(spec, config, level, f"ROS topic /{name}/answer")
+        plug = FreeRosNode(spec, config, level)
     else:
         plug = RosNode(spec, config, chosen_level(level, LEVELS, spec))
     plug.other_side = _OtherSide(plug, name)
@@ -292,25 +292,29 @@ class RosNode(Plug):
 class FreeRosNode(FreeRunning):
     """Steps go out, the newest answer is used once; nobody waits."""
 
-    def __init__(self, name: str, config: Alfa46Config, level: str | None, place: str):
-        super().__init__(name, config, level, place)
+    def __init__(self, name: str, config: Alfa46Config, level: str | None):
+        super().__init__(name, config, level, place="")  # told when the domain is known
         self.other_side: _OtherSide | None = None
 
     def pace(self, step_timeout: float | None, real_time: bool = False) -> None:
         super().pace(step_timeout, real_time)
-        self.other_side.open()
+        self._open()
 
     def wait(self, patience: float | None = None) -> None:
-        self.other_side.open()
+        self._open()
         super().wait(patience)
 
-    def _send(self, inputs: ControllerInputs) -> None:
+    def _open(self) -> None:
         self.other_side.open()
+        self.place = self.other_side.place
+
+    def _send(self, inputs: ControllerInputs) -> None:
+        self._open()
         self.other_side.topics.step(self.other_side.next_step(inputs))
 
     def _listen(self, until: float) -> None:
         side = self.other_side
-        side.open()
+        self._open()
         while True:
             rest = until - time.monotonic()
             try:
@@ -333,7 +337,7 @@ def outputs_of(answered, plug: Plug) -> ControllerOutputs:
     """What an answer says, for the seam, which checks it."""
     signals = None
     if answered.status == Status.OK and plug.signals:
-        signals = dict(zip(plug.signals, answered.signals, strict=False)) if (
-            len(answered.signals) == len(plug.signals)) else list(answered.signals)
+        whole = len(answered.signals) == len(plug.signals)
+        signals = dict(zip(plug.signals, answered.signals, strict=True)) if whole else list(answered.signals)
     return ControllerOutputs(answered.command, answered.setpoint or None, answered.gear, answered.shifting,
                              answered.flags, answered.status, answered.message, signals)

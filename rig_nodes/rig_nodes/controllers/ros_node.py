@@ -1,6 +1,6 @@
 """A shift controller as a ROS 2 node: brings a class with initialize / step / terminate to the rig.
 
-The messages are those of docs/ros_controller.md. Copied as it is to where a controller runs; it needs rclpy and rig_msgs.
+The messages are those of docs/ros_controller.md. Copied as it is to where a controller runs; needs rclpy and rig_msgs.
 ``serve(controller)`` answers until it is stopped; a node with more to do than that makes a ControllerNode and spins it
 as it likes. include/rig_ros.hpp is the same for C++.
 """
@@ -32,6 +32,7 @@ LASTING = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability
 FROM_MANY = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 LEVELS = {"duty": (ControllerStart.LEVEL_DUTY, ControllerReady.DUTY),
           "current": (ControllerStart.LEVEL_CURRENT, ControllerReady.CURRENT)}
+MORE = {"settings": ":VALUE"}  # what the rig is told of them beside the name
 
 
 class ControllerNode(Node):
@@ -46,7 +47,7 @@ class ControllerNode(Node):
         # as the class has it: what an attribute of that name holds later is the controller's own
         self.needs = {kind: tuple(getattr(controller, kind, ())) for kind in ("wants", "settings", "signals")}
         self.number = random.randrange(1, 2**32)  # tells this controller from others on the same topics
-        self.session, self.running, self.runs, self.answer = 0, False, 0, None
+        self.session, self.running, self.answer = 0, False, None
         self.start = None
         self._ready = self.create_publisher(ControllerReady, f"/{topics}/ready", LASTING)
         self._answer = self.create_publisher(ControllerAnswer, f"/{topics}/answer", NEWEST)
@@ -92,7 +93,7 @@ class ControllerNode(Node):
         for kind, names in self.needs.items():
             for name in names:
                 if name not in getattr(start, kind):
-                    return f"it needs {name}; start the rig with ros:NAME?{kind}={name}"
+                    return f"it needs {name}; start the rig with ros:NAME?{kind}={name}{MORE.get(kind, '')}"
         return ""
 
     def on_step(self, step):
@@ -128,8 +129,10 @@ class ControllerNode(Node):
     def end(self):
         """The run is over for the controller."""
         self.running = False
-        self.runs += 1
-        self.controller.terminate()
+        try:
+            self.controller.terminate()
+        except Exception:  # the node serves the next run all the same
+            self.get_logger().error(f"terminate failed:\n{traceback.format_exc()}")
 
     def leave(self, why):
         """Say goodbye when a run is on, and wait until that is heard."""
@@ -139,10 +142,10 @@ class ControllerNode(Node):
             self.end()
 
 
-def serve(controller, levels=("duty",), topics="controller", once=False):
+def serve(controller, levels=("duty",), topics="controller"):
     """Connect a controller with rigs that are started with ``--controller ros:NAME``, in any order, until Ctrl-C.
 
-    once: until the end of the first run. Returns 130 after Ctrl-C, else 0.
+    Returns 130 after Ctrl-C, 0 after SIGTERM.
     """
     asked = []
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -150,7 +153,7 @@ def serve(controller, levels=("duty",), topics="controller", once=False):
     rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     node, executor = ControllerNode(controller, levels, topics), Executor()
     executor.add_node(node)
-    while not asked and not (once and node.runs):
+    while not asked:
         executor.spin_until_future_complete(Future(), 0.1)
     node.leave("the controller was stopped")
     executor.remove_node(node)

@@ -1,6 +1,7 @@
 """The plug for a controller at the other end of a UDP port: a frame out, a frame back for each sample (docs/udp.md).
 
-Made by load.py. The rig holds the port, on loopback unless told otherwise; the controller says HELLO. Either may start first.
+Made by load.py. The rig holds the port, on loopback unless told otherwise; the controller says HELLO. Either may start
+first.
 """
 
 from __future__ import annotations

@@ -74,8 +74,9 @@ def compile_model(fmi: int, header: str, sources: Sequence[Path], target: Path, 
         raise RigError(f"the FMU does not compile: {first.strip()}")
 
 
-def write_fmu(target: Path, fmi: int, identifier: str, text: str, variables: Sequence[Variable], sources: Sequence[Path],
-              defines: dict[str, int], resources: dict[str, str], flags: Sequence[str] = ()) -> None:
+def write_fmu(target: Path, fmi: int, identifier: str, text: str, variables: Sequence[Variable],
+              sources: Sequence[Path], defines: dict[str, int], resources: dict[str, str],
+              flags: Sequence[str] = ()) -> None:
     """Compile and zip an FMU into ``target``, which is replaced only by a whole one."""
     if fmi not in PLATFORMS:
         raise RigError(f"FMI {fmi} is asked for; expected 2 or 3")
@@ -99,11 +100,12 @@ def write_fmu(target: Path, fmi: int, identifier: str, text: str, variables: Seq
         shutil.move(whole, target)
 
 
-def build_rig_fmu(target: str | Path, rig: str = "hydmag", overrides: dict[str, str] | None = None, fmi: int = 2) -> None:
+def build_rig_fmu(target: str | Path, rig: str = "hydmag", overrides: dict[str, str] | None = None,
+                  fmi: int = 2) -> None:
     """The rig as a co-simulation FMU of FMI 2.0 or 3.0.
 
-    rig, overrides: as testbench.configuration.load_rig takes them, with the gearbox; the rig's file must stay where it is. The FMU starts
-    this interpreter with this package (docs/fmu.md).
+    rig, overrides: as testbench.configuration.load_rig takes them, with the gearbox; the rig's file must stay where it
+    is. The FMU starts this interpreter with this package (docs/fmu.md).
     """
     from ..testbench.configuration import load_gearbox_rig
 
@@ -140,8 +142,10 @@ def controller_variables(config: Alfa46Config, levels: tuple[str, ...], wants: S
     out += [Variable(name, "real", "parameter", "Setting of the controller's own", value, tunable=True)
             for name, value in settings.items()]
     outputs = range(1, OUTPUTS + 1)
-    out.append(Variable("gear_request", "integer", "input", "Gear ordered last: 0 neutral, 1 (I), 2 (II)", 0, low=0, high=2))
-    out += [Variable(f"current_{k}", "real", "input", f"Measured coil current of output {k}", 0.0, "A") for k in outputs]
+    out.append(Variable("gear_request", "integer", "input", "Gear ordered last: 0 neutral, 1 (I), 2 (II)", 0,
+                        low=0, high=2))
+    out += [Variable(f"current_{k}", "real", "input", f"Measured coil current of output {k}", 0.0, "A")
+            for k in outputs]
     out += [Variable("n_wej", "real", "input", "Speed of the input shaft", 0.0, "rad/s"),
             Variable("n_wyj", "real", "input", "Speed of the output shaft", 0.0, "rad/s"),
             Variable("p1", "real", "input", "Pressure of clutch S1, gauge", 0.0, "Pa"),
@@ -177,34 +181,34 @@ def build_controller_fmu(sources: Sequence[str | Path], target: str | Path, conf
         if not path.is_file():
             raise RigError(f"{path}: there is no such file")
     target, identifier = Path(target), _identifier(Path(target).stem)
+    model = [SOURCES / "controller_model.c", *files]
     with tempfile.TemporaryDirectory(prefix="rig-fmu-") as folder:
         probe = Path(folder, f"{identifier}.so")  # of its own, to ask which levels the controller knows
-        levels, found = ("duty", "current"), None
-        for final in (False, True):
-            own = (found.wants, found.signals, found.settings) if final else ((), {}, {})
-            variables = controller_variables(config, levels, *own)
-            names = [v.name for v in variables]
-            if twice := next((name for name in names if names.count(name) > 1), None):
-                raise RigError(f"{files[0]}: its own '{twice}' is the name of another variable of the FMU; rename it")
-            defines = controller_defines(variables, *map(len, own))
-            model = [SOURCES / "controller_model.c", *files]
-            if final:
-                write_fmu(target, fmi, identifier, "A shift controller for the HydmAG gearbox", variables, model, defines,
-                          {}, flags)
-                return
-            compile_model(fmi, c_header(variables, "", defines), model, probe, flags)
-            found = _Described(probe, str(files[0]))
-            levels = tuple(name for name, bit in LEVEL_BITS.items() if found.bits & bit)
-            if not levels:
-                raise RigError(f"{files[0]}: its levels are {found.bits}, expected 1 (duty), 2 (current) or 3 (both)")
+        variables = controller_variables(config, ("duty", "current"))
+        compile_model(fmi, c_header(variables, "", controller_defines(variables)), model, probe, flags)
+        found = _Described(probe, str(files[0]))
+    levels = tuple(name for name, bit in LEVEL_BITS.items() if found.bits & bit)
+    if not levels:
+        raise RigError(f"{files[0]}: its levels are {found.bits}, expected 1 (duty), 2 (current) or 3 (both)")
+    own = found.wants, found.signals, found.settings
+    variables = controller_variables(config, levels, *own)
+    names = [v.name for v in variables]
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise RigError(f"{files[0]}: its own '{twice}' is the name of another variable of the FMU; rename it")
+    write_fmu(target, fmi, identifier, "A shift controller for the HydmAG gearbox", variables, model,
+              controller_defines(variables, *map(len, own)), {}, flags)
 
 
 class _Described(CLibrary):
     """A library of rig_controller.h, to see that it loads, its levels (``bits``) and what it names its own."""
 
     def __init__(self, library: Path, name: str):
-        self.bits = self._load(str(library), name)
-        self._host.kill()
+        self._host = None
+        try:
+            self.bits = self._load(str(library), name)
+        finally:
+            if self._host is not None:
+                self._host.kill()
 
 
 def _identifier(name: str) -> str:

@@ -21,7 +21,8 @@ TUNABLE = "t"  # the letter of a parameter that may be set between steps
 BASE_UNITS = {
     "N.m": {"kg": 1, "m": 2, "s": -2}, "rad/s": {"rad": 1, "s": -1}, "Pa": {"kg": 1, "m": -1, "s": -2}, "A": {"A": 1},
     "degC": {"K": 1, "offset": 273.15}, "m3/s": {"m": 3, "s": -1}, "J": {"kg": 1, "m": 2, "s": -2},
-    "N": {"kg": 1, "m": 1, "s": -2}, "m": {"m": 1}, "s": {"s": 1}, "Hz": {"s": -1}, "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
+    "N": {"kg": 1, "m": 1, "s": -2}, "m": {"m": 1}, "s": {"s": 1}, "Hz": {"s": -1},
+    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
 }
 
 
@@ -81,7 +82,8 @@ def c_header(variables: Sequence[Variable], token: str, defines: dict[str, int])
 
 def _attributes(values: dict) -> str:
     """XML attributes of those values that are given."""
-    return "".join(f" {key}={quoteattr(_word(value))}" for key, value in values.items() if value is not None and value != "")
+    return "".join(f" {key}={quoteattr(_word(value))}" for key, value in values.items()
+                   if value is not None and value != "")
 
 
 def _word(value) -> str:
@@ -101,7 +103,8 @@ def _units(variables: Sequence[Variable]) -> list[str]:
         lines.append(f"    <Unit name={quoteattr(unit)}>")
         if unit in BASE_UNITS:
             lines.append(f"      <BaseUnit{_attributes(BASE_UNITS[unit])}/>")
-        lines += [f"      <DisplayUnit{_attributes({'name': name, 'factor': factor})}/>" for name, factor in shown.items()]
+        lines += [f"      <DisplayUnit{_attributes({'name': name, 'factor': factor})}/>"
+                  for name, factor in shown.items()]
         lines.append("    </Unit>")
     return lines
 
@@ -122,7 +125,8 @@ def model_description(fmi: int, identifier: str, text: str, variables: Sequence[
     if fmi == 2:
         head["numberOfEventIndicators"] = 0
     lines = ['<?xml version="1.0" encoding="UTF-8"?>', f"<fmiModelDescription{_attributes(head)}>",
-             f"  <CoSimulation{_attributes(offers)}/>", "  <UnitDefinitions>", *_units(variables), "  </UnitDefinitions>",
+             f"  <CoSimulation{_attributes(offers)}/>",
+             "  <UnitDefinitions>", *_units(variables), "  </UnitDefinitions>",
              f'  <DefaultExperiment startTime="0.0" stopTime="1.0" stepSize="{step}"/>', "  <ModelVariables>"]
     lines += (_variables3 if fmi == 3 else _variables2)(variables)
     outputs = [k for k, v in enumerate(variables) if v.causality == "output"]
@@ -162,8 +166,8 @@ def _variables2(variables: Sequence[Variable]) -> list[str]:
         start = _start(v)
         # an empty string is a start value too
         tail = f" start={quoteattr(_word(start))}" if start is not None else ""
-        lines += [f"    <ScalarVariable{_attributes(head)}>", f"      <{TYPES[v.type][1]}{_attributes(_values(v))}{tail}/>",
-                  "    </ScalarVariable>"]
+        lines += [f"    <ScalarVariable{_attributes(head)}>",
+                  f"      <{TYPES[v.type][1]}{_attributes(_values(v))}{tail}/>", "    </ScalarVariable>"]
     return lines
 
 

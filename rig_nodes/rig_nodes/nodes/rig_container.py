@@ -21,7 +21,7 @@ from ..testbench.kinds import PACE, make_rig
 from ..testbench.outputs import SCALAR_SAMPLES, Outputs
 from ..testbench.rig import Rig
 from ..testbench.sequence import BY_HAND
-from ..testbench.simulate import run_record
+from ..testbench.simulate import check_delay, run_record
 from ..testbench.timed import SAMPLE_NS, TICK_SAMPLES, RigStatus
 from .clutch import Clutch
 from .clutch_bench import bench_nodes
@@ -69,6 +69,7 @@ class Container:
         record = run_record(config, sequence, arguments.seed)
         if config.kind != GEARBOX and arguments.speed is not None:
             raise RigError(f"--speed: '{config.name}' has no shift controller to wait for")
+        check_delay(arguments.delay, arguments.speed)
         warm_up(config, record)
         self.rig = rig_on_the_graph(config, arguments.seed, delay=arguments.delay)
         self.outputs = Outputs(self.rig, record)

@@ -122,6 +122,12 @@ def check_controller(config: AnyConfig) -> None:
                        "--level and --delay")
 
 
+def check_delay(delay: int, speed: float | None) -> None:
+    """RigError for a controller without delay [samples] on the graph in real time (speed: None)."""
+    if delay == 0 and speed is None:
+        raise RigError("--delay 0: in real time time passes while the controller computes; use --speed or a delay of 1")
+
+
 def runner_on(rig: AnyRig, outputs, config: AnyConfig, sequence: Sequence,
               controller: Plug | None = None) -> SequenceRunner:
     """The sequence on a rig in the same process; RigError when it is for another kind of rig."""

@@ -61,7 +61,8 @@ class CanController:
         self.send("CONTROL_STATE", {"sample": counter, "gear": out.gear, "shifting": int(out.shifting),
                                     "flags": out.flags, "status": 0})
         name, factor = (("CONTROL_COMMAND_CURRENT", 1e3) if told["level"] else ("CONTROL_COMMAND_DUTY", 100.0))
-        self.send(name, {"sample": counter, **{f"command_{k}": value * factor for k, value in enumerate(out.command, 1)}})
+        commands = {f"command_{k}": value * factor for k, value in enumerate(out.command, 1)}
+        self.send(name, {"sample": counter, **commands})
 
     def send(self, name, values):
         message = self.names[name]

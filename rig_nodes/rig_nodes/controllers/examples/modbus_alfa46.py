@@ -50,7 +50,8 @@ class ModbusController:
         """Requests until the rig goes."""
         written = [1, *[0] * 7]
         while not stop.is_set():
-            answer = client.readwrite_registers(read_address=0, read_count=READ, write_address=COMMAND_BASE, values=written)
+            answer = client.readwrite_registers(read_address=0, read_count=READ, write_address=COMMAND_BASE,
+                                                values=written)
             if answer.isError():
                 return
             found = self.answer(answer.registers)
@@ -67,7 +68,8 @@ class ModbusController:
             self.law = Alfa46()
             self.law.initialize(controller_info(self.settings, LEVELS[told[3]]))
         self.sample = sample
-        values = [wire.decode(raw - 0x10000 if raw > 0x7FFF else raw) for wire, raw in zip(self.wires, told[4:], strict=True)]
+        values = [wire.decode(raw - 0x10000 if raw > 0x7FFF else raw)
+                  for wire, raw in zip(self.wires, told[4:], strict=True)]
         out = self.law.step(ControllerInputs(sample, sample * PERIOD, told[2], tuple(values[:3]), *values[3:]))
         self.heartbeat = self.heartbeat % 0xFFFF + 1
         raw = [wire.encode(value) for wire, value in zip(commands(LEVELS[told[3]]), out.command, strict=True)]

@@ -112,8 +112,8 @@ RIG_EXPORT const char *const *rig_controller_wants(void);
 RIG_EXPORT void rig_controller_wanted(void *instance, const double *values, uint32_t count);
 
 /* Optional, both or none: signals of the controller's own, to be recorded. Names of letters, digits and underscores,
- * with NULL behind the last; the pointers stay valid. After each step with RIG_OK the library writes their values, in the
- * same order. */
+ * with NULL behind the last; the pointers stay valid. After each step with RIG_OK the library writes their values, in
+ * the same order. */
 RIG_EXPORT const char *const *rig_controller_signals(void);
 RIG_EXPORT void rig_controller_signal_values(void *instance, double *values, uint32_t count);
 

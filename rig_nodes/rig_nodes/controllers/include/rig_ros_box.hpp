@@ -1,7 +1,7 @@
-// A controller behind rig_controller.h as the rig's ROS 2 messages see it: a message in, one out (docs/ros_controller.md).
+// A controller behind rig_controller.h as the rig's ROS 2 messages see it: a message in, one out.
 //
-// Used by rig_ros.hpp, which is the node around it; rclcpp is not needed here. Nothing here computes: each step is brought
-// to rig_controller_step once, and a step that comes again gets the same answer again.
+// Used by rig_ros.hpp, which is the node around it (docs/ros_controller.md); rclcpp is not needed here. Nothing here
+// computes: each step is brought to rig_controller_step once, and a step that comes again gets the same answer again.
 #ifndef RIG_ROS_BOX_HPP
 #define RIG_ROS_BOX_HPP
 
@@ -26,6 +26,8 @@
 #pragma weak rig_controller_wanted
 #pragma weak rig_controller_signals
 #pragma weak rig_controller_signal_values
+#pragma weak rig_controller_settings
+#pragma weak rig_controller_set
 
 namespace rig_ros {
 
@@ -35,10 +37,18 @@ using rig_msgs::msg::ControllerStart;
 using rig_msgs::msg::ControllerStep;
 using Names = std::vector<std::string>;
 
-inline Names names_of(const char *const *(*list)()) {
+// A controller's own names; none when it has but one function of the pair.
+inline Names names_of(const char *const *(*list)(), bool values) {
   Names out;
-  if (list)
+  if (list && values)
     for (const char *const *name = list(); *name; ++name) out.emplace_back(*name);
+  return out;
+}
+
+inline Names settings_of() {
+  Names out;
+  if (rig_controller_settings && rig_controller_set)
+    for (const rig_parameter *own = rig_controller_settings(); own->name; ++own) out.emplace_back(own->name);
   return out;
 }
 
@@ -46,13 +56,12 @@ class Box {
  public:
   Box()
       : number_(std::random_device{}() | 1u),
-        wants_(names_of(rig_controller_wants)),
-        signals_(names_of(rig_controller_signals)) {}
+        wants_(names_of(rig_controller_wants, rig_controller_wanted)),
+        signals_(names_of(rig_controller_signals, rig_controller_signal_values)),
+        settings_(settings_of()) {}
   ~Box() { end(); }
   Box(const Box &) = delete;
   Box &operator=(const Box &) = delete;
-
-  bool running() const { return running_; }
 
   // A run begins or is over; what to say to that.
   std::optional<ControllerReady> start(const ControllerStart &start) {
@@ -65,11 +74,13 @@ class Box {
       return ready(ControllerReady::REFUSES, std::string("this run is at level ") +
                                                  (level == RIG_LEVEL_CURRENT ? "current" : "duty") +
                                                  ", which the controller does not know; choose with --level");
-    for (const std::string &name : wants_)
-      if (std::find(start.wants.begin(), start.wants.end(), name) == start.wants.end())
-        return ready(ControllerReady::REFUSES, "it wants " + name + "; start the rig with ros:?wants=" + name);
-    if (signals_ != Names(start.signals.begin(), start.signals.end()))
-      return ready(ControllerReady::REFUSES, "its own signals are not those that the rig's ros:?signals= names");
+    std::string why = lacking(wants_, start_.wants, "wants=");
+    if (why.empty()) why = lacking(settings_, start_.settings, "settings=", ":VALUE");
+    if (why.empty()) why = lacking(signals_, start_.signals, "signals=");
+    if (!why.empty()) return ready(ControllerReady::REFUSES, why);
+    for (const std::string &name : start_.signals)
+      if (!has(signals_, name))
+        return ready(ControllerReady::REFUSES, "it has no signal " + name + ", which ros:NAME?signals= asks for");
     std::vector<rig_parameter> parameters;
     for (size_t k = 0; k < std::min(start_.parameter_names.size(), start_.parameter_values.size()); ++k)
       parameters.push_back({start_.parameter_names[k].c_str(), start_.parameter_values[k]});
@@ -99,6 +110,25 @@ class Box {
   }
 
  private:
+  static bool has(const Names &names, const std::string &name) {
+    return std::find(names.begin(), names.end(), name) != names.end();
+  }
+
+  // Why the run cannot be: the first of the controller's own names that the rig does not have; else nothing.
+  static std::string lacking(const Names &own, const Names &of_the_rig, const char *option, const char *more = "") {
+    for (const std::string &name : own)
+      if (!has(of_the_rig, name)) return "it needs " + name + "; start the rig with ros:NAME?" + option + name + more;
+    return "";
+  }
+
+  // The values of names, each of which is among those that the values belong to.
+  static std::vector<double> picked(const Names &names, const Names &of, const std::vector<double> &values) {
+    std::vector<double> out;
+    for (const std::string &name : names)
+      out.push_back(values.at(static_cast<size_t>(std::find(of.begin(), of.end(), name) - of.begin())));
+    return out;
+  }
+
   ControllerReady ready(uint8_t state, const std::string &message) const {
     ControllerReady out;
     out.session = start_.session;
@@ -125,12 +155,12 @@ class Box {
     in.p1 = step.p1;
     in.p2 = step.p2;
     if (!wants_.empty()) {
-      std::vector<double> values;
-      for (const std::string &name : wants_) {
-        const auto place = std::find(start_.wants.begin(), start_.wants.end(), name) - start_.wants.begin();
-        values.push_back(step.others.at(static_cast<size_t>(place)));
-      }
+      const auto values = picked(wants_, start_.wants, step.others);
       rig_controller_wanted(instance_, values.data(), static_cast<uint32_t>(values.size()));
+    }
+    if (!settings_.empty()) {
+      const auto values = picked(settings_, start_.settings, step.settings);
+      rig_controller_set(instance_, values.data(), static_cast<uint32_t>(values.size()));
     }
     rig_controller_outputs out = {};
     out.size = sizeof out;
@@ -146,9 +176,11 @@ class Box {
     answer_.setpoint.assign(out.setpoint, out.setpoint + RIG_CONTROLLER_OUTPUTS);
     out.message[RIG_CONTROLLER_TEXT - 1] = '\0';
     answer_.message = out.message;
-    if (!signals_.empty()) {
-      answer_.signals.resize(signals_.size());
-      rig_controller_signal_values(instance_, answer_.signals.data(), static_cast<uint32_t>(signals_.size()));
+    answer_.signals.clear();
+    if (!signals_.empty() && status == RIG_OK) {
+      std::vector<double> values(signals_.size());
+      rig_controller_signal_values(instance_, values.data(), static_cast<uint32_t>(values.size()));
+      answer_.signals = picked(start_.signals, signals_, values);
     }
   }
 
@@ -158,7 +190,7 @@ class Box {
   }
 
   const uint32_t number_;  // tells this controller from others on the same topics
-  const Names wants_, signals_;
+  const Names wants_, signals_, settings_;
   ControllerStart start_;
   ControllerAnswer answer_;
   void *instance_ = nullptr;

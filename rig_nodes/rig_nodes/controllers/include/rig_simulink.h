@@ -18,8 +18,8 @@
  *   RIG_INITIALIZE()     RIG_STEP() RIG_TERMINATE(): calls of another form, e.g. with a model structure as argument, or
  *                        nothing where the code has no such function.
  *   RIG_ERROR_STATUS     expression of type const char *, e.g. rtmGetErrorStatus(my_model_M): not NULL is an error.
- *   RIG_WANTS            further transducers, e.g. "M_wej", "p_p": rig_inputs finds their SI values in rig_wanted[0] and
- *                        rig_wanted[1]
+ *   RIG_WANTS            further transducers, e.g. "M_wej", "p_p": rig_inputs finds their SI values in rig_wanted[0]
+ *                        and rig_wanted[1]
  *   RIG_SIGNALS          names of the model's own signals that are to be recorded, e.g. "slip", "state"; then one more
  *                        function, static void rig_signals(double *values) { values[0] = rtDW.slip; ... }
  *   RIG_SETTINGS         parameters of the model that a sequence may set while it runs, with first values, e.g.

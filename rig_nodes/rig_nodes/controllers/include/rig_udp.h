@@ -73,7 +73,7 @@ extern const rig_parameter *rig_controller_settings(void) __attribute__((weak));
 extern void rig_controller_set(void *instance, const double *values, uint32_t count) __attribute__((weak));
 
 typedef struct {
-  int socket, running;
+  int socket, running, refused;
   uint32_t wants, signals, settings; /* how many the controller has */
   uint32_t session, last;
   rig_udp_frame answer;
@@ -215,7 +215,7 @@ static void rig_udp_begin(rig_udp_client *client, const rig_udp_frame *first) {
       rig_udp_ready(client);
     } else {
       fprintf(stderr, "the controller refuses: %s\n", info.message);
-      rig_udp_stop = 1;
+      client->refused = 1;
     }
   } else {
     client->session = 0;
@@ -267,7 +267,8 @@ static void rig_udp_told(rig_udp_frame *frame) {
 }
 
 /* Answer the rig at host (a number, e.g. "127.0.0.1") and port until rig_udp_stop, or with `once` until the end of the
- * first run; rig and controller may start in any order. 0 at an orderly end, 1 when there is no such address. */
+ * first run; rig and controller may start in any order. 0 at an orderly end, 1 when there is no such address or the
+ * controller refuses a run. */
 static int rig_udp_serve(const char *host, int port, int once) {
   static rig_udp_client client;
   struct sockaddr_in rig;
@@ -286,7 +287,7 @@ static int rig_udp_serve(const char *host, int port, int once) {
     perror(host);
     return 1;
   }
-  while (!rig_udp_stop && !(over && once)) {
+  while (!rig_udp_stop && !client.refused && !(over && once)) {
     if (!client.running) rig_udp_hello(&client);
     if (!rig_udp_receive(&client, &frame, client.running && client.last ? RIG_UDP_KEEP_ALIVE : RIG_UDP_AGAIN)) {
       if (client.running && !client.last) rig_udp_ready(&client); /* until the first sample: was it heard? */
@@ -313,7 +314,7 @@ static int rig_udp_serve(const char *host, int port, int once) {
     rig_udp_end(&client);
   }
   close(client.socket);
-  return 0;
+  return client.refused;
 }
 
 #endif

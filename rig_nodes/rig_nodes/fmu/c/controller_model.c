@@ -69,7 +69,8 @@ int model_initialize(model *m) {
   status = rig_controller_create(&info, &m->controller);
   if (status != RIG_OK) {
     info.message[sizeof info.message - 1] = 0;
-    m->say(m->importer, MODEL_ERROR, info.message[0] ? info.message : "the controller refused to start and gave no reason");
+    m->say(m->importer, MODEL_ERROR,
+           info.message[0] ? info.message : "the controller refused to start and gave no reason");
     return MODEL_ERROR;
   }
   m->alive = 1;
