@@ -190,11 +190,13 @@ def sensitivities(config: RigConfig, parameters: dict[str, Parameter], values: d
     spread = {}
     for name, p in parameters.items():
         width = p.high - p.low
-        sides = [{miss.row: miss.tolerances for miss in misses(
-            with_values(config, parameters, {name: values[name] + way * step * width}), targets)} for way in (-1.0, 1.0)]
-        slope = {row: (sides[1][row] - sides[0][row]) / (2.0 * step) for row in sides[0]}
-        rows[name] = {row: 0.1 * value for row, value in slope.items()}
-        curvature = sum(value**2 for value in slope.values())
+        below, above = (misses(with_values(config, parameters, {name: values[name] + way * step * width}), targets)
+                        for way in (-1.0, 1.0))
+        rows[name] = {one.row: 0.1 * (other.tolerances - one.tolerances) / (2.0 * step)
+                      for one, other in zip(below, above)}
+        # a curve by its milliseconds: where its mean distance is least, that has no slope, and would allow anything
+        one, other = (np.concatenate([miss.residuals for miss in side]) for side in (below, above))
+        curvature = np.sum(((other - one) / (2.0 * step)) ** 2)
         spread[name] = width * min(1.0, 1.0 / np.sqrt(curvature)) if curvature > 0.0 else width
     return rows, spread
 
