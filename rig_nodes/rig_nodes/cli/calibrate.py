@@ -47,6 +47,9 @@ def main(args: argparse.Namespace) -> int:
     def pair(stage: str, one: str, other: str) -> None:
         print(f"\r{stage}: {one} against {other}                    ", end="", file=sys.stderr, flush=True)
 
+    def plain(miss) -> dict:
+        return {"row": miss.row, "value": miss.value, "tolerances": miss.tolerances}
+
     curves = []
     try:
         found, rig = c.calibrate(load_rig(), args.generations, args.jobs, args.seed, args.stages, progress,
@@ -71,8 +74,8 @@ def main(args: argparse.Namespace) -> int:
     if args.json:
         args.json.write_text(json.dumps({
             "values": found.values, "spread": found.spread, "sensitivities": found.sensitivities,
-            "before": [vars(miss) for misses in found.before.values() for miss in misses],
-            "after": [vars(miss) for misses in found.after.values() for miss in misses],
+            "before": [plain(miss) for misses in found.before.values() for miss in misses],
+            "after": [plain(miss) for misses in found.after.values() for miss in misses],
             "trade_offs": [asdict(curve) for curve in curves],
             "bounds": {n: [p.low, p.high] for n, p in parameters.items()}, "units": SI}, indent=1))
     if args.write:
