@@ -17,7 +17,9 @@ from rig_nodes.errors import RigError
 def test_what_is_refused(capsys):
     for arguments, sentence in ((["nonsense"], "called 'nonsense'; there are kernel, demo"),
                                 (["kernel", "--repeats", "0"], "--repeats 0: at least 1"),
-                                (["kernel", "--write-docs"], "without naming parts")):
+                                (["kernel", "--write-docs"], "without naming parts"),
+                                (["kernel", "--json", "/nowhere/x.json"], "--json /nowhere/x.json: there is no such folder"),
+                                (["kernel", "--json", "/"], "it is a folder, expected a file")):
         assert main(["bench", *arguments]) != 0
         assert sentence in capsys.readouterr().err
 
