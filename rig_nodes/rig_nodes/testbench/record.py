@@ -140,7 +140,7 @@ class Rows:
             raise RigError(f"rows every {period * 1e6:g} us do not fit into samples of 1000 us; take e.g. 100 us or "
                            "8 us")
         count = rig.rows_at(period, 0, 0).shape[1]  # refuses a period that is no whole number of steps
-        # one array a channel: a single large one would come in huge pages, which the kernel may take 0.1 s to find
+        # one array a channel: a single large one would come in huge pages, which Linux may take 0.1 s to find
         self._columns = [np.empty(FIRST_ROWS) for _ in range(count)]
         self._taken = 0
 
