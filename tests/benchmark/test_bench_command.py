@@ -9,14 +9,17 @@ import sys
 
 import pytest
 
-from rig_nodes.benchmark import document, peers, two_inertias
+from rig_nodes.benchmark import document, machine, peers, two_inertias
 from rig_nodes.cli.main import main
+from rig_nodes.errors import RigError
 
 
 def test_what_is_refused(capsys):
     for arguments, sentence in ((["nonsense"], "called 'nonsense'; there are kernel, demo"),
                                 (["kernel", "--repeats", "0"], "--repeats 0: at least 1"),
-                                (["kernel", "--write-docs"], "without naming parts")):
+                                (["kernel", "--write-docs"], "without naming parts"),
+                                (["kernel", "--json", "/nowhere/x.json"], "--json /nowhere/x.json: there is no such folder"),
+                                (["kernel", "--json", "/"], "it is a folder, expected a file")):
         assert main(["bench", *arguments]) != 0
         assert sentence in capsys.readouterr().err
 
@@ -65,12 +68,21 @@ def test_a_missing_peer_is_named_and_not_shown(monkeypatch):
     assert "| nonesuch" not in text
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["report", "--help"], ["report"], ["bench", "--help"], ["list", "signals"]])
-def test_no_compiler_is_imported_for(arguments, sample_bag):
-    given = [*arguments, sample_bag] if arguments == ["report"] else arguments
+def test_a_program_that_fails_or_hangs_while_it_is_measured_is_said_in_a_sentence(monkeypatch):
+    with pytest.raises(RigError, match="rig report nowhere failed while it was measured: rig: .*nowhere"):
+        machine.timed_rig(["report", "nowhere"])
+    monkeypatch.setattr(machine, "TIMEOUT", 0.01)
+    with pytest.raises(RigError, match="rig --help took more than 0 s"):
+        machine.timed_rig(["--help"])
+
+
+def test_what_needs_no_compiler_imports_none(sample_bag):
     code = ("import sys; from rig_nodes.cli.main import main\n"
-            "try:\n    main(sys.argv[1:])\nexcept SystemExit:\n    pass\n"
+            "for line in sys.argv[1:]:\n"
+            "    try:\n        print('done', main(line.split()))\n"
+            "    except SystemExit:\n        print('done')\n"
             "print(sorted({'numba', 'llvmlite', 'scipy.linalg'} & set(sys.modules)), file=sys.stderr)")
-    done = subprocess.run([sys.executable, "-c", code, *given], capture_output=True, text=True, check=True)
+    lines = ["--help", "report --help", f"report {sample_bag}", "bench --help", "list signals"]
+    done = subprocess.run([sys.executable, "-c", code, *lines], capture_output=True, text=True, check=True)
     assert done.stderr.strip().splitlines()[-1] == "[]"
-    assert done.stdout
+    assert done.stdout.count("\ndone") == len(lines)

@@ -100,7 +100,6 @@ def far_apart(one, other, close):
 
 @pytest.fixture(scope="module", params=[(1, 2, 60.0), (2, 1, 120.0)], ids=["I-II", "II-I"])
 def shift(request):
-    # at 60 and 80 Nm a metric of the downshift hangs on a moment: docs/physics.md
     old, new, load = request.param
     return RigShift(whole_rig(), old, new, 1500.0, load)
 

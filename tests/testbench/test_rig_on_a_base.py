@@ -25,6 +25,7 @@ def test_what_is_not_named_is_that_of_the_base():
     ("- [0.38869, 2.3, -13.028, 18.294, 0]", "- [0.38869, 2.3, -13.028, 18.294]", "a row is"),
     ("      - [end, 0, 0, 0, 0]\n", "", "the last of them up to \"end\""),
     ("    contact_force: [389 N", "    contact_force: [389 Nm", "expected a force"),
+    ("output_speed: bounded", "output_speed: bound", r"rig\.yaml:\d+: .* one of bounded, free, found 'bound'"),
 ])
 def test_a_wrong_rig_on_a_base_is_refused(tmp_path, old, new, sentence):
     assert old in CHAPTER9
@@ -52,16 +53,28 @@ def test_prescribed_pressures_follow_the_printed_curves_from_the_order_on():
     assert rig.cylinders["clamp"][1] == pytest.approx(123.55 * p * p + 2454.4 * p - 242.45 - 657.0, rel=1e-6)
 
 
-def test_a_constant_input_speed_stays_whatever_the_shift_asks_for():
-    rig = Rig(load_rig("chapter9"))
+def shift_up(rig):
+    """Speeds of input and output [rad/s] every ms of 0.6 s from the order I to II on, at 100 rad/s under load."""
     rig.order_gear(1)
     rig.advance(1.3)
     rig.set_motor(100.0, True)
     rig.set_load(5e6, True)
     rig.advance(4.0)
     rig.order_gear(2)
-    lowest = 100.0
+    out = []
     for _ in range(600):
         rig.advance(0.001)
-        lowest = min(lowest, float(rig.v[0]))
-    assert lowest == pytest.approx(100.0, abs=0.01) and rig.locked_gear() == 2
+        out.append([float(v) for v in rig.v])
+    assert rig.locked_gear() == 2
+    return zip(*out)
+
+
+def test_a_constant_input_speed_stays_and_bounds_the_output_whatever_the_shift_asks_for(tmp_path):
+    """Between the clutches 100 rad/s drive the output with those of gear I until it has those of gear II; free, it stops."""
+    driving, driven = shift_up(Rig(load_rig("chapter9")))
+    assert driving == pytest.approx([100.0] * 600, abs=0.01)
+    assert min(driven) == pytest.approx(driven[0], rel=1e-4) and max(driven) == pytest.approx(driven[-1], rel=1e-4)
+    path = tmp_path / "rig.yaml"
+    path.write_text(CHAPTER9.replace("output_speed: bounded", "output_speed: free", 1))
+    _, free = shift_up(Rig(load_rig(path)))
+    assert free[0] == pytest.approx(driven[0]) and min(free) < 0.9 * free[0]

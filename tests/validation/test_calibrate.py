@@ -92,7 +92,8 @@ def test_what_is_found_is_written_where_the_rig_reads_it(tmp_path):
 
 
 @pytest.mark.parametrize("arguments, sentence", [
-    (["--stages", "loses"], "no stage 'loses'; known are losses"), (["--generations", "-1"], "expected at least 0")])
+    (["--stages", "loses"], "no stage 'loses'; known are losses"), (["--generations", "-1"], "expected at least 0"),
+    (["--json", "/nowhere/x.json"], "--json /nowhere/x.json: there is no such folder")])
 def test_wrong_arguments_are_refused(capsys, arguments, sentence):
     assert main(["calibrate", *arguments]) == 2
     assert sentence in capsys.readouterr().err
@@ -109,6 +110,19 @@ def test_least_squares_meet_what_can_be_met(config):
     parameters = {"loss_out_constant": c.load_stages()["losses"]["loss_out_constant"]}
     values = c.search(config, parameters, made_up, generations=0, jobs=1, seed=1)
     assert values["loss_out_constant"] == pytest.approx(2.8, abs=1e-3)
+
+
+def test_the_spread_moves_the_sum_of_squared_misses_by_one(config):
+    """Of a curve that 2.8 Nm meet best: (3 d + 1)^2 + (1 - 3 d)^2 = 2 + 18 d^2 is 1 more at d = 0.2357 Nm."""
+
+    def curve(config, targets):
+        parts = tuple(way * 3.0 * (config.gearbox.loss_out_constant - 2.8) + 1.0 for way in (1.0, -1.0))
+        return [rows.Miss("curve", 0.0, float(np.hypot(*parts)), parts)]
+
+    parameters = {"loss_out_constant": c.load_stages()["losses"]["loss_out_constant"]}
+    slopes, spread = c.sensitivities(config, parameters, {"loss_out_constant": 2.8}, curve)
+    assert spread["loss_out_constant"] == pytest.approx(18.0**-0.5)
+    assert slopes["loss_out_constant"]["curve"] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_random_places_are_no_worse_than_the_one_at_hand(config):

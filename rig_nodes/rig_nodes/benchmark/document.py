@@ -103,7 +103,8 @@ def _scaling(result: dict) -> list[str]:
                     [[str(r["clutches"]), f"{r['ns_per_step']:.0f}", f"{r['real_time_factor']:.0f}"]
                      for r in result["clutches"]]),
              _table(["sweep, processes", "members per s (wall)", "start and 4 members, wall s"],
-                    [[str(r["processes"]), f"{r['members_per_s']:.1f}" if r["members_per_s"] else "not measured, the machine was busy",
+                    [[str(r["processes"]),
+                      f"{r['members_per_s']:.1f}" if r["members_per_s"] else "not measured, the machine was busy",
                       f"{r['start_s']:.1f}"] for r in result["sweep"]])]
     one, two = (r["members_per_s"] for r in result["sweep"])
     ratio = f"Two processes do {two / one:.2f} times what one does. " if one and two else ""

@@ -6,7 +6,6 @@ Lengths and clutches by processor time in this process; the sweep by the clock o
 from __future__ import annotations
 
 import resource
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -14,13 +13,11 @@ from statistics import median
 
 from ..bags.writer import BagWriter
 from ..catalogue import catalogue
-from ..errors import RigError
 from ..testbench.configuration import load_rig
 from ..testbench.outputs import Outputs
 from ..testbench.rig import Rig
-from .kernel import drive
-from .machine import fastest, run
-from .starts import RIG
+from .kernel import SAMPLES_PER_S, drive
+from .machine import fastest, timed_rig
 from .two_inertias import END, Ours
 
 LENGTH, PART = 100, 10  # simulated s of the long run, of each part of it that is compared
@@ -60,7 +57,7 @@ def streaming(tell=lambda text: None) -> list[dict]:
     with tempfile.TemporaryDirectory(prefix="rig-bench-") as folder, BagWriter(folder, "long") as bag:
 
         def go(_phase: str, seconds: float) -> None:
-            for _ in range(round(seconds * 1000)):
+            for _ in range(round(seconds * SAMPLES_PER_S)):
                 for topic, stamp, data in outputs.due():
                     bag.write(topic, types[topic], data, stamp)
                 rig.advance_samples(1)
@@ -96,12 +93,9 @@ def by_members(tell=lambda text: None) -> list[dict]:
             walls = []
             for members in MEMBERS:
                 tell(f"sweep of {members} members, {jobs} process{'es' * (jobs > 1)}")
-                arguments = ["sweep", "demo", "--vary", "alfa46.t12=-250 ms .. -150 ms", "--samples", str(members), "--jobs",
-                             str(jobs), "--out", str(Path(folder) / f"{jobs}-{members}")]
-                code, said, spent = run([*RIG, *arguments])
-                if code:
-                    raise RigError(f"rig sweep failed while it was measured: {said.strip().splitlines()[-1:]}")
-                walls.append(spent.wall)
+                out_folder = str(Path(folder) / f"{jobs}-{members}")
+                arguments = ["--samples", str(members), "--jobs", str(jobs), "--out", out_folder]
+                walls.append(timed_rig(["sweep", "demo", "--vary", "alfa46.t12=-250 ms .. -150 ms", *arguments]).wall)
             more = walls[1] - walls[0]  # not above zero when somebody else had the machine while the small one ran
             out.append({"processes": jobs, "start_s": walls[0],
                         "members_per_s": (MEMBERS[1] - MEMBERS[0]) / more if more > 0.0 else None})
@@ -110,7 +104,6 @@ def by_members(tell=lambda text: None) -> list[dict]:
 
 def bench_scaling(tell=lambda text: None) -> dict:
     """All of it, and the most memory that this process had [MB]."""
-    out = {"length": by_length(tell), "streaming": streaming(tell), "clutches": by_clutches(tell), "sweep": by_members(tell)}
-    scale = 1024.0 if sys.platform == "linux" else 1.0
-    out["most_memory_mb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * scale / 1e6
-    return out
+    out = {"length": by_length(tell), "streaming": streaming(tell), "clutches": by_clutches(tell),
+           "sweep": by_members(tell)}
+    return out | {"most_memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6}

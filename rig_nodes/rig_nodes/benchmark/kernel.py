@@ -47,7 +47,10 @@ class _Clock:
 
 
 def drive(rig: Rig, go) -> None:
-    """12 s of a rig: oil, gear I, 1500 rpm, load, up and down again; go(phase, seconds): standing, running, shifting."""
+    """12 s of a rig: oil, gear I, 1500 rpm, load, up and down again.
+
+    go(phase, seconds): moves it; phases are standing, running and shifting.
+    """
     rig.set_oil(4e6, True)
     go("standing", 0.5)
     rig.order_gear(1)

@@ -1,29 +1,32 @@
-"""What was measured on: processor, cores, versions; and the two clocks. Used by the other modules of this package."""
+"""What was measured on: processor, cores, versions; and how the time of calls and of programs is taken.
+
+Used by the other modules of this package and by the verb ``bench``.
+"""
 
 from __future__ import annotations
 
 import os
 import platform
 import subprocess
+import sys
 import time
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 from typing import NamedTuple
 
+from ..errors import RigError
+
 PACKAGES = ("numpy", "numba", "llvmlite", "scipy")
-PEERS = ("scipy", "pathsim", "mujoco", "drake")
+TIMEOUT = 600.0  # s that one program may take
 
 
 def machine() -> dict[str, str | int | float]:
     """Processor, cores that may be used, versions, and how many others waited for them at the beginning."""
-    cpu = platform.processor() or platform.machine()
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8") as info:
-            cpu = next((line.split(":", 1)[1].strip() for line in info if line.startswith("model name")), cpu)
-    except OSError:
-        pass  # not Linux: what Python knows has to do
-    return {"cpu": cpu, "cores": len(os.sched_getaffinity(0)), "load": round(os.getloadavg()[0], 2),
-            "system": f"{platform.system()} {platform.release()}", "python": platform.python_version(),
+    with open("/proc/cpuinfo", encoding="utf-8") as info:
+        names = [line.split(":", 1)[1].strip() for line in info if line.startswith("model name")]
+    return {"cpu": names[0] if names else platform.machine(), "cores": len(os.sched_getaffinity(0)),
+            "load": round(os.getloadavg()[0], 2), "system": f"{platform.system()} {platform.release()}",
+            "python": platform.python_version(),
             **{name: version(name) for name in PACKAGES}}
 
 
@@ -54,11 +57,16 @@ def fastest(action: Callable[[], object], budget: float = 0.25, least: int = 3, 
     return best
 
 
-def run(command: list[str], env: dict[str, str] | None = None, timeout: float = 300.0) -> tuple[int, str, Spent]:
-    """Exit code, what it said and time of a program with all its children; it is killed after ``timeout`` [s]."""
+def timed_rig(arguments: list[str], env: dict[str, str] | None = None) -> Spent:
+    """Time of ``rig`` with these arguments and the children it waits for; RigError when it fails or takes too long."""
     before, begun = os.times(), time.perf_counter()
-    done = subprocess.run(command, env={**os.environ, **(env or {})}, capture_output=True, text=True, timeout=timeout,
-                          check=False)
+    try:
+        done = subprocess.run([sys.executable, "-P", "-m", "rig_nodes.cli.main", *arguments], capture_output=True,
+                              env={**os.environ, **(env or {})}, text=True, timeout=TIMEOUT, check=False)
+    except subprocess.TimeoutExpired:
+        raise RigError(f"rig {' '.join(arguments)} took more than {TIMEOUT:.0f} s while it was measured") from None
     wall, after = time.perf_counter() - begun, os.times()
-    cpu = after.children_user + after.children_system - before.children_user - before.children_system
-    return done.returncode, done.stdout + done.stderr, Spent(wall, cpu)
+    if done.returncode:
+        said = (done.stdout + done.stderr).strip().rpartition("\n")[2]
+        raise RigError(f"rig {' '.join(arguments)} failed while it was measured: {said or 'it said nothing'}")
+    return Spent(wall, after.children_user + after.children_system - before.children_user - before.children_system)

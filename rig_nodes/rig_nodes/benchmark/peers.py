@@ -1,8 +1,8 @@
 """The bare problem of two_inertias on other tools, each in its best way, cost against error of the lock-up time.
 
-Used by ``rig bench peers``. A tool is a function that gives candidates: (way, setting, call -> lock-up time [s]), what is
-built once outside the call. All candidates are measured and the cheapest that is exact enough speaks for its tool, so a
-tool cannot be shown at less than the best of them. Why these: docs/performance.md.
+Used by ``rig bench peers``. A tool is a function that gives candidates: (way, setting, call -> lock-up time [s]), what
+is built once outside the call. All candidates are measured and the cheapest that is exact enough speaks for its tool,
+so a tool cannot be shown at less than the best of them. Why these: docs/performance.md.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Point(NamedTuple):
 
 
 def ours() -> Iterator[Candidate]:
-    """Our driveline, the lock-up as a root inside its step: equal steps, or those of the rise and one; or 1 ms a call."""
+    """Our driveline, the lock-up as a root inside its step: equal steps, those of the rise and one, or 1 ms a call."""
     line = problem.Ours()
     for steps in (1, 2, 3, 5, 10, 20, 40, 80, 160):
         yield "free", f"{steps} steps and one", lambda steps=steps: line.run_straight(steps)
@@ -44,7 +44,7 @@ def ours() -> Iterator[Candidate]:
 
 
 def by_scipy() -> Iterator[Candidate]:
-    """solve_ivp with a terminal event, or ode with a look at each step; rise, slip and lock are systems of their own."""
+    """solve_ivp with a terminal event, or ode with a look at each step; rise, slip and lock as systems of their own."""
     from scipy.integrate import ode, solve_ivp
 
     capacity, sin = problem.capacity, math.sin
@@ -172,7 +172,8 @@ def by_pathsim() -> Iterator[Candidate]:
         yield "free", f"RK4, step {dt * 1e6:g} us", lambda d=dt: run(RK4, False, d, 1e-4)
 
 
-_MJCF = """<mujoco><option gravity="0 0 0" integrator="{integrator}" tolerance="1e-12"><flag contact="disable"/></option>
+_MJCF = """<mujoco>
+<option gravity="0 0 0" integrator="{integrator}" tolerance="1e-12"><flag contact="disable"/></option>
 <worldbody>
 <body><joint name="j1" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 {j1}"/></body>
 <body><joint name="j2" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 {j2}"/></body></worldbody>
@@ -204,7 +205,8 @@ def by_mujoco() -> Iterator[Candidate]:
         data.qvel[:] = W1, 0.0
         for i in range(round(RISE / step)):
             # the mean over the step, by its two Gauss points as in ours
-            model.tendon_frictionloss[0] = 0.5 * (problem.capacity((i + low) * step) + problem.capacity((i + high) * step))
+            first, second = (problem.capacity((i + share) * step) for share in (low, high))
+            model.tendon_frictionloss[0] = 0.5 * (first + second)
             mujoco.mj_step(model, data)
         model.tendon_frictionloss[0] = CAPACITY
         pace(model, rest)
@@ -235,7 +237,7 @@ def _lock(t: np.ndarray, slip: np.ndarray) -> float:
 
 
 def by_drake() -> Iterator[Candidate]:
-    """Two ways: witness functions on a system of one's own, and a built-in system in C++ with a monitor on its steps."""
+    """A witness function on a system of one's own, or built-in systems in C++ with a monitor on their steps."""
     from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
     from pydrake.systems.framework import EventStatus, LeafSystem, UnrestrictedUpdateEvent, WitnessFunctionDirection
     from pydrake.systems.primitives import AffineSystem, TrajectoryAffineSystem
@@ -341,7 +343,7 @@ TOOLS = {"this project": ours, "scipy": by_scipy, "pathsim": by_pathsim, "mujoco
 
 
 def measure(candidates, budget: float, tell=lambda text: None) -> list[Point]:
-    """Every candidate of a tool; those after one of the same kind that took longer than the budget [s] go once only."""
+    """Every candidate of a tool, the fastest of as many runs as the budget [s] allows, of two at least."""
     exact, points = problem.lock_up(), []
     for way, setting, call in candidates:
         tell(setting)

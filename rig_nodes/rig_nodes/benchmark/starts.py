@@ -7,22 +7,11 @@ time.
 from __future__ import annotations
 
 import json
-import sys
 import tempfile
 from importlib.util import find_spec
 from pathlib import Path
 
-from ..errors import RigError
-from .machine import Spent, run
-
-RIG = [sys.executable, "-P", "-m", "rig_nodes.cli.main"]
-
-
-def _timed(arguments: list[str], env: dict[str, str] | None = None) -> Spent:
-    code, said, spent = run([*RIG, *arguments], env)
-    if code:
-        raise RigError(f"rig {' '.join(arguments)} failed while it was measured: {said.strip().splitlines()[-1:]}")
-    return spent
+from .machine import timed_rig
 
 
 def bench_demo(repeats: int = 5, tell=lambda text: None) -> dict:
@@ -31,11 +20,11 @@ def bench_demo(repeats: int = 5, tell=lambda text: None) -> dict:
     with tempfile.TemporaryDirectory(prefix="rig-bench-") as folder:
         env, runs = {"NUMBA_CACHE_DIR": str(Path(folder) / "cache")}, Path(folder)
         tell("simulate demo, nothing compiled yet")
-        out["simulate demo, first run"] = _timed(["simulate", "demo", "--out", str(runs / "cold")], env)._asdict()
+        out["simulate demo, first run"] = timed_rig(["simulate", "demo", "--out", str(runs / "cold")], env)._asdict()
         for name, arguments in (("simulate demo, warm", ["simulate", "demo", "--out"]),
                                 ("report of that run", ["report", str(runs / "cold")]), ("help", ["--help"])):
             tell(name)
-            spent = [_timed([*arguments, str(runs / f"warm{k}")] if arguments[-1] == "--out" else arguments, env)
+            spent = [timed_rig([*arguments, str(runs / f"warm{k}")] if arguments[-1] == "--out" else arguments, env)
                      for k in range(repeats)]
             out[name] = {"wall": min(s.wall for s in spent), "cpu": min(s.cpu for s in spent)}
     return out
@@ -49,7 +38,7 @@ def bench_graph(repeats: int = 3, tell=lambda text: None) -> dict | str:
     with tempfile.TemporaryDirectory(prefix="rig-bench-") as folder:
         for k in range(repeats):
             tell(f"run demo --speed max, {k + 1} of {repeats}")
-            _timed(["run", "demo", "--speed", "max", "--out", str(Path(folder) / str(k))])
+            timed_rig(["run", "demo", "--speed", "max", "--out", str(Path(folder) / str(k))])
             report = json.loads((Path(folder) / str(k) / "report.json").read_text(encoding="utf-8"))
             factors.append(report["run"]["speed_factor"])
     return {"real_time_factors": factors, "best": max(factors)}

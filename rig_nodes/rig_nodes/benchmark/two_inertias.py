@@ -52,7 +52,7 @@ def chain(clutches: int = 1) -> System:
 
 
 class Ours:
-    """The driveline of this project on a chain; ``lock``: time of the first lock-up [s] of the last run."""
+    """The driveline of this project on a chain of clutches that close at once."""
 
     def __init__(self, clutches: int = 1):
         self.system = s = chain(clutches)
@@ -61,8 +61,8 @@ class Ours:
         self.q[:, 0], self.q[:, -1] = DRIVE, LOAD
         self.cap = s.limits()
         x = self.state
-        self._arrays = (s.minv, s.w, s.sh, s.kc, self.q, self.cap, x.v, x.twist, x.mode, x.el, x.shaft, x.e_in, x.events,
-                        x.count, x.work)
+        self._arrays = (s.minv, s.w, s.sh, s.kc, self.q, self.cap, x.v, x.twist, x.mode, x.el, x.shaft, x.e_in,
+                        x.events, x.count, x.work)
 
     def start(self) -> None:
         """To time 0."""
@@ -99,9 +99,7 @@ class Ours:
         return math.inf
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def _capacity(t):
-    return CAPACITY if t >= RISE else CAPACITY * math.sin(0.5 * math.pi * t / RISE)
+_capacity = njit(cache=True, error_model="numpy", nogil=True)(capacity)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

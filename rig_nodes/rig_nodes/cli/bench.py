@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 
@@ -50,7 +49,9 @@ def main(args) -> int:
         raise RigError("--write-docs writes about all parts of one run; without naming parts")
     from ..benchmark.document import TITLES, lines, machine_line, write_document
     from ..benchmark.machine import machine
+    from .written import check_json, write_json
 
+    check_json(args.json)
     progress, results = Progress(parts), {"machine": machine()}
     text = args.json != "-"
     if text:
@@ -65,11 +66,7 @@ def main(args) -> int:
     finally:
         progress.end()
     if args.json:
-        written = json.dumps(results, indent=2) + "\n"
-        if args.json == "-":
-            sys.stdout.write(written)
-        else:
-            _write(args.json, written)
+        write_json(args.json, results)
     if args.write_docs:
         print(f"{write_document(results)} is written", file=sys.stderr)
     return 0
@@ -111,14 +108,3 @@ def _measure(part: str, repeats: int, tell):
     from ..benchmark.peers import bench_peers
 
     return bench_peers(0.05 * repeats, tell)
-
-
-def _write(path: str, text: str) -> None:
-    from pathlib import Path
-
-    from ..errors import RigError
-
-    try:
-        Path(path).write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise RigError(f"{path}: cannot be written ({error.strerror})") from None

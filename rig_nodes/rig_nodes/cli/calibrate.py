@@ -1,10 +1,8 @@
 """`rig calibrate`: finds the rig's unknown parameters again and, with --write, puts them into its configuration."""
 
 import argparse
-import json
 import sys
 from dataclasses import asdict
-from pathlib import Path
 
 HELP = "find the rig's unknown parameters on the laboratory's rows"
 
@@ -12,7 +10,7 @@ HELP = "find the rig's unknown parameters on the laboratory's rows"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--write", action="store_true", help="put what was found into config/rigs/hydmag.yaml and "
                         "config/controllers/alfa46.yaml; without it nothing is changed")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write values, misses, sensitivities and spreads")
+    parser.add_argument("--json", metavar="FILE", help="write values, misses, sensitivities and spreads")
     parser.add_argument("--generations", type=int, default=120, metavar="N",
                         help="of the search over the bounds (default 120, some 10 min); 0: only from where the rig is, "
                              "a minute")
@@ -34,7 +32,9 @@ def main(args: argparse.Namespace) -> int:
     from ..validation import calibrate as c
     from ..validation.calibration_rows import ROWS
     from ..validation.trade_off import trade_offs
+    from .written import check_json, write_json
 
+    check_json(args.json)
     for name, least in (("generations", 0), ("starts", 0), ("jobs", 1)):
         if getattr(args, name) < least:
             raise RigError(f"--{name} is {getattr(args, name)}, expected at least {least}")
@@ -48,6 +48,9 @@ def main(args: argparse.Namespace) -> int:
 
     def pair(stage: str, one: str, other: str) -> None:
         print(f"\r{stage}: {one} against {other}                    ", end="", file=sys.stderr, flush=True)
+
+    def plain(miss) -> dict:
+        return {"row": miss.row, "value": miss.value, "tolerances": miss.tolerances}
 
     curves = []
     try:
@@ -71,12 +74,12 @@ def main(args: argparse.Namespace) -> int:
         for point in curve.points:
             print("  weight {:6g}  {:8.2f}  {:8.2f}".format(point.weight, *point.misses))
     if args.json:
-        args.json.write_text(json.dumps({
+        write_json(args.json, {
             "values": found.values, "spread": found.spread, "sensitivities": found.sensitivities,
-            "before": [vars(miss) for misses in found.before.values() for miss in misses],
-            "after": [vars(miss) for misses in found.after.values() for miss in misses],
+            "before": [plain(miss) for misses in found.before.values() for miss in misses],
+            "after": [plain(miss) for misses in found.after.values() for miss in misses],
             "trade_offs": [asdict(curve) for curve in curves],
-            "bounds": {n: [p.low, p.high] for n, p in parameters.items()}, "units": SI}, indent=1))
+            "bounds": {n: [p.low, p.high] for n, p in parameters.items()}, "units": SI})
     if args.write:
         c.write_values(found.values, find_config("rigs", "hydmag"), find_config("controllers", "alfa46"))
         print("written to the rig's configuration")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import platform
 import sys
 import time
@@ -62,6 +61,7 @@ def main(args) -> int:
     from ..testbench.configuration import load_gearbox_rig
     from ..testbench.folders import parse_settings
     from ..validation import document, pictures, programme, time_courses
+    from .written import check_json, write_json
 
     page = _page() if args.write_docs else None
     explanations = document.load_explanations()
@@ -72,8 +72,7 @@ def main(args) -> int:
     programme.check_settings(procedures, settings)
     if args.pictures:
         _make_folder(args.pictures)
-    if args.json not in (None, "-") and not Path(args.json).absolute().parent.is_dir():
-        raise RigError(f"--json {args.json}: there is no such folder")
+    check_json(args.json)
     runs = programme.runs_of(procedures)
     drawn = []
     # rows for information alone need no processes
@@ -87,7 +86,7 @@ def main(args) -> int:
     if args.json != "-":
         print(document.terminal(result.rows))
     if args.json:
-        _write_json(args.json, {
+        write_json(args.json, {
             "rows": [row.as_dict() for row in result.rows], "summary": programme.summary(result.rows),
             "versions": _versions(), "rig": args.rig, "settings": settings, "procedures": list(result.procedures)})
     if args.pictures:
@@ -127,16 +126,3 @@ def _versions() -> dict[str, str]:
 
     return {"rig_nodes": rig_nodes.__version__, "python": platform.python_version(),
             **{name: version(name) for name in ("numpy", "scipy", "numba")}}
-
-
-def _write_json(name: str, content: dict) -> None:
-    from ..errors import RigError
-
-    text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    if name == "-":
-        sys.stdout.write(text)
-        return
-    try:
-        Path(name).write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise RigError(f"--json {name}: cannot be written ({error.strerror})") from None

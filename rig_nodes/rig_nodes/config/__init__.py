@@ -64,7 +64,8 @@ def _parsed(_absolute: Path, path: Path, kind: str, _changed: int, _size: int) -
         return _read(path, text, kind)
     made_by = f"{kind} {version('ruamel.yaml')} {sys.version_info[:2]}"
     key = hashlib.sha256(f"{made_by}\0{text}".encode()).hexdigest()[:16]
-    kept = cache_root().parent / "read-configuration" / f"{path.name}.{kind}.{key}"
+    name = f"{'-'.join(path.relative_to(CONFIG_DIR).parts)}.{kind}"  # a rig and a sequence may be named alike
+    kept = cache_root().parent / "read-configuration" / f"{name}.{key}"
     with suppress(OSError):
         return kept.read_bytes()
     content = _read(path, text, kind)
@@ -73,7 +74,7 @@ def _parsed(_absolute: Path, path: Path, kind: str, _changed: int, _size: int) -
         part = kept.with_name(f".{kept.name}.{os.getpid()}")
         part.write_bytes(content)
         os.replace(part, kept)
-        for old in kept.parent.glob(f"{path.name}.{kind}.*"):
+        for old in kept.parent.glob(f"{name}.*"):
             if old != kept:
                 old.unlink()
     return content

@@ -50,9 +50,9 @@ CLUTCH_STATE = np.dtype([
     ("clamp", "f8"), ("held", "f8"), ("rest", "f8"), ("kinetic", "f8"), ("static", "f8"), ("drag", "f8"),
     ("temperature", "f8"), ("wear", "f8"), ("heat", "f8"),
 ])
-# what of the thesis's error sources acts here; the others are parameters. bounded: the output speed by both gears, only in
-# chapter 9's simulation. pwm: frequency, 0 where it is averaged;
-# pulses: of the coils' voltage as the transducers pick it up, there also where the plant takes the average
+# what of the thesis's error sources acts here; the others are parameters. bounded: the output speed by both gears,
+# only in chapter 9's simulation. pwm: frequency, 0 where it is averaged; pulses: of the coils' voltage as the
+# transducers pick it up, there also where the plant takes the average
 EFFECTS = np.dtype([("current_loop", "f8"), ("motor_speed", "f8"), ("pwm", "f8"), ("pulses", "f8"),
                     ("prescribed", "f8"), ("bounded", "f8"), ("loss_driving", "f8"), ("transducers", "f8")])
 # carried: by w0 into the clutches; gain: of a value in the last step, of a torque only where no mode has changed in it

@@ -11,6 +11,7 @@ from math import exp, pi
 from numba import njit
 
 from ..config.schema import param
+from .lag import lagged
 
 RPM = pi / 30.0
 
@@ -44,9 +45,7 @@ def pressure_after(pressure, setting, enabled, speed, decay, load):
     target = 0.0
     if enabled:
         target = min(setting * relief_factor(speed), load.pressure_limit)
-    # what fades for ever must not end in denormal numbers: they slow the processor down by a fifth
-    after = target + (pressure - target) * decay
-    return after if after > 1e-200 else 0.0
+    return lagged(pressure, target, decay)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

@@ -11,6 +11,7 @@ from math import exp
 from numba import njit
 
 from ..config.schema import param
+from .lag import lagged
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,4 @@ def supply_after(pressure, setting, enabled, flow, decay, oil):
     target = 0.0
     if enabled:
         target = max(0.0, setting - oil.relief_droop * max(flow, 0.0))
-    # what fades for ever must not end in denormal numbers: they slow the processor down by a fifth
-    after = target + (pressure - target) * decay
-    return after if after > 1e-200 else 0.0
+    return lagged(pressure, target, decay)

@@ -11,6 +11,7 @@ from math import exp, floor, inf, sqrt
 from numba import njit
 
 from ..config.schema import param
+from .lag import lagged
 
 
 @dataclass(frozen=True)
@@ -49,9 +50,7 @@ def coil_decay(h, valve):
 def coil_after(current, duty, decay, valve):
     """:func:`coil_current` over a time whose ``decay`` is known."""
     steady = duty * valve.coil_voltage / valve.coil_resistance
-    # what fades for ever must not end in denormal numbers: they slow the processor down by a fifth
-    after = steady + (current - steady) * decay
-    return after if after > 1e-200 else 0.0
+    return lagged(current, steady, decay)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

@@ -153,7 +153,7 @@ class Rows:
                            "8 us")
         count = rig.rows_in_ring(period, 0, 0).shape[1]  # refuses a period that is no whole number of steps
         keep_freed_memory()
-        # one array a channel: a single large one would come in huge pages, which the kernel may take 0.1 s to find
+        # one array a channel: a single large one would come in huge pages, which Linux may take 0.1 s to find
         self._columns = [np.empty(FIRST_ROWS) for _ in range(count)]
         self._taken = 0
 

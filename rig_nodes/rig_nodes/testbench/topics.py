@@ -104,7 +104,8 @@ class States:
     def command(self) -> tuple:
         """Fields of the newest valve command, whose topic comes with every sample."""
         rig = self.rig
-        return (rig.newest_command, rig.duty.tolist(), rig.setpoint.tolist(), rig.gear, rig.shifting, LEVELS.index(rig.level), rig.flags)
+        return (rig.newest_command, rig.duty.tolist(), rig.setpoint.tolist(), rig.gear, rig.shifting,
+                LEVELS.index(rig.level), rig.flags)
 
     def _motor(self):
         rig, plant = self.rig, self.rig.plant[0]

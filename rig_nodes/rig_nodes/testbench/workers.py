@@ -90,9 +90,9 @@ class Workers:
             progress: Callable[[int, int], None] | None = None) -> list:
         """function(item) of each item, in their order. Function, items and results must be picklable, results small.
 
-        progress(done, of) is called in this process as results come. An error of any item ends the whole: a RigError
-        as it was raised, another one as RuntimeError with its traceback. After an interrupt, or when a process was killed,
-        only __exit__ is left.
+        progress(done, of) is called in this process as results come. An error of any item ends the whole: as it was
+        raised here or if it is a RigError, another one of a process as RuntimeError with its traceback. After an
+        interrupt, or when a process was killed, only __exit__ is left.
         """
         items = list(items)
         if self.jobs == 1:

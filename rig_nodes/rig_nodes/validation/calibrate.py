@@ -121,14 +121,14 @@ def nearby(shares, config: RigConfig, parameters: dict[str, Parameter], misses: 
 
 def anywhere(best, starts: int, jobs: int, seed: int, config: RigConfig, parameters: dict[str, Parameter],
              misses: Callable) -> np.ndarray:
-    """The best shares of :func:`nearby` from these and from as many random places as ``starts``.
+    """The best of these shares and of those that :func:`nearby` finds from as many random places as ``starts``.
 
     Valves and pistons have many minima, each narrow in some directions: steps find their floors, where a search by
     populations of a size that can be paid does not.
     """
     places = np.random.default_rng(seed).uniform(size=(starts, len(parameters)))
     with Workers(jobs) as workers:
-        found = list(workers.map(partial(nearby, config=config, parameters=parameters, misses=misses), places))
+        found = workers.map(partial(nearby, config=config, parameters=parameters, misses=misses), places)
     return min([np.asarray(best), *found], key=partial(_cost, config=config, parameters=parameters, misses=misses))
 
 
@@ -140,8 +140,9 @@ def search(config: RigConfig, parameters: dict[str, Parameter], misses: Callable
            seed: int, progress: Callable[[int, float], None] | None = None, starts: int = 0) -> dict[str, float]:
     """Values that make the sum of squared misses small; an interrupt is passed on.
 
-    Differential evolution over the bounds, then least squares from its best; the latter alone, from the rig as it is, with
-    no generations; and from ``starts`` random places. misses: of calibration_rows.ROWS. The same seed finds the same values for any number of jobs.
+    Differential evolution over the bounds, then least squares from its best; the latter alone, from the rig as it is,
+    with no generations; and from ``starts`` random places. misses: of calibration_rows.ROWS. The same seed finds the
+    same values for any number of jobs.
     """
     cost = partial(_cost, config=config, parameters=parameters, misses=misses)
     turn = [0]
@@ -190,11 +191,13 @@ def sensitivities(config: RigConfig, parameters: dict[str, Parameter], values: d
     spread = {}
     for name, p in parameters.items():
         width = p.high - p.low
-        sides = [{miss.row: miss.tolerances for miss in misses(
-            with_values(config, parameters, {name: values[name] + way * step * width}), targets)} for way in (-1.0, 1.0)]
-        slope = {row: (sides[1][row] - sides[0][row]) / (2.0 * step) for row in sides[0]}
-        rows[name] = {row: 0.1 * value for row, value in slope.items()}
-        curvature = sum(value**2 for value in slope.values())
+        below, above = (misses(with_values(config, parameters, {name: values[name] + way * step * width}), targets)
+                        for way in (-1.0, 1.0))
+        rows[name] = {one.row: 0.1 * (other.tolerances - one.tolerances) / (2.0 * step)
+                      for one, other in zip(below, above)}
+        # a curve by its milliseconds: where its mean distance is least, that has no slope, and would allow anything
+        one, other = (np.concatenate([miss.residuals for miss in side]) for side in (below, above))
+        curvature = np.sum(((other - one) / (2.0 * step)) ** 2)
         spread[name] = width * min(1.0, 1.0 / np.sqrt(curvature)) if curvature > 0.0 else width
     return rows, spread
 
@@ -211,8 +214,8 @@ def calibrate(config: RigConfig, generations: int, jobs: int, seed: int, stages:
         misses = ROWS[stage]
         found.before[stage] = misses(config, targets)
         tell = partial(progress, stage) if progress else None
-        values = search(config, those, misses, generations if len(those) > 4 else min(generations, 15), jobs, seed, tell,
-                        starts)
+        turns = generations if len(those) > 4 else min(generations, 15)
+        values = search(config, those, misses, turns, jobs, seed, tell, starts)
         config = with_values(config, those, values)
         found.after[stage] = misses(config, targets)
         rows, spread = sensitivities(config, those, values, misses)

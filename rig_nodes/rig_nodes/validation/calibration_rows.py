@@ -15,6 +15,7 @@ from ..alfa46.settings import Alfa46Config
 from ..analysis.metrics import Inertias, Recording, shift_metrics
 from ..plant import kernel
 from ..plant.clutch import Cylinder
+from ..plant.gearbox import RPM
 from ..plant.load_pump import relief_setting_for
 from ..testbench.configuration import RigConfig
 from ..testbench.rig import Rig
@@ -24,7 +25,6 @@ from .targets import Target, load_targets
 SUPPLY = 4e6  # Pa, 7.1.2
 SETTLE = 300  # samples in which the supply comes up
 MS = 1e-3
-RPM = np.pi / 30.0
 PULSES = 4e-3  # A: what the ripple of the coil's pulses and the noise in the loop add to a current that stands
 FIRST_RISE = 10e3  # Pa: about what the laboratory could see of a first rise
 FALLEN = 2.2e6  # Pa: the fall has begun when it is passed (22 bar, Annex A)
@@ -109,8 +109,8 @@ def fall_begins(target: Target, p: np.ndarray) -> float:
 class Miss:
     """How far a row is from what is printed, in tolerances, and its value [SI].
 
-    parts: of a curve, its distances in tolerances over the root of their number, so that their squares sum up to that of
-    ``tolerances``; a search by slopes sees more in them than in their sum.
+    parts: of a curve, its distances in tolerances over the root of their number, so that their squares sum up to that
+    of ``tolerances``; a search by slopes sees more in them than in their sum.
     """
 
     row: str
@@ -166,18 +166,17 @@ def loss_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
 
     The tangent at the start of the coast-down meets zero after J w / M, what the open driving side's torque makes of it.
     """
-    rpm = np.pi / 30.0
-    coasting = steady_torque(config, 0, 470 * rpm, 0.0)
+    coasting = steady_torque(config, 0, 470 * RPM, 0.0)
     values = {"coast_down_torque": coasting,
-              "coast_down_tangent_time": config.gearbox.inertia_in * 470 * rpm / coasting,
-              "valve_mean_torque_s1": steady_torque(config, 1, 500 * rpm, 30.0),
-              "valve_mean_torque_s2": steady_torque(config, 2, 500 * rpm, 30.0)}
+              "coast_down_tangent_time": config.gearbox.inertia_in * 470 * RPM / coasting,
+              "valve_mean_torque_s1": steady_torque(config, 1, 500 * RPM, 30.0),
+              "valve_mean_torque_s2": steady_torque(config, 2, 500 * RPM, 30.0)}
     return [Miss(name, value, (value - targets[name].printed[0]) / targets[name].tolerance)
             for name, value in values.items()]
 
 
 def upshift(config: RigConfig, t12: float | None = None, speed: float = 500.0 * RPM, load: float = 60.0) -> dict:
-    """Metrics of I to II with a delay t12 [s], at a speed [rad/s] and load [Nm], true values, in the rig's second shift.
+    """Metrics of I to II with a delay t12 [s], at a speed [rad/s] and load [Nm]; true values, the rig's second shift.
 
     By default the rig's own delay, and speed and load of the delay series (7.1.3.4).
     """
@@ -205,8 +204,8 @@ def upshift(config: RigConfig, t12: float | None = None, speed: float = 500.0 * 
 
 
 def clutch_s2_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
-    """The rows of :func:`hydraulic_misses`, and the highest peak torque of the 19 delay series, that of series 5, where S2
-    catches an output that nothing else drives: only that says how far p2 shoots over.
+    """The rows of :func:`hydraulic_misses`, and the highest peak torque of the 19 delay series, that of series 5, where
+    S2 catches an output that nothing else drives: only that says how far p2 shoots over.
     """
     target, peak = targets["delay_up_peak_upper"], upshift(config, -0.1)["m_wej_max_nm"]
     return [*hydraulic_misses(config, targets, 2), Miss(target.id, peak, max(0.0, peak - target.high) / PEAK_TOLERANCE)]
