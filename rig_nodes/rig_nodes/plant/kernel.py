@@ -28,12 +28,12 @@ from .prescribed import Force
 
 load_numba()
 VALVES = 2
-# columns of the logger's rows; the signal catalogue must agree (testbench.rig checks it)
+# columns of the logger's rows; the signal catalogue must agree (testbench.rig checks it). U is no transducer's: share
+# of the supply voltage on the coil, in this step
 CHANNELS = ("M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2", "p_po", "I_zr_p1", "I_zr_p2", "p_p", "T_oil",
             "U_zr_p1", "U_zr_p2")
 M_WEJ, N_WEJ, M_WYJ, N_WYJ, P_1, P_2, P_PO, I_1, I_2, P_P, T_OIL, U_1, U_2 = range(len(CHANNELS))
 ENCODERS = (N_WEJ, N_WYJ)
-SIGNALS = ("U_zr_p1", "U_zr_p2")  # no transducer's: share of the supply voltage on the coil, in this step
 # who drives the coils: duty from outside, the embedded law, or the plant's power stage on setpoints from outside
 BY_DUTY, BY_LAW, BY_SETPOINT = range(3)
 
