@@ -13,12 +13,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--write", action="store_true", help="put what was found into config/rigs/hydmag.yaml and "
                         "config/controllers/alfa46.yaml; without it nothing is changed")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write values, misses, sensitivities and spreads")
-    parser.add_argument("--generations", type=int, default=120, metavar="N",
-                        help="of the search over the bounds (default 120, some 10 min); 0: only from where the rig is, "
-                             "a minute")
-    parser.add_argument("--starts", type=int, default=0, metavar="N",
-                        help="least squares from so many random places of the bounds too (default 0; half a minute "
-                             "each for a clutch)")
+    parser.add_argument("--generations", type=int, default=120, metavar="N", help="of the search over the bounds (default "
+                        "120, some 10 min); 0: only from where the rig is, a minute")
+    parser.add_argument("--starts", type=int, default=0, metavar="N", help="least squares from so many random places of the "
+                        "bounds too (default 0; half a minute each for a clutch)")
     parser.add_argument("--stages", nargs="+", metavar="NAME", help="only these: losses, clutch_s1, clutch_s2, release")
     parser.add_argument("--trade-offs", action="store_true",
                         help="then what it costs to mend each of two rows that pull against each other (minutes)")
