@@ -18,6 +18,7 @@ from rig_nodes.controllers.examples.command import run
     ("modbus_alfa46", "5020 --rig clutch_bench", "this example is for a rig with the gearbox"),
     ("modbus_alfa46", "70000", "'70000' is no port; expected 1 to 65535"),
     ("modbus_alfa46", "5020 --host no.such.machine.invalid", "there is no machine 'no.such.machine.invalid'"),
+    ("alfa46_ros", "9lives", "'9lives' is no name of topics; expected letters, digits and single underscores"),
     ("alfa46_udp", "127.0.0.1 plc", "'plc' is no port"),
     ("alfa46_udp", "no.such.machine.invalid", "there is no machine 'no.such.machine.invalid'"),
 ])

@@ -1,4 +1,4 @@
-"""Controllers that nobody waits for, on CAN, Modbus TCP and ROS topics: what they do to a shift, and what their faults do."""
+"""Controllers that nobody waits for, on CAN, Modbus TCP and ROS topics: what they and their faults do to a shift."""
 
 import csv
 import io
@@ -153,8 +153,8 @@ def late(exact, tmp_path_factory):
 
 @pytest.mark.parametrize("kind", ["virtual", "udp_multicast", "modbus", "ros"])
 def test_every_metric_is_as_the_stated_delay_makes_it(exact, example, late, tmp_path, request, kind):
-    """docs/can.md, docs/modbus.md, docs/ros_controller.md: one sample later than in lockstep, and later where the machine is busy, for either
-    valve by itself. What setpoints so late do in lockstep is the range for every metric."""
+    """docs/can.md, docs/modbus.md, docs/ros_controller.md: one sample later than in lockstep, and later where the
+    machine is busy, for either valve by itself. What setpoints so late do in lockstep is the range for every metric."""
     if kind == "udp_multicast" and (why := multicast_works()):
         pytest.skip(why)
     if kind == "ros":
@@ -227,7 +227,8 @@ def test_of_a_controller_that_disappears_nothing_is_held_after_100_ms(config, ex
         advance_with(rig, plug)
     assert time.monotonic() - gone < 0.3, "100 ms, and what a busy machine takes"
     assert rig.sample - sample <= 103 and "older than 100 ms" in rig.reason
-    assert re.search(r"^(can|modbus):.*: no command on .* for 50 ms; the rig trips at 100 ms$", "\n".join(plug.said), re.M)
+    told = "\n".join(plug.said)
+    assert re.search(r"^(can|modbus):.*: no command on .* for 50 ms; the rig trips at 100 ms$", told, re.M)
     for _ in range(200):
         advance_with(rig, plug)
     assert rig.measurement("I_zr_p1") < 0.005
@@ -268,8 +269,9 @@ def test_frames_of_wrong_length_are_counted_and_said_and_never_used(config):
     plug = load_controller("can:short?interface=virtual", config.alfa46)
     plug.say = said.append
     try:
-        with pytest.raises(RigError, match=r"no command came .*; not used: frame CONTROL_COMMAND_CURRENT \(0x201\) came with "
-                                           r"6 bytes instead of 8 \(\d\d+ times\), frame .* 0 bytes instead of 8 \(\d\d+ "):
+        with pytest.raises(RigError, match=r"no command came .*; not used: frame CONTROL_COMMAND_CURRENT \(0x201\) "
+                                           r"came with 6 bytes instead of 8 \(\d\d+ times\), "
+                                           r"frame .* 0 bytes instead of 8 \(\d\d+ "):
             plug.wait(0.3)
     finally:
         stop.set()
@@ -405,7 +407,8 @@ def test_the_dbc_is_what_the_plug_speaks(tmp_path):
 def test_the_register_map_is_that_of_the_page_and_of_the_export(tmp_path):
     assert main(["export", "registers", "-o", str(tmp_path / "map.csv")]) == 0
     rows = list(csv.DictReader(io.StringIO((tmp_path / "map.csv").read_text())))
-    assert [int(row["address"]) for row in rows] == [row.address for row in register_map()] == [*range(11), *range(32, 40)]
+    addresses = [*range(11), *range(32, 40)]
+    assert [int(row["address"]) for row in rows] == [row.address for row in register_map()] == addresses
     assert (tmp_path / "map.csv").read_text() == csv_text()
     assert markdown_text() in (DOCS / "modbus.md").read_text(encoding="utf-8")
 

@@ -295,8 +295,8 @@ def test_the_first_shift_page_works_as_it_is_written(kind, page, count, tmp_path
             if command[-1] == "&":
                 for program in programs:  # one at a time
                     program.kill()
-                program = [sys.executable if command[0] in ("python3", ".venv/bin/python") else command[0], *command[1:-1]]
-                programs.append(subprocess.Popen(program, stderr=subprocess.DEVNULL))
+                program = sys.executable if command[0] in ("python3", ".venv/bin/python") else command[0]
+                programs.append(subprocess.Popen([program, *command[1:-1]], stderr=subprocess.DEVNULL))
             elif command[0] != "./rig":
                 subprocess.run(command, check=True)
             else:

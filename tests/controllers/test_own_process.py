@@ -118,7 +118,8 @@ def test_destroy_is_called_at_an_orderly_end_and_never_after_fatal(build, config
 
 def test_arithmetic_that_a_library_changes_is_its_own(build, config):
     """As -ffast-math does with many compilers: tiny numbers become zero, in that process."""
-    flush = "#include <xmmintrin.h>\n__attribute__((constructor)) static void flush(void) { _mm_setcsr(_mm_getcsr() | 0x8040); }\n"
+    flush = ("#include <xmmintrin.h>\n__attribute__((constructor)) static void flush(void) "
+             "{ _mm_setcsr(_mm_getcsr() | 0x8040); }\n")
     plug = load_controller(f"c:{build(frame('out->command[0] = in->n_wej / 2.0 > 0.0;', flush))}", config.alfa46)
     tiny = sys.float_info.min
     assert plug.step(0, (0.0, 0.0, 0.0), tiny, 0.0, 0.0, 0.0).command[0] == 0.0

@@ -64,7 +64,8 @@ def test_blocks_are_five_samples_and_holes_are_none():
 
 
 @pytest.mark.parametrize(("signals", "sentence"), [
-    ("('a b',)", "expected up to 64 names"), ("'slip'", "expected up to 64 names"), ("{'a': 1}", "expected up to 64 names"),
+    ("('a b',)", "expected up to 64 names"), ("'slip'", "expected up to 64 names"),
+    ("{'a': 1}", "expected up to 64 names"),
     ("tuple(f's{k}' for k in range(65))", "expected up to 64 names"),
 ])
 def test_names_that_cannot_be_recorded_are_refused(python_controller, signals, sentence):

@@ -55,14 +55,15 @@ def test_it_shifts_by_the_commands_that_are_printed(kind, tmp_path, monkeypatch,
 
 
 @pytest.mark.parametrize(("kind", "compiler", "standard"), [
-    ("c", "cc", "-std=c99"), ("cpp", "c++", "-std=c++17"), ("simulink", "cc", "-std=c99"), ("udp-c", "cc", "-std=gnu99"),
+    ("c", "cc", "-std=c99"), ("cpp", "c++", "-std=c++17"), ("simulink", "cc", "-std=c99"),
+    ("udp-c", "cc", "-std=gnu99"),
 ])
 def test_it_compiles_without_a_warning(kind, compiler, standard, tmp_path):
     folder = tmp_path / "mine"
     assert main(["controller", "new", kind, str(folder)]) == 0
     for source in [*folder.glob("*.c"), *folder.glob("*.cpp")]:
-        subprocess.run([compiler, standard, "-O2", "-Wall", "-Wextra", "-Werror", "-c", "-o", tmp_path / "out.o", source],
-                       check=True)
+        flags = [standard, "-O2", "-Wall", "-Wextra", "-Werror"]
+        subprocess.run([compiler, *flags, "-c", "-o", tmp_path / "out.o", source], check=True)
 
 
 def test_a_template_passes_the_conformance_set(tmp_path, capsys):

@@ -1,4 +1,4 @@
-"""A controller at the other end of a UDP port: the same bits, whoever starts first, whatever gets lost, however it ends."""
+"""A controller behind a UDP port: the same bits, whoever starts first, whatever gets lost, however it ends."""
 
 import re
 import select
@@ -383,7 +383,8 @@ def test_one_rig_has_one_controller(plug, thread, port):
         (b"hello", "5 bytes are less than a header"),
         (b"x" * 40, "does not begin with RIG1"),
         (pack(HELLO, 0, 0, 1, 0)[:-1], "kind 1 has 31 bytes and says 32, expected 32"),
-        (pack(HELLO, 0, 0, 1, 0)[:4] + b"\x01\x00" + pack(HELLO, 0, 0, 1, 0)[6:], "version 1 of the protocol, expected 2"),
+        (pack(HELLO, 0, 0, 1, 0)[:4] + b"\x01\x00" + pack(HELLO, 0, 0, 1, 0)[6:],
+         "version 1 of the protocol, expected 2"),
         (pack(HELLO, 0, 0, 1, 0)[:6] + b"\x0a\x00" + pack(HELLO, 0, 0, 1, 0)[8:], "no kind 10"),
     ],
 )
@@ -438,8 +439,8 @@ int main(void) {
 }
 """
     (tmp_path / "sizes.c").write_text(source)
-    subprocess.run(["cc", "-std=gnu99", f"-I{INCLUDE}", "-o", tmp_path / "sizes", tmp_path / "sizes.c", ALFA46_C, "-lm"],
-                   check=True)
+    sources = [tmp_path / "sizes.c", ALFA46_C]
+    subprocess.run(["cc", "-std=gnu99", f"-I{INCLUDE}", "-o", tmp_path / "sizes", *sources, "-lm"], check=True)
     sizes, data = subprocess.run([tmp_path / "sizes"], capture_output=True, check=True).stdout.split(b"\n", 1)
     assert list(map(int, sizes.split())) == [HEADER.size + BODIES[kind].size for kind in (HELLO, INFO, 3, 4, READY,
                                                                                            SAMPLE, ANSWER, BYE, OWN)]
@@ -449,7 +450,8 @@ int main(void) {
 def test_the_page_says_the_kinds_and_their_bytes():
     page = (Path(__file__).parents[2] / "docs" / "udp.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| (\d) [A-Z]+ \|.*\| (\d+)[^|]*\|$", page, re.M)
-    assert {int(kind): int(size) for kind, size in rows} == {kind: HEADER.size + body.size for kind, body in BODIES.items()}
+    sizes = {kind: HEADER.size + body.size for kind, body in BODIES.items()}
+    assert {int(kind): int(size) for kind, size in rows} == sizes
 
 
 def test_the_c_example_is_clean_under_the_sanitizers(tmp_path, port, config):

@@ -1,4 +1,4 @@
-"""Controllers that run as processes of their own, on the graph: the same bits in lockstep, the safe state when they go."""
+"""Controllers as processes of their own, on the graph: the same bits in lockstep, the safe state when they go."""
 
 import socket
 import subprocess
@@ -134,7 +134,8 @@ def other_topics(folder, spec="alfa46", sequence=SHORT):
 
 @pytest.mark.parametrize(("what", "arguments", "sentence", "oldest"), [
     ("*(volatile int *)8 = 1;", ("--speed", "1"), "sample 500: the library's process was ended by SIGSEGV", 0.007),
-    ("for (;;);", ("--speed", "1", "--step-timeout", "0.5"), "sample 500: no answer for 500 ms (--step-timeout)", 0.007),
+    ("for (;;);", ("--speed", "1", "--step-timeout", "0.5"), "sample 500: no answer for 500 ms (--step-timeout)",
+     0.007),
     ("*(volatile int *)8 = 1;", (), "older than 100 ms: the shift controller is silent", 0.107),
     ("for (;;);", (), "older than 100 ms: the shift controller is silent", 0.107),
 ], ids=["crash in lockstep", "hang in lockstep", "crash in real time", "hang in real time"])

@@ -1,4 +1,4 @@
-"""`rig run --speed`: the graph in lockstep gives what `simulate` gives, bit for bit, whoever controls it and how fast."""
+"""`rig run --speed`: the graph in lockstep gives what `simulate` gives, bit for bit, whoever controls it."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Settings from another process during `rig run --speed`: when each acts, measured in the bag; real time: test_settings."""
+"""Settings from another process in `rig run --speed`: when each acts, measured in the bag; real time: test_settings."""
 
 import re
 from types import SimpleNamespace

@@ -35,10 +35,7 @@ def ros_controller(rest: str, config: Alfa46Config, level: str | None = None) ->
     """ros:NAME?timing=free&wants=M_wej,p_p&settings=gain:2.0&signals=slip:rad/s,state; all of it may be left out."""
     spec = f"ros:{rest}"
     name, options = split_options(rest, spec, OPTIONS)
-    name = name or "controller"
-    if not NAME.fullmatch(name):
-        raise RigError(f"controller {spec}: '{name}' is no name of topics; expected letters, digits and single "
-                       "underscores, e.g. ros:controller")
+    name = checked_topics(name or "controller", f"controller {spec}: ")
     timing = options.get("timing", TIMINGS[0])
     if timing not in TIMINGS:
         raise RigError(f"controller {spec}: timing is '{timing}', expected {' or '.join(TIMINGS)}")
@@ -52,6 +49,14 @@ def ros_controller(rest: str, config: Alfa46Config, level: str | None = None) ->
     plug.signals = checked_signals({item.partition(":")[0]: item.partition(":")[2] or "-"
                                     for item in _items(options, "signals")}, spec)
     return plug
+
+
+def checked_topics(name: str, where: str = "") -> str:
+    """The name, which the topics of a rig and its controller begin with; RigError when ROS 2 would not take it."""
+    if not NAME.fullmatch(name):
+        raise RigError(f"{where}'{name}' is no name of topics; expected letters, digits and single underscores, "
+                       "e.g. controller")
+    return name
 
 
 def _items(options: dict[str, str], key: str) -> list[str]:

@@ -6,8 +6,20 @@
 
 import sys
 
+from rclpy.utilities import remove_ros_args
+
 from rig_nodes.controllers.examples.alfa46 import Alfa46
+from rig_nodes.controllers.examples.command import parser, run
+from rig_nodes.controllers.ros import checked_topics
 from rig_nodes.controllers.ros_node import serve
 
+
+def main():
+    """Entry point."""
+    given = parser(__doc__, "alfa46_ros")
+    given.add_argument("name", nargs="?", type=checked_topics, default="controller")
+    sys.exit(serve(Alfa46(), Alfa46.levels, given.parse_args(remove_ros_args(sys.argv)[1:]).name))
+
+
 if __name__ == "__main__":
-    sys.exit(serve(Alfa46(), Alfa46.levels, *sys.argv[1:2]))
+    run(main)
