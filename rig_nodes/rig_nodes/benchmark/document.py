@@ -15,44 +15,56 @@ TITLES = {"kernel": "The kernel, one core", "demo": "What a user waits for", "gr
 
 _INTRO = """# Performance
 
-Made by `./rig bench --write-docs`; a change by hand is lost. All numbers are of one run on one machine, so their ratios hold:
+Made by `./rig bench --write-docs`; a change by hand is lost. All numbers are of one run on one machine, so their
+ratios hold:
 
 {machine}
 
-Times are of the processor, the fastest of several, unless "wall" is said. `./rig bench PART` measures one part, `--json` gives
-everything to programs. Aims: the kernel with 10 kHz logging at least 400 times real time; `simulate demo` warm under 1.5 s
-and its first run under 20 s; the bare problem at least 5000 times real time at 1e-3 of the lock-up time.
+Times are of the processor, the fastest of several, unless "wall" is said. `./rig bench PART` measures one part,
+`--json` gives everything to programs. Aims: the kernel with 10 kHz logging at least 400 times real time; `simulate
+demo` warm under 1.5 s and its first run under 20 s; the bare problem at least 5000 times real time at 1e-3 of the
+lock-up time.
 """
 
 _PROSE = {
-    "kernel": """12 s of a gear change up and down at 1500 rpm under load. "Standing": motor off; "running": in gear; "shifting": the
-600 ms from an order on. A row of the logger is computed in every step, because the transducers' low passes and counters go on
-in any case; "logging" keeps all rows in memory, as `procedure`, `sweep` and `validate` do.""",
-    "demo": """Programs of their own, from the shell's call to their end, bag and report written: 13.3 s of simulated time, 72,000
+    "kernel": """\
+12 s of a gear change up and down at 1500 rpm under load. "Standing": motor off; "running": in gear; "shifting": the
+600 ms from an order on. A row of the logger is computed in every step, because the transducers' low passes and
+counters go on in any case; "logging" keeps all rows in memory, as `procedure`, `sweep` and `validate` do.""",
+    "demo": """\
+Programs of their own, from the shell's call to their end, bag and report written: 13.3 s of simulated time, 72,000
 messages. In the first run everything is compiled, by two processes.""",
-    "graph": """`./rig run demo --speed max`: all nodes, every topic published on DDS and recorded; `speed_factor` of its report.""",
-    "controllers": """One step of the reference controller through each plug ([controllers.md](controllers.md)), by the clock on the wall.""",
-    "scaling": """One run in gear, second by second: neither the cost nor the memory may grow with its length. What fades for ever (a
-coil's current, a line's pressure) is zero below 1e-200, because denormal numbers slowed a run down by a fifth after ten
-seconds. Into a bag, the index of the chunks stays in memory until the file is closed, 4 KB per simulated second. Clutches: a row
-of bodies with a clutch between each two, all closing at once, at a step of 100 us; one clutch takes the short way of two
-speeds. The sweep's members are whole runs of `demo` with metrics, on processes that are warm, the table included;
-the best of three sweeps with each number of processes in turn.""",
-    "peers": """Two inertias (0.7 and 0.127 kg m2, 1500 rpm and 0), a clutch whose capacity rises to 264 Nm in 45 ms, 2 s; 60 Nm drive the
-one, 40 Nm brake the other. Exact lock-up: {lock:.9f} s. Every tool is tried with many settings; shown is the cheapest one
-whose lock-up time errs at most so much, so no tool is shown at less than the best that was found for it. What is built once
-(models, diagrams, compiled code) does not count, setting the state back does. "Free": one call; "stopped": 2000 calls of 1 ms, as
-a controller needs it. All tools are told that the rise ends at 45 ms, and that nothing bends after it.
+    "graph": """\
+`./rig run demo --speed max`: all nodes, every topic published on DDS and recorded; `speed_factor` of its report.""",
+    "controllers": """\
+One step of the reference controller through each plug ([controllers.md](controllers.md)), by the clock on the wall.""",
+    "scaling": """\
+One run in gear, second by second: neither the cost nor the memory may grow with its length. What fades for ever (a
+coil's current, a line's pressure) is zero below 1e-200, because denormal numbers slowed a run down by a fifth after
+ten seconds. Into a bag, the index of the chunks stays in memory until the file is closed, 4 KB per simulated second.
+Clutches: a row of bodies with a clutch between each two, all closing at once, at a step of 100 us; one clutch takes
+the short way of two speeds. The sweep's members are whole runs of `demo` with metrics, on processes that are warm,
+the table included; the best of three sweeps with each number of processes in turn.""",
+    "peers": """\
+Two inertias (0.7 and 0.127 kg m2, 1500 rpm and 0), a clutch whose capacity rises to 264 Nm in 45 ms, 2 s; 60 Nm drive
+the one, 40 Nm brake the other. Exact lock-up: {lock:.9f} s. Every tool is tried with many settings; shown is the
+cheapest one whose lock-up time errs at most so much, so no tool is shown at less than the best that was found for it.
+What is built once (models, diagrams, compiled code) does not count, setting the state back does. "Free": one call;
+"stopped": 2000 calls of 1 ms, as a controller needs it. All tools are told that the rise ends at 45 ms, and that
+nothing bends after it.
 
-- This project: the general driveline, lock-up as a root inside the step, capacity in each step as the straight line through
-  its two Gauss points. After the rise it is exact for any step, so the rest may be one; "stopped" has no such help.
-- scipy: `solve_ivp` (RK23, RK45, DOP853, LSODA) with a terminal event, and the older `ode` (dopri5, dop853), whose loop is
-  compiled, with a look at every step; that one is the faster by far. Slipping and locked are systems of their own.
+- This project: the general driveline, lock-up as a root inside the step, capacity in each step as the straight line
+  through its two Gauss points. After the rise it is exact for any step, so the rest may be one; "stopped" has no such
+  help.
+- scipy: `solve_ivp` (RK23, RK45, DOP853, LSODA) with a terminal event, and the older `ode` (dopri5, dop853), whose
+  loop is compiled, with a look at every step; that one is the faster by far. Slipping and locked are systems of their
+  own.
 - pathsim: one ODE block with a zero-crossing event, adaptive methods of three orders and RK4 with fixed steps.
-- MuJoCo: dry friction of a fixed tendon over two hinges, as hard as the solver takes it; Euler, implicitfast and RK4; `rollout`
-  (steps in C) as soon as the capacity is constant, with a longer step there; the mean capacity over each step.
-- Drake: a system of one's own in Python with a witness function; and built-in systems in C++ for rise, slip and lock, stopped
-  by a monitor on the steps, which is the faster by far.""",
+- MuJoCo: dry friction of a fixed tendon over two hinges, as hard as the solver takes it; Euler, implicitfast and RK4;
+  `rollout` (steps in C) as soon as the capacity is constant, with a longer step there; the mean capacity over each
+  step.
+- Drake: a system of one's own in Python with a witness function; and built-in systems in C++ for rise, slip and lock,
+  stopped by a monitor on the steps, which is the faster by far.""",
 }
 
 
