@@ -69,7 +69,6 @@ def run_verb(verb: str, arguments: list[str]) -> int:
 def main(arguments: list[str] | None = None) -> int:
     """Entry point of the launcher and of the console script; returns the exit code."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    gc.set_threshold(500_000)  # what is loaded stays; to look through it again and again costs a start 0.1 s
     try:
         if not arguments or arguments[0] in ("-h", "--help", "help"):
             print(usage())
@@ -93,4 +92,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    gc.set_threshold(500_000)  # what is loaded stays: to look through it again and again costs a start 0.1 s,
+    exit_code = main()
+    gc.freeze()  # and once more on the way out 0.2 s
+    sys.exit(exit_code)
