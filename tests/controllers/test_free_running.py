@@ -311,6 +311,39 @@ def test_what_the_bus_says_is_checked_like_any_answer(config, state, command, se
     assert re.search(sentence, rig.reason)
 
 
+def test_two_controllers_on_one_bus_trip_the_rig(config, example):
+    """A program that was forgotten, and stays in neutral, beside the Alfa46: a mixture of both is no run of either."""
+    stop, controller = threading.Event(), example("virtual")
+    bus = open_bus(controller.place, "virtual", "forgotten")
+
+    def answer():
+        while not stop.is_set():
+            if (frame := bus.recv(0.05)) and frame.arbitration_id == 0x102:
+                for number in (0x200, 0x201):
+                    bus.send(can.Message(arbitration_id=number, data=bytes(frame.data[:2]) + bytes(6),
+                                         is_extended_id=False))
+
+    thread = threading.Thread(target=answer, daemon=True)
+    thread.start()
+    plug = here(controller.spec, config.alfa46)
+    rig = Rig(config, controller="external", level="current")
+    try:
+        for _ in range(200):
+            advance_with(rig, plug)
+        assert rig.status == RigStatus.READY, "as long as they agree there is nothing to tell them apart by"
+        plug.order(1)
+        while rig.status != RigStatus.TRIPPED and rig.sample < 700:
+            advance_with(rig, plug)
+    finally:
+        stop.set()
+        thread.join()
+        bus.shutdown()
+        plug.close()
+    assert re.fullmatch(rf"controller {re.escape(controller.spec)}, sample \d+: another controller is at work on CAN "
+                        rf"virtual {controller.place}: sample \d+ and others got two different answers; end one of the two "
+                        "controllers", rig.reason)
+
+
 @pytest.mark.parametrize(("spec", "sentence"), [
     ("can:x?interface=virtual&speed=3", "unknown option 'speed'; known are interface, bitrate"),
     ("modbus:5020?wait=3", "unknown option 'wait'; known are host"),
