@@ -83,6 +83,31 @@ def test_a_template_passes_the_conformance_set(tmp_path, capsys):
     assert "12 of 12 passed" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("language", ["python", "c", "simulink"])
+def test_the_code_of_the_page_shifts_as_the_templates_do(language, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    page = (DOCS / "controllers.md").read_text(encoding="utf-8")
+    if language == "simulink":  # the page's shim, before the template's model with the names that the page gives it
+        assert main(["controller", "new", "simulink", "mine"]) == 0
+        parameter = "typedef struct { real_T t12; } P;\nextern P rtP;\nextern ExtU rtU;"
+        for old, new in (("n_wej; ", "n_in_rpm; "), ("i_zr_p", "i_valve_"), ("extern ExtU rtU;", parameter),
+                         ("ExtU rtU;\nExtY", "P rtP;\nExtU rtU;\nExtY"), ("my_model.h", "your_model.h"),
+                         ("my_model_", "your_model_")):
+            for name in ("my_model.h", "my_model.c"):
+                Path("mine", name).write_text(Path("mine", name).read_text().replace(old, new))
+        Path("mine", "my_model.h").rename("mine/your_model.h")
+        shim, = (code for code in re.findall(r"```c\n(.*?)```", page, re.S) if "RIG_MODEL" in code)
+        Path("mine", "rig_shim.c").write_text(shim)
+        spec = "simulink:mine"
+    else:
+        suffix, rest = {"python": ("py", ":MyController"), "c": ("c", "")}[language]
+        Path(f"my_controller.{suffix}").write_text(re.search(rf"```{language}\n(.*?)```", page, re.S)[1])
+        spec = f"{language}:my_controller.{suffix}{rest}"
+    assert main(["simulate", "sample", "--controller", spec, "--out", "run"]) == 0, capsys.readouterr().err
+    shift, = json.loads(Path("run", "report.json").read_text())["shifts"]
+    assert shift["t_c_s"] == pytest.approx(0.636, abs=0.01)
+
+
 def test_the_modbus_template_looks_for_the_rig_again_however_it_went(tmp_path):
     """A server that ends sends the end of the connection or, with a request on its way, a reset."""
     with socket.create_server(("127.0.0.1", 0)) as server:
