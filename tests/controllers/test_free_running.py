@@ -311,6 +311,24 @@ def test_what_the_bus_says_is_checked_like_any_answer(config, state, command, se
     assert re.search(sentence, rig.reason)
 
 
+@pytest.mark.parametrize(("last", "next_one", "anew"), [
+    (700, 0, True), (40_000, 0, True), (0, 12_345, True), (40_000, 40_020, False), (65_535, 0, False),
+])
+def test_a_counter_that_jumps_back_begins_the_law_anew(config, last, next_one, anew):
+    """The end of a run at 40 s too, from where 0 is as far ahead as back in the 16 bits of the counter."""
+    bus = open_bus("jumps", "virtual", "test")
+    controller, laws = CanController(bus, config.alfa46), []
+    names = ("n_wej", "n_wyj", "p1", "p2", "current_1", "current_2", "current_3", "gear_request")
+    try:
+        for sample in (last, next_one):
+            controller.told = {"sample": sample, "level": 1} | dict.fromkeys(names, 0)
+            controller.answer()
+            laws.append(controller.law)
+    finally:
+        bus.shutdown()
+    assert (laws[0] is not laws[1]) == anew
+
+
 def test_two_controllers_on_one_bus_trip_the_rig(config, example):
     """A program that was forgotten, and stays in neutral, beside the Alfa46: a mixture of both is no run of either."""
     stop, controller = threading.Event(), example("virtual")
@@ -339,9 +357,9 @@ def test_two_controllers_on_one_bus_trip_the_rig(config, example):
         thread.join()
         bus.shutdown()
         plug.close()
-    assert re.fullmatch(rf"controller {re.escape(controller.spec)}, sample \d+: another controller is at work on CAN "
-                        rf"virtual {controller.place}: sample \d+ and others got two different answers; end one of the two "
-                        "controllers", rig.reason)
+    place = rf"CAN virtual {controller.place}"
+    assert re.fullmatch(rf"controller {re.escape(controller.spec)}, sample \d+: another controller is at work on {place}: "
+                        r"sample \d+ and others got two different answers; end one of the two controllers", rig.reason)
 
 
 @pytest.mark.parametrize(("spec", "sentence"), [
