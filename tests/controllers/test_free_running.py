@@ -357,9 +357,9 @@ def test_two_controllers_on_one_bus_trip_the_rig(config, example):
         thread.join()
         bus.shutdown()
         plug.close()
-    place = rf"CAN virtual {controller.place}"
-    assert re.fullmatch(rf"controller {re.escape(controller.spec)}, sample \d+: another controller is at work on {place}: "
-                        r"sample \d+ and others got two different answers; end one of the two controllers", rig.reason)
+    why = rf"another controller is at work on CAN virtual {controller.place}"
+    assert re.fullmatch(rf"controller {re.escape(controller.spec)}, sample \d+: {why}: sample \d+ and others got "
+                        "two different answers; end one of the two controllers", rig.reason)
 
 
 @pytest.mark.parametrize(("spec", "sentence"), [
