@@ -311,6 +311,57 @@ def test_what_the_bus_says_is_checked_like_any_answer(config, state, command, se
     assert re.search(sentence, rig.reason)
 
 
+@pytest.mark.parametrize(("last", "next_one", "anew"), [
+    (700, 0, True), (40_000, 0, True), (0, 12_345, True), (40_000, 40_020, False), (65_535, 0, False),
+])
+def test_a_counter_that_jumps_back_begins_the_law_anew(config, last, next_one, anew):
+    """The end of a run at 40 s too, from where 0 is as far ahead as back in the 16 bits of the counter."""
+    bus = open_bus("jumps", "virtual", "test")
+    controller, laws = CanController(bus, config.alfa46), []
+    names = ("n_wej", "n_wyj", "p1", "p2", "current_1", "current_2", "current_3", "gear_request")
+    try:
+        for sample in (last, next_one):
+            controller.told = {"sample": sample, "level": 1} | dict.fromkeys(names, 0)
+            controller.answer()
+            laws.append(controller.law)
+    finally:
+        bus.shutdown()
+    assert (laws[0] is not laws[1]) == anew
+
+
+def test_two_controllers_on_one_bus_trip_the_rig(config, example):
+    """A program that was forgotten, and stays in neutral, beside the Alfa46: a mixture of both is no run of either."""
+    stop, controller = threading.Event(), example("virtual")
+    bus = open_bus(controller.place, "virtual", "forgotten")
+
+    def answer():
+        while not stop.is_set():
+            if (frame := bus.recv(0.05)) and frame.arbitration_id == 0x102:
+                for number in (0x200, 0x201):
+                    bus.send(can.Message(arbitration_id=number, data=bytes(frame.data[:2]) + bytes(6),
+                                         is_extended_id=False))
+
+    thread = threading.Thread(target=answer, daemon=True)
+    thread.start()
+    plug = here(controller.spec, config.alfa46)
+    rig = Rig(config, controller="external", level="current")
+    try:
+        for _ in range(200):
+            advance_with(rig, plug)
+        assert rig.status == RigStatus.READY, "as long as they agree there is nothing to tell them apart by"
+        plug.order(1)
+        while rig.status != RigStatus.TRIPPED and rig.sample < 700:
+            advance_with(rig, plug)
+    finally:
+        stop.set()
+        thread.join()
+        bus.shutdown()
+        plug.close()
+    why = rf"another controller is at work on CAN virtual {controller.place}"
+    assert re.fullmatch(rf"controller {re.escape(controller.spec)}, sample \d+: {why}: sample \d+ and others got "
+                        "two different answers; end one of the two controllers", rig.reason)
+
+
 @pytest.mark.parametrize(("spec", "sentence"), [
     ("can:x?interface=virtual&speed=3", "unknown option 'speed'; known are interface, bitrate"),
     ("modbus:5020?wait=3", "unknown option 'wait'; known are host"),

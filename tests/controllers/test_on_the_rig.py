@@ -223,7 +223,8 @@ def test_a_gear_that_is_not_taken_is_a_shift_that_does_not_end(config, sequence,
     )
     assert (
         run["end"]["state"] == "failed"
-        and "'shift to I' did not come true within 2 s" in run["end"]["reason"]
+        and "'shift to I' did not come true within 2 s; the controller says gear 0, not shifting"
+        in run["end"]["reason"]
     )
 
 

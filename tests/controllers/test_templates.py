@@ -3,6 +3,9 @@
 import json
 import re
 import shlex
+import signal
+import socket
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -17,6 +20,7 @@ from .conftest import multicast_works
 DOCS = Path(__file__).parents[2] / "docs"
 
 PYTHONS = ("python3", ".venv/bin/python")
+OWN_CLOCK = ("can", "modbus")  # nobody starts them with a run
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -34,24 +38,30 @@ def test_it_shifts_by_the_commands_that_are_printed(kind, tmp_path, monkeypatch,
     programs = []
     try:
         for line in commands.splitlines():
-            command = shlex.split(line)
+            command = shlex.split(line, comments=True)
             if command[:2] == ["./rig", "export"]:
                 assert main(command[1:]) == 0
             elif command[0] == "./rig":
                 command[command.index("demo")] = "sample"  # shorter
-                assert main([*command[1:], "--out", "run"]) == 0, capsys.readouterr().err
+                for run in ("before", "run") if kind in OWN_CLOCK else ("run",):  # a program serves run after run
+                    assert main([*command[1:], "--out", run]) == 0, capsys.readouterr().err
             elif command[-1] == "&":
                 program = [sys.executable if command[0] in PYTHONS else command[0], *command[1:-1]]
-                programs.append(subprocess.Popen(program, stderr=subprocess.DEVNULL))
+                programs.append(subprocess.Popen(program, stderr=subprocess.PIPE, text=True))
+            elif command == ["kill", "%%"]:
+                if kind in (*OWN_CLOCK, "udp-python"):  # and Ctrl-C ends it without a word
+                    programs[0].send_signal(signal.SIGINT)
+                    assert (programs[0].communicate(timeout=10)[1], programs[0].returncode) == ("", 130)
             else:
                 done = subprocess.run(command, capture_output=True, text=True, check=True)
                 assert "warning" not in done.stderr
     finally:
         for program in programs:
             program.kill()
-            program.wait()
+            program.communicate()
     shift, = json.loads(Path("run", "report.json").read_text())["shifts"]
     assert (shift["from_gear"], shift["to_gear"], shift["valid"]) == (1, 2, True)
+    assert shift["t_c_s"] == pytest.approx(0.636, abs=0.05), "one law in all templates"
 
 
 @pytest.mark.parametrize(("kind", "compiler", "standard"), [
@@ -71,6 +81,51 @@ def test_a_template_passes_the_conformance_set(tmp_path, capsys):
     assert main(["controller", "new", "python", str(folder)]) == 0
     assert main(["controller", "check", f"python:{folder / 'my_controller.py'}:MyController"]) == 0
     assert "12 of 12 passed" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("language", ["python", "c", "simulink"])
+def test_the_code_of_the_page_shifts_as_the_templates_do(language, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    page = (DOCS / "controllers.md").read_text(encoding="utf-8")
+    if language == "simulink":  # the page's shim, before the template's model with the names that the page gives it
+        assert main(["controller", "new", "simulink", "mine"]) == 0
+        parameter = "typedef struct { real_T t12; } P;\nextern P rtP;\nextern ExtU rtU;"
+        for old, new in (("n_wej; ", "n_in_rpm; "), ("i_zr_p", "i_valve_"), ("extern ExtU rtU;", parameter),
+                         ("ExtU rtU;\nExtY", "P rtP;\nExtU rtU;\nExtY"), ("my_model.h", "your_model.h"),
+                         ("my_model_", "your_model_")):
+            for name in ("my_model.h", "my_model.c"):
+                Path("mine", name).write_text(Path("mine", name).read_text().replace(old, new))
+        Path("mine", "my_model.h").rename("mine/your_model.h")
+        shim, = (code for code in re.findall(r"```c\n(.*?)```", page, re.S) if "RIG_MODEL" in code)
+        Path("mine", "rig_shim.c").write_text(shim)
+        spec = "simulink:mine"
+    else:
+        suffix, rest = {"python": ("py", ":MyController"), "c": ("c", "")}[language]
+        Path(f"my_controller.{suffix}").write_text(re.search(rf"```{language}\n(.*?)```", page, re.S)[1])
+        spec = f"{language}:my_controller.{suffix}{rest}"
+    assert main(["simulate", "sample", "--controller", spec, "--out", "run"]) == 0, capsys.readouterr().err
+    shift, = json.loads(Path("run", "report.json").read_text())["shifts"]
+    assert shift["t_c_s"] == pytest.approx(0.636, abs=0.01)
+
+
+def test_the_modbus_template_looks_for_the_rig_again_however_it_went(tmp_path):
+    """A server that ends sends the end of the connection or, with a request on its way, a reset."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(20)
+        text = (HERE / "modbus" / "my_plc.py").read_text(encoding="utf-8")
+        (tmp_path / "my_plc.py").write_text(text.replace("5020", str(server.getsockname()[1])))
+        program = subprocess.Popen([sys.executable, tmp_path / "my_plc.py"], stderr=subprocess.PIPE, text=True)
+        try:
+            for linger in (1, 0, 1):  # 0: the connection is reset
+                client, _ = server.accept()
+                assert client.recv(1000)[7] == 23, "its first request"
+                client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", linger, 0))
+                client.close()
+            program.send_signal(signal.SIGINT)
+            assert (program.communicate(timeout=10)[1], program.returncode) == ("", 130)
+        finally:
+            program.kill()
+            program.communicate()
 
 
 def test_nothing_of_the_users_is_written_over(tmp_path, capsys):

@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 import math
 import time
+from collections import deque
 
 from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
@@ -15,7 +16,7 @@ from ..plant.gearbox import RATIO_I, RATIO_II
 from . import can_database as frames
 from .free_running import FreeRunning, number, split_options
 from .plug import said
-from .seam import ControllerInputs, ControllerOutputs
+from .seam import ControllerInputs, ControllerOutputs, Status
 from .wire import commands, held_in, measured, values_of
 
 RPM = 30.0 / math.pi
@@ -23,6 +24,9 @@ RATIOS = {1: RATIO_I, 2: RATIO_II}
 STANDSTILL = 10.0 / RPM  # rad/s, below which no slip and no ratio is told
 ENGAGED = 2.0  # % of slip below which the driveline counts as engaged
 OPTIONS = ("interface", "bitrate", "every", "port")
+REMEMBERED = 200  # frames of which a second one for the same sample is compared with the first
+FAR = 500  # counts by which two commands for one sample contradict each other: 10 mA, or 1 % of duty
+CONTRADICTIONS, WITHIN = 10, 1.0  # so many within so many s are two controllers, and none that stumbled once
 
 
 def open_bus(channel: str, interface: str, name: str, **options):
@@ -77,6 +81,9 @@ class CanBus(FreeRunning):
         command = frames.COMMAND_CURRENT if self.level == "current" else frames.COMMAND_DUTY
         self._expected = {frames.FRAME_IDS[n]: self._by_name[n] for n in (frames.STATE, command)}
         self._state: dict | None = None
+        self._answers: dict[tuple[str, int], dict] = {}  # (frame, sample) -> what came first
+        self._contradictions: deque[float] = deque(maxlen=CONTRADICTIONS)  # time.monotonic() of the newest
+        self._another = ""  # why the rig trips: another controller is at work
         self._requested: int | None = None
 
     # ---- out
@@ -138,6 +145,7 @@ class CanBus(FreeRunning):
                        f"{message.length}")
             return
         raw = message.decode(bytes(frame.data), decode_choices=False, scaling=False)
+        self._compare(message.name, raw)
         if message.name == frames.STATE:
             self._state = raw
             return
@@ -148,6 +156,26 @@ class CanBus(FreeRunning):
         state, self._state = self._state, None
         self.heard(ControllerOutputs(held_in(command, self.info), None, state["gear"], bool(state["shifting"]),
                                      state["flags"], state["status"], "the controller says so on the bus"))
+
+    def _compare(self, name: str, raw: dict) -> None:
+        """A bus does not tell who sent a frame, but one controller does not answer one sample in two ways."""
+        first = self._answers.setdefault((name, raw["sample"]), raw)
+        if len(self._answers) > REMEMBERED:
+            del self._answers[next(iter(self._answers))]
+        keys = ("gear", "shifting") if name == frames.STATE else [wire.name for wire in self._commands]
+        if max(abs(raw[key] - first[key]) for key in keys) <= (0 if name == frames.STATE else FAR):
+            return
+        now = time.monotonic()
+        self._contradictions.append(now)
+        if len(self._contradictions) == CONTRADICTIONS and now - self._contradictions[0] < WITHIN:
+            self._another = (f"another controller is at work on {self.place}: sample {raw['sample']} and others got "
+                             "two different answers; end one of the two controllers")
+
+    def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
+        out = super()._answer(inputs)
+        if self._another:
+            self._fail(Status.ERROR, inputs.sample, self._another)
+        return out
 
     def _end(self) -> None:
         self._bus.shutdown()

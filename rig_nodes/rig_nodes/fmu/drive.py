@@ -59,6 +59,10 @@ class FmuBench:
         shifting, gear = self.fmu.get("shifting", "gear_ordered")
         return not shifting and self._gear in (None, gear)
 
+    def controller_says(self) -> tuple[int, bool]:
+        shifting, gear = self.fmu.get("shifting", "gear_ordered")
+        return int(gear), bool(shifting)
+
     def reading(self, signal: str) -> float:
         return self._told.get(signal, float("nan"))
 

@@ -165,6 +165,10 @@ class RosBench:
             return not self._shifting and self._gear == self._ordered
         return self._done
 
+    def controller_says(self) -> tuple[int, bool] | None:
+        """(gear, shifting) of the controller's newest answer; in real time None, for nothing here listens to them."""
+        return (self._gear, self._shifting) if self.in_lockstep else None
+
     def set_controller(self, name: str, value: float) -> None:
         """A setting of the user's controller, a parameter of its node; ``controller_set`` tells what comes of it."""
         parameter = Parameter(f"controller.{name}", value=float(value)).to_parameter_msg()

@@ -72,6 +72,9 @@ class LocalBench:
             self.outputs.event("/alfa46/events", "shift_done", "the profiles of the shift have ended", self.rig.gear)
         return done
 
+    def controller_says(self) -> tuple[int, bool]:
+        return self.rig.gear, self.rig.shifting
+
     def set_controller(self, name: str, value: float) -> None:
         if self._controller is None:
             raise RigError(f"controller alfa46 has no setting '{name}'; it has none of its own")

@@ -17,6 +17,7 @@ from rig_nodes.testbench.configuration import load_gearbox_rig
 
 LEVELS = ("duty", "current")
 PERIOD = 1e-3  # s of a sample
+GAP = 1000  # samples: what is further ahead of the last one is a counter that has jumped back
 
 
 class CanController:
@@ -48,7 +49,7 @@ class CanController:
         """One sample of the law, in SI; a counter that jumps back is a new run."""
         told = self.told
         ahead = 0 if self.sample is None else (told["sample"] - self.sample) & 0xFFFF
-        if self.law is None or ahead > 0x8000:
+        if self.law is None or ahead > GAP:
             self.law = Alfa46()
             self.law.initialize(controller_info(self.settings, LEVELS[told["level"]]))
             self.sample, ahead = told["sample"], 0

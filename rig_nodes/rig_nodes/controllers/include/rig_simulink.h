@@ -8,8 +8,10 @@
  *   #define RIG_LEVELS RIG_LEVEL_CURRENT
  *   #include "rig_simulink.h"
  *
- *   static void rig_inputs(const rig_controller_inputs *in) { rtU.n_wej = in->n_wej; ... }
- *   static void rig_outputs(rig_controller_outputs *out) { out->command[0] = rtY.i_zr_p1; ... }
+ *   static void rig_inputs(const rig_controller_inputs *in) { rtU.gear_request = (uint8_T)in->gear_request; ... }
+ *   static void rig_outputs(rig_controller_outputs *out) {
+ *     out->command[0] = rtY.i_zr_p1; out->command[1] = rtY.i_zr_p2; out->gear = rtY.gear; out->shifting = rtY.shifting;
+ *   }
  *   static void rig_parameters(void) { rtP.t12 = rig_setting("t12"); ... }
  *
  * What may be defined before this file is included:

@@ -23,6 +23,7 @@ class Kind(NamedTuple):
     commands: tuple[str, ...]
 
 
+END = "kill %%  # ends the program in the background, which goes on from run to run"
 LAW = {"my_law.py": HERE / "law_python" / "my_law.py"}
 HEADER = {"rig_controller.h": INCLUDE / "rig_controller.h"}
 KINDS = {
@@ -37,10 +38,12 @@ KINDS = {
         "make -C {dir}",
         "{dir}/my_controller &",
         "./rig simulate demo --controller udp:9002 --level current",
+        END,
     )),
     "udp-python": Kind("udp_python", LAW | {"rig_udp.py": HERE.parent / "udp_frames.py"}, (
         "python3 {dir}/my_controller.py &",
         "./rig simulate demo --controller udp:9002 --level current",
+        END,
     )),
     "fmu": Kind("c", HEADER, (
         "./rig export controller-fmu {dir}/my_controller.c -o {dir}/my_controller.fmu",
@@ -50,14 +53,17 @@ KINDS = {
         "./rig export dbc -o {dir}/rig.dbc",
         ".venv/bin/python {dir}/my_tcu.py &",
         "./rig simulate demo --controller 'can:239.74.163.2?interface=udp_multicast'",
+        END,
     )),
     "modbus": Kind("modbus", {}, (
         ".venv/bin/python {dir}/my_plc.py &",
         "./rig simulate demo --controller modbus:5020",
+        END,
     )),
     "ros-python": Kind("ros_python", LAW | {"rig_ros.py": HERE.parent / "ros_node.py"}, (
         ".venv/bin/python {dir}/my_controller.py &",
         "./rig simulate demo --controller ros: --level current",
+        END,
     )),
     "ros-cpp": Kind("ros_cpp", HEADER | {name: INCLUDE / name for name in ("rig_ros.hpp", "rig_ros_box.hpp")} | {
         "my_controller.cpp": HERE / "cpp" / "my_controller.cpp"}, (
@@ -65,6 +71,7 @@ KINDS = {
         "colcon build --base-paths msgs {dir} && . install/setup.sh",
         "ros2 run my_controller my_controller &",
         "./rig simulate demo --controller ros: --level current",
+        END,
     )),
 }
 

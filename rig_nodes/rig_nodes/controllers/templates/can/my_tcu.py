@@ -1,39 +1,67 @@
-"""A shift controller on a CAN bus: a small law to replace by yours (docs/can.md of the rig)."""
+"""A shift controller on a CAN bus: a small law to replace by yours (docs/can.md of the rig). Ctrl-C ends it.
 
-import time
+The old clutch is held until the new one is filled, then let go; the new one gets a plateau, then a ramp. Change it.
+"""
+
+import sys
 from pathlib import Path
 
 import can
 import cantools
 
+FILL, PLATEAU, SLOPE, HELD = 0.30, 220.0, 1200.0, 740.0  # s, mA, mA/s, mA
+OVERLAP, RELEASE = 0.25, 130.0  # s in which both clutches are on; mA of the old one while the new one takes over
+
 database = cantools.database.load_file(Path(__file__).with_name("rig.dbc"))
-bus = can.Bus(channel="239.74.163.2", interface="udp_multicast", hop_limit=0, fd=False)
-request = database.get_message_by_name("RIG_REQUEST")
-currents = database.get_message_by_name("RIG_CURRENTS")
-gear = old = wanted = 0
-since = -10.0  # no shift is running
+rig_request = database.get_message_by_name("RIG_REQUEST")
+rig_currents = database.get_message_by_name("RIG_CURRENTS")
 
 
-def send(name, values):
+class Law:
+    gear = old = 0
+    since = -10.0  # no shift is running
+
+    def step(self, time, request):
+        """Current setpoints in mA and whether a shift is running; time in s since the run began."""
+        if request != self.gear:
+            self.old, self.gear, self.since = self.gear, request, time
+        elapsed = time - self.since
+        command = [0.0, 0.0, 0.0]
+        if self.old and elapsed < OVERLAP + 0.2:
+            command[self.old - 1] = HELD if elapsed < OVERLAP else RELEASE
+        if self.gear:
+            command[self.gear - 1] = min(PLATEAU + SLOPE * max(0.0, elapsed - FILL), HELD)
+        return command, elapsed < 1.5
+
+
+def send(bus, name, values):
     message = database.get_message_by_name(name)
-    bus.send(can.Message(arbitration_id=message.frame_id, data=message.encode(values), is_extended_id=False, is_fd=False))
+    data = message.encode(values)
+    bus.send(can.Message(arbitration_id=message.frame_id, data=data, is_extended_id=False, is_fd=False))
 
 
-while True:
-    frame = bus.recv()
-    if frame.arbitration_id == request.frame_id:
-        wanted = request.decode(frame.data, decode_choices=False)["gear_request"]
-    if frame.arbitration_id != currents.frame_id:
-        continue
-    sample = currents.decode(frame.data)["sample"]
-    if wanted != gear:
-        old, gear, since = gear, wanted, time.monotonic()
-    elapsed = time.monotonic() - since
-    command = [0.0, 0.0, 0.0]
-    if old and elapsed < 0.30:
-        command[old - 1] = 300.0  # mA: the old clutch holds while the new one fills
-    if gear:
-        command[gear - 1] = min(180.0 + 400.0 * elapsed, 740.0)
-    send("CONTROL_STATE", {"sample": sample, "gear": gear, "shifting": int(elapsed < 1.5), "flags": 0, "status": 0})
-    send("CONTROL_COMMAND_CURRENT", {"sample": sample, "command_1": command[0], "command_2": command[1],
-                                     "command_3": command[2]})
+def answer(bus):
+    """One answer to each sample, run after run."""
+    law, request, last, time = None, 0, 0, 0.0
+    for frame in bus:
+        if frame.arbitration_id == rig_request.frame_id:
+            request = rig_request.decode(frame.data, decode_choices=False)["gear_request"]
+        elif frame.arbitration_id == rig_currents.frame_id:
+            sample = rig_currents.decode(frame.data)["sample"]
+            ahead = (sample - last) & 0xFFFF
+            if law is None or ahead > 1000:  # the counter jumped back: a new run, and the law begins anew
+                law, time, ahead = Law(), 0.0, 0
+            last, time = sample, time + 0.001 * ahead
+            command, shifting = law.step(time, request)
+            send(bus, "CONTROL_STATE", {"sample": sample, "gear": law.gear, "shifting": int(shifting), "flags": 0,
+                                        "status": 0})
+            send(bus, "CONTROL_COMMAND_CURRENT", {"sample": sample, "command_1": command[0], "command_2": command[1],
+                                                  "command_3": command[2]})
+
+
+if __name__ == "__main__":
+    try:
+        with can.Bus(channel="239.74.163.2", interface="udp_multicast", hop_limit=0, fd=False) as bus:
+            answer(bus)
+    except KeyboardInterrupt:
+        sys.exit(130)

@@ -1,33 +1,67 @@
-"""A shift controller as a Modbus TCP client: a small law to replace by yours (docs/modbus.md of the rig)."""
+"""A shift controller as a Modbus TCP client: a small law to replace by yours (docs/modbus.md). Ctrl-C ends it.
+
+The old clutch is held until the new one is filled, then let go; the new one gets a plateau, then a ramp. Change it.
+"""
 
 import logging
+import sys
 import time
 
 from pymodbus.client import ModbusTcpClient
 from pymodbus.exceptions import ModbusException
 
-logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # that the rig is not there yet is no news
-client = ModbusTcpClient("127.0.0.1", port=5020, timeout=1)
-while not client.connect():
-    time.sleep(0.2)
-gear = old = heartbeat = 0
-since = -10.0  # no shift is running
-command = [0.0, 0.0, 0.0]
-while True:
-    heartbeat = heartbeat % 65535 + 1
-    elapsed = time.monotonic() - since
-    written = [heartbeat, *(round(ma / 0.02) for ma in command), gear, int(elapsed < 1.5), 0, 0]
-    try:
+FILL, PLATEAU, SLOPE, HELD = 0.30, 220.0, 1200.0, 740.0  # s, mA, mA/s, mA
+OVERLAP, RELEASE = 0.25, 130.0  # s in which both clutches are on; mA of the old one while the new one takes over
+
+
+class Law:
+    gear = old = 0
+    since = -10.0  # no shift is running
+
+    def step(self, now, request):
+        """Current setpoints in mA and whether a shift is running; now in s since the run began."""
+        if request != self.gear:
+            self.old, self.gear, self.since = self.gear, request, now
+        elapsed = now - self.since
+        command = [0.0, 0.0, 0.0]
+        if self.old and elapsed < OVERLAP + 0.2:
+            command[self.old - 1] = HELD if elapsed < OVERLAP else RELEASE
+        if self.gear:
+            command[self.gear - 1] = min(PLATEAU + SLOPE * max(0.0, elapsed - FILL), HELD)
+        return command, elapsed < 1.5
+
+
+def serve(client):
+    """Read a sample and write the answer to the one before, in one request after the other, until the rig goes."""
+    law, heartbeat, command, shifting = Law(), 0, [0.0, 0.0, 0.0], False
+    while True:
+        heartbeat = heartbeat % 65535 + 1
+        written = [heartbeat, *(round(ma / 0.02) for ma in command), law.gear, int(shifting), 0, 0]
         answer = client.readwrite_registers(read_address=0, read_count=11, write_address=32, values=written)
-    except ModbusException:
-        raise SystemExit("the rig has gone")
-    request = answer.registers[2]
-    if request != gear:
-        old, gear, since = gear, request, time.monotonic()
-    elapsed = time.monotonic() - since
-    command = [0.0, 0.0, 0.0]
-    if old and elapsed < 0.30:
-        command[old - 1] = 300.0  # mA: the old clutch holds while the new one fills
-    if gear:
-        command[gear - 1] = min(180.0 + 400.0 * elapsed, 740.0)
-    time.sleep(0.001)
+        if answer.isError():
+            return
+        sample, request = answer.registers[0] << 16 | answer.registers[1], answer.registers[2]
+        command, shifting = law.step(0.001 * sample, request)
+        time.sleep(0.001)
+
+
+def main():
+    """Look for the rig, serve it, look for it again: the rig is a server for the time of one run."""
+    logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # that the rig is not there yet is no news
+    while True:
+        client = ModbusTcpClient("127.0.0.1", port=5020, timeout=0.5, retries=0)
+        try:
+            if client.connect():
+                serve(client)
+        except (ModbusException, OSError):
+            pass  # the rig has gone
+        finally:
+            client.close()
+        time.sleep(0.1)
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except KeyboardInterrupt:
+        sys.exit(130)
