@@ -211,6 +211,46 @@ def test_it_gets_what_every_controller_gets(plug, thread, config):
     plug.close()
 
 
+def test_a_python_controller_that_refuses_says_why_to_the_rig(plug, thread):
+    class Refusing(Steady):
+        def initialize(self, info):
+            raise KeyError("t13")
+
+    client = Client(Refusing(), "127.0.0.1", plug._port)
+    said = []
+    other = threading.Thread(target=lambda: said.append(pytest.raises(KeyError, client.serve)))
+    other.start()
+    with pytest.raises(RigError, match="one has come and is not used: it refuses: initialize failed: KeyError: 't13'"):
+        plug.wait(20.0)
+    other.join(10.0)
+    assert said and sum("is not used: it refuses" in text for text in plug.said) == 1
+
+
+def test_an_end_of_the_run_ends_the_waiting(plug, program):
+    plug.stopped = lambda: True
+    plug.wait(None)
+    plug.stopped = lambda: False
+    process = program("python")
+    plug.wait(20.0)
+    plug.pace(None)
+    ask(plug)
+    process.send_signal(signal.SIGSTOP)
+    plug.stopped = lambda: True
+    with pytest.raises(ControllerFailed, match="sample 1: the run was ended"):
+        ask(plug, 1)
+
+
+def test_in_real_time_waiting_is_told_too(plug, port):
+    plug.pace(0.1, real_time=True)
+    sample = 0
+    while not plug.said and sample < 60_000:
+        assert ask(plug, sample) is None
+        sample += 1
+    assert plug.said == [f"waiting for controller on udp {port}, 1 s"]
+    assert plug.awaited() == (f"no controller has come on udp {port}; start it, or see that it sends to port {port} of "
+                              "this machine")
+
+
 def test_waiting_is_told_and_has_an_end(plug, port):
     with pytest.raises(RigError, match=f"udp:{port}: none has come within 1.1 s; start it, or see"):
         plug.wait(1.1)
@@ -300,8 +340,9 @@ def test_a_controller_of_another_level_is_sent_away(plug, port):
         other.settimeout(5.0)
         other.connect(("127.0.0.1", port))
         other.send(pack(HELLO, 0, 0, 2, 0))
-        with pytest.raises(RigError, match="none has come"):
-            plug.wait(0.3)
+        with pytest.raises(RigError, match="one has come and is not used: this run is at level duty") as refusal:
+            plug.wait(20.0)  # in vain: said after a second
+        assert refusal.value.exit_code == 1
         kind, _, _, (why,) = unpack(other.recv(2048))
     assert kind == BYE and text(why) == "this run is at level duty, the controller's is current; choose with --level"
     assert plug.said == [f"a controller was sent away from udp {port}: {text(why)}"]
@@ -324,7 +365,7 @@ def named(*own):
 ])
 def test_names_that_cannot_be_had_are_said_to_both_sides(plug, thread, capsys, own, why):
     client = thread(named(*own))
-    with pytest.raises(RigError, match="none has come"):
+    with pytest.raises(RigError, match="one has come and is not used: controller .*: "):
         plug.wait(0.3)
     assert [text.partition(": ")[0] for text in plug.said if why in text] == [
         f"a controller was sent away from {plug.name.replace(':', ' ')}"]
@@ -342,7 +383,7 @@ def test_a_controller_that_comes_later_names_the_same(plug, thread, config):
     plug._leave()  # as when it was killed
     other, same = named((), (), {}), named(("p_p",), ("twice",), {"held": 0.25})
     thread(other)
-    with pytest.raises(RigError, match="none has come"):
+    with pytest.raises(RigError, match="one has come and is not used: it names other"):
         plug.wait(0.3)
     assert "it names other transducers, signals or settings than the controller before it" in plug.said[-1]
     thread(same)
@@ -478,8 +519,8 @@ def test_a_c_program_whose_controller_refuses_says_why_and_fails(tmp_path, port,
     sources = [CONTROLLERS / "examples" / "udp_main.c", tmp_path / "mine.c"]
     subprocess.run(["cc", "-std=gnu99", f"-I{INCLUDE}", "-o", tmp_path / "mine", *sources], check=True)
     process = subprocess.Popen([tmp_path / "mine", "127.0.0.1", str(port)], stderr=subprocess.PIPE, text=True)
-    with pytest.raises(RigError, match="none has come"):
-        plug.wait(0.5)
+    with pytest.raises(RigError, match="one has come and is not used: it refuses: no t12"):
+        plug.wait(20.0)
     assert process.communicate(timeout=10)[1] == "the controller refuses: no t12\n" and process.returncode == 1
 
 
