@@ -248,7 +248,7 @@ def test_in_real_time_nobody_waits_and_a_controller_comes_back(plug, ros_program
     place = f"ROS topic /{plug.topics_name}/answer in domain {ros_domain}"
     assert plug.said == [f"waiting for controller on {place}, 1 s"]
     assert plug.awaited() == (f"no controller has come on {place}; start its node in the same ROS domain "
-                              f"(export ROS_DOMAIN_ID={ros_domain})")
+                              f"(export ROS_DOMAIN_ID={ros_domain} in both terminals)")
     process = ros_program(plug.topics_name)
     while ask(plug, sample) is None and sample < 30_000:
         sample += 1

@@ -524,6 +524,25 @@ def test_a_c_program_whose_controller_refuses_says_why_and_fails(tmp_path, port,
     assert process.communicate(timeout=10)[1] == "the controller refuses: no t12\n" and process.returncode == 1
 
 
+def test_what_the_rig_says_again_and_again_a_program_says_once(port, config, c_program):
+    """As at the wrong level: sent away every second."""
+    said = {}
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as rig:
+        rig.settimeout(10.0)
+        rig.bind(("127.0.0.1", port))
+        commands = {"c": [c_program], "python": [sys.executable, "-m", "rig_nodes.controllers.examples.alfa46_udp"]}
+        for language, command in commands.items():
+            process = subprocess.Popen([*command, "127.0.0.1", str(port)], stdout=subprocess.DEVNULL,
+                                       stderr=subprocess.PIPE, text=True)
+            for words in ("no", "no"):  # it asks again after a second
+                _, peer = rig.recvfrom(2048)
+                rig.sendto(pack(BYE, 0, 0, words), peer)
+            _, peer = rig.recvfrom(2048)
+            process.kill()
+            said[language] = process.communicate()[1]
+    assert said == dict.fromkeys(commands, "the rig says: no\n")
+
+
 def test_the_c_header_is_usable_from_cpp(tmp_path):
     source = CONTROLLERS / "examples" / "udp_main.c"
     flags = ["-std=c++17", "-Wall", "-Wextra", "-Werror", f"-I{INCLUDE}"]

@@ -95,7 +95,7 @@ class _OtherSide:
     @property
     def advice(self) -> str:
         """What to do when none comes, in words."""
-        return f"start its node in the same ROS domain (export ROS_DOMAIN_ID={self.topics.domain})"
+        return f"start its node in the same ROS domain (export ROS_DOMAIN_ID={self.topics.domain} in both terminals)"
 
     def awaited(self) -> str:
         """As of the plug."""
