@@ -310,10 +310,10 @@ def test_without_a_step_timeout_it_may_stand_in_a_debugger(plug, program):
     plug.pace(None)
     ask(plug)
     process.send_signal(signal.SIGSTOP)
-    again = threading.Timer(0.7, process.send_signal, (signal.SIGCONT,))
-    again.start()
+    said = []
+    plug.say = lambda text: (said.append(text), process.send_signal(signal.SIGCONT))  # goes on when that was said
     assert ask(plug, 1) is not None
-    again.join()
+    assert said == [f"waiting for controller on {plug.name.replace(':', ' ')}, 1 s"]
 
 
 def test_in_real_time_nobody_waits_and_a_controller_comes_back(plug, program):
@@ -343,6 +343,7 @@ def test_a_controller_of_another_level_is_sent_away(plug, port):
         with pytest.raises(RigError, match="one has come and is not used: this run is at level duty") as refusal:
             plug.wait(20.0)  # in vain: said after a second
         assert refusal.value.exit_code == 1
+        assert plug.awaited() == f"one has come on udp {port} and is not used: {plug.refused}"
         kind, _, _, (why,) = unpack(other.recv(2048))
     assert kind == BYE and text(why) == "this run is at level duty, the controller's is current; choose with --level"
     assert plug.said == [f"a controller was sent away from udp {port}: {text(why)}"]

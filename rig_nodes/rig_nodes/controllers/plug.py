@@ -121,7 +121,7 @@ class Plug(ABC):
         """
 
     def awaited(self) -> str:
-        """That no controller has come in this run, and where it is expected; empty when one has, or needs not."""
+        """That no controller has come to this run that can be used, and where; empty when one has, or none need come."""
         return ""
 
     def _in_vain(self, waiting: Waiting, patience: float | None, none_came: str, advice: str) -> RigError | None:

@@ -101,8 +101,9 @@ class _OtherSide:
         """As of the plug."""
         if self.was_here or self.topics is None:
             return ""
-        return f"no controller has come on {self.place}; " + (
-            f"one came and is not used: {self._plug.refused}" if self._plug.refused else self.advice)
+        if self._plug.refused:
+            return f"one has come on {self.place} and is not used: {self._plug.refused}"
+        return f"no controller has come on {self.place}; {self.advice}"
 
     def open(self) -> None:
         """Join the graph, once."""

@@ -94,8 +94,9 @@ class Udp(Plug):
     def awaited(self) -> str:
         if self._was_here:
             return ""
-        return f"no controller has come on udp {self._port}; " + (
-            f"one came and is not used: {self.refused}" if self.refused else self._advice)
+        if self.refused:
+            return f"one has come on udp {self._port} and is not used: {self.refused}"
+        return f"no controller has come on udp {self._port}; {self._advice}"
 
     def _serve(self, seconds: float) -> tuple | None:
         """Take what comes within so many seconds; the values of an ANSWER to the newest sample once it is there."""
@@ -239,7 +240,7 @@ class Udp(Plug):
 
     def _exchange(self, inputs: ControllerInputs) -> tuple | None:
         """The values of the answer; None in real time while there is none."""
-        began, patience = time.monotonic(), self.step_timeout
+        began, patience, waiting = time.monotonic(), self.step_timeout, None
         if self.real_time and self._away:
             patience = GLANCE
         while True:
@@ -260,6 +261,9 @@ class Udp(Plug):
             if values is not None:
                 self._away, self._waiting = False, None
                 return values
+            if not self.real_time:
+                waiting = waiting or Waiting(f"waiting for controller on udp {self._port}", self.say)
+                waiting.tell()
 
     def _sample(self, inputs: ControllerInputs) -> bytes:
         return pack(SAMPLE, self._session, self._frame, inputs.sample, inputs.time, *inputs.current, inputs.n_wej,

@@ -186,7 +186,7 @@ class Client:
         except Exception as error:
             self.send(BYE, f"initialize failed: {type(error).__name__}: {error}")
             raise
-        self.running, self.last, self.answer = True, 0, b""
+        self.running, self.last, self.answer, self.told = True, 0, b"", ""
         self.send(READY, len(self.own), 0)
 
     def parameter(self, index):

@@ -212,6 +212,7 @@ static void rig_udp_begin(rig_udp_client *client, const rig_udp_frame *first) {
     if (rig_controller_create(&info, &client->instance) == RIG_OK) {
       client->running = 1;
       client->last = 0;
+      client->told[0] = '\0';
       rig_udp_count(client);
       rig_udp_ready(client);
     } else {
