@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.cli.what_to_run import step_timeout
 from rig_nodes.controllers import ControllerFailed, ControllerOutputs, Status, load_controller
 from rig_nodes.controllers.examples.alfa46 import Alfa46
 from rig_nodes.controllers.udp_frames import (
@@ -238,6 +239,13 @@ def test_an_end_of_the_run_ends_the_waiting(plug, program):
     plug.stopped = lambda: True
     with pytest.raises(ControllerFailed, match="sample 1: the run was ended"):
         ask(plug, 1)
+
+
+@pytest.mark.parametrize(("text", "step", "come"), [
+    ("3", 3.0, 3.0), ("0.1", 0.1, 2.0), ("90", 90.0, 60.0), ("none", None, None),
+])
+def test_a_step_timeout_bounds_the_waiting_too(text, step, come):
+    assert step_timeout(text) == (step, come)
 
 
 def test_in_real_time_waiting_is_told_too(plug, port):
