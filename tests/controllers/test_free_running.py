@@ -255,6 +255,15 @@ def test_waiting_is_visible_and_ends(config, spec):
     assert [re.sub("on .*,", "on it,", text) for text in said] == ["waiting for controller on it, 1 s"]
 
 
+def test_a_virtual_bus_says_at_once_that_nobody_outside_can_join(config):
+    plug, said = load_controller("can:nobody?interface=virtual", config.alfa46), []
+    plug.say = said.append
+    plug.pace(5.0)
+    plug.close()
+    (told,) = said
+    assert told.startswith("CAN virtual nobody is a bus inside the rig's process: no other program can join it")
+
+
 def test_frames_of_wrong_length_are_counted_and_said_and_never_used(config):
     stop, said = threading.Event(), []
     bus = open_bus("short", "virtual", "test")

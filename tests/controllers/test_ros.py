@@ -181,6 +181,9 @@ def test_waiting_is_told_and_has_an_end(plug, ros_domain):
 def test_a_controller_that_comes_later_is_waited_for_and_its_death_is_seen_at_once(plug, ros_program, config):
     timer = threading.Timer(0.2, lambda: processes.append(ros_program(plug.topics_name)))
     processes = []
+    plug.stopped = lambda: True
+    plug.wait(None)  # the end of the run ends it
+    plug.stopped = lambda: False
     timer.start()
     plug.wait(20.0)
     rig = Rig(config, controller="external")
@@ -235,12 +238,18 @@ def test_a_controller_that_stands_still_is_waited_for_or_overdue(plug, ros_progr
     assert ask(plug, 301) is not None, "it begins anew"
 
 
-def test_in_real_time_nobody_waits_and_a_controller_comes_back(plug, ros_program):
+def test_in_real_time_nobody_waits_and_a_controller_comes_back(plug, ros_program, ros_domain):
     """Without an answer a sample is discarded: the rig trips by the age of its commands, after 100 ms."""
     plug.pace(0.1, real_time=True)
-    assert ask(plug) is None, "nobody has come yet"
+    sample = 0
+    while not plug.said and sample < 60_000:
+        assert ask(plug, sample) is None, "nobody has come yet"
+        sample += 1
+    place = f"ROS topic /{plug.topics_name}/answer in domain {ros_domain}"
+    assert plug.said == [f"waiting for controller on {place}, 1 s"]
+    assert plug.awaited() == (f"no controller has come on {place}; start its node in the same ROS domain "
+                              f"(export ROS_DOMAIN_ID={ros_domain} in both terminals)")
     process = ros_program(plug.topics_name)
-    sample = 1
     while ask(plug, sample) is None and sample < 30_000:
         sample += 1
     assert sample < 30_000
@@ -257,10 +266,11 @@ def test_in_real_time_nobody_waits_and_a_controller_comes_back(plug, ros_program
 def test_a_controller_of_another_level_is_not_used_and_the_end_of_a_run_reaches_its_own(plug, thread, config):
     user, wrong = Steady(), Steady()
     thread(wrong, plug.topics_name, ("current",))
-    with pytest.raises(RigError, match="none has come"):
+    with pytest.raises(RigError, match="one has come and is not used: this run is at level duty") as refusal:
         first = load_controller(plug.name, config.alfa46)
         first.say = plug.said.append
-        first.wait(1.0)
+        first.wait(20.0)  # in vain: said after a second
+    assert refusal.value.exit_code == 1
     (why,) = [text for text in plug.said if "not used" in text]
     assert why.endswith("is not used: this run is at level duty, the controller's is current; choose with --level")
     thread(user, plug.topics_name)
@@ -406,7 +416,8 @@ def test_free_running_nobody_waits_and_silence_is_the_safe_state(config, ros_pro
     plug, said = load_controller("ros:dying?timing=free", config.alfa46), []
     plug.say = said.append
     plug.wait(20.0)
-    assert said[-1] == f"controller on ROS topic /dying/answer in domain {ros_domain} is here"
+    here = f"controller on ROS topic /dying/answer in domain {ros_domain} is here"
+    assert [text for text in said if "is here" in text] == [f"{here} (process {process.pid})"]
     assert plug.level == "current"
     rig = Rig(config, controller="external", level=plug.level)
     plug.order(1)

@@ -1,6 +1,7 @@
 """`rig controller new`: what it writes compiles without a warning and shifts, by the very commands that it prints."""
 
 import json
+import os
 import re
 import shlex
 import signal
@@ -74,6 +75,39 @@ def test_it_compiles_without_a_warning(kind, compiler, standard, tmp_path):
     for source in [*folder.glob("*.c"), *folder.glob("*.cpp")]:
         flags = [standard, "-O2", "-Wall", "-Wextra", "-Werror"]
         subprocess.run([compiler, *flags, "-c", "-o", tmp_path / "out.o", source], check=True)
+
+
+@pytest.mark.parametrize(("kind", "arguments", "domain", "sentence"), [
+    ("ros-python", [], "abc", "ROS_DOMAIN_ID is 'abc', expected a number from 0 to 232"),
+    ("udp-python", ["127.0.0.1", "abc"], "", "'abc' is no port; expected 1 to 65535, e.g. 9002"),
+    ("udp-python", ["localhost.", "0"], "", "'0' is no port; expected 1 to 65535, e.g. 9002"),
+])
+def test_what_is_wrong_is_one_sentence(kind, arguments, domain, sentence, tmp_path):
+    assert main(["controller", "new", kind, str(tmp_path / "mine")]) == 0
+    program = tmp_path / "mine" / "my_controller.py"
+    done = subprocess.run([sys.executable, program, *arguments], capture_output=True, text=True,
+                          env=os.environ | {"ROS_DOMAIN_ID": domain})
+    assert (done.returncode, done.stderr) == (2, f"{program}: {sentence}\n")
+
+
+@pytest.mark.parametrize(("kind", "sentence"), [
+    ("udp-python", "waiting for the rig at 127.0.0.1:9002, until Ctrl-C"),
+    ("udp-c", "waiting for the rig at 127.0.0.1:9002, until Ctrl-C"),
+    ("ros-python", "waiting for the rig in ROS domain {domain}, topics /controller/..., until Ctrl-C"),
+])
+def test_a_program_says_where_it_waits(kind, sentence, tmp_path, ros_domain):
+    folder = tmp_path / "mine"
+    assert main(["controller", "new", kind, str(folder)]) == 0
+    command = [sys.executable, folder / "my_controller.py"]
+    if kind == "udp-c":
+        subprocess.run(["make", "-C", folder], check=True, capture_output=True)
+        command = [folder / "my_controller"]
+    program = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        assert program.stdout.readline().strip() == sentence.format(domain=ros_domain)
+    finally:
+        program.kill()
+        program.communicate()
 
 
 def test_a_template_passes_the_conformance_set(tmp_path, capsys):

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.cli.what_to_run import step_timeout
 from rig_nodes.controllers import ControllerFailed, ControllerOutputs, Status, load_controller
 from rig_nodes.controllers.examples.alfa46 import Alfa46
 from rig_nodes.controllers.udp_frames import (
@@ -211,6 +212,53 @@ def test_it_gets_what_every_controller_gets(plug, thread, config):
     plug.close()
 
 
+def test_a_python_controller_that_refuses_says_why_to_the_rig(plug, thread):
+    class Refusing(Steady):
+        def initialize(self, info):
+            raise KeyError("t13")
+
+    client = Client(Refusing(), "127.0.0.1", plug._port)
+    said = []
+    other = threading.Thread(target=lambda: said.append(pytest.raises(KeyError, client.serve)))
+    other.start()
+    with pytest.raises(RigError, match="one has come and is not used: it refuses: initialize failed: KeyError: 't13'"):
+        plug.wait(20.0)
+    other.join(10.0)
+    assert said and sum("is not used: it refuses" in text for text in plug.said) == 1
+
+
+def test_an_end_of_the_run_ends_the_waiting(plug, program):
+    plug.stopped = lambda: True
+    plug.wait(None)
+    plug.stopped = lambda: False
+    process = program("python")
+    plug.wait(20.0)
+    plug.pace(None)
+    ask(plug)
+    process.send_signal(signal.SIGSTOP)
+    plug.stopped = lambda: True
+    with pytest.raises(ControllerFailed, match="sample 1: the run was ended"):
+        ask(plug, 1)
+
+
+@pytest.mark.parametrize(("text", "step", "come"), [
+    ("3", 3.0, 3.0), ("0.1", 0.1, 2.0), ("90", 90.0, 60.0), ("none", None, None),
+])
+def test_a_step_timeout_bounds_the_waiting_too(text, step, come):
+    assert step_timeout(text) == (step, come)
+
+
+def test_in_real_time_waiting_is_told_too(plug, port):
+    plug.pace(0.1, real_time=True)
+    sample = 0
+    while not plug.said and sample < 60_000:
+        assert ask(plug, sample) is None
+        sample += 1
+    assert plug.said == [f"waiting for controller on udp {port}, 1 s"]
+    assert plug.awaited() == (f"no controller has come on udp {port}; start it, or see that it sends to port {port} of "
+                              "this machine")
+
+
 def test_waiting_is_told_and_has_an_end(plug, port):
     with pytest.raises(RigError, match=f"udp:{port}: none has come within 1.1 s; start it, or see"):
         plug.wait(1.1)
@@ -270,10 +318,10 @@ def test_without_a_step_timeout_it_may_stand_in_a_debugger(plug, program):
     plug.pace(None)
     ask(plug)
     process.send_signal(signal.SIGSTOP)
-    again = threading.Timer(0.7, process.send_signal, (signal.SIGCONT,))
-    again.start()
+    said = []
+    plug.say = lambda text: (said.append(text), process.send_signal(signal.SIGCONT))  # goes on when that was said
     assert ask(plug, 1) is not None
-    again.join()
+    assert said == [f"waiting for controller on {plug.name.replace(':', ' ')}, 1 s"]
 
 
 def test_in_real_time_nobody_waits_and_a_controller_comes_back(plug, program):
@@ -300,8 +348,10 @@ def test_a_controller_of_another_level_is_sent_away(plug, port):
         other.settimeout(5.0)
         other.connect(("127.0.0.1", port))
         other.send(pack(HELLO, 0, 0, 2, 0))
-        with pytest.raises(RigError, match="none has come"):
-            plug.wait(0.3)
+        with pytest.raises(RigError, match="one has come and is not used: this run is at level duty") as refusal:
+            plug.wait(20.0)  # in vain: said after a second
+        assert refusal.value.exit_code == 1
+        assert plug.awaited() == f"one has come on udp {port} and is not used: {plug.refused}"
         kind, _, _, (why,) = unpack(other.recv(2048))
     assert kind == BYE and text(why) == "this run is at level duty, the controller's is current; choose with --level"
     assert plug.said == [f"a controller was sent away from udp {port}: {text(why)}"]
@@ -324,7 +374,7 @@ def named(*own):
 ])
 def test_names_that_cannot_be_had_are_said_to_both_sides(plug, thread, capsys, own, why):
     client = thread(named(*own))
-    with pytest.raises(RigError, match="none has come"):
+    with pytest.raises(RigError, match="one has come and is not used: controller .*: "):
         plug.wait(0.3)
     assert [text.partition(": ")[0] for text in plug.said if why in text] == [
         f"a controller was sent away from {plug.name.replace(':', ' ')}"]
@@ -342,7 +392,7 @@ def test_a_controller_that_comes_later_names_the_same(plug, thread, config):
     plug._leave()  # as when it was killed
     other, same = named((), (), {}), named(("p_p",), ("twice",), {"held": 0.25})
     thread(other)
-    with pytest.raises(RigError, match="none has come"):
+    with pytest.raises(RigError, match="one has come and is not used: it names other"):
         plug.wait(0.3)
     assert "it names other transducers, signals or settings than the controller before it" in plug.said[-1]
     thread(same)
@@ -478,9 +528,28 @@ def test_a_c_program_whose_controller_refuses_says_why_and_fails(tmp_path, port,
     sources = [CONTROLLERS / "examples" / "udp_main.c", tmp_path / "mine.c"]
     subprocess.run(["cc", "-std=gnu99", f"-I{INCLUDE}", "-o", tmp_path / "mine", *sources], check=True)
     process = subprocess.Popen([tmp_path / "mine", "127.0.0.1", str(port)], stderr=subprocess.PIPE, text=True)
-    with pytest.raises(RigError, match="none has come"):
-        plug.wait(0.5)
+    with pytest.raises(RigError, match="one has come and is not used: it refuses: no t12"):
+        plug.wait(20.0)
     assert process.communicate(timeout=10)[1] == "the controller refuses: no t12\n" and process.returncode == 1
+
+
+def test_what_the_rig_says_again_and_again_a_program_says_once(port, config, c_program):
+    """As at the wrong level: sent away every second."""
+    said = {}
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as rig:
+        rig.settimeout(10.0)
+        rig.bind(("127.0.0.1", port))
+        commands = {"c": [c_program], "python": [sys.executable, "-m", "rig_nodes.controllers.examples.alfa46_udp"]}
+        for language, command in commands.items():
+            process = subprocess.Popen([*command, "127.0.0.1", str(port)], stdout=subprocess.DEVNULL,
+                                       stderr=subprocess.PIPE, text=True)
+            for words in ("no", "no"):  # it asks again after a second
+                _, peer = rig.recvfrom(2048)
+                rig.sendto(pack(BYE, 0, 0, words), peer)
+            _, peer = rig.recvfrom(2048)
+            process.kill()
+            said[language] = process.communicate()[1]
+    assert said == dict.fromkeys(commands, "the rig says: no\n")
 
 
 def test_the_c_header_is_usable_from_cpp(tmp_path):

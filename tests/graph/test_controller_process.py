@@ -149,6 +149,37 @@ def test_a_library_that_breaks_ends_in_the_safe_state(tmp_path, breaking, what, 
     assert len(said) == 1 and "sample 500: " in said[0]
 
 
+NOBODY = """
+description: in real time without a controller
+ready: {timeout: 2 s}
+steps:
+  - wait: {for: 10 ms}
+"""
+
+
+def test_in_real_time_a_controller_that_does_not_come_is_named_with_its_place(tmp_path):
+    (tmp_path / "nobody.yaml").write_text(NOBODY)
+    run = RigRun(tmp_path / "run", "--controller", "ros:", sequence=tmp_path / "nobody.yaml")
+    domain = run.until("ROS_DOMAIN_ID=").rpartition("=")[2].strip()
+    place = f"controller on ROS topic /controller/answer in domain {domain}"
+    assert run.until("waiting for").strip() == f"waiting for {place}, 1 s"
+    code, output = run.end()
+    said = output.splitlines()[-1]
+    assert code == 1
+    assert said.startswith("rig: sequence 'nobody': the rig was not ready within 2 s; no controller has come on ROS topic")
+    assert f"in domain {domain}; start its node in the same ROS domain (export ROS_DOMAIN_ID={domain} in both" in said
+
+
+def test_ctrl_c_ends_the_waiting_in_lockstep_at_once(tmp_path, port):
+    run = RigRun(tmp_path / "run", "--speed", "max", "--step-timeout", "none", "--controller", f"udp:{port}")
+    run.until(f"waiting for controller on udp {port}, 1 s")
+    run.ctrl_c()
+    code, output = run.end()
+    assert code == 130 and "interrupted by Ctrl-C" in output and "was killed" not in output
+    *_, (_, state) = Bag(run.folder).messages("/rig/state")
+    assert state.reason == "the run was ended before its sequence was done"
+
+
 def test_udp_in_lockstep_gives_the_same_bits_and_waiting_is_seen(tmp_path, port):
     (tmp_path / "sequence.yaml").write_text(SEQUENCE)
     run = RigRun(tmp_path / "run", "--speed", "max", "--controller", f"udp:{port}", sequence=tmp_path / "sequence.yaml")

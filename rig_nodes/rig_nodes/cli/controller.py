@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 
-from .what_to_run import step_timeout
+from .what_to_run import StepTimeout, step_timeout
 
+COME = 20.0  # s for a controller of its own program to come
 MARKS = {True: "ok", False: "FAILED", None: "-"}
 HELP = "check a shift controller of your own, or start one from a template"
 
@@ -19,8 +20,9 @@ def add_arguments(parser) -> None:
     check.add_argument("spec", metavar="PLUG", help="as for --controller, e.g. c:my_controller.c (docs/controllers.md)")
     check.add_argument("--level", choices=("duty", "current"), help="what it returns, when it knows both")
     check.add_argument("--rig", default="hydmag", metavar="NAME", help="rig or .yaml file (default: hydmag)")
-    check.add_argument("--step-timeout", type=step_timeout, default=5.0, metavar="S",
-                       help="seconds that it may take for one sample, or none (default: 5)")
+    check.add_argument("--step-timeout", type=step_timeout, default=StepTimeout(5.0, COME),
+                       metavar="S", help="seconds that it may take for one sample, and to come, or none "
+                                         f"(default: 5, and {COME:.0f} to come)")
     check.add_argument("--json", action="store_true", help="print the table as JSON")
     new = verbs.add_parser("new", help="write a template that shifts", allow_abbrev=False)
     new.add_argument("kind", choices=sorted(KINDS), help="what it is: " + ", ".join(KINDS))
@@ -41,7 +43,7 @@ def check(args) -> int:
     say = (lambda text: None) if quiet else (lambda text: print(f"        {text}", flush=True))
     config = load_gearbox_rig(args.rig, None, "controller check")
     items = []
-    for item in Check(args.spec, config, args.level, args.step_timeout, say).items():
+    for item in Check(args.spec, config, args.level, *args.step_timeout, say).items():
         items.append(item)
         if not quiet:
             print(f"{MARKS[item.ok]:<8}{item.name:<15}{item.text}", flush=True)

@@ -87,8 +87,8 @@ def run(args) -> int:
         for device in config.cut_out:
             show(None, f"{device} is cut out; start it with: ./rig device {device} --domain {domain.number}")
         folder = run_folder(args.out, sequence.name if args.sequence else "by-hand")
-        order = Order(args.sequence, rig, args.seed, args.settings, args.drop, args.speed, args.step_timeout, plug,
-                      args.parameters, processes, args.delay)
+        order = Order(args.sequence, rig, args.seed, args.settings, args.drop, args.speed,
+                      *args.step_timeout, plug, args.parameters, processes, args.delay)
         supervisor = Supervisor(order, folder, domain, show)
         with live_view(domain.number) if args.view else contextlib.nullcontext():
             end = supervisor.run()

@@ -7,7 +7,6 @@ import sys
 
 from .what_to_run import add_shared_arguments
 
-WAIT = 60.0  # s for a controller of its own program to come
 HELP = "run a test sequence without ROS traffic, as fast as it goes"
 
 
@@ -52,8 +51,8 @@ def main(args) -> int:
         check_controller(config)
         controller = load_controller(args.controller, config.alfa46, args.level)
         controller.say = lambda text: print(f"            {text}", flush=True)
-        controller.pace(args.step_timeout)
-        controller.wait(None if args.step_timeout is None else WAIT)
+        controller.pace(args.step_timeout.step)
+        controller.wait(args.step_timeout.come)
     folder = run_folder(args.out, sequence.name)
     shown = [""]
 

@@ -2,7 +2,9 @@
 
 import argparse
 import math
+from typing import NamedTuple
 
+LEAST_COME = 2.0  # s that a program needs to be found
 MOST_DELAY = 50  # samples: half of the time after which a silent controller is the safe state
 
 
@@ -24,9 +26,19 @@ def delay(text: str) -> int:
     return int(text)
 
 
-def step_timeout(text: str) -> float | None:
-    """The seconds of --step-timeout, None for none."""
-    return None if text == "none" else above_zero(text, None)
+class StepTimeout(NamedTuple):
+    """Seconds of wall clock for a sample, and for a controller of its own program to come; None: for ever."""
+
+    step: float | None = 5.0
+    come: float | None = 60.0
+
+
+def step_timeout(text: str) -> StepTimeout:
+    """What --step-timeout says; a controller has as long to come, but 2 s at least and a minute at most."""
+    if text == "none":
+        return StepTimeout(None, None)
+    seconds = above_zero(text, None)
+    return StepTimeout(seconds, min(max(seconds, LEAST_COME), StepTimeout().come))
 
 
 def above_zero(text: str, endless: str | None) -> float:
@@ -65,8 +77,8 @@ def add_shared_arguments(parser, by_hand: bool = False) -> None:
     parser.add_argument("--delay", type=delay, default=1, metavar="N",
                         help="samples of 1 ms from a measurement to the moment from which the controller's answer to it "
                              "acts (default: 1; 0 where simulated time waits)")
-    parser.add_argument("--step-timeout", type=step_timeout, default=5.0, metavar="S",
-                        help="seconds of wall clock that the controller may take for one sample where simulated time "
-                             "waits, or none while debugging (default: 5)")
+    parser.add_argument("--step-timeout", type=step_timeout, default=StepTimeout(), metavar="S",
+                        help="seconds of wall clock that the controller may take for one sample, and to come, where "
+                             "simulated time waits, or none while debugging (default: 5, and 60 to come)")
     parser.add_argument("--level", choices=("duty", "current"),
                         help="what the controller returns, when it knows both (default: its first)")

@@ -67,6 +67,7 @@ class CanBus(FreeRunning):
         self._every = int(number(options, "every", 1, name, 1, 50))
         extra = {key: int(number(options, key, 0, name, 1, 1e7)) for key in ("bitrate", "port") if key in options}
         super().__init__(name, config, level, f"CAN {interface} {channel}")
+        self._inside = interface == "virtual"  # the bus is inside this process
         self._bus = open_bus(channel, interface, f"controller {name}", **extra)
         self._prepare()
 
@@ -85,6 +86,12 @@ class CanBus(FreeRunning):
         self._contradictions: deque[float] = deque(maxlen=CONTRADICTIONS)  # time.monotonic() of the newest
         self._another = ""  # why the rig trips: another controller is at work
         self._requested: int | None = None
+
+    def pace(self, step_timeout: float | None, real_time: bool = False) -> None:
+        super().pace(step_timeout, real_time)
+        if self._inside:
+            self.say(f"{self.place} is a bus inside the rig's process: no other program can join it, and a wait for one "
+                     "is in vain; interface=udp_multicast reaches other programs")
 
     # ---- out
 

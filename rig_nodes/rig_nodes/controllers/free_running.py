@@ -72,16 +72,22 @@ class FreeRunning(Plug):
     def wait(self, patience: float | None = None) -> None:
         waiting = Waiting(f"waiting for controller on {self.place}", self.say)
         idle = ControllerInputs(0, 0.0, 0, (0.0,) * 3, 0.0, 0.0, 0.0, 0.0)
+        self.refused = ""
         while self._newest is None:
-            if patience is not None and waiting.seconds > patience:
+            if self.stopped():
+                return
+            in_vain = self._in_vain(waiting, patience, f"no command came on {self.place}", self._faults_told())
+            if in_vain:
                 self.close()
-                raise RigError(f"controller {self.name}: no command came on {self.place} within {patience:g} s"
-                               f"{self._faults_told()}")
+                raise in_vain
             waiting.tell()
             self._send(idle)
             self._listen(time.monotonic() + IDLE)
         self._newest = None  # it answers nothing of this run
         self._is_here()
+
+    def awaited(self) -> str:
+        return "" if self._was_here else f"no command has come on {self.place}{self._faults_told()}"
 
     def _is_here(self) -> None:
         if not self._was_here:

@@ -31,6 +31,7 @@ from .seam import (
 LOG = logging.getLogger("rig_nodes.controllers")
 STEP_TIMEOUT = 5.0  # s of wall clock for one sample when simulated time waits
 REAL_TIME_TIMEOUT = 0.1  # s of wall clock for one sample in real time
+SETTLE = 1.0  # s of wall clock for the right controller to come beside one that cannot be used
 
 
 class Answer(NamedTuple):
@@ -52,6 +53,12 @@ def chosen_level(wanted: str | None, levels: tuple[str, ...], name: str) -> str:
     if wanted not in levels:
         raise RigError(f"controller {name} works at level {' and '.join(levels)}, not at level '{wanted}'")
     return wanted
+
+
+class NotUsed(RigError):
+    """The one controller that came cannot be used; why."""
+
+    exit_code = 1
 
 
 class Waiting:
@@ -96,6 +103,8 @@ class Plug(ABC):
         self.gear, self.shifting, self.flags = 0, False, 0
         self.say: Callable[[str], None] = LOG.info  # to people: what is waited for, who came and went
         self.named: Callable[[], None] = lambda: None
+        self.stopped: Callable[[], bool] = lambda: False  # True: the run is being ended, nothing is waited for any more
+        self.refused = ""  # why the last controller that came is not used
         self._request, self._ordered, self._before = 0, False, 0
         self._over = False  # failed or closed: it is not called again
 
@@ -106,9 +115,24 @@ class Plug(ABC):
     def wait(self, patience: float | None = None) -> None:
         """Wait until the controller is there, when it is a program of its own, and tell people so through ``say``.
 
-        RigError after ``patience`` s of wall clock (None: never). In real time nobody calls this: samples without a
-        controller are discarded until it comes.
+        RigError after ``patience`` s of wall clock (None: never), NotUsed sooner when the only one that came cannot be
+        used. It returns early when the run is ended. In real time nobody calls this: samples without a controller are
+        discarded until it comes.
         """
+
+    def awaited(self) -> str:
+        """That no controller has come to this run that can be used, and where; empty when one has, or none need come."""
+        return ""
+
+    def _in_vain(self, waiting: Waiting, patience: float | None, none_came: str, advice: str) -> RigError | None:
+        """Why to wait no longer, None as long as there is no reason; the sentence's words before and after the time."""
+        if patience is None:
+            return None
+        if self.refused and waiting.seconds > min(SETTLE, patience):
+            return NotUsed(f"controller {self.name}: one has come and is not used: {self.refused}")
+        if waiting.seconds > patience:
+            return RigError(f"controller {self.name}: {none_came} within {patience:g} s{advice}")
+        return None
 
     def order(self, gear: int) -> None:
         """Request a gear; the controller sees it with the next sample. RigError with why when refused."""

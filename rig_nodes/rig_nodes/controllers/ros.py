@@ -85,13 +85,25 @@ class _OtherSide:
         self.was_here = False
         self.session = self._seq = 0
         self._life: int | None = None  # descriptor that tells of the end of the controller's process
-        self.refused = ""  # why the last one that came is not used
         self._said: set[tuple] = set()
 
     @property
     def place(self) -> str:
         """Where the controller is expected, in words."""
         return f"ROS topic /{self.name}/answer in domain {self.topics.domain}"
+
+    @property
+    def advice(self) -> str:
+        """What to do when none comes, in words."""
+        return f"start its node in the same ROS domain (export ROS_DOMAIN_ID={self.topics.domain} in both terminals)"
+
+    def awaited(self) -> str:
+        """As of the plug."""
+        if self.was_here or self.topics is None:
+            return ""
+        if self._plug.refused:
+            return f"one has come on {self.place} and is not used: {self._plug.refused}"
+        return f"no controller has come on {self.place}; {self.advice}"
 
     def open(self) -> None:
         """Join the graph, once."""
@@ -167,7 +179,7 @@ class _OtherSide:
         elif self.controller not in (0, ready.controller):
             why = "another controller is at work"
         if why:
-            self.refused = why
+            plug.refused = why
             if (ready.controller, why) not in self._said:
                 self._said.add((ready.controller, why))
                 plug.say(f"a controller on {self.place} is not used: {why}")
@@ -209,6 +221,7 @@ class RosNode(Plug):
         super().__init__(name, config, level)
         self.other_side: _OtherSide | None = None
         self._away = True  # nobody answered the newest sample
+        self._waiting: Waiting | None = None  # in real time, since then
         self._faults: set[str] = set()
 
     def pace(self, step_timeout: float | None, real_time: bool = False) -> None:
@@ -218,19 +231,21 @@ class RosNode(Plug):
     def wait(self, patience: float | None = None) -> None:
         side = self.other_side
         side.open()
+        self.refused = ""
         waiting = Waiting(f"waiting for controller on {side.place}", self.say)
-        while not side.controller:
-            if patience is not None and waiting.seconds > patience:
-                domain = side.topics.domain
+        while not side.controller and not self.stopped():
+            in_vain = self._in_vain(waiting, patience, "none has come", f"; {side.advice}")
+            if in_vain:
                 self.close()
-                came = f"; one came and is not used: {side.refused}" if side.refused else ""
-                raise RigError(f"controller {self.name}: none has come within {patience:g} s{came}; start its node in "
-                               f"the same ROS domain (export ROS_DOMAIN_ID={domain})")
+                raise in_vain
             waiting.tell()
             try:
                 side.take(0.2, self._fault)
             except Gone:
                 side.begin()  # it came and went before it was asked anything
+
+    def awaited(self) -> str:
+        return self.other_side.awaited()
 
     def _fault(self, text: str) -> None:
         if text not in self._faults:
@@ -268,9 +283,11 @@ class RosNode(Plug):
             while (left := again - time.monotonic()) > 0.0:
                 answered = side.take(left, self._fault)
                 if answered is not None and side.is_newest(answered):
-                    self._away = False
+                    self._away, self._waiting = False, None
                     return answered
             side.look_after()
+            if self.stopped():
+                raise Gone("the run was ended")
             if patience is not None and time.monotonic() >= began + patience:
                 return self._no_answer()
             waiting = waiting or Waiting(f"waiting for controller on {side.place}", self.say)
@@ -282,6 +299,8 @@ class RosNode(Plug):
             if not self._away:
                 self.say(f"waiting for controller on {side.place}: no answer for {self.step_timeout * 1e3:.0f} ms")
             self._away = True
+            self._waiting = self._waiting or Waiting(f"waiting for controller on {side.place}", self.say)
+            self._waiting.tell()
             return None
         if side.was_here:
             raise Gone(f"no answer for {self.step_timeout:g} s (--step-timeout)")
@@ -308,6 +327,14 @@ class FreeRosNode(FreeRunning):
     def wait(self, patience: float | None = None) -> None:
         self._open()
         super().wait(patience)
+
+    def awaited(self) -> str:
+        return "" if self._was_here else self.other_side.awaited()
+
+    def _is_here(self) -> None:
+        if self.other_side.was_here:
+            self._was_here = True  # the other side has said so
+        super()._is_here()
 
     def _open(self) -> None:
         self.other_side.open()

@@ -145,14 +145,19 @@ class ControllerNode(Node):
 def serve(controller, levels=("duty",), topics="controller"):
     """Connect a controller with rigs that are started with ``--controller ros:NAME``, in any order, until Ctrl-C.
 
-    Returns 130 after Ctrl-C, 0 after SIGTERM.
+    Returns 130 after Ctrl-C, 0 after SIGTERM, 2 when ROS_DOMAIN_ID is no domain.
     """
+    domain = os.environ.get("ROS_DOMAIN_ID", "") or "0"
+    if not (domain.isdecimal() and int(domain) <= 232):
+        print(f"{sys.argv[0]}: ROS_DOMAIN_ID is '{domain}', expected a number from 0 to 232", file=sys.stderr)
+        return 2
     asked = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _frame: asked.append(number))
     rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     node, executor = ControllerNode(controller, levels, topics), Executor()
     executor.add_node(node)
+    print(f"waiting for the rig in ROS domain {int(domain)}, topics /{topics}/..., until Ctrl-C", flush=True)
     while not asked:
         executor.spin_until_future_complete(Future(), 0.1)
     node.leave("the controller was stopped")

@@ -72,18 +72,31 @@ class Udp(Plug):
         self._frame = 0
         self._was_here = False
         self._away = True  # nobody answered the newest sample
+        self._waiting: Waiting | None = None  # in real time, since then
         self._sent_away: set = set()  # addresses of controllers that cannot be of use in this run
 
     # ---- until it is there
 
     def wait(self, patience: float | None = None) -> None:
         waiting = Waiting(f"waiting for controller on udp {self._port}", self.say)
-        while self._peer is None:
-            if patience is not None and waiting.seconds > patience:
-                raise RigError(f"controller {self.name}: none has come within {patience:g} s; start it, or see that it "
-                               f"sends to port {self._port} of this machine")
+        self.refused = ""
+        while self._peer is None and not self.stopped():
+            in_vain = self._in_vain(waiting, patience, "none has come", f"; {self._advice}")
+            if in_vain:
+                raise in_vain
             waiting.tell()
             self._serve(0.2)
+
+    @property
+    def _advice(self) -> str:
+        return f"start it, or see that it sends to port {self._port} of this machine"
+
+    def awaited(self) -> str:
+        if self._was_here:
+            return ""
+        if self.refused:
+            return f"one has come on udp {self._port} and is not used: {self.refused}"
+        return f"no controller has come on udp {self._port}; {self._advice}"
 
     def _serve(self, seconds: float) -> tuple | None:
         """Take what comes within so many seconds; the values of an ANSWER to the newest sample once it is there."""
@@ -118,8 +131,11 @@ class Udp(Plug):
                 self._names[values[0]] = what, text(name), first, text(unit)
                 if self._is_here():
                     return None
-            elif kind == BYE and peer == self._peer:
-                raise _Gone(f"it said goodbye: {text(values[0]) or 'it gave no reason'}")
+            elif kind == BYE:
+                why = text(values[0]) or "it gave no reason"
+                if peer == self._peer:
+                    raise _Gone(f"it said goodbye: {why}")
+                self._turned_down(peer, why)
             elif kind == ANSWER and peer == self._peer and frame == self._frame:
                 return values
 
@@ -140,9 +156,17 @@ class Udp(Plug):
 
     def _send_away(self, peer, why: str) -> None:
         self._send(BYE, peer, session=0, values=[why])
+        self.refused = why
         if peer not in self._sent_away:
             self._sent_away.add(peer)
             self.say(f"a controller was sent away from udp {self._port}: {why}")
+
+    def _turned_down(self, peer, why: str) -> None:
+        """A controller that was not ready yet says that it will not be."""
+        self.refused = f"it refuses: {why}"
+        if self._coming == peer:
+            self._coming = None
+        self.say(f"a controller on udp {self._port} is not used: {self.refused}")
 
     def _is_here(self) -> bool:
         """Ask for the next of the controller's own names that is not known; True when it has told all of them."""
@@ -159,7 +183,7 @@ class Udp(Plug):
             self._send(BYE, peer, values=[str(error)])  # it began already: of this session
             self._send_away(peer, str(error))
             return False
-        self._peer, self._was_here = peer, True
+        self._peer, self._was_here, self.refused = peer, True, ""
         self.say(f"controller on udp {self._port} is here ({peer[0]}:{peer[1]})")
         return True
 
@@ -216,7 +240,7 @@ class Udp(Plug):
 
     def _exchange(self, inputs: ControllerInputs) -> tuple | None:
         """The values of the answer; None in real time while there is none."""
-        began, patience = time.monotonic(), self.step_timeout
+        began, patience, waiting = time.monotonic(), self.step_timeout, None
         if self.real_time and self._away:
             patience = GLANCE
         while True:
@@ -231,10 +255,15 @@ class Udp(Plug):
             left = None if patience is None else began + patience - time.monotonic()
             if left is not None and left <= 0.0:
                 return self._no_answer(inputs.sample)
+            if self.stopped():
+                raise _Gone("the run was ended")
             values = self._serve(RESEND if left is None else min(RESEND, left))
             if values is not None:
-                self._away = False
+                self._away, self._waiting = False, None
                 return values
+            if not self.real_time:
+                waiting = waiting or Waiting(f"waiting for controller on udp {self._port}", self.say)
+                waiting.tell()
 
     def _sample(self, inputs: ControllerInputs) -> bytes:
         return pack(SAMPLE, self._session, self._frame, inputs.sample, inputs.time, *inputs.current, inputs.n_wej,
@@ -246,6 +275,8 @@ class Udp(Plug):
             if not self._away:
                 self.say(f"waiting for controller on udp {self._port}: no answer for {self.step_timeout * 1e3:.0f} ms")
             self._away = True
+            self._waiting = self._waiting or Waiting(f"waiting for controller on udp {self._port}", self.say)
+            self._waiting.tell()
             return None
         self._away = True
         if self._was_here:

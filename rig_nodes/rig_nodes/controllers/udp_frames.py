@@ -85,6 +85,7 @@ class Client:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.connect(self.rig)
         self.session, self.running, self.last, self.answer = 0, False, 0, b""
+        self.told = ""  # what the rig said last: said again by it every second, here once
         self.wants = tuple(getattr(controller, "wants", ()))
         signals = getattr(controller, "signals", ())
         self.signals = dict(signals) if isinstance(signals, dict) else dict.fromkeys(signals, "-")
@@ -116,13 +117,17 @@ class Client:
         return None
 
     def serve(self, once=False):
-        """Answer until interrupted; once: until the end of the first run."""
+        """Answer until interrupted; once: until the end of the first run. The rig hears why it ends."""
+        why = "the controller was stopped"
         try:
             while not (self.run() and once):
                 pass
+        except Exception as error:
+            why = f"{type(error).__name__}: {error}"
+            raise
         finally:
             if self.running:
-                self.send(BYE, "the controller was stopped")
+                self.send(BYE, why)
                 self.end()
             self.socket.close()
 
@@ -141,7 +146,7 @@ class Client:
         if kind == INFO and session != self.session:
             self.begin(session, *values)
         elif kind == BYE and not self.running:
-            print(f"the rig says: {text(values[0])}", file=sys.stderr)
+            self.tell(text(values[0]))
             time.sleep(1.0)
         elif session != self.session or not self.running:
             return False
@@ -151,10 +156,16 @@ class Client:
             self.step(frame, values)
         elif kind == BYE:
             if not self.last:
-                print(f"the rig says: {text(values[0])}", file=sys.stderr)
+                self.tell(text(values[0]))
             self.end()
             return True
         return False
+
+    def tell(self, words):
+        """What the rig says, to people, once."""
+        if words != self.told:
+            self.told = words
+            print(f"the rig says: {words}", file=sys.stderr)
 
     def begin(self, session, level, count, period, command_high):
         """A rig is there: fetch its parameters, start the controller, say that it is ready."""
@@ -169,9 +180,13 @@ class Client:
                 return
             parameters[name] = value
         level = {number: name for name, number in LEVELS.items()}[level]
-        self.controller.initialize(types.SimpleNamespace(
-            period=period, level=level, command_high=command_high, parameters=parameters))
-        self.running, self.last, self.answer = True, 0, b""
+        try:
+            self.controller.initialize(types.SimpleNamespace(
+                period=period, level=level, command_high=command_high, parameters=parameters))
+        except Exception as error:
+            self.send(BYE, f"initialize failed: {type(error).__name__}: {error}")
+            raise
+        self.running, self.last, self.answer, self.told = True, 0, b"", ""
         self.send(READY, len(self.own), 0)
 
     def parameter(self, index):
@@ -213,6 +228,28 @@ class Client:
         self.controller.terminate()
 
 
+def rig_address(words):
+    """(host, port) of a program's arguments, those of a rig on this machine where they are missing.
+
+    What is none ends the program with one sentence, exit code 2.
+    """
+    host, port = (list(words) + ["127.0.0.1", str(PORT)][len(words):])[:2]
+    why = ""
+    if not (port.isdecimal() and 0 < int(port) < 65536):
+        why = f"'{port}' is no port; expected 1 to 65535, e.g. {PORT}"
+    else:
+        try:
+            socket.getaddrinfo(host, None, socket.AF_INET)
+        except (OSError, UnicodeError):
+            why = f"there is no machine '{host}'; expected a name or an address such as 127.0.0.1"
+    if why:
+        print(f"{sys.argv[0]}: {why}", file=sys.stderr)
+        sys.exit(2)
+    return host, int(port)
+
+
 def serve(controller, host="127.0.0.1", port=PORT, levels=("duty",), once=False):
     """Connect a controller with a rig that is started with ``--controller udp:PORT``, in any order."""
-    Client(controller, host, port, levels).serve(once)
+    client = Client(controller, host, port, levels)
+    print(f"waiting for the rig at {host}:{port}, until Ctrl-C", flush=True)
+    client.serve(once)

@@ -39,6 +39,7 @@ class Order:
     drop: str | None = None
     speed: float | None = None  # None: real time, nobody waits for anybody; else lockstep, inf for no pacing
     step_timeout: float | None = 5.0  # s for one sample of the controller in lockstep, None: for ever
+    come_timeout: float | None = 60.0  # s for a controller of its own program to come, in lockstep; None: for ever
     controller: str | None = None
     parameters: list[str] = field(default_factory=list)  # of the sequence, NAME=VALUE
     processes: tuple[str, ...] = tuple(MODULES)  # the clutch bench has no alfa46
@@ -54,10 +55,13 @@ class Order:
         patience = []
         if self.speed is not None and self.step_timeout is not None:
             patience = ["--step-timeout", str(self.step_timeout)]
+        come = []
+        if self.speed is not None and self.come_timeout is not None:
+            come = ["--come-timeout", str(self.come_timeout)]
         plug = [] if self.controller is None else ["--controller", self.controller]
         numbers = ["--seed", str(self.seed), "--delay", str(self.delay)]
         return {"container": [*rig, *sequence, *drop, *speed, *patience, *numbers],
-                "alfa46": [*rig, *plug, *patience],
+                "alfa46": [*rig, *plug, *patience, *come],
                 "sequencer": [*rig, *sequence], "recorder": []}[name]
 
 
@@ -86,6 +90,7 @@ class Supervisor:
         self.running = threading.Event()  # simulated time passes
         self.ended = threading.Event()
         self.end: End | None = None
+        self._awaited = ""  # that no controller has come yet, as the alfa46 process said last
         self._end_at: float | None = None
         self._lock = threading.Lock()  # of the wake pipe
         self._wake_read, self._wake_write = os.pipe()
@@ -188,6 +193,7 @@ class Supervisor:
         elif kind == "step":
             self.say(message["t"], f"step {message['step']} of {message['steps']}: {message['text']}")
         elif kind == "waiting":
+            self._awaited = message["awaited"]
             self.say(None, message["text"])
         elif kind == "failed":
             self._finish_with(End("failed", f"{child.name}: {message['text']}"), 0.0)
@@ -195,7 +201,8 @@ class Supervisor:
             if message["success"]:
                 self._finish_with(End("ended", "the sequence ended"), 0.0)
             else:
-                self._finish_with(End("failed", message["text"]), AFTER_TRIP)
+                awaited = f"; {self._awaited}" if self._awaited else ""
+                self._finish_with(End("failed", message["text"] + awaited), AFTER_TRIP)
 
     def _on_state(self, message: dict) -> None:
         self.time = message["t"]

@@ -46,8 +46,8 @@ OPTIONS = [
     *RIG_OPTIONS,
     ("--controller", {"metavar": "SPEC", "help": "a controller in place of the built-in one"}),
     ("--step-timeout", {"type": float, "help": "s that the controller may take for one sample in lockstep"}),
+    ("--come-timeout", {"type": float, "help": "s that a program of its own may take to come, in lockstep"}),
 ]
-BEFORE_FIRST = 50.0  # s that a controller of its own program may take to come, in lockstep; less than the container's
 SAMPLES, COMMAND, EVENTS = "/instruments/controller", "/alfa46/command", "/alfa46/events"
 
 
@@ -59,7 +59,8 @@ class Alfa46Node(Node):
         super().__init__("alfa46")
         self.config = config
         self.box = load_controller(process.arguments.controller, config.alfa46)
-        self.box.say = teller(process)
+        self.box.say = teller(process, self.box)
+        self.box.stopped = lambda: process.stopping
         if not process.descriptors():
             self.box.pace(REAL_TIME_TIMEOUT, real_time=True)
         else:  # who computes in this very process is watched by the container, which can go on without it
@@ -308,11 +309,14 @@ class Alfa46Node(Node):
             self.tap.put(topic, data)
 
 
-def teller(process) -> Callable[[str], None]:
-    """Says a plug's sentences in the process's log and, by the supervisor, to the person at the terminal."""
+def teller(process, plug) -> Callable[[str], None]:
+    """Says a plug's sentences in the process's log and, by the supervisor, to the person at the terminal.
+
+    The supervisor learns who has not come yet too, for its last sentence.
+    """
     def say(text: str) -> None:
         process.log.info("%s", text)
-        process.status("waiting", text=text)
+        process.status("waiting", text=text, awaited=plug.awaited())
     return say
 
 
@@ -328,7 +332,7 @@ def work(process) -> None:
     while not process.stopping and silent(node, node.outputs, wanted):
         process.spin(0.02)
     if link is not None:
-        node.box.wait(BEFORE_FIRST)
+        node.box.wait(process.arguments.come_timeout)
         answer_in_lockstep(process, node, link)
     elif not process.stopping:
         prefer_process(MESSAGES)

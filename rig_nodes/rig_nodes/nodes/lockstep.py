@@ -10,6 +10,7 @@ import gc
 import math
 import struct
 import time
+from collections.abc import Callable
 
 from ..controllers.plug import Answer
 from ..controllers.seam import ControllerFailed, Status
@@ -21,7 +22,8 @@ from ..testbench.simulate import give_answer
 from .realtime import take_core
 
 GRACE = 0.5  # s more for the sentence of whoever waits for a controller further away
-BEFORE_FIRST = 60.0  # s for everybody to be ready
+BEFORE_FIRST = 60.0  # s for the sequencer to be ready
+LOOK_UP = 0.1  # s of waiting for the controller after which an order to end is looked for
 
 
 class RemoteController:
@@ -29,20 +31,35 @@ class RemoteController:
 
     name = "alfa46"
 
-    def __init__(self, link: Link, step_timeout: float | None):
-        """step_timeout: s for one sample; the process that knows its controller better may say so first."""
+    def __init__(self, link: Link, step_timeout: float | None, stopping: Callable[[], bool]):
+        """step_timeout: s for one sample; the process that knows its controller better may say so first.
+
+        ``stopping``: true when the run is to end, and with it any wait.
+        """
         self.level, self.wants = "", []  # as the process says when it is ready
         self.gear, self.shifting, self.flags = 0, False, 0
-        self._link, self._limit = link, step_timeout
+        self._link, self._limit, self._stopping = link, step_timeout, stopping
         self._timeout = None if step_timeout is None else step_timeout + GRACE
 
-    def wait(self, seconds: float) -> None:
-        """Wait for the process to be ready; LinkClosed when it does not get there."""
-        hello = self._link.receive(seconds)
+    def wait(self) -> bool:
+        """Wait for the process to be ready, which itself knows how long; False when the run is to end first.
+
+        LinkClosed when it has ended.
+        """
+        hello = self._receive(None)
         if hello is None:
-            raise LinkClosed(f"the shift controller was not ready within {seconds:g} s")
+            return False
         self.level, *self.wants = hello.removeprefix(READY).decode().split()
         self._others = struct.Struct(f"<{len(self.wants)}d")
+        return True
+
+    def _receive(self, seconds: float | None) -> bytes | None:
+        """The next message; None when there is none within so many s, or before the run is to end."""
+        until = math.inf if seconds is None else time.monotonic() + seconds
+        while True:
+            data = self._link.receive(LOOK_UP)
+            if data is not None or self._stopping() or time.monotonic() >= until:
+                return data
 
     def ask(self, sample: int, current, n_wej, n_wyj, p1, p2, others) -> None:
         """Hand over one sample; the answer is waited for by :meth:`answer`."""
@@ -54,9 +71,11 @@ class RemoteController:
     def answer(self) -> Answer | None:
         """The answer to the sample asked for, None when it was discarded; ControllerFailed when there is none."""
         try:
-            data = self._link.receive(self._timeout)
+            data = self._receive(self._timeout)
         except LinkClosed:
             raise ControllerFailed("the shift controller's process has ended", Status.FATAL) from None
+        if data is None and self._stopping():
+            raise ControllerFailed("the run was ended while the shift controller was waited for", Status.FATAL)
         if data is None:
             raise ControllerFailed(f"the shift controller took more than {self._limit:g} s for one sample "
                                    "(--step-timeout)", Status.FATAL)
@@ -73,10 +92,11 @@ class RemoteController:
 class Lockstep:
     """Paces and orders the samples. speed: simulated per real time, ``inf`` for as fast as it goes."""
 
-    def __init__(self, rig: Rig, outputs, commands, links: dict[str, Link], speed: float, step_timeout: float | None):
+    def __init__(self, rig: Rig, outputs, commands, links: dict[str, Link], speed: float, step_timeout: float | None,
+                 stopping: Callable[[], bool]):
         self.rig, self.outputs, self.commands = rig, outputs, commands
         self.speed, self.overruns, self.real_time_priority = speed, 0, False
-        self.controller = RemoteController(links["alfa46"], step_timeout)
+        self.controller = RemoteController(links["alfa46"], step_timeout, stopping)
         self._sequencer = links["sequencer"]
         self._done = False
         self._needed: list[str] = []
@@ -88,8 +108,10 @@ class Lockstep:
         """Until ``stop()`` is true at the start of a tick."""
         rig = self.rig
         take_core(0)
-        self.controller.wait(BEFORE_FIRST)
-        self._needed = self._hear_sequencer(BEFORE_FIRST)["need"]
+        if self.controller.wait():
+            self._needed = self._hear_sequencer(BEFORE_FIRST)["need"]
+        else:  # nothing of the sequence will be done
+            self._done = True
         gc.collect()
         gc.freeze()  # what start-up made need not be looked through again and again
         began = time.monotonic()

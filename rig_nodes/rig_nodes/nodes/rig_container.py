@@ -78,7 +78,7 @@ class Container:
             self.clock = RealTime(SAMPLE_NS, TICK_SAMPLES)
         else:
             self.clock = Lockstep(self.rig, self.outputs, self.commands, process.links(), arguments.speed,
-                                  arguments.step_timeout)
+                                  arguments.step_timeout, lambda: process.stopping)
         self.nodes = self._nodes()
         self.cuts = CutEnds(self.rig, self.commands, self.nodes, process, arguments.step_timeout)
         self.publishers = {topic: publisher for node in self.nodes for topic, publisher in node.outputs.items()}

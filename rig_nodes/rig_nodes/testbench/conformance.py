@@ -27,7 +27,6 @@ UP_AND_DOWN = {100: 1, 1600: 2, 4100: 1, 6600: 0}  # sample of the order: gear; 
 DESK_SAMPLES = 8000
 SHIFT = 10.0  # s that a shift may take on the rig
 STORM = (1, 2, 0, 2, 1, 1, 0, 2, 2, 0, 1)
-COME = 20.0  # s of wall clock for a controller of its own program to come
 SPEEDS = 157.0, 60.0  # rad/s of input and output shaft on the desk
 # what cannot be asked of a controller with a clock of its own (CAN, Modbus), and why
 NOT_BY_ITS_OWN_CLOCK = {
@@ -96,8 +95,10 @@ class Check:
     """The set for one specification; ``items()`` runs it."""
 
     def __init__(self, spec: str | None, config: RigConfig, level: str | None = None, step_timeout: float | None = 5.0,
-                 say: Callable[[str], None] = lambda text: None):
+                 come_timeout: float | None = 20.0, say: Callable[[str], None] = lambda text: None):
+        """come_timeout: s of wall clock for a controller of its own program to come, for each item; None: for ever."""
         self.spec, self.config, self.level, self.step_timeout, self.say = spec, config, level, step_timeout, say
+        self._come_timeout = come_timeout
         self._first: list[Seen] = []
 
     def items(self) -> Iterator[Item]:
@@ -130,7 +131,7 @@ class Check:
         plug.say = self.say
         plug.pace(self.step_timeout)
         try:
-            plug.wait(COME)
+            plug.wait(self._come_timeout)
         except BaseException:
             plug.close()
             raise

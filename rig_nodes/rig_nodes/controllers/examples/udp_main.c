@@ -1,8 +1,10 @@
 /* Brings the controller that it is linked with (rig_controller.h) to the rig over UDP, until Ctrl-C.
  *
- *   cc -std=gnu99 -O2 -ffp-contract=off -I<this rig's include folder> -o mine udp_main.c my_controller.c -lm
- *   ./mine                                                    (in one terminal; ./mine ADDRESS PORT for another rig)
- *   ./rig simulate demo --controller udp:9002                 (in another, before or after)
+ *   ./my_controller                                             (in one terminal; with ADDRESS PORT for another rig)
+ *   ./rig simulate demo --controller udp:9002 --level current   (in another, before or after)
+ *
+ * --level is what the controller's commands are. Compile this file with your controller, -I where rig_udp.h is:
+ * cc -std=gnu99 -O2 -ffp-contract=off; the template of ./rig controller new udp-c has a Makefile for it.
  */
 #include "rig_udp.h"
 

@@ -79,6 +79,7 @@ typedef struct {
   rig_udp_frame answer;
   void *instance;
   rig_controller_inputs inputs;
+  char told[RIG_CONTROLLER_TEXT]; /* what the rig said last: said again by it every second, here once */
 } rig_udp_client;
 
 /* Set it from a signal handler: rig_udp_serve says goodbye and returns. */
@@ -211,10 +212,15 @@ static void rig_udp_begin(rig_udp_client *client, const rig_udp_frame *first) {
     if (rig_controller_create(&info, &client->instance) == RIG_OK) {
       client->running = 1;
       client->last = 0;
+      client->told[0] = '\0';
       rig_udp_count(client);
       rig_udp_ready(client);
     } else {
+      info.message[sizeof info.message - 1] = '\0';
       fprintf(stderr, "the controller refuses: %s\n", info.message);
+      memset(&frame, 0, sizeof frame);
+      memcpy(frame.body.bye.message, info.message, sizeof frame.body.bye.message);
+      rig_udp_send(client, &frame, RIG_BYE, 0);
       client->refused = 1;
     }
   } else {
@@ -261,8 +267,10 @@ static void rig_udp_step(rig_udp_client *client, const rig_udp_frame *frame) {
   rig_udp_send(client, answer, RIG_ANSWER, client->last);
 }
 
-static void rig_udp_told(rig_udp_frame *frame) {
+static void rig_udp_told(rig_udp_client *client, rig_udp_frame *frame) {
   frame->body.bye.message[sizeof frame->body.bye.message - 1] = '\0';
+  if (strcmp(client->told, frame->body.bye.message) == 0) return;
+  memcpy(client->told, frame->body.bye.message, sizeof client->told);
   fprintf(stderr, "the rig says: %s\n", frame->body.bye.message);
 }
 
@@ -287,6 +295,8 @@ static int rig_udp_serve(const char *host, int port, int once) {
     perror(host);
     return 1;
   }
+  printf("waiting for the rig at %s:%d, until Ctrl-C\n", host, port);
+  fflush(stdout);
   while (!rig_udp_stop && !client.refused && !(over && once)) {
     if (!client.running) rig_udp_hello(&client);
     if (!rig_udp_receive(&client, &frame, client.running && client.last ? RIG_UDP_KEEP_ALIVE : RIG_UDP_AGAIN)) {
@@ -295,13 +305,13 @@ static int rig_udp_serve(const char *host, int port, int once) {
     } else if (frame.header.kind == RIG_INFO && frame.header.session != client.session) {
       rig_udp_begin(&client, &frame);
     } else if (frame.header.kind == RIG_BYE && !client.running) {
-      rig_udp_told(&frame);
+      rig_udp_told(&client, &frame);
       sleep(1);
     } else if (frame.header.session == client.session && client.running) {
       if (frame.header.kind == RIG_ASK) rig_udp_own(&client, frame.body.ask.index);
       if (frame.header.kind == RIG_SAMPLE) rig_udp_step(&client, &frame);
       if (frame.header.kind == RIG_BYE) {
-        if (!client.last) rig_udp_told(&frame);
+        if (!client.last) rig_udp_told(&client, &frame);
         rig_udp_end(&client);
         over = 1;
       }
