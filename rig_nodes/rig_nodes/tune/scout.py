@@ -20,7 +20,7 @@ from .space import BOUNDS, refused, settings
 
 POPULATION = 16
 SIGMA, DONE = 0.03, 0.004  # standard deviation at first, and with which it is over, as shares of the bounds
-POWER = 24.0  # of the mean over shifts: close to the worst, but every shift counts
+POWER = 32.0  # of the mean over shifts: close to the worst, but every shift counts
 BOUND_WEIGHT = 2.0
 
 

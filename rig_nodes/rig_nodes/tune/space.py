@@ -26,8 +26,8 @@ BOUNDS = {
 # one is let go as fast as its coil allows. II-I: tab. 7.5's course of both pressures, with its ramp begun where the
 # valve opens and not 150 ms before, and both clutches a little quicker
 BEGIN = {
-    "I-II": {"P1.time": 30, "P1.current": 420, "P2.gap": 30, "P2.current": 590, "P3.gap": 430, "P4.time": 60,
-             "P4.current": 170, "P5.gap": 40, "P5.current": 90, "P6.gap": 50, "delay": -150},
+    "I-II": {"P1.time": 30, "P1.current": 410, "P2.gap": 30, "P2.current": 650, "P3.gap": 500, "P4.time": 60,
+             "P4.current": 170, "P5.gap": 40, "P5.current": 90, "P6.gap": 50, "delay": -260},
     "II-I": {"P1.time": 30, "P1.current": 130, "P2.gap": 180, "P2.current": 285, "P3.gap": 180, "P4.time": 195,
              "P4.current": 130, "P5.gap": 290, "P5.current": 180, "P6.gap": 140, "delay": -105},
 }
