@@ -362,14 +362,19 @@ def test_a_whole_tuning(config, tmp_path, capsys, monkeypatch):
 
 @pytest.mark.campaign
 def test_the_thesis_range(config, tmp_path, capsys):
-    """Both ways, with the defaults: settings that are better in every fresh shift; 374 Nm before II-I at 240 Nm."""
+    """Both ways, with the defaults: settings that are better on every fresh rig, and in nearly every fresh shift; 374 Nm
+    before II-I at 240 Nm.
+    """
     pytest.importorskip("optuna")
     assert main(["tune", "--out", str(tmp_path / "tune"), "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
-    assert summary["search_cpu_seconds"] < 2 * 9 * 60
+    assert summary["search_cpu_seconds"] < 2 * 8 * 60
     for verdict in summary["verdicts"]:
         for way in WAYS:
-            assert verdict["balanced"][way]["dominates"] and verdict["balanced"][way]["rigs"] == 7
+            found = verdict["fast"][way]
+            assert found["better_rigs"] == found["rigs"] == 13 and found["failed"] == 0
+            assert found["better"] >= 0.97 * found["pairs"]
+            assert found["shares"]["peak"]["mean"] < 1.0 and found["shares"]["time"]["mean"] < 0.95
     for speed in summary["largest_load"]["speeds"]:
         assert speed["engine_nm"] < speed["m_wej_before_nm"] <= speed["least_peak_nm"] < speed["compared_peak_nm"]
 
