@@ -8,7 +8,7 @@ from pathlib import Path
 
 from .progress import ProgressLine
 
-SHIFTS = 110_000  # some 7 minutes on two cores
+SHIFTS = 90_000  # some 6 minutes on two cores
 HELP = "find valve profiles and delays for an operating range: a front of trade-offs, with controllers to use"
 
 
@@ -30,8 +30,8 @@ def add_arguments(parser) -> None:
                         help="temperatures (default 20 to 60 degC)")
     parser.add_argument("--rigs", type=int, default=11, metavar="N",
                         help="sampled rigs beside the rig itself (default 11)")
-    parser.add_argument("--judge-rigs", type=int, default=6, metavar="N",
-                        help="other sampled rigs to judge on (default 6)")
+    parser.add_argument("--judge-rigs", type=int, default=12, metavar="N",
+                        help="other sampled rigs to judge on (default 12)")
     parser.add_argument("--points", type=int, default=8, metavar="N", help="operating points to judge in (default 8)")
     parser.add_argument("--fresh", type=int, default=3, metavar="N",
                         help="judgements of the written controllers, each on rigs and in points of its own (default 3)")

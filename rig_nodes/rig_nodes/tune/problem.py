@@ -6,6 +6,7 @@ Used by tune.search and tune.judge; plain data that goes to worker processes and
 from __future__ import annotations
 
 import pickle
+from collections import Counter
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -29,7 +30,7 @@ FIELDS = {"peak": "peak", "time": "time", "t_c": "time", "t_dt": "t_dt", "dip": 
 DIP = 0.05  # what Annex A calls a dip: no settings may dip further than this, or than the compared ones
 # objectives of settings that are no shift at all, all the same, so that nothing that shifts is worse
 REFUSED, INVALID = 10.0, 5.0
-RISE = 1.0  # Nm, the torque meter's largest error: no rise of M_wej counts as less
+RISE = 15.0  # Nm: a smaller rise of M_wej counts as this much, or a Nm would be the most of what is sought
 LOAD_STEP = 10.0  # Nm in which a load that the rig does not hold is lowered
 
 
@@ -129,12 +130,13 @@ def held(config: RigConfig, points: list[Point]) -> tuple[list[Point], list[str]
 
 def share(name: str, shift: Shift, compared: Shift) -> float:
     """An objective of one shift: a share of the compared one's, the dip as it is. Beside the objectives ``rise``, of
-    the peak above M_wej before the shift, and ``t_c`` and ``t_dt`` by themselves.
+    the peak above M_wej before the shift (by how much the peaks differ, over the compared rise or RISE), and ``t_c`` and
+    ``t_dt`` by themselves.
     """
     if name == "dip":
         return shift.dip
     if name == "rise":
-        return (shift.peak - compared.before) / max(compared.peak - compared.before, RISE)
+        return 1.0 + (shift.peak - compared.peak) / max(compared.peak - compared.before, RISE)
     if name == "time":
         return max(share("t_c", shift, compared), share("t_dt", shift, compared))
     return getattr(shift, FIELDS[name]) / getattr(compared, FIELDS[name])
@@ -153,6 +155,12 @@ def sought(name: str, shift: Shift, compared: Shift) -> float:
     what M_wej is before, and against that a heavy load's few Nm would not be seen. Either is below 1 when the other is.
     """
     return share("rise" if name == "peak" else name, shift, compared)
+
+
+def hardest_first(entries: list[dict], task: Task) -> list[int]:
+    """Numbers of all shifts (rig by rig, point by point), those first that were the worst of the most entries."""
+    counts = Counter(entry["hardest"] for entry in entries)
+    return sorted(range(len(task.rigs) * len(task.points)), key=lambda place: (-counts[place], place))
 
 
 def dominates(one, other) -> bool:

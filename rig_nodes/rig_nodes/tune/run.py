@@ -26,16 +26,16 @@ from . import folder as files
 from . import judge, scout, search
 from .bench import Bench, Point
 from .problem import Range, Task, held
-from .space import DELAY, FILL, settings, values_of
+from .space import BEGIN, DELAY, settings, values_of
 from .uncertainty import sampled_rigs
 
 LEAST = "least"  # the search for the smallest peak at the largest load of II-I
 SCOUT = "scout "  # ahead of a way's name
-# shares of the shifts that are tried
-BUDGET = {"scout I-II": 0.22, "I-II": 0.26, "scout II-I": 0.22, "II-I": 0.27, LEAST: 0.03}
+# parts of the shifts that are tried
+BUDGET = {"scout I-II": 33, "I-II": 10, "scout II-I": 33, "II-I": 11, LEAST: 3}
 LEAST_GENERATIONS = 40  # with so few shifts in each, what the optimiser itself takes is most of a generation
-SCOUT_RIGS, SCOUT_POINTS = 6, slice(None, None, 2)  # of the search's: corners and middle of the grid
-FOUND = 19  # settings of a scout that a search begins with
+SCOUT_POINTS = slice(None, None, 2)  # of the search's: corners and middle of the grid
+FOUND = 20  # settings of a scout that a search begins with
 LIMIT = 1.0  # no share of any shift may be above it: nothing is bought with a shift that is worse than the compared one
 DRAWS = 10  # times the rigs wanted that are sampled at most
 SHIFTING = 0.75  # share of the points in which the compared settings must shift on a sampled rig
@@ -155,8 +155,8 @@ def _study(problem: Problem, name: str, way: str, points: list[Point], rigs: lis
     config = problem.config
     seed = problem.seed * 10 + list(BUDGET).index(name)
     if name.startswith(SCOUT):
-        task = problem.task(points[SCOUT_POINTS], rigs[:SCOUT_RIGS - 1])
-        return scout.Scout(name, way, config.alfa46, task, FILL[way], seed, known)
+        task = problem.task(points[SCOUT_POINTS], rigs)
+        return scout.Scout(name, way, config.alfa46, task, BEGIN[way], seed, known)
     base = values_of(config.alfa46, way, config.wiring)
     if name == LEAST:
         points, _ = held(config, problem.ranges[way].heaviest(way))
@@ -164,7 +164,8 @@ def _study(problem: Problem, name: str, way: str, points: list[Point], rigs: lis
         task = replace(problem.task(points, []), objectives=("peak", "time"), limit=None)
         start = [base, *(entry["values"] for entry in studies[way].front()[:12])]
     else:
-        task, start = problem.task(points, rigs), [base, *studies[SCOUT + way].best(FOUND)]
+        # not at the compared settings: with a share of 1 in every shift they would lead a search that has yet to get there
+        task, start = problem.task(points, rigs), studies[SCOUT + way].best(FOUND) or [base]
     return search.Study(name, way, config, config.alfa46, task, start, seed, known)
 
 

@@ -1,7 +1,7 @@
 """Where the search begins: settings whose worst shifts are good, found by the covariance matrix adaptation (CMA-ES).
 
 Used by tune.run ahead of tune.search. NSGA-II, begun at the settings that are there, stays with them: close by nothing
-is better in every shift, and what is, has another filling. One smooth number over few rigs leads there.
+is better in every shift, and what is, has another filling. One smooth number over all rigs leads there.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import numpy as np
 
 from ..alfa46.settings import Alfa46Config
 from ..testbench.campaign import Workers
-from .problem import INVALID, REFUSED, Ground, Task, excess, sought
+from .problem import INVALID, REFUSED, Ground, Task, excess, hardest_first, sought
 from .space import BOUNDS, refused, settings
 
 POPULATION = 16
-SIGMA, DONE = 0.12, 0.008  # standard deviation at first, and with which it is over, as shares of the bounds
-POWER = 12.0  # of the mean over shifts: close to the worst, but every shift counts
+SIGMA, DONE = 0.03, 0.004  # standard deviation at first, and with which it is over, as shares of the bounds
+POWER = 32.0  # of the mean over shifts: close to the worst, but every shift counts
 BOUND_WEIGHT = 2.0
 
 
@@ -88,6 +88,15 @@ class Scout:
     def generation(self) -> int:
         return len(self.entries) // POPULATION
 
+    def order(self) -> list[int]:
+        """As tune.search.Study's: those first that were the worst of the most settings."""
+        return hardest_first(self.entries, self.task)
+
+    def cut(self) -> float:
+        """What half of the last generation stayed below: settings beyond it are tried no further."""
+        last = sorted(entry["value"] for entry in self.entries[-POPULATION:])
+        return last[POPULATION // 2 - 1] if last else INVALID
+
     @property
     def shifts(self) -> int:
         return sum(entry["tried"] for entry in self.entries)
@@ -106,7 +115,6 @@ def run(scout: Scout, workers: Workers, note: Callable[[list[dict], float], None
     low, high = (np.array(column, dtype=float) for column in zip(*BOUNDS.values()))
     cma = Cma((np.array([scout.start[name] for name in BOUNDS]) - low) / (high - low), SIGMA, scout.seed)
     known = list(scout.entries)
-    judge = partial(evaluate, scout.task.pickled(), scout.way, scout.base)
     while cma.sigma > DONE and (known or not until()):
         shares = cma.ask()
         if known:
@@ -114,6 +122,7 @@ def run(scout: Scout, workers: Workers, note: Callable[[list[dict], float], None
         else:
             tries = [{name: int(value) for name, value in zip(BOUNDS, row)}
                      for row in np.rint(low + np.clip(shares, 0.0, 1.0) * (high - low))]
+            judge = partial(evaluate, scout.task.pickled(), scout.way, scout.base, scout.cut(), scout.order())
             found = workers.map(judge, tries)
             cpu = sum(one.pop("cpu") for one in found)
             entries = [{"values": values, **one} for values, one in zip(tries, found)]
@@ -123,27 +132,35 @@ def run(scout: Scout, workers: Workers, note: Callable[[list[dict], float], None
         cma.tell([entry["value"] + float(far) for entry, far in zip(entries, outside)])
 
 
-def evaluate(pickled: bytes, way: str, base: Alfa46Config, values: dict[str, int]) -> dict:
-    """``value``: the POWER mean over all shifts of the largest share in each, with what bounds are missed by. REFUSED
-    and INVALID as in tune.search; ``tried``: shifts, ``cpu``: seconds.
+def evaluate(pickled: bytes, way: str, base: Alfa46Config, cut: float, order: list[int],
+             values: dict[str, int]) -> dict:
+    """``value``: the POWER mean over all shifts, tried in this order, of the largest share in each, with what bounds are
+    missed by; where that is beyond ``cut``, by the share of shifts that were left to try. REFUSED and INVALID as in
+    tune.search; ``tried``: shifts, ``hardest``: number of the worst one, ``cpu``: seconds.
     """
     begun = time.process_time()
     ground = Ground.of(pickled)
     task = ground.task
 
-    def found(value: float, tried: int) -> dict:
-        return {"value": value, "tried": tried, "cpu": time.process_time() - begun}
+    def found(value: float, tried: int, hardest: int | None) -> dict:
+        return {"value": value, "tried": tried, "hardest": hardest, "cpu": time.process_time() - begun}
 
     too_much = refused(task.rigs[0], way, values)
     if too_much > 0.0:
-        return found(REFUSED + too_much, 0)
+        return found(REFUSED + too_much, 0, None)
     config = settings(base, way, values, task.rigs[0].wiring)
-    places = [place for place in range(len(task.rigs) * len(task.points)) if ground.compared_at(place).valid]
-    worst = []
+    places = [place for place in order if ground.compared_at(place).valid]
+    total, most, hardest = 0.0, 0.0, None
     for tried, place in enumerate(places, 1):
         shift, compared = ground.shift_at(place, config), ground.compared_at(place)
+        left = 1.0 - tried / len(places)
         if not shift.valid:
-            return found(INVALID + 1.0 - tried / len(places), tried)
-        largest = max(sought(name, shift, compared) for name in task.objectives)
-        worst.append(max(0.0, largest + BOUND_WEIGHT * excess(task, shift, compared)))
-    return found(float(np.mean(np.array(worst) ** POWER) ** (1.0 / POWER)), len(places))
+            return found(INVALID + left, tried, place)
+        worst = max(sought(name, shift, compared) for name in task.objectives)
+        worst = max(0.0, worst + BOUND_WEIGHT * excess(task, shift, compared))
+        if worst > most:
+            most, hardest = worst, place
+        total += worst**POWER / len(places)
+        if left and total > cut**POWER:
+            return found(cut + left, tried, hardest)
+    return found(total ** (1.0 / POWER), len(places), hardest)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import random
 import time
 import warnings
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -18,7 +17,7 @@ from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
 from ..testbench.campaign import Workers
 from ..testbench.configuration import RigConfig
-from .problem import INVALID, REFUSED, Ground, Task, dominates, excess, front_of, sought
+from .problem import INVALID, REFUSED, Ground, Task, dominates, excess, front_of, hardest_first, sought
 from .space import BOUNDS, refused, settings
 
 POPULATION = 40
@@ -46,8 +45,7 @@ class Study:
 
     def order(self) -> list[int]:
         """Numbers of all shifts (rig by rig, point by point), those first that were the worst of the most settings."""
-        counts = Counter(entry["hardest"] for entry in self.entries)
-        return sorted(range(len(self.task.rigs) * len(self.task.points)), key=lambda place: (-counts[place], place))
+        return hardest_first(self.entries, self.task)
 
     def cut(self) -> float:
         """How far bounds may be missed: with more, settings do not get among the POPULATION that goes on."""

@@ -18,17 +18,18 @@ DELAY = {"I-II": "t12", "II-I": "t21"}
 # name -> (lowest, highest); gaps are times between a point and the one before it. P1 to P3 are the engaging valve's,
 # P4 to P6 the releasing one's; the current of P3 is given, that of P6 is 0: the coil is off after it
 BOUNDS = {
-    "P1.time": (20, 400), "P1.current": (0, 800), "P2.gap": (5, 400), "P2.current": (100, 600), "P3.gap": (20, 800),
+    "P1.time": (20, 400), "P1.current": (0, 800), "P2.gap": (5, 400), "P2.current": (100, 700), "P3.gap": (20, 800),
     "P4.time": (5, 400), "P4.current": (0, 500), "P5.gap": (5, 350), "P5.current": (0, 400), "P6.gap": (5, 150),
     "delay": (-500, 200),
 }
-# where the search begins: the new clutch is filled at once, then clamped along a ramp, while the old one is let go.
-# S1's piston travels a third of S2's, so its valve is turned back after the filling
-FILL = {
-    "I-II": {"P1.time": 25, "P1.current": 600, "P2.gap": 50, "P2.current": 560, "P3.gap": 350, "P4.time": 160,
-             "P4.current": 40, "P5.gap": 250, "P5.current": 120, "P6.gap": 100, "delay": 0},
-    "II-I": {"P1.time": 30, "P1.current": 550, "P2.gap": 90, "P2.current": 300, "P3.gap": 300, "P4.time": 160,
-             "P4.current": 40, "P5.gap": 100, "P5.current": 60, "P6.gap": 50, "delay": -60},
+# where the search begins, in round numbers. I-II: the new clutch is filled at once, then clamped along a ramp; the old
+# one is let go as fast as its coil allows. II-I: tab. 7.5's course of both pressures, with its ramp begun where the
+# valve opens and not 150 ms before, and both clutches a little quicker
+BEGIN = {
+    "I-II": {"P1.time": 30, "P1.current": 410, "P2.gap": 30, "P2.current": 650, "P3.gap": 500, "P4.time": 60,
+             "P4.current": 170, "P5.gap": 40, "P5.current": 90, "P6.gap": 50, "delay": -260},
+    "II-I": {"P1.time": 30, "P1.current": 130, "P2.gap": 180, "P2.current": 285, "P3.gap": 180, "P4.time": 195,
+             "P4.current": 130, "P5.gap": 290, "P5.current": 180, "P6.gap": 140, "delay": -105},
 }
 LONGEST = 1500  # ms from the order to the last point of both profiles
 MS, MA = 1e-3, 1e-3
