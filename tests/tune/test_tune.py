@@ -394,3 +394,12 @@ def test_refused(arguments, sentence, capsys, tmp_path):
     pytest.importorskip("pyarrow")
     assert main(["tune", "--jobs", "1", "--out", str(tmp_path / "t"), *arguments]) == 2
     assert sentence in capsys.readouterr().err
+
+
+def test_settings_that_shift_nowhere_are_nothing_to_compare_with(tmp_path, capsys):
+    pytest.importorskip("optuna")
+    pytest.importorskip("pyarrow")
+    (tmp_path / "s.json").write_text(json.dumps({"spread": {"clutch_s2.orifice": 2e-8}}))
+    assert main(["tune", "--ways", "I-II", "--jobs", "1", "--rigs", "0", "--spreads", str(tmp_path / "s.json"),
+                 "--set", "valve_zr_p2.pressure_gain=1 MPa/A", "--out", str(tmp_path / "t")]) != 0
+    assert "the rig shifts I-II in none of 9 operating points" in capsys.readouterr().err

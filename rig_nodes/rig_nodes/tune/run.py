@@ -33,7 +33,6 @@ LEAST = "least"  # the search for the smallest peak at the largest load of II-I
 SCOUT = "scout "  # ahead of a way's name
 # parts of the shifts that are tried
 BUDGET = {"scout I-II": 33, "I-II": 10, "scout II-I": 33, "II-I": 11, LEAST: 3}
-LEAST_GENERATIONS = 40  # with so few shifts in each, what the optimiser itself takes is most of a generation
 SCOUT_POINTS = slice(None, None, 2)  # of the search's: corners and middle of the grid
 FOUND = 20  # settings of a scout that a search begins with
 LIMIT = 1.0  # no share of any shift may be above it: nothing is bought with a shift that is worse than the compared one
@@ -123,6 +122,9 @@ def tune(problem: Problem, folder: Path, workers: Workers, journal: Journal,
     for way, where in problem.ranges.items():
         points[way], lowered = held(problem.config, where.grid(way))
         said += lowered
+        if not _shifting(points[way], problem.config.alfa46, problem.config):
+            raise RigError(f"with the settings that are there the rig shifts {way} in none of {len(points[way])} "
+                           "operating points, so there is nothing to compare with; choose another range or rig")
     rigs = problem.sampled(points, problem.rigs, workers, SEARCH)
     studies: dict[str, search.Study | scout.Scout] = {}
     ways = {name: "II-I" if name == LEAST else name.removeprefix(SCOUT) for name in BUDGET}
@@ -136,9 +138,8 @@ def tune(problem: Problem, folder: Path, workers: Workers, journal: Journal,
             if progress:
                 progress(min(sum(one.shifts for one in studies.values()) / problem.shifts, 1.0),
                          f"{study.name}: {study.generation} generations")
-            most = min(np.inf if problem.generations is None else problem.generations,
-                       LEAST_GENERATIONS if study.name == LEAST else np.inf)
-            return study.generation >= most or study.shifts >= budget
+            return study.shifts >= budget or (
+                problem.generations is not None and study.generation >= problem.generations)
 
         def note(entries: list[dict], seconds: float, study=study) -> None:
             cpu.append(seconds)

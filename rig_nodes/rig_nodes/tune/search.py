@@ -96,7 +96,7 @@ def _run(optuna, study: Study, workers: Workers, note, until) -> None:
             cpu += found.pop("cpu")
             trial.set_constraint("bounds", found["excess"])
             search.tell(trial, found["objectives"])
-            attrs = search.trials[trial.number].system_attrs
+            attrs = search.get_trials(deepcopy=False)[trial.number].system_attrs  # a copy of all took seconds
             entries.append({"study": study.name, "number": trial.number, "values": trial.params, **found,
                             "attrs": {k: v for k, v in attrs.items() if "fixed_params" not in k}})
         study.entries += entries
