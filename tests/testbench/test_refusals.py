@@ -82,8 +82,15 @@ def test_rig_is_refused(tmp_path, old, new, sentence):
         load_rig(path)
 
 
+def test_an_empty_file_is_called_empty(tmp_path):
+    path = tmp_path / "seq.yaml"
+    path.write_text("# nothing yet\n")
+    with pytest.raises(RigError, match=r"seq\.yaml: it is empty, expected a map of keys"):
+        load_sequence(path)
+
+
 @pytest.mark.parametrize("name, sentence", [
-    ("demmo", "there is no sequence 'demmo'; known are .*demo, engagement"), ("no/such.yaml", "there is no such file"),
+    ("demmo", "there is no sequence 'demmo'; known are .*demo, engagement"), ("no/such.yaml", "there is no such file"),    ("/", "/: it is a folder, expected a file"),
 ])
 def test_unknown_names_are_refused(name, sentence):
     with pytest.raises(RigError, match=sentence):
@@ -98,6 +105,7 @@ def rig_command(*arguments, cwd):
 @pytest.mark.parametrize("verb", ["simulate", "run"])
 @pytest.mark.parametrize("arguments, sentence", [
     (["nothing"], "there is no sequence 'nothing'"),
+    (["full"], "full: it is a folder, expected a file"),
     (["demo", "--set", "alfa46.t12=200 mA"], "is a current, expected a time"),
     (["demo", "--rig", "other"], "there is no rig 'other'"),
     (["demo", "--seed", "99999999999999999999999"], "expected a whole number from 0"),
