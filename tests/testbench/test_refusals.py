@@ -1,5 +1,7 @@
 """Bad configuration and sequences: one sentence with file and line, exit code 2, nothing written."""
 
+import os
+import signal
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -118,6 +120,18 @@ def test_the_command_line_says_one_sentence_and_ends_with_2(tmp_path, verb, argu
     assert done.returncode == 2
     assert sentence in done.stderr and len(done.stderr.strip().splitlines()) == 1
     assert sorted(p.name for p in tmp_path.rglob("*")) == ["full", "mine.txt"], "nothing half-written"
+
+
+def test_ctrl_c_is_answered_by_one_sentence_even_before_the_command_has_begun(tmp_path):
+    """The launcher holds it back until the command can answer."""
+    def held_back():
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        os.kill(os.getpid(), signal.SIGINT)
+
+    done = subprocess.run([sys.executable, "-m", "rig_nodes.cli.main", "validate"], cwd=tmp_path, text=True,
+                          capture_output=True, timeout=60, preexec_fn=held_back)
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr == "rig: stopped by Ctrl-C; what was begun is not finished\n"
 
 
 class FakeBench:
