@@ -77,6 +77,11 @@ def noisy(channels: dict[str, np.ndarray], seed: int) -> dict[str, np.ndarray]:
 class FakeBag:
     """What the report asks of a bag, from arrays."""
 
+    began = True
+
+    def check_began(self):
+        pass
+
     def __init__(self, recording: Recording, messages=None, gaps=None, events=()):
         self.recording, self._messages, self._gaps = recording, messages or {}, gaps or {}
         self._events = list(events)

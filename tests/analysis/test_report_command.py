@@ -13,7 +13,10 @@ import pytest
 from synthetic_shift import FakeBag, Shift
 
 from rig_nodes.analysis.report import build_report, write_report
+from rig_nodes.bags.reader import Bag
+from rig_nodes.bags.writer import BagWriter
 from rig_nodes.cli import report as command
+from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
 
 
@@ -83,6 +86,17 @@ def test_a_cut_bag_is_reported_as_far_as_it_is_whole(tmp_path):
                           capture_output=True)
     assert done.returncode == 0, done.stderr
     assert "recover" in done.stderr and "I -> II" in done.stdout
+
+
+def test_a_run_that_was_stopped_before_its_time_began_says_so(tmp_path, capsys):
+    BagWriter(tmp_path, "run").close()
+    report = build_report(Bag(tmp_path), {"end": {"reason": "interrupted by Ctrl-C"}})
+    assert report["run"]["problems"] == ["nothing was recorded: the run was stopped before its time began"]
+    assert (report["shifts"], report["energy"]) == ([], {"run": None, "shifts": []})
+    for verb in ("report", "view"):
+        assert main([verb, str(tmp_path)]) == 2
+        assert capsys.readouterr().err.endswith("nothing was recorded: the run was stopped before its time began\n")
+    assert not (tmp_path / "view.rrd").exists()
 
 
 def test_a_loggers_csv_is_reported_and_nothing_is_written(rig_report, tmp_path, capsys):

@@ -170,6 +170,13 @@ def test_what_is_not_there_is_said(run, tmp_path):
     BagWriter(tmp_path, "run").close()
     with pytest.raises(BagError, match="has no topic /motor/n_wej; it holds none"):
         Bag(tmp_path).series("n_wej")
+    for topic, sentence in (("/alfa46/signals", "the run's controller names no signals of its own"),
+                            ("/motor/logger", "has no topic /motor/logger")):
+        with pytest.raises(BagError, match=sentence):
+            Bag(run).logger(topic)
+    with pytest.raises(BagError, match="nothing was recorded: the run was stopped before its time began"):
+        Bag(tmp_path).check_began()
+    Bag(run).check_began()
     assert Bag(tmp_path).run_info() == {} and Bag(tmp_path).events() == []
 
 

@@ -292,3 +292,33 @@ def test_the_command_writes_it(tmp_path, capsys):
     start = {v.name: v.start for v in read_model_description(str(tmp_path / "mine.fmu")).modelVariables}["alfa46.t12"]
     assert float(start) == 0.1
     assert main(["export", "fmu", "stray.c"]) == 2 and main(["export", "controller-fmu"]) == 2
+
+
+@pytest.mark.parametrize(("arguments", "sentence"), [
+    ("controller-fmu own.c -o own.c", "-o own.c: export controller-fmu writes a file that ends in .fmu"),
+    ("controller-fmu own.c -o linked.fmu", "-o linked.fmu: it is what is to be exported; name another file"),
+    ("dbc -o README.md", "-o README.md: export dbc writes a file that ends in .dbc"),
+    ("registers -o x.pdf", "-o x.pdf: export registers writes a file that ends in .csv or .md"),
+    ("registers -o README.md", "-o README.md: it exists; remove it first, or name another file"),
+    ("fmu -o folder", "-o folder: it is a folder; name the file in it, which ends in .fmu"),
+    ("controller-fmu folder", "folder: it is a folder, expected a file"),
+    ("dbc -o none/rig.dbc", "-o none/rig.dbc: there is no folder none"),
+    ("", "the following arguments are required: what (see 'rig export --help')"),
+])
+def test_the_command_writes_over_nothing_of_the_users(arguments, sentence, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for name in ("own.c", "README.md"):
+        Path(name).write_text("mine")
+    Path("linked.fmu").symlink_to("own.c")
+    Path("folder").mkdir()
+    assert main(["export", *arguments.split()]) == 2
+    assert capsys.readouterr().err == f"rig: {sentence}\n"
+    assert Path("own.c").read_text() == Path("README.md").read_text() == "mine"
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["README.md", "folder", "linked.fmu", "own.c"]
+
+
+def test_an_older_export_is_written_over(tmp_path, capsys):
+    old = tmp_path / "rig.dbc"
+    old.write_text("old")
+    assert main(["export", "dbc", "-o", str(old)]) == 0
+    assert old.read_text().startswith("VERSION") and [path.name for path in tmp_path.iterdir()] == ["rig.dbc"]

@@ -73,6 +73,18 @@ def test_the_command_goes_on_and_says_so(tmp_path, capsys):
     assert "leave out --seed" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("arguments, sentence", [
+    ([], "a sweep needs something to vary"),
+    (["--vary", "rest=1 rpm"], "rest"),
+    (["--vary", "rest=30 ms", "--rig", "nope"], "there is no rig 'nope'"),
+])
+def test_what_is_wrong_is_said_before_processes_are_started(arguments, sentence, capsys, monkeypatch):
+    """Where nothing is compiled yet, their start takes half a minute."""
+    monkeypatch.setattr("rig_nodes.testbench.workers.start_server", None)
+    assert main(["sweep", SHORT, *arguments]) == 2
+    assert sentence in capsys.readouterr().err
+
+
 def test_an_interrupt_ends_it_and_says_how_to_go_on(tmp_path, capsys, monkeypatch):
     def interrupted(plan, store, stream, progress=None):
         raise KeyboardInterrupt

@@ -1,5 +1,7 @@
 """Bad configuration and sequences: one sentence with file and line, exit code 2, nothing written."""
 
+import os
+import signal
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -82,8 +84,15 @@ def test_rig_is_refused(tmp_path, old, new, sentence):
         load_rig(path)
 
 
+def test_an_empty_file_is_called_empty(tmp_path):
+    path = tmp_path / "seq.yaml"
+    path.write_text("# nothing yet\n")
+    with pytest.raises(RigError, match=r"seq\.yaml: it is empty, expected a map of keys"):
+        load_sequence(path)
+
+
 @pytest.mark.parametrize("name, sentence", [
-    ("demmo", "there is no sequence 'demmo'; known are .*demo, engagement"), ("no/such.yaml", "there is no such file"),
+    ("demmo", "there is no sequence 'demmo'; known are .*demo, engagement"), ("no/such.yaml", "there is no such file"),    ("/", "/: it is a folder, expected a file"),
 ])
 def test_unknown_names_are_refused(name, sentence):
     with pytest.raises(RigError, match=sentence):
@@ -98,6 +107,7 @@ def rig_command(*arguments, cwd):
 @pytest.mark.parametrize("verb", ["simulate", "run"])
 @pytest.mark.parametrize("arguments, sentence", [
     (["nothing"], "there is no sequence 'nothing'"),
+    (["full"], "full: it is a folder, expected a file"),
     (["demo", "--set", "alfa46.t12=200 mA"], "is a current, expected a time"),
     (["demo", "--rig", "other"], "there is no rig 'other'"),
     (["demo", "--seed", "99999999999999999999999"], "expected a whole number from 0"),
@@ -110,6 +120,18 @@ def test_the_command_line_says_one_sentence_and_ends_with_2(tmp_path, verb, argu
     assert done.returncode == 2
     assert sentence in done.stderr and len(done.stderr.strip().splitlines()) == 1
     assert sorted(p.name for p in tmp_path.rglob("*")) == ["full", "mine.txt"], "nothing half-written"
+
+
+def test_ctrl_c_is_answered_by_one_sentence_even_before_the_command_has_begun(tmp_path):
+    """The launcher holds it back until the command can answer."""
+    def held_back():
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        os.kill(os.getpid(), signal.SIGINT)
+
+    done = subprocess.run([sys.executable, "-m", "rig_nodes.cli.main", "validate"], cwd=tmp_path, text=True,
+                          capture_output=True, timeout=60, preexec_fn=held_back)
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr == "rig: stopped by Ctrl-C; what was begun is not finished\n"
 
 
 class FakeBench:

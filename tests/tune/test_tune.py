@@ -385,6 +385,10 @@ def test_the_thesis_range(config, tmp_path, capsys):
     (["--speeds", "1000 rpm"], "expected \"LOW .. HIGH\""),
     (["--load-up", "120 Nm .. 40 Nm"], "must rise"),
     (["--bound", "peak=300 rpm"], "is a angular velocity, expected a torque"),
+    (["--bound", "peak=0 Nm"], "--bound peak=0 Nm: expected more than 0"),
+    (["--bound", "jerk=nan rad/s3"], "--bound jerk=nan rad/s3: expected more than 0"),
+    (["--bound", "dip=-1 %"], "--bound dip=-1 %: expected 0 or more"),
+    (["--rig", "nope"], "there is no rig 'nope'"),
     (["--ways", "II-III"], "there is no 'II-III'"),
     (["--shifts", "0"], "--shifts and --generations must be above 0"),
     (["--rig", "chapter9"], "prescribed pressures"),
@@ -403,3 +407,24 @@ def test_settings_that_shift_nowhere_are_nothing_to_compare_with(tmp_path, capsy
     assert main(["tune", "--ways", "I-II", "--jobs", "1", "--rigs", "0", "--spreads", str(tmp_path / "s.json"),
                  "--set", "valve_zr_p2.pressure_gain=1 MPa/A", "--out", str(tmp_path / "t")]) != 0
     assert "the rig shifts I-II in none of 9 operating points" in capsys.readouterr().err
+
+
+def test_what_is_wrong_is_said_before_anything_is_computed(capsys, tmp_path, monkeypatch, config):
+    """The spreads take seconds, and where nothing is compiled yet, the processes' start takes half a minute."""
+    pytest.importorskip("optuna")
+    pytest.importorskip("pyarrow")
+
+    def computes(*_):
+        raise AssertionError("processes are started")
+
+    monkeypatch.setattr(Workers, "__enter__", computes)
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "notes.txt").write_text("x")
+    assert main(["tune", "--out", str(tmp_path / "full")]) == 2
+    assert "full: it exists and holds no tuning; choose a new name" in capsys.readouterr().err
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / folder.MANIFEST).write_text(json.dumps({"rig": "another", "spreads": {}}))
+    assert main(["tune", "--out", str(tmp_path / "other")]) == 2
+    assert "other holds another tuning (rig is not the same)" in capsys.readouterr().err
+    with pytest.raises(AssertionError, match="processes are started"):
+        main(["tune", "--out", str(tmp_path / "new"), "--bound", "dip=0 %"])

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..bags.reader import NOTHING
 from ..errors import RigError
 from .annex_a import shifts_annex_a
 from .comparison import annex_lines, truth_lines
@@ -51,6 +52,9 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
     too short for a part leaves that part empty (or a shift's energy None) and its sentence in
     ``run["problems"]``; numbers that are missing are None, never NaN.
     """
+    if not bag.began:
+        return _assembled(_run_data(bag, run), [NOTHING], {"shifts": [], "uncertainty": []},
+                          {"run": None, "shifts": []})
     problems: list[str] = []
     if (run.get("configuration") or {}).get("kind") == CLUTCH_BENCH:
         from .bench_report import bench_report

@@ -27,6 +27,7 @@ from .mcap_file import Stream, read_mcap
 
 _HEAD = np.dtype({"names": ["sec", "nanosec", "seq"], "formats": ["<i4", "<u4", "<u8"], "offsets": [4, 8, 12],
                   "itemsize": 20})
+NOTHING = "nothing was recorded: the run was stopped before its time began"
 LIFE_BITS = 32  # of a sequence number; above them, how often its publisher was started before
 _LENGTH = struct.Struct("<I")
 _FIELD = re.compile(r"(\w+)(?:\[(\d+)\])?")
@@ -88,6 +89,16 @@ class Bag:
         last = max((s.times[-1] for s in self._streams.values() if s.times), default=0)
         held = sum(self.counts.values())
         return f"{held} messages recovered up to {last / 1e9:.3f} s ({'; '.join(self.damage)})"
+
+    @property
+    def began(self) -> bool:
+        """Time has passed in the run: a message is stamped later than its beginning."""
+        return any(s.times and max(s.times) > 0 for s in self._streams.values())
+
+    def check_began(self) -> None:
+        """BagError when nothing was recorded."""
+        if not self.began:
+            raise BagError(f"{self.path}: {NOTHING}")
 
     def raw(self, topic: str) -> Iterator[tuple[int, bytes]]:
         """Log time [ns] and bytes of every message of a topic, as recorded."""
@@ -151,6 +162,9 @@ class Bag:
         fill: put NaN where rows are missing. Raises BagError for missing rows otherwise, and when blocks and
         channel list do not fit each other.
         """
+        if topic not in self._streams and topic in catalogue().controller_topics:
+            raise BagError(f"{self.path}: has no topic {topic}; the run's controller names no signals of its own")
+        self._stream(topic)
         names = self._channel_names(topic)
         head, values = self._blocks(topic)
         if not len(head):

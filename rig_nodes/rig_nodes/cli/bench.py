@@ -11,7 +11,7 @@ PARTS = ("kernel", "demo", "graph", "controllers", "scaling", "peers")
 
 def add_arguments(parser) -> None:
     parser.add_argument("parts", nargs="*", metavar="PART",
-                        help=f"of {', '.join(PARTS)}, or all (default): about five minutes on an idle machine")
+                        help=f"of {', '.join(PARTS)}, or all (default): some three minutes on an idle machine")
     parser.add_argument("--repeats", type=int, default=5, metavar="N", help="the fastest of so many runs counts")
     parser.add_argument("--json", metavar="FILE", help="write the numbers as JSON; - for stdout, without tables")
     parser.add_argument("--write-docs", action="store_true",

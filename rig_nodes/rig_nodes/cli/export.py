@@ -6,13 +6,16 @@ from pathlib import Path
 
 HELP = "write an FMU, the CAN database or the Modbus registers"
 DEFAULTS = {"fmu": "{rig}.fmu", "controller-fmu": "{source}.fmu", "dbc": "rig.dbc", "registers": "registers.csv"}
+# endings of what is written; a file with the first one may be written over, it is most likely an older export
+SUFFIXES = {"fmu": (".fmu",), "controller-fmu": (".fmu",), "dbc": (".dbc",), "registers": (".csv", ".md")}
 
 
 def add_arguments(parser) -> None:
     """The arguments of the verb."""
     parser.add_argument("what", choices=DEFAULTS, help="fmu: the rig; controller-fmu: a controller in C; dbc: for CAN; "
                                                        "registers: for Modbus, .csv or .md")
-    parser.add_argument("sources", nargs="*", metavar="FILE.c", help="of controller-fmu: C files for rig_controller.h")
+    parser.add_argument("sources", nargs="*", default=[], metavar="FILE.c",
+                        help="of controller-fmu: C files for rig_controller.h")
     parser.add_argument("-o", "--out", metavar="FILE", help="file to write (default: named after what is exported)")
     parser.add_argument("--rig", default="hydmag", metavar="NAME", help="rig or .yaml file (default: hydmag)")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
@@ -31,9 +34,29 @@ def main(args) -> int:
         raise RigError("export controller-fmu needs the C file of your controller, e.g. my_controller.c")
     source = Path(args.sources[0]).stem if args.sources else ""
     target = Path(args.out or DEFAULTS[args.what].format(rig=Path(args.rig).stem, source=source))
+    _check_target(args.what, target, args.sources)
     _WRITERS[args.what](args, target, parse_settings(args.settings))
     print(f"written to {target}")
     return 0
+
+
+def _check_target(what: str, target: Path, sources: list[str]) -> None:
+    """RigError when the file to write is none of this kind, or is another one of the user's."""
+    from ..errors import RigError
+
+    endings = SUFFIXES[what]
+    if target.is_dir():
+        raise RigError(f"-o {target}: it is a folder; name the file in it, which ends in {' or '.join(endings)}")
+    if target.suffix.lower() not in endings:
+        raise RigError(f"-o {target}: export {what} writes a file that ends in {' or '.join(endings)}")
+    if not target.parent.is_dir():
+        raise RigError(f"-o {target}: there is no folder {target.parent}")
+    if not target.exists():
+        return
+    if any(Path(source).exists() and target.samefile(source) for source in sources):
+        raise RigError(f"-o {target}: it is what is to be exported; name another file")
+    if target.suffix.lower() != endings[0]:
+        raise RigError(f"-o {target}: it exists; remove it first, or name another file")
 
 
 def _fmu(args, target: Path, settings: dict[str, str]) -> None:
@@ -52,23 +75,16 @@ def _controller_fmu(args, target: Path, settings: dict[str, str]) -> None:
 
 def _dbc(args, target: Path, settings: dict[str, str]) -> None:
     from ..controllers.can_database import dbc_text
+    from ..whole_file import write_whole
 
-    _write(target, dbc_text())
+    write_whole(target, dbc_text().encode())
 
 
 def _registers(args, target: Path, settings: dict[str, str]) -> None:
     from ..controllers.registers import csv_text, markdown_text
+    from ..whole_file import write_whole
 
-    _write(target, markdown_text() if target.suffix == ".md" else csv_text())
-
-
-def _write(target: Path, text: str) -> None:
-    from ..errors import RigError
-
-    try:
-        target.write_text(text, encoding="utf-8", newline="")
-    except OSError as error:
-        raise RigError(f"{target}: it cannot be written ({error.strerror})") from None
+    write_whole(target, (markdown_text() if target.suffix.lower() == ".md" else csv_text()).encode())
 
 
 _WRITERS = {"fmu": _fmu, "controller-fmu": _controller_fmu, "dbc": _dbc, "registers": _registers}

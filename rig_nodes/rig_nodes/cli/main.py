@@ -10,6 +10,7 @@ import difflib
 import gc
 import importlib
 import os
+import signal
 import sys
 
 from rig_nodes import __version__
@@ -70,6 +71,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Entry point of the launcher and of the console script; returns the exit code."""
     arguments = sys.argv[1:] if arguments is None else arguments
     try:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # the launcher held it back
         if not arguments or arguments[0] in ("-h", "--help", "help"):
             print(usage())
             return 0
@@ -84,6 +86,9 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"rig: {error}", file=sys.stderr)
         return error.exit_code
     except KeyboardInterrupt:
+        # of verbs that have nothing of their own to say; what a terminal shows of a line in progress stays
+        print(f"{os.linesep * sys.stderr.isatty()}rig: stopped by Ctrl-C; what was begun is not finished",
+              file=sys.stderr)
         return 130
     except BrokenPipeError:
         # The reader (head, less) went away: nothing is wrong, and Python must not complain while it ends.

@@ -60,6 +60,7 @@ def _report_of_bag(args, annex: float | None) -> dict:
         if getattr(args, option) is not None:
             raise RigError(f"--{option} is for a logger's .csv; a bag has its own")
     bag = open_bag(args.run)
+    bag.check_began()
     if bag.recovered:
         print(f"rig: {bag.recovered}", file=sys.stderr)
     path = Path(args.run)

@@ -127,7 +127,8 @@ def finish(folder: Path, record: dict, end, restarts: list[dict]) -> int:
     print(format_report(report))
     if report["run"]["speed_factor"]:
         print(f"speed: {report['run']['speed_factor']:.2f} times real time")
-    print(f"written to {folder}; look at it with: ./rig view {folder}", flush=True)
+    look = f"; look at it with: ./rig view {folder}" if bag.began else ""
+    print(f"written to {folder}{look}", flush=True)
     lost = report["run"]["lost_by_topic"]
     if lost:
         topics = ", ".join(f"{topic} {count}" for topic, count in lost.items())

@@ -50,6 +50,10 @@ def main(args) -> int:
 
     if args.jobs < 1:
         raise RigError(f"--jobs is {args.jobs}, expected at least 1")
+    if not (args.vary or args.what.endswith((".yaml", ".yml")) or Path(args.what).is_dir()):
+        raise RigError("a sweep needs something to vary: --vary NAME=\"LOW .. HIGH\" or NAME=\"A, B, C\"")
+    plan, folder, bags = _chosen(args)
+    # the server compiles where nothing is kept yet: what is wrong with the plan has been said before
     if args.jobs > 1 and not args.dask:
         start_server("rig_nodes.sweep.run")
 
@@ -57,7 +61,6 @@ def main(args) -> int:
     from ..sweep.store import RESULTS, Store, parquet
 
     parquet()
-    plan, folder, bags = _chosen(args)
     manifest = manifest_of(plan, bags)
     folder = folder or _new_folder(args.out, plan.name)
     with Store(folder, manifest) as store:

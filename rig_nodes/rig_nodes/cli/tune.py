@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from .progress import ProgressLine
@@ -60,6 +62,7 @@ def main(args) -> int:
     from ..testbench.campaign import Workers
     from ..tune import document, run, search
     from ..tune.folder import open_journal
+    from ..tune.uncertainty import spreads_of
 
     for name, least in (("jobs", 1), ("rigs", 0), ("judge_rigs", 0), ("points", 1), ("fresh", 1), ("seed", 0)):
         if getattr(args, name) < least:
@@ -70,9 +73,12 @@ def main(args) -> int:
     parquet()
     search.load_optuna()
     folder = _folder(args.out)
+    problem = _problem(args)
+    _check_folder(folder, problem.manifest(), args.spreads is not None)
     line = ProgressLine(1.0)
     with Workers(args.jobs) as workers:
-        problem = _problem(args, workers)
+        if not args.spreads:
+            problem = replace(problem, spreads=spreads_of(problem.config, workers))
         journal = open_journal(folder, problem.manifest())
         try:
             summary = run.tune(problem, folder, workers, journal, line.tell)
@@ -102,14 +108,35 @@ def _folder(out: str | None) -> Path:
     return folder
 
 
-def _problem(args, workers):
+def _check_folder(folder: Path, manifest: dict, spreads_are_known: bool) -> None:
+    """What open_journal would refuse is refused before the spreads are determined, which takes some seconds."""
+    from ..errors import RigError
+    from ..sweep.store import differs
+    from ..tune.folder import MANIFEST
+
+    path = folder / MANIFEST
+    if not path.exists():
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise RigError(f"{folder}: it exists and holds no tuning; choose a new name with --out")
+        return
+    try:
+        before = json.loads(path.read_text(encoding="utf-8"))
+        known = manifest if spreads_are_known else {**manifest, "spreads": before["spreads"]}
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise RigError(f"{path}: cannot be read ({error}); start in a new folder") from None
+    if (why := differs(before, known)) is not None:
+        raise RigError(f"{folder} holds another tuning ({why} is not the same); choose a new folder with --out")
+
+
+def _problem(args):
+    """What is asked for, without spreads where no file gives them; RigError before anything is compiled."""
     from ..errors import RigError
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_settings
     from ..tune.problem import OBJECTIVES, Range
     from ..tune.run import Problem
     from ..tune.space import WAYS
-    from ..tune.uncertainty import read_spreads, spreads_of
+    from ..tune.uncertainty import read_spreads
 
     objectives = tuple(args.objectives.split(","))
     for name in objectives:
@@ -129,7 +156,7 @@ def _problem(args, workers):
     if config.prescribed:
         raise RigError(f"rig '{config.name}' has prescribed pressures, which no setting of the controller changes")
     bounds, oil = _bounds(args.bounds), _range("--oil", args.oil, "temperature")
-    spreads = read_spreads(args.spreads) if args.spreads else spreads_of(config, workers)
+    spreads = read_spreads(args.spreads) if args.spreads else {}
     rig = args.rig if not args.rig.endswith((".yaml", ".yml")) else str(Path(args.rig).absolute())
     return Problem(rig, config, {way: ranges[way] for way in WAYS if way in args.ways}, objectives, bounds,
                    spreads, oil, args.rigs, args.judge_rigs, args.points, args.fresh, args.seed,
@@ -162,12 +189,14 @@ def _bounds(texts: list[str]) -> dict[str, float]:
             raise RigError(f"--bound {text}: expected NAME=VALUE, the name one of {', '.join(OBJECTIVES)}")
         if name in dimensions:
             out[name] = quantity(value, dimensions[name], f"--bound {name}")
-            continue
-        number, _, unit = value.strip().partition(" ")
-        try:
-            out[name] = float(number)
-        except ValueError:
-            unit = ""
-        if unit.strip() != "rad/s3":
-            raise RigError(f"--bound {text}: expected a number with its unit, e.g. \"5e4 rad/s3\"")
+        else:
+            number, _, unit = value.strip().partition(" ")
+            try:
+                out[name] = float(number)
+            except ValueError:
+                unit = ""
+            if unit.strip() != "rad/s3":
+                raise RigError(f"--bound {text}: expected a number with its unit, e.g. \"5e4 rad/s3\"")
+        if not math.isfinite(out[name]) or out[name] < 0.0 or (out[name] == 0.0 and name != "dip"):
+            raise RigError(f"--bound {text}: expected {'0 or more' if name == 'dip' else 'more than 0'}")
     return out

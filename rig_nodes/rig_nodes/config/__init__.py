@@ -15,7 +15,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ..compiled import cache_root
-from ..errors import RigError
+from ..errors import RigError, no_file
 
 CONFIG_DIR = Path(__file__).resolve().parent
 
@@ -45,6 +45,8 @@ def _load(path: str | Path, kind: str):
         return pickle.loads(_parsed(path.absolute(), path, kind, about.st_mtime_ns, about.st_size))
     except FileNotFoundError:
         raise RigError(f"{path}: there is no such file") from None
+    except IsADirectoryError:
+        raise RigError(f"{path}: {no_file(path)}") from None
     except OSError as error:
         raise RigError(f"{path}: cannot be read as text ({error})") from None
 
@@ -86,7 +88,7 @@ def _read(path: Path, text: str, kind: str) -> bytes:
 
     reader = YAML(typ=kind, pure=True)
     try:
-        return pickle.dumps(reader.load(text), pickle.HIGHEST_PROTOCOL)
+        content = reader.load(text)
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = f":{mark.line + 1}" if mark else ""
@@ -94,3 +96,6 @@ def _read(path: Path, text: str, kind: str) -> bytes:
         raise RigError(f"{path}{line}: {problem}; expected YAML with each key once") from None
     except YAMLError as error:
         raise RigError(f"{path}: is not YAML ({str(error).splitlines()[0]})") from None
+    if content is None:
+        raise RigError(f"{path}: it is empty, expected a map of keys")
+    return pickle.dumps(content, pickle.HIGHEST_PROTOCOL)

@@ -21,7 +21,7 @@ import tempfile
 from pathlib import Path
 
 from ..alfa46.settings import Alfa46Config
-from ..errors import RigError
+from ..errors import RigError, no_file
 from ..graph.link import Link, LinkClosed, pair
 from .c_host import END, Info, Inputs, Outputs, Parameter
 from .c_host import Answer as HostAnswer
@@ -225,7 +225,7 @@ class CLibrary(Plug):
         """Start the host with the library; its level bits."""
         path = Path(rest)
         if not path.is_file():
-            raise RigError(f"controller {name}: there is no such file")
+            raise RigError(f"controller {name}: {no_file(path)}")
         if path.suffix not in COMPILERS:
             return self._start(path, name)
         with tempfile.TemporaryDirectory(prefix="rig-controller-") as folder:

@@ -15,7 +15,7 @@ import sys
 from pathlib import Path
 
 from ..alfa46.settings import Alfa46Config
-from ..errors import RigError
+from ..errors import RigError, no_file
 from ..graph.link import Link, LinkClosed, pair
 from .c_library import CORE
 from .own_signals import checked_settings, checked_signals
@@ -36,7 +36,7 @@ class ControllerFmu(Plug):
     def __init__(self, file: str, config: Alfa46Config, level: str | None = None):
         name = f"fmu:{file}"
         if not Path(file).is_file():
-            raise RigError(f"controller {name}: there is no such file")
+            raise RigError(f"controller {name}: {no_file(file)}")
         ours, theirs = pair()
         environment = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[2])}
         command = [sys.executable, "-P", "-m", "rig_nodes.controllers.fmu_process", file, str(theirs.fileno()),

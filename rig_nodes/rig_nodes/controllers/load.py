@@ -6,6 +6,7 @@ A plug is one line in KINDS: its module is imported when it is asked for, so tha
 from __future__ import annotations
 
 import importlib
+from pathlib import Path
 from typing import NamedTuple
 
 from ..alfa46.settings import Alfa46Config
@@ -37,6 +38,10 @@ KINDS = {
     "ros": Kind("ros", "ros_controller", "ros:NAME", alone=True),
 }
 
+# how a file that stands there without a prefix is most likely meant
+OF_A_FILE = {".c": "c:{}", ".cpp": "c:{}", ".cc": "c:{}", ".cxx": "c:{}", ".so": "c:{}", ".fmu": "fmu:{}",
+             ".py": "python:{}:CLASS"}
+
 
 def forms() -> str:
     """All that can be written, for people."""
@@ -55,6 +60,14 @@ def split_level(spec: str, level: str | None) -> tuple[str, str | None]:
     return spec, level
 
 
+def _meant(text: str) -> str | None:
+    """The specification that the bare name of a file or of a Simulink folder stands for, None when it is neither."""
+    path = Path(text)
+    if path.is_dir():
+        return f"simulink:{text}"
+    return OF_A_FILE[path.suffix].format(text) if path.suffix in OF_A_FILE else None
+
+
 def load_controller(spec: str | None, config: Alfa46Config, level: str | None = None) -> Plug:
     """The plug of a specification (None: the built-in Alfa46), initialised with the rig's alfa46 settings.
 
@@ -67,6 +80,11 @@ def load_controller(spec: str | None, config: Alfa46Config, level: str | None = 
         return BuiltIn(config, level)
     kind = KINDS.get(name)
     if kind is None or not (rest or kind.alone):
-        raise RigError(f"controller '{text}' is none that can be loaded; expected {forms()}")
+        meant = _meant(text)
+        hint = f"did you mean {meant}?" if meant else f"expected {forms()}"
+        raise RigError(f"controller '{text}' is none that can be loaded; {hint}")
+    _, sign, other = rest.rpartition("@")
+    if sign and other.isidentifier() and not Path(rest).exists():
+        raise RigError(f"controller {text}: there is no level '{other}'; expected {' or '.join(LEVELS)} behind the @")
     module = importlib.import_module(f".{kind.module}", __package__)
     return getattr(module, kind.maker)(rest, config, level)

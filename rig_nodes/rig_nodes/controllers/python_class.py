@@ -16,7 +16,7 @@ import traceback
 from pathlib import Path
 
 from ..alfa46.settings import Alfa46Config
-from ..errors import RigError
+from ..errors import RigError, no_file
 from .own_signals import checked_settings, checked_signals
 from .plug import LOG, Plug, chosen_level, said
 from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status, checked_wants
@@ -60,7 +60,7 @@ def _load_module(source: str):
             raise
     path = Path(source)
     if not path.is_file():
-        raise RigError(f"controller python:{source}: there is no such file")
+        raise RigError(f"controller python:{source}: {no_file(path)}")
     folder = str(path.resolve().parent)
     if folder not in sys.path:
         sys.path.append(folder)  # so that the file finds its neighbours, and hides nothing of ours

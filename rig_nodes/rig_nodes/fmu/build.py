@@ -23,7 +23,8 @@ from ..alfa46.settings import Alfa46Config
 from ..catalogue import catalogue
 from ..controllers.c_library import INCLUDE, LEVEL_BITS, CLibrary
 from ..controllers.seam import OUTPUTS, flat_parameters
-from ..errors import RigError
+from ..errors import RigError, no_file
+from ..whole_file import write_whole
 from .description import Variable, c_header, model_description, token_of
 from .rig_variables import rig_variables
 
@@ -97,7 +98,7 @@ def write_fmu(target: Path, fmi: int, identifier: str, text: str, variables: Seq
             put(f"binaries/{PLATFORMS[fmi]}/{identifier}.so", library.read_bytes())
             for name, content in resources.items():
                 put(f"resources/{name}", content.encode())
-        shutil.move(whole, target)
+        write_whole(target, whole.read_bytes())
 
 
 def build_rig_fmu(target: str | Path, rig: str = "hydmag", overrides: dict[str, str] | None = None,
@@ -179,7 +180,7 @@ def build_controller_fmu(sources: Sequence[str | Path], target: str | Path, conf
     files = [Path(source) for source in sources]
     for path in files:
         if not path.is_file():
-            raise RigError(f"{path}: there is no such file")
+            raise RigError(f"{path}: {no_file(path)}")
     target, identifier = Path(target), _identifier(Path(target).stem)
     model = [SOURCES / "controller_model.c", *files]
     with tempfile.TemporaryDirectory(prefix="rig-fmu-") as folder:

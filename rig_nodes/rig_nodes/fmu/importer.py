@@ -11,7 +11,7 @@ import os
 import shutil
 from pathlib import Path
 
-from ..errors import RigError
+from ..errors import RigError, no_file
 
 STATUSES = ("ok", "warning", "discard", "error", "fatal")  # numbers of fmi2Status and fmi3Status
 GROUPS = {"Real": "Real", "Float64": "Float64", "Float32": "Float32", "Boolean": "Boolean", "String": "String",
@@ -48,7 +48,7 @@ class Fmu:
         self._instance = self._folder = None
         self.path, self.said = Path(path), ""
         if not self.path.is_file():
-            raise RigError(f"{path}: there is no such file")
+            raise RigError(f"{path}: {no_file(path)}")
         self.description = description = self._read(fmpy)
         self.version = 3 if str(description.fmiVersion).startswith("3") else 2
         if str(description.fmiVersion).split(".")[0] not in ("2", "3"):

@@ -15,7 +15,7 @@ from ..catalogue import GEARBOX
 from ..config import CONFIG_DIR, load_marked
 from ..config.schema import build, changed, check_keys, field_value, param, where_of
 from ..config.units import quantity
-from ..errors import RigError
+from ..errors import RigError, no_file
 from ..plant.clutch import Cylinder, PlatePack
 from ..plant.cut import CUTTABLE, NOT_CUT, why_not
 from ..plant.effects import EffectsConfig
@@ -132,11 +132,13 @@ def find_config(kind: str, name: str | Path) -> Path:
     if text.endswith((".yaml", ".yml")) or "/" in text:
         path = Path(text).expanduser()
         if not path.is_file():
-            raise RigError(f"{text}: there is no such file")
+            raise RigError(f"{text}: {no_file(path)}")
         return path
     path = CONFIG_DIR / kind / f"{text}.yaml"
     if not path.is_file():
         known = ", ".join(sorted(p.stem for p in (CONFIG_DIR / kind).glob("*.yaml")))
+        if Path(text).is_dir():
+            raise RigError(f"{text}: {no_file(text)}")
         raise RigError(f"there is no {kind[:-1]} '{text}'; known are {known}, or name a .yaml file")
     return path
 

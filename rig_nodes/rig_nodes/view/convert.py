@@ -42,11 +42,12 @@ def make_view(run: str | Path, window: tuple[float, float] | None = None) -> Vie
     """Write ``view.rrd`` beside the bag of a run, unless it is there and made from the same.
 
     run: folder of a run or its .mcap file; a cut bag is shown as far as it goes. window: start and end [s]
-    that the plots open with. Raises BagError for a bag of which nothing can be read and RigError when
-    rerun-sdk is missing, the file cannot be written or the window lies outside the run.
+    that the plots open with. Raises BagError for a bag of which nothing can be read or that nothing was recorded
+    into, and RigError when rerun-sdk is missing, the file cannot be written or the window lies outside the run.
     """
-    import_rerun()
     bag = Bag(run, recover=True)
+    bag.check_began()
+    import_rerun()
     notes = [bag.recovered] if bag.recovered else []
     path = bag.path.parent / VIEW_FILE
     key = _key(bag.path, window)

@@ -1,0 +1,24 @@
+"""Writes a file whole or not at all; used by what writes where its user says (`rig export`, FMUs).
+
+A name that stands for an older file keeps that one until the new one is on the disk.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from .errors import RigError
+
+
+def write_whole(target: Path, data: bytes) -> None:
+    """``data`` as the file ``target``, which is replaced only by all of it; RigError when it cannot be written."""
+    part = target.with_name(f".{target.name}.{os.getpid()}")
+    try:
+        try:
+            part.write_bytes(data)
+            os.replace(part, target)
+        finally:
+            part.unlink(missing_ok=True)
+    except OSError as error:
+        raise RigError(f"{target}: it cannot be written ({error.strerror})") from None
