@@ -1,4 +1,4 @@
-"""Writes a file whole or not at all; used by what writes where its user says (`rig export`, FMUs).
+"""Writes a file whole or not at all; used by what writes where its user says (`rig export`, FMUs), sweeps and tuner.
 
 A name that stands for an older file keeps that one until the new one is on the disk.
 """
@@ -11,12 +11,12 @@ from pathlib import Path
 from .errors import RigError
 
 
-def write_whole(target: Path, data: bytes) -> None:
-    """``data`` as the file ``target``, which is replaced only by all of it; RigError when it cannot be written."""
+def write_whole(target: Path, data: bytes | str) -> None:
+    """``data``, text as UTF-8, as the file ``target``, which is replaced only by all of it; RigError when it cannot be written."""
     part = target.with_name(f".{target.name}.{os.getpid()}")
     try:
         try:
-            part.write_bytes(data)
+            part.write_bytes(data.encode() if isinstance(data, str) else data)
             os.replace(part, target)
         finally:
             part.unlink(missing_ok=True)

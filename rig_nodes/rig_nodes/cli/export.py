@@ -77,14 +77,14 @@ def _dbc(args, target: Path, settings: dict[str, str]) -> None:
     from ..controllers.can_database import dbc_text
     from ..whole_file import write_whole
 
-    write_whole(target, dbc_text().encode())
+    write_whole(target, dbc_text())
 
 
 def _registers(args, target: Path, settings: dict[str, str]) -> None:
     from ..controllers.registers import csv_text, markdown_text
     from ..whole_file import write_whole
 
-    write_whole(target, (markdown_text() if target.suffix.lower() == ".md" else csv_text()).encode())
+    write_whole(target, markdown_text() if target.suffix.lower() == ".md" else csv_text())
 
 
 _WRITERS = {"fmu": _fmu, "controller-fmu": _controller_fmu, "dbc": _dbc, "registers": _registers}

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from ..analysis.metrics import KEYS
 from ..errors import RigError
+from ..whole_file import write_whole
 from .plan import Plan, Varied
 
 MANIFEST, JOURNAL, RESULTS, BAGS = "sweep.json", "members.jsonl", "results.parquet", "bags"
@@ -35,7 +36,7 @@ class Store:
             if self.folder.exists() and (not self.folder.is_dir() or any(self.folder.iterdir())):
                 raise RigError(f"{folder}: it exists and holds no sweep; choose a new name with --out")
             self.folder.mkdir(parents=True, exist_ok=True)
-            write_atomically(path, json.dumps(manifest, indent=1, ensure_ascii=False) + "\n")
+            write_whole(path, json.dumps(manifest, indent=1, ensure_ascii=False) + "\n")
         elif (why := differs(read_manifest(self.folder), manifest)) is not None:
             raise RigError(f"{folder} holds another sweep ({why} is not the same); choose a new folder with --out")
         self._journal = Journal(self.folder / JOURNAL)
@@ -146,13 +147,6 @@ def differs(one: dict, other: dict) -> str | None:
             inside = differs(a, b) if isinstance(a, dict) and isinstance(b, dict) else None
             return f"{key}.{inside}" if inside else str(key)
     return None
-
-
-def write_atomically(path: Path, text: str) -> None:
-    """A file that is there as a whole or not at all."""
-    temporary = path.with_name(path.name + ".part")
-    temporary.write_text(text, encoding="utf-8")
-    os.replace(temporary, path)
 
 
 def parquet():

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..errors import RigError
-from ..sweep.store import write_atomically
+from ..whole_file import write_whole
 from .run import CHOICES
 
 BEGIN, END = "<!-- made by ./rig tune --write-docs; a change by hand is lost -->", "<!-- up to here -->"
@@ -29,7 +29,7 @@ def write(path: Path, summary: dict, seed: int) -> None:
     """The tables, in place of those of before."""
     text = path.read_text(encoding="utf-8")
     before, after = text[:text.index(BEGIN)], text[text.index(END):]
-    write_atomically(path, f"{before}{BEGIN}\n\n{tables(summary, seed)}\n\n{after}")
+    write_whole(path, f"{before}{BEGIN}\n\n{tables(summary, seed)}\n\n{after}")
 
 
 def tables(summary: dict, seed: int) -> str:

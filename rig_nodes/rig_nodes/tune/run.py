@@ -18,10 +18,11 @@ from .. import __version__
 from ..alfa46.settings import Alfa46Config, read_alfa46
 from ..compiled import sources_key
 from ..errors import RigError
-from ..sweep.store import Journal, write_atomically
+from ..sweep.store import Journal
 from ..testbench.campaign import Workers
 from ..testbench.configuration import RigConfig
 from ..validation.pictures import write_pictures
+from ..whole_file import write_whole
 from . import folder as files
 from . import judge, scout, search
 from .bench import Bench, Point
@@ -212,7 +213,7 @@ def _finish(problem: Problem, folder: Path, studies: dict[str, search.Study], wo
     }
     if LEAST in studies:
         summary["largest_load"] = _largest_load(studies[LEAST], config, base, workers)
-    write_atomically(folder / f"{files.FRONT}.json", _json({**manifest, **summary, "rows": rows}))
+    write_whole(folder / f"{files.FRONT}.json", _json({**manifest, **summary, "rows": rows}))
     return summary
 
 
@@ -274,8 +275,8 @@ def _write_controllers(problem: Problem, folder: Path, chosen: dict) -> dict[str
             if name in of:
                 controller = settings(controller, way, of[name], problem.config.wiring)
         path = folder / f"{name}.yaml"
-        write_atomically(path, files.controller_yaml(controller, f"Alfa46, '{name}', found by rig tune"))
-        write_atomically(folder / f"rig_{name}.yaml", files.rig_yaml(
+        write_whole(path, files.controller_yaml(controller, f"Alfa46, '{name}', found by rig tune"))
+        write_whole(folder / f"rig_{name}.yaml", files.rig_yaml(
             problem.rig, path.name, f"{problem.config.name} with the controller '{name}' of rig tune"))
         out[name] = read_alfa46(path)
     return out
