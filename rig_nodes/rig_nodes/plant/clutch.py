@@ -190,22 +190,30 @@ def piston_step(piston, pressure, h, clutch):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def cylinder_step(cylinder, state, supply, h, oil, valve, clutch):
+def oil_stiffness(h, oil, clutch):
+    """(flow that raises the line's pressure [m3/(s Pa)], that of the chamber by backward differences, pressure [Pa s2/m6]
+    that the feed orifice takes per flow squared), for steps of h: constants of :func:`cylinder_step`.
+    """
+    return (clutch.line_volume / oil.bulk_modulus / h, 1.5 * clutch.chamber_volume / oil.bulk_modulus / h,
+            oil.density / (2.0 * clutch.feed_area * clutch.feed_area))
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def cylinder_step(cylinder, state, supply, h, full_line, stiff_chamber, inertia_drop, oil, valve, clutch):
     """One implicit step of line, feed orifice, chamber and piston from where they are in ``cylinder``.
 
-    state: of the valve, with its opening or, where it stands outside the plant, its held answer.
+    state: of the valve, with its opening or, where it stands outside the plant, its held answer; full_line to
+    inertia_drop: of :func:`oil_stiffness`.
     Of second order: the oil's compression by backward differences over two steps, which damp a stiff volume as a
     backward step does, the piston's way by the trapezoidal rule.
     Returns (line pressure, chamber pressure, piston, its speed [m/s], valve flow). Unknown is the chamber pressure
     alone: piston, feed flow and line pressure follow from it in closed form, and the balance of the line's volume is a
     monotone function of it, solved by Newton inside a shrinking bracket.
     """
-    full_line = clutch.line_volume / oil.bulk_modulus / h
-    stiff_chamber, stiff_line = 1.5 * clutch.chamber_volume / oil.bulk_modulus / h, 1.5 * full_line
+    stiff_line = 1.5 * full_line
     # (3 p - 4 p0 + p00) / 2 h = 1.5 (p - (p0 + rise / 3)) / h
     chamber_before = cylinder.chamber + cylinder.chamber_rise / 3.0
     line_before = cylinder.line + cylinder.line_rise / 3.0
-    inertia_drop = oil.density / (2.0 * clutch.feed_area * clutch.feed_area)
     low, high = -0.09e6, max(supply, cylinder.line, cylinder.chamber) + 1e5
     p = min(max(cylinder.chamber, low), high)
     half = 0.5 * h

@@ -76,9 +76,9 @@ CLUTCH_DERIVED = ("engaging_kinetic", "engaging_static", "releasing_static", "dr
                   "new_clearance", *(field.name for field in fields(Force)))
 CLUTCH = np.dtype(record_dtype(clutch_model.Cylinder, clutch_model.PlatePack).descr
                   + [(name, "f8") for name in CLUTCH_DERIVED])
-# share of a first-order part's way that is left after a step
-DECAYS = np.dtype([("coil", "f8", (VALVES,)), ("spool", "f8", (VALVES,)), ("supply", "f8"), ("load", "f8"),
-                   ("motor", "f8")])
+# share of a first-order part's way that is left after a step; stiffness: of each clutch's oil in such a step
+DECAYS = np.dtype([("stiffness", "f8", (VALVES, 3)), ("coil", "f8", (VALVES,)), ("spool", "f8", (VALVES,)),
+                   ("supply", "f8"), ("load", "f8"), ("motor", "f8")])
 # sizes of gearbox.build_driveline: speeds, friction elements, no shafts; how many events are kept
 SPEEDS, ELEMENTS, SHAFTS, EVENTS = 2, 5, 0, 256
 # arguments of driveline_kernel.driveline_step
@@ -102,11 +102,13 @@ WORLD = np.dtype([
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def fill_decays(world, h):
-    """What the step's length makes of the time constants."""
+    """What the step's length makes of the time constants and of the oil's."""
     decays = world.decays
     for k in range(VALVES):
         decays.coil[k] = valve_model.coil_decay(h, world.valve_parameters[k])
         decays.spool[k] = valve_model.spool_decay(h, world.valve_parameters[k])
+        decays.stiffness[k, 0], decays.stiffness[k, 1], decays.stiffness[k, 2] = clutch_model.oil_stiffness(
+            h, world.oil, world.clutches[k])
     decays.supply = exp(-h / world.oil.pressure_time)
     decays.load = exp(-h / world.load.pressure_time)
     decays.motor = exp(-h / world.motor.torque_time)
@@ -114,7 +116,7 @@ def fill_decays(world, h):
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch, effects, curve, coil_decay,
-                    spool_decay):
+                    spool_decay, full_line, stiff_chamber, inertia_drop):
     """One valve and clutch from t over h: coil, spool, line, chamber, piston, pack; leaves capacities in ``cylinder``.
 
     ``curve``: the line's pressure where it is prescribed, which leaves out all before the pack.
@@ -136,7 +138,7 @@ def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch
             valve.share = valve_model.opening(valve.spool, valve_parameters)
         clutch.clearance = clutch.new_clearance + cylinder.wear
         line, chamber, piston, speed, flow = clutch_model.cylinder_step(
-            cylinder, valve, supply, h, oil, valve_parameters, clutch)
+            cylinder, valve, supply, h, full_line, stiff_chamber, inertia_drop, oil, valve_parameters, clutch)
         valve.flow = flow
         valve.work += line * flow * h
         cylinder.line_rise, cylinder.chamber_rise = line - cylinder.line, chamber - cylinder.chamber
@@ -195,7 +197,8 @@ def plant_step(world, h, t):
         f = S1 + k
         cap[KIN0, f], cap[HI0, f], drag = cylinders[k].kinetic, cylinders[k].static, cylinders[k].drag
         clutch_capacity(valves[k], cylinders[k], t, h, plant.supply, world.oil, world.valve_parameters[k], clutches[k],
-                        effects, world.curves[k], decays.coil[k], decays.spool[k])
+                        effects, world.curves[k], decays.coil[k], decays.spool[k], decays.stiffness[k, 0],
+                        decays.stiffness[k, 1], decays.stiffness[k, 2])
         cap[KIN1, f], cap[HI1, f] = cylinders[k].kinetic, cylinders[k].static
         cap[LO0, f], cap[LO1, f] = -cap[HI0, f], -cap[HI1, f]
         cap[VISC, f] = 0.5 * (drag + cylinders[k].drag)
