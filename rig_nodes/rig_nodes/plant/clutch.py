@@ -191,8 +191,8 @@ def piston_step(piston, pressure, h, clutch):
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def oil_stiffness(h, oil, clutch):
-    """(flow that raises the line's pressure [m3/(s Pa)], that of the chamber by backward differences, pressure [Pa s2/m6]
-    that the feed orifice takes per flow squared), for steps of h: constants of :func:`cylinder_step`.
+    """(flow that raises the line's pressure [m3/(s Pa)], that of the chamber by backward differences, pressure that the
+    feed orifice takes per flow squared [Pa s2/m6]), for steps of h: constants of :func:`cylinder_step`.
     """
     return (clutch.line_volume / oil.bulk_modulus / h, 1.5 * clutch.chamber_volume / oil.bulk_modulus / h,
             oil.density / (2.0 * clutch.feed_area * clutch.feed_area))
