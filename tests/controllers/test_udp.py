@@ -282,7 +282,7 @@ def test_a_controller_that_is_stopped_says_goodbye(plug, program):
     plug.wait(20.0)
     ask(plug)
     process.send_signal(signal.SIGINT)
-    process.wait()
+    process.wait(20.0)
     with pytest.raises(ControllerFailed, match="sample 1: it said goodbye: the controller was stopped") as failure:
         ask(plug, 1)
     assert failure.value.status == Status.FATAL

@@ -8,6 +8,7 @@ import json
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -50,6 +51,8 @@ def tests_root() -> Path:
 
 def main(args: argparse.Namespace) -> int:
     root = tests_root()
+    # a script's background ignores it, in all that is started there too, and a test that sends it would wait for ever
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     command = [sys.executable, "-m", "pytest", "--rootdir", str(root), "-c", str(root / "pytest.ini")]
     print("rig: " + " ".join(["ROS_PYTHON_CHECK_FIELDS=1", "pytest", *args.passed_on]), flush=True)
     # Message setters do not check types by default and send garbage; in tests a wrong type must be an error.
