@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ..analysis.report import plain
 from ..errors import RigError
+from ..whole_file import write_whole
 
 
 def check_json(name: str | None) -> None:
@@ -26,7 +27,4 @@ def write_json(name: str, content: dict) -> None:
     if name == "-":
         sys.stdout.write(text)
         return
-    try:
-        Path(name).write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise RigError(f"--json {name}: cannot be written ({error.strerror})") from None
+    write_whole(Path(name), text)

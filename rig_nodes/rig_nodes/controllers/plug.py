@@ -124,6 +124,12 @@ class Plug(ABC):
         """That no controller has come to this run that can be used, and where; empty when one has, or none need come."""
         return ""
 
+    def not_here(self, place: str, advice: str) -> str:
+        """The sentence of :meth:`awaited` as long as none that can be used has come to the place."""
+        if self.refused:
+            return f"one has come on {place} and is not used: {self.refused}"
+        return f"no controller has come on {place}; {advice}"
+
     def _in_vain(self, waiting: Waiting, patience: float | None, none_came: str, advice: str) -> RigError | None:
         """Why to wait no longer, None as long as there is no reason; the sentence's words before and after the time."""
         if patience is None:

@@ -101,9 +101,7 @@ class _OtherSide:
         """As of the plug."""
         if self.was_here or self.topics is None:
             return ""
-        if self._plug.refused:
-            return f"one has come on {self.place} and is not used: {self._plug.refused}"
-        return f"no controller has come on {self.place}; {self.advice}"
+        return self._plug.not_here(self.place, self.advice)
 
     def open(self) -> None:
         """Join the graph, once."""

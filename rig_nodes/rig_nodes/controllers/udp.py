@@ -92,11 +92,7 @@ class Udp(Plug):
         return f"start it, or see that it sends to port {self._port} of this machine"
 
     def awaited(self) -> str:
-        if self._was_here:
-            return ""
-        if self.refused:
-            return f"one has come on udp {self._port} and is not used: {self.refused}"
-        return f"no controller has come on udp {self._port}; {self._advice}"
+        return "" if self._was_here else self.not_here(f"udp {self._port}", self._advice)
 
     def _serve(self, seconds: float) -> tuple | None:
         """Take what comes within so many seconds; the values of an ANSWER to the newest sample once it is there."""
