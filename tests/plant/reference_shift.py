@@ -168,6 +168,8 @@ class Equations:
         load = self.c.load_pump.displacement * y[LOAD] + self.c.load_pump.mechanical_loss
         g, n = self.c.gearbox, w[0] / RPM
         by_speed = g.loss_in_speed * max(0.0, -1.76e-6 * n * n + 4.58e-3 * n + 2.56)
+        rest, began = g.loss_in_at_rest**2, g.loss_in_at_470**2
+        by_speed += sqrt(rest + (began - rest) * w[0] / 49.274)
         slips = [a * w[0] + b * w[1] for a, b in SLIPS]
         viscous = [capacity[2] * slip for capacity, slip in zip(capacities, slips)]
         stuck = [k for k in range(2) if self.modes[k] == STUCK]

@@ -25,7 +25,8 @@ def open_drag(config, gear: int, n_wej: float, n_wyj: float) -> tuple[float, flo
 
 
 def hand(config, gear: int, rpm: float) -> dict:
-    """Speeds and torques where nothing accelerates: losses of Annex D, by the load's torque and by w0's speed and torque.
+    """Speeds and torques where nothing accelerates: losses of Annex D, by the load's torque and by w0's torque, and of (7.7), by
+    its speed.
 
     The loss by the load brakes w0 with the power that it takes, or behind the clutches (loss_by_load_side).
     """
@@ -41,7 +42,7 @@ def hand(config, gear: int, rpm: float) -> dict:
     carried = m_wyj + loss_out - drag_out
     clutch = carried * (1.0 if gear == 1 else 40 / 41)
     u = carried / RATIO[gear]
-    speed_loss = g.loss_in_speed * (-1.76e-6 * rpm**2 + 4.58e-3 * rpm + 2.56)
+    speed_loss = math.sqrt(g.loss_in_at_rest**2 + (g.loss_in_at_470**2 - g.loss_in_at_rest**2) * rpm / 470.53)
     torque_loss = g.loss_in_constant + g.loss_in_share * u + g.loss_in_square * u**2
     m_wej = u + drag_in + speed_loss + torque_loss + (by_load / RATIO[gear] if before else 0.0)
     return {"n_wyj": n_wyj, "p_po": pressure, "m_wyj": m_wyj, "m_wej": m_wej, "clutch": clutch}

@@ -6,7 +6,7 @@ Used by testbench.rig to build the driveline and by plant.kernel for the loss to
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi
+from math import pi, sqrt
 
 from numba import njit
 
@@ -20,12 +20,16 @@ RATIO_II = Z8 / Z5  # with S2 closed, tab. 3.1: 41/40
 # elements of the driveline, in this order
 S1, S2, LOSS_IN, LOSS_OUT, LOAD = range(5)
 RPM = pi / 30.0
+COAST_DOWN = 49.274  # rad/s: where the coast-down of 7.3.1 began
 
 
 @dataclass(frozen=True)
 class GearboxConfig:
     """Inertias and losses: by speed on w0, and on both sides a parabola of the torque carried (Annex D).
 
+    The loss by speed is ``loss_in_speed`` times Annex D's parabola, which falls above 1300 rpm, and the one that the
+    printed coast-down (7.7) has: its speed is a parabola of time, so the torque's square is linear in the speed, from
+    ``loss_in_at_rest`` to ``loss_in_at_470`` where it began.
     loss_by_load_side: where the loss by the load's torque brakes, behind the clutches (driven, as Annex D has it) or
     before them (driving); M_wej in steady state is the same, what the clutches carry is not.
     """
@@ -35,6 +39,8 @@ class GearboxConfig:
     inertia_out_z5: float = param("inertia", 1e-4, 100.0)
     inertia_pump: float = param("inertia", 0.0, 100.0)
     loss_in_speed: float = param("ratio", 0.0, 10.0)
+    loss_in_at_rest: float = param("torque", 0.0, 100.0)
+    loss_in_at_470: float = param("torque", 0.0, 100.0)
     loss_in_constant: float = param("torque", -100.0, 100.0)
     loss_in_share: float = param("ratio", -0.5, 0.5)
     loss_in_square: float = param("torque per torque squared", -0.01, 0.01)
@@ -63,9 +69,11 @@ def build_driveline(gearbox: GearboxConfig):
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def loss_in(speed, torque, gearbox):
-    """Loss torque on w0 [Nm], (6.72) and Annex D: a part by speed and a part by the torque that w0 carries [Nm]."""
+    """Loss torque on w0 [Nm], (6.72), (7.7) and Annex D: parts by speed and a part by the torque that w0 carries [Nm]."""
     n, u = abs(speed) / RPM, abs(torque)
     by_speed = gearbox.loss_in_speed * max(0.0, -1.76e-6 * n * n + 4.58e-3 * n + 2.56)
+    rest, began = gearbox.loss_in_at_rest**2, gearbox.loss_in_at_470**2
+    by_speed += sqrt(max(0.0, rest + (began - rest) * abs(speed) / COAST_DOWN))
     # the parabola falls behind its top; a loss does not
     if gearbox.loss_in_square < 0.0:
         u = min(u, -0.5 * gearbox.loss_in_share / gearbox.loss_in_square)

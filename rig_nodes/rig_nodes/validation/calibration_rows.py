@@ -164,15 +164,25 @@ def steady_torque(config: RigConfig, gear: int, speed: float, load: float) -> fl
 def loss_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
     """The rows of coast-down and of the mean torques of 7.3.2, in steady state.
 
-    The tangent at the start of the coast-down meets zero after J w / M, what the open driving side's torque makes of it.
+    The coast-down follows from the torques M that keep the open driving side at its speeds w: J dw/dt = -M. Its tangent
+    at the start meets zero after J w / M.
     """
-    coasting = steady_torque(config, 0, 470 * RPM, 0.0)
+    speeds = RPM * np.array([5.0, 50.0, 120.0, 230.0, 350.0, 470.0])
+    torques = np.array([steady_torque(config, 0, speed, 0.0) for speed in speeds])
+    coasting = float(torques[-1])
     values = {"coast_down_torque": coasting,
               "coast_down_tangent_time": config.gearbox.inertia_in * 470 * RPM / coasting,
               "valve_mean_torque_s1": steady_torque(config, 1, 500 * RPM, 30.0),
               "valve_mean_torque_s2": steady_torque(config, 2, 500 * RPM, 30.0)}
-    return [Miss(name, value, (value - targets[name].printed[0]) / targets[name].tolerance)
-            for name, value in values.items()]
+    curve = targets["coast_down_curve"]
+    start, end, parabola = curve.pieces[0]
+    t, w = np.arange(start, end, 1e-2), np.linspace(speeds[0], np.polyval(parabola, start), 500)
+    # the time from one speed to the next, trapezoids of J / M
+    gone = config.gearbox.inertia_in * np.cumsum(np.diff(w) / np.interp(0.5 * (w[1:] + w[:-1]), speeds, torques))
+    apart = np.interp(t, gone[-1] - np.append(0.0, gone)[::-1], w[::-1]) - np.polyval(parabola, t)
+    miss = float(np.sqrt(np.mean(apart**2)))
+    return [*(Miss(name, value, (value - targets[name].printed[0]) / targets[name].tolerance)
+              for name, value in values.items()), Miss(curve.id, miss, miss / curve.tolerance)]
 
 
 def upshift(config: RigConfig, t12: float | None = None, speed: float = 500.0 * RPM, load: float = 60.0) -> dict:
