@@ -32,8 +32,8 @@ def test_the_rig_lies_within_what_may_change(config):
 
 
 @pytest.mark.parametrize("old, new, sentence", [
-    ("losses:", "loses:", "unknown key 'loses'"), ("low: 0.5 -", "low: 5 -", "low must be below high"),
-    ("[gearbox.loss_in_speed]", "[gearbox.loss]", "no value 'gearbox.loss'"),
+    ("losses:", "loses:", "unknown key 'loses'"), ("low: 4 Nm", "low: 40 Nm", "low must be below high"),
+    ("[gearbox.loss_in_at_rest]", "[gearbox.loss]", "no value 'gearbox.loss'"),
     ("high: 15 Nm", "high: 15 rpm", "expected a torque")])
 def test_a_wrong_list_of_parameters_is_refused(tmp_path, old, new, sentence):
     text = c.CALIBRATION_FILE.read_text()
@@ -68,7 +68,7 @@ def test_kiss_pressure_by_hand(config):
 def test_losses_are_found_again(config):
     """From values that are far off, least squares bring the coast-down back inside its tolerance."""
     parameters = c.load_stages()["losses"]
-    off = c.with_values(config, parameters, {"loss_speed": 0.6, "loss_out_constant": 14.0})
+    off = c.with_values(config, parameters, {"loss_at_470": 4.2, "loss_out_constant": 14.0})
     before = {miss.row: abs(miss.tolerances) for miss in rows.loss_misses(off, TARGETS)}
     values = c.search(off, parameters, rows.loss_misses, generations=0, jobs=1, seed=1)
     after = {miss.row: abs(miss.tolerances) for miss in rows.loss_misses(c.with_values(off, parameters, values), TARGETS)}
@@ -81,14 +81,14 @@ def test_what_is_found_is_written_where_the_rig_reads_it(tmp_path):
         shutil.copytree(CONFIG_DIR / kind, tmp_path / kind)
     rig, controller = tmp_path / "rigs" / "hydmag.yaml", tmp_path / "controllers" / "alfa46.yaml"
     lines = len(rig.read_text().splitlines())
-    c.write_values({"losses.loss_speed": 1.25, "clutch_s2.clearance": 5.25e-3}, rig, controller)
+    c.write_values({"losses.loss_at_470": 6.25, "clutch_s2.clearance": 5.25e-3}, rig, controller)
     read = load_rig(rig, {})
-    assert read.gearbox.loss_in_speed == 1.25 and read.clutch_s2.clearance == pytest.approx(5.25e-3)
-    assert 'loss_in_speed: [1.25 -, "calibrated: rig calibrate"]' in rig.read_text()
+    assert read.gearbox.loss_in_at_470 == 6.25 and read.clutch_s2.clearance == pytest.approx(5.25e-3)
+    assert 'loss_in_at_470: [6.25 Nm, "calibrated: rig calibrate"]' in rig.read_text()
     assert len(rig.read_text().splitlines()) == lines
-    rig.write_text(rig.read_text().replace("  loss_in_speed: ", "  loss_in_sped: "))
-    with pytest.raises(RigError, match="no line 'loss_in_speed"):
-        c.write_values({"losses.loss_speed": 1.25}, rig, controller)
+    rig.write_text(rig.read_text().replace("  loss_in_at_470: ", "  loss_in_at_47: "))
+    with pytest.raises(RigError, match="no line 'loss_in_at_470"):
+        c.write_values({"losses.loss_at_470": 6.25}, rig, controller)
 
 
 @pytest.mark.parametrize("arguments, sentence", [
@@ -160,7 +160,7 @@ def test_rows_that_can_be_mended_together_are_no_conflict():
 def test_a_clutch_that_holds_longer_lets_the_dip_begin_later(config):
     """How long a released S1 holds shows in the delay t12 from which on the output dips."""
     parameters = c.load_stages()["release"]
-    borders = [rows.release_misses(c.with_values(config, parameters, {"rest_torque": torque}), TARGETS)[0].value
+    borders = [rows.s1_releases(c.with_values(config, parameters, {"rest_s1": torque}), TARGETS)[0].value
                for torque in (40.0, 70.0)]
     assert borders[0] < borders[1] - 5e-3
     assert borders[1] == pytest.approx(-0.175, abs=0.025)

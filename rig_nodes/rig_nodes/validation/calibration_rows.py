@@ -35,7 +35,9 @@ CURVES = {  # of a clutch: row of the rising and of the falling pressure in chap
 # rising one. For II to I that is before ZR-P2 is switched off: there only early counts.
 FALL_STARTS = {1: (0.3306, 0.01), 2: (0.22, 0.05)}  # s, and what counts as one tolerance
 DELAYS = {1: "valve_delay_zr_p1", 2: "valve_delay_zr_p2"}
-PEAK_TOLERANCE = 6.5  # Nm: largest error of that peak by (7.1)
+PEAK_TOLERANCE = 6.5  # Nm: largest error of a shift's peak by (7.1)
+TIME_TOLERANCE = 0.01  # s: of a time from the laboratory's program (9.2.2)
+UNSHIFTED = 10.0  # tolerances that a shift which does not end counts
 KISSES = {1: "kiss_pressure_s1", 2: "kiss_pressure_s2"}
 
 
@@ -185,8 +187,9 @@ def loss_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
               for name, value in values.items()), Miss(curve.id, miss, miss / curve.tolerance)]
 
 
-def upshift(config: RigConfig, t12: float | None = None, speed: float = 500.0 * RPM, load: float = 60.0) -> dict:
-    """Metrics of I to II with a delay t12 [s], at a speed [rad/s] and load [Nm]; true values, the rig's second shift.
+def shift(config: RigConfig, to: int, t12: float | None = None, speed: float = 500.0 * RPM, load: float = 60.0) -> dict:
+    """Metrics of the shift to gear 1 or 2 with a delay t12 [s], at a speed [rad/s] and load [Nm]; true values, the rig's
+    second shift that way.
 
     By default the rig's own delay, and speed and load of the delay series (7.1.3.4).
     """
@@ -196,7 +199,7 @@ def upshift(config: RigConfig, t12: float | None = None, speed: float = 500.0 * 
     rig = Rig(config)
     rig.set_oil(SUPPLY, True)
     rig.advance_samples(SETTLE)
-    for gear in (2, 1):  # a piston that has never moved lies deeper than its seals let it return
+    for gear in (to, 3 - to):  # a piston that has never moved lies deeper than its seals let it return
         rig.order_gear(gear)
         rig.advance_samples(1600)
     rig.set_motor(speed, True)
@@ -204,12 +207,12 @@ def upshift(config: RigConfig, t12: float | None = None, speed: float = 500.0 * 
     rig.set_load(relief_setting_for(load, float(rig.v[1]), config.load_pump), True)
     rig.advance_samples(1500)
     order, before, after = rig.sample, 150, 1700
-    rig.order_gear(2)
+    rig.order_gear(to)
     rig.advance_samples(after)
     rows = rig.rows_at(1e-4, 10 * (order - before), 10 * (before + after) - 9)
     channels = {name: rows[:, k] for k, name in enumerate(kernel.CHANNELS)}
     gearbox = config.gearbox
-    return shift_metrics(Recording((order - before) * MS, 1e-4, channels), (order * MS, 1, 2),
+    return shift_metrics(Recording((order - before) * MS, 1e-4, channels), (order * MS, 3 - to, to),
                          inertias=Inertias(gearbox.inertia_in, gearbox.inertia_out_z5))
 
 
@@ -217,29 +220,63 @@ def clutch_s2_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss
     """The rows of :func:`hydraulic_misses`, and the highest peak torque of the 19 delay series, that of series 5, where
     S2 catches an output that nothing else drives: only that says how far p2 shoots over.
     """
-    target, peak = targets["delay_up_peak_upper"], upshift(config, -0.1)["m_wej_max_nm"]
+    target, peak = targets["delay_up_peak_upper"], shift(config, 2, -0.1)["m_wej_max_nm"]
     return [*hydraulic_misses(config, targets, 2), Miss(target.id, peak, max(0.0, peak - target.high) / PEAK_TOLERANCE)]
 
 
 def release_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
-    """What a released S1 holds: where over t12 the upshift begins to dip, whether the load lets it dip, and, as what is
-    left of it while it slips brakes S2's torque or not, the lowest and the highest peak of the grid.
+    """What released clutches hold and how much of it is left while they slip: the rows of :func:`s1_releases` and of
+    :func:`s2_releases`."""
+    return [*s1_releases(config, targets), *s2_releases(config, targets)]
+
+
+def within(target: Target, value: float, tolerance: float, which: str = "") -> Miss:
+    """A row that accepts all between its ends: what a value lacks to half a tolerance inside them, which is left to the
+    transducers."""
+    low = -np.inf if target.low is None else target.low + 0.5 * tolerance
+    high = np.inf if target.high is None else target.high - 0.5 * tolerance
+    return Miss(target.id + which, value, (min(0.0, value - low) + max(0.0, value - high)) / tolerance)
+
+
+def s2_releases(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
+    """How long S2 holds against S1 (peaks, how far the load moves the lock-up) and drags afterwards (t_o of II to I)."""
+    series_19 = shift(config, 1)["m_wej_max_nm"]
+    light, heavy, fast_heavy, fast_light = (shift(config, 1, None, speed * RPM, load) for speed, load in (
+        (1500, 40.0), (1500, 240.0), (1800, 240.0), (2000, 40.0)))
+    peak, spread, longest, settling, share, most = (targets[name] for name in (
+        "delay_down_peak_19", "down_t_c_spread", "down_t_c_upper", "down_t_o_lower", "down_peak_share_240",
+        "down_peak_at_240"))
+    if any(one["t_c_s"] is None or one["t_o_s"] is None for one in (light, heavy, fast_heavy, fast_light)):
+        return [Miss(spread.id, 1.0, UNSHIFTED)]
+    apart = light["t_c_s"] - heavy["t_c_s"]
+    least = min(one["t_o_s"] for one in (light, heavy, fast_heavy, fast_light))
+    highest = max(heavy["m_wej_max_nm"], fast_heavy["m_wej_max_nm"])
+    return [Miss(peak.id, series_19, (series_19 - peak.printed[0]) / peak.tolerance),
+            within(spread, apart, TIME_TOLERANCE), within(longest, fast_light["t_c_s"], TIME_TOLERANCE),
+            within(settling, least, TIME_TOLERANCE),
+            within(share, highest / 240.0, peak.tolerance / 240.0), within(most, highest, peak.tolerance)]
+
+
+def s1_releases(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
+    """Where over t12 the upshift begins to dip, whether the load lets it dip, and, as what is left of S1 while it slips
+    brakes S2's torque or not, the lowest and the highest peak of the grid.
 
     The border is where k crosses 0.95 on the straight line between the delays of series 6 and 9, which lie around it.
     """
     target, (late, early) = targets["delay_up_dip_begins"], (-0.15, -0.19)
-    k_late, k_early = (upshift(config, t12)["k"] for t12 in (late, early))
+    k_late, k_early = (shift(config, 2, t12)["k"] for t12 in (late, early))
     steep = min(k_late - k_early, -0.02)  # flat where neither dips: the border is then far off, on its side
     border = early + (late - early) * (NO_DIP - k_early) / steep
-    slow, slow_loaded, fast_loaded = (upshift(config, None, speed * RPM, load)
+    slow, slow_loaded, fast_loaded = (shift(config, 2, None, speed * RPM, load)
                                       for speed, load in ((1000, 40.0), (1000, 120.0), (2000, 120.0)))
-    flat, peaks = targets["up_k_flat_load"], targets["up_peak_torque_range"]
+    flat, peaks, settling, longest = (targets[name] for name in (
+        "up_k_flat_load", "up_peak_torque_range", "up_t_o_upper", "up_t_c_upper"))
     fall = slow["k"] - slow_loaded["k"]
     least, most = slow["m_wej_max_nm"], fast_loaded["m_wej_max_nm"]
     return [Miss(target.id, border, (border - target.printed[0]) / target.tolerance),
             Miss(flat.id, fall, max(0.0, fall / flat.tolerance - 1.0)),
-            Miss(f"{peaks.id}: least", least, min(0.0, least - peaks.low) / PEAK_TOLERANCE),
-            Miss(f"{peaks.id}: most", most, max(0.0, most - peaks.high) / PEAK_TOLERANCE)]
+            within(peaks, least, PEAK_TOLERANCE, ": least"), within(peaks, most, PEAK_TOLERANCE, ": most"),
+            within(settling, slow["t_o_s"], TIME_TOLERANCE), within(longest, fast_loaded["t_c_s"], TIME_TOLERANCE)]
 
 
 ROWS: dict[str, Callable] = {  # of each stage
