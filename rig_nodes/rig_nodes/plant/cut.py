@@ -20,6 +20,7 @@ from . import valve as valve_model
 MOTOR, LOAD = "motor", "load_pump"
 VALVES = ("valve_zr_p1", "valve_zr_p2")
 CUTTABLE = (MOTOR, *VALVES, LOAD)
+LOOP = 0.5  # crossover of the motor's speed loop times the tick: 0.45 settles, 0.75 swings by 6 rad/s in gear
 _CLUTCH = ("two clutches that lock are solved together with the shafts in every step, and a friction torque "
            "that is a tick old would chatter at standstill")
 # devices that are no such pair, and why
@@ -137,8 +138,14 @@ class OtherSide:
     """
 
     def __init__(self, device: str, config):
-        """device: one of CUTTABLE."""
+        """device: one of CUTTABLE. RigError for a motor whose speed loop is too quick for the cut's tick."""
         self.device = device
+        turns = config.motor.speed_gain / config.gearbox.inertia_in  # 1/s, crossover of the speed loop
+        if device == MOTOR and turns * config.cut.tick > LOOP:
+            raise RigError(
+                f"cut.tick is {config.cut.tick * 1e3:g} ms: the motor's speed loop (speed_gain over inertia_in, {turns:.0f} "
+                f"1/s) swings behind answers that are so late; give at most {1e3 * LOOP / turns:.1f} ms, or the motor a "
+                "smaller speed_gain")
         self._h, self._density = config.kernel.step, config.oil_supply.density
         self._values = _record(getattr(config, device))
         kind = MOTOR_SIDE if device == MOTOR else LOAD_SIDE if device == LOAD else VALVE_SIDE
