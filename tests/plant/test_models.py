@@ -203,4 +203,4 @@ def test_drive_without_permission_has_no_torque(config):
     torque, _ = motor.drive_torque(0.0, 0.0, 150.0, 50.0, True, 1.0, m)
     assert torque == pytest.approx(500.0), "limited by the torque limit"
     torque, _ = motor.drive_torque(0.0, 0.0, 300.0, 200.0, True, 1.0, m)
-    assert torque == pytest.approx(350.0), "limited by 70 kW at 200 rad/s"
+    assert torque == pytest.approx(392.5), "limited by 78.5 kW at 200 rad/s"
