@@ -20,11 +20,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from cut_errors import CASES, errors, settings, shifts  # noqa: E402
 
 SHORT = Path(__file__).resolve().parents[1] / "graph" / "short.yaml"
-TICKS = ("1 ms", "2 ms", "3 ms")
+TICKS = ("1 ms", "5 ms")
+# the symmetrical optimum, J / (2 T), for the drive's 3.3 ms and a tick and a half of 5 ms: the loop that a drive behind such a
+# cut can have; with the calibrated gains it swings (docs/cuts.md)
+GAINS = {"1 ms": {}, "5 ms": {"motor.speed_gain": "32.8 Nm s/rad", "motor.speed_gain_integral": "760 Nm/rad"}}
 
 
 def cut_rig(cut_out=CUTTABLE, tick="1 ms", **keywords):
-    return Rig(load_rig("hydmag", settings(cut_out, tick)), **keywords)
+    return Rig(load_rig("hydmag", {**settings(cut_out, tick), **GAINS[tick]}), **keywords)
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +82,7 @@ def test_nothing_moves_at_standstill_and_nothing_chatters_in_gear(tick):
     assert abs(energy["residual"]) < 1e-9 * energy["motor"]
 
 
-@pytest.mark.parametrize("tick, share", [("1 ms", 0.005), ("3 ms", 0.03)])
+@pytest.mark.parametrize("tick, share", [("1 ms", 0.001), ("5 ms", 0.01)])
 def test_both_sides_of_a_shaft_count_the_same_work(tick, share):
     rig = cut_rig(("motor", "load_pump"), tick)
     rig.set_oil(4e6, True)
@@ -177,7 +180,7 @@ def test_the_safe_state_takes_the_torque_of_a_motor_that_goes_on_answering():
 
 def test_cutting_time_into_calls_changes_nothing():
     def whole(chunks):
-        rig = cut_rig(tick="3 ms")
+        rig = cut_rig(tick="5 ms")
         rig.set_oil(4e6, True)
         rig.set_motor(100.0, True)
         rig.order_gear(1)
@@ -189,20 +192,20 @@ def test_cutting_time_into_calls_changes_nothing():
 
 
 def test_ports_and_answers_are_in_the_bag_one_a_tick(tmp_path):
-    simulate(load_rig("hydmag", settings(("motor",), "3 ms")), load_sequence(SHORT), tmp_path / "bag")
+    simulate(load_rig("hydmag", {**settings(("motor",), "5 ms"), **GAINS["5 ms"]}), load_sequence(SHORT), tmp_path / "bag")
     bag = Bag(tmp_path / "bag")
     assert bag.check() == [] and bag.gaps() == {}
     ports = [message for _, message in bag.messages("/motor/cut/port")]
     answers = [message for _, message in bag.messages("/motor/cut/answer")]
-    assert [m.sample for m in ports] == list(range(0, 3 * len(ports), 3))
+    assert [m.sample for m in ports] == list(range(0, 5 * len(ports), 5))
     assert [m.sample for m in answers] == [m.sample for m in ports[:len(answers)]]
     assert len(ports) - len(answers) <= 1
     torque = {m.stamp.sec * 1000 + m.stamp.nanosec // 1_000_000: m.torque
               for _, m in bag.messages("/motor/state")}
     # the answer to a sample acts from the next tick on, and is seen in the state at the end of it
     assert max(torque.values()) > 10.0
-    on = [m for m in answers if m.sample + 6 in torque and m.sample < 2000]
-    assert len(on) > 100 and all(torque[m.sample + 6] == m.torque for m in on)
+    on = [m for m in answers if m.sample + 10 in torque and m.sample < 2000]
+    assert len(on) == 400 and all(torque[m.sample + 10] == m.torque for m in on)
     assert not any("cut" in topic for topic in bag.counts if not topic.startswith("/motor/"))
 
 
@@ -222,9 +225,9 @@ def test_wrong_cuts_are_refused(key, value, sentence):
 
 
 def test_a_motor_is_not_cut_at_a_tick_that_its_speed_loop_does_not_stand():
-    """107.4 Nm s/rad over 0.709 kg m2 turn 151 1/s; 0.5 of that is 3.3 ms."""
-    with pytest.raises(RigError, match=r"cut.tick is 5 ms: the motor's speed loop .* at most 3\.3 ms"):
-        cut_rig(("motor",), "5 ms")
+    """107.4 Nm s/rad over 0.709 kg m2 turn 151 1/s; 0.35 of that is 2.3 ms."""
+    with pytest.raises(RigError, match=r"cut.tick is 5 ms: the motor's speed loop .* at most 2\.3 ms"):
+        Rig(load_rig("hydmag", settings(("motor",), "5 ms")))
     cut_rig(("valve_zr_p1", "valve_zr_p2", "load_pump"), "5 ms")
 
 

@@ -160,9 +160,14 @@ def colour(name: str) -> tuple[int, int, int]:
 def width(name: str) -> float:
     """Width of a curve in pixels: what was asked for is seen on both sides of what was measured.
 
-    The viewer draws in the order of names; motor_torque would hide M_wej.
+    The viewer draws in the order of names: motor_torque would hide M_wej, so it is thin. A drive that holds its speed
+    within a step of the encoder leaves of its setpoint the edges alone.
     """
-    return 4.0 if colour(name) in PALE and name != "motor_torque" else 2.0
+    if name == "motor_torque":
+        return 1.0
+    if name == "motor_speed_setpoint":
+        return 6.0
+    return 4.0 if colour(name) in PALE else 2.0
 
 
 def state_colour(name: str, label: str) -> tuple[int, int, int]:
