@@ -45,8 +45,8 @@ place.
 judged; their value is shown where there is one. A row is *not compared* when something that it needs is missing. Not all
 predicted rows are independent: on which side the loss by the load brakes was decided by counting them, and three
 assumptions (that the plates of both clutches stick in their splines when clamp force is taken off, S2's by 0.32 of what
-S1's do; that chapter 9's output speed is bounded; the drive's tuning and short overload) were made with some in view; see
-"Calibration" in [physics.md](physics.md).
+S1's do; that chapter 9's output speed is bounded; the drive's tuning and short overload) were made with some in view;
+see "Calibration" in [physics.md](physics.md).
 
 The rows of chapter 8 are measured on the clutch bench by its own procedure ([benches.md](benches.md)). Its packs
 follow the thesis's model with stated friction ([friction_models.md](friction_models.md)): k_kor against that model
