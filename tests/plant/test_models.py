@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rig_nodes.config.schema import fill, record_dtype
-from rig_nodes.plant import clutch, load_pump, motor, valve
+from rig_nodes.plant import clutch, gearbox, load_pump, motor, valve
 from rig_nodes.testbench.configuration import load_rig
 
 
@@ -195,6 +195,18 @@ def test_load_is_what_the_relief_valve_makes_of_the_speed(config):
     pump = record(config.load_pump)
     pressure = load_pump.line_pressure(0.0, setting, True, 1085 * rpm, 10.0, pump)
     assert load_pump.torque_capacity(pressure, pump) == pytest.approx(80.0, rel=1e-6)
+
+
+def test_the_loss_by_speed_runs_down_along_the_printed_parabola(config):
+    """(7.7): w = 0.5735 t2 - 11.736 t + 49.274, so dw/dt is -11.736 rad/s2 at first, -7.148 rad/s2 after 4 s at 11.506
+    rad/s; the torques are those times 0.709 kg m2, and 3.522 Nm where the parabola ends, at 4.967 rad/s2."""
+    only = dataclasses.replace(config.gearbox, loss_in_at_rest=3.522, loss_in_at_470=8.321, loss_in_constant=0.0,
+                               loss_in_share=0.0, loss_in_square=0.0)
+    loss = record(only)
+    assert gearbox.loss_in(49.274, 0.0, loss) == pytest.approx(0.709 * 11.736, rel=1e-3)
+    assert gearbox.loss_in(11.506, 0.0, loss) == pytest.approx(0.709 * 7.148, rel=2e-3)
+    assert gearbox.loss_in(0.0, 0.0, loss) == pytest.approx(3.522)
+    assert gearbox.loss_in(209.4, 0.0, loss) > gearbox.loss_in(157.1, 0.0, loss) + 1.0, "more at more speed (7.4.2.2)"
 
 
 def test_drive_without_permission_has_no_torque(config):

@@ -247,7 +247,7 @@ def s2_releases(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
         "delay_down_peak_19", "down_t_c_spread", "down_t_c_upper", "down_t_o_lower", "down_peak_share_240",
         "down_peak_at_240"))
     if any(one["t_c_s"] is None or one["t_o_s"] is None for one in (light, heavy, fast_heavy, fast_light)):
-        return [Miss(spread.id, 1.0, UNSHIFTED)]
+        return [Miss(target.id, 0.0, UNSHIFTED) for target in (peak, spread, longest, settling, share, most)]
     apart = light["t_c_s"] - heavy["t_c_s"]
     least = min(one["t_o_s"] for one in (light, heavy, fast_heavy, fast_light))
     highest = max(heavy["m_wej_max_nm"], fast_heavy["m_wej_max_nm"])
