@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.cli.main import main
 from rig_nodes.config import CONFIG_DIR
 from rig_nodes.errors import RigError
 from rig_nodes.plant.cut import CUTTABLE, NOT_CUT, Answer
@@ -224,10 +225,14 @@ def test_wrong_cuts_are_refused(key, value, sentence):
         load_rig("hydmag", {key: value})
 
 
-def test_a_motor_is_not_cut_at_a_tick_that_its_speed_loop_does_not_stand():
+def test_a_motor_is_not_cut_at_a_tick_that_its_speed_loop_does_not_stand(tmp_path, capsys):
     """107.4 Nm s/rad over 0.709 kg m2 turn 151 1/s; 0.35 of that is 2.3 ms."""
     with pytest.raises(RigError, match=r"cut.tick is 5 ms: the motor's speed loop .* at most 2\.3 ms"):
         Rig(load_rig("hydmag", settings(("motor",), "5 ms")))
+    out = tmp_path / "run"
+    given = [f"--set={key}={value}" for key, value in settings(("motor",), "5 ms").items()]
+    assert main(["simulate", "demo", *given, "--out", str(out)]) == 2
+    assert "at most 2.3 ms" in capsys.readouterr().err and not out.exists(), "one sentence, no empty folder"
     cut_rig(("valve_zr_p1", "valve_zr_p2", "load_pump"), "5 ms")
 
 

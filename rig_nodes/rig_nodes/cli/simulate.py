@@ -39,7 +39,7 @@ def main(args) -> int:
     from ..bags.reader import Bag
     from ..controllers import load_controller
     from ..testbench.configuration import load_rig
-    from ..testbench.folders import parse_parameters, parse_settings, run_folder
+    from ..testbench.folders import parse_parameters, parse_settings, run_folder, unless_empty
     from ..testbench.sequence import load_sequence
     from ..testbench.simulate import check_controller, simulate
 
@@ -61,7 +61,7 @@ def main(args) -> int:
             shown[0] = text
             print(f"{t:8.2f} s  {text}", flush=True)
 
-    with controller_log(folder):
+    with controller_log(folder), unless_empty(folder):
         run = simulate(config, sequence, folder, args.seed, progress, controller, args.delay)
     report = build_report(Bag(folder), run)
     write_report(folder, report)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..errors import RigError
@@ -22,6 +23,18 @@ def run_folder(out: str | None, name: str) -> Path:
     except OSError as error:
         raise RigError(f"{folder}: cannot be made ({error.strerror}); choose another place with --out") from None
     return folder
+
+
+
+@contextmanager
+def unless_empty(folder: Path):
+    """Keeps a run's folder when what should fill it fails, unless nothing was written to it."""
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):  # one that is not empty stays
+            folder.rmdir()
+        raise
 
 
 def parse_settings(settings: list[str]) -> dict[str, str]:
