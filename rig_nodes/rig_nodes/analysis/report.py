@@ -264,7 +264,15 @@ def _energy_lines(report: dict) -> list[str]:
         share = "no clutch heat" if share is None else f"{100.0 * share:+.2f} % of it"
         lines.append(f"energy {_gears(row)}: clutch heat {heat:.0f} J, "
                      f"unaccounted {account['residual_j']:+.2f} J ({share})")
+    if lines and _bounded(report["run"]):
+        lines.append("  output_speed is bounded: the speed is set between the gears' and not by a torque, which is not "
+                     "accounted")
     return lines
+
+
+def _bounded(run: dict) -> bool:
+    prescribed = (run.get("configuration") or {}).get("prescribed") or {}
+    return prescribed.get("output_speed") == "bounded"
 
 
 def _run_lines(run: dict) -> list[str]:
