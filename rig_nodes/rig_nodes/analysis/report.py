@@ -41,7 +41,7 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
     """The report of a bag: ``{"run", "shifts": [...], "energy": {"run", "shifts": [...]}, "uncertainty": [...]}``.
 
     bag: an open :class:`rig_nodes.bags.reader.Bag`. run: what only the runner knows (:data:`RUN_KEYS`; absent
-    ones become None, ``lost`` is then counted from the bag's gaps). The inertias are those of its configuration.
+    ones become None, ``lost`` is then counted from the gaps of a whole bag). The inertias are its configuration's.
     ``uncertainty`` holds for each shift the largest error of each of its metrics. annex_a: the factor of Annex A's
     torque band; adds ``"annex_a": {"factor": ..., "shifts": [...]}``. truth: adds ``"truth"``, for each shift what the
     plant's states say, None where the bag does not hold them.
@@ -83,9 +83,9 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
 
 
 def _run_data(bag, run: dict) -> dict:
-    """What the runner knows; lost messages are counted from the bag where it does not know them."""
+    """What the runner knows; where it knows no lost messages they are counted from the bag, if that is whole."""
     data = {key: run.get(key) for key in RUN_KEYS}
-    if data["lost"] is None:
+    if data["lost"] is None and not run.get("recovered"):
         data["lost"] = sum(bag.gaps().values())
     data.update((key, run[key]) for key in sorted(run) if key not in RUN_KEYS and key != "problems")
     return data
@@ -288,4 +288,6 @@ def _run_lines(run: dict) -> list[str]:
     end = run["end"]
     reason = end.get("reason") if isinstance(end, dict) else end
     lines.append(f"end: {reason or 'unknown'}")
+    if run.get("recovered"):
+        lines.append(f"bag: damaged; {run['recovered']}")
     return lines + [f"problem: {problem}" for problem in run.get("problems", [])]
