@@ -21,7 +21,7 @@ from .comparison import annex_lines, truth_lines
 from .energy import balance, energies_of
 from .metrics import LONGEST, Inertias, Recording, shifts
 from .truth import states_of, truth_of
-from .uncertainty import uncertainty
+from .uncertainty import INSTRUMENTS, Instrument, instruments_of, uncertainty
 
 GEAR = {0: "0", 1: "I", 2: "II"}
 REPORT_FILE = "report.json"
@@ -41,7 +41,8 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
     """The report of a bag: ``{"run", "shifts": [...], "energy": {"run", "shifts": [...]}, "uncertainty": [...]}``.
 
     bag: an open :class:`rig_nodes.bags.reader.Bag`. run: what only the runner knows (:data:`RUN_KEYS`; absent
-    ones become None, ``lost`` is then counted from the gaps of a whole bag). The inertias are its configuration's.
+    ones become None, ``lost`` is then counted from the gaps of a whole bag). Inertias and instruments are those of its
+    configuration.
     ``uncertainty`` holds for each shift the largest error of each of its metrics. annex_a: the factor of Annex A's
     torque band; adds ``"annex_a": {"factor": ..., "shifts": [...]}``. truth: adds ``"truth"``, for each shift what the
     plant's states say, None where the bag does not hold them.
@@ -63,11 +64,12 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
         return _assembled(_run_data(bag, run), problems, {"shifts": [], "uncertainty": []},
                           {"run": None, "shifts": []}) | {"bench": plain(found)}
     recording, inertias = None, inertias_of(run)
+    instruments = instruments_of(run.get("configuration") or {})
     try:
         recording = recording_of(bag)
     except RigError as error:
         problems.append(f"no shift metrics: {error}")
-    metrics = _metrics(recording, inertias, annex_a, problems)
+    metrics = _metrics(recording, inertias, instruments, annex_a, problems)
     rows = metrics["shifts"]
     energy = {"run": None, "shifts": [None] * len(rows)}
     try:
@@ -94,20 +96,21 @@ def _run_data(bag, run: dict) -> dict:
 def report_of_recording(recording: Recording, annex_a: float | None = None) -> dict:
     """The report of a recording that is no bag (a logger's CSV): as :func:`build_report`, without energy balance.
 
-    The inertias are the laboratory's; ``run`` knows nothing. Raises RigError for a recording without an order.
+    The inertias and instruments are the laboratory's; ``run`` knows nothing. Raises RigError for a recording without an order.
     """
     if not recording.orders:
         raise RigError("the recording holds no order of a gear; give them with --orders, e.g. '3.845:I-II, 8.32:II-I'")
     problems: list[str] = []
-    metrics = _metrics(recording, Inertias(), annex_a, problems)
+    metrics = _metrics(recording, Inertias(), INSTRUMENTS, annex_a, problems)
     energy = {"run": None, "shifts": [None] * len(metrics["shifts"])}
     return _assembled(dict.fromkeys(RUN_KEYS), problems, metrics, energy)
 
 
-def _metrics(recording: Recording | None, inertias: Inertias, annex_a: float | None, problems: list[str]) -> dict:
+def _metrics(recording: Recording | None, inertias: Inertias, instruments: dict[str, Instrument],
+             annex_a: float | None, problems: list[str]) -> dict:
     """Everything that comes from the logger's channels."""
     rows = [] if recording is None else shifts(recording, inertias)
-    found = {"shifts": rows, "uncertainty": [uncertainty(row, inertias=inertias) for row in rows]}
+    found = {"shifts": rows, "uncertainty": [uncertainty(row, instruments, inertias, recording.period) for row in rows]}
     if annex_a is not None and recording is not None:
         try:
             found["annex_a"] = {"factor": annex_a, "shifts": shifts_annex_a(recording, inertias, a=annex_a, b=annex_a)}
