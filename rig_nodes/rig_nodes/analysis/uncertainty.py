@@ -72,8 +72,8 @@ def uncertainty(row: dict, instruments: dict[str, Instrument] | None = None, ine
     no standard deviations: all errors are taken at their largest and added (first order).
 
     * n_wej, M_wyj, lowest speed: the instrument's own. k: both speeds, relative errors added. Peak: the torque meter's,
-      and what a mean over 2 ms, or a slower logger's sample, takes off a torque that rises to it in 45 ms and then breaks
-      down (it only reads low).
+      and what a mean over 2 ms, or a slower logger's sample, takes off a torque that rises to it in 45 ms and then
+      breaks down (it only reads low).
     * Times: one sample period, half the filter (1 ms), and at each end the instrument's error by the slope of what
       crosses a threshold there. Slip ends with both encoders' resolution by the slip's rate, which is the change of
       ratio by t_p. The releasing pressure falls as chapter 9 fitted it; its error counts in full although a constant
@@ -88,7 +88,8 @@ def uncertainty(row: dict, instruments: dict[str, Instrument] | None = None, ine
         found["m_wej_max_nm"] = torque + 0.5 * max(TORQUE_SPEED_MEAN, period) * abs(row["m_wej_max_nm"]) / STEEP_RISE
     w_in = None if row["n_wej_rpm"] is None else row["n_wej_rpm"] / RPM
     if row["k"] is not None:
-        found["k"] = row["k"] * speed * RPM * (1.0 / row["n_wyj_min_rpm"] + 1.0 / row["n_wej_rpm"])
+        # the lowest speed may be 0
+        found["k"] = RATIO[1] * speed * RPM / row["n_wej_rpm"] * (1.0 + abs(row["n_wyj_min_rpm"]) / row["n_wej_rpm"])
     if w_in:
         found |= _times(row, use, w_in, period)
         found |= _energies(row, found, torque, speed, w_in, inertias)
