@@ -19,7 +19,7 @@ from ..errors import RigError
 from .annex_a import shifts_annex_a
 from .comparison import annex_lines, truth_lines
 from .energy import balance, energies_of
-from .metrics import LONGEST, Inertias, Recording, shifts
+from .metrics import Inertias, Recording, shifts
 from .truth import states_of, truth_of
 from .uncertainty import INSTRUMENTS, Instrument, instruments_of, uncertainty
 
@@ -49,9 +49,9 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
 
     A run of the clutch bench has no shifts; its results stand under ``"bench"`` (analysis.bench_report).
 
-    The energy of a shift is taken from its order until its torque has settled. A bag that is too damaged or
-    too short for a part leaves that part empty (or a shift's energy None) and its sentence in
-    ``run["problems"]``; numbers that are missing are None, never NaN.
+    The energy of a shift is taken from its order until its torque has settled, None where that was not found. A
+    bag that is too damaged or too short for a part leaves that part empty (or a shift's energy None) and its
+    sentence in ``run["problems"]``; numbers that are missing are None, never NaN.
     """
     if not bag.began:
         return _assembled(_run_data(bag, run), [NOTHING], {"shifts": [], "uncertainty": []},
@@ -76,7 +76,8 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
         energies = energies_of(bag, inertias)
         energy["run"] = balance(energies, *_whole(energies))
         for i, row in enumerate(rows):
-            energy["shifts"][i] = balance(energies, *_window(row, rows[i + 1 :]))
+            if window := _window(row):
+                energy["shifts"][i] = balance(energies, *window)
     except RigError as error:
         problems.append(f"no energy balance: {error}")
     if truth:
@@ -96,7 +97,8 @@ def _run_data(bag, run: dict) -> dict:
 def report_of_recording(recording: Recording, annex_a: float | None = None) -> dict:
     """The report of a recording that is no bag (a logger's CSV): as :func:`build_report`, without energy balance.
 
-    The inertias and instruments are the laboratory's; ``run`` knows nothing. Raises RigError for a recording without an order.
+    The inertias and instruments are the laboratory's; ``run`` knows nothing. Raises RigError for a recording without
+    an order.
     """
     if not recording.orders:
         raise RigError("the recording holds no order of a gear; give them with --orders, e.g. '3.845:I-II, 8.32:II-I'")
@@ -156,13 +158,11 @@ def _whole(energies) -> tuple[float, float]:
     return float(times[0]), float(times[-1])
 
 
-def _window(row: dict, later: list[dict]) -> tuple[float, float]:
-    """Order to settled torque; for a shift that did not get there, to the next order or the longest shift."""
-    start = row["t_order_s"]
-    if row["t_c_s"] and row["t_o_s"] is not None:
-        return start, start + row["t_c_s"] + row["t_o_s"]
-    end = start + LONGEST
-    return start, min(end, later[0]["t_order_s"]) if later else end
+def _window(row: dict) -> tuple[float, float] | None:
+    """Order to settled torque; None for a shift that did not get there."""
+    if not row["t_c_s"] or row["t_o_s"] is None:
+        return None
+    return row["t_order_s"], row["t_order_s"] + row["t_c_s"] + row["t_o_s"]
 
 
 def plain(value):
@@ -261,11 +261,14 @@ def _energy_lines(report: dict) -> list[str]:
     lines = []
     for row, account in zip(report["shifts"], report["energy"]["shifts"]):
         if account is None:
+            if _window(row) is None and report["energy"]["run"] is not None:
+                lines.append(f"energy {_gears(row)}: -, as no end of the shift was found")
             continue
         heat = account["heat_s1_j"] + account["heat_s2_j"]
         share = account["residual_of_heat"]
         share = "no clutch heat" if share is None else f"{100.0 * share:+.2f} % of it"
-        lines.append(f"energy {_gears(row)}: clutch heat {heat:.0f} J, "
+        gears = _gears(row) + ("" if row["valid"] else " (not valid)")
+        lines.append(f"energy {gears}: clutch heat {heat:.0f} J, "
                      f"unaccounted {account['residual_j']:+.2f} J ({share})")
     if lines and _bounded(report["run"]):
         lines.append("  output_speed is bounded: the speed is set between the gears' and not by a torque, which is not "
