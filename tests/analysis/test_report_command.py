@@ -169,6 +169,15 @@ def test_a_loggers_csv_is_reported_and_nothing_is_written(rig_report, tmp_path, 
     assert rig_report(path, "--period", "0.1 ms", "--orders", "1:I-II", "--json") == 0
     row, = json.loads(capsys.readouterr().out)["shifts"]
     assert row["t_c_s"] == pytest.approx(0.70, abs=2e-3)
+    known = ("--period", "0.1 ms", "--orders", "1:I-II", "--json")
+    assert rig_report(path, *known, "--set", "gearbox.inertia_out_z5=0.06 kg m2", "--set",
+                      "instruments.torque_class=2 %") == 0
+    other = json.loads(capsys.readouterr().out)
+    # (6.108): J (41/40)^2 (w2^2 - w1^2) / 2 of the output, 1500 rpm over 47/34 and 41/40
+    w1, w2 = 157.08 * 34 / 47, 157.08 * 40 / 41
+    by_hand = 0.5 * (0.1273 - 0.06) * (41 / 40) ** 2 * (w2**2 - w1**2)
+    assert other["shifts"][0]["e_loss_j"] - row["e_loss_j"] == pytest.approx(by_hand, rel=0.01)
+    assert other["uncertainty"][0]["m_wyj_nm"] == pytest.approx(10.01)
     assert [p.name for p in tmp_path.iterdir()] == ["series 19.CSV"]
     with pytest.raises(RigError, match="no order of a gear; give them with --orders"):
         rig_report(path, "--period", "0.1 ms")
@@ -179,6 +188,8 @@ def test_a_loggers_csv_is_reported_and_nothing_is_written(rig_report, tmp_path, 
 def test_options_that_do_not_fit_are_refused(rig_report, tmp_path):
     with pytest.raises(RigError, match="--orders is for a logger's .csv"):
         rig_report(tmp_path, "--orders", "1:I-II")
+    with pytest.raises(RigError, match="--set is for a logger's .csv; a bag has its own"):
+        rig_report(tmp_path, "--set", "instruments.torque_class=2 %")
     with pytest.raises(RigError, match="give --annex-a too"):
         rig_report(tmp_path, "--factor", "1.1")
     with pytest.raises(RigError, match="upper edge of a band"):

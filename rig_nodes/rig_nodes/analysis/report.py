@@ -21,7 +21,7 @@ from .comparison import annex_lines, truth_lines
 from .energy import balance, energies_of
 from .metrics import Inertias, Recording, shifts
 from .truth import states_of, truth_of
-from .uncertainty import INSTRUMENTS, Instrument, instruments_of, uncertainty
+from .uncertainty import Instrument, instruments_of, uncertainty
 
 GEAR = {0: "0", 1: "I", 2: "II"}
 REPORT_FILE = "report.json"
@@ -94,16 +94,17 @@ def _run_data(bag, run: dict) -> dict:
     return data
 
 
-def report_of_recording(recording: Recording, annex_a: float | None = None) -> dict:
+def report_of_recording(recording: Recording, annex_a: float | None = None, configuration: dict | None = None) -> dict:
     """The report of a recording that is no bag (a logger's CSV): as :func:`build_report`, without energy balance.
 
-    The inertias and instruments are the laboratory's; ``run`` knows nothing. Raises RigError for a recording without
-    an order.
+    Inertias and instruments are those of ``configuration``, as a bag holds it, or the laboratory's; ``run`` knows
+    nothing. Raises RigError for a recording without an order.
     """
     if not recording.orders:
         raise RigError("the recording holds no order of a gear; give them with --orders, e.g. '3.845:I-II, 8.32:II-I'")
     problems: list[str] = []
-    metrics = _metrics(recording, Inertias(), INSTRUMENTS, annex_a, problems)
+    inertias, instruments = inertias_of({"configuration": configuration}), instruments_of(configuration or {})
+    metrics = _metrics(recording, inertias, instruments, annex_a, problems)
     energy = {"run": None, "shifts": [None] * len(metrics["shifts"])}
     return _assembled(dict.fromkeys(RUN_KEYS), problems, metrics, energy)
 

@@ -20,6 +20,7 @@ from ..config import load_yaml
 from ..config.units import quantity
 from ..errors import BagError, RigError
 from ..graph.result import end_of, facts_of, lost_messages, run_part
+from ..testbench.folders import parse_settings
 
 HELP = "print the shift metrics of a run and rewrite its report.json"
 METADATA = "metadata.yaml"
@@ -37,6 +38,10 @@ def add_arguments(parser) -> None:
     parser.add_argument("--orders", metavar="LIST",
                         help="for a CSV: when (s) which gear was ordered, e.g. '3.845:I-II, 8.32:II-I'")
     parser.add_argument("--period", metavar="TIME", help="for a CSV without times: between its rows, e.g. '0.1 ms'")
+    parser.add_argument("--rig", metavar="NAME",
+                        help="for a CSV: rig or .yaml file with its inertias and instruments (default: the thesis's)")
+    parser.add_argument("--set", action="append", metavar="KEY=VALUE", dest="settings",
+                        help='for a CSV: one value of that rig, e.g. gearbox.inertia_in="0.8 kg m2" (may be repeated)')
 
 
 def main(args) -> int:
@@ -62,12 +67,19 @@ def _report_of_csv(args, annex: float | None) -> dict:
         raise RigError(f"{args.run}: a logger's CSV holds no states of a plant; --truth is for bags")
     period = None if args.period is None else quantity(args.period, "time", "--period")
     orders = None if args.orders is None else parse_orders(args.orders)
-    return report_of_recording(read_logger_csv(args.run, period, orders), annex)
+    configuration = None
+    if args.rig is not None or args.settings is not None:
+        from ..testbench.configuration import load_gearbox_rig
+
+        config = load_gearbox_rig(args.rig or "hydmag", parse_settings(args.settings or []),
+                                  f"{args.run}: a recording of shifts")
+        configuration = config.as_dict()
+    return report_of_recording(read_logger_csv(args.run, period, orders), annex, configuration)
 
 
 def _of_bag(args, annex: float | None) -> int:
-    for option in ("orders", "period"):
-        if getattr(args, option) is not None:
+    for option, name in (("orders", "orders"), ("period", "period"), ("rig", "rig"), ("set", "settings")):
+        if getattr(args, name) is not None:
             raise RigError(f"--{option} is for a logger's .csv; a bag has its own")
     bag = open_bag(args.run)
     bag.check_began()
