@@ -94,6 +94,9 @@ def current_follows_the_setpoint(on, off):
 def speed_stays(on, off):
     assert largest(off.n_wej - SPEED) < 1e-3 * RPM
     assert largest(on.n_wej - SPEED) > 5 * RPM
+    # what holds it is in no account: the work is that of the same test with the drive, the balance closes
+    assert off.energy["motor"] == pytest.approx(on.energy["motor"], rel=0.03)
+    assert abs(off.energy["residual"]) < 1e-6 * off.energy["motor"]
 
 
 def no_loss_by_torque(on, off):

@@ -272,6 +272,8 @@ def plant_step(world, h, t):
         on_out -= w[f, 1] * torque
     if effects.motor_speed == 0.0:
         plant.m_wej = plant.carried + plant.loss_in  # (6.82)
+        # what gives the rig's own inertia this speed; q also turns what was put on w0
+        plant.motor_torque = gearbox.inertia_in * plant.gain_in / h + (q[1, 0] - on_in)
     else:
         outside = gearbox.inertia_in - gearbox.inertia_in_gearbox
         plant.m_wej = q[1, 0] - outside * on_in / gearbox.inertia_in

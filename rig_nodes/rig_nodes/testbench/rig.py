@@ -30,7 +30,7 @@ from .gauges import Gauges
 from .timed import SAMPLE_NS, RigStatus, Timed, check_range
 
 COMMAND_TIMEOUT = 0.1  # s: a valve command older than this trips the rig
-UNMOVED = 1e6  # kg m2 on w0 where n_wej is to stay, whatever happens
+UNMOVED = 1e6  # kg m2 on w0 where n_wej is to stay, whatever happens; in no torque and no energy that is told
 SETPOINTS = {"motor_speed": "n_wej", "load_pressure": "p_po", "oil_pressure": "p_p"}  # and whose range they keep to
 
 
@@ -82,7 +82,8 @@ class Rig(Timed):
         line, start = world["driveline"], system.state()
         for name in ("minv", "w", "v"):
             line[name] = getattr(start if name == "v" else system, name)
-        self.mass = system.mass
+        self._mass = build_driveline(c.gearbox).mass
+        self._put_on = float(system.mass[0, 0] - self._mass[0, 0])  # kg m2, 0 unless n_wej is to stay
         self.v, self.mode, self._el, self._e_in, self._cap, self._w = (
             line[name][0] for name in ("v", "mode", "el", "e_in", "cap", "w"))
 
@@ -395,14 +396,17 @@ class Rig(Timed):
     def energy(self) -> dict[str, float]:
         """Energies since time 0 [J]: each from its own torque and slip, none by difference."""
         fric, visc = self._el[driveline_algebra.E_FRIC], self._el[driveline_algebra.E_VISC]
+        motor = float(self._e_in.sum())
+        if self._put_on:  # what it holds is not the motor's work
+            motor -= 0.5 * self._put_on * float(self.v[0]) ** 2
         out = {
-            "motor": float(self._e_in.sum()),
+            "motor": motor,
             "load": float(fric[kernel.LOAD]),
             "heat_s1": float(fric[S1] + visc[S1]),
             "heat_s2": float(fric[S2] + visc[S2]),
             "loss_in": float(fric[kernel.LOSS_IN]),
             "loss_out": float(fric[kernel.LOSS_OUT]),
-            "stored": float(0.5 * self.v @ self.mass @ self.v),
+            "stored": float(0.5 * self.v @ self._mass @ self.v),
         }
         # sum() rounds otherwise from Python 3.12 on, and the bag has to be the same in all of them
         used = 0.0
