@@ -54,6 +54,7 @@ def run(args) -> int:
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_parameters, parse_settings, run_folder
     from ..testbench.kinds import make_rig
+    from ..testbench.rig import check_level
     from ..testbench.sequence import BY_HAND, load_sequence
     from ..testbench.simulate import check_controller, check_delay, run_record
 
@@ -68,9 +69,12 @@ def run(args) -> int:
     processes, plug = tuple(MODULES), None
     if config.kind == GEARBOX:
         check_delay(args.delay, args.speed)
-        controller = load_controller(args.controller, config.alfa46, args.level)
+        # without the current loop the Alfa46 hands over what simulate takes from it: its setpoints
+        level = args.level or (None if args.controller or config.effects.current_loop else "current")
+        controller = load_controller(args.controller, config.alfa46, level)
         controller.close()
-        plug = f"{split_level(args.controller or 'alfa46', args.level)[0]}@{controller.level}"
+        check_level(config, controller.level)
+        plug = f"{split_level(args.controller or 'alfa46', level)[0]}@{controller.level}"
     else:
         if args.controller or args.level or args.delay != 1:
             check_controller(config)
