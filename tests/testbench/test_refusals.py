@@ -1,6 +1,7 @@
 """Bad configuration and sequences: one sentence with file and line, exit code 2, nothing written."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -82,6 +83,48 @@ def test_rig_is_refused(tmp_path, old, new, sentence):
     path.write_text(changed(RIG, old, new))
     with pytest.raises(RigError, match=sentence):
         load_rig(path)
+
+
+TOGETHER = [
+    ("gearbox", "inertia_in_gearbox", "0.9 kg m2", "is 0.9, expected at most the 0.709 of gearbox.inertia_in"),
+    # 0.1273 kg m2 on the z5 axis is 0.1273 * 1.025^2 = 0.1337 on wk
+    ("gearbox", "inertia_pump", "0.134 kg m2", "is 0.134, expected at most the 0.1337 of gearbox.inertia_out_z5"),
+    ("plate_pack", "friction_kinetic", "0.31 -", "is 0.31, expected at most the 0.3 of plate_pack.friction_static"),
+]
+
+
+@pytest.mark.parametrize("part, name, text, sentence", TOGETHER)
+def test_values_that_cannot_be_true_together_are_refused_wherever_they_stand(tmp_path, part, name, text, sentence):
+    with pytest.raises(RigError, match=f"^setting {part}.{name}={text}: {part}.{name} {sentence}"):
+        load_rig("hydmag", {f"{part}.{name}": text})
+    path = tmp_path / "rig.yaml"
+    path.write_text(re.sub(rf"^  {name}: \[[^,]*", f"  {name}: [{text}", RIG, count=1, flags=re.MULTILINE))
+    line = next(k for k, row in enumerate(path.read_text().splitlines(), 1) if text in row)
+    with pytest.raises(RigError, match=rf"rig\.yaml:{line}: {part}.{name} {sentence}"):
+        load_rig(path)
+    path.write_text(f'description: "x"\nbase: hydmag\n{part}:\n  {name}: [{text}, "x"]\n')
+    with pytest.raises(RigError, match=rf"rig\.yaml:4: {part}.{name} {sentence}"):
+        load_rig(path)
+
+
+def test_settings_are_held_together_when_all_have_been_taken():
+    heavy = load_rig("hydmag", {"gearbox.inertia_in_gearbox": "0.9 kg m2", "gearbox.inertia_in": "1 kg m2"})
+    assert heavy.gearbox.inertia_in_gearbox == 0.9 and load_rig("hydmag", {"gearbox.inertia_pump": "0.1337 kg m2"})
+    with pytest.raises(RigError, match="setting gearbox.inertia_in=0.05 kg m2: gearbox.inertia_in_gearbox is 0.0544"):
+        load_rig("hydmag", {"gearbox.inertia_in": "0.05 kg m2"})
+    with pytest.raises(RigError, match="setting plate_pack.friction_kinetic=0.2 -: .* at most the 0.12 of"):
+        load_rig("clutch_bench", {"plate_pack.friction_kinetic": "0.2 -"})
+
+
+def test_a_current_limit_below_the_profiles_is_refused(tmp_path):
+    sentence = "^setting alfa46.current_limit=100 mA: alfa46.output_1.P1 asks for 160 mA; the valve takes 0 to 100 mA"
+    with pytest.raises(RigError, match=sentence):
+        load_rig("hydmag", {"alfa46.current_limit": "100 mA"})
+    path = tmp_path / "rig.yaml"
+    path.write_text('description: "x"\nbase: hydmag\ncontroller_values:\n  current_limit: [700 mA, "x"]\n')
+    with pytest.raises(RigError, match=r"rig\.yaml:4: alfa46.output_1.P3 asks for 740 mA; the valve takes 0 to 700 mA"):
+        load_rig(path)
+    assert load_rig("hydmag", {"alfa46.current_limit": "740 mA"}).alfa46.values.current_limit == 0.74
 
 
 def test_an_empty_file_is_called_empty(tmp_path):

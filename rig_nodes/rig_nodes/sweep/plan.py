@@ -355,7 +355,7 @@ def _check(one: Varied, value, where: str, config, sequence) -> None:
             raise RigError(f"{where}: expected time and current, e.g. \"200 ms 160 mA\", found '{value}'")
     else:
         try:
-            with_overrides(config, {one.name: one.text(value)})
+            with_overrides(config, {one.name: one.text(value)}, together=False)
         except RigError as error:
             raise RigError(f"{where}: {error}") from None
 
