@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from rig_nodes.cli.main import main
 from rig_nodes.config import CONFIG_DIR
 from rig_nodes.errors import RigError
 from rig_nodes.nodes.commands import Commands
@@ -29,7 +30,7 @@ def changed(text, old, new):
 @pytest.mark.parametrize("old, new, sentence", [
     ("ready: {timeout: 20 s}", "redy: {timeout: 20 s}", r"seq\.yaml:\d+: unknown key 'redy'.*did you mean 'ready'"),
     ("  - oil: {pressure: 4 MPa}", "  - oil: {pressure: 4 MPa, pressure: 5 MPa}", r"seq\.yaml:\d+:.*duplicate key"),
-    ("speed: 1500 rpm", "speed: 1500 Nm", r"seq\.yaml:\d+:.*is a torque, expected a angular velocity"),
+    ("speed: 1500 rpm", "speed: 1500 Nm", r"seq\.yaml:\d+:.*is a torque, expected an angular velocity"),
     ("speed: 1500 rpm", "speed: 1500", r"seq\.yaml:\d+:.*write a number with its unit"),
     ("speed: 1500 rpm", "speed: 1500 rmp", r"unknown unit 'rmp'"),
     ("speed: 1500 rpm", "speed: -1500 rpm", "the rig takes 0 to 314.2"),
@@ -77,6 +78,7 @@ def test_controller_settings_are_refused(tmp_path, old, new, sentence):
     ("valve_zr_p2: 2}", "valve_zr_p2: 1}", "both valves the same output"),
     ("valve_zr_p2: 2}", "valve_zr_p2: 4}", "expected output 1 to 3"),
     ("surfaces: [12 -", "surfaces: [0 -", "outside 1 to 40"),
+    ("inertia_in: [0.709 kg m2", "inertia_in: [0.709 kg", "unknown unit 'kg'; an inertia takes kg m2"),
 ])
 def test_rig_is_refused(tmp_path, old, new, sentence):
     path = tmp_path / "rig.yaml"
@@ -154,6 +156,8 @@ def rig_command(*arguments, cwd):
     (["demo", "--set", "alfa46.t12=200 mA"], "is a current, expected a time"),
     (["demo", "--rig", "other"], "there is no rig 'other'"),
     (["demo", "--seed", "99999999999999999999999"], "expected a whole number from 0"),
+    (["demo", "--set", "load_pump.displacement=1 cm3/rev"],
+     "demo.yaml:12: load torque 80 Nm: the load pump holds at most 4.479 Nm"),  # 25 MPa * 1 cm3 / 2 pi + 0.5 Nm
     (["demo", "--out", "full"], "exists and is not an empty folder"),
 ])
 def test_the_command_line_says_one_sentence_and_ends_with_2(tmp_path, verb, arguments, sentence):
@@ -163,6 +167,22 @@ def test_the_command_line_says_one_sentence_and_ends_with_2(tmp_path, verb, argu
     assert done.returncode == 2
     assert sentence in done.stderr and len(done.stderr.strip().splitlines()) == 1
     assert sorted(p.name for p in tmp_path.rglob("*")) == ["full", "mine.txt"], "nothing half-written"
+
+
+@pytest.mark.parametrize("arguments, before", [
+    (["simulate", "demo", "--controller", ""], "--controller"), (["run", "demo", "--rig="], "--rig"),
+    (["controller", "check", " "], "check"), (["simulate", ""], "rig simulate"),
+    (["sweep", "demo", "--vary", "", "--out", "x"], "--vary"),
+])
+def test_an_empty_argument_stands_for_no_default(arguments, before, capsys):
+    assert main(arguments) == 2
+    assert f"what follows '{before}' is empty" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("rig", ["hydmag", "clutch_bench"])
+def test_the_kernels_step_is_named_as_in_the_file(rig):
+    with pytest.raises(RigError, match="^setting step=50 us: there is no such value; did you mean kernel.step\\? known are"):
+        load_rig(rig, {"step": "50 us"})
 
 
 def test_ctrl_c_is_answered_by_one_sentence_even_before_the_command_has_begun(tmp_path):
@@ -244,7 +264,8 @@ def test_repeats_and_refused_orders(tmp_path):
         runner(tmp_path, "[{shift: {to: II}}]", bench).poll(0.0)
 
 
-SMALL_PUMP = {"load_pump.displacement": "20 cm3/rev"}  # a torque that this pump reaches at no pressure the rig takes
+# this pump holds 637 Nm, but at rest 500 Nm need a setting of 499.5 Nm / (40 cm3 / 2 pi) / 1.32 = 59.4 MPa
+SMALL_PUMP = {"load_pump.displacement": "40 cm3/rev", "load_pump.pressure_limit": "100 MPa"}
 
 
 def test_a_setpoint_that_the_rig_refuses_fails_the_sequence_at_once(tmp_path):
@@ -252,7 +273,8 @@ def test_a_setpoint_that_the_rig_refuses_fails_the_sequence_at_once(tmp_path):
     path.write_text("description: x\nsteps:\n  - load: {torque: 500 Nm}\n  - wait: {for: 30 s}\n")
     run = simulate(load_rig("hydmag", SMALL_PUMP), load_sequence(path), tmp_path / "run")
     assert run["end"]["state"] == "failed" and run["duration_s"] < 0.1
-    assert "s.yaml:3: load_pressure of 1" in run["end"]["reason"] and "expected 0 to 4e+07 Pa" in run["end"]["reason"]
+    assert "s.yaml:3: load torque 500 Nm asks the relief valve, at this speed, for too much: load_pressure of 5.94" in (
+        run["end"]["reason"]) and "expected 0 to 4e+07 Pa" in run["end"]["reason"]
 
 
 class FakeOutputs:

@@ -95,6 +95,9 @@ def main(args) -> int:
     if interrupted:
         print(f"rig: interrupted by Ctrl-C; go on with: ./rig sweep {folder}", file=sys.stderr)
         return 130
+    if not summary["ends"].get("ended"):
+        print(f"rig: none of the {of} members came to its end", file=sys.stderr)
+        return 1
     return 0
 
 

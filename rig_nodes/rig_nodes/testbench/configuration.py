@@ -27,7 +27,7 @@ from ..plant.oil_supply import OilSupplyConfig
 from ..plant.prescribed import Prescribed, read_prescribed
 from ..plant.valve import ValveConfig
 from . import clutch_bench_configuration as clutch_bench
-from .clutch_bench_configuration import ClutchBenchConfig
+from .clutch_bench_configuration import ClutchBenchConfig, meant_step
 from .timed import KernelConfig
 from .together import check_together
 
@@ -322,7 +322,7 @@ def _override(config: RigConfig, key: str, text: str) -> RigConfig:
         known = ", ".join(type(owner).__dataclass_fields__) if owner else ", ".join([*own, "alfa46"])
         if part == "alfa46":
             known += ", output_1.P1 to output_3.P6"
-        raise RigError(f"{where}: there is no such value; known are {known}")
+        raise RigError(f"{where}: there is no such value; {meant_step(key)}known are {known}")
     value = field_value(type(owner).__dataclass_fields__[name], text, f"{where}: the value")
     owner = replace(owner, **{name: value})
     if part == "cut":

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..config import load_marked
 from ..config.schema import check_keys, where_of
-from ..config.units import SI, UNITS, quantity
+from ..config.units import SI, UNITS, quantity, with_article
 from ..errors import RigError
 
 TARGETS_FILE = Path(__file__).resolve().with_name("targets.yaml")
@@ -264,7 +264,8 @@ class _Row:
         for key in ("unit", "variable_unit"):
             self.one_of(key, UNITS)
         if UNITS[node["unit"]][0] != self.dimension:
-            self.refuse("unit", f"is a {UNITS[node['unit']][0]}, expected a {self.dimension}")
+            self.refuse("unit", f"is {with_article(UNITS[node['unit']][0])}, expected "
+                                f"{with_article(self.dimension)}")
         pieces, end = [], None
         for piece in node["pieces"] if isinstance(node["pieces"], list) else [None]:
             try:
