@@ -10,7 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from .what_to_run import above_zero, add_shared_arguments
+from .what_to_run import above_zero, add_shared_arguments, exit_code
 
 HELP = "run a sequence on the ROS 2 node graph and record it"
 LIVE_VIEW_END = 2.0  # s that the live view has for its end, after the run's
@@ -98,7 +98,7 @@ def run(args) -> int:
             end = supervisor.run()
     # all processes are gone and the bag is whole: a late Ctrl-C must not cost the report
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    code = finish(folder, run_record(config, sequence, args.seed), end, supervisor.restarts)
+    code = finish(folder, run_record(config, sequence, args.seed), end, supervisor.restarts, args.strict)
     return code if end.by == 0 else 128 + end.by
 
 
@@ -119,7 +119,7 @@ def live_view(domain: int):
             view.wait()
 
 
-def finish(folder: Path, record: dict, end, restarts: list[dict]) -> int:
+def finish(folder: Path, record: dict, end, restarts: list[dict], strict: bool) -> int:
     """Write and print the report of an ended run; returns its exit code."""
     from ..analysis.report import build_report, format_report, write_report
     from ..graph.result import join_pieces, open_bag, run_part
@@ -139,7 +139,7 @@ def finish(folder: Path, record: dict, end, restarts: list[dict]) -> int:
         print(f"rig: warning: {report['run']['lost']} messages did not reach the bag: {topics}", file=sys.stderr)
     if end.state != "ended":
         print(f"rig: {end.reason}", file=sys.stderr)
-    return 0 if end.state == "ended" else 1
+    return exit_code(end.state, report, strict)
 
 
 def show(t: float | None, text: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 
-from .what_to_run import add_shared_arguments
+from .what_to_run import add_shared_arguments, exit_code
 
 HELP = "run a test sequence without ROS traffic, as fast as it goes"
 
@@ -72,4 +72,4 @@ def main(args) -> int:
     state = run["end"]["state"]
     if state != "ended":
         print(f"rig: {run['end']['reason']}", file=sys.stderr)
-    return {"ended": 0, "interrupted": 130}.get(state, 1)
+    return exit_code(state, report, args.strict)
