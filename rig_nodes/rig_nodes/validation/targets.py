@@ -44,7 +44,8 @@ CONDITIONS = {
     "pressure": "pressure", "time": "time", "inertia": "inertia",
 }
 REQUIRED = ("id", "text", "where", "kind", "quantity", "procedure", "role", "conditions", "why")
-OPTIONAL = ("statistic", "across", "fixed", "conflicts", "note")
+OPTIONAL = ("statistic", "across", "fixed", "inside", "conflicts", "note")
+PARTS = ("all", "most")  # of a row's single values that must be inside
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,7 @@ class Target:
 
     dimension: of printed, low, high and tolerance (a ratio for the kinds ratio and fit and for spread_share);
     unit: the laboratory's, for people. conditions, of, to: name -> tuple of values, or a :class:`Span`.
+    inside: which of its single values must be inside, all or most (more than half).
     conflicts: id of another target -> how the two pull against each other, the same at both. pieces: of a
     curve, (from, to, coefficients with the highest power first) in variable_unit and unit.
     tolerance_is_share: the tolerance of a trend is a share of the lowest value. line: where the row stands.
@@ -90,6 +92,7 @@ class Target:
     shape: str | None = None
     over: str | None = None
     fixed: tuple[str, ...] = ()
+    inside: str = "all"
     statistic: str | None = None
     across: str | None = None
     classes: tuple[str, ...] = ()
@@ -193,7 +196,7 @@ class _Row:
         node, kind = self.node, self.node["kind"]
         values: dict = {}
         for key, known in (("sign", SIGNS), ("shape", SHAPES), ("statistic", STATISTICS),
-                           ("over", CONDITIONS), ("across", CONDITIONS)):
+                           ("over", CONDITIONS), ("across", CONDITIONS), ("inside", PARTS)):
             if key in node:
                 self.one_of(key, known)
                 values[key] = str(node[key])
