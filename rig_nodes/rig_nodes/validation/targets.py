@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..config import load_marked
+from ..config.conditions import CONDITIONS
 from ..config.schema import check_keys, where_of
 from ..config.units import SI, UNITS, quantity, with_article
 from ..errors import RigError
@@ -33,15 +34,6 @@ KINDS = {
     "fit": (("shape", "over", "low", "tolerance"), ("printed",)),
     "curve": (("variable", "variable_unit", "unit", "pieces", "tolerance"), ()),
     "classification": (("classes", "expected"), ()),
-}
-# what a condition takes: a dimension, the words it knows, or whole numbers
-CONDITIONS = {
-    "shift": ("I-II", "II-I"), "n_wej": "angular velocity", "n_wyj": "angular velocity", "m_wyj": "torque",
-    "t12": "time", "t21": "time", "series": int, "valve": ("ZR-P1", "ZR-P2"), "clutch": ("S1", "S2"),
-    "side": ("driving", "driven"), "phase": ("before", "shift", "fill", "after contact"),
-    "source": ("measured", "simulated"), "ring": ("80x115", "80x101.9", "65x115", "46x88.9", "50x76"),
-    "thickness": "length", "surfaces": int, "model": ("thesis", "osinski", "traditional"),
-    "pressure": "pressure", "time": "time", "inertia": "inertia",
 }
 REQUIRED = ("id", "text", "where", "kind", "quantity", "procedure", "role", "conditions", "why")
 OPTIONAL = ("statistic", "across", "fixed", "inside", "conflicts", "note")
