@@ -232,6 +232,15 @@ def _on_base(node, path) -> RigConfig | ClutchBenchConfig:
     return config
 
 
+def _where_written(node, path, keys: tuple[str, ...]) -> str:
+    """``file:line`` of the first of these keys that a rig's map names itself."""
+    for part, _, name in (key.partition(".") for key in keys):
+        own = node.get("controller_values" if part == "alfa46" else part)
+        if isinstance(own, dict) and name in own:
+            return f"{where_of(path, own, name)}: "
+    return f"{path}: "
+
+
 def load_rig(name: str | Path = "hydmag", overrides: dict[str, str] | None = None) -> RigConfig | ClutchBenchConfig:
     """The rig of this name or file, with the gearbox unless its ``kind`` or that of its base says another.
 
@@ -247,15 +256,6 @@ def load_rig(name: str | Path = "hydmag", overrides: dict[str, str] | None = Non
         config = _whole(node, path)
     check_together(config, partial(_where_written, node, path))
     return with_overrides(config, overrides or {})
-
-
-def _where_written(node, path, keys: tuple[str, ...]) -> str:
-    """``file:line`` of the first of these keys that a rig's map names itself."""
-    for part, _, name in (key.partition(".") for key in keys):
-        own = node.get("controller_values" if part == "alfa46" else part)
-        if isinstance(own, dict) and name in own:
-            return f"{where_of(path, own, name)}: "
-    return f"{path}: "
 
 
 def kind_of(name: str | Path) -> str:
