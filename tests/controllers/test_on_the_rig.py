@@ -262,6 +262,32 @@ def test_the_command_refuses_before_it_makes_a_folder(tmp_path, capsys):
     assert not (tmp_path / "run").exists()
 
 
+LAZY = """
+from rig_nodes.controllers import ControllerOutputs
+
+class Lazy:
+    def initialize(self, info):
+        pass
+
+    def step(self, inputs):
+        return ControllerOutputs((0.0, 0.0, 0.0), gear=inputs.gear_request)
+
+    def terminate(self):
+        pass
+"""
+
+
+def test_a_controller_that_only_says_that_it_shifts_fails_a_strict_run_and_no_other(tmp_path, capsys):
+    (tmp_path / "lazy.py").write_text(LAZY)
+    sequence = str(Path(__file__).parents[1] / "sweep" / "short.yaml")
+    run = ["simulate", sequence, "--controller", f"python:{tmp_path / 'lazy.py'}:Lazy", "--out"]
+    assert main([*run, str(tmp_path / "one")]) == 0
+    assert "is not valid" in capsys.readouterr().out
+    assert main([*run, str(tmp_path / "two"), "--strict"]) == 1
+    assert re.search(r"rig: --strict: (\d) of \1 shifts not valid; the report says why", capsys.readouterr().err)
+    assert main(["simulate", "sample", "--strict", "--out", str(tmp_path / "three")]) == 0
+
+
 # ---- the pages
 
 

@@ -27,9 +27,9 @@ steps:
 
 @pytest.fixture(scope="module", params=[None, 1.0], ids=["real time", "lockstep"])
 def graph(request, tmp_path_factory):
-    # a small pump, which reaches 500 Nm at no pressure that the rig takes
+    # a small pump, which reaches 500 Nm at rest with no setting that the rig takes: 59 MPa
     graph = Graph(tmp_path_factory.mktemp("graph") / "orders", speed=request.param,
-                  settings=["load_pump.displacement=20 cm3/rev"])
+                  settings=["load_pump.displacement=40 cm3/rev", "load_pump.pressure_limit=100 MPa"])
     yield graph
     graph.close()
 
@@ -139,7 +139,7 @@ def test_a_setpoint_that_the_rig_refuses_fails_the_sequence_at_once(user, tmp_pa
     goal = user.order(RunSequence, "/sequencer/run", RunSequence.Goal(name=str(path)))
     result = goal.result()
     assert goal.status == GoalStatus.STATUS_ABORTED and result.steps_done == 0
-    assert "much.yaml:3: load_pressure of 1" in result.message and "expected 0 to 4e+07 Pa" in result.message
+    assert "much.yaml:3: load torque 500 Nm asks" in result.message and "expected 0 to 4e+07 Pa" in result.message
     step, failed = (told(user, "/sequencer/events", name) for name in ("step", "sequence_failed"))
     assert failed.stamp == step.stamp and failed.text == result.message
 

@@ -39,6 +39,13 @@ def check_setpoint(name: str, value: float) -> None:
     check_range(name, value, catalogue().signals[SETPOINTS[name]])
 
 
+def check_level(config: RigConfig, level: str | None) -> None:
+    """RigError for a level of an external controller that moves nothing on this rig."""
+    if level == "duty" and not config.effects.current_loop:
+        raise RigError("effects.current_loop=off makes the coil current its setpoint, and a controller at level duty has "
+                       "none that acts; run one that knows it at level current (--level current), or leave the loop on")
+
+
 class Rig(Timed):
     """A rig from its configuration.
 
@@ -58,6 +65,8 @@ class Rig(Timed):
             raise RigError(f"delay is {delay}, expected 0 or more samples of an external controller, or 1")
         if level not in (None, *LEVELS):
             raise RigError(f"level is '{level}', expected 'duty' or 'current'")
+        if controller == "external":
+            check_level(config, level)
         self.config, self.seed, self.embedded, self.level = config, int(seed), controller == "embedded", level
         self._drive = (kernel.BY_LAW if self.embedded else
                        kernel.BY_SETPOINT if level == "current" else kernel.BY_DUTY)
@@ -259,6 +268,7 @@ class Rig(Timed):
         if self.level not in (None, level):
             raise RigError(f"valve command for sample {sample} refused: this run takes commands at level "
                            f"'{self.level}', found one at level '{level}'; the level stays until its end")
+        check_level(self.config, level)
         values = [float(value) for vector in vectors for value in vector]
         if any(len(v) != law.OUTPUTS for v in vectors) or not all(map(math.isfinite, values)):
             what = "duty and setpoint must be 3 finite numbers each" if level == "duty" else (
