@@ -194,7 +194,8 @@ def test_an_emergency_stop_takes_every_order_back(user):
     assert not newest(motor).enabled
     before = len(valve), len(clutch)
     user.until(lambda: len(valve) > before[0] + 100, "half a second more")
-    assert max(state.current for state in valve[before[0]:]) < 0.02
+    # what is left of coil and oil may still run down
+    assert max(state.current for state in valve[before[0] + 50:]) < 0.02
     assert max(state.pressure for state in clutch[before[1] + 50:]) < 0.5e6
     assert order(1).result().success
     user.until(lambda: clutch[-1].pressure > 1.5e6, "a clutch that is ordered anew")

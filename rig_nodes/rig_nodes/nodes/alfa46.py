@@ -276,6 +276,8 @@ class Alfa46Node(Node):
 
     def hear_status(self, status: int, reason: str) -> None:
         """What the rig does now: after a trip the controller goes on in neutral, and the running order has failed."""
+        if status == RigStatus.STARTING and self._rig_status is None:
+            return  # it waits for this node's first command
         with self._orders:
             was, self._rig_status, self._rig_reason = self._rig_status, status, reason
             # starting once more: a trip that was over before it could be heard of
