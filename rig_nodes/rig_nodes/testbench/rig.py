@@ -17,7 +17,7 @@ from ..alfa46.controller import refusal
 from ..alfa46.settings import Alfa46Config
 from ..catalogue import catalogue
 from ..config.schema import fill, limits
-from ..controllers.seam import LEVELS
+from ..controllers.seam import LEVELS, NOTHING
 from ..errors import RigError
 from ..instruments import transducers
 from ..plant import clutch, driveline_algebra, kernel
@@ -77,6 +77,7 @@ class Rig(Timed):
         self.delay = delay
         self._to_come: deque[tuple] = deque()  # commands that were taken and do not act yet: boundary, how, values
         self._last_command = -1  # sample that the newest valid command from outside answers
+        self._held_open = False  # since a reset: no command acts until the controller has been in neutral
         self._ordered: int | None = None  # gear ordered from the embedded controller, taken at its next sample
 
     def _build(self) -> None:
@@ -232,7 +233,8 @@ class Rig(Timed):
         self._accept("duty", sample)
         self._duty[:], self._setpoint[:] = values[:law.OUTPUTS], values[law.OUTPUTS:]
         self._gear, self._shifting = int(gear), bool(shifting)
-        self._to_come.append((sample + self.delay, self._act_duty, values[:law.OUTPUTS]))
+        duty = values[:law.OUTPUTS] if self._may_act(values[:law.OUTPUTS]) else NOTHING
+        self._to_come.append((sample + self.delay, self._act_duty, duty))
         self._act_due()
 
     def _act_duty(self, duty: list[float]) -> None:
@@ -253,7 +255,8 @@ class Rig(Timed):
         self._accept("current", sample)
         self._setpoint[:] = values
         self._gear, self._shifting, self._flags = int(gear), bool(shifting), int(flags)
-        self._to_come.append((sample + self.delay, self._act_current, values, int(flags)))
+        current, held = (values, int(flags)) if self._may_act(values) else (NOTHING, 0)
+        self._to_come.append((sample + self.delay, self._act_current, current, held))
         self._act_due()
 
     def _act_current(self, setpoint: list[float], flags: int) -> None:
@@ -286,6 +289,14 @@ class Rig(Timed):
             self.level = level
             self._drive = kernel.BY_SETPOINT if level == "current" else kernel.BY_DUTY
 
+    def _may_act(self, command) -> bool:
+        """False after a reset until the controller has asked for nothing in neutral: a clutch that was clamped before
+        the trip does not come back by itself.
+        """
+        if self._held_open and not (any(command) or self._gear or self._shifting):
+            self._held_open = False
+        return not self._held_open
+
     def order_gear(self, gear: int) -> None:
         """Order a gear of the embedded controller, taken at its next sample; RigError when refused."""
         if not self.embedded:
@@ -303,7 +314,7 @@ class Rig(Timed):
         """What the rig is doing."""
         if self._safe[0] > 0.0:
             return RigStatus.TRIPPED
-        if self.newest_command < 0:
+        if self.newest_command < 0 or self._held_open:
             return RigStatus.STARTING
         return RigStatus.RUNNING if self._motor_on[0] > 0.0 else RigStatus.READY
 
@@ -318,15 +329,21 @@ class Rig(Timed):
         return (self.sample - self.newest_command) * (SAMPLE_NS * 1e-9) if self.newest_command >= 0 else 0.0
 
     def reset(self) -> None:
-        """Leave the safe state; motor stays off, the controller must speak again before valves move."""
+        """Leave the safe state; RigError when the rig is in none.
+
+        The motor stays off, and no clutch is clamped before it is ordered anew: the embedded controller begins in
+        neutral, one outside must have been there before its commands act again; until then the rig is starting.
+        """
+        self.check_tripped()
         self.settings["safe"] = self.settings["motor_on"] = 0.0
         self.reason, self.stopped_by_person = "", False
         self._last_command = -1
         self._to_come.clear()
         self.valves["pending"] = 0.0
         self.cuts.excuse()
-        if not self.embedded:
-            self._law_outputs[:] = np.zeros(1, law.LAW_OUTPUT)
+        self._law_outputs[:] = np.zeros(1, law.LAW_OUTPUT)
+        self._law_state["gear"] = self._law_state["shift_end"] = 0
+        self._ordered, self._held_open = None, not self.embedded
 
     # ---- what can be read
 
