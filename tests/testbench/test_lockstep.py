@@ -92,8 +92,11 @@ def test_e_stop_beats_commands_until_reset(config):
         rig.set_duty(rig.sample, [0.5, 0.0, 0.0], [0.5, 0.0, 0.0], 1, False)
         rig.advance_samples(1)
     assert rig.status == RigStatus.STARTING and rig.measurement("I_zr_p1") < 0.005
-    rig.set_duty(rig.sample, [0.0] * 3, [0.0] * 3, 0, False)
-    assert rig.status == RigStatus.READY, "it has been in neutral"
+    rig.set_duty(rig.sample, [0.5, 0.0, 0.0], [0.5, 0.0, 0.0], 0, False)
+    assert rig.status == RigStatus.STARTING, "0.55 A in neutral would clamp S1"
+    rig.advance_samples(1)
+    rig.set_duty(rig.sample, [0.04, 0.04, 0.0], [0.04, 0.04, 0.0], 0, False)
+    assert rig.status == RigStatus.READY, "it has been in neutral, with a standby current that opens no valve"
     for _ in range(200):
         rig.advance_samples(1)
         rig.set_duty(rig.sample, [0.5, 0.0, 0.0], [0.5, 0.0, 0.0], 1, False)

@@ -233,7 +233,7 @@ class Rig(Timed):
         self._accept("duty", sample)
         self._duty[:], self._setpoint[:] = values[:law.OUTPUTS], values[law.OUTPUTS:]
         self._gear, self._shifting = int(gear), bool(shifting)
-        duty = values[:law.OUTPUTS] if self._may_act(values[:law.OUTPUTS]) else NOTHING
+        duty = values[:law.OUTPUTS] if self._may_act("duty", values) else NOTHING
         self._to_come.append((sample + self.delay, self._act_duty, duty))
         self._act_due()
 
@@ -255,7 +255,7 @@ class Rig(Timed):
         self._accept("current", sample)
         self._setpoint[:] = values
         self._gear, self._shifting, self._flags = int(gear), bool(shifting), int(flags)
-        current, held = (values, int(flags)) if self._may_act(values) else (NOTHING, 0)
+        current, held = (values, int(flags)) if self._may_act("current", values) else (NOTHING, 0)
         self._to_come.append((sample + self.delay, self._act_current, current, held))
         self._act_due()
 
@@ -289,12 +289,15 @@ class Rig(Timed):
             self.level = level
             self._drive = kernel.BY_SETPOINT if level == "current" else kernel.BY_DUTY
 
-    def _may_act(self, command) -> bool:
-        """False after a reset until the controller has asked for nothing in neutral: a clutch that was clamped before
-        the trip does not come back by itself.
+    def _may_act(self, level: str, command) -> bool:
+        """False after a reset until the controller was in neutral and asked for no more than what leaves the valves
+        shut: a clutch that was clamped before the trip does not come back by itself.
         """
-        if self._held_open and not (any(command) or self._gear or self._shifting):
-            self._held_open = False
+        if self._held_open and not self._gear and not self._shifting:
+            valves = (self.config.valve_zr_p1, self.config.valve_zr_p2)
+            self._held_open = any(
+                command[output] * (v.coil_voltage / v.coil_resistance if level == "duty" else 1.0) > v.cracking_current
+                for output, v in zip(self._wiring, valves))
         return not self._held_open
 
     def order_gear(self, gear: int) -> None:
