@@ -177,10 +177,22 @@ def a_sequence(check, folder):
     check.expect(["run", "rig_nodes", "replay", str(folder), "--rate", "max"], [r"/motor/state"])
 
 
+def a_bench(check, folder):
+    """The clutch bench, which has no shift controller, with a parameter whose value has commas."""
+    process = launch(check, "sequence:=clutch_bench", "with:=pressures=1 MPa, 1.5 MPa,wetting=200 ms", "out:=%s" % folder)
+    output = finish(process)
+    report = read_report(folder)
+    check.note("ros2 launch rig_nodes rig_launch.py sequence:=clutch_bench",
+               process.returncode == 0 and report.get("lost") == 0 and ended(report) == "ended", output[-3000:],
+               json.dumps(report.get("end")))
+
+
 def refusals(check, folder):
     """Launches that cannot go on say why and end."""
     for arguments, sentence in ((["sequence:=no_such_sequence", "record:=false"], r"no_such_sequence"),
                                 (["rig:=no_such_rig", "record:=false"], r"no_such_rig"),
+                                (["set:=alfa46.t12=9 s", "record:=false"], r"alfa46\.t12"),
+                                (["sequence:=spring_bench", "delay:=2", "record:=false"], r"no valves for a shift"),
                                 (["out:=%s" % folder], r"not an empty folder")):
         process = launch(check, *arguments)
         output = finish(process)
@@ -251,6 +263,7 @@ def main(arguments):
         ask(check, WITHOUT)
         by_hand(check, folder / "by_hand")
         a_sequence(check, folder / "sequence")
+        a_bench(check, folder / "bench")
         a_death(check, folder / "death")
         refusals(check, folder)
     finally:

@@ -9,9 +9,10 @@ from types import SimpleNamespace
 import pytest
 
 from rig_nodes.config import CONFIG_DIR
+from rig_nodes.config.names import find_config
 from rig_nodes.errors import RigError
 from rig_nodes.nodes.commands import Commands
-from rig_nodes.testbench.configuration import find_config, load_rig
+from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.sequence import SequenceFailed, SequenceRunner, load_sequence
 from rig_nodes.testbench.simulate import simulate
 

@@ -13,6 +13,7 @@ from ..analysis.annex_a import FACTOR_B
 from ..analysis.logger_csv import parse_orders, read_logger_csv
 from ..analysis.report import build_report, format_report, read_report, report_of_recording, write_report
 from ..bags.reader import Bag
+from ..catalogue import kind_of_topics
 from ..config.units import quantity
 from ..errors import BagError, RigError
 from ..graph.result import end_of, facts_of, run_part
@@ -84,5 +85,5 @@ def _run_of(bag, folder: Path) -> dict:
     info = bag.run_info()
     known = info if "configuration" in info else {"configuration": info or None}
     if facts := facts_of(folder):
-        return run_part(bag, folder, known, end_of(facts))
+        return run_part(bag, folder, known, end_of(facts, kind_of_topics(bag.counts)))
     return {**known, "end": {"reason": "the run left no report"}}

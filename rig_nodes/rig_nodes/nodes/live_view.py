@@ -12,7 +12,6 @@ import time
 from collections.abc import Callable
 
 import rclpy
-from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
@@ -21,6 +20,7 @@ from rclpy.task import Future
 from ..errors import RigError
 from ..view.live import Sender, Server, live_topics
 from .device import message_class
+from .executor import events_executor
 from .qos import DEPTH
 
 NICE = 10
@@ -79,7 +79,7 @@ class Session:
 
     def _receive(self, sender: Sender, server: Server) -> None:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        executor = EventsExecutor()
+        executor = events_executor()
         node = LiveView(sender)
         executor.add_node(node)
         silent_at = time.monotonic() + SILENT
