@@ -1,7 +1,7 @@
 """`ros2 launch rig_nodes rig_launch.py`: the rig in real time as nodes of the terminal's ROS domain.
 
-Needs a ROS 2 Jazzy with its launch package (docs/ros2.md), as `./rig run` does not. Numerics stay out of here:
-the Python of `ros2` may be another one than that of the nodes.
+Needs a ROS 2 Jazzy with its launch package (docs/ros2.md), as `./rig run` does not. Numerics stay out of here: the
+Python of `ros2` may be another one than that of the nodes, with ruamel.yaml but without what pip installs.
 """
 
 import re
@@ -34,8 +34,8 @@ ARGUMENTS = (
     ("sequence", "", "name or .yaml file of a sequence, with whose end the launch ends; "
                      "empty: the rig runs until Ctrl-C and takes orders over ROS"),
     ("with", "", "values of the sequence's parameters, NAME=VALUE, several with commas between them"),
-    ("rig", "", "name or .yaml file of the rig's configuration; empty: the one that the sequence is written for, hydmag "
-                "without a sequence"),
+    ("rig", "", "name or .yaml file of the rig's configuration; empty: the one that the sequence is written for, "
+                "hydmag without a sequence"),
     ("set", "", "values of the rig to change, KEY=VALUE as for ./rig run --set, several with commas between them"),
     ("out", "", "new or empty folder for bag, report and logs; empty: runs/<sequence>-<n>"),
     ("seed", "1", "seed of the transducers' noise and errors"),

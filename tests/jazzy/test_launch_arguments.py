@@ -1,6 +1,7 @@
 """What the launch file makes of its arguments, and what the processes make of theirs; needs no ROS 2 command line."""
 
 import importlib.util
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -67,3 +68,18 @@ def test_the_launch_file_reads_names_without_the_packages_that_the_system_lacks(
 ])
 def test_a_process_takes_the_rig_of_its_sequence_unless_it_is_told_another(rig, sequence, name):
     assert rig_config(SimpleNamespace(rig=rig, sequence=sequence, settings=[])).name == name
+
+
+RUN = "import sys; from rig_nodes.nodes.sequencer import main; sys.exit(main())"
+
+
+@pytest.mark.parametrize("before, arguments, sentence", [
+    ("", ["--once", "--ros-args", "-r", "a:=b", "--", "--sequence", "nowhere"], "there is no sequence 'nowhere'"),
+    ("", ["--ros-args", "-r", "nonsense"], "--ros-args: Failed to parse ROS arguments: Couldn't parse remap rule"),
+    ("import sys, rclpy; sys.modules['rclpy.experimental'] = None;", ["--sequence", "demo"],
+     "the rig needs rclpy 7.1.4 or newer"),
+], ids=["behind-ros-args", "wrong-ros-args", "old-rclpy"])
+def test_a_process_says_in_one_sentence_what_stops_it(before, arguments, sentence, domain):
+    said = subprocess.run([sys.executable, "-c", before + RUN, *arguments], capture_output=True, text=True, timeout=60,
+                          env=dict(os.environ, ROS_DOMAIN_ID=str(domain)))
+    assert said.returncode == 2 and sentence in said.stderr and "Traceback" not in said.stderr

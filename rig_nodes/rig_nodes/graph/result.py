@@ -51,7 +51,8 @@ def join_pieces(folder: Path) -> None:
 
 
 def end_of(facts: dict[str, dict], kind: str = GEARBOX) -> End:
-    """How a run without a supervisor ended, from what its processes left. facts: as of :func:`facts_of`; kind: of rig."""
+    """How a run without a supervisor ended, from what its processes left. facts: as of :func:`facts_of`; kind: of the rig.
+    """
     container, outcome = facts.get("container"), facts.get("sequencer", {}).get("outcome")
     if outcome is not None and not outcome["success"]:
         return End("failed", outcome["text"])
