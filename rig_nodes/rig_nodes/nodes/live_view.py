@@ -17,11 +17,11 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
+from ..catalogue import QOS
 from ..errors import RigError
 from ..view.live import Sender, Server, live_topics
 from .device import message_class
 from .executor import events_executor
-from .qos import DEPTH
 
 NICE = 10
 LISTEN = 0.05     # s between two looks at what else happens
@@ -36,7 +36,7 @@ class LiveView(Node):
     def __init__(self, sender: Sender):
         super().__init__("live_view", enable_rosout=False, start_parameter_services=False)
         # latched topics are none of these, and a reliable reader could make a publisher send again
-        profile = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
+        profile = QoSProfile(depth=QOS["measurement"].depth, reliability=ReliabilityPolicy.BEST_EFFORT)
         self.inputs = [self.create_subscription(message_class(topic.ros_type), topic.name,
                                                 self._enqueue(sender, topic.name), profile, raw=True)
                        for topic in live_topics()]
