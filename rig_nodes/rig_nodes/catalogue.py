@@ -103,6 +103,11 @@ class Catalogue:
             out.update(other.signals)
         return out
 
+    def of_run(self, cut_out=(), own_signals: bool = False) -> dict[str, Topic]:
+        """The topics of a run in which these devices stand outside, with a controller that may have its own signals."""
+        cut = {name: topic for name, topic in self.cut_topics.items() if name.split("/")[1] in cut_out}
+        return {**self.topics, **cut, **(self.controller_topics if own_signals else {})}
+
     def logger_channels(self) -> list[Signal]:
         """The columns of the 10 kHz logger, in order."""
         columns = [s for s in self.signals.values() if s.logger is not None]

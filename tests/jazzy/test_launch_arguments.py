@@ -4,14 +4,19 @@ import importlib.util
 import os
 import subprocess
 import sys
+from argparse import ArgumentParser
 from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import MagicMock
 
 import pytest
 
+from rig_nodes.catalogue import catalogue
 from rig_nodes.errors import RigError
+from rig_nodes.graph.supervisor import Order
+from rig_nodes.nodes import recorder
 from rig_nodes.nodes.process import rig_config
+from rig_nodes.testbench.configuration import load_rig
 
 LAUNCH_FILE = Path(__file__).resolve().parents[2] / "rig_nodes" / "launch" / "rig_launch.py"
 OF_LAUNCH = ("launch", "launch.actions", "launch.event_handlers", "launch.events", "launch.events.process",
@@ -68,6 +73,25 @@ def test_the_launch_file_reads_names_without_the_packages_that_the_system_lacks(
 ])
 def test_a_process_takes_the_rig_of_its_sequence_unless_it_is_told_another(rig, sequence, name):
     assert rig_config(SimpleNamespace(rig=rig, sequence=sequence, settings=[])).name == name
+
+
+OF_A_DEVICE, OF_A_CONTROLLER = {"/motor/cut/port", "/motor/cut/answer"}, {"/alfa46/signals", "/alfa46/channels"}
+
+
+@pytest.mark.parametrize("rig, settings, controller, more", [
+    ("hydmag", [], None, set()), ("hydmag", [], "alfa46@duty", set()),
+    ("hydmag", ["motor.source=topic"], None, OF_A_DEVICE), ("hydmag", [], "udp:9000@current", OF_A_CONTROLLER),
+    ("spring_bench", [], None, set()),
+])
+def test_the_recorder_takes_the_topics_of_its_rig_and_no_other(rig, settings, controller, more):
+    order = Order(None, rig, settings=settings, controller=controller)
+    parser = ArgumentParser()
+    for flag, keywords in recorder.OPTIONS:
+        parser.add_argument(flag, **keywords)
+    told = parser.parse_args(["--out", "x", "--name", "x", *order.arguments("recorder")])
+    assert recorder.topics_of(told) == set(catalogue(load_rig(rig).kind).topics) | more
+    untold = parser.parse_args(["--out", "x", "--name", "x"])
+    assert recorder.topics_of(untold) == set(catalogue().all_topics)
 
 
 RUN = "import sys; from rig_nodes.nodes.sequencer import main; sys.exit(main())"

@@ -69,7 +69,7 @@ class Order:
         numbers = ["--seed", str(self.seed), "--delay", str(self.delay)]
         return {"container": [*rig, *sequence, *drop, *speed, *patience, *numbers],
                 "alfa46": [*rig, *plug, *patience, *come],
-                "sequencer": [*rig, *sequence], "recorder": []}[name]
+                "sequencer": [*rig, *sequence], "recorder": [*rig, *plug]}[name]
 
 
 @dataclass
