@@ -1,4 +1,5 @@
-"""Writes a file whole or not at all; used by what writes where its user says (`rig export`, FMUs), sweeps and tuner.
+"""Writes a file whole or not at all; used by what writes where its user says (`rig export`, FMUs, layouts), bags, sweeps
+and tuner.
 
 A name that stands for an older file keeps that one until the new one is on the disk.
 """

@@ -116,6 +116,6 @@ def test_files_that_are_none(tmp_path):
 def test_orders_of_the_command_line():
     assert parse_orders("8.32:II-I, 3.845:I->II") == [(3.845, 1, 2), (8.32, 2, 1)]
     assert parse_orders("0.5 s: 0-I") == [(0.5, 0, 1)]
-    for bad in ("", "3:4", "I-II", "3:I-III"):
+    for bad in ("", "3:4", "I-II", "3:I-III", "3.85:I-I", "3.85:I-II, 3.85:I-II"):
         with pytest.raises(RigError, match="--orders"):
             parse_orders(bad)

@@ -151,6 +151,9 @@ def test_bad_shift_is_named_under_the_table():
     assert not report["shifts"][1]["valid"]
     text = format_report(report)
     assert "I -> II at 1.00 s is not valid: the output never settled on the ratio of gear II" in text
+    # the heat up to some other moment would look like that of a shift
+    assert report["energy"]["shifts"][1] is None and report["energy"]["run"]["motor_work_j"] > 0.0
+    assert "energy I -> II: -, as no end of the shift was found" in text
 
 
 def test_lost_messages_are_counted_from_the_bag_when_nobody_else_did():
@@ -172,10 +175,9 @@ def test_damaged_bag_still_gives_a_report():
 
 
 def test_order_after_the_last_state_has_no_balance_but_the_others_have():
-    late = bag(events=[(1.0, "/alfa46/events", "shift_ordered", "", 1.0),
-                       (7.0, "/alfa46/events", "shift_ordered", "", 2.0)])
+    late = bag(events=[(t, "/alfa46/events", "shift_ordered", "", gear)
+                       for t, gear in ((0.5, 1.0), (1.0, 2.0), (7.0, 1.0))])
     report = build_report(late, RUN)
-    assert report["energy"]["shifts"][0]["motor_work_j"] > 0.0
-    assert report["energy"]["shifts"][1] is None
-    assert "7.000 s" in report["run"]["problems"][0]
+    assert report["energy"]["shifts"][1]["motor_work_j"] > 0.0
+    assert report["energy"]["shifts"][2] is None
     assert "does not cover the order at 7.000 s" in format_report(report)

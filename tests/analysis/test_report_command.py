@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -18,6 +19,9 @@ from rig_nodes.bags.writer import BagWriter
 from rig_nodes.cli import report as command
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
+
+
+SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
 
 
 class RunBag(FakeBag):
@@ -47,7 +51,7 @@ def rig_report(monkeypatch):
 
 
 def test_prints_a_table_and_keeps_what_only_the_run_knew(rig_report, tmp_path, capsys):
-    run = {"seed": 3, "lost": 0, "ticks": 10, "overruns": 1, "end": {"reason": "interrupted"},
+    run = {"seed": 7, "lost": 0, "ticks": 10, "overruns": 1, "end": {"reason": "interrupted"},
            "lateness_ms": {"p50": 0.1, "p99": 0.2, "max": 0.3}}
     write_report(tmp_path, build_report(FakeBag(Shift().recording()), run))
     before = json.loads((tmp_path / "report.json").read_text())
@@ -77,15 +81,68 @@ def test_broken_report_is_refused(rig_report, tmp_path):
         rig_report(tmp_path)
 
 
-def test_a_cut_bag_is_reported_as_far_as_it_is_whole(tmp_path):
-    """What is left of a killed recorder's run is still worth a report."""
-    sample = Path(__file__).resolve().parents[2] / "bags" / "sample" / "sample.mcap"
-    data = sample.read_bytes()
-    (tmp_path / "cut.mcap").write_bytes(data[:len(data) * 4 // 5])
-    done = subprocess.run([sys.executable, "-m", "rig_nodes.cli.main", "report", str(tmp_path / "cut.mcap")], text=True,
-                          capture_output=True)
-    assert done.returncode == 0, done.stderr
-    assert "recover" in done.stderr and "I -> II" in done.stdout
+@pytest.fixture
+def sample(tmp_path):
+    """A copy of the sample run with its report."""
+    folder = shutil.copytree(SAMPLE, tmp_path / "sample")
+    assert main(["report", str(folder)]) == 0
+    return folder
+
+
+def run_of(folder):
+    return json.loads((folder / "report.json").read_text())["run"]
+
+
+def cut(folder):
+    """Only 4/5 of the bag are left; its whole bytes and how many messages are gone."""
+    mcap, = folder.glob("*.mcap")
+    data, held = mcap.read_bytes(), sum(Bag(mcap).counts.values())
+    mcap.write_bytes(data[:len(data) * 4 // 5])
+    return data, held - sum(Bag(mcap, recover=True).counts.values())
+
+
+def test_a_bag_that_is_damaged_later_does_not_pass_for_a_whole_one(sample, capsys):
+    """What is left is still worth a report; the one of the whole bag is worth more."""
+    before = (sample / "report.json").read_bytes()
+    whole, gone = cut(sample)
+    assert gone > 1000
+    capsys.readouterr()
+    assert main(["report", str(sample)]) == 1
+    said = capsys.readouterr()
+    assert "I -> II" in said.out and f"messages lost: {gone}" in said.out and "bag: damaged; " in said.out
+    assert "end: unknown from what is left of the bag; its report says: " in said.out
+    assert "is damaged" in said.err and "left as it is" in said.err
+    assert (sample / "report.json").read_bytes() == before
+
+    # with nothing beside the bag nobody knows what is lost
+    for name in ("report.json", "metadata.yaml"):
+        (sample / name).unlink()
+    assert main(["report", str(sample)]) == 1
+    said = capsys.readouterr()
+    assert "messages lost: unknown" in said.out and "end: unknown" in said.out
+    run = run_of(sample)
+    assert run["lost"] is None and "messages recovered up to" in run["recovered"]
+    (sample / "sample.mcap").write_bytes(whole)
+    assert main(["report", str(sample)]) == 0
+    assert run_of(sample)["lost"] == 0 and "recovered" not in run_of(sample)
+
+
+def test_the_report_of_another_run_in_the_folder_is_neither_used_nor_overwritten(sample, capsys):
+    path = sample / "report.json"
+    other = json.loads(path.read_text())
+    other["run"] |= {"seed": 77, "sequence": "another", "end": {"reason": "broken off by hand"}}
+    path.write_text(json.dumps(other))
+    capsys.readouterr()
+    assert main(["report", str(sample / "sample.mcap")]) == 0
+    said = capsys.readouterr()
+    assert "broken off by hand" not in said.out and "I -> II" in said.out
+    assert "is of another run" in said.err and json.loads(path.read_text()) == other
+
+
+def test_a_report_that_cannot_be_written_is_printed_all_the_same(rig_report, tmp_path, capsys):
+    with pytest.raises(RigError, match="the report cannot be written"):
+        rig_report(tmp_path / "nowhere" / "demo.mcap")
+    assert "0 -> II" in capsys.readouterr().out
 
 
 def test_a_run_that_was_stopped_before_its_time_began_says_so(tmp_path, capsys):
@@ -112,6 +169,15 @@ def test_a_loggers_csv_is_reported_and_nothing_is_written(rig_report, tmp_path, 
     assert rig_report(path, "--period", "0.1 ms", "--orders", "1:I-II", "--json") == 0
     row, = json.loads(capsys.readouterr().out)["shifts"]
     assert row["t_c_s"] == pytest.approx(0.70, abs=2e-3)
+    known = ("--period", "0.1 ms", "--orders", "1:I-II", "--json")
+    assert rig_report(path, *known, "--set", "gearbox.inertia_out_z5=0.06 kg m2", "--set",
+                      "instruments.torque_class=2 %") == 0
+    other = json.loads(capsys.readouterr().out)
+    # (6.108): J (41/40)^2 (w2^2 - w1^2) / 2 of the output, 1500 rpm over 47/34 and 41/40
+    w1, w2 = 157.08 * 34 / 47, 157.08 * 40 / 41
+    by_hand = 0.5 * (0.1273 - 0.06) * (41 / 40) ** 2 * (w2**2 - w1**2)
+    assert other["shifts"][0]["e_loss_j"] - row["e_loss_j"] == pytest.approx(by_hand, rel=0.01)
+    assert other["uncertainty"][0]["m_wyj_nm"] == pytest.approx(10.01)
     assert [p.name for p in tmp_path.iterdir()] == ["series 19.CSV"]
     with pytest.raises(RigError, match="no order of a gear; give them with --orders"):
         rig_report(path, "--period", "0.1 ms")
@@ -122,6 +188,8 @@ def test_a_loggers_csv_is_reported_and_nothing_is_written(rig_report, tmp_path, 
 def test_options_that_do_not_fit_are_refused(rig_report, tmp_path):
     with pytest.raises(RigError, match="--orders is for a logger's .csv"):
         rig_report(tmp_path, "--orders", "1:I-II")
+    with pytest.raises(RigError, match="--set is for a logger's .csv; a bag has its own"):
+        rig_report(tmp_path, "--set", "instruments.torque_class=2 %")
     with pytest.raises(RigError, match="give --annex-a too"):
         rig_report(tmp_path, "--factor", "1.1")
     with pytest.raises(RigError, match="upper edge of a band"):

@@ -186,6 +186,27 @@ def test_engagement_from_neutral_counts_from_the_pressure():
     assert row["k"] is None and row["overlap_s"] is None
 
 
+@pytest.mark.parametrize("order, reason", [
+    # the gears named wrongly: gear II has been in for 0.5 s and stays, or gear I is about to be left
+    ((2.2, 0, 2), "gear II was in when II was ordered from neutral (slip 0.0 %)"),
+    ((1.0, 0, 1), "gear I was in when I was ordered from neutral (slip 0.0 %)"),
+    ((1.0, 0, 2), "gear I was in when II was ordered from neutral (slip 0.0 %)"),
+    # the order taken too late: the shift was over
+    ((1.75, 1, 2), "gear I was not in when II was ordered"),
+])
+def test_an_order_that_comes_after_what_it_ordered_is_not_valid(order, reason):
+    row = shift_metrics(dataclasses.replace(UP.recording(1), orders=[order]), order)
+    assert not row["valid"] and any(why.startswith(reason) for why in row["why"])
+    times = [row[key] for key in ("t_dt_s", "t_p_s", "t_c_s", "t_o_s")]
+    assert all(value is None or value >= 0.0 for value in times)
+
+
+def test_the_same_gear_ordered_again_is_no_shift():
+    recording = UP.recording(1)
+    twice = dataclasses.replace(recording, orders=[*recording.orders, (2.5, 2, 2)])
+    assert shifts(twice) == shifts(recording)
+
+
 def test_two_shifts_do_not_see_each_other():
     """Up and, 2 s later, down; what is found of the first ends with the second order."""
     up, down = UP.channels(), DOWN.channels()

@@ -9,8 +9,10 @@ import pytest
 from rig_nodes.analysis.engagement import KEYS as ENGAGEMENT_KEYS
 from rig_nodes.analysis.metrics import KEYS
 from rig_nodes.analysis.uncertainty import (
-    INSTRUMENTS, Instrument, coast_down_uncertainty, engagement_uncertainty, temperature_error, uncertainty,
+    INSTRUMENTS, Instrument, coast_down_uncertainty, engagement_uncertainty, instruments_of, temperature_error,
+    uncertainty,
 )
+from rig_nodes.testbench.configuration import load_rig
 
 ROW = dict.fromkeys(KEYS) | dict(
     from_gear=1, to_gear=2, n_wej_rpm=1500.0, m_wyj_nm=80.0, t_dt_s=0.37, t_p_s=0.10, t_c_s=0.65, t_o_s=0.14,
@@ -56,11 +58,35 @@ def test_better_instruments_give_smaller_errors_only_where_they_count():
     assert better["k"] == plain["k"] and better["t_p_s"] == plain["t_p_s"]
 
 
+def test_errors_are_those_of_the_rigs_own_instruments():
+    configuration = load_rig("hydmag").as_dict()
+    of_the_rig = {name: instrument.error for name, instrument in instruments_of(configuration).items()}
+    assert of_the_rig["torque"] == pytest.approx(1.01) and of_the_rig["p2"] == pytest.approx(0.0625e6)
+    assert of_the_rig["speed"] == pytest.approx(2 * math.pi / 60)  # 1 rpm, which the table rounds to 0.017 rev/s
+    coarse = load_rig("hydmag", {"instruments.torque_class": "2 %", "instruments.speed_step": "3 rpm"}).as_dict()
+    found = uncertainty(ROW, instruments_of(coarse))
+    assert found["m_wyj_nm"] == pytest.approx(10.01) and found["n_wej_rpm"] == pytest.approx(3.0)
+    # true values: what is left is a sample and half the filter, at each end
+    true = uncertainty(ROW, instruments_of(load_rig("hydmag", {"effects.transducers": "off"}).as_dict()))
+    assert true["m_wyj_nm"] == true["k"] == 0.0
+    assert true["t_dt_s"] == pytest.approx(2.2e-3) and true["t_c_s"] == pytest.approx(1.1e-3)
+    assert instruments_of({}) == INSTRUMENTS
+
+
+def test_a_sample_of_a_slower_logger_counts_as_such():
+    by_default, slow = uncertainty(ROW), uncertainty(ROW, period=10e-3)
+    assert slow["t_c_s"] - by_default["t_c_s"] == pytest.approx(9.9e-3)
+    assert slow["t_p_s"] - by_default["t_p_s"] == pytest.approx(19.8e-3)
+    assert slow["m_wej_max_nm"] == pytest.approx(1.01 + 264 * 5 / 45)  # half a sample of a rise in 45 ms
+
+
 def test_what_is_missing_has_no_error():
     assert uncertainty(dict.fromkeys(KEYS) | {"from_gear": 1, "to_gear": 2}) == {}
     half = uncertainty(ROW | {"t_p_s": None, "k": None, "e_loss_settled_j": None})
     assert {"t_p_s", "k", "t_dt_s", "e_loss_j", "e_loss_settled_j"}.isdisjoint(half)
     assert half["m_wej_max_nm"] > 1.01
+    # an output that stood still: n_wyj / n_wej is wrong by the encoder's 1.02 rpm, times i1
+    assert uncertainty(ROW | {"n_wyj_min_rpm": 0.0, "k": 0.0})["k"] == pytest.approx(47 / 34 * 1.02 / 1500, rel=1e-3)
     neutral = uncertainty(ROW | {"from_gear": 0, "k": None, "overlap_s": None})
     assert "k" not in neutral and neutral["t_dt_s"] > 0.0
     assert all(math.isfinite(value) for value in neutral.values())

@@ -102,6 +102,7 @@ def test_the_first_command_says_at_which_level_a_rig_is_driven(config, level):
             rig.set_command(level, sample, [0.2, 0.0, 0.0], [0.3, 0.0, 0.0], 1, False, 0)
     assert untold.level == told.level and untold.state_hash() == told.state_hash()
     assert (untold.duty.any(), untold.measurement("I_zr_p1") > 0.01) == (level == 0, True)
+    untold.trip("somebody says so")
     untold.reset()
     untold.advance_samples(1)
     with pytest.raises(RigError, match=f"level '{told.level}', found one at .*stays until its end"):
@@ -121,6 +122,40 @@ def test_silence_ends_in_the_safe_state_at_level_current_too(config):
     assert rig.status == RigStatus.STARTING and rig.measurement("I_zr_p1") < 0.005, (
         "the old setpoint is forgotten"
     )
+
+
+@pytest.mark.parametrize("spec", ["alfa46", f"{PYTHON}@current"])
+def test_after_a_reset_a_clutch_is_clamped_only_when_it_is_ordered_anew(config, spec):
+    plug = load_controller(spec, config.alfa46)
+    rig = Rig(config, controller="external", level=plug.level)
+    rig.set_oil(4e6, True)
+
+    def moved(samples):
+        for _ in range(samples):
+            advance_with(rig, plug)
+        return rig.status, bool(rig.measurement("I_zr_p1") > 0.3), bool(rig.measurement("p1") > 1.5e6)
+
+    moved(1)
+    plug.order(1)
+    assert moved(1000) == (RigStatus.READY, True, True)
+    rig.e_stop()
+    moved(300)
+    rig.reset()
+    assert moved(500) == (RigStatus.STARTING, False, False), "a controller that has not heard of it asks in vain"
+    plug.let_go()
+    assert moved(1500) == (RigStatus.READY, False, False) and plug.gear == 0  # the release takes 1.25 s
+    plug.order(1)
+    assert moved(1000) == (RigStatus.READY, True, True)
+    # in the middle of a shift
+    plug.order(2)
+    moved(100)
+    rig.e_stop()
+    plug.let_go()
+    moved(5)
+    rig.reset()
+    moved(3000)
+    assert rig.status == RigStatus.READY and rig.cylinders["static"].tolist() == [0.0, 0.0] and not plug.shifting
+    plug.close()
 
 
 def test_an_output_at_zero_is_off_unless_its_flag_holds_it(config):
@@ -260,6 +295,32 @@ def test_the_command_refuses_before_it_makes_a_folder(tmp_path, capsys):
         said = capsys.readouterr()
         assert said.err.startswith("rig: controller ") and said.err.count("\n") == 1
     assert not (tmp_path / "run").exists()
+
+
+LAZY = """
+from rig_nodes.controllers import ControllerOutputs
+
+class Lazy:
+    def initialize(self, info):
+        pass
+
+    def step(self, inputs):
+        return ControllerOutputs((0.0, 0.0, 0.0), gear=inputs.gear_request)
+
+    def terminate(self):
+        pass
+"""
+
+
+def test_a_controller_that_only_says_that_it_shifts_fails_a_strict_run_and_no_other(tmp_path, capsys):
+    (tmp_path / "lazy.py").write_text(LAZY)
+    sequence = str(Path(__file__).parents[1] / "sweep" / "short.yaml")
+    run = ["simulate", sequence, "--controller", f"python:{tmp_path / 'lazy.py'}:Lazy", "--out"]
+    assert main([*run, str(tmp_path / "one")]) == 0
+    assert "is not valid" in capsys.readouterr().out
+    assert main([*run, str(tmp_path / "two"), "--strict"]) == 1
+    assert re.search(r"rig: --strict: (\d) of \1 shifts not valid; the report says why", capsys.readouterr().err)
+    assert main(["simulate", "sample", "--strict", "--out", str(tmp_path / "three")]) == 0
 
 
 # ---- the pages

@@ -63,6 +63,7 @@ class Client:
         self.node = rclpy.create_node("user", context=self.context)
         self.executor = EventsExecutor(context=self.context)
         self.executor.add_node(self.node)
+        self._services = {}
 
     def close(self):
         self.executor.remove_node(self.node)
@@ -95,7 +96,9 @@ class Client:
 
     def call(self, kind, name: str):
         """Response of a service."""
-        client = self.node.create_client(kind, name)
+        if name not in self._services:
+            self._services[name] = self.node.create_client(kind, name)
+        client = self._services[name]
         self.until(client.service_is_ready, name)
         asked = []
 

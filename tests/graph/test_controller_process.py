@@ -172,7 +172,8 @@ def test_in_real_time_a_controller_that_does_not_come_is_named_with_its_place(tm
 
 def test_ctrl_c_ends_the_waiting_in_lockstep_at_once(tmp_path, port):
     run = RigRun(tmp_path / "run", "--speed", "max", "--step-timeout", "none", "--controller", f"udp:{port}")
-    run.until(f"waiting for controller on udp {port}, 1 s")
+    run.until("all nodes are connected")
+    run.until(f"waiting for controller on udp {port}")
     run.ctrl_c()
     code, output = run.end()
     assert code == 130 and "interrupted by Ctrl-C" in output and "was killed" not in output

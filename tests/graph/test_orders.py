@@ -7,9 +7,13 @@ import signal
 import pytest
 from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rcl_interfaces.msg import Log
 from rig_msgs.action import RunSequence, Shift
-from rig_msgs.msg import RigState
+from rig_msgs.msg import RigState, Setpoint
 from running_graph import Client, Graph
+from std_srvs.srv import Trigger
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.graph.result import facts_of, lost_messages
@@ -27,9 +31,9 @@ steps:
 
 @pytest.fixture(scope="module", params=[None, 1.0], ids=["real time", "lockstep"])
 def graph(request, tmp_path_factory):
-    # a small pump, which reaches 500 Nm at no pressure that the rig takes
+    # a small pump, which reaches 500 Nm at rest with no setting that the rig takes: 59 MPa
     graph = Graph(tmp_path_factory.mktemp("graph") / "orders", speed=request.param,
-                  settings=["load_pump.displacement=20 cm3/rev"])
+                  settings=["load_pump.displacement=40 cm3/rev", "load_pump.pressure_limit=100 MPa"])
     yield graph
     graph.close()
 
@@ -139,16 +143,94 @@ def test_a_setpoint_that_the_rig_refuses_fails_the_sequence_at_once(user, tmp_pa
     goal = user.order(RunSequence, "/sequencer/run", RunSequence.Goal(name=str(path)))
     result = goal.result()
     assert goal.status == GoalStatus.STATUS_ABORTED and result.steps_done == 0
-    assert "much.yaml:3: load_pressure of 1" in result.message and "expected 0 to 4e+07 Pa" in result.message
+    assert "much.yaml:3: load torque 500 Nm asks" in result.message and "expected 0 to 4e+07 Pa" in result.message
     step, failed = (told(user, "/sequencer/events", name) for name in ("step", "sequence_failed"))
     assert failed.stamp == step.stamp and failed.text == result.message
+
+
+def test_an_emergency_stop_takes_every_order_back(user):
+    """Whatever was clamped or ordered before: after the reset only a new order clamps a clutch."""
+    clutch, valve, motor = (user.listen(f"/{name}/state") for name in ("clutch_s1", "valve_zr_p1", "motor"))
+    said = []
+    user.node.create_subscription(Log, "/rosout", said.append, 100)
+    setters = {name: user.publisher(f"/{name}/command") for name in ("oil_supply", "motor")}
+
+    def set_to(name, value, reached):
+        def there():
+            setters[name].publish(Setpoint(value=value, enable=value > 0.0))
+            return reached()
+        user.until(there, f"{name} at {value}")
+
+    def order(gear):
+        return user.order(Shift, "/alfa46/shift", Shift.Goal(gear=gear))
+
+    def newest(messages):
+        seen = len(messages)
+        return user.until(lambda: len(messages) > seen + 2, "new messages") and messages[-1]
+
+    set_to("oil_supply", 4e6, lambda: True)
+    set_to("motor", 300.0 * RPM, lambda: user.states[-1].state == RigState.RUNNING)
+    # a rig that is not stopped is not reset
+    answer = user.call(Trigger, "/rig/reset")
+    assert not answer.success and answer.message == "the rig is not in its safe state; nothing done"
+    assert newest(motor).enabled and user.states[-1].state == RigState.RUNNING
+    assert order(1).result().success
+    user.until(lambda: clutch[-1].pressure > 1.5e6, "a clutch that is clamped")
+
+    running = order(2)
+    user.until(lambda: running.feedback, "feedback of the shift")
+    assert user.call(Trigger, "/rig/e_stop").success
+    result = running.result()
+    assert running.status == GoalStatus.STATUS_ABORTED and not result.success and result.gear == 0
+    assert result.message == "the rig is in its safe state: emergency stop; the shift to II was given up"
+    assert told(user, "/alfa46/events", "shift_aborted").text == result.message
+    refused = order(1)
+    assert refused.result().message == (
+        "shift refused: the rig is in its safe state (emergency stop); call /rig/reset first")
+    assert refused.status == GoalStatus.STATUS_ABORTED
+
+    assert user.call(Trigger, "/rig/reset").success
+    user.until(lambda: user.states[-1].state == RigState.READY, "a rig that is ready")
+    assert not newest(motor).enabled
+    before = len(valve), len(clutch)
+    user.until(lambda: len(valve) > before[0] + 100, "half a second more")
+    # what is left of coil and oil may still run down
+    assert max(state.current for state in valve[before[0] + 50:]) < 0.02
+    assert max(state.pressure for state in clutch[before[1] + 50:]) < 0.5e6
+    assert order(1).result().success
+    user.until(lambda: clutch[-1].pressure > 1.5e6, "a clutch that is ordered anew")
+
+    user.until(lambda: any(log.msg == "safe state left" for log in said), "the reset in /rosout")
+    assert [log.level for log in said if log.name == "rig" and log.msg == "safe state: emergency stop"] == [40]
+    assert order(0).result().success
+    set_to("oil_supply", 0.0, lambda: True)
+
+
+def test_a_stamp_of_the_wall_clock_is_logged_when_it_came(graph, user):
+    """As from a node that stamps with its own clock and never heard of simulated time."""
+    health = []
+    user.node.create_subscription(DiagnosticArray, "/diagnostics", lambda m: health.extend(m.status), 100)
+    publisher = user.publisher("/oil_supply/command")
+    publisher.publish(Setpoint(stamp=Time(sec=1_790_000_000), value=3e6, enable=False))
+    status = user.until(lambda: [s for s in health if s.name == "rig/recorder" and s.level == DiagnosticStatus.WARN],
+                        "a warning of the recorder")[0]
+    assert "/oil_supply/command" in status.message and "use_sim_time" in status.message
+    publisher.publish(Setpoint(value=2e6, enable=False))
+    seen = len(user.states)
+    user.until(lambda: len(user.states) > seen + 40, "the rig going on")
 
 
 def test_all_of_it_stands_in_the_bag(graph, user):
     """Last of the file: ends the graph."""
     assert graph.close().state == "interrupted"
     bag = Bag(graph.folder)
-    assert lost_messages(bag, facts_of(graph.folder)) == {}
+    facts = facts_of(graph.folder)
+    assert lost_messages(bag, facts) == {} and facts["recorder"]["ahead"] == {"/oil_supply/command": 1}
+    end = max(time for time, *_ in bag.timeline()) * 1e-9
+    assert end == pytest.approx(facts["container"]["time_s"], abs=0.01), "no message is of another clock"
+    at = {message.value: time * 1e-9 for time, message in bag.messages("/oil_supply/command")}
+    assert end - 20.0 < at[3e6] <= at[2e6] <= end
+    assert bag.events()[-1][3] == "the rig was ended by hand"
     names = [name for _, _, name, *_ in bag.events()]
     assert names.count("sequence_cancelled") == 2
     assert names.count("cancel_refused") == names.count("shift_withdrawn") == 1

@@ -73,6 +73,14 @@ def test_the_command_goes_on_and_says_so(tmp_path, capsys):
     assert "leave out --seed" in capsys.readouterr().err
 
 
+def test_a_sweep_of_which_nothing_came_to_its_end_says_so_by_its_exit_code_too(tmp_path, capsys):
+    arguments = ["sweep", SHORT, "--jobs", "1", "--out", str(tmp_path / "sweep"), "--vary"]
+    assert main([*arguments, "alfa46.current_limit=100 mA, 200 mA"]) == 1  # below the profiles' 740 mA
+    said = capsys.readouterr()
+    assert "none of the 2 members came to its end" in said.err
+    assert "setting alfa46.current_limit=100.0 mA: alfa46.output_1.P1 asks for 160 mA" in said.out
+
+
 @pytest.mark.parametrize("arguments, sentence", [
     ([], "a sweep needs something to vary"),
     (["--vary", "rest=1 rpm"], "rest"),

@@ -177,6 +177,8 @@ def test_the_safe_state_lets_the_pack_go_until_reset():
     assert rig.state["clamp"][0] == 0.0 and abs(rig.v[kernel.SHAFT]) < 1e-6 and rig.reason == "emergency stop"
     rig.reset()
     assert rig.status.name == "READY"
+    with pytest.raises(RigError, match="nothing done"):
+        rig.reset()
 
 
 def test_a_transducer_that_is_not_fitted_shows_nothing():

@@ -6,9 +6,12 @@ import math
 import numpy as np
 import pytest
 
+from rig_nodes.controllers import load_controller
+from rig_nodes.errors import RigError
 from rig_nodes.plant import kernel
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
+from rig_nodes.testbench.simulate import advance_with
 
 RPM = math.pi / 30.0
 SPEED = 1200 * RPM
@@ -87,13 +90,37 @@ def largest(difference):
 # ---- what an effect is about: (with it, without it)
 
 def current_follows_the_setpoint(on, off):
-    assert largest(off.current - off.setpoint) == 0.0
-    assert largest(on.current - on.setpoint) > 10e-3
+    """That of the sample before, as every answer acts one sample later."""
+    assert largest(off.current[1:] - off.setpoint[:-1]) == 0.0
+    assert largest(on.current[1:] - on.setpoint[:-1]) > 10e-3
+
+
+def test_without_the_current_loop_setpoints_act_alike_from_inside_and_outside_and_a_duty_is_refused(noiseless):
+    config = noiseless(load_rig("hydmag", {"effects.current_loop": "off"}))
+    inside, box = Rig(config), load_controller("alfa46@current", config.alfa46)
+    outside = Rig(config, controller="external", level=None)
+    for rig in (inside, outside):
+        rig.set_oil(4e6, True)
+    with pytest.raises(RigError, match="current_loop=off makes the coil current its setpoint.*--level current"):
+        outside.set_duty(0, (0.5, 0.0, 0.0), (0.3, 0.0, 0.0), 1, True)
+    with pytest.raises(RigError, match="current_loop=off"):
+        Rig(config, controller="external", level="duty")
+    inside.order_gear(1)
+    box.order(1)
+    for _ in range(400):
+        inside.advance_samples(1)
+        advance_with(outside, box)
+    assert inside.valves["current"][0] > 0.2 and inside.measurement("p1") > 1e6
+    assert outside.valves["current"][0] == inside.valves["current"][0]
+    assert outside.measurement("p1") == inside.measurement("p1")
 
 
 def speed_stays(on, off):
     assert largest(off.n_wej - SPEED) < 1e-3 * RPM
     assert largest(on.n_wej - SPEED) > 5 * RPM
+    # what holds it is in no account: the work is that of the same test with the drive, the balance closes
+    assert off.energy["motor"] == pytest.approx(on.energy["motor"], rel=0.03)
+    assert abs(off.energy["residual"]) < 1e-6 * off.energy["motor"]
 
 
 def no_loss_by_torque(on, off):

@@ -87,6 +87,41 @@ def test_e_stop_beats_commands_until_reset(config):
     assert rig.status == RigStatus.STARTING
     rig.advance(0.05)
     assert rig.plant["motor_torque"][0] == 0.0, "a setting made while stopped must not start the motor"
+    # as a controller that never heard of the stop: what it held is not given back by the reset
+    for _ in range(200):
+        rig.set_duty(rig.sample, [0.5, 0.0, 0.0], [0.5, 0.0, 0.0], 1, False)
+        rig.advance_samples(1)
+    assert rig.status == RigStatus.STARTING and rig.measurement("I_zr_p1") < 0.005
+    rig.set_duty(rig.sample, [0.0] * 3, [0.0] * 3, 0, False)
+    assert rig.status == RigStatus.READY, "it has been in neutral"
+    for _ in range(200):
+        rig.advance_samples(1)
+        rig.set_duty(rig.sample, [0.5, 0.0, 0.0], [0.5, 0.0, 0.0], 1, False)
+    assert rig.measurement("I_zr_p1") > 0.4, "ordered anew"
+
+
+def test_a_reset_of_a_rig_that_is_not_stopped_changes_nothing(config):
+    rig = external(config)
+    before = rig.state_hash()
+    with pytest.raises(RigError, match="not in its safe state; nothing done"):
+        rig.reset()
+    assert rig.state_hash() == before and rig.status == RigStatus.RUNNING
+
+
+def test_the_embedded_controller_begins_in_neutral_after_a_reset(config):
+    rig = Rig(config)
+    rig.set_oil(4e6, True)
+    rig.order_gear(1)
+    rig.advance(1.0)
+    assert rig.clutch_mode(0) == 2 and rig.measurement("p1") > 1.5e6
+    rig.e_stop()
+    rig.advance(1.0)
+    rig.reset()
+    rig.advance(1.0)
+    assert rig.gear == 0 and rig.measurement("I_zr_p1") < 0.005 and rig.clutch_mode(0) == 0
+    rig.order_gear(1)
+    rig.advance(1.0)
+    assert rig.clutch_mode(0) == 2 and rig.measurement("p1") > 1.5e6
 
 
 @pytest.mark.parametrize("duty, sentence", [

@@ -195,7 +195,7 @@ def test_series_are_chosen_by_label_and_by_number():
     ('{m_wyj: "${m_wyj}", valve', '{m_wej: "${m_wyj}", valve', r"loads\.yaml:8: unknown condition 'm_wej'"),
     ("valve: ZR-P1", "valve: ZR-P3", r"valve is 'ZR-P3', expected ZR-P1, ZR-P2"),
     ("series: 3", "series: three", r"series is 'three', expected a whole number"),
-    ("[10 Nm, 20 Nm]", "[10 rpm, 20 rpm]", r"is a angular velocity, expected a torque"),
+    ("[10 Nm, 20 Nm]", "[10 rpm, 20 rpm]", r"is an angular velocity, expected a torque"),
     ("grid: {m_wyj: [10 Nm, 20 Nm]}", "table: no.csv", r"loads\.yaml:6: table: .*no\.csv cannot be read"),
     ("grid: {m_wyj: [10 Nm, 20 Nm]}", "table: bad.csv", r"bad\.csv needs a heading and rows"),
 ])

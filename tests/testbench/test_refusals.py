@@ -1,6 +1,7 @@
 """Bad configuration and sequences: one sentence with file and line, exit code 2, nothing written."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -8,6 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from rig_nodes.cli.main import main
 from rig_nodes.config import CONFIG_DIR
 from rig_nodes.config.names import find_config
 from rig_nodes.errors import RigError
@@ -29,7 +31,7 @@ def changed(text, old, new):
 @pytest.mark.parametrize("old, new, sentence", [
     ("ready: {timeout: 20 s}", "redy: {timeout: 20 s}", r"seq\.yaml:\d+: unknown key 'redy'.*did you mean 'ready'"),
     ("  - oil: {pressure: 4 MPa}", "  - oil: {pressure: 4 MPa, pressure: 5 MPa}", r"seq\.yaml:\d+:.*duplicate key"),
-    ("speed: 1500 rpm", "speed: 1500 Nm", r"seq\.yaml:\d+:.*is a torque, expected a angular velocity"),
+    ("speed: 1500 rpm", "speed: 1500 Nm", r"seq\.yaml:\d+:.*is a torque, expected an angular velocity"),
     ("speed: 1500 rpm", "speed: 1500", r"seq\.yaml:\d+:.*write a number with its unit"),
     ("speed: 1500 rpm", "speed: 1500 rmp", r"unknown unit 'rmp'"),
     ("speed: 1500 rpm", "speed: -1500 rpm", "the rig takes 0 to 314.2"),
@@ -77,12 +79,55 @@ def test_controller_settings_are_refused(tmp_path, old, new, sentence):
     ("valve_zr_p2: 2}", "valve_zr_p2: 1}", "both valves the same output"),
     ("valve_zr_p2: 2}", "valve_zr_p2: 4}", "expected output 1 to 3"),
     ("surfaces: [12 -", "surfaces: [0 -", "outside 1 to 40"),
+    ("inertia_in: [0.709 kg m2", "inertia_in: [0.709 kg", "unknown unit 'kg'; an inertia takes kg m2"),
 ])
 def test_rig_is_refused(tmp_path, old, new, sentence):
     path = tmp_path / "rig.yaml"
     path.write_text(changed(RIG, old, new))
     with pytest.raises(RigError, match=sentence):
         load_rig(path)
+
+
+TOGETHER = [
+    ("gearbox", "inertia_in_gearbox", "0.9 kg m2", "is 0.9, expected at most the 0.709 of gearbox.inertia_in"),
+    # 0.1273 kg m2 on the z5 axis is 0.1273 * 1.025^2 = 0.1337 on wk
+    ("gearbox", "inertia_pump", "0.134 kg m2", "is 0.134, expected at most the 0.1337 of gearbox.inertia_out_z5"),
+    ("plate_pack", "friction_kinetic", "0.31 -", "is 0.31, expected at most the 0.3 of plate_pack.friction_static"),
+]
+
+
+@pytest.mark.parametrize("part, name, text, sentence", TOGETHER)
+def test_values_that_cannot_be_true_together_are_refused_wherever_they_stand(tmp_path, part, name, text, sentence):
+    with pytest.raises(RigError, match=f"^setting {part}.{name}={text}: {part}.{name} {sentence}"):
+        load_rig("hydmag", {f"{part}.{name}": text})
+    path = tmp_path / "rig.yaml"
+    path.write_text(re.sub(rf"^  {name}: \[[^,]*", f"  {name}: [{text}", RIG, count=1, flags=re.MULTILINE))
+    line = next(k for k, row in enumerate(path.read_text().splitlines(), 1) if text in row)
+    with pytest.raises(RigError, match=rf"rig\.yaml:{line}: {part}.{name} {sentence}"):
+        load_rig(path)
+    path.write_text(f'description: "x"\nbase: hydmag\n{part}:\n  {name}: [{text}, "x"]\n')
+    with pytest.raises(RigError, match=rf"rig\.yaml:4: {part}.{name} {sentence}"):
+        load_rig(path)
+
+
+def test_settings_are_held_together_when_all_have_been_taken():
+    heavy = load_rig("hydmag", {"gearbox.inertia_in_gearbox": "0.9 kg m2", "gearbox.inertia_in": "1 kg m2"})
+    assert heavy.gearbox.inertia_in_gearbox == 0.9 and load_rig("hydmag", {"gearbox.inertia_pump": "0.1337 kg m2"})
+    with pytest.raises(RigError, match="setting gearbox.inertia_in=0.05 kg m2: gearbox.inertia_in_gearbox is 0.0544"):
+        load_rig("hydmag", {"gearbox.inertia_in": "0.05 kg m2"})
+    with pytest.raises(RigError, match="setting plate_pack.friction_kinetic=0.2 -: .* at most the 0.12 of"):
+        load_rig("clutch_bench", {"plate_pack.friction_kinetic": "0.2 -"})
+
+
+def test_a_current_limit_below_the_profiles_is_refused(tmp_path):
+    sentence = "^setting alfa46.current_limit=100 mA: alfa46.output_1.P1 asks for 160 mA; the valve takes 0 to 100 mA"
+    with pytest.raises(RigError, match=sentence):
+        load_rig("hydmag", {"alfa46.current_limit": "100 mA"})
+    path = tmp_path / "rig.yaml"
+    path.write_text('description: "x"\nbase: hydmag\ncontroller_values:\n  current_limit: [700 mA, "x"]\n')
+    with pytest.raises(RigError, match=r"rig\.yaml:4: alfa46.output_1.P3 asks for 740 mA; the valve takes 0 to 700 mA"):
+        load_rig(path)
+    assert load_rig("hydmag", {"alfa46.current_limit": "740 mA"}).alfa46.values.current_limit == 0.74
 
 
 def test_an_empty_file_is_called_empty(tmp_path):
@@ -112,6 +157,8 @@ def rig_command(*arguments, cwd):
     (["demo", "--set", "alfa46.t12=200 mA"], "is a current, expected a time"),
     (["demo", "--rig", "other"], "there is no rig 'other'"),
     (["demo", "--seed", "99999999999999999999999"], "expected a whole number from 0"),
+    (["demo", "--set", "load_pump.displacement=1 cm3/rev"],
+     "demo.yaml:12: load torque 80 Nm: the load pump holds at most 4.479 Nm"),  # 25 MPa * 1 cm3 / 2 pi + 0.5 Nm
     (["demo", "--out", "full"], "exists and is not an empty folder"),
 ])
 def test_the_command_line_says_one_sentence_and_ends_with_2(tmp_path, verb, arguments, sentence):
@@ -121,6 +168,22 @@ def test_the_command_line_says_one_sentence_and_ends_with_2(tmp_path, verb, argu
     assert done.returncode == 2
     assert sentence in done.stderr and len(done.stderr.strip().splitlines()) == 1
     assert sorted(p.name for p in tmp_path.rglob("*")) == ["full", "mine.txt"], "nothing half-written"
+
+
+@pytest.mark.parametrize("arguments, before", [
+    (["simulate", "demo", "--controller", ""], "--controller"), (["run", "demo", "--rig="], "--rig"),
+    (["controller", "check", " "], "check"), (["simulate", ""], "rig simulate"),
+    (["sweep", "demo", "--vary", "", "--out", "x"], "--vary"),
+])
+def test_an_empty_argument_stands_for_no_default(arguments, before, capsys):
+    assert main(arguments) == 2
+    assert f"what follows '{before}' is empty" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("rig", ["hydmag", "clutch_bench"])
+def test_the_kernels_step_is_named_as_in_the_file(rig):
+    with pytest.raises(RigError, match="^setting step=50 us: there is no such value; did you mean kernel.step\\? known are"):
+        load_rig(rig, {"step": "50 us"})
 
 
 def test_ctrl_c_is_answered_by_one_sentence_even_before_the_command_has_begun(tmp_path):
@@ -202,7 +265,8 @@ def test_repeats_and_refused_orders(tmp_path):
         runner(tmp_path, "[{shift: {to: II}}]", bench).poll(0.0)
 
 
-SMALL_PUMP = {"load_pump.displacement": "20 cm3/rev"}  # a torque that this pump reaches at no pressure the rig takes
+# this pump holds 637 Nm, but at rest 500 Nm need a setting of 499.5 Nm / (40 cm3 / 2 pi) / 1.32 = 59.4 MPa
+SMALL_PUMP = {"load_pump.displacement": "40 cm3/rev", "load_pump.pressure_limit": "100 MPa"}
 
 
 def test_a_setpoint_that_the_rig_refuses_fails_the_sequence_at_once(tmp_path):
@@ -210,7 +274,8 @@ def test_a_setpoint_that_the_rig_refuses_fails_the_sequence_at_once(tmp_path):
     path.write_text("description: x\nsteps:\n  - load: {torque: 500 Nm}\n  - wait: {for: 30 s}\n")
     run = simulate(load_rig("hydmag", SMALL_PUMP), load_sequence(path), tmp_path / "run")
     assert run["end"]["state"] == "failed" and run["duration_s"] < 0.1
-    assert "s.yaml:3: load_pressure of 1" in run["end"]["reason"] and "expected 0 to 4e+07 Pa" in run["end"]["reason"]
+    assert "s.yaml:3: load torque 500 Nm asks the relief valve, at this speed, for too much: load_pressure of 5.94" in (
+        run["end"]["reason"]) and "expected 0 to 4e+07 Pa" in run["end"]["reason"]
 
 
 class FakeOutputs:

@@ -71,9 +71,15 @@ def shift_up(rig):
 
 def test_a_constant_input_speed_stays_and_bounds_the_output_whatever_the_shift_asks_for(tmp_path):
     """Between the clutches 100 rad/s drive the output with those of gear I until it has those of gear II; free, it stops."""
-    driving, driven = shift_up(Rig(load_rig("chapter9")))
+    rig = Rig(load_rig("chapter9"))
+    driving, driven = shift_up(rig)
     assert driving == pytest.approx([100.0] * 600, abs=0.01)
     assert min(driven) == pytest.approx(driven[0], rel=1e-4) and max(driven) == pytest.approx(driven[-1], rel=1e-4)
+    # the motor's torque is what the gearbox takes at 100 rad/s, the open S1's drag included, and its work is that of it
+    torque, before = float(rig.plant["motor_torque"][0]), rig.energy()["motor"]
+    assert torque == pytest.approx(float(rig.plant["m_wej"][0]) + rig.cylinders["drag"][0] * 34 / 47 * rig.slip(0), abs=1e-3)
+    rig.advance(0.1)
+    assert rig.energy()["motor"] - before == pytest.approx(torque * 100.0 * 0.1, rel=1e-3) and torque > 50.0
     path = tmp_path / "rig.yaml"
     path.write_text(CHAPTER9.replace("output_speed: bounded", "output_speed: free", 1))
     _, free = shift_up(Rig(load_rig(path)))

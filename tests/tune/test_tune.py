@@ -386,7 +386,7 @@ def test_the_thesis_range(config, tmp_path, capsys):
     (["--objectives", "peak,noise"], "there is no 'noise'"),
     (["--speeds", "1000 rpm"], "expected \"LOW .. HIGH\""),
     (["--load-up", "120 Nm .. 40 Nm"], "must rise"),
-    (["--bound", "peak=300 rpm"], "is a angular velocity, expected a torque"),
+    (["--bound", "peak=300 rpm"], "is an angular velocity, expected a torque"),
     (["--bound", "peak=0 Nm"], "--bound peak=0 Nm: expected more than 0"),
     (["--bound", "jerk=nan rad/s3"], "--bound jerk=nan rad/s3: expected more than 0"),
     (["--bound", "dip=-1 %"], "--bound dip=-1 %: expected 0 or more"),

@@ -273,6 +273,7 @@ def test_numbers_are_si_and_keep_the_laboratorys_unit(tmp_path):
     ("- [0.4, 0.6, [0]]", "- [0.4, 0.6]", r"fall.pieces has .*, expected \[from, to, \[coefficients\]\]"),
     ("  printed: 6 Nm\n  high: 6 Nm\n", "",
      "apart.to has nothing to be judged by; expected low, high or both"),
+    ("  fixed: [n_wej]", "  fixed: [n_wej]\n  inside: many", "falls.inside is 'many', expected one of all, most"),
     ("absolute: true", "absolute: maybe", "apart.absolute is 'maybe', expected true"),
     ("    falls: One", "    fall_s: One", r":\d+: peak.conflicts names 'fall_s', which is no row"),
     ("    falls: One", "    peak: One", "peak.conflicts names the row itself"),

@@ -61,6 +61,12 @@ class Alfa46:
         law.law_step(sample, self._currents, self._config[0], self._profiles, self._outputs, self._state[0])
         return self._outputs["duty"], self._outputs["setpoint"]
 
+    def let_go(self) -> None:
+        """Neutral at once, without the falling halves of the profiles: the rig has tripped and drives no coil."""
+        self._outputs[:] = np.zeros(1, law.LAW_OUTPUT)
+        self._state["gear"], self._state["shift_end"] = law.NEUTRAL, 0
+        self._ordered = None
+
     def outputs_in_shift(self) -> np.ndarray:
         """Which outputs the running shift moves (3,); none between shifts."""
         moved = (self._outputs["pending"] != law.OFF) | (self._outputs["phase"] == law.FALLING)

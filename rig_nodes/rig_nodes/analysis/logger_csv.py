@@ -65,7 +65,13 @@ def parse_orders(text: str) -> list[tuple[float, int, int]]:
         if match is None or match[2] not in GEARS or match[3] not in GEARS:
             raise RigError(f"--orders: '{part.strip()}' is no order; write the time in s and the gears, e.g. "
                            "'3.845:I-II, 8.32:II-I' (0 is neutral)")
-        orders.append((float(match[1]), GEARS[match[2]], GEARS[match[3]]))
+        order = float(match[1]), GEARS[match[2]], GEARS[match[3]]
+        if order[1] == order[2]:
+            raise RigError(f"--orders: '{part.strip()}' orders the gear that is in; write another after the '-', e.g. "
+                           "'3.845:I-II'")
+        if any(order[0] == other[0] for other in orders):
+            raise RigError(f"--orders: two orders at {order[0]:g} s; only one gear can be ordered at a time")
+        orders.append(order)
     if not orders:
         raise RigError("--orders is empty; write e.g. '3.845:I-II, 8.32:II-I'")
     return sorted(orders)

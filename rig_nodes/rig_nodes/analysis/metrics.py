@@ -48,7 +48,7 @@ TORQUE_SPEED_MEAN = 2e-3  # s
 HOLD = 20e-3  # s for which the mean slip must stay within the threshold
 SLIP_UP, SLIP_DOWN = 0.05e-2, 0.1e-2  # thesis 7.1.5
 SLIP_INSTRUMENT_LIMIT = 0.3e-2
-SLIP_OLD_GEAR = 1e-2  # above it the old gear is taken as not engaged
+SLIP_OLD_GEAR = 1e-2  # above it a gear is taken as not engaged before an order
 DIP = 0.05  # the minimum counts as a dip below 0.95 n_wej / i1 (Annex A)
 DIP_SEARCH = 2.0  # s in which Annex A looks for the minimum of a downshift
 # Annex A leaves its factor open; 2 Nm is twice the torque meter's largest error
@@ -100,7 +100,7 @@ def shifts(recording: Recording, inertias: Inertias = Inertias()) -> list[dict]:
 
 def orders_of(recording: Recording) -> list[tuple[tuple[float, int, int], float | None]]:
     """The orders that are shifts, each with the time of the order after it (None for the last)."""
-    orders = sorted(recording.orders)
+    orders = sorted(order for order in recording.orders if order[1] != order[2])  # the same again is no shift
     ends = [order[0] for order in orders[1:]] + [None]
     return [(order, end) for order, end in zip(orders, ends)
             if order[2] in RATIO and not (order[1] == 0 and _stands(recording, order[0]))]
@@ -184,11 +184,16 @@ class _Shift:
         """Put every metric that can be found into ``row``, and a reason for every one that cannot."""
         row["n_wej_rpm"] = self.before("n_wej") * RPM
         row["m_wyj_nm"] = self.before("M_wyj")
+        if self.was_in():
+            return
         old_slip = self.check_old_gear()
         row["overlap_s"] = self.overlap()
         start = self.pressure_start()
         end = self.slip_end(start)
         if end is None:
+            return
+        if end < self.order:
+            self.why.append(f"the speeds were those of gear {ROMAN[self.to_gear]} before it was ordered")
             return
         row["t_c_s"] = (end - self.order) * self.period
         departure = self.speed_departure(old_slip)
@@ -210,6 +215,19 @@ class _Shift:
         row["e_loss_j"] = self.energy_loss(first, end, inertias)
         if settled is not None:
             row["e_loss_settled_j"] = self.energy_loss(first, settled, inertias)
+
+    def was_in(self) -> bool:
+        """A gear was in where one was ordered from neutral, which is a reason."""
+        if self.from_gear in RATIO:
+            return False
+        for gear in RATIO:
+            mean = abs(float(np.mean(self.slip(gear, self.raw)[: self.order])))
+            # the output may coast at the ratio of the gear that is not ordered
+            if mean <= SLIP_OLD_GEAR and (gear == self.to_gear or self.before(PRESSURE[gear]) > KISS[gear]):
+                self.why.append(f"gear {ROMAN[gear]} was in when {ROMAN[self.to_gear]} was ordered from neutral "
+                                f"(slip {100.0 * mean:.1f} %)")
+                return True
+        return False
 
     def check_old_gear(self) -> float | None:
         """Mean slip of the old gear before the order; None, with the reason, when that gear was not in."""

@@ -19,9 +19,9 @@ from ..errors import RigError
 from .annex_a import shifts_annex_a
 from .comparison import annex_lines, truth_lines
 from .energy import balance, energies_of
-from .metrics import LONGEST, Inertias, Recording, shifts
+from .metrics import Inertias, Recording, shifts
 from .truth import states_of, truth_of
-from .uncertainty import uncertainty
+from .uncertainty import Instrument, instruments_of, uncertainty
 
 GEAR = {0: "0", 1: "I", 2: "II"}
 REPORT_FILE = "report.json"
@@ -41,16 +41,17 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
     """The report of a bag: ``{"run", "shifts": [...], "energy": {"run", "shifts": [...]}, "uncertainty": [...]}``.
 
     bag: an open :class:`rig_nodes.bags.reader.Bag`. run: what only the runner knows (:data:`RUN_KEYS`; absent
-    ones become None, ``lost`` is then counted from the bag's gaps). The inertias are those of its configuration.
+    ones become None, ``lost`` is then counted from the gaps of a whole bag). Inertias and instruments are those of its
+    configuration.
     ``uncertainty`` holds for each shift the largest error of each of its metrics. annex_a: the factor of Annex A's
     torque band; adds ``"annex_a": {"factor": ..., "shifts": [...]}``. truth: adds ``"truth"``, for each shift what the
     plant's states say, None where the bag does not hold them.
 
     A run of the clutch bench has no shifts; its results stand under ``"bench"`` (analysis.bench_report).
 
-    The energy of a shift is taken from its order until its torque has settled. A bag that is too damaged or
-    too short for a part leaves that part empty (or a shift's energy None) and its sentence in
-    ``run["problems"]``; numbers that are missing are None, never NaN.
+    The energy of a shift is taken from its order until its torque has settled, None where that was not found. A
+    bag that is too damaged or too short for a part leaves that part empty (or a shift's energy None) and its
+    sentence in ``run["problems"]``; numbers that are missing are None, never NaN.
     """
     if not bag.began:
         return _assembled(_run_data(bag, run), [NOTHING], {"shifts": [], "uncertainty": []},
@@ -63,18 +64,20 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
         return _assembled(_run_data(bag, run), problems, {"shifts": [], "uncertainty": []},
                           {"run": None, "shifts": []}) | {"bench": plain(found)}
     recording, inertias = None, inertias_of(run)
+    instruments = instruments_of(run.get("configuration") or {})
     try:
         recording = recording_of(bag)
     except RigError as error:
         problems.append(f"no shift metrics: {error}")
-    metrics = _metrics(recording, inertias, annex_a, problems)
+    metrics = _metrics(recording, inertias, instruments, annex_a, problems)
     rows = metrics["shifts"]
     energy = {"run": None, "shifts": [None] * len(rows)}
     try:
         energies = energies_of(bag, inertias)
         energy["run"] = balance(energies, *_whole(energies))
         for i, row in enumerate(rows):
-            energy["shifts"][i] = balance(energies, *_window(row, rows[i + 1 :]))
+            if window := _window(row):
+                energy["shifts"][i] = balance(energies, *window)
     except RigError as error:
         problems.append(f"no energy balance: {error}")
     if truth:
@@ -83,31 +86,34 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
 
 
 def _run_data(bag, run: dict) -> dict:
-    """What the runner knows; lost messages are counted from the bag where it does not know them."""
+    """What the runner knows; where it knows no lost messages they are counted from the bag, if that is whole."""
     data = {key: run.get(key) for key in RUN_KEYS}
-    if data["lost"] is None:
+    if data["lost"] is None and not run.get("recovered"):
         data["lost"] = sum(bag.gaps().values())
     data.update((key, run[key]) for key in sorted(run) if key not in RUN_KEYS and key != "problems")
     return data
 
 
-def report_of_recording(recording: Recording, annex_a: float | None = None) -> dict:
+def report_of_recording(recording: Recording, annex_a: float | None = None, configuration: dict | None = None) -> dict:
     """The report of a recording that is no bag (a logger's CSV): as :func:`build_report`, without energy balance.
 
-    The inertias are the laboratory's; ``run`` knows nothing. Raises RigError for a recording without an order.
+    Inertias and instruments are those of ``configuration``, as a bag holds it, or the laboratory's; ``run`` knows
+    nothing. Raises RigError for a recording without an order.
     """
     if not recording.orders:
         raise RigError("the recording holds no order of a gear; give them with --orders, e.g. '3.845:I-II, 8.32:II-I'")
     problems: list[str] = []
-    metrics = _metrics(recording, Inertias(), annex_a, problems)
+    inertias, instruments = inertias_of({"configuration": configuration}), instruments_of(configuration or {})
+    metrics = _metrics(recording, inertias, instruments, annex_a, problems)
     energy = {"run": None, "shifts": [None] * len(metrics["shifts"])}
     return _assembled(dict.fromkeys(RUN_KEYS), problems, metrics, energy)
 
 
-def _metrics(recording: Recording | None, inertias: Inertias, annex_a: float | None, problems: list[str]) -> dict:
+def _metrics(recording: Recording | None, inertias: Inertias, instruments: dict[str, Instrument],
+             annex_a: float | None, problems: list[str]) -> dict:
     """Everything that comes from the logger's channels."""
     rows = [] if recording is None else shifts(recording, inertias)
-    found = {"shifts": rows, "uncertainty": [uncertainty(row, inertias=inertias) for row in rows]}
+    found = {"shifts": rows, "uncertainty": [uncertainty(row, instruments, inertias, recording.period) for row in rows]}
     if annex_a is not None and recording is not None:
         try:
             found["annex_a"] = {"factor": annex_a, "shifts": shifts_annex_a(recording, inertias, a=annex_a, b=annex_a)}
@@ -153,13 +159,11 @@ def _whole(energies) -> tuple[float, float]:
     return float(times[0]), float(times[-1])
 
 
-def _window(row: dict, later: list[dict]) -> tuple[float, float]:
-    """Order to settled torque; for a shift that did not get there, to the next order or the longest shift."""
-    start = row["t_order_s"]
-    if row["t_c_s"] and row["t_o_s"] is not None:
-        return start, start + row["t_c_s"] + row["t_o_s"]
-    end = start + LONGEST
-    return start, min(end, later[0]["t_order_s"]) if later else end
+def _window(row: dict) -> tuple[float, float] | None:
+    """Order to settled torque; None for a shift that did not get there."""
+    if not row["t_c_s"] or row["t_o_s"] is None:
+        return None
+    return row["t_order_s"], row["t_order_s"] + row["t_c_s"] + row["t_o_s"]
 
 
 def plain(value):
@@ -258,13 +262,24 @@ def _energy_lines(report: dict) -> list[str]:
     lines = []
     for row, account in zip(report["shifts"], report["energy"]["shifts"]):
         if account is None:
+            if _window(row) is None and report["energy"]["run"] is not None:
+                lines.append(f"energy {_gears(row)}: -, as no end of the shift was found")
             continue
         heat = account["heat_s1_j"] + account["heat_s2_j"]
         share = account["residual_of_heat"]
         share = "no clutch heat" if share is None else f"{100.0 * share:+.2f} % of it"
-        lines.append(f"energy {_gears(row)}: clutch heat {heat:.0f} J, "
+        gears = _gears(row) + ("" if row["valid"] else " (not valid)")
+        lines.append(f"energy {gears}: clutch heat {heat:.0f} J, "
                      f"unaccounted {account['residual_j']:+.2f} J ({share})")
+    if lines and _bounded(report["run"]):
+        lines.append("  output_speed is bounded: the speed is set between the gears' and not by a torque, which is not "
+                     "accounted")
     return lines
+
+
+def _bounded(run: dict) -> bool:
+    prescribed = (run.get("configuration") or {}).get("prescribed") or {}
+    return prescribed.get("output_speed") == "bounded"
 
 
 def _run_lines(run: dict) -> list[str]:
@@ -280,4 +295,6 @@ def _run_lines(run: dict) -> list[str]:
     end = run["end"]
     reason = end.get("reason") if isinstance(end, dict) else end
     lines.append(f"end: {reason or 'unknown'}")
+    if run.get("recovered"):
+        lines.append(f"bag: damaged; {run['recovered']}")
     return lines + [f"problem: {problem}" for problem in run.get("problems", [])]

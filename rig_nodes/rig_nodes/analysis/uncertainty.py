@@ -43,6 +43,22 @@ INSTRUMENTS = {
 }
 
 
+def instruments_of(configuration: dict) -> dict[str, Instrument]:
+    """Torque meter, p1, p2 and encoder [SI] of a rig, from its configuration as its bag holds it.
+
+    Range, class and the encoder's step are the rig's, 0.01 Nm of reading those of tab. 7.1; nothing is wrong with true
+    values (effects.transducers off). The table's where the configuration has no instruments.
+    """
+    fitted = configuration.get("instruments")
+    if fitted is None:
+        return INSTRUMENTS
+    if not (configuration.get("effects") or {}).get("transducers", True):
+        return dict.fromkeys(("torque", "p1", "p2", "speed"), Instrument(0.0, 0.0))
+    found = {name: Instrument(fitted[f"{name}_range"], 100.0 * fitted[f"{name}_class"], INSTRUMENTS[name].readability)
+             for name in ("torque", "p1", "p2")}
+    return found | {"speed": Instrument(fitted["speed_range"], 0.0, fitted["speed_step"])}
+
+
 def temperature_error(t_oil: float) -> float:
     """Largest error of the PT100 [K] at an oil temperature [degC], (7.2)."""
     return 0.3 + 0.005 * abs(t_oil)
@@ -56,7 +72,8 @@ def uncertainty(row: dict, instruments: dict[str, Instrument] | None = None, ine
     no standard deviations: all errors are taken at their largest and added (first order).
 
     * n_wej, M_wyj, lowest speed: the instrument's own. k: both speeds, relative errors added. Peak: the torque meter's,
-      and what a mean over 2 ms takes off a torque that rises to it in 45 ms and then breaks down (it only reads low).
+      and what a mean over 2 ms, or a slower logger's sample, takes off a torque that rises to it in 45 ms and then
+      breaks down (it only reads low).
     * Times: one sample period, half the filter (1 ms), and at each end the instrument's error by the slope of what
       crosses a threshold there. Slip ends with both encoders' resolution by the slip's rate, which is the change of
       ratio by t_p. The releasing pressure falls as chapter 9 fitted it; its error counts in full although a constant
@@ -68,10 +85,11 @@ def uncertainty(row: dict, instruments: dict[str, Instrument] | None = None, ine
     torque, speed = use["torque"].error, use["speed"].error
     found = {"n_wej_rpm": speed * RPM, "m_wyj_nm": torque, "n_wyj_min_rpm": speed * RPM}
     if row["m_wej_max_nm"] is not None:
-        found["m_wej_max_nm"] = torque + 0.5 * TORQUE_SPEED_MEAN * abs(row["m_wej_max_nm"]) / STEEP_RISE
+        found["m_wej_max_nm"] = torque + 0.5 * max(TORQUE_SPEED_MEAN, period) * abs(row["m_wej_max_nm"]) / STEEP_RISE
     w_in = None if row["n_wej_rpm"] is None else row["n_wej_rpm"] / RPM
     if row["k"] is not None:
-        found["k"] = row["k"] * speed * RPM * (1.0 / row["n_wyj_min_rpm"] + 1.0 / row["n_wej_rpm"])
+        # the lowest speed may be 0
+        found["k"] = RATIO[1] * speed * RPM / row["n_wej_rpm"] * (1.0 + abs(row["n_wyj_min_rpm"]) / row["n_wej_rpm"])
     if w_in:
         found |= _times(row, use, w_in, period)
         found |= _energies(row, found, torque, speed, w_in, inertias)

@@ -5,7 +5,6 @@ Used by the headless run and the recorder; the same calls give the same bytes.
 
 from __future__ import annotations
 
-import os
 import struct
 from contextlib import suppress
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from pathlib import Path
 from .. import __version__
 from ..catalogue import catalogue
 from ..errors import RigError
+from ..whole_file import write_whole
 from . import metadata
 from .cdr import exact
 from .definitions import Definition, installed
@@ -180,7 +180,5 @@ class BagWriter:
         self._writer.add_metadata("rosbag2", {"serialized_metadata": information})
         self._writer.finish()
         self._file.close()
-        # Written whole or not at all: a folder with metadata.yaml holds a finished bag.
-        part = self.folder / "metadata.yaml.part"
-        part.write_text(metadata.metadata_file(information), encoding="utf-8")
-        os.replace(part, self.folder / "metadata.yaml")
+        # whole or not at all: a folder with metadata.yaml holds a finished bag
+        write_whole(self.folder / "metadata.yaml", metadata.metadata_file(information))

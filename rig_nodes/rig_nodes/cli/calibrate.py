@@ -8,8 +8,8 @@ HELP = "find the rig's unknown parameters on the laboratory's rows"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--write", action="store_true", help="put what was found into config/rigs/hydmag.yaml and "
-                        "config/controllers/alfa46.yaml; without it nothing is changed")
+    parser.add_argument("--write", action="store_true", help="put what was found into rigs/hydmag.yaml and "
+                        "controllers/alfa46.yaml of rig_nodes/rig_nodes/config; without it nothing is changed")
     parser.add_argument("--json", metavar="FILE", help="write values, misses, sensitivities and spreads")
     parser.add_argument("--generations", type=int, default=120, metavar="N",
                         help="of the search over the bounds (default 120, some 10 min); 0: only from where the rig is, "

@@ -53,6 +53,14 @@ def usage() -> str:
                       "'rig VERB --help' says more about one of them."])
 
 
+def refuse_empty(verb: str, arguments: list[str]) -> None:
+    """RigError for an argument without text, most likely a shell variable that is not set: no default stands for it."""
+    for before, text in zip([f"rig {verb}", *arguments], arguments):
+        option, sign, value = text.partition("=") if text.startswith("--") else (before, "=", text)
+        if sign and not value.strip():
+            raise RigError(f"what follows '{option}' is empty, expected a value; is a shell variable not set?")
+
+
 def run_verb(verb: str, arguments: list[str]) -> int:
     """Run one verb; raises RigError for a verb that does not exist and for what the verb refuses."""
     if verb not in VERBS:
@@ -64,6 +72,7 @@ def run_verb(verb: str, arguments: list[str]) -> int:
     module.add_arguments(parser)
     if getattr(module, "PASSES_ON", False) and arguments[:1] not in (["-h"], ["--help"]):
         return module.main(argparse.Namespace(passed_on=arguments))
+    refuse_empty(verb, arguments)
     return module.main(parser.parse_args(arguments))
 
 

@@ -1,6 +1,7 @@
 """`rig report`: shift metrics and energy balance of a recorded run, computed anew from its bag, or of a logger's CSV.
 
-Keeps what only the run itself knew (lateness, end) from the report that lies beside the bag. Writes nothing for a CSV.
+Rewrites the report that lies beside the bag and keeps of it what only the run itself knew (lateness, end); leaves one
+of another run, or of a bag that was whole then, as it is. Writes nothing for a CSV.
 """
 
 from __future__ import annotations
@@ -11,14 +12,19 @@ from pathlib import Path
 
 from ..analysis.annex_a import FACTOR_B
 from ..analysis.logger_csv import parse_orders, read_logger_csv
-from ..analysis.report import build_report, format_report, read_report, report_of_recording, write_report
+from ..analysis.report import (
+    REPORT_FILE, build_report, format_report, plain, read_report, report_of_recording, write_report,
+)
 from ..bags.reader import Bag
 from ..catalogue import kind_of_topics
+from ..config import load_yaml
 from ..config.units import quantity
 from ..errors import BagError, RigError
-from ..graph.result import end_of, facts_of, run_part
+from ..graph.result import end_of, facts_of, lost_messages, run_part
+from ..testbench.folders import parse_settings
 
-HELP = "print the shift metrics of a run"
+HELP = "print the shift metrics of a run and rewrite its report.json"
+METADATA = "metadata.yaml"
 
 
 def add_arguments(parser) -> None:
@@ -33,19 +39,28 @@ def add_arguments(parser) -> None:
     parser.add_argument("--orders", metavar="LIST",
                         help="for a CSV: when (s) which gear was ordered, e.g. '3.845:I-II, 8.32:II-I'")
     parser.add_argument("--period", metavar="TIME", help="for a CSV without times: between its rows, e.g. '0.1 ms'")
+    parser.add_argument("--rig", metavar="NAME",
+                        help="for a CSV: rig or .yaml file with its inertias and instruments (default: the thesis's)")
+    parser.add_argument("--set", action="append", metavar="KEY=VALUE", dest="settings",
+                        help='for a CSV: one value of that rig, e.g. gearbox.inertia_in="0.8 kg m2" (may be repeated)')
 
 
 def main(args) -> int:
-    """Compute the report, write it beside the bag, print it."""
+    """Compute the report, print it, write it beside the bag; 1 for a bag of which only a part is left."""
     if args.factor is not None and not args.annex_a:
         raise RigError("--factor is Annex A's; give --annex-a too")
     if args.factor is not None and not args.factor > 1.0:
         raise RigError(f"--factor is {args.factor:g}; it is the upper edge of a band around the settled torque, e.g. "
                        f"{FACTOR_B}")
     annex = (FACTOR_B if args.factor is None else args.factor) if args.annex_a else None
-    report = _report_of_csv(args, annex) if args.run.lower().endswith(".csv") else _report_of_bag(args, annex)
-    print(json.dumps(report, indent=2, ensure_ascii=False) if args.json else format_report(report))
-    return 0
+    if args.run.lower().endswith(".csv"):
+        _show(_report_of_csv(args, annex), args.json)
+        return 0
+    return _of_bag(args, annex)
+
+
+def _show(report: dict, as_json: bool) -> None:
+    print(json.dumps(report, indent=2, ensure_ascii=False) if as_json else format_report(report), flush=True)
 
 
 def _report_of_csv(args, annex: float | None) -> dict:
@@ -53,23 +68,44 @@ def _report_of_csv(args, annex: float | None) -> dict:
         raise RigError(f"{args.run}: a logger's CSV holds no states of a plant; --truth is for bags")
     period = None if args.period is None else quantity(args.period, "time", "--period")
     orders = None if args.orders is None else parse_orders(args.orders)
-    return report_of_recording(read_logger_csv(args.run, period, orders), annex)
+    configuration = None
+    if args.rig is not None or args.settings is not None:
+        from ..testbench.configuration import load_gearbox_rig
+
+        config = load_gearbox_rig(args.rig or "hydmag", parse_settings(args.settings or []),
+                                  f"{args.run}: a recording of shifts")
+        configuration = config.as_dict()
+    return report_of_recording(read_logger_csv(args.run, period, orders), annex, configuration)
 
 
-def _report_of_bag(args, annex: float | None) -> dict:
-    for option in ("orders", "period"):
-        if getattr(args, option) is not None:
+def _of_bag(args, annex: float | None) -> int:
+    for option, name in (("orders", "orders"), ("period", "period"), ("rig", "rig"), ("set", "settings")):
+        if getattr(args, name) is not None:
             raise RigError(f"--{option} is for a logger's .csv; a bag has its own")
     bag = open_bag(args.run)
     bag.check_began()
-    if bag.recovered:
-        print(f"rig: {bag.recovered}", file=sys.stderr)
     path = Path(args.run)
     folder = path if path.is_dir() else path.parent
     old = read_report(folder)
-    report = build_report(bag, old["run"] if old else _run_of(bag, folder), annex, args.truth)
-    write_report(folder, report)
-    return report
+    another = old is not None and not _is_of(bag, old["run"])
+    if another or old and not bag.recovered and old["run"].get("recovered"):
+        old = None  # of another run, or of this one while its bag was damaged
+    run = old["run"] if old else _run_of(bag, folder, {} if another else facts_of(folder))
+    damaged_since = bag.recovered and run.get("recovered") != bag.recovered
+    if damaged_since:
+        run = _run_of_the_rest(bag, folder, run, old is not None)
+    report = build_report(bag, run, annex, args.truth)
+    _show(report, args.json)
+    if bag.recovered:
+        print(f"rig: {bag.path} is damaged; the report is of what is left of it", file=sys.stderr)
+    if another:
+        print(f"rig: {folder / REPORT_FILE} is of another run and is left as it is", file=sys.stderr)
+    elif damaged_since and old:
+        print(f"rig: {folder / REPORT_FILE} was made when more of the bag was there and is left as it is",
+              file=sys.stderr)
+    else:
+        write_report(folder, report)
+    return 1 if bag.recovered else 0
 
 
 def open_bag(run: str) -> Bag:
@@ -80,10 +116,53 @@ def open_bag(run: str) -> Bag:
         return Bag(run, recover=True)
 
 
-def _run_of(bag, folder: Path) -> dict:
-    """What bag and logs say about a run without a report: by a launch file, or with a killed supervisor."""
+def _info_of(bag) -> dict:
+    """What the bag itself says about its run."""
     info = bag.run_info()
-    known = info if "configuration" in info else {"configuration": info or None}
-    if facts := facts_of(folder):
+    return info if "configuration" in info else {"configuration": info or None}
+
+
+def _is_of(bag, run: dict) -> bool:
+    """The run part of a report is of the run that the bag holds, as far as both say."""
+    return all(value is None or run.get(key) in (None, value) for key, value in plain(_info_of(bag)).items())
+
+
+def _run_of(bag, folder: Path, facts: dict[str, dict]) -> dict:
+    """What bag and logs say about a run without a report: by a launch file, or with a killed supervisor."""
+    known = _info_of(bag)
+    if facts:
         return run_part(bag, folder, known, end_of(facts, kind_of_topics(bag.counts)))
     return {**known, "end": {"reason": "the run left no report"}}
+
+
+def _run_of_the_rest(bag, folder: Path, run: dict, reported: bool) -> dict:
+    """The run part where the bag was damaged after it was written: what is lost is counted anew, its end is not known.
+
+    reported: ``run`` is of a report of the whole bag.
+    """
+    reason = "unknown from what is left of the bag"
+    if reported and (end := run.get("end")):
+        reason += f"; its report says: {end.get('reason') if isinstance(end, dict) else end}"
+    rest = {**run, "lost": None, "recovered": bag.recovered, "end": {"state": "unknown", "reason": reason}}
+    if facts := facts_of(folder):
+        rest["lost_by_topic"] = lost_messages(bag, facts)
+        rest["lost"] = sum(rest["lost_by_topic"].values())
+    elif written := _written(bag, folder):
+        rest["lost"] = sum(max(0, count - bag.counts.get(topic, 0)) for topic, count in written.items())
+        rest["lost"] += run.get("lost") or 0
+    return rest
+
+
+def _written(bag, folder: Path) -> dict[str, int]:
+    """Messages per topic when the bag was closed; empty where the folder has no whole metadata of this bag."""
+    path = folder / METADATA
+    if not path.is_file():
+        return {}
+    try:
+        told = load_yaml(path)["rosbag2_bagfile_information"]
+        if told["relative_file_paths"] != [bag.path.name]:
+            return {}
+        return {entry["topic_metadata"]["name"]: int(entry["message_count"])
+                for entry in told["topics_with_message_count"]}
+    except (RigError, TypeError, KeyError, ValueError):
+        return {}  # as damaged as the bag: what is lost stays unknown

@@ -10,7 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from .what_to_run import above_zero, add_shared_arguments
+from .what_to_run import above_zero, add_shared_arguments, exit_code
 
 HELP = "run a sequence on the ROS 2 node graph and record it"
 LIVE_VIEW_END = 2.0  # s that the live view has for its end, after the run's
@@ -54,6 +54,7 @@ def run(args) -> int:
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_parameters, parse_settings, run_folder
     from ..testbench.kinds import make_rig
+    from ..testbench.rig import check_level
     from ..testbench.sequence import BY_HAND, load_sequence
     from ..testbench.simulate import check_controller, check_delay, run_record
 
@@ -68,9 +69,12 @@ def run(args) -> int:
     plug = None
     if config.kind == GEARBOX:
         check_delay(args.delay, args.speed)
-        controller = load_controller(args.controller, config.alfa46, args.level)
+        # without the current loop the Alfa46 hands over what simulate takes from it: its setpoints
+        level = args.level or (None if args.controller or config.effects.current_loop else "current")
+        controller = load_controller(args.controller, config.alfa46, level)
         controller.close()
-        plug = f"{split_level(args.controller or 'alfa46', args.level)[0]}@{controller.level}"
+        check_level(config, controller.level)
+        plug = f"{split_level(args.controller or 'alfa46', level)[0]}@{controller.level}"
     else:
         if args.controller or args.level or args.delay != 1:
             check_controller(config)
@@ -93,7 +97,7 @@ def run(args) -> int:
             end = supervisor.run()
     # all processes are gone and the bag is whole: a late Ctrl-C must not cost the report
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    code = finish(folder, run_record(config, sequence, args.seed), end, supervisor.restarts)
+    code = finish(folder, run_record(config, sequence, args.seed), end, supervisor.restarts, args.strict)
     return code if end.by == 0 else 128 + end.by
 
 
@@ -114,7 +118,7 @@ def live_view(domain: int):
             view.wait()
 
 
-def finish(folder: Path, record: dict, end, restarts: list[dict]) -> int:
+def finish(folder: Path, record: dict, end, restarts: list[dict], strict: bool) -> int:
     """Write and print the report of an ended run; returns its exit code."""
     from ..analysis.report import build_report, format_report, write_report
     from ..graph.result import join_pieces, open_bag, run_part
@@ -134,7 +138,7 @@ def finish(folder: Path, record: dict, end, restarts: list[dict]) -> int:
         print(f"rig: warning: {report['run']['lost']} messages did not reach the bag: {topics}", file=sys.stderr)
     if end.state != "ended":
         print(f"rig: {end.reason}", file=sys.stderr)
-    return 0 if end.state == "ended" else 1
+    return exit_code(end.state, report, strict)
 
 
 def show(t: float | None, text: str) -> None:

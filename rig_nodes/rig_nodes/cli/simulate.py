@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 
-from .what_to_run import add_shared_arguments
+from .what_to_run import add_shared_arguments, exit_code
 
 HELP = "run a test sequence without ROS traffic, as fast as it goes"
 
@@ -40,6 +40,7 @@ def main(args) -> int:
     from ..controllers import load_controller
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_parameters, parse_settings, run_folder, unless_empty
+    from ..testbench.rig import check_level
     from ..testbench.sequence import load_sequence
     from ..testbench.simulate import check_controller, simulate
 
@@ -50,6 +51,7 @@ def main(args) -> int:
     if args.controller or args.level or args.delay != 1:
         check_controller(config)
         controller = load_controller(args.controller, config.alfa46, args.level)
+        check_level(config, controller.level)
         controller.say = lambda text: print(f"            {text}", flush=True)
         controller.pace(args.step_timeout.step)
         controller.wait(args.step_timeout.come)
@@ -70,4 +72,4 @@ def main(args) -> int:
     state = run["end"]["state"]
     if state != "ended":
         print(f"rig: {run['end']['reason']}", file=sys.stderr)
-    return {"ended": 0, "interrupted": 130}.get(state, 1)
+    return exit_code(state, report, args.strict)

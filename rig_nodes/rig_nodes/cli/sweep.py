@@ -46,6 +46,7 @@ def add_arguments(parser) -> None:
 
 def main(args) -> int:
     from ..errors import RigError
+    from ..testbench.folders import free_folder
     from ..testbench.workers import start_server
 
     if args.jobs < 1:
@@ -62,7 +63,7 @@ def main(args) -> int:
 
     parquet()
     manifest = manifest_of(plan, bags)
-    folder = folder or _new_folder(args.out, plan.name)
+    folder = folder or (free_folder(plan.name) if args.out is None else Path(args.out))
     with Store(folder, manifest) as store:
         of, begun, start = manifest["members"], len(store.done), time.monotonic()
         if begun:
@@ -95,6 +96,9 @@ def main(args) -> int:
     if interrupted:
         print(f"rig: interrupted by Ctrl-C; go on with: ./rig sweep {folder}", file=sys.stderr)
         return 130
+    if not summary["ends"].get("ended"):
+        print(f"rig: none of the {of} members came to its end", file=sys.stderr)
+        return 1
     return 0
 
 
@@ -104,7 +108,7 @@ def _chosen(args):
     from ..errors import RigError
     from ..sweep.plan import make_plan, plan_of, read_plan
     from ..sweep.store import read_manifest
-    from ..testbench.folders import parse_parameters, parse_settings
+    from ..testbench.folders import pairs, parse_parameters, parse_settings
 
     given = [name for name in OF_A_PLAN if getattr(args, name) not in (None, [])]
     options = {"settings": "--set", "parameters": "--with"}
@@ -119,34 +123,11 @@ def _chosen(args):
             raise RigError(f"{args.what} is a sweep and says itself what it varies; leave out "
                            f"{options.get(given[0], f'--{given[0]}')}, or write it there")
         return read_plan(args.what), None, args.bags
-    vary = _pairs(args.vary or [])
+    vary = pairs("--vary", args.vary or [], 'NAME=SPEC, e.g. alfa46.t12="-250 ms .. -150 ms"')
     numbers = {name: getattr(args, name) for name in ("seed", "repeats") if getattr(args, name) is not None}
     return make_plan(args.what, vary, args.rig, args.method, args.samples,
                      fixed=parse_settings(args.settings or []), fixed_with=parse_parameters(args.parameters or []),
                      **numbers), None, args.bags
-
-
-def _pairs(texts: list[str]) -> dict[str, str]:
-    from ..errors import RigError
-
-    out: dict[str, str] = {}
-    for text in texts:
-        name, sign, spec = text.partition("=")
-        if not (name and sign and spec):
-            raise RigError(f"--vary {text}: expected NAME=SPEC, e.g. alfa46.t12=\"-250 ms .. -150 ms\"")
-        if name in out:
-            raise RigError(f"--vary {name} is given twice")
-        out[name] = spec
-    return out
-
-
-def _new_folder(out: str | None, name: str) -> Path:
-    if out is not None:
-        return Path(out)
-    number = 1
-    while (folder := Path("runs") / f"{name}-{number}").exists():
-        number += 1
-    return folder
 
 
 @contextmanager

@@ -60,6 +60,7 @@ def main(args) -> int:
     from ..errors import RigError
     from ..sweep.store import parquet
     from ..testbench.campaign import Workers
+    from ..testbench.folders import free_folder
     from ..tune import document, run, search
     from ..tune.folder import open_journal
     from ..tune.uncertainty import spreads_of
@@ -72,7 +73,7 @@ def main(args) -> int:
     page = document.page() if args.write_docs else None
     parquet()
     search.load_optuna()
-    folder = _folder(args.out)
+    folder = free_folder("tune") if args.out is None else Path(args.out)
     problem = _problem(args)
     _check_folder(folder, problem.manifest(), args.spreads is not None)
     line = ProgressLine(1.0)
@@ -97,15 +98,6 @@ def main(args) -> int:
     else:
         print(run.text(summary, problem.objectives))
     return 0
-
-
-def _folder(out: str | None) -> Path:
-    if out is not None:
-        return Path(out)
-    number = 1
-    while (folder := Path("runs") / f"tune-{number}").exists():
-        number += 1
-    return folder
 
 
 def _check_folder(folder: Path, manifest: dict, spreads_are_known: bool) -> None:

@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import sys
 from typing import NamedTuple
 
 LEAST_COME = 2.0  # s that a program needs to be found
@@ -82,3 +83,16 @@ def add_shared_arguments(parser, by_hand: bool = False) -> None:
                              "simulated time waits, or none while debugging (default: 5, and 60 to come)")
     parser.add_argument("--level", choices=("duty", "current"),
                         help="what the controller returns, when it knows both (default: its first)")
+    parser.add_argument("--strict", action="store_true",
+                        help="exit code 1 also when a shift of the report is not valid, e.g. for tests of a controller")
+
+
+def exit_code(state: str, report: dict, strict: bool) -> int:
+    """Of a run that ended in this state; says why when --strict makes it 1."""
+    if state != "ended":
+        return 130 if state == "interrupted" else 1
+    invalid = sum(not shift["valid"] for shift in report["shifts"])
+    if strict and invalid:
+        print(f"rig: --strict: {invalid} of {len(report['shifts'])} shifts not valid; the report says why", file=sys.stderr)
+        return 1
+    return 0

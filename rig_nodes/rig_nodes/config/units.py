@@ -49,6 +49,11 @@ def dimension_of(text: str) -> str | None:
     return None if match is None or match[2] not in UNITS else UNITS[match[2]][0]
 
 
+def with_article(name: str) -> str:
+    """The name of a dimension with its article."""
+    return f"{'an' if name[0] in 'aei' else 'a'} {name}"
+
+
 def quantity(text, dimension: str, where: str) -> float:
     """SI value of e.g. ``"1500 rpm"``; ``where`` opens the sentence when it is refused (RigError)."""
     known = ", ".join(u for u, (d, _) in UNITS.items() if d == dimension)
@@ -56,12 +61,13 @@ def quantity(text, dimension: str, where: str) -> float:
         text = f"{text} -"
     match = _QUANTITY.match(text) if isinstance(text, str) else None
     if match is None:
-        raise RigError(f"{where}: '{text}' is not a {dimension}; write a number with its unit ({known})")
+        raise RigError(f"{where}: '{text}' is not {with_article(dimension)}; write a number with its unit ({known})")
     number, unit = float(match[1]), match[2] or "-"
     if unit not in UNITS:
-        raise RigError(f"{where}: '{text}' has the unknown unit '{unit}'; a {dimension} takes {known}")
+        raise RigError(f"{where}: '{text}' has the unknown unit '{unit}'; {with_article(dimension)} takes {known}")
     if UNITS[unit][0] != dimension:
-        raise RigError(f"{where}: '{text}' is a {UNITS[unit][0]}, expected a {dimension} ({known})")
+        found = with_article(UNITS[unit][0])
+        raise RigError(f"{where}: '{text}' is {found}, expected {with_article(dimension)} ({known})")
     if not math.isfinite(number):
         raise RigError(f"{where}: '{text}' is not a finite number")
     return number * UNITS[unit][1]

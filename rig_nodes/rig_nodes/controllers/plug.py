@@ -16,6 +16,7 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 
 from ..alfa46.controller import Alfa46, refusal
+from ..alfa46.law import NEUTRAL
 from ..alfa46.settings import OUTPUT_KEYS, Alfa46Config
 from ..errors import RigError
 from .seam import (
@@ -154,6 +155,11 @@ class Plug(ABC):
         self._request, self._ordered = self._before, False
         return True
 
+    def let_go(self) -> None:
+        """The rig has tripped: all orders are taken back, and from its next sample on the controller is asked for neutral."""
+        self._before = self._request = NEUTRAL
+        self._ordered = True
+
     def step(self, sample: int, current, n_wej: float, n_wyj: float, p1: float, p2: float, others=()) -> Answer | None:
         """One sample: coil currents (3,) [A], speeds [rad/s], pressures [Pa gauge] in, the answer out.
 
@@ -291,6 +297,11 @@ class BuiltIn(Plug):
     def change(self, config: Alfa46Config) -> None:
         """Settings that :meth:`check_change` lets pass."""
         self._newest = self._changed = config
+
+    def let_go(self) -> None:
+        self._box.let_go()
+        self._before = self._request = self.gear = NEUTRAL
+        self._ordered = self.shifting = False
 
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
         box = self._box

@@ -58,7 +58,7 @@ class ControllerInputs:
 
     sample: int  # index since time 0
     time: float  # sample x period [s]
-    gear_request: int  # gear ordered last: 0 neutral, 1 (I), 2 (II); stays until the next order
+    gear_request: int  # gear ordered last: 0 neutral, 1 (I), 2 (II); stays until the next order or a trip, then 0
     current: tuple[float, float, float]  # measured coil currents of the three outputs [A]
     n_wej: float  # speed of the input shaft [rad/s]
     n_wyj: float  # speed of the output shaft [rad/s]

@@ -10,12 +10,13 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, check_profile
+from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config
 from ..catalogue import catalogue
 from ..config.units import SI
 from ..errors import RigError
 from ..testbench.configuration import PARTS, RigConfig
 from ..testbench.rig import SETPOINTS, Rig
+from ..testbench.together import check_together
 from ..testbench.topics import COMMAND, MEASURED, Heard, States
 from .description import Variable
 
@@ -143,10 +144,10 @@ def with_parameters(config: RigConfig, values: Values) -> RigConfig:
     profiles = np.array([[[values[f"alfa46.{key}.{point}.{what}"] for what in ("time", "current")] for point in POINTS]
                          for key in OUTPUT_KEYS])
     settings = replace(config.alfa46.values, **changed.pop("alfa46", {}))
-    for key, points in zip(OUTPUT_KEYS, profiles, strict=True):
-        check_profile(points, f"parameter alfa46.{key}", settings.current_limit)
     parts = {part: replace(getattr(config, part), **own) for part, own in changed.items()}
-    return replace(config, alfa46=Alfa46Config(settings, profiles), **parts)
+    config = replace(config, alfa46=Alfa46Config(settings, profiles), **parts)
+    check_together(config, lambda keys: "parameter ")
+    return config
 
 
 class Reader:

@@ -19,6 +19,7 @@ SAMPLE = struct.Struct("<Q7d")  # sample, coil currents (3), n_wej, n_wyj, p1, p
 ANSWER = struct.Struct("<QB6dBBB")  # sample, kind, command (3), setpoint (3), gear, shifting, flags
 ANSWERED, DISCARDED, FAILED = range(3)  # kind of an answer; the sentence of a failure follows
 TIMEVAL = struct.Struct("@ll")  # s, us
+STATUS = b"status "  # in place of a sample: what the rig does now, a testbench.timed.RigStatus; the reason follows
 READY = b"ready "  # first word of the controller; the level of its commands follows, and what it wants
 SPIN = 300e-6  # s; to sleep and be woken takes 50 us, for each of 1000 samples of a simulated second
 NOT_AT_ALL = 0.0  # as a timeout: take what is there

@@ -108,7 +108,8 @@ def run_part(bag: Bag, folder: Path, record: dict, end: End, restarts: list[dict
         controller = {**controller, "delay": container.get("delay", 1)}
     run = {**record, "mode": "run", "controller": controller,
            "duration_s": container.get("time_s"), "lost": sum(lost.values()),
-           "lost_by_topic": lost, "refused_commands": container.get("refused"), "ticks": container.get("ticks"),
+           "lost_by_topic": lost, "refused_commands": container.get("refused"),
+           "stamps_ahead": facts.get("recorder", {}).get("ahead", {}), "ticks": container.get("ticks"),
            "overruns": container.get("overruns"), "lateness_ms": container.get("lateness_ms"),
            "speed_factor": container.get("speed_factor"), "real_time_priority": container.get("real_time_priority"), "processes": processes,
            "restarts": [{key: restart[key] for key in ("process", "how", "t")} for restart in restarts],

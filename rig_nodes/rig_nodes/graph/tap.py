@@ -21,11 +21,16 @@ NAMES = 0xFFFF  # in place of a topic's number: the names of all topics that wil
 FLUSH_BYTES = 1 << 17
 FLUSH_PERIOD = 0.02  # s of real time: waking the recorder more often costs more than what it writes
 READ_BYTES = 1 << 20
+# of the socket, doubled by the kernel and its usual default: some 0.3 s of the rig, whatever the host's settings are. What
+# comes by DDS meanwhile must not look as if it were of another clock (AHEAD_NS of nodes.recorder).
+SEND_BYTES = 106_496
 
 
 def tap_pair() -> tuple[socket.socket, socket.socket]:
     """The two ends of a tap: for the process that publishes, and for the recorder."""
-    return socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+    ends = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+    ends[0].setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BYTES)
+    return ends
 
 
 class Tap:

@@ -16,7 +16,7 @@ import numpy as np
 from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
 from rig_msgs.action import Shift
-from rig_msgs.msg import ControllerSample, Measurement
+from rig_msgs.msg import ControllerSample, Measurement, RigState
 
 from ..alfa46.controller import GEAR_NAMES
 from ..bags.cdr import encoder
@@ -27,8 +27,8 @@ from ..controllers.load import load_controller
 from ..controllers.plug import REAL_TIME_TIMEOUT
 from ..controllers.seam import LEVELS, NOTHING, ControllerFailed
 from ..errors import RigError
-from ..graph.link import ANSWER, ANSWERED, DISCARDED, FAILED, READY, SAMPLE, LinkClosed
-from ..testbench.timed import SAMPLE_NS
+from ..graph.link import ANSWER, ANSWERED, DISCARDED, FAILED, READY, SAMPLE, STATUS, LinkClosed
+from ..testbench.timed import SAMPLE_NS, RigStatus
 from .action_server import GoalServer, finish
 from .alfa46_settings import BoxSettings
 from .device import publishers_of
@@ -49,6 +49,7 @@ OPTIONS = [
     ("--come-timeout", {"type": float, "help": "s that a program of its own may take to come, in lockstep"}),
 ]
 SAMPLES, COMMAND, EVENTS = "/instruments/controller", "/alfa46/command", "/alfa46/events"
+STATE = "/rig/state"
 
 
 class Alfa46Node(Node):
@@ -84,6 +85,7 @@ class Alfa46Node(Node):
         self._goal, self._t_order = None, None  # its goal handle and the time of its order [s], once they are there
         self._ordered_at = -1  # newest sample when it was ordered: the order is taken with the next one
         self._refusal = None  # why the order that is being taken is refused
+        self._rig_status, self._rig_reason = None, ""  # as heard last
         self._orders = threading.Lock()  # in lockstep samples and what comes over ROS have different threads
         self.real_time = False  # samples come over their topic
         self._server = GoalServer(self, Shift, "/alfa46/shift", self.on_goal, self.on_cancel, self.on_request)
@@ -94,7 +96,9 @@ class Alfa46Node(Node):
         self.diagnostics = Diagnostics(self, self.health, lambda: self._stamp)
 
     def listen(self) -> None:
-        """Subscribe to the samples; called when those who receive the commands are there."""
+        """Subscribe to samples and state of the rig; called when those who receive the commands are there."""
+        self.create_subscription(RigState, STATE, lambda message: self.hear_status(message.state, message.reason),
+                                 stream_profile(catalogue().topics[STATE].qos))
         profile = stream_profile(catalogue().topics[SAMPLES].qos)
         self.create_subscription(ControllerSample, SAMPLES, self.on_sample, profile, raw=True)
         self.real_time = True
@@ -134,6 +138,10 @@ class Alfa46Node(Node):
 
     def on_frame(self, frame: bytes, reply) -> None:
         """One sample in, the answer out, in lockstep; the rig goes on while the rest of this process hears of it."""
+        if frame.startswith(STATUS):
+            status, reason = frame[len(STATUS)], frame[len(STATUS) + 1:]
+            self.hear_status(status, reason.decode())
+            return
         sample, *values = SAMPLE.unpack_from(frame)
         try:
             answer = self.ask(sample, values[:3], *values[3:], np.frombuffer(frame, "<f8", offset=SAMPLE.size).tolist())
@@ -238,23 +246,56 @@ class Alfa46Node(Node):
             if self._last_sample is None:
                 raise RigError("shift refused: the rig does not run yet; wait for its first sample")
             with self._orders:
+                self._check_status()
                 old = self.box.gear
                 self.box.order(int(request.gear))
                 self._goal, self._t_order, self._ordered_at = None, None, self._last_sample
                 self._phase = ShiftPhase(self.config, old, int(request.gear))
-            self._refusal = None
+                self._refusal = None
         except RigError as error:
             self._refusal = str(error)
         return GoalResponse.ACCEPT
 
     def on_goal(self, goal) -> None:
         """Keep the goal of the shift that was just ordered, or end it with the reason why there is none."""
-        if self._refusal is None:
-            self._goal = goal
-            return
+        with self._orders:
+            refusal = self._refusal
+            if refusal is None:
+                self._goal = goal
+                return
         self.refused += 1
-        self.event("shift_refused", self._refusal, float(goal.request.gear))
-        finish(goal, Shift.Result(success=False, message=self._refusal, gear=self.box.gear))
+        self.event("shift_refused", refusal, float(goal.request.gear))
+        finish(goal, Shift.Result(success=False, message=refusal, gear=self.box.gear))
+
+    def _check_status(self) -> None:
+        """RigError where the rig would not obey the command that follows from an order."""
+        if self._rig_status == RigStatus.TRIPPED:
+            raise RigError(f"shift refused: the rig is in its safe state ({self._rig_reason}); call /rig/reset first")
+        if self._rig_status == RigStatus.STARTING:
+            raise RigError("shift refused: the rig is starting; wait until /rig/state says that it is ready")
+
+    def hear_status(self, status: int, reason: str) -> None:
+        """What the rig does now: after a trip the controller goes on in neutral, and the running order has failed."""
+        if status == RigStatus.STARTING and self._rig_status is None:
+            return  # it waits for this node's first command
+        with self._orders:
+            was, self._rig_status, self._rig_reason = self._rig_status, status, reason
+            # starting once more: a trip that was over before it could be heard of
+            again = status == RigStatus.STARTING and was in (RigStatus.READY, RigStatus.RUNNING)
+            if not again and (status != RigStatus.TRIPPED or was == status):
+                return
+            self.box.let_go()
+            phase, goal, self._phase, self._goal = self._phase, self._goal, None, None
+            if phase is None:
+                return
+            why = "the rig was reset" if again else f"the rig is in its safe state: {reason}"
+            text = f"{why}; the shift to {GEAR_NAMES[phase.new]} was given up"
+            if goal is None:
+                self._refusal = text  # the goal of the order is on its way
+        self.event("shift_aborted", text, float(phase.new))
+        if goal is not None:
+            finish(goal, Shift.Result(success=False, message=text, gear=self.box.gear, t_order=self._t_order or 0.0,
+                                      t_end=self._stamp * 1e-9))
 
     def on_cancel(self, goal) -> CancelResponse:
         """Withdraw an order that the controller has not seen; a shift that has begun is carried to its end.

@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 from ..controllers.plug import Answer
 from ..controllers.seam import ControllerFailed, Status
-from ..graph.link import ANSWER, ANSWERED, DISCARDED, NOT_AT_ALL, PATIENCE, READY, SAMPLE, Link, LinkClosed
+from ..graph.link import ANSWER, ANSWERED, DISCARDED, NOT_AT_ALL, PATIENCE, READY, SAMPLE, STATUS, Link, LinkClosed
 from ..plant import kernel
 from ..testbench.rig import Rig
 from ..testbench.timed import SAMPLE_NS, TICK_SAMPLES, RigStatus
@@ -61,6 +61,13 @@ class RemoteController:
             if data is not None or self._stopping() or time.monotonic() >= until:
                 return data
 
+    def tell(self, status: RigStatus, reason: str) -> None:
+        """Say what the rig does: a trip takes every order back."""
+        try:
+            self._link.send(STATUS + bytes([status]) + reason.encode())
+        except LinkClosed:
+            pass  # answer() will say so
+
     def ask(self, sample: int, current, n_wej, n_wyj, p1, p2, others) -> None:
         """Hand over one sample; the answer is waited for by :meth:`answer`."""
         try:
@@ -102,6 +109,7 @@ class Lockstep:
         self._needed: list[str] = []
         # when the sequencer wants to be asked: sample, what may come true before; status of the rig that it knows
         self._next, self._watch, self._told = 0, {}, rig.status
+        self._controller_knows: tuple | None = None  # status and reason
         self._took = 0.0
 
     def run(self, publish, stop) -> None:
@@ -131,12 +139,19 @@ class Lockstep:
                     time.sleep(0.01)
                 break
             self.commands.apply()
+            self._tell_controller()
             if rig.status == RigStatus.TRIPPED:
                 publish()
                 rig.advance_samples(1)
             else:
                 self._sample(publish)
         self._took = time.monotonic() - began
+
+    def _tell_controller(self) -> None:
+        now = (self.rig.status, self.rig.reason)
+        if now != self._controller_knows:
+            self._controller_knows = now
+            self.controller.tell(*now)
 
     def _sample(self, publish) -> None:
         """One sample: the controller works on it while the messages go out and the plant moves on."""

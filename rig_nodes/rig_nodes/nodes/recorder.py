@@ -18,7 +18,7 @@ from rclpy.node import Node
 from ..bags import cdr
 from ..bags.definitions import installed
 from ..bags.writer import BagWriter
-from ..catalogue import catalogue
+from ..catalogue import Topic, catalogue
 from ..errors import RigError
 from ..graph.tap import TapReader
 from .device import message_class
@@ -29,6 +29,7 @@ from .realtime import RECORDING, prefer_process, stand_back
 
 FLUSH_PERIOD = 0.1  # s; what a killed recorder may lose
 WAITING = 200_000  # messages between callbacks and writer, about 40 s of the rig
+AHEAD_NS = 1_000_000_000  # ns that a stamp may be ahead of the rig's own time
 IDLE, IDLE_WITH_PUBLISHERS = 0.05, 1.0  # s without a message that mean: everything is in
 OPTIONS = [
     ("--out", {"type": Path, "required": True, "help": "folder of the bag"}),
@@ -52,17 +53,20 @@ class Recorder(Node):
         self.received = 0
         self.overflow: Counter[str] = Counter()  # did not fit into the queue
         self.unreadable: Counter[str] = Counter()  # not of their topic's type
+        self.ahead: Counter[str] = Counter()  # their stamps are not the rig's time
         self.failure: RigError | None = None
         self.longest_queue = 0
         self._queue: deque = deque()
         self._closing = threading.Event()
-        self._newest = 0
-        self._tapped = 0  # simulated time of what the taps brought
+        # simulated time of the rig's own messages; None: not known before the first, for the rig may run already
+        self._newest: int | None = 0 if taps else None
+        self._early: list[tuple[str, str, bytes, int]] = []  # came before that
         self._thread = threading.Thread(target=self._write_tapped if taps else self._write, name="writer", daemon=True)
         # Definitions are read before the first message: later that would hold up the callbacks.
         topics = catalogue().all_topics
         self._definitions = {topic.ros_type: installed(topic.ros_type) for topic in topics.values()}
         self._types = {name: topic.ros_type for name, topic in topics.items()}
+        self._timing = {name for name, topic in topics.items() if tells_time(topic)}
         tapped = {name for tap in taps for name in tap.topics or ()}
         self.inputs = [self.create_subscription(message_class(topic.ros_type), topic.name, self._enqueue(topic),
                                                 recorder_profile(topic.qos), raw=True)
@@ -71,16 +75,17 @@ class Recorder(Node):
             self._queue.append((name, self._types[name], data))
         self.received += len(early)
         self._thread.start()
-        self._losing = Growing()
-        self.diagnostics = Diagnostics(self, self.health, lambda: max(self._newest, self._tapped))
+        self._losing, self._misdating = Growing(), Growing()
+        self.diagnostics = Diagnostics(self, self.health, lambda: self._newest or 0)
 
     def health(self) -> list[Health]:
         """The recorder's own, for /diagnostics."""
-        overflow, unreadable = (sum(tuple(counts.values())) for counts in (self.overflow, self.unreadable))
+        overflow, unreadable, ahead = (sum(tuple(counts.values()))
+                                       for counts in (self.overflow, self.unreadable, self.ahead))
 
         def values() -> dict:
             return {"received": self.received, "queue": len(self._queue), "queue_longest": self.longest_queue,
-                    "overflow": overflow, "unreadable": unreadable}
+                    "overflow": overflow, "unreadable": unreadable, "ahead": ahead}
 
         if self.failure is not None:
             return [Health("recorder", ERROR, f"writes no more: {self.failure}", values)]
@@ -88,6 +93,9 @@ class Recorder(Node):
             return [Health("recorder", ERROR, "messages are missing in the bag: the disk did not keep up", values)]
         if self._losing(unreadable):
             return [Health("recorder", WARN, "messages that are not of their topic's type come in", values)]
+        if self._misdating(ahead):
+            return [Health("recorder", WARN, f"stamps that are not the rig's time come in on {', '.join(tuple(self.ahead))}; "
+                                             "set use_sim_time or leave the stamp 0", values)]
         if len(self._queue) > WAITING // 2:
             return [Health("recorder", WARN, "more than half of the queue is full: the disk does not keep up", values)]
         return [Health("recorder", OK, "records" if self.received else "waits for the first message", values)]
@@ -114,6 +122,7 @@ class Recorder(Node):
                 while self._queue:
                     self._store(*self._queue.popleft())
                 if closing:
+                    self._store_early()
                     return
                 self.writer.flush()
         except RigError as error:
@@ -136,12 +145,12 @@ class Recorder(Node):
                         if messages is None:
                             selector.unregister(key.fileobj)
                             continue
-                        stamp = self._tapped
+                        stamp = self._newest
                         for topic, data in messages:
                             self.received += 1
                             stamp = cdr.stamp(data)
                             write(topic, types[topic], data, stamp)
-                        self._tapped = max(self._tapped, stamp)
+                        self._newest = max(self._newest, stamp)
                     while self._queue:
                         self._store(*self._queue.popleft())
                     if closing and not ready:
@@ -159,11 +168,28 @@ class Recorder(Node):
         except ValueError:
             self.unreadable[topic] += 1
             return
-        # A user's command may come without a stamp: it belongs where it arrived.
-        if stamp == 0:
-            stamp = self._newest
-        self._newest = max(self._newest, stamp)
-        self.writer.write(topic, ros_type, data, stamp)
+        if topic in self._timing:
+            first, self._newest = self._newest is None, max(self._newest or 0, stamp)
+            self.writer.write(topic, ros_type, data, stamp)
+            if first:
+                self._store_early()
+        elif self._newest is None:
+            self._early.append((topic, ros_type, data, stamp))
+        else:
+            self._store_others(topic, ros_type, data, stamp)
+
+    def _store_others(self, topic: str, ros_type: str, data: bytes, stamp: int) -> None:
+        """What users may send too: without a stamp, or with one of another clock, it belongs where it arrived."""
+        now = self._newest or 0
+        if stamp > now + AHEAD_NS:
+            self.ahead[topic] += 1
+            stamp = 0
+        self.writer.write(topic, ros_type, data, stamp or now)
+
+    def _store_early(self) -> None:
+        for message in self._early:
+            self._store_others(*message)
+        self._early.clear()
 
     def publishers(self) -> int:
         """How many publishers are still connected."""
@@ -174,6 +200,11 @@ class Recorder(Node):
         self._closing.set()
         self._thread.join()
         self.writer.close()
+
+
+def tells_time(topic: Topic) -> bool:
+    """True for what only the rig container sends, with its time: no orders, no answers, nothing that is sent again."""
+    return topic.qos != "latched" and topic.node not in ("alfa46", "sequencer") and not topic.node.endswith("_device")
 
 
 def work(process) -> None:
@@ -196,7 +227,7 @@ def work(process) -> None:
         finally:
             node.close()
     process.leave([node], received=node.received, recorded=writer.counts, overflow=dict(node.overflow),
-                  unreadable=dict(node.unreadable), longest_queue=node.longest_queue)
+                  unreadable=dict(node.unreadable), ahead=dict(node.ahead), longest_queue=node.longest_queue)
     if node.failure is not None:
         raise node.failure
 

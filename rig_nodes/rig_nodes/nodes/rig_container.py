@@ -190,6 +190,8 @@ class Container:
         rig = self.rig
         self.outputs.states.overruns = self.clock.overruns
         now = (rig.status, rig.reason)
+        if now != self._seen and self._seen is not None and not self.process.stopping:
+            self._log(*now, was=self._seen[0])
         if now != self._seen or rig.sample % 1000 == 0:
             self._seen = now
             self.process.status("state", state=rig.status.name, reason=rig.reason, t=rig.time)
@@ -200,9 +202,17 @@ class Container:
         if self._last_ticks is None:
             self._last_ticks = LAST_TICKS
             if rig.status != RigStatus.TRIPPED:
-                rig.trip("the run was ended before its sequence was done")
+                rig.trip("the run was ended before its sequence was done" if self.process.arguments.sequence
+                         else "the rig was ended by hand")
         self._last_ticks -= 1
         return self._last_ticks < 0
+
+    def _log(self, status: RigStatus, reason: str, was: RigStatus) -> None:
+        """A trip, and its end, into /rosout."""
+        if status == RigStatus.TRIPPED:
+            self.nodes[0].get_logger().error(f"safe state: {reason}")
+        elif was == RigStatus.TRIPPED:
+            self.nodes[0].get_logger().info("safe state left")
 
     # ---- the main thread
 

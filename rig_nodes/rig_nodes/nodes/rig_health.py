@@ -36,7 +36,9 @@ class RigHealth:
         if status == RigStatus.TRIPPED:
             return Health("rig", ERROR, f"tripped: {self.rig.reason}; /rig/reset leaves the safe state", self._clock)
         if status == RigStatus.STARTING:
-            return Health("rig", WARN, "starting: no valve command has come yet", self._clock)
+            what = ("no valve command has come yet" if self.rig.newest_command < 0
+                    else "after the reset the shift controller has not been in neutral yet")
+            return Health("rig", WARN, f"starting: {what}", self._clock)
         text = "running: the motor is on" if status == RigStatus.RUNNING else "ready: the motor is off"
         if late:
             return Health("rig", WARN, f"{text}, but ticks start more than 5 ms late: the machine is too busy", self._clock)
@@ -89,6 +91,8 @@ class RigHealth:
             return tell(STALE, f"no valve command for more than {COMMAND_TIMEOUT * 1e3:.0f} ms: the coil has no current")
         if rig.status == RigStatus.TRIPPED:
             return tell(WARN, "the coil has no current: the rig is in its safe state")
+        if rig.status == RigStatus.STARTING:
+            return tell(WARN, "the coil has no current: the shift controller has not been in neutral yet")
         if age > OLD:
             return tell(WARN, f"the valve command is more than {OLD * 1e3:.0f} ms old; at {COMMAND_TIMEOUT * 1e3:.0f} ms "
                               "the rig trips")

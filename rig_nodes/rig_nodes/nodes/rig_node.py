@@ -7,6 +7,7 @@ import threading
 from std_srvs.srv import Trigger
 
 from ..catalogue import catalogue
+from ..errors import RigError
 from .device import Device, receive
 
 VALVE_COMMAND = "/alfa46/command"
@@ -37,19 +38,25 @@ class RigNode(Device):
         return self.at_once(self.rig.e_stop, "/rig/e_stop", "emergency stop", response)
 
     def on_reset(self, _request, response):
-        """Leave the safe state."""
+        """Leave the safe state; refused when the rig is in none."""
         return self.at_once(self.rig.reset, "/rig/reset", "safe state left", response)
 
     def at_once(self, function, source, text, response):
-        """Answer when the rig has done it, which is within a sample unless its loop stands still."""
-        done = threading.Event()
+        """Answer when the rig has done or refused it, which is within a sample unless its loop stands still."""
+        done, refusal = threading.Event(), []
 
         def act() -> None:
-            function()
-            self.commands.event(source.rpartition("/")[2], text)
+            try:
+                function()
+                self.commands.event(source.rpartition("/")[2], text)
+            except RigError as error:
+                refusal.append(str(error))
             done.set()
 
         self.commands.put_first(source, act)
-        response.success = done.wait(0.1)
-        response.message = text if response.success else "the rig does not run; it will be done when it does"
+        if not done.wait(0.1):
+            response.message = "the rig does not run; it will be done when it does"
+        else:
+            response.success = not refusal
+            response.message = refusal[0] if refusal else text
         return response

@@ -272,6 +272,8 @@ def plant_step(world, h, t):
         on_out -= w[f, 1] * torque
     if effects.motor_speed == 0.0:
         plant.m_wej = plant.carried + plant.loss_in  # (6.82)
+        # what gives the rig's own inertia this speed; q also turns what was put on w0
+        plant.motor_torque = gearbox.inertia_in * plant.gain_in / h + (q[1, 0] - on_in)
     else:
         outside = gearbox.inertia_in - gearbox.inertia_in_gearbox
         plant.m_wej = q[1, 0] - outside * on_in / gearbox.inertia_in
@@ -351,16 +353,17 @@ def advance(samples, first_sample, steps_per_sample, h, drive, worlds, showns, t
         if drive != BY_DUTY:
             for k in range(VALVES):
                 valves[k].pending = law_outputs[wiring[k]].duty
+        if effects.current_loop == 0.0:
+            # the setpoint of the last sample, as the duty would be; there is none BY_DUTY, which testbench.rig refuses
+            for k in range(VALVES):
+                on = settings.safe == 0.0
+                valves[k].current = law_outputs[wiring[k]].setpoint if on else 0.0
         if drive == BY_LAW:
             for k in range(VALVES):
                 currents[wiring[k]] = log[newest, I_1 + k]
             law_step(s, currents, law_config[0], law_profiles, law_outputs, law_state[0])
         for k in range(VALVES):
             valves[k].duty = 0.0 if settings.safe > 0.0 else valves[k].pending
-        if effects.current_loop == 0.0:
-            for k in range(VALVES):
-                on = settings.safe == 0.0
-                valves[k].current = law_outputs[wiring[k]].setpoint if on else 0.0
         for index in range(s * steps_per_sample, (s + 1) * steps_per_sample):
             if effects.prescribed > 0.0:
                 for k in range(VALVES):

@@ -54,6 +54,11 @@ def torque_capacity(pressure, load):
     return load.displacement * pressure + load.mechanical_loss
 
 
+def most_torque(load: LoadConfig) -> float:
+    """Torque [Nm] that the pump holds at its pressure limit: :func:`torque_capacity` without the kernel's record."""
+    return load.displacement * load.pressure_limit + load.mechanical_loss
+
+
 def relief_setting_for(torque: float, speed: float, load: LoadConfig) -> float:
     """Relief setting [Pa] that gives this load torque [Nm] at this output speed [rad/s]."""
     return max(0.0, torque - load.mechanical_loss) / (load.displacement * relief_factor(speed))

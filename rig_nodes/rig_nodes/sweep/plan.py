@@ -186,7 +186,7 @@ def make_plan(sequence: str, vary: dict, rig: str | None = None, method: str | N
     rig = rig or loaded.rig
     config = load_rig(rig, fixed)
     loaded.check_rig(config)
-    method = method or ("lhs" if samples else "grid")
+    method = method or ("grid" if samples is None else "lhs")
     if method not in METHODS:
         raise RigError(f"method is '{method}', expected {', '.join(METHODS)}")
     varied = []
@@ -197,11 +197,11 @@ def make_plan(sequence: str, vary: dict, rig: str | None = None, method: str | N
         varied.append(_read(name, spec, where, config, sequence, loaded))
     if not varied:
         raise RigError("a sweep needs something to vary: --vary NAME=\"LOW .. HIGH\" or NAME=\"A, B, C\"")
-    _check_method(method, samples, varied, wheres or {})
-    for name, value, low, high in (("samples", samples or 1, 1, MOST_MEMBERS), ("seed", seed, 0, 2**62),
+    for name, value, low, high in (("samples", samples, 1, MOST_MEMBERS), ("seed", seed, 0, 2**62),
                                    ("repeats", repeats, 1, MOST_MEMBERS)):
-        if not low <= value <= high:
+        if value is not None and not low <= value <= high:
             raise RigError(f"{name} is {value}, expected {low} to {high}")
+    _check_method(method, samples, varied, wheres or {})
     plan = Plan(_place(sequence), _place(rig), method, samples or 0, seed, repeats, tuple(varied), dict(fixed),
                 dict(fixed_with), description)
     if not 1 <= plan.count() <= MOST_MEMBERS:
@@ -355,7 +355,7 @@ def _check(one: Varied, value, where: str, config, sequence) -> None:
             raise RigError(f"{where}: expected time and current, e.g. \"200 ms 160 mA\", found '{value}'")
     else:
         try:
-            with_overrides(config, {one.name: one.text(value)})
+            with_overrides(config, {one.name: one.text(value)}, together=False)
         except RigError as error:
             raise RigError(f"{where}: {error}") from None
 

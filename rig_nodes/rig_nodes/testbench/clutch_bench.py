@@ -134,7 +134,8 @@ class ClutchBench(Timed):
         return RigStatus.RUNNING if self.settings["motor_on"][0] > 0.0 else RigStatus.READY
 
     def reset(self) -> None:
-        """Leave the safe state; motor and cylinder stay off."""
+        """Leave the safe state; motor and cylinder stay off. RigError when the rig is in none."""
+        self.check_tripped()
         for name in ("safe", "motor_on", "relief_on", "cylinder_on", "press_on"):
             self.settings[name] = 0.0
         self.reason, self.stopped_by_person = "", False

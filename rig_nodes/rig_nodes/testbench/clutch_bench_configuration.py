@@ -102,6 +102,11 @@ class ClutchBenchConfig:
         return {"kind": KIND, "name": self.name, **{name: asdict(getattr(self, name)) for name in ("kernel", *PARTS)}}
 
 
+def meant_step(key: str) -> str:
+    """The hint for a setting that is named as in the rig's YAML, where the kernel's step has no part around it."""
+    return f"did you mean kernel.{key}? " if key in KernelConfig.__dataclass_fields__ else ""
+
+
 def whole(node, path) -> ClutchBenchConfig:
     """A bench that names all its values; RigError with file and line otherwise."""
     keys = ("description", "kind", "step", *PARTS)
@@ -129,7 +134,7 @@ def with_overrides(config: ClutchBenchConfig, overrides: dict[str, str]) -> Clut
         owner = getattr(config, part) if part in ("kernel", *PARTS) else None
         if owner is None or name not in type(owner).__dataclass_fields__:
             known = ", ".join(type(owner).__dataclass_fields__) if owner else ", ".join(("kernel", *PARTS))
-            raise RigError(f"{where}: there is no such value; known are {known}")
+            raise RigError(f"{where}: there is no such value; {meant_step(key)}known are {known}")
         value = field_value(type(owner).__dataclass_fields__[name], text, f"{where}: the value")
         config = replace(config, **{part: replace(owner, **{name: value})})
     return config

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import re
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from ..alfa46 import law
-from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, check_profile, read_alfa46
+from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, read_alfa46
 from ..catalogue import GEARBOX
 from ..config import load_marked
 from ..config.names import find_config
@@ -27,8 +28,9 @@ from ..plant.oil_supply import OilSupplyConfig
 from ..plant.prescribed import Prescribed, read_prescribed
 from ..plant.valve import ValveConfig
 from . import clutch_bench_configuration as clutch_bench
-from .clutch_bench_configuration import ClutchBenchConfig
+from .clutch_bench_configuration import ClutchBenchConfig, meant_step
 from .timed import KernelConfig
+from .together import check_together
 
 
 @dataclass(frozen=True)
@@ -214,6 +216,15 @@ def _on_base(node, path) -> RigConfig | ClutchBenchConfig:
     return config
 
 
+def _where_written(node, path, keys: tuple[str, ...]) -> str:
+    """``file:line`` of the first of these keys that a rig's map names itself."""
+    for part, _, name in (key.partition(".") for key in keys):
+        own = node.get("controller_values" if part == "alfa46" else part)
+        if isinstance(own, dict) and name in own:
+            return f"{where_of(path, own, name)}: "
+    return f"{path}: "
+
+
 def load_rig(name: str | Path = "hydmag", overrides: dict[str, str] | None = None) -> RigConfig | ClutchBenchConfig:
     """The rig of this name or file, with the gearbox unless its ``kind`` or that of its base says another.
 
@@ -227,6 +238,7 @@ def load_rig(name: str | Path = "hydmag", overrides: dict[str, str] | None = Non
         config = clutch_bench.whole(node, path)
     else:
         config = _whole(node, path)
+    check_together(config, partial(_where_written, node, path))
     return with_overrides(config, overrides or {})
 
 
@@ -238,21 +250,28 @@ def load_gearbox_rig(name: str | Path, overrides: dict[str, str] | None, what: s
     return config
 
 
-def with_overrides(config, overrides: dict[str, str]):
-    """The rig with some values changed, as :func:`load_rig` takes them; RigError for those that do not fit."""
+def with_overrides(config, overrides: dict[str, str], together: bool = True):
+    """The rig with some values changed, as :func:`load_rig` takes them; RigError for those that do not fit.
+
+    together: they are all, and must fit each other too.
+    """
     if config.kind == clutch_bench.KIND:
-        return clutch_bench.with_overrides(config, overrides)
-    points = {}
-    for key, text in overrides.items():
-        if match := _POINT_KEY.fullmatch(key):
-            points[match.groups()] = text
-        else:
-            config = _override(config, key, text)
-    return _with_points(config, points) if points else config
+        config = clutch_bench.with_overrides(config, overrides)
+    else:
+        points = {}
+        for key, text in overrides.items():
+            if match := _POINT_KEY.fullmatch(key):
+                points[match.groups()] = text
+            else:
+                config = _override(config, key, text)
+        config = _with_points(config, points)
+    if overrides and together:
+        check_together(config, lambda keys: next((f"setting {k}={overrides[k]}: " for k in keys if k in overrides), ""))
+    return config
 
 
 def _with_points(config: RigConfig, points: dict[tuple[str, str], str]) -> RigConfig:
-    """The rig with points (output, P1 to P6) of the controller's profiles moved; checked when all have been."""
+    """The rig with points (output, P1 to P6) of the controller's profiles moved; check_together looks at the whole."""
     profiles = config.alfa46.profiles.copy()
     for (output, point), text in points.items():
         where = f"setting alfa46.{output}.{point}={text}"
@@ -261,9 +280,6 @@ def _with_points(config: RigConfig, points: dict[tuple[str, str], str]) -> RigCo
             raise RigError(f"{where}: expected time and current, e.g. \"200 ms 160 mA\"")
         profiles[OUTPUT_KEYS.index(output), POINTS.index(point)] = (
             quantity(parts[1], "time", where), quantity(parts[2], "current", where))
-    for output in {output for output, _ in points}:
-        check_profile(profiles[OUTPUT_KEYS.index(output)], f"setting alfa46.{output}",
-                      config.alfa46.values.current_limit)
     return replace(config, alfa46=Alfa46Config(config.alfa46.values, profiles))
 
 
@@ -282,7 +298,7 @@ def _override(config: RigConfig, key: str, text: str) -> RigConfig:
         known = ", ".join(type(owner).__dataclass_fields__) if owner else ", ".join([*own, "alfa46"])
         if part == "alfa46":
             known += ", output_1.P1 to output_3.P6"
-        raise RigError(f"{where}: there is no such value; known are {known}")
+        raise RigError(f"{where}: there is no such value; {meant_step(key)}known are {known}")
     value = field_value(type(owner).__dataclass_fields__[name], text, f"{where}: the value")
     owner = replace(owner, **{name: value})
     if part == "cut":

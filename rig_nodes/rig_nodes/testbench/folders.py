@@ -1,4 +1,6 @@
-"""Where a run is written, and settings and parameters given on the command line; used by ``run`` and ``simulate``."""
+"""Where a run is written, and settings and parameters given on the command line; used by the verbs that run something
+and by the nodes' processes.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +10,14 @@ from pathlib import Path
 from ..errors import RigError
 
 
+def free_folder(name: str) -> Path:
+    """The next runs/<name>-<n> that nobody has taken; it is not made."""
+    number = 1
+    while (folder := Path("runs") / f"{name}-{number}").exists():
+        number += 1
+    return folder
+
+
 def run_folder(out: str | None, name: str) -> Path:
     """The folder for a run: ``out``, which must be new or empty, or the next free runs/<name>-<n>."""
     if out is not None:
@@ -15,15 +25,12 @@ def run_folder(out: str | None, name: str) -> Path:
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise RigError(f"--out {out}: it exists and is not an empty folder; choose a new name")
     else:
-        number = 1
-        while (folder := Path("runs") / f"{name}-{number}").exists():
-            number += 1
+        folder = free_folder(name)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RigError(f"{folder}: cannot be made ({error.strerror}); choose another place with --out") from None
     return folder
-
 
 
 @contextmanager
@@ -39,15 +46,16 @@ def unless_empty(folder: Path):
 
 def parse_settings(settings: list[str]) -> dict[str, str]:
     """KEY=VALUE pairs of --set as a dict; RigError when one is not a pair or comes twice."""
-    return _pairs("--set", settings, 'KEY=VALUE, e.g. alfa46.t12="200 ms"')
+    return pairs("--set", settings, 'KEY=VALUE, e.g. alfa46.t12="200 ms"')
 
 
 def parse_parameters(parameters: list[str]) -> dict[str, str]:
     """NAME=VALUE pairs of --with as a dict; RigError as :func:`parse_settings`."""
-    return _pairs("--with", parameters, 'NAME=VALUE, e.g. speed="1500 rpm"')
+    return pairs("--with", parameters, 'NAME=VALUE, e.g. speed="1500 rpm"')
 
 
-def _pairs(option: str, texts: list[str], example: str) -> dict[str, str]:
+def pairs(option: str, texts: list[str], example: str) -> dict[str, str]:
+    """KEY=VALUE texts of an option as a dict; RigError, with how it is written, as :func:`parse_settings`."""
     out: dict[str, str] = {}
     for text in texts:
         key, sign, value = text.partition("=")

@@ -12,10 +12,10 @@ from itertools import product
 from pathlib import Path
 
 from ..config import load_marked
+from ..config.conditions import CONDITIONS
 from ..config.schema import check_keys, where_of
 from ..config.units import quantity
 from ..errors import RigError
-from ..validation.targets import CONDITIONS
 from .configuration import find_config, load_rig, with_overrides
 from .kinds import AnyConfig
 from .record import LOGGER_PERIOD, Run, record
@@ -29,7 +29,7 @@ BLOCK_KEYS = ("table", "grid", "label", "conditions", "parameters", "settings")
 class Series:
     """One setting under which a procedure is run.
 
-    label: short name, alone in its procedure. conditions: names of validation.targets.CONDITIONS, SI. parameters: of
+    label: short name, alone in its procedure. conditions: names of config.conditions, SI. parameters: of
     the sequence. overrides: of the rig. period: between two rows [s]. first_seed: of the first repeat; the others'
     follow, and no two runs of a procedure share one.
     """

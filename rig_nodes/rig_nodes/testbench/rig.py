@@ -17,7 +17,7 @@ from ..alfa46.controller import refusal
 from ..alfa46.settings import Alfa46Config
 from ..catalogue import catalogue
 from ..config.schema import fill, limits
-from ..controllers.seam import LEVELS
+from ..controllers.seam import LEVELS, NOTHING
 from ..errors import RigError
 from ..instruments import transducers
 from ..plant import clutch, driveline_algebra, kernel
@@ -30,13 +30,20 @@ from .gauges import Gauges
 from .timed import SAMPLE_NS, RigStatus, Timed, check_range
 
 COMMAND_TIMEOUT = 0.1  # s: a valve command older than this trips the rig
-UNMOVED = 1e6  # kg m2 on w0 where n_wej is to stay, whatever happens
+UNMOVED = 1e6  # kg m2 on w0 where n_wej is to stay, whatever happens; in no torque and no energy that is told
 SETPOINTS = {"motor_speed": "n_wej", "load_pressure": "p_po", "oil_pressure": "p_p"}  # and whose range they keep to
 
 
 def check_setpoint(name: str, value: float) -> None:
     """RigError when the rig would refuse this value [SI] of one of SETPOINTS, whoever sends it."""
     check_range(name, value, catalogue().signals[SETPOINTS[name]])
+
+
+def check_level(config: RigConfig, level: str | None) -> None:
+    """RigError for a level of an external controller that moves nothing on this rig."""
+    if level == "duty" and not config.effects.current_loop:
+        raise RigError("effects.current_loop=off makes the coil current its setpoint, and a controller at level duty has "
+                       "none that acts; run one that knows it at level current (--level current), or leave the loop on")
 
 
 class Rig(Timed):
@@ -58,6 +65,8 @@ class Rig(Timed):
             raise RigError(f"delay is {delay}, expected 0 or more samples of an external controller, or 1")
         if level not in (None, *LEVELS):
             raise RigError(f"level is '{level}', expected 'duty' or 'current'")
+        if controller == "external":
+            check_level(config, level)
         self.config, self.seed, self.embedded, self.level = config, int(seed), controller == "embedded", level
         self._drive = (kernel.BY_LAW if self.embedded else
                        kernel.BY_SETPOINT if level == "current" else kernel.BY_DUTY)
@@ -68,6 +77,7 @@ class Rig(Timed):
         self.delay = delay
         self._to_come: deque[tuple] = deque()  # commands that were taken and do not act yet: boundary, how, values
         self._last_command = -1  # sample that the newest valid command from outside answers
+        self._held_open = False  # since a reset: no command acts until the controller has been in neutral
         self._ordered: int | None = None  # gear ordered from the embedded controller, taken at its next sample
 
     def _build(self) -> None:
@@ -82,7 +92,8 @@ class Rig(Timed):
         line, start = world["driveline"], system.state()
         for name in ("minv", "w", "v"):
             line[name] = getattr(start if name == "v" else system, name)
-        self.mass = system.mass
+        self._mass = build_driveline(c.gearbox).mass
+        self._put_on = float(system.mass[0, 0] - self._mass[0, 0])  # kg m2, 0 unless n_wej is to stay
         self.v, self.mode, self._el, self._e_in, self._cap, self._w = (
             line[name][0] for name in ("v", "mode", "el", "e_in", "cap", "w"))
 
@@ -222,7 +233,8 @@ class Rig(Timed):
         self._accept("duty", sample)
         self._duty[:], self._setpoint[:] = values[:law.OUTPUTS], values[law.OUTPUTS:]
         self._gear, self._shifting = int(gear), bool(shifting)
-        self._to_come.append((sample + self.delay, self._act_duty, values[:law.OUTPUTS]))
+        duty = values[:law.OUTPUTS] if self._may_act(values[:law.OUTPUTS]) else NOTHING
+        self._to_come.append((sample + self.delay, self._act_duty, duty))
         self._act_due()
 
     def _act_duty(self, duty: list[float]) -> None:
@@ -243,7 +255,8 @@ class Rig(Timed):
         self._accept("current", sample)
         self._setpoint[:] = values
         self._gear, self._shifting, self._flags = int(gear), bool(shifting), int(flags)
-        self._to_come.append((sample + self.delay, self._act_current, values, int(flags)))
+        current, held = (values, int(flags)) if self._may_act(values) else (NOTHING, 0)
+        self._to_come.append((sample + self.delay, self._act_current, current, held))
         self._act_due()
 
     def _act_current(self, setpoint: list[float], flags: int) -> None:
@@ -258,6 +271,7 @@ class Rig(Timed):
         if self.level not in (None, level):
             raise RigError(f"valve command for sample {sample} refused: this run takes commands at level "
                            f"'{self.level}', found one at level '{level}'; the level stays until its end")
+        check_level(self.config, level)
         values = [float(value) for vector in vectors for value in vector]
         if any(len(v) != law.OUTPUTS for v in vectors) or not all(map(math.isfinite, values)):
             what = "duty and setpoint must be 3 finite numbers each" if level == "duty" else (
@@ -274,6 +288,14 @@ class Rig(Timed):
         if self.level is None:
             self.level = level
             self._drive = kernel.BY_SETPOINT if level == "current" else kernel.BY_DUTY
+
+    def _may_act(self, command) -> bool:
+        """False after a reset until the controller has asked for nothing in neutral: a clutch that was clamped before
+        the trip does not come back by itself.
+        """
+        if self._held_open and not (any(command) or self._gear or self._shifting):
+            self._held_open = False
+        return not self._held_open
 
     def order_gear(self, gear: int) -> None:
         """Order a gear of the embedded controller, taken at its next sample; RigError when refused."""
@@ -292,7 +314,7 @@ class Rig(Timed):
         """What the rig is doing."""
         if self._safe[0] > 0.0:
             return RigStatus.TRIPPED
-        if self.newest_command < 0:
+        if self.newest_command < 0 or self._held_open:
             return RigStatus.STARTING
         return RigStatus.RUNNING if self._motor_on[0] > 0.0 else RigStatus.READY
 
@@ -307,15 +329,21 @@ class Rig(Timed):
         return (self.sample - self.newest_command) * (SAMPLE_NS * 1e-9) if self.newest_command >= 0 else 0.0
 
     def reset(self) -> None:
-        """Leave the safe state; motor stays off, the controller must speak again before valves move."""
+        """Leave the safe state; RigError when the rig is in none.
+
+        The motor stays off, and no clutch is clamped before it is ordered anew: the embedded controller begins in
+        neutral, one outside must have been there before its commands act again; until then the rig is starting.
+        """
+        self.check_tripped()
         self.settings["safe"] = self.settings["motor_on"] = 0.0
         self.reason, self.stopped_by_person = "", False
         self._last_command = -1
         self._to_come.clear()
         self.valves["pending"] = 0.0
         self.cuts.excuse()
-        if not self.embedded:
-            self._law_outputs[:] = np.zeros(1, law.LAW_OUTPUT)
+        self._law_outputs[:] = np.zeros(1, law.LAW_OUTPUT)
+        self._law_state["gear"] = self._law_state["shift_end"] = 0
+        self._ordered, self._held_open = None, not self.embedded
 
     # ---- what can be read
 
@@ -395,14 +423,17 @@ class Rig(Timed):
     def energy(self) -> dict[str, float]:
         """Energies since time 0 [J]: each from its own torque and slip, none by difference."""
         fric, visc = self._el[driveline_algebra.E_FRIC], self._el[driveline_algebra.E_VISC]
+        motor = float(self._e_in.sum())
+        if self._put_on:  # what it holds is not the motor's work
+            motor -= 0.5 * self._put_on * float(self.v[0]) ** 2
         out = {
-            "motor": float(self._e_in.sum()),
+            "motor": motor,
             "load": float(fric[kernel.LOAD]),
             "heat_s1": float(fric[S1] + visc[S1]),
             "heat_s2": float(fric[S2] + visc[S2]),
             "loss_in": float(fric[kernel.LOSS_IN]),
             "loss_out": float(fric[kernel.LOSS_OUT]),
-            "stored": float(0.5 * self.v @ self.mass @ self.v),
+            "stored": float(0.5 * self.v @ self._mass @ self.v),
         }
         # sum() rounds otherwise from Python 3.12 on, and the bag has to be the same in all of them
         used = 0.0

@@ -18,7 +18,7 @@ from ..config.names import DEFAULT_RIG, find_config, kind_of
 from ..config.schema import check_keys, where_of
 from ..config.units import dimension_of, quantity
 from ..errors import RigError
-from ..plant.load_pump import LoadConfig, relief_setting_for
+from ..plant.load_pump import LoadConfig, most_torque, relief_setting_for
 from .clutch_bench_configuration import KIND as CLUTCH_BENCH
 
 GEARS = {"neutral": 0, "I": 1, "II": 2}
@@ -97,10 +97,14 @@ class Sequence:
     kind: str | None = None
 
     def check_rig(self, config) -> None:
-        """RigError when the sequence is for another kind of rig than this configuration's."""
+        """RigError when the sequence is for another kind of rig than this configuration's, or loads it too much."""
         if self.kind not in (None, config.kind):
             raise RigError(f"sequence '{self.name}' is for a rig of kind {self.kind}, '{config.name}' is of kind "
                            f"{config.kind}; leave out --rig, or name one like {self.rig}")
+        for step in self.steps:
+            if step.by_torque and step.value > (most := most_torque(config.load_pump)):
+                raise RigError(f"{step.where}: {step.text}: the load pump holds at most {most:.4g} Nm, by its "
+                               "load_pump.displacement and .pressure_limit")
 
 
 BY_HAND = Sequence("none", "ordered over ROS", 0.0)  # in the record of a run without a sequence of its own
@@ -422,10 +426,13 @@ class SequenceRunner:
         elif step.kind == "controller":
             self.bench.set_controller(step.setting, step.value)
         elif step.kind != "wait":
-            value = step.value
-            if step.by_torque:
-                value = relief_setting_for(value, self.bench.reading("n_wyj"), self.load)
-            getattr(self.bench, f"set_{step.kind}")(value, step.enable)
+            if not step.by_torque:
+                getattr(self.bench, f"set_{step.kind}")(step.value, step.enable)
+                return
+            try:
+                self.bench.set_load(relief_setting_for(step.value, self.bench.reading("n_wyj"), self.load), step.enable)
+            except RigError as error:
+                raise RigError(f"{step.text} asks the relief valve, at this speed, for too much: {error}") from None
 
     def _ended(self, step: Step, t: float) -> bool:
         waited = t - self._since

@@ -91,6 +91,11 @@ class Timed(ABC):
         self.settings["safe"] = 0.0  # a person's stop replaces whatever tripped before
         self.trip("emergency stop")
 
+    def check_tripped(self) -> None:
+        """RigError when there is no safe state that could be left."""
+        if self.status != RigStatus.TRIPPED:
+            raise RigError("the rig is not in its safe state; nothing done")
+
     def ring(self) -> np.ndarray:
         """An empty ring of rows."""
         # a channel's values lie side by side: whoever keeps rows copies whole channels

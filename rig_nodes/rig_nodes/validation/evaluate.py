@@ -24,8 +24,6 @@ VARIABLES = {"t": "time", "p_z": "pressure", "n_wej": "n_wej", "s": "s"}
 # variables that one test runs through; fits and trends over them hold for each test by itself
 WITHIN_A_TEST = ("time", "pressure")
 COVER = 0.05  # share of a curve's span that may be without a point at either end
-# rows that speak of most loads: inside when more than half of what is gone through is, as their notes say
-OF_MOST = ("up_t_dt_grows_with_speed",)
 
 
 @dataclass(frozen=True)
@@ -87,7 +85,7 @@ def evaluate(target: Target, records: list[Record]) -> Row:
     inside = sum(one.inside for one in found)
     worst = min(found, key=lambda one: (one.inside, one.margin), default=None)
     reason = ""
-    if target.id in OF_MOST and found and not unknown and not lacking:
+    if target.inside == "most" and found and not unknown and not lacking:
         verdict = INSIDE if 2 * inside > len(found) else OUTSIDE
     elif inside < len(found):
         verdict = OUTSIDE

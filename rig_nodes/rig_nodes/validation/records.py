@@ -8,9 +8,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from ..config.conditions import CONDITIONS
 from ..config.units import SI, UNITS
 from ..errors import RigError
-from .targets import CONDITIONS, Span
+from .targets import Span
 
 REL = 1e-9  # two settings are the same within this share; they come from the same decimal numbers
 # how many series "all" means: procedure -> valve (None: whatever the valve) -> number, tab. 7.4, Annexes B and C

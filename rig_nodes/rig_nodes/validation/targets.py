@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..config import load_marked
+from ..config.conditions import CONDITIONS
 from ..config.schema import check_keys, where_of
-from ..config.units import SI, UNITS, quantity
+from ..config.units import SI, UNITS, quantity, with_article
 from ..errors import RigError
 
 TARGETS_FILE = Path(__file__).resolve().with_name("targets.yaml")
@@ -34,17 +35,9 @@ KINDS = {
     "curve": (("variable", "variable_unit", "unit", "pieces", "tolerance"), ()),
     "classification": (("classes", "expected"), ()),
 }
-# what a condition takes: a dimension, the words it knows, or whole numbers
-CONDITIONS = {
-    "shift": ("I-II", "II-I"), "n_wej": "angular velocity", "n_wyj": "angular velocity", "m_wyj": "torque",
-    "t12": "time", "t21": "time", "series": int, "valve": ("ZR-P1", "ZR-P2"), "clutch": ("S1", "S2"),
-    "side": ("driving", "driven"), "phase": ("before", "shift", "fill", "after contact"),
-    "source": ("measured", "simulated"), "ring": ("80x115", "80x101.9", "65x115", "46x88.9", "50x76"),
-    "thickness": "length", "surfaces": int, "model": ("thesis", "osinski", "traditional"),
-    "pressure": "pressure", "time": "time", "inertia": "inertia",
-}
 REQUIRED = ("id", "text", "where", "kind", "quantity", "procedure", "role", "conditions", "why")
-OPTIONAL = ("statistic", "across", "fixed", "conflicts", "note")
+OPTIONAL = ("statistic", "across", "fixed", "inside", "conflicts", "note")
+PARTS = ("all", "most")  # of a row's single values that must be inside
 
 
 @dataclass(frozen=True)
@@ -61,6 +54,7 @@ class Target:
 
     dimension: of printed, low, high and tolerance (a ratio for the kinds ratio and fit and for spread_share);
     unit: the laboratory's, for people. conditions, of, to: name -> tuple of values, or a :class:`Span`.
+    inside: which of its single values must be inside, all or most (more than half).
     conflicts: id of another target -> how the two pull against each other, the same at both. pieces: of a
     curve, (from, to, coefficients with the highest power first) in variable_unit and unit.
     tolerance_is_share: the tolerance of a trend is a share of the lowest value. line: where the row stands.
@@ -90,6 +84,7 @@ class Target:
     shape: str | None = None
     over: str | None = None
     fixed: tuple[str, ...] = ()
+    inside: str = "all"
     statistic: str | None = None
     across: str | None = None
     classes: tuple[str, ...] = ()
@@ -193,7 +188,7 @@ class _Row:
         node, kind = self.node, self.node["kind"]
         values: dict = {}
         for key, known in (("sign", SIGNS), ("shape", SHAPES), ("statistic", STATISTICS),
-                           ("over", CONDITIONS), ("across", CONDITIONS)):
+                           ("over", CONDITIONS), ("across", CONDITIONS), ("inside", PARTS)):
             if key in node:
                 self.one_of(key, known)
                 values[key] = str(node[key])
@@ -264,7 +259,8 @@ class _Row:
         for key in ("unit", "variable_unit"):
             self.one_of(key, UNITS)
         if UNITS[node["unit"]][0] != self.dimension:
-            self.refuse("unit", f"is a {UNITS[node['unit']][0]}, expected a {self.dimension}")
+            self.refuse("unit", f"is {with_article(UNITS[node['unit']][0])}, expected "
+                                f"{with_article(self.dimension)}")
         pieces, end = [], None
         for piece in node["pieces"] if isinstance(node["pieces"], list) else [None]:
             try:

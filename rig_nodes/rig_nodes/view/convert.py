@@ -26,7 +26,8 @@ from .document import report_document
 APPLICATION = "virtual_rig"
 VIEW_FILE = "view.rrd"
 LOGGER_TOPIC, OWN_TOPIC = "/instruments/hmg4000", "/alfa46/signals"
-LEVELS = (("tripped", "ERROR"), ("failed", "ERROR"), ("e_stop", "ERROR"), ("refused", "WARN"))
+LEVELS = (("tripped", "ERROR"), ("failed", "ERROR"), ("e_stop", "ERROR"), ("refused", "WARN"),
+          ("aborted", "WARN"))
 
 
 @dataclass(frozen=True)

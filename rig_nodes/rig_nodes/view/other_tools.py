@@ -8,13 +8,11 @@ its open successor Lichtblick exchange.
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 import xml.etree.ElementTree as xml
 from pathlib import Path
 
 from ..catalogue import Signal, catalogue
-from ..errors import RigError
+from ..whole_file import write_whole
 from . import layout
 
 STATE_HUES = (layout.INPUT, layout.OUTPUT, layout.OTHER, layout.S1, layout.S2)  # curves have one colour each
@@ -37,21 +35,7 @@ def _lists(plots) -> list[tuple[str, list[str]]]:
 
 def write_layout(tool: str, path: Path) -> None:
     """Write the layout for "plotjuggler" or "foxglove"; whole or, with RigError, not at all."""
-    text = {"plotjuggler": plotjuggler, "foxglove": foxglove}[tool]()
-    try:
-        handle, name = tempfile.mkstemp(prefix=".layout-", dir=path.parent)
-    except OSError as error:
-        raise RigError(f"{path}: cannot be written ({error.strerror}); "
-                       f"give --out a file in a folder of yours") from None
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        os.chmod(name, 0o644)
-        os.replace(name, path)
-    except OSError as error:
-        raise RigError(f"{path}: cannot be written ({error.strerror})") from None
-    finally:
-        Path(name).unlink(missing_ok=True)
+    write_whole(path, {"plotjuggler": plotjuggler, "foxglove": foxglove}[tool]())
 
 
 def _states(names: list[str]) -> bool:

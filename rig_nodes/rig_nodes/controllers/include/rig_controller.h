@@ -56,7 +56,7 @@ typedef struct rig_controller_info {
 
 typedef struct rig_controller_inputs {
   uint32_t size;                  /* sizeof(rig_controller_inputs) of the rig */
-  uint32_t gear_request;          /* gear ordered last: 0 neutral, 1, 2; stays until the next order */
+  uint32_t gear_request;          /* gear ordered last: 0 neutral, 1, 2; stays until the next order or a trip, then 0 */
   uint64_t sample;                /* index since time 0 */
   double time;                    /* sample x period [s] */
   double current[RIG_CONTROLLER_OUTPUTS]; /* measured coil currents [A] */
