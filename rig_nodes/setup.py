@@ -8,8 +8,7 @@ from setuptools import find_packages, setup
 NAME = "rig_nodes"
 VERSION = re.search(r'__version__ = "(.+?)"', Path(NAME, "__init__.py").read_text(encoding="utf-8")).group(1)
 
-DEVICES = ("motor", "valve_zr_p1", "valve_zr_p2", "load_pump", "gearbox", "clutch_s1", "clutch_s2",
-           "oil_supply", "instruments")
+DEVICES = ("motor", "valve_zr_p1", "valve_zr_p2", "load_pump")  # that can stand outside the plant
 
 
 def share_files(folder: str, into: str, pattern: str) -> list[tuple[str, list[str]]]:
@@ -42,10 +41,10 @@ setup(
     ],
     python_requires=">=3.11",
     # rclpy and rig_msgs come with ROS 2, not from a package index; requirements.lock has wheels of rclpy.
-    install_requires=["setuptools", "numpy>=1.26", "scipy", "numba", "mcap", "mcap-ros2-support", "rosbags",
+    install_requires=["setuptools", "numpy>=1.26", "scipy", "numba", "mcap", "lz4", "zstandard", "rosbags",
                       "ruamel.yaml"],
     extras_require={"view": ["rerun-sdk"], "plugs": ["fmpy", "python-can", "cantools", "pymodbus"],
-                    "sweep": ["pyarrow", "dask", "distributed", "optuna"], "test": ["pytest"]},
+                    "sweep": ["pyarrow", "dask", "distributed", "optuna"], "test": ["pytest", "mcap-ros2-support"]},
     zip_safe=False,
     entry_points={
         "console_scripts": [
@@ -55,7 +54,6 @@ setup(
             "alfa46 = rig_nodes.nodes.alfa46:main",
             "sequencer = rig_nodes.nodes.sequencer:main",
             "recorder = rig_nodes.nodes.recorder:main",
-            # devices outside the plant; those that cannot be say why
             *(f"{name} = rig_nodes.nodes.cut_device:{name}" for name in DEVICES),
         ],
     },

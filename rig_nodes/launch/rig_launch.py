@@ -1,9 +1,10 @@
 """`ros2 launch rig_nodes rig_launch.py`: the rig in real time as nodes of the terminal's ROS domain.
 
-Needs a ROS 2 Jazzy with its launch package (docs/ros2.md), as `./rig run` does not. Numerics stay out of here:
-the Python of `ros2` may be another one than that of the nodes.
+Needs a ROS 2 Jazzy with its launch package (docs/ros2.md), as `./rig run` does not. Numerics stay out of here: the
+Python of `ros2` may be another one than that of the nodes, with ruamel.yaml but without what pip installs.
 """
 
+import re
 import signal
 import subprocess
 from pathlib import Path
@@ -24,17 +25,22 @@ from launch.events.process import SignalProcess
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from rig_nodes.config.names import kind_of, rig_of
+from rig_nodes.errors import RigError
+from rig_nodes.graph.supervisor import MODULES, Order, processes_of
 from rig_nodes.testbench.folders import run_folder
 
 ARGUMENTS = (
     ("sequence", "", "name or .yaml file of a sequence, with whose end the launch ends; "
                      "empty: the rig runs until Ctrl-C and takes orders over ROS"),
     ("with", "", "values of the sequence's parameters, NAME=VALUE, several with commas between them"),
-    ("rig", "hydmag", "name or .yaml file of the rig's configuration"),
+    ("rig", "", "name or .yaml file of the rig's configuration; empty: the one that the sequence is written for, "
+                "hydmag without a sequence"),
+    ("set", "", "values of the rig to change, KEY=VALUE as for ./rig run --set, several with commas between them"),
     ("out", "", "new or empty folder for bag, report and logs; empty: runs/<sequence>-<n>"),
     ("seed", "1", "seed of the transducers' noise and errors"),
     ("controller", "", "your controller in place of the Alfa46: python:FILE.py:CLASS, c:FILE.c, ros:NAME or another "
-                       "of docs/controllers.md"),
+                       "of docs/controllers.md; not for a bench"),
     ("delay", "1", "samples of 1 ms from a measurement to the effect of the controller's answer to it"),
 )
 AFTER_FAILURE = 1.0  # s in which the rig notices that its controller is gone and the bag gets the safe state
@@ -105,24 +111,41 @@ def stop(node: Node) -> EmitEvent:
     return EmitEvent(event=SignalProcess(signal_number=signal.SIGTERM, process_matcher=matches_action(node)))
 
 
+def ordered(given: dict[str, str]) -> Order:
+    """The run that the launch arguments describe; RigError for a controller where there is nothing to control."""
+    rig = given["rig"] or rig_of(given["sequence"])
+    processes = processes_of(kind_of(rig))
+    if "alfa46" not in processes and (given["controller"] or given["delay"] != "1"):
+        raise RigError(f"the rig '{rig}' has no valves for a shift controller; leave out controller and delay")
+    for name in ("seed", "delay"):
+        if not given[name].isdecimal():
+            raise RigError(f"{name}:={given[name]}: expected a whole number")
+    return Order(given["sequence"] or None, rig, int(given["seed"]), pairs(given["set"]),
+                 controller=given["controller"] or None, parameters=pairs(given["with"]), processes=processes,
+                 delay=int(given["delay"]))
+
+
+def pairs(text: str) -> list[str]:
+    """NAME=VALUE,NAME=VALUE as single ones; a comma belongs to the value unless a name follows it."""
+    return [pair.strip() for pair in re.split(r",(?=\s*[\w.]+\s*=)", text) if pair.strip()]
+
+
 def start(context) -> list:
     """The processes, with what the launch arguments say."""
     given = {name: LaunchConfiguration(name).perform(context) for name, *_ in ARGUMENTS}
     record = LaunchConfiguration("record").perform(context) == "true"
     sequence = given["sequence"]
+    order = ordered(given)
     name = Path(sequence).stem or "by_hand"
     folder = run_folder(given["out"] or None, name) if record else None
-    rig = ["--rig", given["rig"]]
-    chosen = ["--sequence", sequence] if sequence else []
-    for text in filter(None, given["with"].split(",")):
-        chosen += ["--with", text.strip()]
     run = Run(sequence, folder)
+    more = {"sequencer": ["--once"] if sequence else []}
     if folder is not None:
         (folder / "logs").mkdir()
-        run.add("recorder", "--out", str(folder), "--name", name)
-    run.add("rig_container", *rig, *chosen, "--seed", given["seed"], "--delay", given["delay"])
-    run.add("alfa46", *rig, *(["--controller", given["controller"]] if given["controller"] else []))
-    run.add("sequencer", *rig, *chosen, *(["--once"] if sequence else []))
+        more["recorder"] = ["--out", str(folder), "--name", name]
+    for process in order.processes:
+        if process != "recorder" or record:
+            run.add(MODULES[process], *order.arguments(process), *more.get(process, []))
     return [RegisterEventHandler(OnProcessExit(on_exit=run.on_exit)), *run.nodes.values()]
 
 

@@ -13,14 +13,33 @@ from .errors import RigError
 
 
 @dataclass(frozen=True)
+class Offer:
+    """How the topics of a quality-of-service class are offered, reliable all: depth, deadline [ms] (0: without one)."""
+
+    latched: bool = False
+    deadline_ms: int = 0
+    depth: int = 1000  # at 1 kHz one second; 10 lost 0.4 % of the messages without a word
+
+
+# Nodes publish with these (nodes.qos) and bags say them (bags.metadata). A command's deadline is the age at which the
+# rig trips.
+QOS = {"measurement": Offer(), "command": Offer(deadline_ms=100), "setting": Offer(), "latched": Offer(latched=True)}
+
+
+@dataclass(frozen=True)
 class Topic:
-    """One topic: who publishes it, its message type, its quality-of-service class and its rate [Hz]."""
+    """One topic: who publishes it, its message type, its quality-of-service class and its rate [Hz].
+
+    sets: of a Setpoint, what its value is; like: the signal whose unit and range the value has.
+    """
 
     name: str
     node: str
     type: str
     qos: str
     rate: float
+    sets: str = ""
+    like: str = ""
 
     @property
     def ros_type(self) -> str:
@@ -84,10 +103,19 @@ class Catalogue:
             out.update(other.signals)
         return out
 
+    def of_run(self, cut_out=(), own_signals: bool = False) -> dict[str, Topic]:
+        """The topics of a run in which these devices stand outside, with a controller that may have its own signals."""
+        cut = {name: topic for name, topic in self.cut_topics.items() if name.split("/")[1] in cut_out}
+        return {**self.topics, **cut, **(self.controller_topics if own_signals else {})}
+
     def logger_channels(self) -> list[Signal]:
         """The columns of the 10 kHz logger, in order."""
         columns = [s for s in self.signals.values() if s.logger is not None]
         return sorted(columns, key=lambda s: s.logger)
+
+    def setpoints(self) -> dict[Topic, Signal]:
+        """The topics of setpoints, each with the signal whose unit and range its value has."""
+        return {topic: self.signals[topic.like] for topic in self.topics.values() if topic.like}
 
     def on_topic(self, topic: str) -> list[Signal]:
         """The signals that travel in one topic."""
@@ -118,11 +146,13 @@ def catalogue(kind: str = GEARBOX) -> Catalogue:
     topics, cut_topics, controller_topics = ({name: Topic(name=name, **entry) for name, entry in data[key].items()}
                                              for key in ("topics", "cut_topics", "controller_topics"))
     signals = _signals(data["signals"], topics, data["displays"])
+    _check_topics({**topics, **cut_topics, **controller_topics}, signals)
     others, taken = {}, {*topics, *cut_topics, *controller_topics, *signals}
     for other, part in data["benches"].items():
         own = {name: Topic(name=name, **entry) for name, entry in part["topics"].items()}
         shared = {name: topics[name] for name in part["shares"]}
         found = _signals(part["signals"], own, data["displays"])
+        _check_topics(own, found)
         if both := sorted(taken & {*own, *found}):
             raise RigError(f"signals.yaml: '{both[0]}' of {other} is there twice")
         taken |= {*own, *found}
@@ -138,6 +168,16 @@ def kind_of_topics(topics) -> str:
         if any(topic in other.topics and topic not in known.topics for topic in topics):
             return kind
     return GEARBOX
+
+
+def _check_topics(topics: dict[str, Topic], signals: dict[str, Signal]) -> None:
+    """RigError for a class of which nobody knows how it is offered, and for a setpoint without unit and range."""
+    for topic in topics.values():
+        if topic.qos not in QOS:
+            raise RigError(f"signals.yaml: {topic.name} is of the class '{topic.qos}'; known are {', '.join(QOS)}")
+        if (topic.type == "Setpoint") != (topic.like in signals):
+            raise RigError(f"signals.yaml: {topic.name}: a Setpoint, and no other topic, is like a signal; found "
+                           f"'{topic.like}'")
 
 
 def _signals(entries: dict, topics: dict[str, Topic], displays: dict) -> dict[str, Signal]:

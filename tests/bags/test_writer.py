@@ -18,8 +18,9 @@ from rig_nodes.bags.definitions import installed
 from rig_nodes.bags.metadata import PROFILES
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
-from rig_nodes.catalogue import catalogue
+from rig_nodes.catalogue import QOS, catalogue
 from rig_nodes.errors import RigError
+from rig_nodes.nodes.qos import publisher_profile
 
 MEASUREMENT = "rig_msgs/msg/Measurement"
 
@@ -88,15 +89,21 @@ def test_metadata_is_rosbag2s_with_counts_hashes_and_quality_of_service(run, mes
     for topic, connection in connections.items():
         assert connection.digest == installed(catalogue().topics[topic].ros_type).type_hash
     (qos,) = connections["/instruments/channels"].ext.offered_qos_profiles
-    assert (qos.durability, qos.depth) == (QosDurability.TRANSIENT_LOCAL, 1)
+    assert (qos.durability, qos.depth) == (QosDurability.TRANSIENT_LOCAL, 1000)
     (qos,) = connections["/motor/state"].ext.offered_qos_profiles
     assert (qos.reliability, qos.history, qos.depth) == (QosReliability.RELIABLE, QosHistory.KEEP_LAST, 1000)
     (qos,) = connections["/alfa46/command"].ext.offered_qos_profiles
     assert (qos.deadline.sec, qos.deadline.nsec) == (0, 100_000_000)
 
 
-def test_every_class_of_the_catalogue_has_a_profile():
-    assert {topic.qos for topic in catalogue().topics.values()} <= set(PROFILES)
+@pytest.mark.parametrize("qos", QOS)
+def test_a_bag_says_how_the_nodes_offer_their_topics(qos):
+    said, offered = PROFILES[qos], publisher_profile(qos)
+    assert said["depth"] == offered.depth
+    for policy in ("history", "reliability", "durability"):
+        assert said[policy] == getattr(offered, policy).name.lower()
+    deadline = said["deadline"]["sec"] * 1_000_000_000 + said["deadline"]["nsec"]
+    assert deadline == (offered.deadline.nanoseconds or 2**63 - 1)
 
 
 def test_no_chunk_spans_a_boundary_of_100_ms(run):

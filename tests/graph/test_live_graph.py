@@ -56,6 +56,8 @@ def test_every_node_and_topic_is_seen(user):
 
         user.until(lambda expected=[topic.node], offered=offered: offered() == expected, f"{topic.name} of {topic.node}")
         assert dict(user.node.get_topic_names_and_types())[topic.name] == [topic.ros_type]
+    of_other_runs = set(catalogue().all_topics) - set(catalogue().topics)
+    assert not of_other_runs & set(dict(user.node.get_topic_names_and_types()))
 
 
 def test_torque_is_read_without_gaps_and_in_time(user):

@@ -9,7 +9,8 @@ import pytest
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 PACKAGE = CHECKOUT / "rig_nodes"
-SCRIPTS = {"alfa46", "recorder", "replay", "rig", "rig_container", "sequencer"}
+SCRIPTS = {"alfa46", "load_pump", "motor", "recorder", "replay", "rig", "rig_container", "sequencer", "valve_zr_p1",
+           "valve_zr_p2"}
 
 
 @pytest.fixture(scope="module")
@@ -26,9 +27,9 @@ def site(install: Path) -> Path:
     return next(install.glob("lib/python3*/site-packages"))
 
 
-def test_ros2_run_finds_every_script(install):
+def test_ros2_run_finds_every_script_and_no_other(install):
     scripts = {path.name for path in (install / "lib" / "rig_nodes").iterdir() if os.access(path, os.X_OK)}
-    assert scripts >= SCRIPTS
+    assert scripts == SCRIPTS
 
 
 def test_every_file_that_is_read_is_installed(install):

@@ -76,3 +76,8 @@ TRIPPED = {"container": {"reason": "no command", "interrupted": False}}
 def test_how_a_run_ended_is_told_from_what_its_processes_left(change, lost, state, reason):
     end = end_of({name: fact for name, fact in (WELL | change).items() if name != lost})
     assert (end.state, end.reason) == (state, reason)
+
+
+def test_a_bench_ends_well_without_the_shift_controller_that_it_does_not_have():
+    end = end_of({name: fact for name, fact in (WELL | DONE).items() if name != "alfa46"}, "clutch_bench")
+    assert (end.state, end.reason) == ("ended", "the sequence ended")

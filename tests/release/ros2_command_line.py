@@ -18,13 +18,15 @@ from pathlib import Path
 
 SHORT = Path(__file__).resolve().parents[1] / "graph" / "short.yaml"
 PACKAGES = ("rig_msgs", "rig_nodes")
+EXECUTABLES = ("alfa46", "load_pump", "motor", "recorder", "replay", "rig", "rig_container", "sequencer",
+               "valve_zr_p1", "valve_zr_p2")  # all of them, sorted as ros2 prints them
 TIMES, CURRENTS = "[0.01, 0.1, 0.4, 0.01, 0.1, 0.2]", "[0.3, 0.25, 0.6, 0.3, 0.2, 0.0]"
 PROFILE = "{output: 1, times: %s, currents: %s}"
 # Words after `ros2`, and what the answer has to show: without a rig, then of one that runs by hand.
 WITHOUT = (
     ("interface show rig_msgs/msg/ValveCommand", r"^\s*float64\[3\] ", r"^builtin_interfaces/Time stamp"),
     ("interface show rig_msgs/action/Shift", r"^uint8 gear"),
-    ("pkg executables rig_nodes", r"^rig_nodes rig_container$", r"^rig_nodes replay$"),
+    ("pkg executables rig_nodes", r"%s\s*\Z" % r"\s+".join(r"^rig_nodes %s$" % name for name in EXECUTABLES)),
     ("run rig_nodes rig list sequences", r"demo"),
 )
 BY_HAND = (
@@ -33,7 +35,7 @@ BY_HAND = (
     ("node info /alfa46", r"/alfa46/command: rig_msgs/msg/ValveCommand",
      r"/alfa46/shift: rig_msgs/action/Shift", r"/alfa46/set_profile: rig_msgs/srv/SetProfile"),
     ("topic list -t", r"^/motor/state \[rig_msgs/msg/MotorState\]",
-     r"^/instruments/hmg4000 \[rig_msgs/msg/SampleBlock\]"),
+     r"^/instruments/hmg4000 \[rig_msgs/msg/SampleBlock\]", r"\A(?![\s\S]*/(cylinder|hydraulic_motor|alfa46/signals))"),
     ("topic info -v /alfa46/command", r"Publisher count: 1", r"Subscription count: 2",
      r"Reliability: RELIABLE", r"Deadline: 100000000 nanoseconds"),
     ("topic echo --once /rig/state", r"^stamp:", r"^energy_residual:"),
@@ -45,6 +47,10 @@ BY_HAND = (
     ("param get /alfa46 t12", r"Double value is: 0\.05"),
     ("param set /alfa46 t12 7.5", r"Setting parameter failed: .*t12"),
     ("param set /motor speed 5000.0", r"Setting parameter failed: .*speed"),
+    ("topic pub --once -w 2 /motor/command rig_msgs/msg/Setpoint", "{value: 100.0, enable: true}", r"publishing #1"),
+    ("param get /motor enabled", r"Boolean value is: True"),
+    ("topic pub --once -w 2 /motor/command rig_msgs/msg/Setpoint", "{value: 100.0}", r"publishing #1"),
+    ("param get /motor enabled", r"Boolean value is: False"),
     ("service list -t", r"^/rig/e_stop \[std_srvs/srv/Trigger\]",
      r"^/alfa46/set_profile \[rig_msgs/srv/SetProfile\]"),
     ("service call /rig/e_stop std_srvs/srv/Trigger", r"success=True, message='emergency stop'"),
@@ -177,10 +183,23 @@ def a_sequence(check, folder):
     check.expect(["run", "rig_nodes", "replay", str(folder), "--rate", "max"], [r"/motor/state"])
 
 
+def a_bench(check, folder):
+    """The clutch bench, which has no shift controller, with a parameter whose value has commas."""
+    process = launch(check, "sequence:=clutch_bench", "with:=pressures=1 MPa, 1.5 MPa,wetting=200 ms",
+                     "out:=%s" % folder)
+    output = finish(process)
+    report = read_report(folder)
+    check.note("ros2 launch rig_nodes rig_launch.py sequence:=clutch_bench",
+               process.returncode == 0 and report.get("lost") == 0 and ended(report) == "ended", output[-3000:],
+               json.dumps(report.get("end")))
+
+
 def refusals(check, folder):
     """Launches that cannot go on say why and end."""
     for arguments, sentence in ((["sequence:=no_such_sequence", "record:=false"], r"no_such_sequence"),
                                 (["rig:=no_such_rig", "record:=false"], r"no_such_rig"),
+                                (["set:=alfa46.t12=9 s", "record:=false"], r"alfa46\.t12"),
+                                (["sequence:=spring_bench", "delay:=2", "record:=false"], r"no valves for a shift"),
                                 (["out:=%s" % folder], r"not an empty folder")):
         process = launch(check, *arguments)
         output = finish(process)
@@ -251,6 +270,7 @@ def main(arguments):
         ask(check, WITHOUT)
         by_hand(check, folder / "by_hand")
         a_sequence(check, folder / "sequence")
+        a_bench(check, folder / "bench")
         a_death(check, folder / "death")
         refusals(check, folder)
     finally:

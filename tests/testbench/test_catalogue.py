@@ -1,5 +1,6 @@
 """The catalogue against what it describes: messages, the kernel's channels, the written page."""
 
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,8 @@ from rig_nodes.errors import RigError
 from rig_nodes.plant import clutch_bench
 from rig_nodes.plant.kernel import CHANNELS
 from rig_nodes.testbench import clutch_bench_topics
+from rig_nodes.testbench.clutch_bench import check_bench_setpoint
+from rig_nodes.testbench.rig import check_setpoint
 from rig_nodes.testbench.topics import MEASURED
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -43,6 +46,23 @@ def test_the_clutch_benchs_logger_and_transducers_carry_its_kernels_channels():
 def test_the_signals_page_is_what_the_catalogue_says():
     assert (ROOT / "docs" / "signals.md").read_text() == markdown(), \
         "run: ./rig list signals --markdown > docs/signals.md"
+
+
+def test_every_setpoint_keeps_to_the_range_that_the_page_gives_it():
+    checks = {"/motor/command": partial(check_setpoint, "motor_speed"),
+              "/oil_supply/command": partial(check_setpoint, "oil_pressure"),
+              "/load_pump/command": partial(check_setpoint, "load_pressure"),
+              **{topic: partial(check_bench_setpoint, device)
+                 for device, topic in clutch_bench_topics.COMMANDS.items()}}
+    setpoints = catalogue().setpoints() | catalogue("clutch_bench").setpoints()
+    assert {topic.name for topic in setpoints} == set(checks)
+    for topic, signal in setpoints.items():
+        for value in (signal.low, signal.high):
+            checks[topic.name](value)
+        for value in (signal.low - 0.001, 1.001 * signal.high):
+            with pytest.raises(RigError):
+                checks[topic.name](value)
+    assert "| /oil_supply/command | supply pressure of the clutch oil | Pa | 0 to 1e+07 | 0 to 10 MPa |" in markdown()
 
 
 def test_a_list_says_what_its_columns_are(capsys):

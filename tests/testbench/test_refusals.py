@@ -11,9 +11,10 @@ import pytest
 
 from rig_nodes.cli.main import main
 from rig_nodes.config import CONFIG_DIR
+from rig_nodes.config.names import find_config
 from rig_nodes.errors import RigError
 from rig_nodes.nodes.commands import Commands
-from rig_nodes.testbench.configuration import find_config, load_rig
+from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.sequence import SequenceFailed, SequenceRunner, load_sequence
 from rig_nodes.testbench.simulate import simulate
 

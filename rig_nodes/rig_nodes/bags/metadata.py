@@ -14,6 +14,7 @@ from textwrap import indent
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
+from ..catalogue import QOS, Offer
 from ..errors import BagError
 
 VERSION = 9
@@ -21,22 +22,18 @@ _CLASS = re.compile(r"^(( *)offered_qos_profiles:) (\w+)\n", re.MULTILINE)
 FOREVER = {"sec": 9223372036, "nsec": 854775807}
 
 
-def _profile(depth: int, durability: str = "volatile", deadline_ms: int = 0) -> dict:
-    deadline = {"sec": 0, "nsec": deadline_ms * 1_000_000} if deadline_ms else FOREVER
+def _profile(offer: Offer) -> dict:
+    deadline = {"sec": 0, "nsec": offer.deadline_ms * 1_000_000} if offer.deadline_ms else FOREVER
     return {
-        "history": "keep_last", "depth": depth, "reliability": "reliable", "durability": durability,
+        "history": "keep_last", "depth": offer.depth, "reliability": "reliable",
+        "durability": "transient_local" if offer.latched else "volatile",
         "deadline": deadline, "lifespan": FOREVER, "liveliness": "automatic",
         "liveliness_lease_duration": FOREVER, "avoid_ros_namespace_conventions": False,
     }
 
 
 # Classes of the signal catalogue -> offered profile, in the words of rosbag2.
-PROFILES = {
-    "measurement": _profile(1000),
-    "command": _profile(1, deadline_ms=100),
-    "setting": _profile(10),
-    "latched": _profile(1, durability="transient_local"),
-}
+PROFILES = {qos: _profile(offer) for qos, offer in QOS.items()}
 
 
 @dataclass(frozen=True)

@@ -26,9 +26,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
+    from ..config.names import find_config
     from ..config.units import SI
     from ..errors import RigError
-    from ..testbench.configuration import find_config, load_rig
+    from ..testbench.configuration import load_rig
     from ..validation import calibrate as c
     from ..validation.calibration_rows import ROWS
     from ..validation.trade_off import trade_offs

@@ -44,6 +44,16 @@ def _topics():
     return _rows_of(catalogue().all_topics)
 
 
+def _setpoint_rows(known):
+    return [{"topic": topic.name, "value": topic.sets, "unit": signal.unit,
+             "range": f"{_number(signal.low)} to {_number(signal.high)}", "shown": _range(signal)}
+            for topic, signal in known.setpoints().items()]
+
+
+def _range(signal) -> str:
+    return f"{_number(signal.shown(signal.low))} to {_number(signal.shown(signal.high))} {signal.display_unit}"
+
+
 def _rows_of(topics):
     return [{"topic": t.name, "type": t.ros_type, "node": t.node, "qos": t.qos,
              "rate": f"{t.rate:g} Hz" if t.rate else "on change"} for t in topics.values()]
@@ -89,12 +99,13 @@ def markdown() -> str:
         signals = [signal for name, signal in other.signals.items() if name not in known.signals]
         benches += [f"## Kind {kind}: topics and signals", "",
                     f"Rigs of chapter 8 ([benches.md](benches.md)). Beside these they have {', '.join(shared)}, and "
-                    "none of those above.", "", *table(_rows_of(own)), "", *table(_signal_rows(signals, own)), ""]
+                    "none of those above.", "", *table(_rows_of(own)), "", *table(_setpoint_rows(other)), "",
+                    *table(_signal_rows(signals, own)), ""]
     return "\n".join([
         "# Signals and topics", "",
         "Made from the catalogue (`rig_nodes/rig_nodes/config/signals.yaml`) by `./rig list signals --markdown`; "
         "a test keeps it in step.", "",
-        "Units travel in SI; \"shown\" is what plots and reports use, and the range is given in it. Pressures are "
+        "Units travel in SI, temperatures in degC; \"shown\" is what plots and reports use, and the range is given in it. Pressures are "
         "gauge. Every message of `rig_msgs` here starts with `stamp` (simulated time) and `seq` (counted per topic "
         "from 0).", "",
         "## Topics", "", *table(_rows_of(catalogue().topics)), "",
@@ -105,6 +116,9 @@ def markdown() -> str:
         "Actions: `/alfa46/shift` (`rig_msgs/action/Shift`), `/sequencer/run` (`rig_msgs/action/RunSequence`). "
         "Services: `/rig/e_stop` and `/rig/reset` (`std_srvs/srv/Trigger`), `/alfa46/set_profile` "
         "(`rig_msgs/srv/SetProfile`).", "",
-        "Quality of service: measurement is reliable with depth 1000; command is reliable, the receiver keeps the "
-        "newest, deadline 100 ms; setting is reliable and sent on change; latched is transient local, sent once.", "",
+        "Quality of service: all are reliable with depth 1000. command has a deadline of 100 ms, and the receiver keeps "
+        "the newest; setting is sent on change; latched is transient local and sent once.", "",
+        "Setpoints (`rig_msgs/msg/Setpoint`) carry their value in this unit and must keep to this range; every message "
+        "needs `enable: true` as well, for one without it switches the device off ([ros2.md](ros2.md)):", "",
+        *table(_setpoint_rows(known)), "",
         "## Signals", "", *table(_signal_rows(known.signals.values(), known.topics)), "", *benches])

@@ -16,6 +16,7 @@ from ..analysis.report import (
     REPORT_FILE, build_report, format_report, plain, read_report, report_of_recording, write_report,
 )
 from ..bags.reader import Bag
+from ..catalogue import kind_of_topics
 from ..config import load_yaml
 from ..config.units import quantity
 from ..errors import BagError, RigError
@@ -130,7 +131,7 @@ def _run_of(bag, folder: Path, facts: dict[str, dict]) -> dict:
     """What bag and logs say about a run without a report: by a launch file, or with a killed supervisor."""
     known = _info_of(bag)
     if facts:
-        return run_part(bag, folder, known, end_of(facts))
+        return run_part(bag, folder, known, end_of(facts, kind_of_topics(bag.counts)))
     return {**known, "end": {"reason": "the run left no report"}}
 
 

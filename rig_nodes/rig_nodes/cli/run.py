@@ -50,7 +50,7 @@ def run(args) -> int:
     from ..errors import RigError
     from ..graph.domain import from_environment
     from ..graph.dropping import parse_drop
-    from ..graph.supervisor import MODULES, Order, Supervisor
+    from ..graph.supervisor import Order, Supervisor, processes_of
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_parameters, parse_settings, run_folder
     from ..testbench.kinds import make_rig
@@ -66,7 +66,7 @@ def run(args) -> int:
     config = load_rig(rig, parse_settings(args.settings))
     sequence.check_rig(config)
     parse_drop(args.drop)
-    processes, plug = tuple(MODULES), None
+    plug = None
     if config.kind == GEARBOX:
         check_delay(args.delay, args.speed)
         # without the current loop the Alfa46 hands over what simulate takes from it: its setpoints
@@ -84,7 +84,6 @@ def run(args) -> int:
         if args.view:
             raise RigError(f"--view: the live view shows a rig with the gearbox; look at a run of '{config.name}' "
                            "afterwards with ./rig view")
-        processes = tuple(name for name in MODULES if name != "alfa46")
     print("checking and, the first time, compiling the plant", flush=True)
     make_rig(config, args.seed).advance_samples(1)
     with from_environment(args.keep_domain) as domain:
@@ -92,7 +91,7 @@ def run(args) -> int:
             show(None, f"{device} is cut out; start it with: ./rig device {device} --domain {domain.number}")
         folder = run_folder(args.out, sequence.name if args.sequence else "by-hand")
         order = Order(args.sequence, rig, args.seed, args.settings, args.drop, args.speed,
-                      *args.step_timeout, plug, args.parameters, processes, args.delay)
+                      *args.step_timeout, plug, args.parameters, processes_of(config.kind), args.delay)
         supervisor = Supervisor(order, folder, domain, show)
         with live_view(domain.number) if args.view else contextlib.nullcontext():
             end = supervisor.run()

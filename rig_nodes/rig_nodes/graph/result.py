@@ -11,9 +11,9 @@ from pathlib import Path
 
 from ..bags.reader import Bag
 from ..bags.writer import BagWriter
-from ..catalogue import catalogue
+from ..catalogue import GEARBOX, catalogue
 from ..errors import BagError
-from .supervisor import MODULES, End
+from .supervisor import MODULES, End, processes_of
 
 
 def facts_of(folder: Path) -> dict[str, dict]:
@@ -50,12 +50,13 @@ def join_pieces(folder: Path) -> None:
     joined.rmdir()
 
 
-def end_of(facts: dict[str, dict]) -> End:
-    """How a run without a supervisor ended, from what its processes left. facts: as of :func:`facts_of`."""
+def end_of(facts: dict[str, dict], kind: str = GEARBOX) -> End:
+    """How a run without a supervisor ended, from what its processes left. facts: as of :func:`facts_of`; kind: of the rig.
+    """
     container, outcome = facts.get("container"), facts.get("sequencer", {}).get("outcome")
     if outcome is not None and not outcome["success"]:
         return End("failed", outcome["text"])
-    lost = [name for name in MODULES if name not in facts]
+    lost = [name for name in processes_of(kind) if name not in facts]
     if container is None or lost:
         what = f"{', '.join(lost)} left no counts, as a process that was killed"
         if container and container["reason"]:

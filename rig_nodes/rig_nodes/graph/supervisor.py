@@ -1,6 +1,7 @@
 """Starts all processes of one run, watches them, ends them in order and tells how it ended.
 
-Used by `rig run` and by the tests. Owns no ROS: it speaks with its children through pipes and signals.
+Used by `rig run` and by the tests; the command lines by the launch file too. Owns no ROS: it speaks with its children
+through pipes and signals.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ..catalogue import GEARBOX
 from .child import Child
 from .domain import Domain, environment
 from .link import pair
@@ -26,6 +28,11 @@ END_TIMEOUT = 12.0  # s that a process has for its orderly end
 AFTER_TRIP = 0.3  # s recorded after the safe state
 RESTARTED = ("alfa46", "recorder", "sequencer")  # of a rig that is worked by hand
 LIVES, LIVES_TIME = 3, 60.0  # a process that ends so often within so many s is not started again
+
+
+def processes_of(kind: str) -> tuple[str, ...]:
+    """The processes of a rig of this kind, keys of MODULES: a bench has no shift controller."""
+    return tuple(name for name in MODULES if kind == GEARBOX or name != "alfa46")
 
 
 @dataclass(frozen=True)
@@ -42,7 +49,7 @@ class Order:
     come_timeout: float | None = 60.0  # s for a controller of its own program to come, in lockstep; None: for ever
     controller: str | None = None
     parameters: list[str] = field(default_factory=list)  # of the sequence, NAME=VALUE
-    processes: tuple[str, ...] = tuple(MODULES)  # the clutch bench has no alfa46
+    processes: tuple[str, ...] = tuple(MODULES)
     delay: int = 1  # samples from a measurement to the effect of the controller's answer
 
     def arguments(self, name: str) -> list[str]:
@@ -62,7 +69,7 @@ class Order:
         numbers = ["--seed", str(self.seed), "--delay", str(self.delay)]
         return {"container": [*rig, *sequence, *drop, *speed, *patience, *numbers],
                 "alfa46": [*rig, *plug, *patience, *come],
-                "sequencer": [*rig, *sequence], "recorder": []}[name]
+                "sequencer": [*rig, *sequence], "recorder": [*rig, *plug]}[name]
 
 
 @dataclass

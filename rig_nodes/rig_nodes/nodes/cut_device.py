@@ -149,8 +149,6 @@ def _entry(device: str):
 
 # console scripts, by name: `ros2 run rig_nodes motor`
 motor, valve_zr_p1, valve_zr_p2, load_pump = (_entry(device) for device in CUTTABLE)
-gearbox, clutch_s1, clutch_s2, oil_supply, instruments = (
-    _entry(device) for device in ("gearbox", "clutch_s1", "clutch_s2", "oil_supply", "instruments"))
 
 
 if __name__ == "__main__":

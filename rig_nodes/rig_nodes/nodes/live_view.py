@@ -12,16 +12,16 @@ import time
 from collections.abc import Callable
 
 import rclpy
-from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
+from ..catalogue import QOS
 from ..errors import RigError
 from ..view.live import Sender, Server, live_topics
 from .device import message_class
-from .qos import DEPTH
+from .executor import events_executor
 
 NICE = 10
 LISTEN = 0.05     # s between two looks at what else happens
@@ -36,7 +36,7 @@ class LiveView(Node):
     def __init__(self, sender: Sender):
         super().__init__("live_view", enable_rosout=False, start_parameter_services=False)
         # latched topics are none of these, and a reliable reader could make a publisher send again
-        profile = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
+        profile = QoSProfile(depth=QOS["measurement"].depth, reliability=ReliabilityPolicy.BEST_EFFORT)
         self.inputs = [self.create_subscription(message_class(topic.ros_type), topic.name,
                                                 self._enqueue(sender, topic.name), profile, raw=True)
                        for topic in live_topics()]
@@ -79,7 +79,7 @@ class Session:
 
     def _receive(self, sender: Sender, server: Server) -> None:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        executor = EventsExecutor()
+        executor = events_executor()
         node = LiveView(sender)
         executor.add_node(node)
         silent_at = time.monotonic() + SILENT

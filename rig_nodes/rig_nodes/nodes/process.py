@@ -20,11 +20,12 @@ from pathlib import Path
 
 import rclpy
 from rclpy.duration import Duration
-from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
+from rclpy.utilities import remove_ros_args
 
 from ..bags.reader import LIFE_BITS
+from ..config.names import DEFAULT_RIG, rig_of
 from ..errors import RigError
 from ..graph.domain import use_own_transports
 from ..graph.link import Link
@@ -33,12 +34,14 @@ from ..testbench.configuration import RigConfig, load_gearbox_rig, load_rig
 from ..testbench.folders import parse_parameters, parse_settings
 from ..testbench.kinds import AnyConfig
 from ..testbench.sequence import Sequence, load_sequence
+from .executor import events_executor
 
 PR_SET_PDEATHSIG = 1
 PATIENCE = 20.0  # s between the order to end and the end by force
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 RIG_OPTIONS = [
-    ("--rig", {"default": "hydmag", "metavar": "NAME", "help": "name or file of the rig's configuration"}),
+    ("--rig", {"metavar": "NAME", "help": "name or file of the rig's configuration (default: the one that the sequence "
+                                          f"is written for, {DEFAULT_RIG} without a sequence)"}),
     ("--set", {"action": "append", "default": [], "dest": "settings", "metavar": "KEY=VALUE",
                "help": "change one value of the rig"}),
 ]
@@ -77,9 +80,10 @@ class Process:
         parser.add_argument("--status-fd", type=int, help=argparse.SUPPRESS)
         parser.add_argument("--link", action="append", default=[], dest="links", help=argparse.SUPPRESS)
         parser.add_argument("--parent", type=int, help=argparse.SUPPRESS)
-        arguments = sys.argv[1:]
-        if "--ros-args" in arguments:
-            arguments = arguments[:arguments.index("--ros-args")]
+        try:
+            arguments = remove_ros_args(sys.argv)[1:]
+        except RuntimeError as error:  # behind the last comma stands a place in the source of rcl
+            parser.error(f"--ros-args: {str(error).partition(', at /')[0]}")
         return parser.parse_args(arguments)
 
     def _follow_parent(self) -> None:
@@ -169,7 +173,7 @@ class Process:
         """Initialise rclpy without its signal handlers; returns the executor, kept as ``executor`` too."""
         use_own_transports()
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        self.executor = EventsExecutor()
+        self.executor = events_executor()
         return self.executor
 
     def spin(self, seconds: float) -> None:
@@ -195,13 +199,17 @@ class Process:
 
 
 def rig_config(arguments) -> AnyConfig:
-    """The rig that RIG_OPTIONS name."""
-    return load_rig(arguments.rig, parse_settings(arguments.settings))
+    """The rig that RIG_OPTIONS name, by default that of --sequence."""
+    return load_rig(_rig_name(arguments), parse_settings(arguments.settings))
 
 
 def gearbox_rig_config(arguments, name: str) -> RigConfig:
     """The same for a process of this name that only a rig with the gearbox has; RigError for another."""
-    return load_gearbox_rig(arguments.rig, parse_settings(arguments.settings), name)
+    return load_gearbox_rig(_rig_name(arguments), parse_settings(arguments.settings), name)
+
+
+def _rig_name(arguments) -> str:
+    return arguments.rig or rig_of(vars(arguments).get("sequence"))
 
 
 def chosen_sequence(arguments) -> Sequence | None:

@@ -1,6 +1,6 @@
 """Quality-of-service profiles of the catalogue's classes, for the side that publishes and the side that receives.
 
-Used by every node; config/signals.yaml says which class a topic has.
+Used by every node; config/signals.yaml says which class a topic has, catalogue.QOS how a class is offered.
 """
 
 from __future__ import annotations
@@ -8,8 +8,7 @@ from __future__ import annotations
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-DEPTH = 1000  # at 1 kHz one second; depth 10 lost 0.4 % of the messages without a word
-DEADLINE = Duration(nanoseconds=100_000_000)  # of a valve command, the age at which the rig trips
+from ..catalogue import QOS
 
 
 def publisher_profile(qos: str, in_lockstep: bool = False) -> QoSProfile:
@@ -17,11 +16,11 @@ def publisher_profile(qos: str, in_lockstep: bool = False) -> QoSProfile:
 
     in_lockstep: without a deadline, which is one of real time, and whose timer costs more than the message.
     """
-    profile = _reliable(DEPTH)
-    if qos == "latched":
-        profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
-    if qos == "command" and not in_lockstep:
-        profile.deadline = DEADLINE
+    offer = QOS[qos]
+    profile = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=offer.depth, reliability=ReliabilityPolicy.RELIABLE,
+                         durability=DurabilityPolicy.TRANSIENT_LOCAL if offer.latched else DurabilityPolicy.VOLATILE)
+    if offer.deadline_ms and not in_lockstep:
+        profile.deadline = Duration(nanoseconds=offer.deadline_ms * 1_000_000)
     return profile
 
 
@@ -50,8 +49,3 @@ def recorder_profile(qos: str) -> QoSProfile:
     profile = publisher_profile(qos)
     profile.deadline = Duration()
     return profile
-
-
-def _reliable(depth: int) -> QoSProfile:
-    return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=depth, reliability=ReliabilityPolicy.RELIABLE,
-                      durability=DurabilityPolicy.VOLATILE)

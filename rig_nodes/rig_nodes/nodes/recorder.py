@@ -1,4 +1,4 @@
-"""The recorder: every topic of the catalogue into one MCAP bag, untouched, with simulated time as log time.
+"""The recorder: every topic of a run into one MCAP bag, untouched, with simulated time as log time.
 
 Started by graph.supervisor. Callbacks only enqueue; a thread writes and flushes. In lockstep, what rig container and
 alfa46 publish comes through taps (graph/tap.py) and only the rest through DDS.
@@ -23,7 +23,7 @@ from ..errors import RigError
 from ..graph.tap import TapReader
 from .device import message_class
 from .diagnostics import ERROR, OK, WARN, Diagnostics, Growing, Health
-from .process import run
+from .process import rig_config, run
 from .qos import recorder_profile
 from .realtime import RECORDING, prefer_process, stand_back
 
@@ -34,14 +34,20 @@ IDLE, IDLE_WITH_PUBLISHERS = 0.05, 1.0  # s without a message that mean: everyth
 OPTIONS = [
     ("--out", {"type": Path, "required": True, "help": "folder of the bag"}),
     ("--name", {"required": True, "help": "name of the bag's file, without .mcap"}),
+    ("--rig", {"metavar": "NAME",
+               "help": "record the topics of this rig only, by its name or file (default: those of every kind of rig)"}),
+    ("--set", {"action": "append", "default": [], "dest": "settings", "metavar": "KEY=VALUE",
+               "help": "beside --rig, what the rig is told: a device cut out has topics of its own"}),
+    ("--controller", {"metavar": "SPEC",
+                      "help": "beside --rig, what alfa46 is told: your controller may have signals of its own"}),
 ]
 
 
 class Recorder(Node):
-    """Subscribes to every topic of the catalogue that no tap brings."""
+    """Subscribes to every topic of the run that no tap brings."""
 
-    def __init__(self, writer: BagWriter, taps: list[TapReader], early: list[tuple[str, bytes]]):
-        """taps: have said what they bring; early: messages that came along."""
+    def __init__(self, writer: BagWriter, taps: list[TapReader], early: list[tuple[str, bytes]], wanted: set[str]):
+        """taps: have said what they bring; early: messages that came along; wanted: topics to subscribe to."""
         super().__init__("recorder")
         self.writer, self._taps = writer, taps
         self.received = 0
@@ -64,7 +70,7 @@ class Recorder(Node):
         tapped = {name for tap in taps for name in tap.topics or ()}
         self.inputs = [self.create_subscription(message_class(topic.ros_type), topic.name, self._enqueue(topic),
                                                 recorder_profile(topic.qos), raw=True)
-                       for topic in topics.values() if topic.name not in tapped]
+                       for topic in topics.values() if topic.name in wanted and topic.name not in tapped]
         for name, data in early:
             self._queue.append((name, self._types[name], data))
         self.received += len(early)
@@ -204,12 +210,13 @@ def tells_time(topic: Topic) -> bool:
 def work(process) -> None:
     """Record until told to stop, then take in what is on its way."""
     arguments = process.arguments
+    wanted = topics_of(arguments)
     with BagWriter(arguments.out, arguments.name) as writer:
         process.status("recording")
         sys.setswitchinterval(0.0005)  # callbacks do not wait long for the writer
         executor = process.start_ros()
         taps = [TapReader(number) for number in process.descriptors().values()]
-        node = Recorder(writer, taps, hear_first_words(process, taps))
+        node = Recorder(writer, taps, hear_first_words(process, taps), wanted)
         executor.add_node(node)
         if not taps:  # in lockstep nobody is late
             prefer_process(RECORDING)
@@ -223,6 +230,15 @@ def work(process) -> None:
                   unreadable=dict(node.unreadable), ahead=dict(node.ahead), longest_queue=node.longest_queue)
     if node.failure is not None:
         raise node.failure
+
+
+def topics_of(arguments) -> set[str]:
+    """Names of the topics that a run of the rig of --rig may have; without it, that a run of any rig may have."""
+    if arguments.rig is None:
+        return set(catalogue().all_topics)
+    config = rig_config(arguments)
+    built_in = (arguments.controller or "alfa46").partition("@")[0] == "alfa46"
+    return set(catalogue(config.kind).of_run(config.cut_out, not built_in))
 
 
 def hear_first_words(process, taps) -> list[tuple[str, bytes]]:

@@ -17,7 +17,6 @@ from dataclasses import dataclass, field
 import rclpy
 from rclpy.duration import Duration
 from rclpy.exceptions import InvalidTopicNameException
-from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
@@ -33,6 +32,7 @@ from ..bags.reader import Bag
 from ..catalogue import catalogue
 from ..errors import RigError
 from .device import message_class
+from .executor import events_executor
 from .qos import publisher_profile
 
 CLOCK_TOPIC = "/clock"
@@ -256,7 +256,7 @@ class Session:
         before = {n: signal.signal(n, self._on_signal) for n in (signal.SIGINT, signal.SIGTERM)}
         try:
             rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-            self._executor = EventsExecutor()
+            self._executor = events_executor()
             node = Replay(bag, topics, timeline, player, self)
             self._executor.add_node(node)
             try:

@@ -21,8 +21,9 @@ from ..analysis.metrics import Recording, shifts
 from ..analysis.report import build_report, inertias_of, plain, write_report
 from ..bags.reader import Bag
 from ..compiled import sources_key
+from ..config.names import find_config
 from ..errors import RigError
-from ..testbench.configuration import find_config, load_rig
+from ..testbench.configuration import load_rig
 from ..testbench.record import record
 from ..testbench.sequence import load_sequence
 from ..testbench.simulate import simulate

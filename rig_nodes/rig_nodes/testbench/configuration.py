@@ -13,10 +13,11 @@ from pathlib import Path
 from ..alfa46 import law
 from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, read_alfa46
 from ..catalogue import GEARBOX
-from ..config import CONFIG_DIR, load_marked
+from ..config import load_marked
+from ..config.names import find_config
 from ..config.schema import build, changed, check_keys, field_value, param, where_of
 from ..config.units import quantity
-from ..errors import RigError, no_file
+from ..errors import RigError
 from ..plant.clutch import Cylinder, PlatePack
 from ..plant.cut import CUTTABLE, NOT_CUT, why_not
 from ..plant.effects import EffectsConfig
@@ -126,23 +127,6 @@ class RigConfig:
         if self.prescribed:
             out["prescribed"] = self.prescribed.as_dict()
         return {"name": self.name, "wiring": list(self.wiring), **out, "alfa46": self.alfa46.as_dict()}
-
-
-def find_config(kind: str, name: str | Path) -> Path:
-    """Path of an installed ``kind`` (rigs, controllers, sequences) by name, or of a file; RigError otherwise."""
-    text = str(name)
-    if text.endswith((".yaml", ".yml")) or "/" in text:
-        path = Path(text).expanduser()
-        if not path.is_file():
-            raise RigError(f"{text}: {no_file(path)}")
-        return path
-    path = CONFIG_DIR / kind / f"{text}.yaml"
-    if not path.is_file():
-        known = ", ".join(sorted(p.stem for p in (CONFIG_DIR / kind).glob("*.yaml")))
-        if Path(text).is_dir():
-            raise RigError(f"{text}: {no_file(text)}")
-        raise RigError(f"there is no {kind[:-1]} '{text}'; known are {known}, or name a .yaml file")
-    return path
 
 
 def _wiring(node, path) -> tuple[int, int]:
@@ -256,14 +240,6 @@ def load_rig(name: str | Path = "hydmag", overrides: dict[str, str] | None = Non
         config = _whole(node, path)
     check_together(config, partial(_where_written, node, path))
     return with_overrides(config, overrides or {})
-
-
-def kind_of(name: str | Path) -> str:
-    """The kind of an installed rig or of a file, without reading its values; RigError when there is none."""
-    node = load_marked(find_config("rigs", name))
-    if isinstance(node, dict) and "base" in node:
-        return kind_of(str(node["base"]))
-    return str(node.get("kind", GEARBOX)) if isinstance(node, dict) else GEARBOX
 
 
 def load_gearbox_rig(name: str | Path, overrides: dict[str, str] | None, what: str) -> RigConfig:

@@ -13,10 +13,11 @@ from pathlib import Path
 
 from ..config import load_marked
 from ..config.conditions import CONDITIONS
+from ..config.names import find_config
 from ..config.schema import check_keys, where_of
 from ..config.units import quantity
 from ..errors import RigError
-from .configuration import find_config, load_rig, with_overrides
+from .configuration import load_rig, with_overrides
 from .kinds import AnyConfig
 from .record import LOGGER_PERIOD, Run, record
 from .sequence import PARAMETER, Sequence, load_sequence

@@ -14,15 +14,14 @@ from typing import Protocol
 
 from ..catalogue import GEARBOX, catalogue
 from ..config import load_marked
+from ..config.names import DEFAULT_RIG, find_config, kind_of
 from ..config.schema import check_keys, where_of
 from ..config.units import dimension_of, quantity
 from ..errors import RigError
 from ..plant.load_pump import LoadConfig, most_torque, relief_setting_for
 from .clutch_bench_configuration import KIND as CLUTCH_BENCH
-from .configuration import find_config, kind_of
 
 GEARS = {"neutral": 0, "I": 1, "II": 2}
-DEFAULT_RIG = "hydmag"
 DEFAULT_TIMEOUT = 30.0
 LONGEST_TIME = 86_400.0  # s of one wait
 LONGEST = 10_000  # steps after unrolling repeats

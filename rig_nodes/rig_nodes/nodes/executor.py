@@ -1,0 +1,17 @@
+"""The executor of every process of the rig that has nodes; used by nodes.process, nodes.replay and nodes.live_view."""
+
+from __future__ import annotations
+
+from ..errors import RigError
+
+RCLPY = "7.1.4"  # of Jazzy, the first one with it; package.xml says so too
+
+
+def events_executor():
+    """A new EventsExecutor, which costs less than rclpy's other ones; RigError where there is none yet."""
+    try:
+        from rclpy.experimental import EventsExecutor
+    except ImportError:
+        raise RigError(f"this rclpy has no EventsExecutor; the rig needs rclpy {RCLPY} or newer, which the updates of "
+                       "Jazzy bring (package ros-jazzy-rclpy)") from None
+    return EventsExecutor()
