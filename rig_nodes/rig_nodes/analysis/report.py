@@ -85,6 +85,17 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
     return _assembled(_run_data(bag, run), problems, metrics, energy)
 
 
+def info_of(bag) -> dict:
+    """What a bag itself says about its run, for the run part of a report."""
+    info = bag.run_info()
+    return info if "configuration" in info else {"configuration": info or None}
+
+
+def is_of(bag, run: dict) -> bool:
+    """The run part of a report is of the run that the bag holds, as far as both say."""
+    return all(value is None or run.get(key) in (None, value) for key, value in plain(info_of(bag)).items())
+
+
 def _run_data(bag, run: dict) -> dict:
     """What the runner knows; where it knows no lost messages they are counted from the bag, if that is whole."""
     data = {key: run.get(key) for key in RUN_KEYS}

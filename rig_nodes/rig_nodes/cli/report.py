@@ -13,14 +13,13 @@ from pathlib import Path
 from ..analysis.annex_a import FACTOR_B
 from ..analysis.logger_csv import parse_orders, read_logger_csv
 from ..analysis.report import (
-    REPORT_FILE, build_report, format_report, plain, read_report, report_of_recording, write_report,
+    REPORT_FILE, build_report, format_report, info_of, is_of, read_report, report_of_recording, write_report,
 )
-from ..bags.reader import Bag
 from ..catalogue import kind_of_topics
 from ..config import load_yaml
 from ..config.units import quantity
-from ..errors import BagError, RigError
-from ..graph.result import end_of, facts_of, lost_messages, run_part
+from ..errors import RigError
+from ..graph.result import end_of, facts_of, lost_messages, open_bag, run_part
 from ..testbench.folders import parse_settings
 
 HELP = "print the shift metrics of a run and rewrite its report.json"
@@ -87,7 +86,7 @@ def _of_bag(args, annex: float | None) -> int:
     path = Path(args.run)
     folder = path if path.is_dir() else path.parent
     old = read_report(folder)
-    another = old is not None and not _is_of(bag, old["run"])
+    another = old is not None and not is_of(bag, old["run"])
     if another or old and not bag.recovered and old["run"].get("recovered"):
         old = None  # of another run, or of this one while its bag was damaged
     run = old["run"] if old else _run_of(bag, folder, {} if another else facts_of(folder))
@@ -108,28 +107,9 @@ def _of_bag(args, annex: float | None) -> int:
     return 1 if bag.recovered else 0
 
 
-def open_bag(run: str) -> Bag:
-    """The bag of a run; of a damaged one, what is whole."""
-    try:
-        return Bag(run)
-    except BagError:
-        return Bag(run, recover=True)
-
-
-def _info_of(bag) -> dict:
-    """What the bag itself says about its run."""
-    info = bag.run_info()
-    return info if "configuration" in info else {"configuration": info or None}
-
-
-def _is_of(bag, run: dict) -> bool:
-    """The run part of a report is of the run that the bag holds, as far as both say."""
-    return all(value is None or run.get(key) in (None, value) for key, value in plain(_info_of(bag)).items())
-
-
 def _run_of(bag, folder: Path, facts: dict[str, dict]) -> dict:
     """What bag and logs say about a run without a report: by a launch file, or with a killed supervisor."""
-    known = _info_of(bag)
+    known = info_of(bag)
     if facts:
         return run_part(bag, folder, known, end_of(facts, kind_of_topics(bag.counts)))
     return {**known, "end": {"reason": "the run left no report"}}

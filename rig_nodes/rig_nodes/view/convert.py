@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from .. import __version__
-from ..analysis.report import ORDER_EVENT, ORDERS_TOPIC, REPORT_FILE, build_report, read_report
+from ..analysis.report import ORDER_EVENT, ORDERS_TOPIC, REPORT_FILE, build_report, is_of, read_report
 from ..bags.reader import Bag
 from ..catalogue import Signal, catalogue, kind_of_topics
 from ..config import package_file
@@ -205,11 +205,14 @@ def _check_window(window, signals) -> None:
 
 
 def _report(bag: Bag, notes: list[str]) -> dict:
-    """The report beside the bag, or one made from the bag alone."""
+    """The report beside the bag, or one made from the bag alone: also where what lies there is of another run."""
     try:
         report = read_report(bag.path.parent)
     except RigError as error:
         notes.append(str(error))
+        report = None
+    if report is not None and bag.began and not is_of(bag, report["run"]):
+        notes.append(f"{REPORT_FILE} beside the bag is of another run; this one is made from the bag")
         report = None
     if report is None or "shifts" not in report:
         try:
