@@ -40,7 +40,7 @@ class RunBag(FakeBag):
 
 @pytest.fixture
 def rig_report(monkeypatch):
-    monkeypatch.setattr(command, "Bag", RunBag)
+    monkeypatch.setattr(command, "open_bag", RunBag)
 
     def call(*arguments):
         parser = argparse.ArgumentParser()
