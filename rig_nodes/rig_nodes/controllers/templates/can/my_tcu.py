@@ -12,7 +12,11 @@ import cantools
 FILL, PLATEAU, SLOPE, HELD = 0.30, 220.0, 1200.0, 740.0  # s, mA, mA/s, mA
 OVERLAP, RELEASE = 0.25, 130.0  # s in which both clutches are on; mA of the old one while the new one takes over
 
-database = cantools.database.load_file(Path(__file__).with_name("rig.dbc"))
+DBC = Path(__file__).with_name("rig.dbc")
+if not DBC.is_file():
+    sys.exit(f"my_tcu: {DBC} is missing; './rig export dbc -o {DBC}' writes it")
+
+database = cantools.database.load_file(DBC)
 rig_request = database.get_message_by_name("RIG_REQUEST")
 rig_currents = database.get_message_by_name("RIG_CURRENTS")
 
