@@ -8,6 +8,7 @@ import pytest
 from rig_nodes.cli.main import main, run_verb
 from rig_nodes.errors import RigError
 from rig_nodes.sweep.plan import make_plan
+from rig_nodes.sweep.plugged import plugged_of
 from rig_nodes.sweep.run import manifest_of, run_sweep
 from rig_nodes.sweep.store import METADATA, RESULTS, Store
 from rig_nodes.testbench.campaign import Workers
@@ -122,3 +123,47 @@ def test_dask_gives_the_same_bytes(tmp_path):
 def test_no_cluster_there(tmp_path):
     with pytest.raises(RigError, match="expected a number of processes"):
         run_verb("sweep", [SHORT, "--vary", "rest=30 ms, 60 ms", "--dask", "local:none", "--out", str(tmp_path / "s")])
+
+
+ALFA46 = "python:rig_nodes.controllers.examples.alfa46:Alfa46"
+
+
+@pytest.mark.parametrize("options", [[], ["--level", "current", "--delay", "2"]], ids=["duty", "current, two samples late"])
+def test_a_member_with_a_controller_is_what_simulate_gives(tmp_path, options):
+    chosen = dict(zip(("level", "delay"), (options[1], int(options[3])))) if options else {"level": None, "delay": 1}
+    plan = make_plan(SHORT, {"alfa46.t12": "-200 ms, -100 ms"}, plugged=plugged_of(ALFA46, **chosen))
+    row = ran(tmp_path / "sweep", plan).to_pylist()[-1]
+    assert main(["simulate", SHORT, "--seed", "2", "--set", "alfa46.t12=-100 ms", "--controller", ALFA46, *options,
+                 "--out", str(tmp_path / "run")]) == 0
+    shift = json.loads((tmp_path / "run" / "report.json").read_text())["shifts"][-1]
+    assert {key: row[key] for key in shift if key != "why"} == {key: shift[key] for key in shift if key != "why"}
+    assert shift["valid"] and row["end"] == "ended"
+
+
+def test_a_controller_that_fails_in_some_members_is_a_row_there_and_its_own_in_each(tmp_path, capsys):
+    """Counts its own samples: one that had lived through a member before would fail in the next one too."""
+    mine = tmp_path / "mine.py"
+    mine.write_text("from rig_nodes.controllers.examples.alfa46 import Alfa46\n\n\n"
+                    "class Mine(Alfa46):\n    seen = 0\n\n"
+                    "    def step(self, inputs):\n        self.seen += 1\n"
+                    "        assert self.seen < 4000\n        return super().step(inputs)\n")
+    folder = tmp_path / "sweep"
+    command = ["sweep", SHORT, "--vary", "rest=10 ms, 3 s, 20 ms", "--jobs", "1", "--out", str(folder),
+               "--controller", f"python:{mine}:Mine"]
+    assert main(command) == 0
+    rows = {row["member"]: row for row in pq.read_table(folder / RESULTS).to_pylist()}
+    assert [rows[k]["end"] for k in range(3)] == ["ended", "tripped", "ended"]
+    assert rows[1]["reason"] == ("controller python:mine.py:Mine, sample 3999: step failed: mine.py line 9: AssertionError")
+    capsys.readouterr()
+    mine.write_text(mine.read_text().replace("4000", "9000"))
+    assert main(command) == 2
+    assert "holds another sweep (controller is not the same)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("spec", "why"), [
+    ("udp:9000", "controller udp:9000: it is one program of its own, which cannot drive the members of a sweep"),
+    ("python:nothing.py:Mine", "nothing.py"), ("rust:x", "none that can be loaded")])
+def test_a_controller_that_a_sweep_cannot_run_is_refused_at_once(tmp_path, capsys, spec, why):
+    out = tmp_path / "sweep"
+    assert main(["sweep", SHORT, "--vary", "rest=10 ms, 20 ms", "--controller", spec, "--out", str(out)]) == 2
+    assert why in capsys.readouterr().err and not out.exists()

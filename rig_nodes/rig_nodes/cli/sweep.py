@@ -9,13 +9,15 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from .progress import ProgressLine
+from .what_to_run import delay
 
 HELP = "run a sequence for many values of its parameters, on all cores or a cluster"
 SHOWN = (("t_dt_s", "t_d ms", 1e3, 0), ("t_c_s", "t_c ms", 1e3, 0), ("m_wej_max_nm", "M_wej max Nm", 1.0, 1),
          ("k", "k", 1.0, 3), ("e_loss_j", "E_loss J", 1.0, 0))
 GEARS = {0: "0", 1: "I", 2: "II"}
 MOST_REASONS = 5
-OF_A_PLAN = ("vary", "method", "samples", "seed", "repeats", "settings", "parameters", "rig")
+OF_A_PLAN = ("vary", "method", "samples", "seed", "repeats", "settings", "parameters", "rig", "controller", "level",
+             "delay")
 
 
 def add_arguments(parser) -> None:
@@ -36,6 +38,13 @@ def add_arguments(parser) -> None:
     parser.add_argument("--with", action="append", metavar="NAME=VALUE", dest="parameters",
                         help="a parameter of the sequence for all members (may be repeated)")
     parser.add_argument("--rig", metavar="NAME", help="rig or .yaml file (default: the sequence's own)")
+    parser.add_argument("--controller", metavar="SPEC",
+                        help="your controller in place of the Alfa46 in all members, one that the rig starts itself: "
+                             "python:, c:, simulink: or fmu: (docs/controllers.md)")
+    parser.add_argument("--level", choices=("duty", "current"),
+                        help="what the controller returns, when it knows both (default: its first)")
+    parser.add_argument("--delay", type=delay, metavar="N",
+                        help="samples of 1 ms until the controller's answer acts (default: 1)")
     parser.add_argument("--out", metavar="DIR", help="folder (default: runs/<sequence>-sweep-<n>); one that holds the "
                                                      "same sweep is gone on with")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes on this machine (default 2)")
@@ -106,7 +115,7 @@ def _chosen(args):
     """(plan, folder to go on with or None, bags)."""
     from ..config import load_yaml
     from ..errors import RigError
-    from ..sweep.plan import make_plan, plan_of, read_plan
+    from ..sweep.plan import make_plan, plan_of, plugged_of, read_plan
     from ..sweep.store import read_manifest
     from ..testbench.folders import pairs, parse_parameters, parse_settings
 
@@ -125,7 +134,8 @@ def _chosen(args):
         return read_plan(args.what), None, args.bags
     vary = pairs("--vary", args.vary or [], 'NAME=SPEC, e.g. alfa46.t12="-250 ms .. -150 ms"')
     numbers = {name: getattr(args, name) for name in ("seed", "repeats") if getattr(args, name) is not None}
-    return make_plan(args.what, vary, args.rig, args.method, args.samples,
+    plugged = plugged_of(args.controller, args.level, 1 if args.delay is None else args.delay)
+    return make_plan(args.what, vary, args.rig, args.method, args.samples, plugged=plugged,
                      fixed=parse_settings(args.settings or []), fixed_with=parse_parameters(args.parameters or []),
                      **numbers), None, args.bags
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from itertools import product
 from pathlib import Path
 
@@ -20,12 +20,14 @@ from ..config.units import UNITS, dimension_of, quantity
 from ..errors import RigError
 from ..testbench.configuration import load_rig, with_overrides
 from ..testbench.sequence import load_sequence
+from .plugged import Plugged, plugged_of
 
 METHODS = ("grid", "list", "random", "lhs")
 DRAWN = ("random", "lhs")  # need a number of samples
 SEED = "seed"  # name under which the seed itself is varied
 MOST_MEMBERS = 1_000_000
-FILE_KEYS = ("description", "sequence", "rig", "method", "samples", "seed", "repeats", "vary", "set", "with")
+FILE_KEYS = ("description", "sequence", "rig", "method", "samples", "seed", "repeats", "vary", "set", "with",
+             "controller", "level", "delay")
 _RANGE = re.compile(r"(.+?)\s*\.\.\s*(.+?)(?:\s+in\s+(\d+))?(?:\s+step\s+(\S+(?:\s+[^\d\s]\S*)?))?(\s+log)?\s*")
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 _POINT_PART = re.compile(rf"(alfa46\.(?:{'|'.join(OUTPUT_KEYS)})\.(?:{'|'.join(POINTS)}))\.(time|current)")
@@ -76,7 +78,10 @@ class Member:
 
 @dataclass(frozen=True)
 class Plan:
-    """A checked sweep. rig, sequence: names or absolute files; fixed, fixed_with: what all members share."""
+    """A checked sweep. rig, sequence: names or absolute files; fixed, fixed_with: what all members share.
+
+    plugged: the controller of all members, None for the rig's own Alfa46.
+    """
 
     sequence: str
     rig: str
@@ -88,6 +93,7 @@ class Plan:
     fixed: dict[str, str] = field(default_factory=dict)
     fixed_with: dict[str, str] = field(default_factory=dict)
     description: str = ""
+    plugged: Plugged | None = None
 
     @property
     def name(self) -> str:
@@ -137,6 +143,7 @@ class Plan:
         """Plain data, from which :func:`plan_of` makes the plan again."""
         return {"sequence": self.sequence, "rig": self.rig, "method": self.method, "samples": self.samples,
                 "seed": self.seed, "repeats": self.repeats, "description": self.description,
+                "controller": asdict(self.plugged) if self.plugged else None,
                 "varied": [{"name": one.name, "of": one.of, "unit": one.unit, "values": list(one.values),
                             "low": one.low, "high": one.high, "log": one.log} for one in self.varied],
                 "set": self.fixed, "with": self.fixed_with}
@@ -146,7 +153,9 @@ def plan_of(data: dict) -> Plan:
     """The plan of :meth:`Plan.as_dict`."""
     varied = tuple(Varied(**{**one, "values": tuple(one["values"])}) for one in data["varied"])
     names = ("sequence", "rig", "method", "samples", "seed", "repeats", "description")
-    return Plan(**{name: data[name] for name in names}, varied=varied, fixed=data["set"], fixed_with=data["with"])
+    plugged = Plugged(**data["controller"]) if data.get("controller") else None
+    return Plan(**{name: data[name] for name in names}, varied=varied, fixed=data["set"], fixed_with=data["with"],
+                plugged=plugged)
 
 
 def read_plan(path: str | Path) -> Plan:
@@ -158,7 +167,7 @@ def read_plan(path: str | Path) -> Plan:
         raise RigError(f"{where_of(path, node, 'vary')}: vary must be a map of parameters and what they take")
     wheres = {str(name): f"{where_of(path, vary, name)}: vary {name}" for name in vary}
     numbers = {}
-    for key in ("samples", "seed", "repeats"):
+    for key in ("samples", "seed", "repeats", "delay"):
         if key in node:
             if not isinstance(node[key], int) or isinstance(node[key], bool):
                 raise RigError(f"{where_of(path, node, key)}: {key} is {node[key]!r}, expected a whole number")
@@ -167,17 +176,19 @@ def read_plan(path: str | Path) -> Plan:
     beside = Path(path).parent
     names = {key: str(beside / node[key]) if str(node.get(key, "")).endswith((".yaml", ".yml")) else str(node[key])
              for key in ("sequence", "rig") if key in node}
+    words = {key: str(node[key]) for key in ("controller", "level") if key in node}
+    plugged = plugged_of(words.get("controller"), words.get("level"), numbers.pop("delay", 1), beside)
     return make_plan(names["sequence"], dict(vary), names.get("rig"), node.get("method"),
                      fixed=fixed, fixed_with=fixed_with, description=str(node.get("description", "")), wheres=wheres,
-                     **numbers)
+                     plugged=plugged, **numbers)
 
 
 def make_plan(sequence: str, vary: dict, rig: str | None = None, method: str | None = None, samples: int | None = None,
               seed: int = 1, repeats: int = 1, fixed: dict[str, str] | None = None,
               fixed_with: dict[str, str] | None = None, description: str = "",
-              wheres: dict[str, str] | None = None) -> Plan:
+              wheres: dict[str, str] | None = None, plugged: Plugged | None = None) -> Plan:
     """A checked plan. rig: the one that the sequence is written for, if not given; vary: name -> text or list of values;
-    method None: grid, or lhs when samples are asked for.
+    method None: grid, or lhs when samples are asked for; plugged: of :func:`plugged_of`.
 
     RigError when a name, a unit or a value does not fit the rig or the sequence, or the method does not fit them.
     """
@@ -186,6 +197,8 @@ def make_plan(sequence: str, vary: dict, rig: str | None = None, method: str | N
     rig = rig or loaded.rig
     config = load_rig(rig, fixed)
     loaded.check_rig(config)
+    if plugged:
+        plugged.check(config)
     method = method or ("grid" if samples is None else "lhs")
     if method not in METHODS:
         raise RigError(f"method is '{method}', expected {', '.join(METHODS)}")
@@ -203,7 +216,7 @@ def make_plan(sequence: str, vary: dict, rig: str | None = None, method: str | N
             raise RigError(f"{name} is {value}, expected {low} to {high}")
     _check_method(method, samples, varied, wheres or {})
     plan = Plan(_place(sequence), _place(rig), method, samples or 0, seed, repeats, tuple(varied), dict(fixed),
-                dict(fixed_with), description)
+                dict(fixed_with), description, plugged)
     if not 1 <= plan.count() <= MOST_MEMBERS:
         raise RigError(f"the sweep has {plan.count()} members, expected 1 to {MOST_MEMBERS}")
     return plan

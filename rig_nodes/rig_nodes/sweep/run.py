@@ -22,6 +22,7 @@ from ..analysis.report import build_report, inertias_of, plain, write_report
 from ..bags.reader import Bag
 from ..compiled import sources_key
 from ..config.names import find_config
+from ..controllers.plug import Plug
 from ..errors import RigError
 from ..testbench.configuration import load_rig
 from ..testbench.record import record
@@ -30,7 +31,7 @@ from ..testbench.simulate import simulate
 from .plan import Member, Plan, with_member
 from .store import BAGS, Store
 
-FOLDER = re.compile(r"\S*/(?=\S+\.ya?ml:\d)")  # where a file stands is no part of a result
+FOLDER = re.compile(r"\S*/(?=\S+\.ya?ml:\d)|(?<=:)/\S*/")  # where a file or a controller stands is no part of a result
 Stream = Callable[[Callable, Iterable], Iterator[tuple[int, dict, Exception | None]]]
 
 
@@ -40,6 +41,7 @@ def manifest_of(plan: Plan, bags: bool) -> dict:
     return {"plan": plan.as_dict(), "members": plan.count(), "bags": bags,
             "configuration": load_rig(plan.rig, plan.fixed).as_dict(),
             "sequence": hashlib.sha256(text.encode()).hexdigest(),
+            "controller": plan.plugged.digest() if plan.plugged else None,
             "versions": {"rig_nodes": __version__, "plant": sources_key(), "python": platform.python_version(),
                          **{name: version(name) for name in ("numpy", "scipy", "numba")}}}
 
@@ -51,7 +53,7 @@ def run_sweep(plan: Plan, store: Store, stream: Stream, progress: Callable[[int,
     """
     left = [member for member in plan.members() if member.number not in store.done]
     bags = str(store.folder.absolute() / BAGS) if store.manifest["bags"] else None
-    setup = pickle.dumps((load_rig(plan.rig, plan.fixed), plan.sequence, bags))
+    setup = pickle.dumps((load_rig(plan.rig, plan.fixed), plan.sequence, bags, plan.plugged))
     for place, entry, error in stream(partial(run_member, setup), left):
         if error is not None:
             entry = failed(left[place], error)
@@ -68,14 +70,15 @@ def _setup(pickled: bytes):
 
 def run_member(setup: bytes, member: Member) -> dict:
     """What is noted of one run: its end and the metrics of its shifts. setup: as run_sweep makes it."""
-    base, name, bags = _setup(setup)
+    base, name, bags, plugged = _setup(setup)
     try:
         config = with_member(base, member.overrides)
         sequence = load_sequence(name, member.parameters)
+        controller = (plugged.load(config), plugged.delay) if plugged else (None, 1)
         if bags:
-            end, metrics = _into_bag(config, sequence, member, Path(bags))
+            end, metrics = _into_bag(config, sequence, member, Path(bags), *controller)
         else:
-            run = record(config, sequence, member.seed)
+            run = record(config, sequence, member.seed, controller=controller[0], delay=controller[1])
             end = run.end
             metrics = (shifts(run.recording, inertias_of({"configuration": config.as_dict()}))
                        if isinstance(run.recording, Recording) else [])
@@ -96,13 +99,14 @@ def _entry(member: Member, state: str, reason: str, metrics: list[dict]) -> dict
             "end": {"state": state, "reason": FOLDER.sub("", reason)}, "shifts": metrics}
 
 
-def _into_bag(config, sequence, member: Member, bags: Path) -> tuple[dict, list[dict]]:
+def _into_bag(config, sequence, member: Member, bags: Path, controller: Plug | None,
+              delay: int) -> tuple[dict, list[dict]]:
     """The run as ``rig simulate`` makes it, in a folder that gets its name when it is whole."""
     folder, temporary = bags / f"{member.number:06d}", bags / f".{member.number:06d}-{os.getpid()}"
     for old in (folder, temporary):
         shutil.rmtree(old, ignore_errors=True)  # of a run that was killed before it was noted
     temporary.mkdir(parents=True)
-    run = simulate(config, sequence, temporary, member.seed)
+    run = simulate(config, sequence, temporary, member.seed, controller=controller, delay=delay)
     report = build_report(Bag(temporary), run)
     write_report(temporary, report)
     os.replace(temporary, folder)

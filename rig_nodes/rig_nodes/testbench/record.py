@@ -14,11 +14,12 @@ import numpy as np
 from ..analysis.logged import Logged
 from ..analysis.metrics import Recording
 from ..catalogue import GEARBOX
+from ..controllers.plug import Plug
 from ..errors import RigError
-from .kinds import AnyConfig, AnyRig, make_rig, states_of
+from .kinds import AnyConfig, AnyRig, states_of
 from .sequence import Sequence, SequenceFailed, SequenceRunner
-from .simulate import runner_on
-from .timed import SAMPLE_NS, TICK_SAMPLES
+from .simulate import AFTER_TRIP, advance_with, rig_for, runner_on
+from .timed import SAMPLE_NS, TICK_SAMPLES, RigStatus
 from .topics import COMMAND, SCALAR_SAMPLES, Heard
 
 LOGGER_PERIOD = 1e-4  # s, 10 kHz
@@ -75,9 +76,9 @@ class Listener:
     In place of Outputs: publishes nothing, but knows when it would have been published.
     """
 
-    def __init__(self, rig: AnyRig, signals: list[str], truth: Truth | None = None):
-        """signals: those that will be asked for; others of transducers may be asked too."""
-        self.rig, self.truth, self.events, self.orders = rig, truth, [], []
+    def __init__(self, rig: AnyRig, signals: list[str], truth: Truth | None = None, controller: Plug | None = None):
+        """signals: those that will be asked for; others of transducers may be asked too. controller: outside the rig."""
+        self.rig, self.truth, self.controller, self.events, self.orders = rig, truth, controller, [], []
         self._states, self._heard = states_of(rig), Heard()
         topics = {Heard.topic(name) for name in signals}
         self._command = COMMAND in topics
@@ -114,12 +115,18 @@ class Listener:
         self._go(samples)
 
     def _go(self, samples: int) -> None:
-        if self.truth is None:
+        if self.truth is None and self.controller is None:
             self.rig.advance_samples(samples)
             return
         for _ in range(samples):
-            self.truth.note()
-            self.rig.advance_samples(1)
+            if self.controller is not None and self.rig.status == RigStatus.TRIPPED:
+                return
+            if self.truth is not None:
+                self.truth.note()
+            if self.controller is None:
+                self.rig.advance_samples(1)
+            else:
+                advance_with(self.rig, self.controller)
 
     def event(self, topic: str, name: str, text: str, value: float = 0.0) -> None:
         """Note an event of now."""
@@ -175,8 +182,9 @@ class Rows:
 
 
 def record(config: AnyConfig, sequence: Sequence, seed: int = 1, rows_per_second: int | None = None,
-           period: float | None = None, truth: tuple[str, ...] = ()) -> Run:
-    """Run the sequence on a rig with its embedded Alfa46 and keep its rows.
+           period: float | None = None, truth: tuple[str, ...] = (), controller: Plug | None = None,
+           delay: int = 1) -> Run:
+    """Run the sequence on a rig with its embedded Alfa46, or with a plug as :func:`simulate` takes it, and keep its rows.
 
     rows_per_second: 10000 if not given, as the logger HMG 4000; or ``period`` [s] between two rows, e.g. 8e-6 with a
     ``kernel.step`` of 8 us for every row of the kernel, as the NI-USB 6210. Rows are taken as they are, not averaged.
@@ -185,19 +193,33 @@ def record(config: AnyConfig, sequence: Sequence, seed: int = 1, rows_per_second
     """
     if period is None:
         period = LOGGER_PERIOD if rows_per_second is None else 1.0 / rows_per_second
-    rig = make_rig(config, seed)
+    try:
+        return _record(config, sequence, seed, period, truth, controller, delay)
+    finally:
+        if controller is not None:
+            controller.close()
+
+
+def _record(config, sequence: Sequence, seed: int, period: float, truth: tuple[str, ...], controller: Plug | None,
+            delay: int) -> Run:
+    rig = rig_for(config, seed, controller, delay)
     known = Truth(rig, truth) if truth else None
-    listener = Listener(rig, signals_of(sequence), known)
-    runner = runner_on(rig, listener, config, sequence)
+    listener = Listener(rig, signals_of(sequence), known, controller)
+    runner = runner_on(rig, listener, config, sequence, controller)
     rows = Rows(rig, period)
     end = {"state": "ended", "reason": "the sequence ended"}
     listener.advance(TICK_SAMPLES)
     try:
-        while not runner.poll(rig.time):
+        while rig.status != RigStatus.TRIPPED and not runner.poll(rig.time):
             upto = next_poll(runner, rig, listener)
-            while rig.sample < upto:
+            while rig.sample < upto and rig.status != RigStatus.TRIPPED:
                 rows.take(rig.sample)
                 listener.advance(min(upto - rig.sample, CHUNK))
+        if rig.status == RigStatus.TRIPPED:
+            end = {"state": "tripped", "reason": rig.reason}
+            rows.take(rig.sample)
+            listener.controller = None  # nobody asks it any more
+            listener.advance(AFTER_TRIP)
         rows.take(rig.sample)
     except SequenceFailed as failure:
         end = {"state": "failed", "reason": str(failure)}
@@ -217,6 +239,8 @@ def signals_of(sequence: Sequence) -> list[str]:
 def next_poll(runner: SequenceRunner, rig: AnyRig, listener: Listener) -> int:
     """Sample of the next tick at which the sequence may have something to do."""
     tick = rig.sample // TICK_SAMPLES
+    if listener.controller is not None:  # what it will do nobody knows
+        return (tick + 1) * TICK_SAMPLES
     look = runner.next_look()
     due = int(look["until"] * 1e9 / (TICK_SAMPLES * SAMPLE_NS))
     if "gear" in look:  # an order that is not taken yet still shows the end of the shift before

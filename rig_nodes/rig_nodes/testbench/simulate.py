@@ -131,6 +131,14 @@ def check_delay(delay: int, speed: float | None) -> None:
         raise RigError("--delay 0: in real time time passes while the controller computes; use --speed or a delay of 1")
 
 
+def rig_for(config: AnyConfig, seed: int, controller: Plug | None = None, delay: int = 1) -> AnyRig:
+    """The rig of a configuration with its embedded Alfa46, or for a plug whose answers act after ``delay`` samples."""
+    if controller is None:
+        return make_rig(config, seed)
+    check_controller(config)
+    return Rig(config, seed, controller="external", level=controller.level, delay=delay)
+
+
 def runner_on(rig: AnyRig, outputs, config: AnyConfig, sequence: Sequence,
               controller: Plug | None = None) -> SequenceRunner:
     """The sequence on a rig in the same process; RigError when it is for another kind of rig."""
@@ -186,11 +194,7 @@ def simulate(config: AnyConfig, sequence: Sequence, folder: Path, seed: int = 1,
     run is interrupted; ``end`` says why it ended.
     """
     sequence.check_rig(config)
-    if controller is None:
-        rig = make_rig(config, seed)
-    else:
-        check_controller(config)
-        rig = Rig(config, seed, controller="external", level=controller.level, delay=delay)
+    rig = rig_for(config, seed, controller, delay)
     record = run_record(config, sequence, seed)
     outputs = Outputs(rig, record, commands=config.kind == GEARBOX, controller=controller)
     runner = runner_on(rig, outputs, config, sequence, controller)

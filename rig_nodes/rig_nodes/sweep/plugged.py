@@ -1,0 +1,91 @@
+"""A user's controller in a sweep: the same for all members, each with one of its own that begins anew.
+
+Used by sweep.plan and sweep.run.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+
+from ..controllers.load import KINDS, load_controller, split_level
+from ..controllers.plug import Plug
+from ..errors import RigError
+from ..testbench.rig import check_level
+from ..testbench.simulate import check_controller
+
+# those that the rig starts for itself; the others are one program, which cannot drive several members at a time
+STARTED = ("python", "c", "simulink", "fmu")
+MOST_DELAY = 50  # samples, as --delay of simulate
+
+
+@dataclass(frozen=True)
+class Plugged:
+    """spec: as --controller, a file by its absolute path; level: that is asked for, None: its first; delay [samples]."""
+
+    spec: str
+    level: str | None
+    delay: int
+
+    def check(self, config) -> None:
+        """RigError where it cannot be loaded, or cannot act on this rig."""
+        check_controller(config)
+        plug = self.load(config)
+        try:
+            check_level(config, plug.level)
+        finally:
+            plug.close()
+
+    def load(self, config) -> Plug:
+        """A new one for a member with this configuration."""
+        return load_controller(self.spec, config.alfa46, self.level)
+
+    def digest(self) -> str | None:
+        """Hash of the controller's own files, that a changed one is not taken for the same; None for the built-in one."""
+        path = _file_of(self.spec)
+        if path is None:
+            return None
+        files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
+        found = hashlib.sha256()
+        for file in files:
+            found.update(file.name.encode() + b"\0" + file.read_bytes())
+        return found.hexdigest()
+
+
+def plugged_of(spec: str | None, level: str | None, delay: int, beside: Path | None = None) -> Plugged | None:
+    """What --controller, --level and --delay ask for, None for the embedded Alfa46; RigError for what a sweep cannot run.
+
+    beside: folder that the files are relative to, the working one by default.
+    """
+    if not 0 <= delay <= MOST_DELAY:
+        raise RigError(f"delay is {delay}, expected 0 to {MOST_DELAY} samples")
+    if spec is None and level is None and delay == 1:
+        return None
+    text, level = split_level(spec or "alfa46", level)
+    kind, sign, rest = text.partition(":")
+    if kind in KINDS and kind not in STARTED:
+        raise RigError(f"controller {text}: it is one program of its own, which cannot drive the members of a sweep, each "
+                       f"from its beginning; a sweep takes {', '.join(f'{name}:' for name in STARTED)} and alfa46")
+    if sign and kind in STARTED:
+        file, colon, name = rest.rpartition(":") if kind == "python" else (rest, "", "")
+        path = (beside or Path()) / Path(file).expanduser()
+        if file and path.exists():
+            text = f"{kind}:{path.absolute()}{colon}{name}"
+    return Plugged(text, level, delay)
+
+
+def _file_of(spec: str) -> Path | None:
+    """The file or folder that a controller is made of, as far as one is known."""
+    kind, _, rest = spec.partition(":")
+    if kind not in STARTED:
+        return None
+    named = rest.rpartition(":")[0] if kind == "python" else rest
+    if Path(named).exists():
+        return Path(named) if named else None
+    try:
+        module = find_spec(named) if named else None
+    except (ImportError, ValueError):
+        return None
+    return Path(module.origin) if module and module.origin else None
