@@ -27,7 +27,7 @@ VERBS = {
     "device": "start a device of its own, for a rig with source: topic",
     "replay": "publish a recorded bag again, with /clock",
     "view": "show a run or a running rig in Rerun, or make a picture",
-    "report": "print the shift metrics of a run",
+    "report": "print the shift metrics of a run and rewrite its report.json",
     "calibrate": "find the rig's unknown parameters on the laboratory's rows",
     "validate": "hold the rig against everything that the laboratory printed",
     "bench": "measure how fast the rig computes on this machine",
