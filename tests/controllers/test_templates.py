@@ -100,7 +100,8 @@ def test_a_program_says_where_it_waits(kind, sentence, tmp_path, ros_domain):
     assert main(["controller", "new", kind, str(folder)]) == 0
     command = [sys.executable, folder / "my_controller.py"]
     if kind == "udp-c":
-        subprocess.run(["make", "-C", folder], check=True, capture_output=True)
+        build = KINDS[kind].commands[0].format(dir=folder)
+        subprocess.run(build.split(), check=True, capture_output=True)
         command = [folder / "my_controller"]
     program = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     try:

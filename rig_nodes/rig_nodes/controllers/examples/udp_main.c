@@ -4,7 +4,7 @@
  *   ./rig simulate demo --controller udp:9002 --level current   (in another, before or after)
  *
  * --level is what the controller's commands are. Compile this file with your controller, -I where rig_udp.h is:
- * cc -std=gnu99 -O2 -ffp-contract=off; the template of ./rig controller new udp-c has a Makefile for it.
+ * cc -std=gnu99 -O2 -ffp-contract=off; ./rig controller new udp-c prints the whole command.
  */
 #include "rig_udp.h"
 

@@ -33,9 +33,8 @@ KINDS = {
     "simulink": Kind("simulink", HEADER | {"rig_simulink.h": INCLUDE / "rig_simulink.h",
                                            "rtwtypes.h": EXAMPLES / "simulink" / "rtwtypes.h"},
                      ("./rig simulate demo --controller simulink:{dir}",)),
-    "udp-c": Kind("udp_c", HEADER | {"rig_udp.h": INCLUDE / "rig_udp.h", "main.c": EXAMPLES / "udp_main.c",
-                                     "my_controller.c": HERE / "c" / "my_controller.c"}, (
-        "make -C {dir}",
+    "udp-c": Kind("c", HEADER | {"rig_udp.h": INCLUDE / "rig_udp.h", "main.c": EXAMPLES / "udp_main.c"}, (
+        "cc -std=gnu99 -O2 -ffp-contract=off -o {dir}/my_controller {dir}/main.c {dir}/my_controller.c -lm",
         "{dir}/my_controller &",
         "./rig simulate demo --controller udp:9002 --level current",
         END,
