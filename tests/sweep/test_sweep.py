@@ -5,10 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from rig_nodes.cli import what_to_run
 from rig_nodes.cli.main import main, run_verb
 from rig_nodes.errors import RigError
 from rig_nodes.sweep.plan import make_plan
-from rig_nodes.sweep.plugged import plugged_of
+from rig_nodes.sweep.plugged import MOST_DELAY, plugged_of
 from rig_nodes.sweep.run import manifest_of, run_sweep
 from rig_nodes.sweep.store import METADATA, RESULTS, Store
 from rig_nodes.testbench.campaign import Workers
@@ -167,3 +168,9 @@ def test_a_controller_that_a_sweep_cannot_run_is_refused_at_once(tmp_path, capsy
     out = tmp_path / "sweep"
     assert main(["sweep", SHORT, "--vary", "rest=10 ms, 20 ms", "--controller", spec, "--out", str(out)]) == 2
     assert why in capsys.readouterr().err and not out.exists()
+
+
+def test_a_sweep_takes_the_delays_that_simulate_takes():
+    assert MOST_DELAY == what_to_run.MOST_DELAY
+    with pytest.raises(RigError, match=f"delay is {MOST_DELAY + 1}, expected 0 to {MOST_DELAY} samples"):
+        plugged_of(None, None, MOST_DELAY + 1)

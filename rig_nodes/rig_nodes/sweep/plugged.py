@@ -13,17 +13,18 @@ from pathlib import Path
 from ..controllers.load import KINDS, load_controller, split_level
 from ..controllers.plug import Plug
 from ..errors import RigError
-from ..testbench.rig import check_level
+from ..testbench.rig import COMMAND_TIMEOUT, check_level
 from ..testbench.simulate import check_controller
+from ..testbench.timed import SAMPLE_NS
 
 # those that the rig starts for itself; the others are one program, which cannot drive several members at a time
 STARTED = ("python", "c", "simulink", "fmu")
-MOST_DELAY = 50  # samples, as --delay of simulate
+MOST_DELAY = round(0.5 * COMMAND_TIMEOUT * 1e9 / SAMPLE_NS)  # samples: that of simulate's --delay
 
 
 @dataclass(frozen=True)
 class Plugged:
-    """spec: as --controller, a file by its absolute path; level: that is asked for, None: its first; delay [samples]."""
+    """spec: as --controller, a file by its absolute path; level: the one asked for, None: its first; delay [samples]."""
 
     spec: str
     level: str | None
@@ -43,7 +44,7 @@ class Plugged:
         return load_controller(self.spec, config.alfa46, self.level)
 
     def digest(self) -> str | None:
-        """Hash of the controller's own files, that a changed one is not taken for the same; None for the built-in one."""
+        """Hash of the controller's own files: a changed one is another one; None for the built-in one."""
         path = _file_of(self.spec)
         if path is None:
             return None
@@ -55,9 +56,9 @@ class Plugged:
 
 
 def plugged_of(spec: str | None, level: str | None, delay: int, beside: Path | None = None) -> Plugged | None:
-    """What --controller, --level and --delay ask for, None for the embedded Alfa46; RigError for what a sweep cannot run.
+    """What --controller, --level and --delay ask for, None for the embedded Alfa46.
 
-    beside: folder that the files are relative to, the working one by default.
+    beside: folder that the files are relative to, the working one by default. RigError for what a sweep cannot run.
     """
     if not 0 <= delay <= MOST_DELAY:
         raise RigError(f"delay is {delay}, expected 0 to {MOST_DELAY} samples")
@@ -66,8 +67,8 @@ def plugged_of(spec: str | None, level: str | None, delay: int, beside: Path | N
     text, level = split_level(spec or "alfa46", level)
     kind, sign, rest = text.partition(":")
     if kind in KINDS and kind not in STARTED:
-        raise RigError(f"controller {text}: it is one program of its own, which cannot drive the members of a sweep, each "
-                       f"from its beginning; a sweep takes {', '.join(f'{name}:' for name in STARTED)} and alfa46")
+        raise RigError(f"controller {text}: it is one program of its own, which cannot drive the members of a sweep, "
+                       f"each from its beginning; a sweep takes {', '.join(f'{name}:' for name in STARTED)} and alfa46")
     if sign and kind in STARTED:
         file, colon, name = rest.rpartition(":") if kind == "python" else (rest, "", "")
         path = (beside or Path()) / Path(file).expanduser()
@@ -79,13 +80,15 @@ def plugged_of(spec: str | None, level: str | None, delay: int, beside: Path | N
 def _file_of(spec: str) -> Path | None:
     """The file or folder that a controller is made of, as far as one is known."""
     kind, _, rest = spec.partition(":")
-    if kind not in STARTED:
-        return None
     named = rest.rpartition(":")[0] if kind == "python" else rest
+    if kind not in STARTED or not named:
+        return None
     if Path(named).exists():
-        return Path(named) if named else None
+        return Path(named)
+    if kind != "python":
+        return None
     try:
-        module = find_spec(named) if named else None
+        module = find_spec(named)
     except (ImportError, ValueError):
         return None
     return Path(module.origin) if module and module.origin else None

@@ -31,7 +31,7 @@ from ..testbench.simulate import simulate
 from .plan import Member, Plan, with_member
 from .store import BAGS, Store
 
-FOLDER = re.compile(r"\S*/(?=\S+\.ya?ml:\d)|(?<=:)/\S*/")  # where a file or a controller stands is no part of a result
+FOLDER = re.compile(r"\S*/(?=\S+\.ya?ml:\d)|(?<=:)/\S*/")  # where a file stands is no part of a result
 Stream = Callable[[Callable, Iterable], Iterator[tuple[int, dict, Exception | None]]]
 
 
@@ -71,18 +71,21 @@ def _setup(pickled: bytes):
 def run_member(setup: bytes, member: Member) -> dict:
     """What is noted of one run: its end and the metrics of its shifts. setup: as run_sweep makes it."""
     base, name, bags, plugged = _setup(setup)
+    plug, delay = None, plugged.delay if plugged else 1
     try:
         config = with_member(base, member.overrides)
         sequence = load_sequence(name, member.parameters)
-        controller = (plugged.load(config), plugged.delay) if plugged else (None, 1)
+        plug = plugged.load(config) if plugged else None
         if bags:
-            end, metrics = _into_bag(config, sequence, member, Path(bags), *controller)
+            end, metrics = _into_bag(config, sequence, member, Path(bags), plug, delay)
         else:
-            run = record(config, sequence, member.seed, controller=controller[0], delay=controller[1])
+            run = record(config, sequence, member.seed, controller=plug, delay=delay)
             end = run.end
             metrics = (shifts(run.recording, inertias_of({"configuration": config.as_dict()}))
                        if isinstance(run.recording, Recording) else [])
     except RigError as error:
+        if plug is not None:
+            plug.close()  # of a run that did not begin: its process would stay with the worker
         return failed(member, error)
     return _entry(member, end["state"], end["reason"], plain(metrics))
 

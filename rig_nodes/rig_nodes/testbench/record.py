@@ -77,7 +77,8 @@ class Listener:
     """
 
     def __init__(self, rig: AnyRig, signals: list[str], truth: Truth | None = None, controller: Plug | None = None):
-        """signals: those that will be asked for; others of transducers may be asked too. controller: outside the rig."""
+        """signals: those that will be asked for; others of transducers may be asked too. controller: in place of the
+        embedded one."""
         self.rig, self.truth, self.controller, self.events, self.orders = rig, truth, controller, [], []
         self._states, self._heard = states_of(rig), Heard()
         topics = {Heard.topic(name) for name in signals}
@@ -184,7 +185,7 @@ class Rows:
 def record(config: AnyConfig, sequence: Sequence, seed: int = 1, rows_per_second: int | None = None,
            period: float | None = None, truth: tuple[str, ...] = (), controller: Plug | None = None,
            delay: int = 1) -> Run:
-    """Run the sequence on a rig with its embedded Alfa46, or with a plug as :func:`simulate` takes it, and keep its rows.
+    """Run the sequence on a rig with its embedded Alfa46, or a plug as :func:`simulate` takes it, and keep its rows.
 
     rows_per_second: 10000 if not given, as the logger HMG 4000; or ``period`` [s] between two rows, e.g. 8e-6 with a
     ``kernel.step`` of 8 us for every row of the kernel, as the NI-USB 6210. Rows are taken as they are, not averaged.
