@@ -153,6 +153,8 @@ class Equations:
         rest = x.rest_torque * z[REST]
         factor = max(0.2, 1.0 + pack.friction_per_kelvin * (z[HEAT] - pack.friction_temperature))
         kinetic = max(factor * self.per_force[k][0] * force, x.rest_sliding * rest)
+        splines = max(0.0, z[HELD] - self.per_force[k][1] * force)
+        kinetic += factor * splines * pack.friction_kinetic / pack.friction_static
         static = factor * z[HELD] + rest
         viscosity = oil.viscosity * exp(-oil.viscosity_per_kelvin * (z[HEAT] - oil.viscosity_temperature))
         gap = max((x.clearance + z[WEAR] - z[PISTON]) / pack.surfaces, pack.film_gap)

@@ -150,8 +150,10 @@ def capacity_follows_the_clamp(on, off):
     # the plates are warmer after the shift, which is worth a little
     assert closed == pytest.approx(off.static[0, 0] / off.clamp[0, 0], rel=0.1)
     assert kept.max() > 1.5 * closed.max()
-    sliding = falling & (on.clamp[:, 0] > 100.0)
-    assert on.kinetic[sliding, 0] / on.clamp[sliding, 0] == pytest.approx(on.kinetic[0, 0] / on.clamp[0, 0], rel=0.1)
+    # what the splines hold back of the clamp a slipping pack feels too, and rubs there with 0.17 instead of 0.30
+    held_back = on.static[falling, 0] - off.static[falling, 0]
+    assert held_back.max() > 50.0
+    assert on.kinetic[falling, 0] - off.kinetic[falling, 0] == pytest.approx(0.17 / 0.30 * held_back, rel=0.1, abs=1.0)
 
 
 def oil_is_as_thick_when_cold(on, off):
@@ -193,7 +195,9 @@ def test_an_effect_that_is_left_out(strong, whole, name, changes, unmoved):
         # wear, a few nanometres, is all that leads from the shafts back to the pistons
         size = largest(getattr(whole, channel))
         assert largest(getattr(off, channel) - getattr(whole, channel)) < 1e-6 * size, channel
-    assert off.modes == whole.modes == ([2, 1, 0], [0, 1, 2]), "S1 slips and opens, S2 grips and locks"
+    assert whole.modes == ([2, 1, 0], [0, 1, 2]), "S1 slips and opens, S2 grips and locks"
+    # held by its splines, S1 may stick once more before it opens
+    assert (off.modes[0][0], off.modes[0][-1], off.modes[1]) == (2, 0, [0, 1, 2])
 
 
 def test_every_effect_is_in_the_table(strong):

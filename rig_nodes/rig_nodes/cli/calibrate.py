@@ -45,7 +45,7 @@ def main(args: argparse.Namespace) -> int:
     parameters = {f"{stage}.{name}": p for stage, those in c.load_stages().items() for name, p in those.items()}
 
     def progress(stage: str, turn: int, cost: float) -> None:
-        print(f"\r{stage}: generation {turn}, sum of squared misses {cost:.3f}   ", end="", file=sys.stderr, flush=True)
+        print(f"\r{stage}: generation {turn}, misses cost {cost:.3f}   ", end="", file=sys.stderr, flush=True)
 
     def pair(stage: str, one: str, other: str) -> None:
         print(f"\r{stage}: {one} against {other}                    ", end="", file=sys.stderr, flush=True)

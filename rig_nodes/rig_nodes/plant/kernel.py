@@ -72,7 +72,7 @@ SETTINGS = np.dtype([
     ("oil_on", "f8"), ("safe", "f8"),
 ])
 # a clutch's values that testbench.rig works out of those that are given
-CLUTCH_DERIVED = ("engaging_kinetic", "engaging_static", "releasing_static", "drag_factor",
+CLUTCH_DERIVED = ("engaging_kinetic", "engaging_static", "releasing_static", "sliding_share", "drag_factor",
                   "new_clearance", *(field.name for field in fields(Force)))
 CLUTCH = np.dtype(record_dtype(clutch_model.Cylinder, clutch_model.PlatePack).descr
                   + [(name, "f8") for name in CLUTCH_DERIVED])
@@ -149,9 +149,10 @@ def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch
     cylinder.rest = clutch_model.rest_share(cylinder.rest, cylinder.piston, cylinder.clamp, clutch)
     rest = clutch.rest_torque * cylinder.rest
     factor = clutch_model.friction_factor(cylinder.temperature, clutch)
-    # sliding breaks the adhesion and shakes the plates loose on their splines; the waves' force is the clamp itself
-    # until the piston has left them alone
+    # sliding breaks the adhesion; the waves' force is the clamp itself until the piston has left them alone. What the
+    # splines hold back presses the plates whether they slip or not
     cylinder.kinetic = max(factor * clutch.engaging_kinetic * cylinder.clamp, clutch.rest_sliding * rest)
+    cylinder.kinetic += factor * clutch.sliding_share * (cylinder.held - clutch.engaging_static * cylinder.clamp)
     cylinder.static = factor * cylinder.held + rest
     viscosity = oil_supply.viscosity_at(cylinder.temperature, oil)
     cylinder.drag = clutch_model.drag_coefficient(cylinder.piston, cylinder.clamp, viscosity, clutch)

@@ -113,6 +113,7 @@ class Rig(Timed):
             hold = cylinder.spline_hold if effects.spline_hysteresis else 0.0
             row["engaging_kinetic"], row["engaging_static"] = kinetic, static
             row["releasing_static"] = static + hold * (held - static)
+            row["sliding_share"] = plates.friction_kinetic / plates.friction_static if plates.friction_static else 1.0
             row["drag_factor"] = clutch.drag_factor(plates, cylinder.drag_model)
             row["new_clearance"] = cylinder.clearance
         self._effects["transducers"] = effects.transducers

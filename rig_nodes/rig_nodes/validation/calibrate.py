@@ -111,12 +111,23 @@ def residuals(shares, config: RigConfig, parameters: dict[str, Parameter], misse
 
 
 def nearby(shares, config: RigConfig, parameters: dict[str, Parameter], misses: Callable,
-           scale: dict[str, float] | None = None) -> np.ndarray:
-    """Shares near these with a smaller sum of squared misses, by least squares; the same ones where there are none."""
+           scale: dict[str, float] | None = None, bounded: bool = True) -> np.ndarray:
+    """Shares near these that cost less, by least squares; the same ones where there are none.
+
+    bounded: a miss costs what :func:`total` says, else its square.
+    """
     cost = partial(residuals, config=config, parameters=parameters, misses=misses, scale=scale)
     start = np.clip(shares, 1e-3, 1.0 - 1e-3)  # the method wants a start inside
-    found = least_squares(cost, start, bounds=(0.0, 1.0), diff_step=0.02, max_nfev=20).x
-    return found if np.sum(cost(found) ** 2) < np.sum(cost(shares) ** 2) else np.asarray(shares)
+    found = least_squares(cost, start, bounds=(0.0, 1.0), diff_step=0.02, max_nfev=20,
+                          loss="arctan" if bounded else "linear").x
+    after, before = (total(cost(x)) if bounded else np.sum(cost(x) ** 2) for x in (found, shares))
+    return found if after < before else np.asarray(shares)
+
+
+def total(misses: np.ndarray) -> float:
+    """What misses [tolerances] cost: their squares while they are small, each at most pi/2. A row that others do not let
+    be met would else move all of them away from what they ask for."""
+    return float(np.sum(np.arctan(misses**2)))
 
 
 def anywhere(best, starts: int, jobs: int, seed: int, config: RigConfig, parameters: dict[str, Parameter],
@@ -133,12 +144,12 @@ def anywhere(best, starts: int, jobs: int, seed: int, config: RigConfig, paramet
 
 
 def _cost(shares, config, parameters, misses) -> float:
-    return float(np.sum(residuals(shares, config, parameters, misses) ** 2))
+    return total(residuals(shares, config, parameters, misses))
 
 
 def search(config: RigConfig, parameters: dict[str, Parameter], misses: Callable, generations: int, jobs: int,
            seed: int, progress: Callable[[int, float], None] | None = None, starts: int = 0) -> dict[str, float]:
-    """Values that make the sum of squared misses small; an interrupt is passed on.
+    """Values that make the misses cost little (:func:`total`); an interrupt is passed on.
 
     Differential evolution over the bounds, then least squares from its best; the latter alone, from the rig as it is,
     with no generations; and from ``starts`` random places. misses: of calibration_rows.ROWS. The same seed finds the

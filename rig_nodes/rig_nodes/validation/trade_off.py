@@ -56,7 +56,7 @@ def conflicts(after: list[Miss], sensitivities: dict[str, dict[str, float]]) -> 
 def _point(weight: float, config: RigConfig, parameters: dict[str, Parameter], misses: Callable,
            rows: tuple[str, str]) -> Point:
     scale = {rows[0]: weight**0.5, rows[1]: weight**-0.5}
-    best = nearby(shares_of(config, parameters), config, parameters, misses, scale)
+    best = nearby(shares_of(config, parameters), config, parameters, misses, scale, bounded=False)
     rig, values = at_shares(config, parameters, best)
     found = {miss.row: miss for miss in misses(rig, calibrating())}
     pair = [found[row] for row in rows]
