@@ -27,7 +27,8 @@ GRID = 1e-3  # s between the values in which level stretches are looked for
 # A level stretch (docs/analysis.md): all shares are of the whole rise, from rest to end pressure.
 LEVEL_SLOPE = 0.1  # its slope is at most this share of the mean slope of the rise
 LEVEL_SWING = 0.02  # it swings by at most this share, or by what the noise swings
-LEVEL_BELOW = 0.8  # it lies below this share, with a regulation after it
+LEVEL_BELOW = 0.8  # it lies below this share, with a regulation after it, and above the rest by more than the
+# transducer's largest error, with a fill before it
 HOLD_SHORTEST = 20e-3  # s, one period of the mains hum: a shorter one cannot be told from it on the traces
 RISEN, RISE_LEVEL = 0.05, 0.004  # shares at which the pressure has certainly risen, and left its rest
 REACHED = 0.95  # share at which the end pressure counts as reached
@@ -56,8 +57,7 @@ def engagement_metrics(recording: Recording, order: tuple[float, int, int],
     where M_wyj does not grow) begins to rise clearly. fill: from the first rise to contact or to the hold phase,
     whichever is first; fill_r2 of the straight line through it. growth_fill, growth_contact: growth of pressure [Pa]
     in the 20 ms before and after contact. hold: "hold" or "no hold"; hold_s is 0 without one. level_s: length of the
-    longest level stretch outside disturbances, also where it is too short for a hold: what repeats should be averaged
-    over. pressure_rise:
+    longest level stretch, also where it is too short for a hold: what repeats should be averaged over. pressure_rise:
     "three phases" or "no hold". dip: largest fall of the pressure between first rise and the end pressure [Pa], from
     disturbance_start_s to disturbance_end_s; disturbed: "dips" or "monotone".
     """
@@ -154,7 +154,7 @@ class _Engagement:
         row["rise_start_s"], row["rise_end_s"] = self.since(start), self.since(reached)
         self.locking(row, start)
         kiss = self.kiss(row, start)
-        level = self.level_stretch(p, (rest, end), int(start), reached)
+        level = self.level_stretch(p, rest, end, int(start), reached)
         row["level_s"] = 0.0 if level is None else max(0.0, (level[1] - level[0]) * self.period)
         hold = level if row["level_s"] >= HOLD_SHORTEST else None
         row["hold_s"] = 0.0 if hold is None else row["level_s"]
@@ -176,21 +176,18 @@ class _Engagement:
         The last passing of a level just above the rest before 5 % of the rise are reached, so that a sag or a spike
         before is none, followed back along its slope.
         """
-        size = end - rest
-        if size < max(20.0 * float(np.std(p[: self.order])), 1e5):
+        size, noise = end - rest, float(np.std(p[: self.order]))
+        if size < max(20.0 * noise, 1e5):
             self.why.append(f"{name} did not rise: {rest / 1e6:.2f} MPa before the order, {end / 1e6:.2f} MPa at the "
                             "end")
             return None
         moved = p - rest
         clear = first_true(moved >= RISEN * size, self.order)
-        below = np.flatnonzero(moved[:clear] < self.left_rest(p, size))
+        level = min(max(4.0 * noise, RISE_LEVEL * size), RISEN * size)
+        below = np.flatnonzero(moved[:clear] < level)
         at = int(below[-1]) + 1 if below.size else clear
         start = ramp_start(self.raw[name] - rest, moved, at, RISEN * size, self.samples(RISE_REACH))
         return max(float(self.order), start)
-
-    def left_rest(self, p: np.ndarray, size: float) -> float:
-        """How far above its rest the pressure has left it. The transducer's offset is in both and cancels."""
-        return min(max(4.0 * float(np.std(p[: self.order])), RISE_LEVEL * size), RISEN * size)
 
     def locking(self, row: dict, start: float) -> None:
         """Slip end, engagement time, peak torque and the torque of the closed clutch."""
@@ -242,21 +239,19 @@ class _Engagement:
         self.why.append(f"neither M_wyj nor M_wej rose by {TORQUE_CLEAR:g} Nm")
         return None
 
-    def level_stretch(self, p: np.ndarray, levels: tuple[float, float], start: int,
+    def level_stretch(self, p: np.ndarray, rest: float, end: float, start: int,
                       reached: int) -> tuple[float, float, float] | None:
         """(Start, end, pressure) of the longest level stretch of the rise, None without one.
 
-        Level: swing and slope within their limits; between rest and regulation: it has left the rest and is not near
-        the end pressure. What lies between the tip of a disturbance and where its fall is made good is none: fig. 7.6 a
-        shows a disturbance of 0.2 s and has no hold phase. Its ends are where the pressure leaves the level, followed
-        back along the slopes.
+        Level: swing and slope within their limits; between fill and regulation: neither near the rest nor near the end
+        pressure. Its ends are where the pressure leaves the level, followed back along the slopes.
         """
-        rest, end = levels
         size, step = end - rest, self.samples(GRID)
         limit = LEVEL_SLOPE * size / max((reached - start) * self.period, GRID)
         swing = max(LEVEL_SWING * size, self.quiet_swing(p))
         grid = p[start : reached + 1 : step]
-        middle = (grid > rest + self.left_rest(p, size)) & (grid < rest + LEVEL_BELOW * size) & ~_fallen(grid, swing)
+        above = INSTRUMENTS[PRESSURE[self.gear]].error
+        middle = (grid > rest + above) & (grid < rest + LEVEL_BELOW * size)
         found = _longest_level(grid, middle, swing, limit * step * self.period)
         if found is None:
             return None
@@ -284,11 +279,9 @@ class _Engagement:
     def filling(self, row: dict, start: float, kiss: int | None, hold) -> None:
         """Fill phase with its straight line, and the growth of pressure around contact."""
         p = self.smooth[PRESSURE[self.gear]]
-        first, shortest = int(round(start)), self.samples(5e-3)
-        ends = [] if kiss is None else [kiss]
-        if hold is not None and hold[0] - first >= shortest:  # one that begins at once is the level of the fill itself
-            ends.append(int(hold[0]))
-        if ends and min(ends) - first >= shortest:
+        ends = [e for e in (kiss, None if hold is None else int(hold[0])) if e is not None]
+        first = int(round(start))
+        if ends and min(ends) - first >= self.samples(5e-3):
             part = np.arange(first, min(ends) + 1)
             slope, offset = np.polyfit((part - first) * self.period, p[part], 1)
             rest = p[part] - offset - slope * (part - first) * self.period
@@ -317,16 +310,6 @@ class _Engagement:
             again = first_true(part >= highest[low], low)
             row["disturbance_start_s"] = self.since(start + peak)
             row["disturbance_end_s"] = self.since(start + (part.size - 1 if again is None else again))
-
-
-def _fallen(grid: np.ndarray, swing: float) -> np.ndarray:
-    """True from behind a tip from which the values fall by more than ``swing`` to where they reach it again."""
-    fall = np.maximum.accumulate(grid) - grid
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], (fall > 0.0).astype(int), [0]))))
-    out = np.zeros(grid.size, dtype=bool)
-    for first, last in zip(edges[::2], edges[1::2]):
-        out[first:last] = fall[first:last].max() > swing
-    return out
 
 
 def _longest_level(grid: np.ndarray, middle: np.ndarray, swing: float, slope: float) -> tuple[int, int] | None:
