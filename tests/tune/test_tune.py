@@ -363,8 +363,8 @@ def test_a_whole_tuning(config, tmp_path, capsys, monkeypatch):
 @pytest.mark.campaign
 def test_the_thesis_range(config, tmp_path, capsys):
     """Both ways, with the defaults: settings whose peak is lower in every single shift on every fresh rig, in fresh
-    operating points, and I-II the times too; II-I a rig whose old clutch holds 240 Nm only just may miss a time. At 240 Nm
-    II-I asks for more than the engine has before the shift already.
+    operating points, and I-II the times too; II-I at the largest load a rig may miss a time. At 240 Nm II-I asks for
+    more than the engine has before the shift already.
     """
     pytest.importorskip("optuna")
     assert main(["tune", "--out", str(tmp_path / "tune"), "--json"]) == 0
