@@ -20,7 +20,7 @@ from . import valve as valve_model
 MOTOR, LOAD = "motor", "load_pump"
 VALVES = ("valve_zr_p1", "valve_zr_p2")
 CUTTABLE = (MOTOR, *VALVES, LOAD)
-LOOP = 0.35  # crossover of the motor's speed loop times the tick: 0.3 costs 0.2 % of a shift's loss, 0.45 5 %, 0.75 swings
+LOOP = 0.35  # crossover of the motor's speed loop times the tick: 0.3 costs 0.2 % of a shift's loss, 0.45 6 %, 0.75 swings
 _CLUTCH = ("two clutches that lock are solved together with the shafts in every step, and a friction torque "
            "that is a tick old would chatter at standstill")
 # devices that are no such pair, and why
