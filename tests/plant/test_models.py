@@ -125,6 +125,14 @@ def test_models_without_splines_follow_their_clamp_force(config, model, by_hand)
     assert clutch.torque_per_force(config.plate_pack, 0.17, True, model) == pytest.approx(by_hand, rel=1e-4)
 
 
+@pytest.mark.parametrize("model", ["newcomb", "chen"])
+def test_models_with_splines_but_no_reading_of_the_release_follow_their_clamp_force(config, model):
+    """Splines at rest rub with more than 0.12, which is a matter of the thesis's model only."""
+    engaging = clutch.torque_per_force(config.plate_pack, 0.30, model=model)
+    assert config.plate_pack.friction_spline_static > config.plate_pack.friction_spline
+    assert clutch.torque_per_force(config.plate_pack, 0.30, True, model) == engaging
+
+
 def test_plates_heat_cool_and_wear(config):
     c = record(config.clutch_s1, dataclasses.replace(
         config.plate_pack, heat_capacity=200.0, cooling=50.0, friction_per_kelvin=-1e-3, friction_temperature=40.0,

@@ -69,7 +69,7 @@ def torque_per_force(pack: PlatePack, friction: float, releasing: bool = False, 
     Only for the thesis's model there is a reading of the release: plates that stick on their splines, so its spline
     friction is that of rest, turned round. With the others the pack follows its clamp force.
     """
-    spline = pack.friction_spline_static if releasing else pack.friction_spline
+    spline = pack.friction_spline_static if releasing and model == "thesis" else pack.friction_spline
     try:
         if model == "thesis":
             return closed.thesis(pack, 1.0, friction, spline, releasing=releasing)

@@ -24,9 +24,8 @@ STATED = {"lined": 0.30, "steel": 0.12, "spline": 0.058}
 SETTINGS = 0.5e6  # Pa between two settings of p_z in the series
 ALLOWED_PRESSURE = 3e6  # Pa on the plates, thesis 3.3; 8.4 extrapolates to it
 GOOD = 0.10  # chapter 8 speaks of good agreement up to 10 %
-NO_REST = ("nothing printed says what makes an unclamped pack of these plates stick; it has no M_rest of its own, which "
-           "is an input of (6.56)")
-KNOWN_REST = "50x76"  # the ring whose M_rest is known: the gearbox's plates have one, calibrated on its shifts
+NO_REST = "no M_rest of this pack is printed; it is an input of (6.56), and 0 here"
+KNOWN_REST = "50x76"  # the gearbox's plates: theirs is calibrated on its shifts
 
 
 def friction_of(ring: str) -> float:

@@ -126,7 +126,8 @@ def nearby(shares, config: RigConfig, parameters: dict[str, Parameter], misses: 
 
 def total(misses: np.ndarray) -> float:
     """What misses [tolerances] cost: their squares while they are small, each at most pi/2. A row that others do not let
-    be met would else move all of them away from what they ask for."""
+    be met would else move all of them away from what they ask for. A curve comes by its milliseconds, each a small part
+    of its miss, and costs nearly its square."""
     return float(np.sum(np.arctan(misses**2)))
 
 

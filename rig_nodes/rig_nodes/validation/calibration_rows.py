@@ -254,7 +254,7 @@ def s2_releases(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
         return [Miss(target.id, 0.0, UNSHIFTED) for target in (peak, spread, longest, settling, share, most)]
     apart = light["t_c_s"] - heavy["t_c_s"]
     least = min(one["t_o_s"] for one in all_of_them)
-    highest = max(heavy["m_wej_max_nm"], fast_heavy["m_wej_max_nm"])
+    highest = max(one["m_wej_max_nm"] for one in (slow_heavy, heavy, fast_heavy))
     return [Miss(peak.id, series_19, (series_19 - peak.printed[0]) / peak.tolerance),
             within(spread, apart, TIME_TOLERANCE), within(longest, fast_light["t_c_s"], TIME_TOLERANCE),
             within(settling, least, TIME_TOLERANCE),

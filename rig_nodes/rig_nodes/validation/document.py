@@ -43,10 +43,11 @@ place.
 
 **Calibrated** rows may be fitted, **predicted** ones must come out by themselves, rows for **information** cannot be
 judged; their value is shown where there is one. A row is *not compared* when something that it needs is missing. Not all
-predicted rows are independent: on which side the loss by the load brakes was decided by counting them, and three
-assumptions (that the plates of both clutches stick in their splines when clamp force is taken off, S2's by 0.32 of what
-S1's do; that chapter 9's output speed is bounded; the drive's tuning and short overload) were made with some in view;
-see "Calibration" in [physics.md](physics.md).
+predicted rows are independent: on which side the loss by the load brakes was decided with them in view (both readings
+meet as many), and so were some assumptions (that the plates of both clutches stick in their splines when clamp force is
+taken off, S2's by 0.31 of what S1's do, and press a slipping pack too; that all of S2's M_rest is left while it slips;
+that chapter 9's output speed is bounded; the drive's tuning and short overload); see "Calibration" in
+[physics.md](physics.md).
 
 The rows of chapter 8 are measured on the clutch bench by its own procedure ([benches.md](benches.md)). Its packs
 follow the thesis's model with stated friction ([friction_models.md](friction_models.md)): k_kor against that model
