@@ -5,6 +5,7 @@ Everything that refuses input raises it; the command line prints its sentence an
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 
@@ -16,7 +17,22 @@ class RigError(Exception):
 
 def no_file(path: str | Path) -> str:
     """Why there is no file to read under this name, for a sentence that begins with the name."""
-    return "it is a folder, expected a file" if Path(path).is_dir() else "there is no such file"
+    return "it is a folder, expected a file" if os.path.isdir(path) else "there is no such file"
+
+
+def printable(text: object, kept: str = "") -> str:
+    """``text`` as people see it: what a terminal would obey instead of show it, and what nobody can see, is written as JSON
+    writes it (``\\u001b``, ``\\n``); the characters of ``kept`` stay as they are.
+
+    For every text that may carry what a user, a file or another program wrote: control characters, marks that turn the
+    direction of writing and halves of characters come along in names.
+    """
+    text = str(text)
+    if text.isprintable():
+        return text
+    from json import dumps
+
+    return "".join(c if c.isprintable() or c in kept else dumps(c)[1:-1] for c in text)
 
 
 class BagError(RigError):

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from rig_nodes.cli.main import main
+from rig_nodes.cli.main import Shown, main
 from rig_nodes.config import CONFIG_DIR
 from rig_nodes.config.names import find_config
 from rig_nodes.errors import RigError
@@ -312,3 +312,52 @@ def test_refused_commands_are_one_event_per_reason_and_second_however_they_mix(t
     outputs.rig.time_ns = 6_000_000_000
     commands.apply()
     assert len(outputs.events) == 5 and commands.refused["/alfa46/command"] == 2501
+
+
+HOSTILE = "\x1b[2J\x9b31m\u202e\r\nrig: all is well"
+
+
+def shown(capsys):
+    """What reached the terminal; fails when it holds something that a terminal obeys."""
+    out, err = capsys.readouterr()
+    obeyed = [c for c in out + err if not c.isprintable() and c != "\n"]
+    assert not obeyed, f"{obeyed} in {out + err!r}"
+    return out + err
+
+
+@pytest.mark.parametrize("arguments", [
+    [HOSTILE], ["simulate", HOSTILE], ["simulate", f"{HOSTILE}.yaml"], ["simulate", "demo", f"--{HOSTILE}"],
+    ["simulate", "demo", "--set", f"alfa46.{HOSTILE}=1"], ["simulate", "demo", "--with", f"{HOSTILE}=1"],
+    ["simulate", "demo", "--rig", "\udcff\udcfe"], ["simulate", "demo", "--out", HOSTILE * 20],
+])
+def test_control_characters_of_arguments_do_not_reach_the_terminal(arguments, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    said = shown(capsys)
+    assert len(said.splitlines()) == 1 and said.startswith("rig: ") and "\\u" in said
+
+
+def test_control_characters_of_files_and_of_the_environment_do_not_reach_the_terminal(capsys, tmp_path, monkeypatch):
+    name = f"seq{HOSTILE.replace('/', '')}.yaml"
+    path, words = tmp_path / name, '"' + HOSTILE.encode("unicode_escape").decode() + '"'
+    for text in (changed(DEMO, "ready:", f"{words}:"), changed(DEMO, "speed: 1500 rpm", f"speed: {words}"),
+                 changed(DEMO, "signal: n_wej", f"signal: {words}"), changed(DEMO, "to: II", f"to: {words}")):
+        path.write_text(text)
+        assert main(["simulate", str(path), "--out", str(tmp_path / "run")]) == 2
+        said = shown(capsys)
+        assert len(said.splitlines()) == 1 and said.count("\\u001b") == 2, "once of the name, once of what is wrong"
+    # what a run says of its steps as it goes on, and how it ends
+    path.write_text(f"description: x\nparameters: {{p: {words}}}\nsteps:\n  - wait: {{for: 1 ms}}\n"
+                    "  - controller: {\"a\\eb${p}\": 1}\n")
+    assert main(["simulate", str(path), "--out", str(tmp_path / "run")]) == 1
+    assert "\\u001bb" in shown(capsys)
+    monkeypatch.setenv("ROS_DOMAIN_ID", HOSTILE)
+    assert main(["replay", "nothing", "--keep-domain"]) == 2
+    shown(capsys)
+
+
+def test_lines_of_progress_and_pages_keep_their_form(capsys):
+    stream = Shown(sys.stdout)
+    print("\r50 %", end="", file=stream)
+    print("a\tb\nc\x07\rd\x9b", "\u00b5 \u00b0C", file=stream)
+    assert capsys.readouterr().out == "\r50 %a\tb\nc\\u0007\\rd\\u009b \u00b5 \u00b0C\n"

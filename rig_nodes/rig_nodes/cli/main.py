@@ -6,6 +6,7 @@ with PASSES_ON = True gets its arguments as they are, in args.passed_on.
 """
 
 import argparse
+import contextlib
 import difflib
 import gc
 import importlib
@@ -14,7 +15,7 @@ import signal
 import sys
 
 from rig_nodes import __version__
-from rig_nodes.errors import RigError
+from rig_nodes.errors import RigError, printable
 
 # The modules' HELP lines once more, so that help imports none of them; a test holds the two together.
 VERBS = {
@@ -43,6 +44,25 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message):
         raise RigError(f"{message} (see '{self.prog} --help')")
+
+
+class Shown:
+    """A stream for people: whatever is printed, its control characters are shown and not obeyed.
+
+    Ends of lines and tabs stay, and a carriage return at either end of a text, with which a line of progress is renewed.
+    """
+
+    def __init__(self, stream):
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        inner = text.strip("\r")
+        before, _, after = text.partition(inner) if inner else (text, "", "")
+        self._stream.write(before + printable(inner, "\n\t") + after)
+        return len(text)
+
+    def __getattr__(self, name):
+        return getattr(self._stream, name)
 
 
 def usage() -> str:
@@ -79,6 +99,11 @@ def run_verb(verb: str, arguments: list[str]) -> int:
 def main(arguments: list[str] | None = None) -> int:
     """Entry point of the launcher and of the console script; returns the exit code."""
     arguments = sys.argv[1:] if arguments is None else arguments
+    with contextlib.redirect_stdout(Shown(sys.stdout)), contextlib.redirect_stderr(Shown(sys.stderr)):
+        return _answer(arguments)
+
+
+def _answer(arguments: list[str]) -> int:
     try:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # the launcher held it back
         if not arguments or arguments[0] in ("-h", "--help", "help"):
@@ -92,7 +117,7 @@ def main(arguments: list[str] | None = None) -> int:
         return code
     except RigError as error:
         sys.stdout.flush()  # what was said before must stand before it in a log of both
-        print(f"rig: {error}", file=sys.stderr)
+        print(f"rig: {printable(error)}", file=sys.stderr)
         return error.exit_code
     except KeyboardInterrupt:
         # of verbs that have nothing of their own to say; what a terminal shows of a line in progress stays

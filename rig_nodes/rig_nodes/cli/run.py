@@ -10,6 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+from ..errors import RigError, printable
 from .what_to_run import above_zero, add_shared_arguments, exit_code
 
 HELP = "run a sequence on the ROS 2 node graph and record it"
@@ -47,7 +48,6 @@ def run(args) -> int:
     """As :func:`main`; KeyboardInterrupt before the first process is started."""
     from ..catalogue import GEARBOX
     from ..controllers.load import load_controller, split_level
-    from ..errors import RigError
     from ..graph.domain import from_environment
     from ..graph.dropping import parse_drop
     from ..graph.supervisor import Order, Supervisor, processes_of
@@ -137,10 +137,10 @@ def finish(folder: Path, record: dict, end, restarts: list[dict], strict: bool) 
         topics = ", ".join(f"{topic} {count}" for topic, count in lost.items())
         print(f"rig: warning: {report['run']['lost']} messages did not reach the bag: {topics}", file=sys.stderr)
     if end.state != "ended":
-        print(f"rig: {end.reason}", file=sys.stderr)
+        print(f"rig: {printable(end.reason)}", file=sys.stderr)
     return exit_code(end.state, report, strict)
 
 
 def show(t: float | None, text: str) -> None:
     """One line of progress, with simulated time when there is one."""
-    print(f"{t:8.2f} s  {text}" if t is not None else f"            {text}", flush=True)
+    print(f"{t:8.2f} s  {printable(text)}" if t is not None else f"            {printable(text)}", flush=True)

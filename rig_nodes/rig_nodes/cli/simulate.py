@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 
+from ..errors import printable
 from .what_to_run import add_shared_arguments, exit_code
 
 HELP = "run a test sequence without ROS traffic, as fast as it goes"
@@ -52,7 +53,7 @@ def main(args) -> int:
         check_controller(config)
         controller = load_controller(args.controller, config.alfa46, args.level)
         check_level(config, controller.level)
-        controller.say = lambda text: print(f"            {text}", flush=True)
+        controller.say = lambda text: print(f"            {printable(text)}", flush=True)
         controller.pace(args.step_timeout.step)
         controller.wait(args.step_timeout.come)
     folder = run_folder(args.out, sequence.name)
@@ -61,7 +62,7 @@ def main(args) -> int:
     def progress(t: float, text: str) -> None:
         if text != shown[0]:
             shown[0] = text
-            print(f"{t:8.2f} s  {text}", flush=True)
+            print(f"{t:8.2f} s  {printable(text)}", flush=True)
 
     with controller_log(folder), unless_empty(folder):
         run = simulate(config, sequence, folder, args.seed, progress, controller, args.delay)
@@ -71,5 +72,5 @@ def main(args) -> int:
     print(f"written to {folder}; look at it with: ./rig view {folder}", flush=True)
     state = run["end"]["state"]
     if state != "ended":
-        print(f"rig: {run['end']['reason']}", file=sys.stderr)
+        print(f"rig: {printable(run['end']['reason'])}", file=sys.stderr)
     return exit_code(state, report, args.strict)

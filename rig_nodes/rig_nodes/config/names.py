@@ -5,6 +5,7 @@ Used by everybody who loads a rig or a sequence, and by the launch file: no nume
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from ..catalogue import GEARBOX
@@ -18,14 +19,14 @@ def find_config(kind: str, name: str | Path) -> Path:
     """Path of an installed ``kind`` (rigs, controllers, sequences) by name, or of a file; RigError otherwise."""
     text = str(name)
     if text.endswith((".yaml", ".yml")) or "/" in text:
-        path = Path(text).expanduser()
-        if not path.is_file():
+        path = os.path.expanduser(text)
+        if not os.path.isfile(path):  # False too for what can be no name of a file
             raise RigError(f"{text}: {no_file(path)}")
-        return path
+        return Path(path)
     path = CONFIG_DIR / kind / f"{text}.yaml"
-    if not path.is_file():
+    if not os.path.isfile(path):
         known = ", ".join(sorted(p.stem for p in (CONFIG_DIR / kind).glob("*.yaml")))
-        if Path(text).is_dir():
+        if os.path.isdir(text):
             raise RigError(f"{text}: {no_file(text)}")
         raise RigError(f"there is no {kind[:-1]} '{text}'; known are {known}, or name a .yaml file")
     return path

@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 from ..catalogue import catalogue
-from ..errors import RigError
+from ..errors import RigError, printable
 from ..plant.load_pump import LoadConfig
 from ..testbench.configuration import load_rig
 from ..testbench.sequence import Sequence, SequenceRunner, load_sequence
@@ -68,7 +68,7 @@ class FmuBench:
 
     def event(self, name: str, text: str, value: float = 0.0) -> None:
         if name == "step":
-            print(f"            {text}", flush=True)
+            print(f"            {printable(text)}", flush=True)
 
 
 def drive(fmu: Fmu, sequence: Sequence, load: LoadConfig, **parameters) -> float:
@@ -107,7 +107,7 @@ def main(arguments: list[str] | None = None) -> int:
             seconds = drive(fmu, load_sequence(parsed.sequence), load_rig().load_pump, record=record, seed=parsed.seed)
         print(f"{seconds:g} s driven" + (f"; look at it with: ./rig report {parsed.out}" if parsed.out else ""))
     except RigError as error:
-        print(f"rig: {error}", file=sys.stderr)
+        print(f"rig: {printable(error)}", file=sys.stderr)
         return error.exit_code
     return 0
 

@@ -14,7 +14,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from ..errors import RigError
+from ..errors import RigError, printable
 
 INITIALIZE, STEP, TERMINATE, RESET = range(1, 5)
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)
@@ -220,7 +220,7 @@ def main() -> int:
         with socket.socket(fileno=number) as link:
             serve(link, resources)
     except RigError as error:
-        print(f"rig: {error}", file=sys.stderr)
+        print(f"rig: {printable(error)}", file=sys.stderr)
         return error.exit_code
     except (BrokenPipeError, ConnectionResetError):
         return 0  # the importer has gone while it was answered

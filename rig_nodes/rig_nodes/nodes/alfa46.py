@@ -26,7 +26,7 @@ from ..controllers import own_signals
 from ..controllers.load import load_controller
 from ..controllers.plug import REAL_TIME_TIMEOUT
 from ..controllers.seam import LEVELS, NOTHING, ControllerFailed
-from ..errors import RigError
+from ..errors import RigError, printable
 from ..graph.link import ANSWER, ANSWERED, DISCARDED, FAILED, READY, SAMPLE, STATUS, LinkClosed
 from ..testbench.timed import SAMPLE_NS, RigStatus
 from .action_server import GoalServer, finish
@@ -201,7 +201,7 @@ class Alfa46Node(Node):
         """The controller cannot go on: said once; the rig notices by its silence, or by the answer in lockstep."""
         if not self._failed:
             self._failed = str(failure)
-            self.get_logger().error(str(failure))
+            self.get_logger().error(printable(failure))
             self.event("controller_failed", str(failure), float(failure.status))
 
     def on_watch(self) -> None:

@@ -26,7 +26,7 @@ from rclpy.utilities import remove_ros_args
 
 from ..bags.reader import LIFE_BITS
 from ..config.names import DEFAULT_RIG, rig_of
-from ..errors import RigError
+from ..errors import RigError, printable
 from ..graph.domain import use_own_transports
 from ..graph.link import Link
 from ..graph.tap import Tap
@@ -235,7 +235,7 @@ def run(main) -> int:
         main(start)
         return 0
     except RigError as error:
-        print(error, file=sys.stderr)
+        print(printable(error), file=sys.stderr)
         if process is not None:
             process.status("failed", text=str(error))
         return error.exit_code

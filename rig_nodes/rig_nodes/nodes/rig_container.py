@@ -14,7 +14,7 @@ import traceback
 from rosgraph_msgs.msg import Clock
 
 from ..catalogue import GEARBOX
-from ..errors import RigError
+from ..errors import RigError, printable
 from ..graph.dropping import parse_drop
 from ..testbench.clutch_bench_configuration import KIND
 from ..testbench.kinds import PACE, make_rig
@@ -210,7 +210,7 @@ class Container:
     def _log(self, status: RigStatus, reason: str, was: RigStatus) -> None:
         """A trip, and its end, into /rosout."""
         if status == RigStatus.TRIPPED:
-            self.nodes[0].get_logger().error(f"safe state: {reason}")
+            self.nodes[0].get_logger().error(f"safe state: {printable(reason)}")
         elif was == RigStatus.TRIPPED:
             self.nodes[0].get_logger().info("safe state left")
 

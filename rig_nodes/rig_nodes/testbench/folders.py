@@ -20,13 +20,10 @@ def free_folder(name: str) -> Path:
 
 def run_folder(out: str | None, name: str) -> Path:
     """The folder for a run: ``out``, which must be new or empty, or the next free runs/<name>-<n>."""
-    if out is not None:
-        folder = Path(out)
-        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise RigError(f"--out {out}: it exists and is not an empty folder; choose a new name")
-    else:
-        folder = free_folder(name)
+    folder = free_folder(name) if out is None else Path(out)
     try:
+        if out is not None and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise RigError(f"--out {out}: it exists and is not an empty folder; choose a new name")
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RigError(f"{folder}: cannot be made ({error.strerror}); choose another place with --out") from None

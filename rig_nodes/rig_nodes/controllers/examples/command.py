@@ -4,7 +4,7 @@ import socket
 import sys
 
 from rig_nodes.cli.main import Parser
-from rig_nodes.errors import RigError
+from rig_nodes.errors import RigError, printable
 
 
 def parser(text: str, module: str) -> Parser:
@@ -33,7 +33,7 @@ def run(main) -> None:
     try:
         main()
     except RigError as error:
-        print(f"{sys.argv[0].rpartition('/')[2]}: {error}", file=sys.stderr)
+        print(f"{sys.argv[0].rpartition('/')[2]}: {printable(error)}", file=sys.stderr)
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
         sys.exit(130)
