@@ -1,13 +1,18 @@
 """The MCAP container: every message of a file by topic, checked, or what can be saved of a damaged one.
 
 Used by the bag reader. Takes whole chunks at once, several times faster than record by record, and knows the
-byte where a file is damaged. The container's records are those of the MCAP specification, version 0.
+byte where a file is damaged. The container's records are those of the MCAP specification, version 0. The file is never in
+memory as a whole; what bags.limits says is refused before it is unpacked.
 """
 
 from __future__ import annotations
 
+import math
+import os
 import struct
 import zlib
+from array import array
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
@@ -16,16 +21,17 @@ import lz4.frame
 import zstandard
 
 from ..errors import BagError
+from . import limits
 
 MAGIC = b"\x89MCAP0\r\n"
-HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = 1, 2, 3, 4, 5, 6
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = 1, 2, 3, 4, 5, 6, 7, 8
 STATISTICS, DATA_END = 0x0B, 0x0F
-_RECORD = struct.Struct("<BQ")
+PRIVATE = 0x80  # opcodes from here on belong to whoever wrote the file
+RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
-_CHUNK = struct.Struct("<QQQI")
-_FOOTER = struct.Struct("<QQI")
-# A chunk that claims more than this is garbled: writers keep them in the megabytes.
-_LARGEST_CHUNK = 1 << 32
+CHUNK_HEAD = struct.Struct("<QQQI")
+FOOTER_BODY = struct.Struct("<QQI")
+_BLOCK = 1 << 20  # bytes read at once
 
 
 @dataclass
@@ -41,25 +47,37 @@ class Stream:
     encoding: str
     text: str
     metadata: dict[str, str] = field(default_factory=dict)
-    times: list[int] = field(default_factory=list)
+    times: array = field(default_factory=lambda: array("q"))
     payloads: list[bytes] = field(default_factory=list)
-    places: list[int] = field(default_factory=list)
+    places: array = field(default_factory=lambda: array("Q"))
+
+    def emptied(self) -> Stream:
+        """The same channel without messages."""
+        return Stream(self.topic, self.ros_type, self.encoding, self.text, self.metadata)
 
 
 @dataclass
 class Contents:
-    """All channels of a file; ``damage`` holds one sentence per fault that recovery passed over."""
+    """All channels of a file or of a part of it; ``damage`` holds one sentence per fault that recovery passed over.
+
+    ``library``: the program that wrote the file, as it says itself.
+    """
 
     streams: dict[int, Stream] = field(default_factory=dict)
     damage: list[str] = field(default_factory=list)
+    library: str = ""
 
 
-class _Damage(Exception):
-    """A fault at one byte; ``cut`` when the file just ends there."""
+class Damage(Exception):
+    """A fault at one byte; ``cut`` when the file just ends there, ``fatal`` when nothing after it can be trusted."""
 
-    def __init__(self, what: str, offset: int, cut: bool = False):
+    def __init__(self, what: str, offset: int, cut: bool = False, fatal: bool = False):
         super().__init__(what)
-        self.what, self.offset, self.cut = what, offset, cut
+        self.what, self.offset, self.cut, self.fatal = what, offset, cut, fatal
+
+    def sentence(self, size: int) -> str:
+        """What is wrong and where in a file of so many bytes."""
+        return f"{self.what} at byte {self.offset} of {size}"
 
 
 def read_mcap(path: Path, recover: bool = False) -> Contents:
@@ -69,190 +87,344 @@ def read_mcap(path: Path, recover: bool = False) -> Contents:
     records themselves cannot be followed. Raises BagError naming the byte of the damage otherwise, and for a
     file that cannot be read or is no MCAP file at all.
     """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise BagError(f"{path}: cannot be read ({error.strerror})") from None
-    if not data:
-        raise BagError(f"{path}: is empty (0 bytes); the run that made it wrote nothing, record it again")
-    if not MAGIC.startswith(data[:8]):
-        raise BagError(f"{path}: does not begin as an MCAP file at byte 0; expected a bag of `rig run` or "
-                       f"`ros2 bag record -s mcap`")
-    scan = _Scan(data, recover)
-    try:
-        scan.run()
-    except _Damage as damage:
-        where = f"{damage.what} at byte {damage.offset} of {len(data)}"
-        if not recover:
-            hint = "the run was cut off before it could close the bag, recovery reads all up to there" \
-                if damage.cut else "recovery reads what is undamaged; better fetch the file again"
-            raise BagError(f"{path}: {where}; {hint}") from None
-        scan.contents.damage.append(where)
-    return scan.contents
+    (contents,) = read_pieces(path, recover, math.inf)
+    return contents
 
 
-class _Scan:
-    """One pass over a file."""
+def read_pieces(path: Path, recover: bool, size: float) -> Iterator[Contents]:
+    """As :func:`read_mcap`, in the order of the file and no more than about ``size`` bytes of messages at a time.
 
-    def __init__(self, data: bytes, recover: bool):
-        self.data = data
-        self.view = memoryview(data)
-        self.recover = recover
-        self.contents = Contents()
-        self.schemas: dict[int, tuple[str, str, str]] = {}
-        self.next_place = count().__next__
-        self.unzip = zstandard.ZstdDecompressor()
+    What of the file is damaged behind a piece is known when the iteration comes there; the last piece tells all of it.
+    """
+    with McapFile(path) as file:
+        scan = _Scan(file, recover)
+        try:
+            for _ in scan.run():
+                if scan.held >= size:
+                    yield scan.take()
+        except Damage as damage:
+            where = damage.sentence(file.size)
+            if not recover:
+                hint = "the run was cut off before it could close the bag, recovery reads all up to there" \
+                    if damage.cut else "recovery reads what is undamaged; better fetch the file again"
+                raise BagError(f"{path}: {where}; {hint}") from None
+            scan.contents.damage.append(where)
+        yield scan.contents
 
-    def run(self) -> None:
-        """Data section, end of data, summary, footer; raises _Damage."""
-        if len(self.data) < len(MAGIC):
-            raise _Damage("the file ends inside its first magic bytes", len(self.data), cut=True)
-        position = len(MAGIC)
-        opcode, start, end = self._record(position)
-        if opcode != HEADER:
-            raise _Damage("the file's header is missing", position)
-        position = end
-        while True:
-            opcode, start, end = self._record(position)
-            if opcode == DATA_END:
-                break
-            if opcode in (0, FOOTER):
-                raise _Damage("a record is garbled or the end of the data is missing", position)
+
+class McapFile:
+    """A file's bytes and the records of its container. ``size``: bytes."""
+
+    def __init__(self, path: Path):
+        """Open it. BagError for what cannot be read or is no MCAP file."""
+        try:
+            self._file = open(path, "rb", buffering=0)
+            self.size = os.fstat(self._file.fileno()).st_size
+            head = self._file.read(len(MAGIC))
+        except OSError as error:
+            raise BagError(f"{path}: cannot be read ({error.strerror})") from None
+        self.path = path
+        self._block, self._from = b"", 0
+        wrong = ""
+        if not head:
+            wrong = "is empty (0 bytes); the run that made it wrote nothing, record it again"
+        elif not MAGIC.startswith(head):
+            wrong = "does not begin as an MCAP file at byte 0; expected a bag of `rig run` or `ros2 bag record -s mcap`"
+        if wrong:
+            self._file.close()
+            raise BagError(f"{path}: {wrong}")
+
+    def __enter__(self) -> McapFile:
+        return self
+
+    def __exit__(self, *_) -> None:
+        self._file.close()
+
+    def bytes_at(self, position: int, length: int) -> bytes:
+        """So many bytes from there; Damage when the file has become shorter or cannot be read."""
+        at = position - self._from
+        if at < 0 or at + length > len(self._block):
             try:
-                self._data_record(opcode, start, end)
-            except _Damage as damage:
-                if not self.recover:
-                    raise
-                self.contents.damage.append(f"{damage.what} at byte {damage.offset}")
-            position = end
-        self._check_data(position, start, end)
-        self._check_summary(end)
+                block = os.pread(self._file.fileno(), max(length, _BLOCK), position)
+            except OSError as error:
+                raise Damage(f"the file cannot be read ({error.strerror})", position, fatal=True) from None
+            if len(block) < length:
+                raise Damage("the file ends", position + len(block), cut=True)
+            if length >= _BLOCK:
+                return block[:length]
+            self._block, self._from, at = block, position, 0
+        return self._block[at:at + length]
 
-    def _record(self, position: int) -> tuple[int, int, int]:
+    def checksum(self, start: int, end: int) -> int:
+        """CRC-32 of these bytes."""
+        crc = 0
+        while start < end:
+            step = min(_BLOCK, end - start)
+            crc = zlib.crc32(self.bytes_at(start, step), crc)
+            start += step
+        return crc
+
+    def record(self, position: int) -> tuple[int, int, int]:
         """Opcode, start and end of the content of the record at a byte of the file."""
-        if position + _RECORD.size > len(self.data):
-            raise _Damage("the file ends without the end record of a closed bag", position, cut=True)
-        opcode, length = _RECORD.unpack_from(self.data, position)
-        start = position + _RECORD.size
-        if start + length > len(self.data):
-            raise _Damage(f"a record of {length} bytes is cut or its length is garbled", position, cut=True)
+        if position + RECORD.size > self.size:
+            raise Damage("the file ends without the end record of a closed bag", position, cut=True)
+        opcode, length = RECORD.unpack(self.bytes_at(position, RECORD.size))
+        start = position + RECORD.size
+        if start + length > self.size:
+            raise Damage(f"a record of {length} bytes is cut or its length is garbled", position, cut=True)
         return opcode, start, start + length
 
-    def _data_record(self, opcode: int, start: int, end: int) -> None:
-        if opcode == CHUNK:
-            self._chunk(start, end)
-        elif opcode in (SCHEMA, CHANNEL, MESSAGE):
-            # An unchunked file: the record itself is read like the content of a chunk.
-            self._messages(self.data, start - _RECORD.size, end, start - _RECORD.size)
 
-    def _chunk(self, start: int, end: int) -> None:
-        at = start - _RECORD.size
-        try:
-            _, _, size, crc = _CHUNK.unpack_from(self.data, start)
-            compression, position = _text(self.data, start + _CHUNK.size, end)
-            (length,) = struct.unpack_from("<Q", self.data, position)
-        except (struct.error, ValueError):
-            raise _Damage("a chunk's head is garbled", at) from None
-        position += 8
-        if position + length != end or size > _LARGEST_CHUNK:
-            raise _Damage("a chunk's head is garbled", at)
-        content = self._expand(compression, self.view[position:end], size, at)
-        if crc and zlib.crc32(content) != crc:
-            raise _Damage("a chunk does not match its checksum", at)
-        self._messages(content, 0, len(content), at)
+@dataclass(frozen=True)
+class ChunkHead:
+    """What a chunk says of itself: log times [ns], bytes unpacked, CRC, how and where it is packed."""
 
-    def _expand(self, compression: str, packed: memoryview, size: int, at: int) -> bytes:
+    first: int
+    last: int
+    size: int
+    crc: int
+    compression: str
+    packed: tuple[int, int]  # start and end in the file
+
+
+def chunk_head(file: McapFile, start: int, end: int) -> ChunkHead:
+    """The head of the chunk whose content lies there; Damage when it is garbled or asks for too much."""
+    at = start - RECORD.size
+    head = file.bytes_at(start, min(end - start, CHUNK_HEAD.size + 64))
+    try:
+        first, last, size, crc = CHUNK_HEAD.unpack_from(head)
+        compression, position = text(head, CHUNK_HEAD.size, len(head))
+        (length,) = struct.unpack_from("<Q", head, position)
+    except (struct.error, ValueError):
+        raise Damage("a chunk's head is garbled", at) from None
+    position += start + 8
+    if position + length != end:
+        raise Damage("a chunk's head is garbled", at)
+    if max(size, length) > limits.CHUNK:
+        raise Damage(f"a chunk of {max(size, length)} bytes is larger than the {limits.CHUNK} that are read", at)
+    return ChunkHead(first, last, size, crc, compression, (position, end))
+
+
+class Records:
+    """Schemas, channels and messages as they come; ``contents`` gathers them."""
+
+    def __init__(self, file: McapFile):
+        self.file = file
+        self.contents = Contents()
+        self.schemas: dict[int, tuple[str, str, str]] = {}
+        self.held = 0  # bytes of messages in ``contents``, unpacked
+        self.next_place = count().__next__
+        self._unzip = zstandard.ZstdDecompressor(max_window_size=limits.CHUNK)
+        self._texts = 0
+
+    def take(self) -> Contents:
+        """What was gathered since the last time; the channels stay."""
+        taken, self.held = self.contents, 0
+        self.contents = Contents({number: stream.emptied() for number, stream in taken.streams.items()}, taken.damage,
+                                 taken.library)
+        return taken
+
+    def chunk(self, head: ChunkHead, at: int) -> None:
+        """Take the records of a chunk that begins at a byte of the file."""
+        content = self._unpacked(head, at)
+        if head.crc and zlib.crc32(content) != head.crc:
+            raise Damage("a chunk does not match its checksum", at)
+        self.records(content, at)
+
+    def _unpacked(self, head: ChunkHead, at: int) -> bytes:
+        start, end = head.packed
+        packed = self.file.bytes_at(start, end - start)
         try:
-            if compression == "zstd":
+            if head.compression == "zstd":
                 known = zstandard.frame_content_size(packed)
-                content = self.unzip.decompress(packed, max_output_size=size) if known in (-1, size) else b""
-            elif compression == "lz4":
-                content = lz4.frame.decompress(packed)
-            elif compression == "":
-                content = bytes(packed)
+                content = self._unzip.decompress(packed, max_output_size=head.size) if known in (-1, head.size) else b""
+            elif head.compression == "lz4":
+                content = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=head.size + 1)
+            elif head.compression == "":
+                content = packed
             else:
-                raise _Damage(f"a chunk is compressed as '{compression}', which is not known", at)
+                raise Damage(f"a chunk is compressed as '{head.compression}', expected zstd, lz4 or nothing,", at)
         except (zstandard.ZstdError, RuntimeError, MemoryError):
-            raise _Damage("a chunk cannot be decompressed", at) from None
-        if len(content) != size:
-            raise _Damage(f"a chunk holds {len(content)} bytes where its head says {size}", at)
+            raise Damage("a chunk cannot be decompressed", at) from None
+        if len(content) != head.size:
+            held = f"holds {len(content)}" if len(content) <= head.size else f"holds more than {head.size}"
+            raise Damage(f"a chunk {held} bytes where its head says {head.size}", at)
         return content
 
-    def _messages(self, content: bytes, position: int, end: int, at: int) -> None:
-        """Take the records from ``position`` to ``end`` of ``content``, found at byte ``at`` of a file."""
-        record, message, streams = _RECORD.unpack_from, _MESSAGE.unpack_from, self.contents.streams
-        next_place = self.next_place
+    def records(self, content: bytes, at: int) -> None:
+        """Take all records of these bytes, found at byte ``at`` of the file."""
+        record, message, streams = RECORD.unpack_from, _MESSAGE.unpack_from, self.contents.streams
+        next_place, last = self.next_place, limits.LAST
+        position, end = 0, len(content)
+        self.held += end
         while position < end:
             try:
                 opcode, length = record(content, position)
                 start = position + 9
                 position = start + length
                 if position > end:
-                    raise _Damage("a record runs past the end of its chunk", at)
+                    raise Damage("a record runs past the end of its chunk", at)
                 if opcode == MESSAGE:
                     channel, _, log_time, _ = message(content, start)
                     stream = streams.get(channel)
                     if stream is None:
-                        raise _Damage(f"a message belongs to channel {channel}, which is not described", at)
+                        raise Damage(f"a message belongs to channel {channel}, which is not described", at)
+                    if log_time > last:
+                        raise Damage(f"a message of {stream.topic} has the log time {log_time} ns, expected 0 to {last},",
+                                     at)
                     stream.times.append(log_time)
                     stream.payloads.append(content[start + 22:position])
                     stream.places.append(next_place())
                 elif opcode == SCHEMA:
-                    self._schema(content, start, position)
+                    self._schema(content, start, position, at)
                 elif opcode == CHANNEL:
                     self._channel(content, start, position, at)
+                elif opcode < PRIVATE:
+                    raise Damage(f"a record of kind {opcode} stands among messages, where it does not belong,", at)
             except (struct.error, ValueError):
-                raise _Damage("a record is garbled", at) from None
+                raise Damage("a record is garbled", at) from None
 
-    def _schema(self, content: bytes, start: int, end: int) -> None:
+    def _schema(self, content: bytes, start: int, end: int, at: int) -> None:
+        if end - start > limits.RECORD:
+            raise Damage(f"a message definition of {end - start} bytes is larger than the {limits.RECORD} that are read", at)
         (number,) = struct.unpack_from("<H", content, start)
-        name, position = _text(content, start + 2, end)
-        encoding, position = _text(content, position, end)
-        text, _ = _text(content, position, end)
-        self.schemas[number] = name, encoding, text
+        name, position = text(content, start + 2, end)
+        encoding, position = text(content, position, end)
+        definition, _ = text(content, position, end)
+        schema = name, encoding, definition
+        if self.schemas.setdefault(number, schema) is not schema:
+            if self.schemas[number] != schema:
+                raise Damage(f"definition {number} is given twice, as {self.schemas[number][0]} and otherwise, as {name},",
+                             at, fatal=True)
+            return
+        self._texts += end - start
+        if len(self.schemas) > limits.DESCRIPTIONS or self._texts > limits.TEXTS:
+            raise Damage(f"there are more message definitions than the {limits.DESCRIPTIONS} or {limits.TEXTS} bytes that "
+                         f"are read", at, fatal=True)
 
     def _channel(self, content: bytes, start: int, end: int, at: int) -> None:
+        if end - start > limits.RECORD:
+            raise Damage(f"a channel described by {end - start} bytes is more than the {limits.RECORD} that are read", at)
         number, schema = struct.unpack_from("<HH", content, start)
-        topic, position = _text(content, start + 4, end)
-        encoding, position = _text(content, position, end)
-        if number in self.contents.streams:
-            return
+        topic, position = text(content, start + 4, end)
+        encoding, position = text(content, position, end)
         if schema not in self.schemas:
-            raise _Damage(f"topic {topic} names a message definition that is not there", at)
-        name, language, text = self.schemas[schema]
-        self.contents.streams[number] = Stream(topic, name, f"{encoding}/{language}", text,
-                                               _metadata(content, position, end))
+            raise Damage(f"topic {topic} names a message definition that is not there", at)
+        name, language, definition = self.schemas[schema]
+        new = Stream(topic, name, f"{encoding}/{language}", definition, _metadata(content, position, end))
+        known = self.contents.streams.setdefault(number, new)
+        if known is not new and (known.topic, known.ros_type, known.encoding) != (topic, name, new.encoding):
+            raise Damage(f"channel {number} is given twice, as {known.topic} of {known.ros_type} and as {topic} of {name},",
+                         at, fatal=True)
+        if len(self.contents.streams) > limits.DESCRIPTIONS:
+            raise Damage(f"there are more than {limits.DESCRIPTIONS} topics", at, fatal=True)
+
+
+class _Scan(Records):
+    """One pass over a whole file."""
+
+    def __init__(self, file: McapFile, recover: bool):
+        super().__init__(file)
+        self.recover = recover
+        self._unpacked_bytes = self._count = 0
+
+    def run(self) -> Iterator[None]:
+        """Data section, end of data, summary, footer; stops after each chunk or so. Raises Damage."""
+        file = self.file
+        if file.size < len(MAGIC):
+            raise Damage("the file ends inside its first magic bytes", file.size, cut=True)
+        position = len(MAGIC)
+        opcode, start, end = file.record(position)
+        if opcode != HEADER:
+            raise Damage("the file's header is missing", position)
+        self.contents.library = library(file, start, end)
+        position = end
+        while True:
+            opcode, start, end = file.record(position)
+            if opcode == DATA_END:
+                break
+            if opcode in (0, FOOTER):
+                raise Damage("a record is garbled or the end of the data is missing", position)
+            try:
+                self._data_record(opcode, start, end)
+            except Damage as damage:
+                if not self.recover or damage.fatal:
+                    raise
+                self.contents.damage.append(f"{damage.what} at byte {damage.offset}")
+            position = end
+            yield
+        self._check_data(position, start, end)
+        self._check_summary(end)
+
+    def take(self) -> Contents:
+        self._count += sum(len(stream.times) for stream in self.contents.streams.values())
+        return super().take()
+
+    def _data_record(self, opcode: int, start: int, end: int) -> None:
+        at = start - RECORD.size
+        if opcode == CHUNK:
+            head = chunk_head(self.file, start, end)
+            self._unpacked_bytes += head.size
+            check_expansion(self._unpacked_bytes, end, at)
+            self.chunk(head, at)
+        elif opcode in (SCHEMA, CHANNEL, MESSAGE):
+            # An unchunked file: the record itself is read like the content of a chunk.
+            self.records(plain_record(self.file, start, end), at)
 
     def _check_data(self, position: int, start: int, end: int) -> None:
         """The checksum over everything before the end-of-data record."""
         if end - start != 4:
-            raise _Damage("the end-of-data record is garbled", position)
-        (crc,) = struct.unpack_from("<I", self.data, start)
-        if crc and zlib.crc32(self.view[:position]) != crc:
-            raise _Damage("the data section does not match its checksum, which lies", position)
+            raise Damage("the end-of-data record is garbled", position)
+        (crc,) = struct.unpack("<I", self.file.bytes_at(start, 4))
+        if crc and self.file.checksum(0, position) != crc:
+            raise Damage("the data section does not match its checksum, which lies", position)
 
     def _check_summary(self, summary: int) -> None:
         """The records after the data, the footer with their checksum, and the last magic bytes."""
         position = summary
         counted = None
         while True:
-            opcode, start, end = self._record(position)
+            opcode, start, end = self.file.record(position)
             if opcode == FOOTER:
                 break
             if opcode == STATISTICS and end - start >= 8:
-                (counted,) = struct.unpack_from("<Q", self.data, start)
+                (counted,) = struct.unpack("<Q", self.file.bytes_at(start, 8))
             position = end
-        if end - start != _FOOTER.size:
-            raise _Damage("the footer is garbled", position)
-        _, _, crc = _FOOTER.unpack_from(self.data, start)
-        if crc and zlib.crc32(self.view[summary:end - 4]) != crc:
-            raise _Damage("the summary does not match its checksum, which lies", end - 4)
-        if self.data[end:] != MAGIC:
-            raise _Damage("the last magic bytes are missing or followed by something", end,
-                          cut=MAGIC.startswith(self.data[end:]))
-        held = sum(len(stream.times) for stream in self.contents.streams.values())
+        if end - start != FOOTER_BODY.size:
+            raise Damage("the footer is garbled", position)
+        _, _, crc = FOOTER_BODY.unpack(self.file.bytes_at(start, FOOTER_BODY.size))
+        if crc and self.file.checksum(summary, end - 4) != crc:
+            raise Damage("the summary does not match its checksum, which lies", end - 4)
+        rest = self.file.bytes_at(end, min(self.file.size - end, len(MAGIC) + 1))
+        if rest != MAGIC:
+            raise Damage("the last magic bytes are missing or followed by something", end, cut=MAGIC.startswith(rest))
+        held = self._count + sum(len(stream.times) for stream in self.contents.streams.values())
         if counted is not None and counted != held and not self.contents.damage:
-            raise _Damage(f"the summary counts {counted} messages where the file holds {held}", summary)
+            raise Damage(f"the summary counts {counted} messages where the file holds {held}", summary)
+
+
+def plain_record(file: McapFile, start: int, end: int) -> bytes:
+    """A record outside of chunks, with its head; Damage when it is larger than a chunk may be."""
+    if end - start > limits.CHUNK:
+        raise Damage(f"a record of {end - start} bytes is larger than the {limits.CHUNK} that are read", start - RECORD.size)
+    return file.bytes_at(start - RECORD.size, end - start + RECORD.size)
+
+
+def check_expansion(unpacked: int, read: int, at: int) -> None:
+    """Damage when so many bytes of the file unpack to more than any recording does."""
+    if unpacked > limits.CHUNK + limits.EXPANSION * read:
+        raise Damage(f"what is packed unpacks to {unpacked} bytes, more than {limits.EXPANSION} for each byte of the file,", at,
+                     fatal=True)
+
+
+def library(file: McapFile, start: int, end: int) -> str:
+    """Who wrote the file, by its header; empty when that is not said."""
+    content = file.bytes_at(start, min(end - start, 4096))
+    try:
+        _, position = text(content, 0, len(content))
+        return text(content, position, len(content))[0]
+    except (struct.error, ValueError):
+        return ""
 
 
 def _metadata(content: bytes, position: int, end: int) -> dict[str, str]:
@@ -264,12 +436,12 @@ def _metadata(content: bytes, position: int, end: int) -> dict[str, str]:
         raise ValueError("metadata runs past its record")
     pairs = {}
     while position < stop:
-        key, position = _text(content, position, stop)
-        pairs[key], position = _text(content, position, stop)
+        key, position = text(content, position, stop)
+        pairs[key], position = text(content, position, stop)
     return pairs
 
 
-def _text(content: bytes, position: int, end: int) -> tuple[str, int]:
+def text(content: bytes, position: int, end: int) -> tuple[str, int]:
     """A length-prefixed string and the byte after it; ValueError when it runs past ``end``."""
     (length,) = struct.unpack_from("<I", content, position)
     stop = position + 4 + length

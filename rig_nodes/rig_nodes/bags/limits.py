@@ -1,0 +1,20 @@
+"""How much of anything a bag may ask of its reader: what goes beyond is refused before it is made.
+
+Real bags stay far below: ours have chunks of 4 MiB, 60 topics and definitions of 2 kB.
+"""
+
+from __future__ import annotations
+
+MIB = 1 << 20
+CHUNK = 64 * MIB  # bytes of a chunk, unpacked; so also of a message
+EXPANSION = 200  # bytes unpacked for each byte of the file, beyond one chunk; zstd makes 4 of ours
+DESCRIPTIONS = 10_000  # of channels, and of message definitions
+RECORD = MIB  # bytes of the description of a channel or of a message definition
+TEXTS = 32 * MIB  # bytes of all message definitions
+LAST = 2**31 * 1_000_000_000 - 1  # ns; the seconds of ROS times are int32
+
+LINES, LINE = 2_000, 1_000  # of a message definition, comments apart; characters of one
+FIELDS, DEPTH = 2_000, 32  # of a message with all that it contains, each of an array of messages for itself
+JSON, JSON_DEPTH = 8 * MIB, 32  # bytes; lists and objects within each other
+YAML = MIB // 2  # bytes of metadata.yaml, 20 of ours
+PROFILES = 20_000  # characters of the quality of service of a topic: 50 publishers
