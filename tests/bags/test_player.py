@@ -15,12 +15,19 @@ TIMES = [T0 + ms * MS for ms in (0, 0, 3, 10, 10, 10, 24, 40)]
 STEP = 0.001
 
 
+def recorded(times, first=T0):
+    """What begins a pass over messages at these times: from ``first`` on, each message its number."""
+    return lambda: ((time, number) for number, time in enumerate(times) if time >= first)
+
+
 class Run:
     """A player, driven every millisecond of a made-up wall clock."""
 
     def __init__(self, **options):
         self.now = 100.0
-        self.player = Player(options.pop("times", TIMES), options.pop("first", T0), period=10 * MS, **options)
+        first = options.pop("first", T0)
+        early = [(TIMES[number], number) for number in options.pop("early", ())]
+        self.player = Player(recorded(TIMES, first), first, period=10 * MS, early=early, **options)
         self.taken = []  # (wall time since the start [ms], number or CLOCK, recorded time since T0 [ms])
 
     def drive(self, ms):
@@ -61,7 +68,7 @@ def test_the_rate_divides_the_times(rate):
 
 def test_max_waits_for_nothing_but_hands_out_no_more_than_a_batch():
     times = [T0 + i * MS for i in range(3 * BATCH)]
-    player = Player(times, T0, rate=math.inf)
+    player = Player(recorded(times), T0, rate=math.inf)
     taken = []
     while not player.finished:
         assert player.wait(7.0) == 0.0
@@ -139,7 +146,7 @@ def test_stepping_goes_on_into_the_next_pass():
 
 def test_a_stall_is_not_made_up_for_and_is_told():
     times = [T0 + ms * MS for ms in range(3000)]
-    player = Player(times, T0)
+    player = Player(recorded(times), T0)
     player.take(0.0)
     burst = player.take(2.0)
     assert max(time for _, time in burst) == T0 + round(STRIDE * 1e3) * MS
@@ -148,14 +155,14 @@ def test_a_stall_is_not_made_up_for_and_is_told():
 
 
 def test_lateness_counts_from_when_a_message_was_due():
-    player = Player(TIMES, T0, rate=2.0)
+    player = Player(recorded(TIMES), T0, rate=2.0)
     player.take(50.0)
     player.take(50.004)  # recorded time 8 ms: message 2 at 3 ms was due at 1.5 ms
     assert player.lateness(TIMES[2], 50.005) == pytest.approx(0.005 - 0.0015)
 
 
 def test_wait_tells_when_the_next_thing_is_due():
-    player = Player(TIMES, T0, rate=0.5)
+    player = Player(recorded(TIMES), T0, rate=0.5)
     assert player.wait(0.0) == 0.0
     player.take(0.0)
     assert player.wait(0.0) == pytest.approx(0.006)

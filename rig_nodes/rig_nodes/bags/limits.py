@@ -13,8 +13,9 @@ RECORD = MIB  # bytes of the description of a channel or of a message definition
 TEXTS = 32 * MIB  # bytes of all message definitions
 LAST = 2**31 * 1_000_000_000 - 1  # ns; the seconds of ROS times are int32
 
-LINES, LINE = 2_000, 1_000  # of a message definition, comments apart; characters of one
+LINES, LINE = 2_000, 4_000  # of a message definition, comments apart; characters of one
 FIELDS, DEPTH = 2_000, 32  # of a message with all that it contains, each of an array of messages for itself
+LISTS = MIB  # bytes of a message that holds sequences of messages or texts; others are only held to a chunk
 JSON, JSON_DEPTH = 8 * MIB, 32  # bytes; lists and objects within each other
 YAML = MIB // 2  # bytes of metadata.yaml, 20 of ours
 PROFILES = 20_000  # characters of the quality of service of a topic: 50 publishers

@@ -12,7 +12,7 @@ import os
 import struct
 import zlib
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
@@ -318,6 +318,21 @@ class Records:
                          at, fatal=True)
         if len(self.contents.streams) > limits.DESCRIPTIONS:
             raise Damage(f"there are more than {limits.DESCRIPTIONS} topics", at, fatal=True)
+
+
+def by_topic(path: Path, streams: Iterable[Stream]) -> dict[str, Stream]:
+    """One stream for each topic; BagError when a topic has several types."""
+    joined: dict[str, Stream] = {}
+    for stream in streams:
+        first = joined.setdefault(stream.topic, stream)
+        if first is not stream:
+            if first.ros_type != stream.ros_type:
+                raise BagError(f"{path}: topic {stream.topic} holds both {first.ros_type} and {stream.ros_type}; "
+                               f"a topic has one type")
+            first.times += stream.times
+            first.payloads += stream.payloads
+            first.places += stream.places
+    return joined
 
 
 class _Scan(Records):

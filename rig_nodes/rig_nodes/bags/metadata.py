@@ -16,6 +16,7 @@ from ruamel.yaml.error import YAMLError
 
 from ..catalogue import QOS, Offer
 from ..errors import BagError
+from . import limits
 
 VERSION = 9
 _CLASS = re.compile(r"^(( *)offered_qos_profiles:) (\w+)\n", re.MULTILINE)
@@ -51,16 +52,20 @@ def read_profile(text: str) -> Offered:
     Of several publishers the strictest counts, so that whoever heard one of them hears the replay. Without a
     text, reliable and not latched. Raises BagError when the text is no list of profiles.
     """
+    if len(text) > limits.PROFILES:
+        raise BagError(f"a quality of service in the bag has {len(text)} characters, more than the {limits.PROFILES} that are "
+                       f"read")
     try:
         profiles = YAML(typ="safe", pure=True).load(text) or []
         deadlines = [profile.get("deadline", FOREVER) for profile in profiles]
-        finite = [d["sec"] * 1_000_000_000 + d["nsec"] for d in deadlines if 0 <= d["sec"] < FOREVER["sec"]]
+        finite = [int(d["sec"]) * 1_000_000_000 + int(d["nsec"]) for d in deadlines
+                  if 0 <= d["sec"] < FOREVER["sec"] and 0 <= d["nsec"] < 1_000_000_000]
         return Offered(
             reliable=not profiles or any(p["reliability"] not in ("best_effort", 2) for p in profiles),
             latched=any(p["durability"] in ("transient_local", 1) for p in profiles),
             deadline_ns=min((d for d in finite if d > 0), default=0))
-    except (YAMLError, AttributeError, KeyError, TypeError) as error:
-        problem = str(error).strip().splitlines()[0]
+    except (YAMLError, AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
+        problem = f"{type(error).__name__} {error}".strip().splitlines()[0]
         raise BagError(f"a quality of service in the bag is no list of profiles ({problem})") from None
 
 

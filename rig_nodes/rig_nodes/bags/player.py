@@ -7,14 +7,14 @@ time it is.
 from __future__ import annotations
 
 import math
-from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 
-CLOCK = -1  # in place of a message's number: the clock is due
+CLOCK = None  # in place of a message: the clock is due
 STRIDE = 0.05  # s of wall time made up for at once; 50 ms at ten times are 500 messages of a 1 kHz topic
 BATCH = 1000  # things due that are handed out at once, so that a pause never waits for more
 
-Due = tuple[int, int]
+Message = object  # whatever the caller knows it by
+Due = tuple[Message, int]
 
 
 class Player:
@@ -26,19 +26,21 @@ class Player:
     up for: the replay goes on from where it stood, and ``behind`` adds up such stalls [s].
     """
 
-    def __init__(self, times: Sequence[int], first: int, *, rate: float = 1.0, loop: bool = False,
-                 paused: bool = False, period: int = 5_000_000, early: Sequence[int] = ()):
-        """times: ascending times of all messages [ns]; first: where passes begin [ns]; rate: recorded seconds
-        per second, inf for as fast as it goes; period: recorded time between two clocks [ns]; early: numbers
-        of the messages before ``first`` that are due all the same when a pass begins.
+    def __init__(self, messages: Callable[[], Iterator[tuple[int, Message]]], first: int, *, rate: float = 1.0,
+                 loop: bool = False, paused: bool = False, period: int = 5_000_000,
+                 early: Sequence[tuple[int, Message]] = ()):
+        """messages: begins a pass: gives ascending times [ns], none before ``first``, each with its message; first: where
+        passes begin [ns]; rate: recorded seconds per second, inf for as fast as it goes; period: recorded time between
+        two clocks [ns]; early: the messages before ``first`` that are due all the same when a pass begins.
         """
         self.rate, self.loop, self.paused = rate, loop, paused
         self.clock = first  # what the clock showed last [ns]
         self.passes = 0
         self.behind = 0.0
-        self._times, self._first, self._period, self._early = times, first, period, early
-        self._length = max(times[-1] - first, 0) if times else 0
-        self._next = self._begin = bisect_left(times, first)
+        self._messages, self._first, self._period, self._early = messages, first, period, early
+        self._rest: Iterator[tuple[int, Message]] = iter(())
+        self._ahead: tuple[int, Message] | None = None  # the next of this pass
+        self._last = first  # time of the last message taken of this pass
         self._tick = first
         self._offset = 0.0  # recorded time since the beginning of the pass [ns], reached at ...
         self._wall: float | None = None  # ... this time of the caller's clock [s]
@@ -47,7 +49,7 @@ class Player:
     @property
     def finished(self) -> bool:
         """True when nothing will be due any more."""
-        return self._wall is not None and not self.loop and self._next >= len(self._times)
+        return self._wall is not None and not self.loop and self._ahead is None
 
     def pause(self) -> None:
         """Let nothing be due, and the clock stand, until resumed or stepped."""
@@ -66,7 +68,7 @@ class Player:
         return self.paused
 
     def take(self, now: float) -> list[Due]:
-        """What is due by ``now`` [s] and not taken yet, in order: (number of the message or CLOCK, ns)."""
+        """What is due by ``now`` [s] and not taken yet, in order: (message or CLOCK, ns)."""
         due: list[Due] = []
         elapsed = now - (now if self._wall is None else self._wall)
         if self._wall is None:
@@ -95,10 +97,10 @@ class Player:
             return 0.0 if self._steps and not self.finished else math.inf
         if math.isinf(self.rate):
             return 0.0
-        if self._next < len(self._times):
-            at = min(self._tick, self._times[self._next]) - self._first
+        if self._ahead is not None:
+            at = min(self._tick, self._ahead[0]) - self._first
         else:
-            at = self._length + self._period
+            at = self._last - self._first + self._period
         return max(0.0, (at - self._offset) / self.rate / 1e9 - (now - self._wall))
 
     def lateness(self, time: int, now: float) -> float:
@@ -110,9 +112,15 @@ class Player:
 
     def _start_pass(self, due: list[Due]) -> None:
         self.passes += 1
-        self._next, self._tick = self._begin, self._first
+        self._rest, self._last, self._tick = self._messages(), self._first, self._first
+        self._ahead = next(self._rest, None)
         self._take_clock(due, self._first)
-        due += [(number, self._times[number]) for number in self._early]
+        due += [(message, time) for time, message in self._early]
+
+    def _take_next(self, due: list[Due]) -> None:
+        self._last, message = self._ahead
+        due.append((message, self._last))
+        self._ahead = next(self._rest, None)
 
     def _take_clock(self, due: list[Due], time: int) -> None:
         """Make the clock due; the one after it follows on the grid of the pass."""
@@ -122,35 +130,32 @@ class Player:
 
     def _collect(self, due: list[Due]) -> None:
         """Everything up to the offset, through as many passes as it spans."""
-        times, end = self._times, len(self._times)
         while len(due) < BATCH:
-            if self._next < end:
-                time = times[self._next]
+            if self._ahead is not None:
+                time = self._ahead[0]
                 if min(time, self._tick) - self._first > self._offset:
                     return
                 if self._tick <= time:
                     self._take_clock(due, self._tick)
                 else:
-                    due.append((self._next, time))
-                    self._next += 1
-            elif self.loop and self._offset >= self._length + self._period:
-                self._offset -= self._length + self._period
+                    self._take_next(due)
+            elif self.loop and self._offset >= (length := self._last - self._first + self._period):
+                self._offset -= length
                 self._start_pass(due)
             else:
                 return
 
     def _take_step(self, due: list[Due]) -> None:
-        if self._next >= len(self._times):
+        if self._ahead is None:
             if not self.loop:
                 return
             self._offset = 0.0
             self._start_pass(due)
-            if self._next >= len(self._times):
+            if self._ahead is None:
                 return
-        time = self._times[self._next]
+        time = self._ahead[0]
         if time > self.clock:
             self._take_clock(due, time)
-        end = bisect_right(self._times, time, self._next)
-        due += [(number, time) for number in range(self._next, end)]
-        self._next = end
+        while self._ahead is not None and self._ahead[0] == time:
+            self._take_next(due)
         self._offset = max(self._offset, float(time - self._first))

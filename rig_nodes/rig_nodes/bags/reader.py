@@ -11,6 +11,7 @@ import json
 import re
 import struct
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import repeat
 from operator import itemgetter
 from pathlib import Path
@@ -21,13 +22,16 @@ import numpy as np
 from ..catalogue import catalogue
 from ..config import load_yaml
 from ..errors import BagError, RigError
+from . import limits
 from .cdr import decode_as, exact
 from .definitions import Definition, parse
-from .mcap_file import Stream, read_mcap
+from .mcap_file import Contents, Stream, by_topic, read_mcap, read_pieces
 
 _HEAD = np.dtype({"names": ["sec", "nanosec", "seq"], "formats": ["<i4", "<u4", "<u8"], "offsets": [4, 8, 12],
                   "itemsize": 20})
 NOTHING = "nothing was recorded: the run was stopped before its time began"
+OWN = "rig_nodes "  # how the name of the program begins that wrote a bag of ours
+ENCODING = "cdr/ros2msg"
 LIFE_BITS = 32  # of a sequence number; above them, how often its publisher was started before
 _LENGTH = struct.Struct("<I")
 _FIELD = re.compile(r"(\w+)(?:\[(\d+)\])?")
@@ -64,19 +68,29 @@ class Bag:
         recover: read what is whole of a cut or damaged bag. Raises BagError naming the damage or what is
         missing.
         """
-        self.path = _find(Path(path))
-        contents = read_mcap(self.path, recover)
+        self.path = find(Path(path))
+        self._hold(read_mcap(self.path, recover), {})
+
+    @classmethod
+    def pieces(cls, path: str | Path, size: int, recover: bool = False) -> Iterator[Bag]:
+        """The bag piece after piece in the order of the file, each of about ``size`` bytes of messages.
+
+        A piece knows the columns of loggers from the pieces before it. Raises as the constructor does, for damage when it
+        is met; with ``recover`` the last piece's ``damage`` is that of all.
+        """
+        path = find(Path(path))
+        columns: dict[str, list[str]] = {}
+        for contents in read_pieces(path, recover, size):
+            piece = cls.__new__(cls)
+            piece.path = path
+            piece._hold(contents, columns)
+            yield piece
+
+    def _hold(self, contents: Contents, columns: dict[str, list[str]]) -> None:
         self.damage: list[str] = contents.damage
-        self._streams: dict[str, Stream] = {}
-        for stream in contents.streams.values():
-            first = self._streams.setdefault(stream.topic, stream)
-            if first is not stream:
-                if first.ros_type != stream.ros_type:
-                    raise BagError(f"{self.path}: topic {stream.topic} holds both {first.ros_type} and "
-                                   f"{stream.ros_type}; a topic has one type")
-                first.times += stream.times
-                first.payloads += stream.payloads
-                first.places += stream.places
+        self._own = contents.library.startswith(OWN)
+        self._columns = columns
+        self._streams: dict[str, Stream] = by_topic(self.path, contents.streams.values())
         self.counts: dict[str, int] = {topic: len(s.times) for topic, s in self._streams.items()}
         self.types: dict[str, str] = {topic: s.ros_type for topic, s in self._streams.items()}
         self._definitions: dict[str, Definition] = {}
@@ -121,7 +135,7 @@ class Bag:
         return stream.encoding, stream.text, stream.metadata
 
     def messages(self, topic: str) -> Iterator[tuple[int, object]]:
-        """Log time [ns], which is the stamp, and decoded message of every message of a topic, in order."""
+        """Log time [ns] and decoded message of every message of a topic, in order."""
         stream = self._stream(topic)
         definition = self._definition(stream)
         for time, data in zip(stream.times, stream.payloads):
@@ -137,7 +151,7 @@ class Bag:
         if unknown := [name for name in names if name not in held]:
             raise BagError(f"{self.path}: {topic} has no field '{unknown[0]}'; the bag is of another version of "
                            f"{stream.ros_type}")
-        times = np.array(stream.times, dtype=np.int64) * 1e-9
+        times = self._times(stream) * 1e-9
         return times, [np.ascontiguousarray(self._field(stream, name), float) for name in names]
 
     def series(self, signal_name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -198,17 +212,37 @@ class Bag:
         """Messages that never reached the bag, by the holes in their sequence numbers.
 
         Topics without holes are left out. A topic counts from 0, and from the next multiple of 2^32 when its publisher
-        was started again, so a late start shows; what is lost at the very end shows only in :func:`missing`.
+        was started again, so a late start shows; where the bag begins later than the run (:attr:`recorded_from`), from the
+        first number it has. What is lost at the very end shows only in :func:`missing`.
         """
         found = {}
         for topic, stream in self._streams.items():
-            lost = sum(_holes(seqs) for seqs in self._lives(stream))
+            lives = self._lives(stream)
+            lost = sum(_holes(seqs) for seqs in lives)
+            if lives and self.recorded_from:
+                lost -= int(lives[0].min())
             if lost:
                 found[topic] = lost
         return found
 
+    @cached_property
+    def recorded_from(self) -> float:
+        """Time [s] of the run from which on the bag was recorded; 0 for all that our own recorder wrote.
+
+        Other recorders may come late, and cut a bag in pieces: there it is the first stamp of the rig's own messages, less
+        those that are sent again to whoever comes.
+        """
+        if self._own:
+            return 0.0
+        known = catalogue().all_topics
+        firsts = {topic: _stamps(self._heads(stream)).min() for topic, stream in self._streams.items()
+                  if stream.times and stream.encoding == ENCODING and self._definition(stream).counted}
+        # what users send may have no stamp, and what is latched has the run's first
+        measured = [first for topic, first in firsts.items() if topic in known and known[topic].qos == "measurement"]
+        return max(0.0, float(min(measured or firsts.values(), default=0)) / 1e9)
+
     def gap_of_last_life(self, topic: str) -> int:
-        """As :meth:`gaps` for one topic, for the last of its publishers alone."""
+        """As :meth:`gaps` for one topic of a run's own bag, for the last of its publishers alone."""
         lives = self._lives(self._streams[topic]) if topic in self._streams else []
         return _holes(lives[-1]) if lives else 0
 
@@ -254,7 +288,7 @@ class Bag:
         """All events in order of time: (t [s], topic, name, text, value)."""
         found = [(time / 1e9, topic, message.name, message.text, float(message.value))
                  for topic, ros_type in self.types.items() if ros_type == "rig_msgs/msg/Event"
-                 for time, message in self.messages(topic)]
+                 for time, (_, message) in zip(self._times(self._stream(topic)).tolist(), self.messages(topic))]
         return sorted(found, key=lambda event: event[0])
 
     def run_info(self) -> dict:
@@ -262,11 +296,26 @@ class Bag:
         for topic, ros_type in self.types.items():
             if ros_type == "rig_msgs/msg/RunInfo":
                 for _, message in self.messages(topic):
-                    try:
-                        return json.loads(message.json)
-                    except ValueError as error:
-                        raise BagError(f"{self.path}: {topic} is not JSON ({error})") from None
+                    return self._object(topic, message.json)
         return {}
+
+    def _object(self, topic: str, text: str) -> dict:
+        """A JSON object from a message; BagError for anything else and for what is too large or too deep."""
+        if len(text) > limits.JSON:
+            raise BagError(f"{self.path}: {topic} holds {len(text)} characters of JSON, more than the {limits.JSON} that "
+                           f"are read")
+        try:
+            found = json.loads(text)
+            deep = _deeper(found, limits.JSON_DEPTH)
+        except RecursionError:
+            deep = True
+        except ValueError as error:
+            raise BagError(f"{self.path}: {topic} is not JSON ({error})") from None
+        if deep:
+            raise BagError(f"{self.path}: {topic} holds JSON nested deeper than the {limits.JSON_DEPTH} levels that are read")
+        if not isinstance(found, dict) or not isinstance(found.get("configuration", {}), dict):
+            raise BagError(f"{self.path}: {topic} is no description of a run, expected a JSON object with its configuration")
+        return found
 
     def canonical_hash(self, topics: list[str] | None = None) -> dict[str, str]:
         """SHA-256 per topic over (sequence, stamp, payload) in the topic's order, and ``all`` over these.
@@ -301,9 +350,9 @@ class Bag:
 
     def _definition(self, stream: Stream) -> Definition:
         if stream.ros_type not in self._definitions:
-            if stream.encoding != "cdr/ros2msg":
+            if stream.encoding != ENCODING:
                 raise BagError(f"{self.path}: {stream.topic} is encoded as {stream.encoding}, "
-                               f"expected cdr/ros2msg")
+                               f"expected {ENCODING}")
             try:
                 self._definitions[stream.ros_type] = parse(stream.ros_type, stream.text)
             except RigError as error:
@@ -311,6 +360,9 @@ class Bag:
         return self._definitions[stream.ros_type]
 
     def _decode(self, definition: Definition, data: bytes, topic: str):
+        if len(data) > limits.LISTS and definition.tree.many:
+            raise BagError(f"{self.path}: a message of {topic} with lists of texts or messages has {len(data)} bytes, more "
+                           f"than the {limits.LISTS} that are decoded")
         try:
             return decode_as(definition, data)
         except ValueError as error:
@@ -330,6 +382,12 @@ class Bag:
             raise BagError(f"{self.path}: a message of {stream.topic} is shorter than the {size} bytes "
                            f"that {stream.ros_type} has")
         return joined
+
+    def _times(self, stream: Stream) -> np.ndarray:
+        """Times [ns] of all messages in the run's own time, which is the log time of our recorder only."""
+        if self._own or not self._definition(stream).counted:
+            return np.array(stream.times, dtype=np.int64)
+        return _stamps(self._heads(stream))
 
     def _heads(self, stream: Stream) -> np.ndarray:
         """Stamp and sequence number of all messages; on topics that are not counted only the stamp."""
@@ -365,8 +423,17 @@ class Bag:
         for other, ros_type in self.types.items():
             if ros_type == "rig_msgs/msg/ChannelList" and other.rpartition("/")[0] == node:
                 for _, message in self.messages(other):
-                    return list(message.names)
+                    return self._columns.setdefault(topic, list(message.names))
+        if topic in self._columns:
+            return self._columns[topic]
         raise BagError(f"{self.path}: no channel list under {node} says what the columns of {topic} are")
+
+
+def _deeper(value, levels: int) -> bool:
+    """Lists and objects within each other go deeper than so many levels."""
+    if not isinstance(value, (dict, list)):
+        return False
+    return levels == 0 or any(_deeper(item, levels - 1) for item in (value.values() if isinstance(value, dict) else value))
 
 
 def _stamps(head: np.ndarray) -> np.ndarray:
@@ -387,6 +454,8 @@ def missing(counts_published: dict[str, int], bag: Bag) -> dict[str, int]:
 
 def _compare(metadata: Path, counts: dict[str, int]) -> list[str]:
     """What metadata.yaml says otherwise than the file beside it."""
+    if metadata.stat().st_size > limits.YAML:
+        return [f"{metadata}: is of {metadata.stat().st_size} bytes, larger than the {limits.YAML} that are read"]
     try:
         told = {entry["topic_metadata"]["name"]: entry["message_count"] for entry in
                 load_yaml(metadata)["rosbag2_bagfile_information"]["topics_with_message_count"]}
@@ -399,7 +468,7 @@ def _compare(metadata: Path, counts: dict[str, int]) -> list[str]:
             for topic, said, held in pairs if said != held]
 
 
-def _find(path: Path) -> Path:
+def find(path: Path) -> Path:
     """The .mcap file of a path; BagError when there is none or more than one."""
     if path.is_file():
         return path

@@ -9,6 +9,7 @@ import os
 import sys
 
 HELP = "publish a recorded bag again, with /clock"
+LOST = 3  # exit code: replayed, but not all of what was recorded
 KEYS = "space: pause and go on, right arrow or s: one step, q: end"
 
 
@@ -37,17 +38,23 @@ def node() -> int:
 
 
 def main(args) -> int:
-    """Check, replay, tell what was sent; 0 at the end and after q, 130 after Ctrl-C."""
+    """Check, replay, tell what was sent; 0 at the end and after q, 3 when the bag is damaged, 130 after Ctrl-C."""
+    from ..bags.index import BagIndex
+
+    with BagIndex(args.bag) as bag:
+        return _replay(bag, args)
+
+
+def _replay(bag, args) -> int:
     from ..bags.player import Player
-    from ..bags.reader import Bag
     from ..errors import RigError
     from ..graph.domain import environment, from_environment
     from .keyboard import Keyboard
 
-    bag = Bag(args.bag, recover=True)
-    if bag.recovered:
-        _warn(bag.recovered)
     begin, topics = _chosen(bag, args)
+    for sentence in bag.damage:
+        _warn_damage(bag, sentence)
+    bag.on_damage = lambda sentence: _warn_damage(bag, sentence)
     with from_environment() as domain:
         wanted = environment(domain)
         for name in set(os.environ) - set(wanted):
@@ -62,40 +69,40 @@ def main(args) -> int:
                 _warn(f"{topic}: {bag.counts[topic]} messages are left out: {why}")
             else:
                 sound.append(topic)
-        timeline = bag.timeline(sound)
         lasting = {topic for topic in sound if latched(offered(bag, topic))}
-        early = [i for i, (time, topic, _) in enumerate(timeline) if time < begin and topic in lasting]
-        if not early and not any(time >= begin for time, _, _ in timeline):
+        early = list(bag.timeline(lasting, end=begin))
+        if not early and next(bag.timeline(sound, begin), None) is None:
             raise RigError(f"{bag.path}: nothing is left to replay after {args.start:g} s on these topics")
-        player = Player([time for time, _, _ in timeline], begin, rate=args.rate, loop=args.loop,
+        player = Player(lambda: bag.timeline(sound, begin), begin, rate=args.rate, loop=args.loop,
                         paused=args.paused, period=round(1e9 / args.clock), early=early)
-        print(f"replaying {len(timeline)} messages of {len(sound)} topics in ROS domain {domain.number}: "
-              f"ROS_DOMAIN_ID={domain.number} lets other tools hear them", flush=True)
+        print(f"replaying {sum(bag.counts[topic] for topic in sound)} messages of {len(sound)} topics in ROS domain "
+              f"{domain.number}: ROS_DOMAIN_ID={domain.number} lets other tools hear them", flush=True)
         with Keyboard() as keys:
             if keys.there:
                 print(KEYS, flush=True)
             session = Session(lambda text: print(text, flush=True), keys)
-            outcome = session.run(bag, sound, timeline, player, args.wait)
+            outcome = session.run(bag, sound, player, args.wait)
     _tell(outcome, player)
-    return 128 + outcome.ended_by if outcome.ended_by else 0
+    if outcome.ended_by:
+        return 128 + outcome.ended_by
+    return LOST if bag.damage else 0
 
 
 def _chosen(bag, args) -> tuple[int, list[str]]:
     """Time at which the replay begins [ns] and topics that it takes; RigError when the bag has no such."""
     from ..errors import RigError
 
-    times = [time for topic in bag.counts for time, _ in bag.raw(topic)]
-    if not times:
-        raise RigError(f"{bag.path}: holds no messages; there is nothing to replay")
-    first = min(times)
-    length = (max(times) - first) / 1e9
+    if not any(bag.counts.values()):
+        why = f" ({'; '.join(bag.damage)})" if bag.damage else ""
+        raise RigError(f"{bag.path}: holds no messages{why}; there is nothing to replay")
+    length = (bag.last - bag.first) / 1e9
     if args.start > length:
         raise RigError(f"--start {args.start:g}: the bag is {length:.3f} s long; give a time within it")
     for topic in args.topics or ():
         if topic not in bag.counts:
             close = difflib.get_close_matches(topic, bag.counts, n=3) or list(bag.counts)
             raise RigError(f"--topics {topic}: the bag has no such topic; it has {', '.join(close)}")
-    return first + round(args.start * 1e9), args.topics or list(bag.counts)
+    return bag.first + round(args.start * 1e9), args.topics or list(bag.counts)
 
 
 def _tell(outcome, player) -> None:
@@ -109,6 +116,10 @@ def _tell(outcome, player) -> None:
           f"{'pass' if player.passes == 1 else 'passes'}; lateness in ms: {lateness}")
     if player.behind:
         print(f"stalls put the replay back by {player.behind:.2f} s in all")
+
+
+def _warn_damage(bag, sentence: str) -> None:
+    _warn(f"{bag.path} is damaged, only what is whole of it is replayed: {sentence}")
 
 
 def _warn(text: str) -> None:

@@ -26,9 +26,9 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from ..bags.definitions import installed, parse
+from ..bags.index import BagIndex
 from ..bags.metadata import read_profile
 from ..bags.player import CLOCK, Player
-from ..bags.reader import Bag
 from ..catalogue import catalogue
 from ..errors import RigError
 from .device import message_class
@@ -68,7 +68,7 @@ class Outcome:
         return 0.0
 
 
-def offered(bag: Bag, topic: str) -> QoSProfile:
+def offered(bag: BagIndex, topic: str) -> QoSProfile:
     """Profile with which a topic is offered: as in the catalogue, else as recorded.
 
     A latched topic keeps as many messages as the bag holds of it, so that late receivers get one pass of it.
@@ -92,7 +92,7 @@ def latched(profile: QoSProfile) -> bool:
     return profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
 
 
-def obstacle(bag: Bag, topic: str) -> str:
+def obstacle(bag: BagIndex, topic: str) -> str:
     """Why a topic cannot be published, empty when it can."""
     ros_type = bag.types[topic]
     encoding, text, _ = bag.channel(topic)
@@ -162,7 +162,7 @@ class Output:
 class Replay(Node):
     """Publishes what a player says is due; serves ~/pause, ~/resume and ~/step."""
 
-    def __init__(self, bag: Bag, topics: Sequence[str], timeline, player: Player, session: Session):
+    def __init__(self, bag: BagIndex, topics: Sequence[str], player: Player, session: Session):
         super().__init__("rig_replay", enable_rosout=False, start_parameter_services=False)
         self.player, self.say = player, session.say
         self.outputs = {}
@@ -170,7 +170,6 @@ class Replay(Node):
             kind, profile = message_class(bag.types[topic]), offered(bag, topic)
             self.outputs[topic] = Output(self, kind, topic, profile, session)
         self.clock = Output(self, Clock, CLOCK_TOPIC, publisher_profile("measurement"), session)
-        self._sends = [(self.outputs[topic].send, data) for _, topic, data in timeline]
         self._repeat_at = 0.0
         for name, action in (("pause", self.pause), ("resume", self.resume), ("step", self.step)):
             self.create_service(Trigger, f"~/{name}", self._serve(action))
@@ -204,14 +203,14 @@ class Replay(Node):
 
     def play_due(self, outcome: Outcome) -> None:
         """Publish what is due now."""
-        player, sends = self.player, self._sends
-        for number, recorded in player.take(time.monotonic()):
-            if number == CLOCK:
+        player, outputs = self.player, self.outputs
+        for message, recorded in player.take(time.monotonic()):
+            if message is CLOCK:
                 self.tell_time(recorded)
                 continue
             outcome.lateness[int(player.lateness(recorded, time.monotonic()) / _BIN)] += 1
-            send, data = sends[number]
-            send(data)
+            topic, data = message
+            outputs[topic].send(data)
 
     def tell_time(self, recorded: int) -> None:
         """Publish /clock."""
@@ -251,13 +250,13 @@ class Session:
         self._over = False
         self._executor = None
 
-    def run(self, bag: Bag, topics: Sequence[str], timeline, player: Player, wait: int = 0) -> Outcome:
+    def run(self, bag: BagIndex, topics: Sequence[str], player: Player, wait: int = 0) -> Outcome:
         """Replay; returns how it went. RigError when another node publishes /clock in this domain."""
         before = {n: signal.signal(n, self._on_signal) for n in (signal.SIGINT, signal.SIGTERM)}
         try:
             rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
             self._executor = events_executor()
-            node = Replay(bag, topics, timeline, player, self)
+            node = Replay(bag, topics, player, self)
             self._executor.add_node(node)
             try:
                 outcome = Outcome({})

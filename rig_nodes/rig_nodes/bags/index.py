@@ -1,0 +1,268 @@
+"""Where the messages of a bag lie, so that it can be replayed from any time without being read as a whole.
+
+Used by the replay. Chunks are found by the file's summary, or by walking over their heads where it has none; each is read, and
+checked, when its time comes.
+"""
+
+from __future__ import annotations
+
+import struct
+from bisect import bisect_left
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..errors import BagError
+from . import limits
+from .mcap_file import (CHANNEL, CHUNK, CHUNK_INDEX, DATA_END, FOOTER, FOOTER_BODY, HEADER, MAGIC, MESSAGE,
+                        MESSAGE_INDEX, RECORD, SCHEMA, STATISTICS, Damage, McapFile, Records, Stream, by_topic, check_expansion,
+                        chunk_head, plain_record)
+from .reader import find
+
+_CHUNK_INDEX = struct.Struct("<QQQQI")
+_STATISTICS = struct.Struct("<QHIIIIQQI")
+_PLAIN = 1 << 20  # bytes of messages outside of chunks that are taken together
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A chunk, or records outside of chunks: bytes in the file, log times [ns], channels (None where nobody says)."""
+
+    start: int
+    end: int
+    first: int
+    last: int
+    channels: frozenset[int] | None
+
+
+class BagIndex:
+    """A bag that is read as its messages are asked for; of a damaged one what is whole.
+
+    ``path``: the .mcap file; ``counts``: messages per topic; ``types``: message type per topic; ``first``, ``last``: log times
+    [ns] of its messages; ``damage``: one sentence per fault met so far, each told to ``on_damage`` when it is met.
+    """
+
+    def __init__(self, path: str | Path):
+        """Open the folder of a run or its .mcap file; BagError when there is none, it is no bag or holds no message."""
+        self.path = find(Path(path))
+        self.damage: list[str] = []
+        self.on_damage: Callable[[str], None] = lambda _: None
+        self._file = McapFile(self.path)
+        try:
+            self._parts: list[_Part] = []
+            self._count: Counter[int] = Counter()
+            if not self._by_summary():
+                self._by_walking()
+            self._streams = by_topic(self.path, self._records.contents.streams.values())
+        except BaseException:
+            self._file.__exit__()
+            raise
+        self._parts.sort(key=lambda part: (part.first, part.start))
+        numbers = self._records.contents.streams
+        self.counts = dict.fromkeys(self._streams, 0)
+        for number, count in self._count.items():
+            self.counts[numbers[number].topic] += count
+        self.types = {topic: stream.ros_type for topic, stream in self._streams.items()}
+        self.first = min((part.first for part in self._parts), default=0)
+        self.last = max((part.last for part in self._parts), default=0)
+
+    def __enter__(self) -> BagIndex:
+        return self
+
+    def __exit__(self, *_) -> None:
+        self._file.__exit__()
+
+    def channel(self, topic: str) -> tuple[str, str, dict[str, str]]:
+        """Encoding of a topic as ``message/definition``, its definition, and the metadata of its channel."""
+        stream = self._streams[topic]
+        return stream.encoding, stream.text, stream.metadata
+
+    def timeline(self, topics: Collection[str], begin: int = 0, end: int = limits.LAST + 1
+                 ) -> Iterator[tuple[int, tuple[str, bytes]]]:
+        """Log time [ns], and topic with bytes, of the messages from ``begin`` to before ``end``, by log time.
+
+        Messages of one time come as in the file. Chunks may overlap: those that do are in memory together.
+        """
+        wanted = {number for number, stream in self._records.contents.streams.items() if stream.topic in topics}
+        rows: list[tuple] = []
+        for part in self._parts:
+            if part.last < begin or part.first >= end or not (part.channels is None or wanted & part.channels):
+                continue
+            ripe = bisect_left(rows, (part.first,))
+            for time, _, _, topic, data in rows[:ripe]:
+                yield time, (topic, data)
+            del rows[:ripe]
+            rows += self._rows(part, topics, begin, end)
+            rows.sort()
+        for time, _, _, topic, data in rows:
+            yield time, (topic, data)
+
+    def _rows(self, part: _Part, topics: Collection[str], begin: int, end: int) -> list[tuple]:
+        """Messages of a part: time, place in the file, topic, bytes; none where it is damaged, which is told."""
+        try:
+            streams = self._read(part).values()
+            if any(stream.times and not part.first <= min(stream.times) <= max(stream.times) <= part.last
+                   for stream in streams):
+                raise Damage("a chunk holds messages of other times than are said of it", part.start)
+        except Damage as damage:
+            self._tell(damage)
+            self._records.take()
+            return []
+        return [(time, part.start, place, stream.topic, data) for stream in streams if stream.topic in topics
+                for time, place, data in zip(stream.times, stream.places, stream.payloads) if begin <= time < end]
+
+    def _read(self, part: _Part) -> dict[int, Stream]:
+        position = part.start
+        while position < part.end:
+            opcode, start, end = self._file.record(position)
+            if opcode == CHUNK:
+                self._records.chunk(chunk_head(self._file, start, end), position)
+            elif opcode in (SCHEMA, CHANNEL, MESSAGE):
+                self._records.records(plain_record(self._file, start, end), position)
+            elif part.channels is not None and position == part.start:
+                raise Damage("there is no chunk where the summary says", position)
+            position = end
+        return self._records.take().streams
+
+    def _tell(self, damage: Damage) -> None:
+        """Keep a fault and say it once; BagError where nothing after it can be trusted."""
+        sentence = damage.sentence(self._file.size)
+        if damage.fatal:
+            raise BagError(f"{self.path}: {sentence}; have the program that wrote the bag write it again")
+        if sentence not in self.damage:
+            self.damage.append(sentence)
+            self.on_damage(sentence)
+
+    def _by_summary(self) -> bool:
+        """Take everything from the summary; False when it is not there, not whole or does not say it all."""
+        self._records = Records(self._file)
+        try:
+            found = self._summary()
+        except Damage as damage:
+            self._tell(damage)
+            found = False
+        except struct.error:
+            found = False
+        if not found:
+            self._parts, self._count = [], Counter()
+        return found
+
+    def _summary(self) -> bool:
+        file = self._file
+        footer = file.size - len(MAGIC) - FOOTER_BODY.size - RECORD.size
+        if footer < len(MAGIC) or file.bytes_at(file.size - len(MAGIC), len(MAGIC)) != MAGIC:
+            return False  # as much as walking over the file will say
+        opcode, start, end = file.record(footer)
+        if opcode != FOOTER or end - start != FOOTER_BODY.size:
+            return False
+        position, _, crc = FOOTER_BODY.unpack(file.bytes_at(start, FOOTER_BODY.size))
+        if not len(MAGIC) <= position < footer:
+            return False
+        if crc and file.checksum(position, end - 4) != crc:
+            raise Damage("the summary does not match its checksum, which lies", end - 4)
+        statistics, unpacked, same = None, 0, {}
+        while position < footer:
+            opcode, start, end = file.record(position)
+            if end - start > limits.RECORD and opcode in (SCHEMA, CHANNEL, STATISTICS, CHUNK_INDEX):
+                raise Damage(f"a record of {end - start} bytes is larger than the {limits.RECORD} that are read", position)
+            if opcode in (SCHEMA, CHANNEL):
+                self._records.records(plain_record(file, start, end), position)
+            elif opcode == STATISTICS:
+                statistics = file.bytes_at(start, end - start)
+            elif opcode == CHUNK_INDEX:
+                part, size = _part_of(file.bytes_at(start, end - start), same)
+                unpacked += size
+                if part.end > footer or part.last > limits.LAST:
+                    return False
+                self._parts.append(part)
+            position = end
+        check_expansion(unpacked, file.size, footer)
+        return statistics is not None and self._agrees(statistics)
+
+    def _agrees(self, statistics: bytes) -> bool:
+        """Take the counts; False when the chunks that are known do not hold all messages, or of unknown topics."""
+        messages, *_, chunks, _, _, length = _STATISTICS.unpack_from(statistics)
+        if length > len(statistics) - _STATISTICS.size:
+            return False
+        self._count = Counter(dict(struct.iter_unpack("<HQ", statistics[_STATISTICS.size:_STATISTICS.size + length])))
+        return (chunks == len(self._parts) and self._count.keys() <= self._records.contents.streams.keys()
+                and sum(self._count.values()) == messages and (chunks > 0 or messages == 0))
+
+    def _by_walking(self) -> None:
+        self._records = Records(self._file)
+        try:
+            position = len(MAGIC)
+            opcode, _, position = self._file.record(position)
+            if opcode != HEADER:
+                raise Damage("the file's header is missing", len(MAGIC))
+            unpacked, plain = 0, position
+            while True:
+                opcode, start, end = self._file.record(position)
+                if opcode not in (SCHEMA, CHANNEL, MESSAGE) or self._records.held >= _PLAIN:
+                    self._close_plain(plain, position)
+                    plain = end
+                if opcode == DATA_END:
+                    return
+                if opcode in (0, FOOTER):
+                    raise Damage("a record is garbled or the end of the data is missing", position)
+                try:
+                    if opcode == CHUNK:
+                        head = chunk_head(self._file, start, end)
+                        unpacked += head.size
+                        check_expansion(unpacked, end, position)
+                        self._add_chunk(head, position, end)
+                    elif opcode in (SCHEMA, CHANNEL, MESSAGE):
+                        plain = min(plain, position)
+                        self._records.records(plain_record(self._file, start, end), position)
+                except Damage as damage:
+                    self._records.take()
+                    if damage.fatal:
+                        raise
+                    self._tell(damage)
+                position = end
+        except Damage as damage:
+            self._tell(damage)
+
+    def _add_chunk(self, head, position: int, end: int) -> None:
+        """A chunk by the message indices behind it; read where these are missing or name what is not known yet."""
+        counts: dict[int, int] = {}
+        after = end
+        while after + RECORD.size <= self._file.size:
+            opcode, start, stop = self._file.record(after)
+            if opcode != MESSAGE_INDEX or stop - start < 6:
+                break
+            number, length = struct.unpack("<HI", self._file.bytes_at(start, 6))
+            counts[number] = length // 16
+            after = stop
+        if not counts or not counts.keys() <= self._records.contents.streams.keys():
+            self._records.chunk(head, position)
+            streams = self._records.take().streams
+            counts = {number: len(stream.times) for number, stream in streams.items() if stream.times}
+        if head.last > limits.LAST:
+            raise Damage(f"a chunk goes to the log time {head.last} ns, expected 0 to {limits.LAST},", position)
+        self._add(_Part(position, end, head.first, head.last, frozenset(counts)), counts)
+
+    def _close_plain(self, start: int, end: int) -> None:
+        """What was read outside of chunks, as a part of its own."""
+        streams = self._records.take().streams
+        counts = {number: len(stream.times) for number, stream in streams.items() if stream.times}
+        if counts:
+            times = [time for number in counts for time in (min(streams[number].times), max(streams[number].times))]
+            self._add(_Part(start, end, min(times), max(times), frozenset(counts)), counts)
+
+    def _add(self, part: _Part, counts: dict[int, int]) -> None:
+        self._count.update(counts)
+        if part.channels:
+            self._parts.append(part)
+
+
+def _part_of(record: bytes, same: dict) -> tuple[_Part, int]:
+    """A chunk by its record in the summary, and its bytes unpacked. same: sets of channels met already."""
+    first, last, start, length, offsets = _CHUNK_INDEX.unpack_from(record)
+    position = _CHUNK_INDEX.size
+    channels = frozenset(number for number, _ in struct.iter_unpack("<HQ", record[position:position + offsets]))
+    position += offsets + 8
+    (compression,) = struct.unpack_from("<I", record, position)
+    (size,) = struct.unpack_from("<Q", record, position + 4 + compression + 8)
+    return _Part(start, start + length, first, last, same.setdefault(channels, channels) or None), size
