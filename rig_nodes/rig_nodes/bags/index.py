@@ -16,9 +16,9 @@ from pathlib import Path
 from ..errors import BagError
 from . import limits
 from .mcap_file import (CHANNEL, CHUNK, CHUNK_INDEX, DATA_END, FOOTER, FOOTER_BODY, HEADER, MAGIC, MESSAGE,
-                        MESSAGE_INDEX, RECORD, SCHEMA, STATISTICS, Damage, McapFile, Records, Stream, by_topic, check_expansion,
-                        chunk_head, plain_record)
-from .reader import find
+                        MESSAGE_INDEX, RECORD, SCHEMA, STATISTICS, Contents, Damage, McapFile, Records, Stream, by_topic, check_expansion,
+                        chunk_head, library, plain_record)
+from .reader import Bag, find
 
 _CHUNK_INDEX = struct.Struct("<QQQQI")
 _STATISTICS = struct.Struct("<QHIIIIQQI")
@@ -49,6 +49,7 @@ class BagIndex:
         self.damage: list[str] = []
         self.on_damage: Callable[[str], None] = lambda _: None
         self._file = McapFile(self.path)
+        self._library = ""
         try:
             self._parts: list[_Part] = []
             self._count: Counter[int] = Counter()
@@ -97,6 +98,15 @@ class BagIndex:
             rows.sort()
         for time, _, _, topic, data in rows:
             yield time, (topic, data)
+
+    def bag(self, topics: Collection[str]) -> Bag:
+        """The messages of these topics as a bag, which knows of all topics but holds no message of the others."""
+        streams = {topic: stream.emptied() for topic, stream in self._streams.items()}
+        for place, (time, (topic, data)) in enumerate(self.timeline(topics)):
+            streams[topic].times.append(time)
+            streams[topic].payloads.append(data)
+            streams[topic].places.append(place)
+        return Bag.of(self.path, Contents(dict(enumerate(streams.values())), list(self.damage), self._library))
 
     def _rows(self, part: _Part, topics: Collection[str], begin: int, end: int) -> list[tuple]:
         """Messages of a part: time, place in the file, topic, bytes; none where it is damaged, which is told."""
@@ -150,6 +160,9 @@ class BagIndex:
 
     def _summary(self) -> bool:
         file = self._file
+        opcode, start, end = file.record(len(MAGIC))
+        if opcode == HEADER:
+            self._library = library(file, start, end)
         footer = file.size - len(MAGIC) - FOOTER_BODY.size - RECORD.size
         if footer < len(MAGIC) or file.bytes_at(file.size - len(MAGIC), len(MAGIC)) != MAGIC:
             return False  # as much as walking over the file will say
@@ -190,6 +203,7 @@ class BagIndex:
                 and sum(self._count.values()) == messages and (chunks > 0 or messages == 0))
 
     def _by_walking(self) -> None:
+        """Take everything from the heads of the file's records, up to where they cannot be followed."""
         self._records = Records(self._file)
         try:
             position = len(MAGIC)
@@ -245,6 +259,8 @@ class BagIndex:
 
     def _close_plain(self, start: int, end: int) -> None:
         """What was read outside of chunks, as a part of its own."""
+        if not self._records.held:
+            return
         streams = self._records.take().streams
         counts = {number: len(stream.times) for number, stream in streams.items() if stream.times}
         if counts:

@@ -81,10 +81,15 @@ class Bag:
         path = find(Path(path))
         columns: dict[str, list[str]] = {}
         for contents in read_pieces(path, recover, size):
-            piece = cls.__new__(cls)
-            piece.path = path
-            piece._hold(contents, columns)
-            yield piece
+            yield cls.of(path, contents, columns)
+
+    @classmethod
+    def of(cls, path: Path, contents: Contents, columns: dict[str, list[str]] | None = None) -> Bag:
+        """What of a file was read already. columns: of loggers, as far as they are known; they are added to it."""
+        bag = cls.__new__(cls)
+        bag.path = path
+        bag._hold(contents, {} if columns is None else columns)
+        return bag
 
     def _hold(self, contents: Contents, columns: dict[str, list[str]]) -> None:
         self.damage: list[str] = contents.damage
@@ -98,11 +103,12 @@ class Bag:
     @property
     def recovered(self) -> str:
         """One sentence on what recovery saved, empty for a sound bag."""
-        if not self.damage:
-            return ""
-        last = max((s.times[-1] for s in self._streams.values() if s.times), default=0)
-        held = sum(self.counts.values())
-        return f"{held} messages recovered up to {last / 1e9:.3f} s ({'; '.join(self.damage)})"
+        return recovered(sum(self.counts.values()), self.last, self.damage)
+
+    @property
+    def last(self) -> int:
+        """Log time [ns] of the last message, 0 where there is none."""
+        return max((stream.times[-1] for stream in self._streams.values() if stream.times), default=0)
 
     @property
     def began(self) -> bool:
@@ -153,6 +159,22 @@ class Bag:
                            f"{stream.ros_type}")
         times = self._times(stream) * 1e-9
         return times, [np.ascontiguousarray(self._field(stream, name), float) for name in names]
+
+    def has_field(self, signal_name: str) -> bool:
+        """The bag's messages have the field of a signal of the catalogue, whether it holds any or not."""
+        signal = catalogue().signal(signal_name)
+        stream = self._streams.get(signal.topic)
+        try:
+            return stream is not None and _FIELD.fullmatch(signal.field)[1] in dict(self._definition(stream).tree.fields)
+        except BagError:
+            return False
+
+    def columns(self, topic: str) -> list[str]:
+        """Columns of a logger, by the channel list on the same node; empty where there is none."""
+        try:
+            return self._channel_names(topic)
+        except BagError:
+            return []
 
     def series(self, signal_name: str) -> tuple[np.ndarray, np.ndarray]:
         """Time [s] and value [SI] of a signal of the catalogue, both 1-D float64.
@@ -236,7 +258,7 @@ class Bag:
             return 0.0
         known = catalogue().all_topics
         firsts = {topic: _stamps(self._heads(stream)).min() for topic, stream in self._streams.items()
-                  if stream.times and stream.encoding == ENCODING and self._definition(stream).counted}
+                  if stream.times and self._counted(stream)}
         # what users send may have no stamp, and what is latched has the run's first
         measured = [first for topic, first in firsts.items() if topic in known and known[topic].qos == "measurement"]
         return max(0.0, float(min(measured or firsts.values(), default=0)) / 1e9)
@@ -252,14 +274,14 @@ class Bag:
         last_life: only those of the last publisher, where one was started again.
         """
         stream = self._streams.get(topic)
-        if stream is None or not self._definition(stream).counted:
+        if stream is None or not self._counted(stream):
             return self.counts.get(topic, 0)
         lives = self._lives(stream)
         return sum(len(np.unique(seqs)) for seqs in (lives[-1:] if last_life else lives))
 
     def _lives(self, stream: Stream) -> list[np.ndarray]:
         """Sequence numbers of a topic, for each life of its publisher from 0 on; empty where nothing is counted."""
-        if not stream.times or not self._definition(stream).counted:
+        if not stream.times or not self._counted(stream):
             return []
         seqs = self._heads(stream)["seq"]
         life = seqs >> LIFE_BITS
@@ -359,6 +381,10 @@ class Bag:
                 raise BagError(f"{self.path}: {error}") from None
         return self._definitions[stream.ros_type]
 
+    def _counted(self, stream: Stream) -> bool:
+        """The topic's messages have stamp and sequence number; those of other encodings have none that is known."""
+        return stream.encoding == ENCODING and self._definition(stream).counted
+
     def _decode(self, definition: Definition, data: bytes, topic: str):
         if len(data) > limits.LISTS and definition.tree.many:
             raise BagError(f"{self.path}: a message of {topic} with lists of texts or messages has {len(data)} bytes, more "
@@ -385,7 +411,7 @@ class Bag:
 
     def _times(self, stream: Stream) -> np.ndarray:
         """Times [ns] of all messages in the run's own time, which is the log time of our recorder only."""
-        if self._own or not self._definition(stream).counted:
+        if self._own or not self._counted(stream):
             return np.array(stream.times, dtype=np.int64)
         return _stamps(self._heads(stream))
 
@@ -434,6 +460,11 @@ def _deeper(value, levels: int) -> bool:
     if not isinstance(value, (dict, list)):
         return False
     return levels == 0 or any(_deeper(item, levels - 1) for item in (value.values() if isinstance(value, dict) else value))
+
+
+def recovered(held: int, last: int, damage: list[str]) -> str:
+    """What recovery saved: so many messages up to a log time [ns]; empty without damage."""
+    return f"{held} messages recovered up to {last / 1e9:.3f} s ({'; '.join(damage)})" if damage else ""
 
 
 def _stamps(head: np.ndarray) -> np.ndarray:

@@ -12,20 +12,21 @@ import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from .. import __version__
 from ..analysis.report import ORDER_EVENT, ORDERS_TOPIC, REPORT_FILE, build_report, is_of, read_report
-from ..bags.reader import Bag
+from ..bags.index import BagIndex
+from ..bags.reader import NOTHING, Bag, recovered
 from ..catalogue import Signal, catalogue, kind_of_topics
 from ..config import package_file
-from ..errors import RigError
+from ..errors import BagError, RigError
 from . import layout
+from .curves import LOGGER_TOPIC, OWN_TOPIC, Curves, times
 from .document import report_document
 
 APPLICATION = "virtual_rig"
 VIEW_FILE = "view.rrd"
-LOGGER_TOPIC, OWN_TOPIC = "/instruments/hmg4000", "/alfa46/signals"
+PIECE = 1 << 24  # bytes of messages in memory at a time, some 15 s of a run
+SMALL = ("rig_msgs/msg/Event", "rig_msgs/msg/RunInfo", "rig_msgs/msg/ChannelList")  # what is wanted of the whole run
 LEVELS = (("tripped", "ERROR"), ("failed", "ERROR"), ("e_stop", "ERROR"), ("refused", "WARN"),
           ("aborted", "WARN"))
 
@@ -46,14 +47,19 @@ def make_view(run: str | Path, window: tuple[float, float] | None = None) -> Vie
     that the plots open with. Raises BagError for a bag of which nothing can be read or that nothing was recorded
     into, and RigError when rerun-sdk is missing, the file cannot be written or the window lies outside the run.
     """
-    bag = Bag(run, recover=True)
-    bag.check_began()
-    import_rerun()
-    notes = [bag.recovered] if bag.recovered else []
-    path = bag.path.parent / VIEW_FILE
-    key = _key(bag.path, window)
-    if _key_of(path) == key:
-        return View(path, False, notes)
+    with BagIndex(run) as index:
+        if not index.last:
+            raise BagError(f"{index.path}: {'; '.join(index.damage) or NOTHING}")
+        import_rerun()
+        path = index.path.parent / VIEW_FILE
+        key = _key(index.path, window)
+        if _key_of(path) == key:
+            return View(path, False, list(index.damage))
+        return View(path, True, _make(index, path, key, window))
+
+
+def _make(index: BagIndex, path: Path, key: str, window) -> list[str]:
+    """Write the file whole or not at all; what the bag lacks."""
     try:
         handle, name = tempfile.mkstemp(prefix=".view-", suffix=".rrd", dir=path.parent)
     except OSError as error:
@@ -61,14 +67,14 @@ def make_view(run: str | Path, window: tuple[float, float] | None = None) -> Vie
                        f"copy the run to a folder of yours") from None
     os.close(handle)
     try:
-        _write(bag, Path(name), key, window, notes)
+        notes = _write(index, Path(name), key, window)
         os.chmod(name, 0o644)  # mkstemp makes it private
         os.replace(name, path)
     except OSError as error:
         raise RigError(f"{path}: cannot be written ({error.strerror})") from None
     finally:
         Path(name).unlink(missing_ok=True)
-    return View(path, True, notes)
+    return notes
 
 
 def save_bare_layout(run: str | Path, window: tuple[float, float] | None, path: Path,
@@ -77,13 +83,14 @@ def save_bare_layout(run: str | Path, window: tuple[float, float] | None, path: 
 
     tab: one of layout.TABS, the one that the view opens with unless told otherwise; RigError when the run has none.
     """
-    bag = Bag(run, recover=True)
-    own = tuple(_own_signals(bag)[1])
+    with BagIndex(run) as index:
+        small = _small(index)
+    names, own = _names(index, small)
     if tab == "controller" and not own:
         raise RigError(f"{run}: its controller names no signals of its own; --tab can be shifts, run or other")
-    shifts = layout.choose(layout.shifts_of(_orders(bag.events())))
+    shifts = layout.choose(layout.shifts_of(_orders(small.events())))
     tab = tab or ("shifts" if shifts and not window else "run")
-    layout.blueprint(set(_signals(bag)[0]), shifts, window, tab, own).save(APPLICATION, path)
+    layout.blueprint(set(names), shifts, window, tab, own).save(APPLICATION, path)
 
 
 def import_rerun():
@@ -105,8 +112,10 @@ def _key(bag: Path, window) -> str:
     package = Path(__file__).parents[1]
     sources = sorted(path for part in ("view", "analysis", "bags") for path in (package / part).glob("*.py"))
     for path in (bag, bag.parent / REPORT_FILE, package_file("signals.yaml"), *sources):
-        digest.update(path.read_bytes() if path.exists() else b"none")
         digest.update(path.name.encode())
+        if path.exists():
+            with open(path, "rb") as file:
+                digest.update(hashlib.file_digest(file, "sha256").digest())
     return digest.hexdigest()[:24]
 
 
@@ -124,66 +133,54 @@ def _key_of(path: Path) -> str | None:
         return None
 
 
-def _write(bag: Bag, path: Path, key: str, window, notes: list[str]) -> None:
-    """Fill the file; ``notes`` grows by what the bag lacks and is shown with the report."""
+def _write(index: BagIndex, path: Path, key: str, window) -> list[str]:
+    """Fill the file piece by piece of the bag; returns what the bag lacks, which is shown with the report, too."""
     rr = import_rerun()
-    signals, lacking = _signals(bag)
-    notes += lacking
-    events = bag.events()
-    if window is not None:
-        _check_window(window, signals)
+    small = _small(index)
+    names, own = _names(index, small)
+    events = small.events()
     shifts = layout.shifts_of(_orders(events))
     rec = rr.RecordingStream(APPLICATION, recording_id=key, send_properties=False)  # no wall clock
-    t_own, own = _own_signals(bag)
-    rec.save(path, default_blueprint=layout.blueprint(set(signals), layout.choose(shifts), window, own=tuple(own)))
-    rec.send_recording_name(bag.path.stem)
-    for name, (t, values) in signals.items():
-        signal = catalogue().signal(name)
-        (_send_states if signal.states else _send_series)(rr, rec, signal, t, values)
-    for name, values in own.items():
-        rec.log(layout.own_entity(name), rr.SeriesLines(names=name), static=True)
-        rec.send_columns(layout.own_entity(name), [times(rr, t_own)], rr.Scalars.columns(scalars=values))
-    _send_marks(rr, rec, shifts, signals)
+    rec.save(path, default_blueprint=layout.blueprint(set(names), layout.choose(shifts), window, own=own))
+    rec.send_recording_name(index.path.stem)
+    curves = Curves(rr, rec, names, shifts)
+    held = last = 0
+    for piece in Bag.pieces(index.path, PIECE, recover=True):
+        curves.add(piece)
+        rec.flush()
+        held, last = held + sum(piece.counts.values()), max(last, piece.last)
+    if window is not None:
+        _check_window(window, curves)
+    curves.send_marks()
     _send_events(rr, rec, events)
-    document = report_document(_report(bag, notes), notes)
+    notes = [recovered(held, last, piece.damage)] if piece.damage else []
+    if not index.counts.get(LOGGER_TOPIC):
+        notes.append(f"no rows of the logger: the bag has no messages of {LOGGER_TOPIC}")
+    notes += curves.problems
+    if lacking := [name for name in _known(index) if name not in names]:
+        notes.append(f"the bag holds nothing of {', '.join(lacking)}")
+    document = report_document(_report(small, notes), notes)
     rec.log("report", rr.TextDocument(document, media_type="text/markdown"), static=True)
     rec.flush()
     rec.disconnect()
+    return notes
 
 
-def _signals(bag: Bag) -> tuple[dict[str, tuple[np.ndarray, np.ndarray]], list[str]]:
-    """Time [s] and value [SI] of every signal the bag holds, the logger's at its rate; what is missing."""
-    found, notes = {}, []
-    known = catalogue(kind_of_topics(bag.counts)).signals
-    try:
-        logger = bag.logger(LOGGER_TOPIC, fill=True)
-        t = logger.time()
-        found = {name: (t, values) for name, values in logger.channels.items() if name in known}
-    except RigError as error:
-        notes.append(f"no rows of the logger: {error}")
-    lacking = []
-    for name in known:
-        if name in found:
-            continue
-        try:
-            t, values = bag.series(name)
-        except RigError:
-            t = ()
-        if len(t):
-            found[name] = (t, values)
-        else:
-            lacking.append(name)
-    if lacking:
-        notes.append(f"the bag holds nothing of {', '.join(lacking)}")
-    return found, notes
+def _known(index: BagIndex) -> dict[str, Signal]:
+    return catalogue(kind_of_topics(index.counts)).signals
 
 
-def _own_signals(bag: Bag) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Time [s] and value of the signals that the controller names as its own; none in most runs."""
-    if OWN_TOPIC not in bag.types:
-        return np.empty(0), {}
-    logger = bag.logger(OWN_TOPIC, fill=True)
-    return logger.time(), logger.channels
+def _small(index: BagIndex) -> Bag:
+    """Events, columns of loggers and description of the whole run."""
+    return index.bag([topic for topic, ros_type in index.types.items() if ros_type in SMALL])
+
+
+def _names(index: BagIndex, small: Bag) -> tuple[list[str], tuple[str, ...]]:
+    """Signals of the catalogue that the bag holds, and those that the controller names as its own; none in most runs."""
+    logged = small.columns(LOGGER_TOPIC) if index.counts.get(LOGGER_TOPIC) else []
+    own = small.columns(OWN_TOPIC) if index.counts.get(OWN_TOPIC) else []
+    return [name for name, signal in _known(index).items()
+            if name in logged or index.counts.get(signal.topic) and small.has_field(name)], tuple(own)
 
 
 def _orders(events) -> list[tuple[float, int, int]]:
@@ -196,22 +193,24 @@ def _orders(events) -> list[tuple[float, int, int]]:
     return orders
 
 
-def _check_window(window, signals) -> None:
-    ends = [(t[0], t[-1]) for t, _ in signals.values()]
-    first, last = min((a for a, _ in ends), default=0.0), max((b for _, b in ends), default=0.0)
+def _check_window(window, curves: Curves) -> None:
+    first, last = curves.ends
     if window[0] >= last or window[1] <= first:
         raise RigError(f"--window {window[0]:g},{window[1]:g}: lies outside the run, which goes from "
                        f"{first:.2f} s to {last:.2f} s")
 
 
 def _report(bag: Bag, notes: list[str]) -> dict:
-    """The report beside the bag, or one made from the bag alone: also where what lies there is of another run."""
+    """The report beside the bag, or one made from the bag alone: also where what lies there is of another run.
+
+    bag: with the description of the run; what a report is made from is read from its file.
+    """
     try:
         report = read_report(bag.path.parent)
     except RigError as error:
         notes.append(str(error))
         report = None
-    if report is not None and bag.began and not is_of(bag, report["run"]):
+    if report is not None and not is_of(bag, report["run"]):
         notes.append(f"{REPORT_FILE} beside the bag is of another run; this one is made from the bag")
         report = None
     if report is None or "shifts" not in report:
@@ -220,68 +219,14 @@ def _report(bag: Bag, notes: list[str]) -> dict:
         except RigError as error:
             notes.append(str(error))
             info = {}
-        report = build_report(bag, {**info, "end": {"reason": "the run left no report"}})
+        report = build_report(Bag(bag.path, recover=True), {**info, "end": {"reason": "the run left no report"}})
     return report
-
-
-def times(rr, t: np.ndarray):
-    """Times [s] as the time column of every view."""
-    return rr.TimeColumn(layout.TIMELINE, duration=np.round(np.asarray(t) * 1e9).astype("timedelta64[ns]"))
-
-
-def log_style(rr, rec, signal: Signal) -> None:
-    """Name with unit and colour of a curve."""
-    name = f"{signal.name} [{signal.display_unit}]"
-    line = rr.SeriesLines(names=name, colors=layout.colour(signal.name), widths=layout.width(signal.name))
-    rec.log(layout.entity(signal), line, static=True)
-
-
-def log_state_styles(rr, rec, signal: Signal) -> None:
-    """Labels and colours of the states of a signal."""
-    labels = list(signal.states.values())
-    colours = [layout.state_colour(signal.name, label) for label in labels]
-    rec.log(layout.entity(signal), rr.StateConfiguration(values=labels, colors=colours), static=True)
 
 
 def event_row(t: float, topic: str, name: str, text: str) -> tuple[str, str]:
     """What the list of events shows of one, and its level. t: time [s]."""
     level = next((level for part, level in LEVELS if part in name), "INFO")
     return f"{t:.3f} s  {topic.strip('/').split('/')[0]}: {text or name}", level
-
-
-def _send_series(rr, rec, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
-    log_style(rr, rec, signal)
-    rec.send_columns(layout.entity(signal), [times(rr, t)], rr.Scalars.columns(scalars=signal.shown(values)))
-
-
-def _send_states(rr, rec, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
-    """One row for each change of state."""
-    log_state_styles(rr, rec, signal)
-    change = np.flatnonzero(np.diff(values, prepend=np.nan) != 0)
-    states = [signal.states.get(int(value), str(int(value))) for value in values[change]]
-    rec.send_columns(layout.entity(signal), [times(rr, t[change])], rr.StateChange.columns(state=states))
-
-
-def _send_marks(rr, rec, shifts, signals) -> None:
-    """An upright line at the order of each shift, as high as the curves of the plot during the shift."""
-    for title, names in layout.MARKED_PLOTS:
-        rows = []
-        for shift in shifts:
-            start, end = shift.window
-            seen = [catalogue().signal(name).shown(values[(t >= start) & (t <= end)])
-                    for name, (t, values) in signals.items() if name in names]
-            seen = np.concatenate(seen) if seen else np.empty(0)
-            seen = seen[np.isfinite(seen)]
-            if len(seen):
-                rows += [(shift.order, seen.min()), (shift.order, seen.max()), (shift.order, np.nan)]
-        if rows:
-            t, values = np.array(rows).T
-            path = layout.mark_entity(title)
-            # both ends lie at one time: averaged, they would be a point
-            line = rr.SeriesLines(names="shift ordered", colors=layout.OTHER, widths=1.0,
-                                  aggregation_policy="Off")
-            rec.log(path, line, static=True)
-            rec.send_columns(path, [times(rr, t)], rr.Scalars.columns(scalars=values))
 
 
 def _send_events(rr, rec, events) -> None:

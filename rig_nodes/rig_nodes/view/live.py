@@ -25,7 +25,8 @@ from ..bags.definitions import installed
 from ..catalogue import Signal, Topic, catalogue
 from ..errors import RigError
 from . import layout
-from .convert import event_row, import_rerun, log_state_styles, log_style, times
+from .convert import event_row, import_rerun
+from .curves import log_state_styles, log_style, times
 from .viewer import PR_SET_PDEATHSIG, program, surroundings
 
 APPLICATION = "virtual_rig_live"  # not that of recorded runs: a viewer may show both, each with its layout

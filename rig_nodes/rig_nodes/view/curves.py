@@ -1,0 +1,155 @@
+"""The curves and states of a run, sent to Rerun piece by piece of its bag, and the upright lines at its orders.
+
+Used by view.convert; names, units and colours of a curve by view.live, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+
+from ..bags.reader import Bag
+from ..catalogue import Signal, catalogue
+from ..errors import RigError
+from . import layout
+
+LOGGER_TOPIC, OWN_TOPIC = "/instruments/hmg4000", "/alfa46/signals"
+
+
+def times(rr, t: np.ndarray):
+    """Times [s] as the time column of every view."""
+    return rr.TimeColumn(layout.TIMELINE, duration=np.round(np.asarray(t) * 1e9).astype("timedelta64[ns]"))
+
+
+def log_style(rr, rec, signal: Signal) -> None:
+    """Name with unit and colour of a curve."""
+    name = f"{signal.name} [{signal.display_unit}]"
+    line = rr.SeriesLines(names=name, colors=layout.colour(signal.name), widths=layout.width(signal.name))
+    rec.log(layout.entity(signal), line, static=True)
+
+
+def log_state_styles(rr, rec, signal: Signal) -> None:
+    """Labels and colours of the states of a signal."""
+    labels = list(signal.states.values())
+    colours = [layout.state_colour(signal.name, label) for label in labels]
+    rec.log(layout.entity(signal), rr.StateConfiguration(values=labels, colors=colours), static=True)
+
+
+class Curves:
+    """Sends what each piece of a bag adds.
+
+    ``ends``: first and last time [s] of all so far; ``problems``: sentences on what could not be drawn.
+    """
+
+    def __init__(self, rr, rec, names: Collection[str], shifts):
+        """names: the signals of the catalogue to draw; shifts: as of layout.shifts_of."""
+        self._rr, self._rec, self._names, self._shifts = rr, rec, names, shifts
+        self.ends = (np.inf, -np.inf)
+        self.problems: list[str] = []
+        self._styled: set[str] = set()
+        self._states: dict[str, float] = {}  # what a state was last
+        self._due: dict[str, float] = {}  # time [s] of the next row of each logger
+        self._heights = {}  # (plot, number of the shift) -> lowest and highest value during the shift
+
+    def add(self, piece: Bag) -> None:
+        """Send all signals of the next piece."""
+        logged = self._rows(piece, LOGGER_TOPIC)
+        for name in self._names:
+            signal = catalogue().signal(name)
+            if name in logged:
+                t, values = logged[name]
+            elif LOGGER_TOPIC in self._due and name in piece.columns(LOGGER_TOPIC):
+                continue  # the logger draws it, only not in this piece
+            else:
+                t, values = self._series(piece, signal)
+            if len(t):
+                self.ends = min(self.ends[0], t[0]), max(self.ends[1], t[-1])
+                self._measure(signal, t, values)
+                (self._send_states if signal.states else self._send_series)(signal, t, values)
+        for name, (t, values) in self._rows(piece, OWN_TOPIC).items():
+            if self._first(name):
+                self._rec.log(layout.own_entity(name), self._rr.SeriesLines(names=name), static=True)
+            self._send(layout.own_entity(name), t, values)
+
+    def _series(self, piece: Bag, signal: Signal) -> tuple[np.ndarray, np.ndarray]:
+        if piece.counts.get(signal.topic):
+            try:
+                return piece.series(signal.name)
+            except RigError as error:
+                self._tell(str(error))
+        return np.empty(0), np.empty(0)
+
+    def _tell(self, problem: str) -> None:
+        if problem not in self.problems:
+            self.problems.append(problem)
+
+    def _rows(self, piece: Bag, topic: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Time [s] and values of a logger's columns, broken where rows are missing, also between two pieces."""
+        if not piece.counts.get(topic):
+            return {}
+        try:
+            logger = piece.logger(topic, fill=True)
+        except RigError as error:
+            self._tell(f"no rows of the logger: {error}")
+            return {}
+        t, due = logger.time(), self._due.get(topic)
+        self._due[topic] = t[-1] + logger.period
+        if due is None or t[0] < due + 0.5 * logger.period:
+            return {name: (t, values) for name, values in logger.channels.items()}
+        t = np.append(due, t)
+        return {name: (t, np.append(np.nan, values)) for name, values in logger.channels.items()}
+
+    def _first(self, entity: str) -> bool:
+        """True once for each."""
+        known = entity in self._styled
+        self._styled.add(entity)
+        return not known
+
+    def _send(self, entity: str, t: np.ndarray, values: np.ndarray) -> None:
+        self._rec.send_columns(entity, [times(self._rr, t)], self._rr.Scalars.columns(scalars=values))
+
+    def _send_series(self, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
+        if self._first(signal.name):
+            log_style(self._rr, self._rec, signal)
+        self._send(layout.entity(signal), t, signal.shown(values))
+
+    def _send_states(self, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
+        """One row for each change of state."""
+        if self._first(signal.name):
+            log_state_styles(self._rr, self._rec, signal)
+        change = np.flatnonzero(np.diff(values, prepend=self._states.get(signal.name, np.nan)) != 0)
+        self._states[signal.name] = values[-1]
+        states = [signal.states.get(int(value), str(int(value))) for value in values[change]]
+        if states:
+            self._rec.send_columns(layout.entity(signal), [times(self._rr, t[change])],
+                                   self._rr.StateChange.columns(state=states))
+
+    def _measure(self, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
+        """How high the plots with upright lines are during each shift."""
+        for title, names in layout.MARKED_PLOTS:
+            if signal.name not in names:
+                continue
+            for number, shift in enumerate(self._shifts):
+                start, end = shift.window
+                if t[-1] < start or t[0] > end:
+                    continue
+                seen = signal.shown(values[(t >= start) & (t <= end)])
+                seen = seen[np.isfinite(seen)]
+                if len(seen):
+                    low, high = self._heights.get((title, number), (np.inf, -np.inf))
+                    self._heights[title, number] = min(low, seen.min()), max(high, seen.max())
+
+    def send_marks(self) -> None:
+        """An upright line at the order of each shift, as high as the curves of the plot during the shift."""
+        for title, _ in layout.MARKED_PLOTS:
+            rows = [(shift.order, value) for number, shift in enumerate(self._shifts) if (title, number) in self._heights
+                    for value in (*self._heights[title, number], np.nan)]
+            if rows:
+                t, values = np.array(rows).T
+                path = layout.mark_entity(title)
+                # both ends lie at one time: averaged, they would be a point
+                line = self._rr.SeriesLines(names="shift ordered", colors=layout.OTHER, widths=1.0,
+                                            aggregation_policy="Off")
+                self._rec.log(path, line, static=True)
+                self._send(path, t, values)
