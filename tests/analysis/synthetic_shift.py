@@ -78,6 +78,7 @@ class FakeBag:
     """What the report asks of a bag, from arrays."""
 
     began = True
+    recorded_from = 0.0
 
     def check_began(self):
         pass

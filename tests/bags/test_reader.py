@@ -1,5 +1,7 @@
 """What comes out of a bag is what went in, and what is missing is counted."""
 
+import json
+
 import numpy as np
 import pytest
 from mcap.writer import Writer
@@ -8,6 +10,7 @@ from rig_nodes.bags.cdr import encoder
 from rig_nodes.bags.reader import Bag, missing
 from rig_nodes.bags.writer import BagWriter
 from rig_nodes.catalogue import catalogue
+from rig_nodes.cli.main import main
 from rig_nodes.errors import BagError, RigError
 
 LOGGER = "/instruments/hmg4000"
@@ -188,3 +191,55 @@ def test_metadata_that_disagrees_is_reported(write_run, tmp_path):
     assert problems and all("counts 49 messages of" in p and "holds 50" in p for p in problems)
     path.write_text("- nothing\n")
     assert ["is no description of a bag" in p for p in Bag(tmp_path).check()] == [True]
+
+
+def recorded_elsewhere(run, folder, keep):
+    """The run as ``ros2 bag record`` keeps it: another program's name, the wall clock's log times, less what ``keep`` drops."""
+    folder.mkdir()
+    bag, channels = Bag(run), {}
+    with open(folder / "theirs_0.mcap", "wb") as file:
+        writer = Writer(file)
+        writer.start("ros2", "libmcap 1.3.0")
+        for time, topic, data in bag.timeline():
+            if topic not in channels:
+                schema = writer.register_schema(bag.types[topic], "ros2msg", bag.channel(topic)[1].encode())
+                channels[topic] = writer.register_channel(topic, "cdr", schema)
+            if keep(topic, time):
+                writer.add_message(channels[topic], 1_700_000_000 * 10**9 + time, data, 0)
+        writer.finish()
+    return Bag(folder)
+
+
+def test_a_recorder_that_came_late_or_a_piece_of_a_bag_loses_nothing_by_that(run, tmp_path):
+    latched = {"/rig/run_info", "/instruments/channels"}
+    late = recorded_elsewhere(run, tmp_path / "late", lambda topic, ns: topic in latched or ns >= 80_000_000)
+    assert late.recorded_from == 0.08 and late.gaps() == {}
+    assert not [problem for problem in late.check() if "lost" in problem]
+    piece = recorded_elsewhere(run, tmp_path / "piece", lambda topic, ns: 100_000_000 <= ns < 200_000_000)
+    assert piece.recorded_from == 0.1 and piece.gaps() == {}
+    holes = recorded_elsewhere(run, tmp_path / "holes", lambda topic, ns: ns >= 80_000_000 and not
+                               (topic == COMMAND and ns in (90_000_000, 95_000_000)))
+    assert holes.gaps() == {COMMAND: 2}
+    assert late.events() == Bag(run).events() and list(late.fields(COMMAND, ["gear"])[0][:2]) == [0.08, 0.081]
+
+
+def test_who_was_there_from_the_start_has_lost_what_is_missing_of_it(write_run, run, tmp_path):
+    first = recorded_elsewhere(run, tmp_path / "theirs", lambda topic, ns: topic != COMMAND or ns >= 20_000_000)
+    assert first.recorded_from == 0.0 and first.gaps() == {COMMAND: 20}
+    write_run(tmp_path / "ours", drop=lambda topic, n: topic not in ("/rig/run_info",) and n < 4)
+    ours = Bag(tmp_path / "ours")
+    assert ours.recorded_from == 0.0 and ours.gaps()[COMMAND] == 4
+
+
+def test_the_report_says_from_when_on_a_bag_was_recorded(run, tmp_path, capsys):
+    recorded_elsewhere(run, tmp_path / "late", lambda topic, ns: ns >= 80_000_000)
+    assert main(["report", str(tmp_path / "late")]) == 0
+    assert "messages lost: 0 (recorded from 0.080 s on)" in capsys.readouterr().out
+    assert json.loads((tmp_path / "late" / "report.json").read_text())["run"]["recorded_from_s"] == 0.08
+
+
+def test_a_bag_is_found_by_either_name(run, tmp_path):
+    for name in ("run.mcap", "run_0.mcap"):
+        (tmp_path / name).write_bytes((run / "run.mcap").read_bytes())
+        assert Bag(tmp_path).counts == Bag(run).counts
+        (tmp_path / name).unlink()

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ..bags.reader import NOTHING
-from ..errors import RigError
+from ..errors import RigError, printable
 from .annex_a import shifts_annex_a
 from .comparison import annex_lines, truth_lines
 from .energy import balance, energies_of
@@ -41,7 +41,8 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
     """The report of a bag: ``{"run", "shifts": [...], "energy": {"run", "shifts": [...]}, "uncertainty": [...]}``.
 
     bag: an open :class:`rig_nodes.bags.reader.Bag`. run: what only the runner knows (:data:`RUN_KEYS`; absent
-    ones become None, ``lost`` is then counted from the gaps of a whole bag). Inertias and instruments are those of its
+    ones become None, ``lost`` is then counted from the gaps of a whole bag). ``run["recorded_from_s"]`` stands there for a
+    bag that does not hold the start of its run. Inertias and instruments are those of its
     configuration.
     ``uncertainty`` holds for each shift the largest error of each of its metrics. annex_a: the factor of Annex A's
     torque band; adds ``"annex_a": {"factor": ..., "shifts": [...]}``. truth: adds ``"truth"``, for each shift what the
@@ -101,6 +102,8 @@ def _run_data(bag, run: dict) -> dict:
     data = {key: run.get(key) for key in RUN_KEYS}
     if data["lost"] is None and not run.get("recovered"):
         data["lost"] = sum(bag.gaps().values())
+    if bag.recorded_from:
+        data["recorded_from_s"] = bag.recorded_from
     data.update((key, run[key]) for key in sorted(run) if key not in RUN_KEYS and key != "problems")
     return data
 
@@ -237,7 +240,7 @@ def format_report(report: dict) -> str:
     if "bench" in report:
         from .bench_report import bench_lines
 
-        return "\n".join([*bench_lines(report["bench"]), "", *_run_lines(report["run"])])
+        return _shown([*bench_lines(report["bench"]), "", *_run_lines(report["run"])])
     rows, errors = report["shifts"], report.get("uncertainty", [])
     lines = _shift_table(rows, errors) if rows else ["no shift was ordered"]
     for row in rows:
@@ -248,7 +251,12 @@ def format_report(report: dict) -> str:
         lines += ["", *annex_lines(COLUMNS, names, rows, report["annex_a"])]
     if "truth" in report:
         lines += ["", *truth_lines(names, rows, report["truth"])]
-    return "\n".join(lines + [""] + _energy_lines(report) + _run_lines(report["run"]))
+    return _shown(lines + [""] + _energy_lines(report) + _run_lines(report["run"]))
+
+
+def _shown(lines: list[str]) -> str:
+    """One line each, whatever stands in it of a bag."""
+    return "\n".join(map(printable, lines))
 
 
 def _gears(row: dict) -> str:
@@ -296,7 +304,8 @@ def _bounded(run: dict) -> bool:
 def _run_lines(run: dict) -> list[str]:
     if all(run[key] is None for key in RUN_KEYS):
         return [f"problem: {problem}" for problem in run.get("problems", [])]  # no run of the rig: a logger's file
-    lines = [f"messages lost: {'unknown' if run['lost'] is None else run['lost']}"]
+    since = f" (recorded from {run['recorded_from_s']:.3f} s on)" if run.get("recorded_from_s") else ""
+    lines = [f"messages lost: {'unknown' if run['lost'] is None else run['lost']}{since}"]
     late = run["lateness_ms"]
     if late:
         names = {"p50": "median", "p99": "p99", "max": "max"}

@@ -46,6 +46,8 @@ def _shift_table(rows: list[dict]) -> str:
 def _run_rows(report: dict) -> list[list[str]]:
     run = report["run"]
     rows = [["messages lost", "unknown" if run.get("lost") is None else str(run["lost"])]]
+    if run.get("recorded_from_s"):
+        rows.append(["recorded from s", _number(run["recorded_from_s"], 1.0, 3)])
     late = run.get("lateness_ms")
     if late:
         rows += [[f"lateness {key} ms", _number(late.get(key), 1.0, 2)] for key in ("p50", "p99", "max")]
