@@ -1,11 +1,16 @@
 """A small run with every kind of message, written through the public writer."""
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from rig_nodes.bags.cdr import encode_any, encoder
 from rig_nodes.bags.writer import BagWriter
 from rig_nodes.catalogue import catalogue
+
+sys.path.insert(0, str(Path(__file__).parent))  # crafted.py
 
 ROWS = 50
 STATES = {

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..bags import limits
 from ..bags.reader import NOTHING
 from ..errors import RigError, printable
 from .annex_a import shifts_annex_a
@@ -64,8 +65,12 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
         found = bench_report(bag, run["configuration"], problems)
         return _assembled(_run_data(bag, run), problems, {"shifts": [], "uncertainty": []},
                           {"run": None, "shifts": []}) | {"bench": plain(found)}
-    recording, inertias = None, inertias_of(run)
-    instruments = instruments_of(run.get("configuration") or {})
+    recording = None
+    try:
+        inertias, instruments = inertias_of(run), instruments_of(run.get("configuration") or {})
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise RigError(f"the configuration of the run does not say its gearbox and instruments ({type(error).__name__}: {error}); "
+                       f"expected what `rig run` and `rig simulate` put into a bag") from None
     try:
         recording = recording_of(bag)
     except RigError as error:
@@ -153,7 +158,7 @@ def _assembled(run: dict, problems: list[str], metrics: dict, energy: dict) -> d
 def inertias_of(run: dict) -> Inertias:
     """The reduced inertias of the rig that ran; the laboratory's when the run does not say."""
     gearbox = (run.get("configuration") or {}).get("gearbox")
-    return Inertias(gearbox["inertia_in"], gearbox["inertia_out_z5"]) if gearbox else Inertias()
+    return Inertias(float(gearbox["inertia_in"]), float(gearbox["inertia_out_z5"])) if gearbox else Inertias()
 
 
 def recording_of(bag) -> Recording:
@@ -223,8 +228,12 @@ def read_report(folder: str | Path) -> dict | None:
     if not path.exists():
         return None
     try:
+        if path.stat().st_size > limits.JSON:
+            raise ValueError(f"{path.stat().st_size} bytes, at most {limits.JSON} are read")
         report = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        if limits.deeper(report, limits.JSON_DEPTH):
+            raise ValueError(f"nested deeper than {limits.JSON_DEPTH} levels")
+    except (OSError, ValueError, RecursionError) as error:
         raise RigError(f"{path}: is no report ({error}); delete it to have a new one made") from None
     if not isinstance(report, dict) or not isinstance(report.get("run"), dict):
         raise RigError(f"{path}: is no report (it has no 'run' part); delete it to have a new one made")

@@ -54,9 +54,9 @@ def instruments_of(configuration: dict) -> dict[str, Instrument]:
         return INSTRUMENTS
     if not (configuration.get("effects") or {}).get("transducers", True):
         return dict.fromkeys(("torque", "p1", "p2", "speed"), Instrument(0.0, 0.0))
-    found = {name: Instrument(fitted[f"{name}_range"], 100.0 * fitted[f"{name}_class"], INSTRUMENTS[name].readability)
-             for name in ("torque", "p1", "p2")}
-    return found | {"speed": Instrument(fitted["speed_range"], 0.0, fitted["speed_step"])}
+    found = {name: Instrument(float(fitted[f"{name}_range"]), 100.0 * float(fitted[f"{name}_class"]),
+                              INSTRUMENTS[name].readability) for name in ("torque", "p1", "p2")}
+    return found | {"speed": Instrument(float(fitted["speed_range"]), 0.0, float(fitted["speed_step"]))}
 
 
 def temperature_error(t_oil: float) -> float:

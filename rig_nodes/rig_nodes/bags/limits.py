@@ -19,3 +19,11 @@ LISTS = MIB  # bytes of a message that holds sequences of messages or texts; oth
 JSON, JSON_DEPTH = 8 * MIB, 32  # bytes; lists and objects within each other
 YAML = MIB // 2  # bytes of metadata.yaml, 20 of ours
 PROFILES = 20_000  # characters of the quality of service of a topic: 50 publishers
+
+
+def deeper(value, levels: int) -> bool:
+    """Lists and objects of JSON go deeper within each other than so many levels."""
+    if not isinstance(value, (dict, list)):
+        return False
+    items = value.values() if isinstance(value, dict) else value
+    return levels == 0 or any(deeper(item, levels - 1) for item in items)

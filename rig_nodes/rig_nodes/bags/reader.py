@@ -116,9 +116,9 @@ class Bag:
         return any(s.times and max(s.times) > 0 for s in self._streams.values())
 
     def check_began(self) -> None:
-        """BagError when nothing was recorded."""
+        """BagError when nothing was recorded, or nothing of it is left."""
         if not self.began:
-            raise BagError(f"{self.path}: {NOTHING}")
+            raise BagError(f"{self.path}: {nothing_in(self.damage)}")
 
     def raw(self, topic: str) -> Iterator[tuple[int, bytes]]:
         """Log time [ns] and bytes of every message of a topic, as recorded."""
@@ -328,14 +328,14 @@ class Bag:
                            f"are read")
         try:
             found = json.loads(text)
-            deep = _deeper(found, limits.JSON_DEPTH)
+            deep = limits.deeper(found, limits.JSON_DEPTH)
         except RecursionError:
             deep = True
         except ValueError as error:
             raise BagError(f"{self.path}: {topic} is not JSON ({error})") from None
         if deep:
             raise BagError(f"{self.path}: {topic} holds JSON nested deeper than the {limits.JSON_DEPTH} levels that are read")
-        if not isinstance(found, dict) or not isinstance(found.get("configuration", {}), dict):
+        if not isinstance(found, dict) or any(not isinstance(found.get(key) or {}, dict) for key in ("configuration", "versions")):
             raise BagError(f"{self.path}: {topic} is no description of a run, expected a JSON object with its configuration")
         return found
 
@@ -455,11 +455,9 @@ class Bag:
         raise BagError(f"{self.path}: no channel list under {node} says what the columns of {topic} are")
 
 
-def _deeper(value, levels: int) -> bool:
-    """Lists and objects within each other go deeper than so many levels."""
-    if not isinstance(value, (dict, list)):
-        return False
-    return levels == 0 or any(_deeper(item, levels - 1) for item in (value.values() if isinstance(value, dict) else value))
+def nothing_in(damage: list[str]) -> str:
+    """Why a bag holds nothing to look at."""
+    return f"nothing of it can be read ({'; '.join(damage)})" if damage else NOTHING
 
 
 def recovered(held: int, last: int, damage: list[str]) -> str:

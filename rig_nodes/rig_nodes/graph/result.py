@@ -12,7 +12,6 @@ from pathlib import Path
 from ..bags.reader import Bag
 from ..bags.writer import BagWriter
 from ..catalogue import GEARBOX, catalogue
-from ..errors import BagError
 from .supervisor import MODULES, End, processes_of
 
 
@@ -69,10 +68,7 @@ def end_of(facts: dict[str, dict], kind: str = GEARBOX) -> End:
 
 def open_bag(folder: Path) -> Bag:
     """The bag of a run, what is whole of it when the recorder was killed."""
-    try:
-        return Bag(folder)
-    except BagError:
-        return Bag(folder, recover=True)
+    return Bag(folder, recover=True)
 
 
 def lost_messages(bag: Bag, facts: dict[str, dict]) -> dict[str, int]:

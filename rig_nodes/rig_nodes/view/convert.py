@@ -15,7 +15,7 @@ from pathlib import Path
 from .. import __version__
 from ..analysis.report import ORDER_EVENT, ORDERS_TOPIC, REPORT_FILE, build_report, is_of, read_report
 from ..bags.index import BagIndex
-from ..bags.reader import NOTHING, Bag, recovered
+from ..bags.reader import Bag, nothing_in, recovered
 from ..catalogue import Signal, catalogue, kind_of_topics
 from ..config import package_file
 from ..errors import BagError, RigError
@@ -49,7 +49,7 @@ def make_view(run: str | Path, window: tuple[float, float] | None = None) -> Vie
     """
     with BagIndex(run) as index:
         if not index.last:
-            raise BagError(f"{index.path}: {'; '.join(index.damage) or NOTHING}")
+            raise BagError(f"{index.path}: {nothing_in(index.damage)}")
         import_rerun()
         path = index.path.parent / VIEW_FILE
         key = _key(index.path, window)

@@ -19,7 +19,7 @@ def report_document(report: dict, problems: list[str]) -> str:
     run = report["run"]
     parts = [f"# {run.get('sequence') or 'Run'}"]
     if run.get("description"):
-        parts.append(run["description"])
+        parts.append(str(run["description"]))
     parts += [f"**{problem}**" for problem in [*problems, *run.get("problems", [])]]
     if "bench" in report:
         parts += ["## Results", "```\n" + "\n".join(bench_lines(report["bench"])) + "\n```"]
