@@ -242,13 +242,16 @@ class BagIndex:
         """A chunk by the message indices behind it; read where these are missing or name what is not known yet."""
         counts: dict[int, int] = {}
         after = end
-        while after + RECORD.size <= self._file.size:
-            opcode, start, stop = self._file.record(after)
-            if opcode != MESSAGE_INDEX or stop - start < 6:
-                break
-            number, length = struct.unpack("<HI", self._file.bytes_at(start, 6))
-            counts[number] = length // 16
-            after = stop
+        try:
+            while True:
+                opcode, start, stop = self._file.record(after)
+                if opcode != MESSAGE_INDEX or stop - start < 6:
+                    break
+                number, length = struct.unpack("<HI", self._file.bytes_at(start, 6))
+                counts[number] = length // 16
+                after = stop
+        except Damage:
+            counts = {}  # cut within them
         if not counts or not counts.keys() <= self._records.contents.streams.keys():
             self._records.chunk(head, position)
             streams = self._records.take().streams
