@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.bags.writer import BagWriter
 from rig_nodes.catalogue import catalogue
 from rig_nodes.controllers import load_controller
 from rig_nodes.errors import BagError, RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
-from rig_nodes.view import layout
+from rig_nodes.view import convert, layout
 from rig_nodes.view.convert import make_view
 
 
@@ -253,3 +254,33 @@ def test_what_a_controller_names_as_its_own_is_shown(tmp_path, read_rrd):
     np.testing.assert_array_equal(times, np.round(logger.time() * 1e9))
     np.testing.assert_array_equal(curve, logger.channels["slip"])
     assert np.ptp(curve) > 5.0
+
+
+def test_a_view_made_of_many_pieces_of_the_bag_is_the_same(run, shown, read_rrd, monkeypatch):
+    monkeypatch.setattr(convert, "PIECE", 1_000_000)
+    pieces = read_rrd(make_view(run).path)
+    assert set(pieces.data) == set(shown.data)
+    for entity, columns in shown.data.items():
+        for name in ("t", "Scalars:scalars", "StateChange:state", "TextLog:text"):
+            if name in columns:
+                np.testing.assert_array_equal(pieces.data[entity][name], columns[name], err_msg=f"{entity} {name}")
+    assert pieces.views() == shown.views()
+
+
+@pytest.mark.parametrize("piece", [60_000, 1 << 24])
+def test_rows_that_a_logger_lost_break_its_curve_wherever_they_are(recorded, tmp_path, read_rrd, monkeypatch, piece):
+    bag = Bag(recorded)
+    with BagWriter(tmp_path / "run", "run") as writer:
+        blocks = 0
+        for time, topic, data in bag.timeline():
+            blocks += topic == "/instruments/hmg4000"
+            if time < 500_000_000 and not (topic == "/instruments/hmg4000" and blocks % 10 == 5):
+                writer.write(topic, bag.types[topic], data, time)
+    monkeypatch.setattr(convert, "PIECE", piece)
+    times, values = read_rrd(make_view(tmp_path / "run").path).rows(path_of("p1"), "Scalars:scalars")
+    assert len(values) - np.isnan(values).sum() == 90 * 50
+    gaps = np.flatnonzero(np.diff(np.asarray(times)[np.isfinite(values)]) > 200_000)
+    assert len(gaps) == 10
+    holes = np.asarray(times)[np.isnan(values)]
+    sound = np.asarray(times)[np.isfinite(values)]
+    assert all(np.any((holes > sound[at]) & (holes < sound[at + 1])) for at in gaps)
