@@ -82,7 +82,7 @@ def write_fmu(target: Path, fmi: int, identifier: str, text: str, variables: Seq
     if fmi not in PLATFORMS:
         raise RigError(f"FMI {fmi} is asked for; expected 2 or 3")
     token = token_of(identifier, variables, str(fmi))
-    header = c_header(variables, token, defines)
+    header = c_header(fmi, variables, token, defines)
     xml = model_description(fmi, identifier, text, variables, token, __version__, tool=bool(resources))
     if not target.parent.is_dir():
         raise RigError(f"{target}: there is no folder {target.parent}")
@@ -186,7 +186,7 @@ def build_controller_fmu(sources: Sequence[str | Path], target: str | Path, conf
     with tempfile.TemporaryDirectory(prefix="rig-fmu-") as folder:
         probe = Path(folder, f"{identifier}.so")  # of its own, to ask which levels the controller knows
         variables = controller_variables(config, ("duty", "current"))
-        compile_model(fmi, c_header(variables, "", controller_defines(variables)), model, probe, flags)
+        compile_model(fmi, c_header(fmi, variables, "", controller_defines(variables)), model, probe, flags)
         found = _Described(probe, str(files[0]))
     levels = tuple(name for name, bit in LEVEL_BITS.items() if found.bits & bit)
     if not levels:

@@ -15,22 +15,39 @@ TYPES = {  # type -> (letter in C, element of FMI 2.0, of FMI 3.0)
     "real": ("r", "Real", "Float64"), "integer": ("i", "Integer", "Int32"), "boolean": ("b", "Boolean", "Boolean"),
     "string": ("s", "String", "String"),
 }
+# an integer whose values have words is an enumeration in FMI 3.0; in FMI 2.0, where importers are about that refuse
+# enumerations, it stays an integer, with a type that says the words
+ENUMERATION = ("e", "Integer", "Enumeration")
 KINDS = {"parameter": "p", "input": "i", "output": "o"}
 TUNABLE = "t"  # the letter of a parameter that may be set between steps
-# unit -> its base units; others are named without
-BASE_UNITS = {
-    "N.m": {"kg": 1, "m": 2, "s": -2}, "rad/s": {"rad": 1, "s": -1}, "Pa": {"kg": 1, "m": -1, "s": -2}, "A": {"A": 1},
-    "degC": {"K": 1, "offset": 273.15}, "m3/s": {"m": 3, "s": -1}, "J": {"kg": 1, "m": 2, "s": -2},
-    "N": {"kg": 1, "m": 1, "s": -2}, "m": {"m": 1}, "s": {"s": 1}, "Hz": {"s": -1},
-    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
+BASE_UNITS = {  # unit -> its base units
+    "1": {}, "s": {"s": 1}, "m": {"m": 1}, "m2": {"m": 2}, "m3": {"m": 3}, "A": {"A": 1}, "Hz": {"s": -1},
+    "rad/s": {"rad": 1, "s": -1}, "rad/s2": {"rad": 1, "s": -2}, "m/s": {"m": 1, "s": -1}, "m3/s": {"m": 3, "s": -1},
+    "m3/rad": {"m": 3, "rad": -1}, "kg.m2": {"kg": 1, "m": 2}, "kg/m3": {"kg": 1, "m": -3},
+    "N": {"kg": 1, "m": 1, "s": -2}, "N.m": {"kg": 1, "m": 2, "s": -2}, "N/m": {"kg": 1, "s": -2},
+    "N/m3": {"kg": 1, "m": -2, "s": -2}, "N.s/m": {"kg": 1, "s": -1}, "N/Pa2": {"kg": -1, "m": 3, "s": 2},
+    "1/(N.m)": {"kg": -1, "m": -2, "s": 2}, "N.m/rad": {"kg": 1, "m": 2, "s": -2, "rad": -1},
+    "N.m.s/rad": {"kg": 1, "m": 2, "s": -1, "rad": -1}, "J": {"kg": 1, "m": 2, "s": -2}, "W": {"kg": 1, "m": 2, "s": -3},
+    "Pa": {"kg": 1, "m": -1, "s": -2}, "Pa.s": {"kg": 1, "m": -1, "s": -1}, "Pa/s": {"kg": 1, "m": -1, "s": -3},
+    "Pa/A": {"kg": 1, "m": -1, "s": -2, "A": -1}, "Pa.s/m3": {"kg": 1, "m": -4, "s": -1},
+    "degC": {"K": 1, "offset": 273.15}, "1/K": {"K": -1}, "J/K": {"kg": 1, "m": 2, "s": -2, "K": -1},
+    "W/K": {"kg": 1, "m": 2, "s": -3, "K": -1}, "m/J": {"kg": -1, "m": -1, "s": 2},
+    "V": {"kg": 1, "m": 2, "s": -3, "A": -1}, "ohm": {"kg": 1, "m": 2, "s": -3, "A": -2},
+    "H": {"kg": 1, "m": 2, "s": -2, "A": -2}, "V/(A.s)": {"kg": 1, "m": 2, "s": -4, "A": -2},
 }
+# the size of what moves in a test, for importers that weigh errors; of inputs and outputs
+NOMINALS = {"rad/s": 100.0, "N.m": 100.0, "Pa": 1e6, "J": 1e4, "N": 1e4, "m": 1e-3, "m3/s": 1e-4}
+# as c/model.h
+CATEGORIES = ("logEvents", "logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
 
 
 @dataclass(frozen=True)
 class Variable:
     """One variable. type: a key of TYPES; causality: a key of KINDS; start: of parameters and inputs, SI.
 
-    display: (unit that people read, factor from ``unit``). tunable: a parameter that may be set between steps.
+    unit: a key of BASE_UNITS. display: (unit that people read, factor from ``unit``). tunable: a parameter that may be
+    set between steps. words: of an integer that is a state, what its values mean. initial_by: of an output, the variables
+    that its value at the initialization depends on; between two steps it depends on none.
     """
 
     name: str
@@ -43,6 +60,18 @@ class Variable:
     low: float | None = None
     high: float | None = None
     tunable: bool = False
+    words: tuple[tuple[int, str], ...] = ()
+    initial_by: tuple[str, ...] = ()
+
+    @property
+    def in_c_and_xml(self) -> tuple[str, str, str]:
+        """Its entry of TYPES."""
+        return ENUMERATION if self.words else TYPES[self.type]
+
+    @property
+    def declared(self) -> str | None:
+        """Name of its type in TypeDefinitions."""
+        return f"{self.name}_state" if self.words else None
 
     @property
     def kind(self) -> str:
@@ -63,7 +92,7 @@ def token_of(identifier: str, variables: Sequence[Variable], extra: str = "") ->
     return f"{{{digest[:8]}-{digest[8:12]}-{digest[12:16]}-{digest[16:20]}-{digest[20:32]}}}"
 
 
-def c_header(variables: Sequence[Variable], token: str, defines: dict[str, int]) -> str:
+def c_header(fmi: int, variables: Sequence[Variable], token: str, defines: dict[str, int]) -> str:
     """variables.h: what c/model.h says it holds."""
     texts = [v.name for v in variables if v.type == "string"]
     starts = [texts.index(v.name) if v.type == "string" else float(v.start or 0.0) for v in variables]
@@ -71,7 +100,11 @@ def c_header(variables: Sequence[Variable], token: str, defines: dict[str, int])
              "#define VARIABLES_H", f"#define MODEL_TOKEN {json.dumps(token)}",
              f"enum {{ MODEL_COUNT = {len(variables)}, MODEL_TEXTS = {max(1, len(texts))} }};"]
     lines += [f"enum {{ {name} = {value} }};" for name, value in defines.items()]
-    for name, letters in (("TYPES", "".join(TYPES[v.type][0] for v in variables)),
+
+    def letter(v: Variable) -> str:
+        return (v.in_c_and_xml if fmi == 3 else TYPES[v.type])[0]
+
+    for name, letters in (("TYPES", "".join(letter(v) for v in variables)),
                           ("KINDS", "".join(v.kind for v in variables))):
         lines.append(f'static const char MODEL_{name}[] = "{letters}";')
     names = ", ".join(json.dumps(v.name) for v in variables)
@@ -93,7 +126,7 @@ def _word(value) -> str:
 
 
 def _units(variables: Sequence[Variable]) -> list[str]:
-    lines, displays = [], {}
+    lines, displays = [], {"s": {}}  # of time
     for v in variables:
         if v.unit:
             shown = displays.setdefault(v.unit, {})
@@ -101,12 +134,44 @@ def _units(variables: Sequence[Variable]) -> list[str]:
                 shown[v.display[0]] = v.display[1]
     for unit, shown in displays.items():
         lines.append(f"    <Unit name={quoteattr(unit)}>")
-        if unit in BASE_UNITS:
+        if unit in BASE_UNITS:  # a controller's own signal may have a unit that nobody knows
             lines.append(f"      <BaseUnit{_attributes(BASE_UNITS[unit])}/>")
         lines += [f"      <DisplayUnit{_attributes({'name': name, 'factor': factor})}/>"
                   for name, factor in shown.items()]
         lines.append("    </Unit>")
     return lines
+
+
+def _types(fmi: int, variables: Sequence[Variable]) -> list[str]:
+    lines = []
+    for v in variables:
+        if not v.words:
+            continue
+        said = ", ".join(f"{value} {word}" for value, word in v.words)
+        if fmi == 3:
+            lines += [f"    <EnumerationType{_attributes({'name': v.declared, 'description': said})}>",
+                      *(f"      <Item{_attributes({'name': word, 'value': value})}/>" for value, word in v.words),
+                      "    </EnumerationType>"]
+        else:
+            limits = {"min": min(value for value, _ in v.words), "max": max(value for value, _ in v.words)}
+            lines += [f"    <SimpleType{_attributes({'name': v.declared, 'description': said})}>",
+                      f"      <Integer{_attributes(limits)}/>", "    </SimpleType>"]
+    return ["  <TypeDefinitions>", *lines, "  </TypeDefinitions>"] if lines else []
+
+
+def _structure(fmi: int, variables: Sequence[Variable]) -> list[str]:
+    """ModelStructure: no output answers to an input before the next step, at the initialization to parameters only."""
+    place = {v.name: k if fmi == 3 else k + 1 for k, v in enumerate(variables)}
+    lines = []
+    for element, initial in (("Output", False), ("InitialUnknown", True)):
+        unknowns = [(place[v.name], " ".join(str(place[name]) for name in v.initial_by) if initial else "")
+                    for v in variables if v.causality == "output"]
+        if fmi == 3:
+            lines += [f'    <{element} valueReference="{k}" dependencies="{known}"/>' for k, known in unknowns]
+        else:
+            lines += [f"    <{element}s>", *(f'      <Unknown index="{k}" dependencies="{known}"/>' for k, known in unknowns),
+                      f"    </{element}s>"]
+    return ["  <ModelStructure>", *lines, "  </ModelStructure>"]
 
 
 def model_description(fmi: int, identifier: str, text: str, variables: Sequence[Variable], token: str, version: str,
@@ -119,6 +184,9 @@ def model_description(fmi: int, identifier: str, text: str, variables: Sequence[
               "canGetAndSetFMUState" if fmi == 3 else "canGetAndSetFMUstate": False}
     if fmi == 2:
         offers["canNotUseMemoryManagementFunctions"] = True
+    else:
+        offers |= {"fixedInternalStepSize": step, "mightReturnEarlyFromDoStep": tool}
+    text = f"{text}; communication steps are whole multiples of {step * 1e3:g} ms"
     head = {"fmiVersion": "3.0" if fmi == 3 else "2.0", "modelName": identifier,
             "instantiationToken" if fmi == 3 else "guid": token, "description": text, "version": version,
             "license": "Apache-2.0", "generationTool": f"rig_nodes {version}", "variableNamingConvention": "structured"}
@@ -126,17 +194,11 @@ def model_description(fmi: int, identifier: str, text: str, variables: Sequence[
         head["numberOfEventIndicators"] = 0
     lines = ['<?xml version="1.0" encoding="UTF-8"?>', f"<fmiModelDescription{_attributes(head)}>",
              f"  <CoSimulation{_attributes(offers)}/>",
-             "  <UnitDefinitions>", *_units(variables), "  </UnitDefinitions>",
+             "  <UnitDefinitions>", *_units(variables), "  </UnitDefinitions>", *_types(fmi, variables),
+             "  <LogCategories>", *(f'    <Category name="{name}"/>' for name in CATEGORIES), "  </LogCategories>",
              f'  <DefaultExperiment startTime="0.0" stopTime="1.0" stepSize="{step}"/>', "  <ModelVariables>"]
     lines += (_variables3 if fmi == 3 else _variables2)(variables)
-    outputs = [k for k, v in enumerate(variables) if v.causality == "output"]
-    lines += ["  </ModelVariables>", "  <ModelStructure>"]
-    if fmi == 3:
-        lines += [f'    <{element} valueReference="{k}"/>' for element in ("Output", "InitialUnknown") for k in outputs]
-    else:
-        for element in ("Outputs", "InitialUnknowns"):
-            lines += [f"    <{element}>", *(f'      <Unknown index="{k + 1}"/>' for k in outputs), f"    </{element}>"]
-    return "\n".join([*lines, "  </ModelStructure>", "</fmiModelDescription>", ""])
+    return "\n".join([*lines, "  </ModelVariables>", *_structure(fmi, variables), "</fmiModelDescription>", ""])
 
 
 def _values(v: Variable) -> dict:
@@ -148,7 +210,8 @@ def _values(v: Variable) -> dict:
     if v.type == "integer":
         return limits
     shown = v.display[0] if v.unit and v.display and v.display[0] != v.unit else None
-    return {"unit": v.unit, "displayUnit": shown, **limits}
+    nominal = NOMINALS.get(v.unit) if v.causality != "parameter" else None
+    return {"unit": v.unit, "displayUnit": shown, **limits, "nominal": nominal}
 
 
 def _start(v: Variable):
@@ -167,7 +230,8 @@ def _variables2(variables: Sequence[Variable]) -> list[str]:
         # an empty string is a start value too
         tail = f" start={quoteattr(_word(start))}" if start is not None else ""
         lines += [f"    <ScalarVariable{_attributes(head)}>",
-                  f"      <{TYPES[v.type][1]}{_attributes(_values(v))}{tail}/>", "    </ScalarVariable>"]
+                  f"      <{v.in_c_and_xml[1]}{_attributes({'declaredType': v.declared, **_values(v)})}{tail}/>",
+                  "    </ScalarVariable>"]
     return lines
 
 
@@ -176,10 +240,11 @@ def _variables3(variables: Sequence[Variable]) -> list[str]:
     for k, v in enumerate(variables):
         head = {"name": v.name, "valueReference": k, "causality": v.causality, "variability": v.variability,
                 "description": v.text, "initial": {"parameter": "exact", "output": "calculated"}.get(v.causality)}
-        start, element = _start(v), TYPES[v.type][2]
+        head["declaredType"] = v.declared
+        start, element = _start(v), v.in_c_and_xml[2]
         if v.type == "string" and start is not None:
             lines.append(f"    <{element}{_attributes(head)}><Start value={quoteattr(start)}/></{element}>")
         else:
             lines.append(f"    <{element}{_attributes({**head, **_values(v), 'start': start})}/>")
     return [*lines, f'    <Float64 name="time" valueReference="{len(variables)}" causality="independent" '
-                    'variability="continuous" description="Simulated time [s]"/>']
+                    'variability="continuous" unit="s" description="Simulated time"/>']

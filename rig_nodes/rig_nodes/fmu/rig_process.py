@@ -18,7 +18,7 @@ from ..errors import RigError, printable
 
 INITIALIZE, STEP, TERMINATE, RESET = range(1, 5)
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)
-HEAD = struct.Struct("<II")  # what and samples of a request; status and nothing of an answer
+HEAD = struct.Struct("<II")  # what and samples of a request; status and samples done of an answer
 TEXT = 1024  # bytes of a string and of a sentence, as in c/model.h
 
 
@@ -95,15 +95,16 @@ class RigModel:
         self._reader = Reader(self.rig, values)
         self._reader.read()
 
-    def step(self, samples: int) -> None:
-        """Move by samples with the inputs as they are."""
+    def step(self, samples: int) -> int:
+        """Move by samples with the inputs as they are, or to a trip; returns how many it has moved by."""
         if self.rig.sample == 0 and self.values.text("record") and self._recording is None:
             self._recording = Recording(Path(self.values.text("record")), self.rig, self._changed_config,
                                         int(self.values["seed"]))
         self._give_setpoints()
         command = None if self.rig.embedded else self._command()
-        end = self.rig.sample + samples
-        while self.rig.sample < end:
+        first = self.rig.sample
+        end = first + samples
+        while self.rig.sample < end and not self.rig.reason:
             if command is None:
                 self._order()
             elif self.rig.sample:
@@ -116,6 +117,7 @@ class RigModel:
                 part = self._until_shift_end(end - self.rig.sample)
             self.rig.advance_samples(part)
         self._reader.read()
+        return self.rig.sample - first
 
     def _give_setpoints(self) -> None:
         """Motor, load and oil, where their inputs have changed."""
@@ -168,19 +170,21 @@ def serve(link: socket.socket, resources: Path) -> None:
     model = RigModel(resources)
     values = model.values
     size = HEAD.size + values.numbers.nbytes + TEXT * len(values.texts)
-    link.send(_answer(values, OK, ""))
+    link.send(_answer(values, OK, 0, ""))
     while request := link.recv(size + TEXT):
         if len(request) != size:
             print("rig: the FMU was made by another version of rig_nodes; export it again", file=sys.stderr)
             break
         what, samples = HEAD.unpack_from(request)
         _take(values, request)
-        status, sentence = OK, ""
+        status, done, sentence = OK, 0, ""
         try:
             if what == INITIALIZE:
                 model.initialize()
             elif what == STEP:
-                model.step(samples)
+                done = model.step(samples)
+                if model.rig.reason:
+                    status, sentence = DISCARD, f"the rig tripped at {model.rig.time:.3f} s: {model.rig.reason}"
             elif what == TERMINATE:
                 model.terminate()
             elif what == RESET:
@@ -188,7 +192,9 @@ def serve(link: socket.socket, resources: Path) -> None:
                 model.rig = None
         except RigError as error:
             status, sentence = ERROR, str(error)
-        link.send(_answer(values, status, sentence))
+        except OSError as error:  # the bag cannot be written
+            status, sentence = ERROR, f"the rig's process: {error}"
+        link.send(_answer(values, status, done, sentence))
     model.terminate()
 
 
@@ -202,13 +208,13 @@ def _take(values, request: bytes) -> None:
         at += TEXT
 
 
-def _answer(values, status: int, sentence: str) -> bytes:
+def _answer(values, status: int, done: int, sentence: str) -> bytes:
     texts = b"".join(_padded(text) for text in [*values.texts, sentence])
-    return HEAD.pack(status, 0) + values.numbers.tobytes() + texts
+    return HEAD.pack(status, done) + values.numbers.tobytes() + texts
 
 
 def _padded(text: str) -> bytes:
-    return text.encode()[:TEXT - 1].ljust(TEXT, b"\0")
+    return text.encode()[:TEXT - 1].decode(errors="ignore").encode().ljust(TEXT, b"\0")
 
 
 def main() -> int:

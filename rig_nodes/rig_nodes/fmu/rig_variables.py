@@ -12,7 +12,7 @@ import numpy as np
 
 from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config
 from ..catalogue import catalogue
-from ..config.units import SI
+from ..config.units import SI, with_article
 from ..errors import RigError
 from ..testbench.configuration import PARTS, RigConfig
 from ..testbench.rig import SETPOINTS, Rig
@@ -20,7 +20,11 @@ from ..testbench.together import check_together
 from ..testbench.topics import COMMAND, MEASURED, Heard, States
 from .description import Variable
 
-UNITS = {"Nm": "N.m", "-": ""}  # units of the configuration that the catalogue writes otherwise
+# units of the configuration as FMI writes them, and of dimensions that have no unit of factor 1 there
+UNITS = {"-": "1", "Nm": "N.m", "1/Nm": "1/(N.m)", "kg m2": "kg.m2", "Nm s/rad": "N.m.s/rad", "Nm/rad": "N.m/rad",
+         "N s/m": "N.s/m", "Pa s": "Pa.s", "Pa s/m3": "Pa.s/m3", "V/(A s)": "V/(A.s)"}
+OTHER_UNITS = {"displacement": "m3/rad", "pressure per current": "Pa/A", "cubic stiffness": "N/m3", "wear rate": "m/J",
+               "force per pressure squared": "N/Pa2"}
 CONTROLLERS = ("embedded", "duty", "current")  # values of the parameter controller
 OUTPUTS = 3  # of the shift controller
 TRUE = {  # what each transducer would show without error, from the rig
@@ -34,7 +38,8 @@ TRUE = {  # what each transducer would show without error, from the rig
 
 def rig_variables(config: RigConfig) -> list[Variable]:
     """All of them: parameters, inputs, outputs."""
-    return [*_parameters(config), *_inputs(config), *_outputs()]
+    parameters = _parameters(config)
+    return [*parameters, *_inputs(config), *_outputs([v.name for v in parameters])]
 
 
 def _parameters(config: RigConfig) -> list[Variable]:
@@ -47,8 +52,8 @@ def _parameters(config: RigConfig) -> list[Variable]:
         if meta["dimension"] == "switch":
             out.append(Variable(name, "boolean", "parameter", f"{name}, on or off", bool(value)))
         else:
-            unit = SI.get(meta["dimension"], "")
-            out.append(Variable(name, "real", "parameter", f"{name}, a {meta['dimension']}", float(value),
+            unit = SI.get(meta["dimension"]) or OTHER_UNITS[meta["dimension"]]
+            out.append(Variable(name, "real", "parameter", f"{name}, {with_article(meta['dimension'])}", float(value),
                                 UNITS.get(unit, unit), low=meta["low"], high=meta["high"]))
     for key, points in zip(OUTPUT_KEYS, config.alfa46.profiles, strict=True):
         for point, (time, current) in zip(POINTS, points, strict=True):
@@ -85,21 +90,28 @@ def _inputs(config: RigConfig) -> list[Variable]:
                      0, low=0, high=2**OUTPUTS - 1)]
 
 
-def _outputs() -> list[Variable]:
-    out = []
+def _outputs(parameters: Sequence[str]) -> list[Variable]:
+    """The rig begins at rest: only its transducers and the oil's temperature show parameters at the initialization."""
+    out, temperature = [], "oil_supply.temperature"
+    transducers = tuple(name for name in parameters if name in ("seed", "effects.transducers")
+                        or name.startswith("instruments."))
     for signal in catalogue().signals.values():
+        by = (*transducers, temperature) if signal.name == "T_oil" else transducers if signal.topic in MEASURED else ()
         states = ", ".join(f"{key} {word}" for key, word in signal.states.items())
         text = f"{signal.text} {f'({states})' if states else signal.sign}"
         if signal.quantity == "state":
-            out.append(Variable(signal.name, "integer", "output", text))
+            words = tuple((int(key), word) for key, word in signal.states.items())
+            out.append(Variable(signal.name, "integer", "output", text, words=words))
         else:
-            out.append(Variable(signal.name, "real", "output", text, unit="" if signal.unit == "-" else signal.unit,
-                                display=(signal.display_unit, signal.scale)))
+            out.append(Variable(signal.name, "real", "output", text, unit=UNITS.get(signal.unit, signal.unit),
+                                display=(signal.display_unit, signal.scale), initial_by=by))
     for name in TRUE:
         signal = catalogue().signals[name]
         out.append(Variable(f"true.{name}", "real", "output", f"{signal.text} Without the transducer.", unit=signal.unit,
-                            display=(signal.display_unit, signal.scale)))
-    currents = (Variable(f"current_{k}", "real", "output", f"Measured coil current at controller output {k}", unit="A")
+                            display=(signal.display_unit, signal.scale),
+                            initial_by=(temperature,) if name == "T_oil" else ()))
+    currents = (Variable(f"current_{k}", "real", "output", f"Measured coil current at controller output {k}", unit="A",
+                         initial_by=transducers)
                 for k in range(1, OUTPUTS + 1))
     return [*out, *currents, Variable("shifting", "boolean", "output", "A profile of the controller runs"),
             Variable("sample", "integer", "output", "Controller samples of 1 ms since the start"),

@@ -78,7 +78,7 @@ int model_initialize(model *m) {
   return MODEL_OK;
 }
 
-int model_step(model *m, unsigned long sample, unsigned samples) {
+int model_step(model *m, unsigned long sample, unsigned samples, unsigned *done) {
   double *number = m->values->number;
   const double *given = number + MODEL_INPUTS;
   double *told = number + MODEL_OUTPUTS;
@@ -105,9 +105,10 @@ int model_step(model *m, unsigned long sample, unsigned samples) {
     if (status == RIG_DISCARD) continue;
     if (status != RIG_OK) {
       out.message[sizeof out.message - 1] = 0;
-      m->say(m->importer, status + 1, out.message[0] ? out.message : "the controller gave no reason");
       if (status != RIG_ERROR) m->alive = 0; /* nothing of it is called again */
-      return status == RIG_ERROR ? MODEL_ERROR : MODEL_FATAL;
+      status = status == RIG_ERROR ? MODEL_ERROR : MODEL_FATAL;
+      m->say(m->importer, status, out.message[0] ? out.message : "the controller gave no reason");
+      return status;
     }
     memcpy(told, out.command, sizeof out.command);
     memcpy(told + 3, out.setpoint, sizeof out.setpoint);
@@ -116,6 +117,7 @@ int model_step(model *m, unsigned long sample, unsigned samples) {
     told[8] = out.flags;
     if (MODEL_SIGNALS) rig_controller_signal_values(m->controller, told + TOLD, MODEL_SIGNALS);
   }
+  *done = samples;
   return MODEL_OK;
 }
 

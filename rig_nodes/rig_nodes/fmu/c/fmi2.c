@@ -2,6 +2,7 @@
 #include "fmi2Functions.h"
 #include "model.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -14,8 +15,7 @@ typedef struct {
 
 static void say(void *importer, int status, const char *sentence) {
   component *c = importer;
-  const char *category = status == MODEL_FATAL ? "logStatusFatal" : status == MODEL_ERROR ? "logStatusError" : "logStatusWarning";
-  if (c->logger) c->logger(c->environment, c->name, (fmi2Status)status, category, "%s", sentence);
+  if (c->logger) c->logger(c->environment, c->name, (fmi2Status)status, MODEL_CATEGORIES[status], "%s", sentence);
 }
 
 /* The path in a file: URI, %XX decoded, without a slash at its end. */
@@ -80,15 +80,11 @@ fmi2Status fmi2SetupExperiment(fmi2Component it, fmi2Boolean has_tolerance, fmi2
   component *c = it;
   (void)has_tolerance;
   (void)tolerance;
-  (void)has_stop;
-  (void)stop;
-  c->inner->start = start;
-  return fmi2OK;
+  return (fmi2Status)instance_set_up(c->inner, start, has_stop ? stop : INFINITY);
 }
 
 fmi2Status fmi2EnterInitializationMode(fmi2Component it) {
-  component *c = it;
-  return (fmi2Status)instance_enter(c->inner, c->inner->start);
+  return (fmi2Status)instance_enter(((component *)it)->inner);
 }
 
 fmi2Status fmi2ExitInitializationMode(fmi2Component it) {
@@ -180,7 +176,7 @@ fmi2Status fmi2GetRealStatus(fmi2Component it, const fmi2StatusKind kind, fmi2Re
 fmi2Status fmi2GetIntegerStatus(fmi2Component it, const fmi2StatusKind kind, fmi2Integer *value) { return fmi2Discard; }
 fmi2Status fmi2GetBooleanStatus(fmi2Component it, const fmi2StatusKind kind, fmi2Boolean *value) {
   if (kind != fmi2Terminated) return fmi2Discard;
-  *value = fmi2False;
+  *value = ((component *)it)->inner->phase == STOPPED;
   return fmi2OK;
 }
 fmi2Status fmi2GetStringStatus(fmi2Component it, const fmi2StatusKind kind, fmi2String *value) { return fmi2Discard; }

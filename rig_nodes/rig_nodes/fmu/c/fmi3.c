@@ -2,6 +2,7 @@
 #include "fmi3Functions.h"
 #include "model.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -11,15 +12,22 @@ typedef struct {
   instance *inner;
   fmi3LogMessageCallback log;
   fmi3InstanceEnvironment environment;
+  int early; /* the importer takes a step that ends before its time */
 } component;
 
 static void say(void *importer, int status, const char *sentence) {
   component *c = importer;
-  const char *category = status == MODEL_FATAL ? "logStatusFatal" : status == MODEL_ERROR ? "logStatusError" : "logStatusWarning";
-  if (c->log) c->log(c->environment, (fmi3Status)status, category, sentence);
+  /* a model that ends the simulation is no discarded step here */
+  if (status == MODEL_DISCARD) status = MODEL_WARNING;
+  if (c->log) c->log(c->environment, (fmi3Status)status, MODEL_CATEGORIES[status], sentence);
 }
 
 static instance *in(fmi3Instance it) { return ((component *)it)->inner; }
+
+static fmi3Status other_count(fmi3Instance it) {
+  say(it, MODEL_ERROR, "this FMU has no arrays: each value reference has one value");
+  return fmi3Error;
+}
 
 const char *fmi3GetVersion(void) { return fmi3Version; }
 
@@ -36,7 +44,7 @@ fmi3Status fmi3Reset(fmi3Instance it) { return (fmi3Status)instance_reset(in(it)
 
 #define ACCESS(Name, letter)                                                                                    \
   fmi3Status fmi3Get##Name(fmi3Instance it, const fmi3ValueReference r[], size_t n, fmi3##Name v[], size_t nv) { \
-    if (nv != n) return fmi3Error;                                                                              \
+    if (nv != n) return other_count(it);                                                                              \
     for (size_t k = 0; k < n; k++) {                                                                            \
       double value = instance_time(in(it));                                                                     \
       const int is_time = letter == 'r' && r[k] == TIME;                                                        \
@@ -47,7 +55,7 @@ fmi3Status fmi3Reset(fmi3Instance it) { return (fmi3Status)instance_reset(in(it)
     return fmi3OK;                                                                                              \
   }                                                                                                             \
   fmi3Status fmi3Set##Name(fmi3Instance it, const fmi3ValueReference r[], size_t n, const fmi3##Name v[], size_t nv) { \
-    if (nv != n) return fmi3Error;                                                                              \
+    if (nv != n) return other_count(it);                                                                              \
     for (size_t k = 0; k < n; k++) {                                                                            \
       const int status = instance_set(in(it), letter, r[k], (double)v[k], NULL);                                \
       if (status > MODEL_WARNING) return (fmi3Status)status;                                                    \
@@ -57,10 +65,11 @@ fmi3Status fmi3Reset(fmi3Instance it) { return (fmi3Status)instance_reset(in(it)
 
 ACCESS(Float64, 'r')
 ACCESS(Int32, 'i')
+ACCESS(Int64, 'e') /* enumerations */
 ACCESS(Boolean, 'b')
 
 fmi3Status fmi3GetString(fmi3Instance it, const fmi3ValueReference r[], size_t n, fmi3String v[], size_t nv) {
-  if (nv != n) return fmi3Error;
+  if (nv != n) return other_count(it);
   for (size_t k = 0; k < n; k++) {
     const int status = instance_get(in(it), 's', r[k], NULL, &v[k]);
     if (status > MODEL_WARNING) return (fmi3Status)status;
@@ -69,7 +78,7 @@ fmi3Status fmi3GetString(fmi3Instance it, const fmi3ValueReference r[], size_t n
 }
 
 fmi3Status fmi3SetString(fmi3Instance it, const fmi3ValueReference r[], size_t n, const fmi3String v[], size_t nv) {
-  if (nv != n) return fmi3Error;
+  if (nv != n) return other_count(it);
   for (size_t k = 0; k < n; k++) {
     const int status = instance_set(in(it), 's', r[k], 0.0, v[k]);
     if (status > MODEL_WARNING) return (fmi3Status)status;
@@ -92,6 +101,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
     size_t length;
     c->log = log;
     c->environment = environment;
+    c->early = early;
     strcpy(path, resources ? resources : "");
     for (length = strlen(path); length > 1 && path[length - 1] == '/';) path[--length] = 0;
     c->inner = instance_new(token, path, say, c);
@@ -104,15 +114,18 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
 
 fmi3Status fmi3EnterInitializationMode(fmi3Instance it, fmi3Boolean has_tolerance, fmi3Float64 tolerance, fmi3Float64 start,
                                        fmi3Boolean has_stop, fmi3Float64 stop) {
-  return (fmi3Status)instance_enter(in(it), start);
+  const int status = instance_set_up(in(it), start, has_stop ? stop : INFINITY);
+  return (fmi3Status)(status > MODEL_WARNING ? status : instance_enter(in(it)));
 }
 
 fmi3Status fmi3DoStep(fmi3Instance it, fmi3Float64 time, fmi3Float64 step, fmi3Boolean no_way_back, fmi3Boolean *event,
                       fmi3Boolean *end, fmi3Boolean *early, fmi3Float64 *last) {
   const int status = instance_step(in(it), time, step);
-  *event = *end = *early = fmi3False;
+  *event = fmi3False;
   *last = instance_time(in(it));
-  return (fmi3Status)status;
+  *end = status == MODEL_DISCARD;
+  *early = *end && ((component *)it)->early && *last < time + step - 0.5 * MODEL_SAMPLE;
+  return *end ? fmi3Warning : (fmi3Status)status;
 }
 
 /* ---- functions for what modelDescription.xml does not offer */
@@ -136,20 +149,23 @@ NONE_OF(UInt8)
 NONE_OF(Int16)
 NONE_OF(UInt16)
 NONE_OF(UInt32)
-NONE_OF(Int64)
 NONE_OF(UInt64)
 
 typedef const fmi3ValueReference refs[];
 
+static fmi3Instance co_simulation_only(fmi3InstanceEnvironment environment, fmi3LogMessageCallback log) {
+  if (log) log(environment, fmi3Error, MODEL_CATEGORIES[MODEL_ERROR], "this FMU is for co-simulation");
+  return NULL;
+}
 fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
                                           fmi3Boolean logging, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log) {
-  return NULL;
+  return co_simulation_only(environment, log);
 }
 fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
                                                fmi3Boolean logging, fmi3InstanceEnvironment environment,
                                                fmi3LogMessageCallback log, fmi3ClockUpdateCallback update,
                                                fmi3LockPreemptionCallback lock, fmi3UnlockPreemptionCallback unlock) {
-  return NULL;
+  return co_simulation_only(environment, log);
 }
 fmi3Status fmi3EnterEventMode(fmi3Instance it) NO("event mode")
 fmi3Status fmi3GetBinary(fmi3Instance it, refs r, size_t n, size_t sizes[], fmi3Binary v[], size_t nv) NO("binary variables")

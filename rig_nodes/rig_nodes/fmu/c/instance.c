@@ -24,9 +24,14 @@ static int after(instance *i, int status) {
   return status;
 }
 
-static void starts(model_values *values) {
-  memset(values, 0, sizeof *values);
-  memcpy(values->number, MODEL_STARTS, sizeof values->number);
+/* As new: start values, from 0 s on without an end. */
+static void starts(instance *i) {
+  memset(&i->values, 0, sizeof i->values);
+  memcpy(i->values.number, MODEL_STARTS, sizeof i->values.number);
+  i->start = 0.0;
+  i->stop = INFINITY;
+  i->fresh = 0;
+  i->phase = INSTANTIATED;
 }
 
 instance *instance_new(const char *token, const char *resources, model_say say, void *importer) {
@@ -39,7 +44,7 @@ instance *instance_new(const char *token, const char *resources, model_say say, 
   if (!i) return NULL;
   i->say = say;
   i->importer = importer;
-  starts(&i->values);
+  starts(i);
   i->model = model_new(resources, &i->values, say, importer);
   if (!i->model) {
     free(i);
@@ -61,6 +66,8 @@ int instance_get(instance *i, char type, unsigned reference, double *value, cons
   if (i->phase == DEAD) return MODEL_FATAL;
   if (reference >= MODEL_COUNT || MODEL_TYPES[reference] != type)
     return refuse(i, MODEL_ERROR, "value reference %u is none of a variable of this type", reference);
+  if (i->phase == INSTANTIATED && MODEL_KINDS[reference] == 'o')
+    return refuse(i, MODEL_ERROR, "%s is an output and has no value before the initialization", MODEL_NAMES[reference]);
   if (i->phase == INITIALIZING && MODEL_KINDS[reference] == 'o') {
     const int status = refresh(i);
     if (status > MODEL_WARNING) return status;
@@ -75,9 +82,11 @@ int instance_set(instance *i, char type, unsigned reference, double value, const
   if (reference >= MODEL_COUNT || MODEL_TYPES[reference] != type)
     return refuse(i, MODEL_ERROR, "value reference %u is none of a variable of this type", reference);
   if (MODEL_KINDS[reference] == 'o') return refuse(i, MODEL_ERROR, "%s is an output and cannot be set", MODEL_NAMES[reference]);
+  if (i->phase > STEPPING) return refuse(i, MODEL_ERROR, "%s cannot be set any more; reset before another run", MODEL_NAMES[reference]);
   if (MODEL_KINDS[reference] == 'p' && i->phase != INSTANTIATED && i->phase != INITIALIZING)
     return refuse(i, MODEL_ERROR, "%s is a parameter and cannot be set after the initialization", MODEL_NAMES[reference]);
   if (type == 's') {
+    if (!text) return refuse(i, MODEL_ERROR, "%s takes a string", MODEL_NAMES[reference]);
     if (strlen(text) >= MODEL_TEXT)
       return refuse(i, MODEL_ERROR, "%s takes at most %d characters", MODEL_NAMES[reference], MODEL_TEXT - 1);
     strcpy(i->values.text[(int)i->values.number[reference]], text);
@@ -88,9 +97,20 @@ int instance_set(instance *i, char type, unsigned reference, double value, const
   return MODEL_OK;
 }
 
-int instance_enter(instance *i, double start) {
-  if (i->phase != INSTANTIATED) return refuse(i, MODEL_ERROR, "the initialization comes first, and once; reset before another run");
+int instance_set_up(instance *i, double start, double stop) {
+  if (i->phase == DEAD) return MODEL_FATAL;
+  if (i->phase != INSTANTIATED)
+    return refuse(i, MODEL_ERROR, "start and stop time are set before the initialization; reset before another run");
+  if (!isfinite(start)) return refuse(i, MODEL_ERROR, "a start time of %g s is refused; expected a finite one", start);
+  if (!(stop >= start)) return refuse(i, MODEL_ERROR, "the stop time of %g s lies before the start time of %g s", stop, start);
   i->start = start;
+  i->stop = stop;
+  return MODEL_OK;
+}
+
+int instance_enter(instance *i) {
+  if (i->phase == DEAD) return MODEL_FATAL;
+  if (i->phase != INSTANTIATED) return refuse(i, MODEL_ERROR, "the initialization comes first, and once; reset before another run");
   i->sample = 0;
   i->phase = INITIALIZING;
   return MODEL_OK;
@@ -98,6 +118,7 @@ int instance_enter(instance *i, double start) {
 
 int instance_leave_initialization(instance *i) {
   int status;
+  if (i->phase == DEAD) return MODEL_FATAL;
   if (i->phase != INITIALIZING) return refuse(i, MODEL_ERROR, "the initialization was not entered");
   status = refresh(i);
   if (status <= MODEL_WARNING) i->phase = STEPPING;
@@ -108,21 +129,29 @@ double instance_time(const instance *i) { return i->start + (double)i->sample * 
 
 int instance_step(instance *i, double time, double step) {
   const double samples = step / MODEL_SAMPLE;
+  unsigned done = 0;
   int status;
   if (i->phase == DEAD) return MODEL_FATAL;
+  if (i->phase == STOPPED)
+    return refuse(i, MODEL_ERROR, "the simulation has ended at %.6f s; terminate the instance, or reset it", instance_time(i));
   if (i->phase != STEPPING) return refuse(i, MODEL_ERROR, "a step is for an initialized instance without an error");
   if (!(fabs(time - instance_time(i)) < 0.5 * MODEL_SAMPLE))
     return refuse(i, MODEL_ERROR, "a step from %.6f s is asked for, but the instance stands at %.6f s", time, instance_time(i));
   if (!(samples > 0.5 && samples < 1e9 && fabs(samples - rint(samples)) < 1e-6 * (1.0 + fabs(samples))))
     return refuse(i, MODEL_ERROR, "a communication step of %.9g s is refused; expected whole milliseconds", step);
-  status = after(i, model_step(i->model, i->sample, (unsigned)rint(samples)));
-  if (status <= MODEL_WARNING) i->sample += (unsigned long)rint(samples);
+  if (instance_time(i) + rint(samples) * MODEL_SAMPLE > i->stop + 1e-3 * MODEL_SAMPLE)
+    return refuse(i, MODEL_ERROR, "a step from %.6f s to %.6f s is asked for, past the stop time of %.6f s", instance_time(i),
+                  instance_time(i) + step, i->stop);
+  status = after(i, model_step(i->model, i->sample, (unsigned)rint(samples), &done));
+  i->sample += done;
+  if (status == MODEL_DISCARD) i->phase = STOPPED;
   return status;
 }
 
 int instance_terminate(instance *i) {
   if (i->phase == DEAD) return MODEL_FATAL;
-  if (i->phase == TERMINATED) return MODEL_OK;
+  if (i->phase < STEPPING || i->phase == TERMINATED)
+    return refuse(i, MODEL_ERROR, "there is no run that could be terminated");
   i->phase = TERMINATED;
   return after(i, model_terminate(i->model));
 }
@@ -131,9 +160,7 @@ int instance_reset(instance *i) {
   int status;
   if (i->phase == DEAD) return MODEL_FATAL;
   status = model_reset(i->model);
-  starts(&i->values);
-  i->fresh = 0;
-  i->phase = INSTANTIATED;
+  starts(i);
   return after(i, status);
 }
 

@@ -14,6 +14,10 @@
 /* Numbers of fmi2Status and fmi3Status. */
 enum { MODEL_OK, MODEL_WARNING, MODEL_DISCARD, MODEL_ERROR, MODEL_FATAL };
 
+/* Names of log categories, by status. */
+static const char *const MODEL_CATEGORIES[] = {"logEvents", "logStatusWarning", "logStatusDiscard", "logStatusError",
+                                               "logStatusFatal"};
+
 /* number[r]: value of the real, integer or boolean r; of a string r, the number of its text. */
 typedef struct {
   double number[MODEL_COUNT];
@@ -32,8 +36,9 @@ model *model_new(const char *resources, model_values *values, model_say say, voi
 /* Takes parameters and inputs, leaves the outputs of time 0; may be called again until the first step. */
 int model_initialize(model *m);
 
-/* Moves by `samples` of MODEL_SAMPLE with the inputs as they are; sample: how many lie behind. */
-int model_step(model *m, unsigned long sample, unsigned samples);
+/* Moves by `samples` of MODEL_SAMPLE with the inputs as they are; sample: how many lie behind. MODEL_DISCARD, and a
+ * sentence: the model ends the simulation, *done samples later. */
+int model_step(model *m, unsigned long sample, unsigned samples, unsigned *done);
 
 /* Ends the run; a new one begins with model_initialize. */
 int model_terminate(model *m);
@@ -45,7 +50,8 @@ void model_free(model *m);
 
 /* ---- what fmi2.c and fmi3.c share (instance.c) */
 
-typedef enum { INSTANTIATED, INITIALIZING, STEPPING, TERMINATED, FAILED, DEAD } model_phase;
+/* STOPPED: the model has ended the simulation by itself. */
+typedef enum { INSTANTIATED, INITIALIZING, STEPPING, STOPPED, TERMINATED, FAILED, DEAD } model_phase;
 
 typedef struct {
   model_values values;
@@ -54,16 +60,17 @@ typedef struct {
   model_say say;
   void *importer;
   int fresh;            /* the outputs belong to the parameters as they are */
-  double start;         /* time of the first step [s] */
+  double start, stop;   /* time of the first step and the time that no step may pass [s] */
   unsigned long sample; /* samples since then */
 } instance;
 
 instance *instance_new(const char *token, const char *resources, model_say say, void *importer);
 int instance_get(instance *i, char type, unsigned reference, double *value, const char **text);
 int instance_set(instance *i, char type, unsigned reference, double value, const char *text);
-int instance_enter(instance *i, double start);
+int instance_set_up(instance *i, double start, double stop);
+int instance_enter(instance *i);
 int instance_leave_initialization(instance *i);
-int instance_step(instance *i, double time, double step);
+int instance_step(instance *i, double time, double step); /* MODEL_DISCARD as model_step, at instance_time() */
 int instance_terminate(instance *i);
 int instance_reset(instance *i);
 void instance_free(instance *i);

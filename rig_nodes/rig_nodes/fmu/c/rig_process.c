@@ -31,7 +31,7 @@ typedef struct {
 } request;
 
 typedef struct {
-  uint32_t status, reserved;
+  uint32_t status, samples; /* of a step: how many it has moved by */
   model_values values;
   char sentence[MODEL_TEXT];
 } answer;
@@ -112,7 +112,7 @@ static int ask(model *m, uint32_t what, unsigned samples) {
   m->request.values = *m->values;
   if (m->socket >= 0) send(m->socket, &m->request, sizeof m->request, MSG_NOSIGNAL); /* a failure shows in the answer */
   status = receive(m);
-  if (status <= MODEL_WARNING) *m->values = m->answer.values;
+  if (status <= MODEL_DISCARD) *m->values = m->answer.values;
   return status;
 }
 
@@ -222,9 +222,12 @@ model *model_new(const char *resources, model_values *values, model_say say, voi
 
 int model_initialize(model *m) { return ask(m, INITIALIZE, 0); }
 
-int model_step(model *m, unsigned long sample, unsigned samples) {
+int model_step(model *m, unsigned long sample, unsigned samples, unsigned *done) {
+  int status;
   (void)sample; /* the rig counts too */
-  return ask(m, STEP, samples);
+  status = ask(m, STEP, samples);
+  if (status <= MODEL_DISCARD) *done = m->answer.samples;
+  return status;
 }
 
 int model_terminate(model *m) { return ask(m, TERMINATE, 0); }
