@@ -12,10 +12,12 @@ import signal
 import struct
 import subprocess
 import sys
+import threading
 from pathlib import Path
+from typing import IO, NoReturn
 
 from ..alfa46.settings import Alfa46Config
-from ..errors import RigError, no_file
+from ..errors import RigError, no_file, printable
 from ..graph.link import Link, LinkClosed, pair
 from .c_library import CORE
 from .own_signals import checked_settings, checked_signals
@@ -28,10 +30,15 @@ SAMPLE = struct.Struct("<QI7d")  # sample, gear_request, currents (3), n_wej, n_
 ANSWER = struct.Struct("<IIII6d")  # status, gear, shifting, flags, command (3), setpoint (3)
 LOAD_TIMEOUT = 60.0  # s of wall clock for loading and for the initialization
 END_PATIENCE = 2.0  # s of wall clock for the end of the process
+MESSAGE = 4096  # bytes of a message or of a line that are shown
 
 
 class ControllerFmu(Plug):
-    """A controller FMU; variables are found by the names of the seam (docs/fmu.md)."""
+    """A controller FMU; variables are found by the names of the seam (docs/fmu.md).
+
+    ``level_from``: what says its level ("asked for", "its parameter level", "the unit of its commands"); empty where
+    nothing does and the first level was taken.
+    """
 
     def __init__(self, file: str, config: Alfa46Config, level: str | None = None):
         name = f"fmu:{file}"
@@ -39,16 +46,21 @@ class ControllerFmu(Plug):
             raise RigError(f"controller {name}: {no_file(file)}")
         ours, theirs = pair()
         environment = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[2])}
-        command = [sys.executable, "-P", "-m", "rig_nodes.controllers.fmu_process", file, str(theirs.fileno()),
+        said = os.memfd_create("said")
+        command = [sys.executable, "-P", "-m", "rig_nodes.controllers.fmu_process", file, str(theirs.fileno()), str(said),
                    str(os.getpid())]
         with theirs:
-            self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=2,
-                                             pass_fds=[theirs.fileno()], env=environment)
+            self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                                             stderr=subprocess.STDOUT, pass_fds=[theirs.fileno(), said], env=environment)
+        self._said = open(said, "rb", buffering=0)  # the FMU's newest message, which outlives its process
+        self._printed = threading.Thread(target=_show, args=(self._process.stdout,), daemon=True)
+        self._printed.start()
         self.process_id = self._process.pid  # for a debugger
         self._link, self._core = Link(ours.detach(), name), -1
         try:
             found = self._hear(name)
             super().__init__(name, config, chosen_level(level, tuple(found["levels"]), name))
+            self.level_from = "asked for" if level else found["level_from"]
             self.wants, self.signals = checked_wants(found["wants"], name), checked_signals(found["signals"], name)
             # a parameter that is named like one of the rig's has that one's value
             self.settings = checked_settings({key: value for key, value in found["settings"].items()
@@ -67,9 +79,10 @@ class ControllerFmu(Plug):
         try:
             data = self._link.receive(LOAD_TIMEOUT)
         except LinkClosed:
-            raise RigError(f"controller {name}: {self._how_it_ended()} before it was initialized") from None
+            raise RigError(f"controller {name}: {self._how_it_ended()} before it was initialized{self._last_said()}") from None
         if data is None:
-            raise RigError(f"controller {name}: the FMU did not load and initialize within {LOAD_TIMEOUT:g} s")
+            raise RigError(f"controller {name}: the FMU did not load and initialize within {LOAD_TIMEOUT:g} s"
+                           f"{self._last_said()}")
         message = json.loads(data)
         if "error" in message:
             raise RigError(f"controller {name}: {message['error']}")
@@ -84,6 +97,16 @@ class ControllerFmu(Plug):
             number = signal.Signals(-code)
             return f"the FMU's process was ended by {number.name} ({signal.strsignal(number).lower()})"
         return f"the FMU's process ended itself with exit code {code}"
+
+    def _last_said(self) -> str:
+        """The newest message of an FMU that is gone or gives no answer, as the end of a sentence."""
+        text = os.pread(self._said.fileno(), MESSAGE, 0).decode("utf-8", "replace")
+        return f"; the last it said: {text}" if text else ""
+
+    def _fail(self, status: Status, sample: int, text: str) -> NoReturn:
+        if status == Status.FATAL and not text.startswith("status"):  # the FMU's own status comes with its reason
+            text += self._last_said()
+        super()._fail(status, sample, text)
 
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
         core = CORE()
@@ -110,13 +133,24 @@ class ControllerFmu(Plug):
         """End the process without a call into the FMU."""
         self._link.close()
         self._process.kill()
-        self._process.wait()
+        self._gone()
 
     def _end(self) -> None:
         """The FMU is terminated and freed by its process, which ends when the line does."""
         self._link.close()
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(END_PATIENCE)
-            return
         self._process.kill()
+        self._gone()
+
+    def _gone(self) -> None:
         self._process.wait()
+        self._printed.join(END_PATIENCE)  # a child of the FMU's own may still hold the pipe
+        self._said.close()
+
+
+def _show(pipe: IO[bytes]) -> None:
+    """What the FMU's process prints, on standard error, as nothing that a terminal obeys."""
+    with pipe:
+        while line := pipe.readline(MESSAGE):
+            print(printable(line.decode("utf-8", "replace").rstrip("\n"), "\t"), file=sys.stderr, flush=True)

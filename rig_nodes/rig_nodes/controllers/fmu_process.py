@@ -25,6 +25,7 @@ COMMANDS, SETPOINTS = [f"command_{k}" for k in NUMBERS], [f"setpoint_{k}" for k 
 INPUTS = ["gear_request", *(f"current_{k}" for k in NUMBERS), "n_wej", "n_wyj", "p1", "p2"]
 OUTPUT_NAMES = [*COMMANDS, *SETPOINTS, "gear", "shifting", "flags", "status"]
 LEVELS = ("duty", "current")
+UNITS = {"A": ("current", 1.0), "mA": ("current", 1e-3), "1": ("duty", 1.0), "-": ("duty", 1.0), "%": ("duty", 0.01)}
 NUMBER_TYPES = ("Real", "Float64", "Float32", "Integer", "Int32", "Enumeration", "Boolean")
 STATUS = {"discard": Status.DISCARD, "error": Status.ERROR, "fatal": Status.FATAL}
 
@@ -62,15 +63,47 @@ def settings_of(fmu: Fmu) -> dict[str, float]:
     return {name: float(fmu.variables[name].start) for name in names[:MOST]}
 
 
-def levels_of(fmu: Fmu) -> list[str]:
-    """The levels that the FMU knows: by its parameter level, else by the unit of command_1, the likelier one first."""
+def meaning_of(fmu: Fmu, name: str) -> tuple[str, float]:
+    """What the unit of an output says: the level, empty where there is no unit, and the factor to A or to 1."""
+    variable = fmu.variables[name]
+    unit = variable.unit or (variable.declaredType.unit if variable.declaredType is not None else None)
+    if not unit:
+        return "", 1.0
+    if unit in UNITS:
+        return UNITS[unit]
+    base = next((known.baseUnit for known in fmu.description.unitDefinitions if known.name == unit), None)
+    if base is not None:
+        exponents = {key: int(getattr(base, key)) for key in ("kg", "m", "s", "A", "K", "mol", "cd", "rad")}
+        used = {key: power for key, power in exponents.items() if power}
+        if used in ({}, {"A": 1}) and float(base.offset) == 0.0:
+            return "current" if used else "duty", float(base.factor)
+    raise RigError(f"the FMU's output {name} is in {unit}; expected A (level current), or 1 or % (level duty)")
+
+
+def levels_of(fmu: Fmu) -> tuple[list[str], str]:
+    """The levels that the FMU knows, the likelier one first, and what of it says so: its parameter level, else the unit of
+    its commands; empty where nothing does.
+    """
+    commands = [name for name in COMMANDS if name in fmu.variables]
+    said = {name: meaning_of(fmu, name)[0] for name in commands}
+    if len(set(said.values())) > 1:
+        found = ", ".join(f"{name} {f'at level {level}' if level else 'without one'}" for name, level in said.items())
+        raise RigError(f"the units of the FMU's commands do not agree: {found}")
     level = fmu.variables.get("level")
     if level is None:
-        return ["current"] if fmu.variables["command_1"].unit in ("A", "mA") else ["duty", "current"]
-    low, high = int(level.min or 0), int(level.max if level.max is not None else 1)
-    preferred = int(float(level.start or 0))
+        (by_unit,) = set(said.values())
+        if not by_unit:
+            return list(LEVELS), ""
+        return [by_unit], "the unit of its commands"
+    try:
+        low, high, preferred = (default if text is None else int(float(text))
+                                for text, default in ((level.min, 0), (level.max, 1), (level.start, 0)))
+    except ValueError:
+        raise RigError("the min, max and start of the FMU's parameter level are not all numbers") from None
     known = [name for k, name in enumerate(LEVELS) if low <= k <= high]
-    return sorted(known, key=lambda name: LEVELS.index(name) != preferred)
+    if not known:
+        raise RigError(f"the FMU's parameter level goes from {low} to {high}; expected 0 (duty), 1 (current) or both")
+    return sorted(known, key=lambda name: LEVELS.index(name) != preferred), "its parameter level"
 
 
 def start_values(fmu: Fmu, level: str, parameters: dict[str, float]) -> dict[str, float]:
@@ -90,11 +123,12 @@ def answer_samples(link: socket.socket, fmu: Fmu, period: float, settings: list[
     write_others, read_own, write_settings = fmu.writer(wants), fmu.reader(signals), fmu.writer(settings)
     others, own, tuned = (struct.Struct(f"<{len(names)}d") for names in (wants, signals, settings))
     newest = tuple(settings_of(fmu)[name] for name in settings)  # as the FMU has them
+    factors = {name: meaning_of(fmu, name)[1] for name in (*COMMANDS, *SETPOINTS) if name in told}
     while data := link.recv(FRAME):
         sample, request, *values = SAMPLE.unpack_from(data)
         given = [request, *values]
         first = sample if first is None else first
-        fmu.said = ""
+        fmu.forget()
         try:
             write([given[k] for k in places])
             write_others(others.unpack_from(data, SAMPLE.size))
@@ -111,16 +145,16 @@ def answer_samples(link: socket.socket, fmu: Fmu, period: float, settings: list[
             status = STATUS.get(failure.status, Status.ERROR)
             link.send(ANSWER.pack(status, 0, 0, 0, *[0.0] * 6) + str(failure).encode())
             continue
-        command = [found.get(name, 0.0) for name in COMMANDS]
-        setpoint = [found.get(name, 0.0) for name in SETPOINTS]
+        command, setpoint = ([factors[name] * found[name] if name in found else 0.0 for name in names]
+                             for names in (COMMANDS, SETPOINTS))
         gear, shifting, flags = (max(0, int(found.get(name, 0))) for name in ("gear", "shifting", "flags"))
         status = Status.DISCARD if found.get("status") == Status.DISCARD else Status.OK
         link.send(ANSWER.pack(status, gear, shifting, flags, *command, *setpoint) + own_values)
 
 
 def main() -> int:
-    """Arguments: the FMU's file, the socket's descriptor, the rig's process."""
-    file, descriptor, parent = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
+    """Arguments: the FMU's file, the descriptors of the socket and of the file for its newest message, the rig's process."""
+    file, (descriptor, said, parent) = sys.argv[1], map(int, sys.argv[2:])
     # an FMU that computes without end must not outlive the rig
     ct.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
     if os.getppid() != parent:
@@ -129,17 +163,22 @@ def main() -> int:
         signal.signal(number, signal.SIG_IGN)  # a person's Ctrl-C is the rig's to obey: it ends this process in order
     with socket.socket(fileno=descriptor) as link, contextlib.suppress(BrokenPipeError, ConnectionResetError):
         try:
-            serve(link, file)
+            serve(link, file, said)
         except RigError as error:
             link.send(json.dumps({"error": str(error).removeprefix(f"{file}: ")}).encode())
     return 0
 
 
-def serve(link: socket.socket, file: str) -> None:
+def serve(link: socket.socket, file: str, said: int) -> None:
     """Everything from the FMU's loading to its end; RigError before the first sample."""
-    with Fmu(file, "controller") as fmu:
+    def keep(text: str) -> None:  # where the rig finds it when the FMU crashes
+        os.ftruncate(said, 0)
+        os.pwrite(said, text.encode(), 0)
+
+    with Fmu(file, "controller", keep) as fmu:
         check_variables(fmu)
-        link.send(json.dumps({"levels": levels_of(fmu), "wants": wants_of(fmu), "signals": signals_of(fmu),
+        levels, level_from = levels_of(fmu)
+        link.send(json.dumps({"levels": levels, "level_from": level_from, "wants": wants_of(fmu), "signals": signals_of(fmu),
                               "settings": settings_of(fmu)}).encode())
         start = link.recv(FRAME)
         if not start:

@@ -74,7 +74,7 @@ class FmuBench:
 def drive(fmu: Fmu, sequence: Sequence, load: LoadConfig, **parameters) -> float:
     """Run the sequence on the FMU; returns its length [s]. parameters: e.g. record="runs/fmu-demo", seed=1.
 
-    RigError when the rig trips, SequenceFailed when a step does not come to its end. The FMU is terminated.
+    FmuFailed when the rig trips, SequenceFailed when a step does not come to its end. The FMU is terminated.
     """
     fmu.set(**parameters)
     fmu.initialize()
@@ -86,8 +86,6 @@ def drive(fmu: Fmu, sequence: Sequence, load: LoadConfig, **parameters) -> float
             bench.hear(ms)
             fmu.step(ms * 1e-3, TICK * 1e-3)
             ms += TICK
-            if reason := fmu.get("reason")[0]:
-                raise RigError(f"the rig tripped at {ms * 1e-3:g} s: {reason}")
     finally:
         fmu.terminate()
     return ms * 1e-3

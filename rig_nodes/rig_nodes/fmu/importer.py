@@ -6,21 +6,29 @@ FMPy is imported when an FMU is opened.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes as ct
-import os
 import shutil
+import tempfile
+from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 
-from ..errors import RigError, no_file
+from ..errors import RigError, no_file, printable
+from .archive import unpack
+from .log_text import SIGNATURE, formatted, text_at
 
 STATUSES = ("ok", "warning", "discard", "error", "fatal")  # numbers of fmi2Status and fmi3Status
 GROUPS = {"Real": "Real", "Float64": "Float64", "Float32": "Float32", "Boolean": "Boolean", "String": "String",
           **dict.fromkeys(("Integer", "Enumeration"), "Integer")}
 GROUPS_3 = {"Enumeration": "Int64"}
+KEPT, LONGEST = 3, 500  # messages of an FMU that a sentence has at most, and characters of each
 
 
 class FmuFailed(RigError):
-    """A call that the FMU answered with discard, error or fatal; ``status`` is its word."""
+    """A call that the FMU answered with discard, error or fatal; ``status`` is its word, or "terminated" where the FMU ends
+    the simulation by itself.
+    """
 
     exit_code = 1
 
@@ -32,10 +40,11 @@ class FmuFailed(RigError):
 class Fmu:
     """One instance of a co-simulation FMU; close it, or use it in a ``with``.
 
-    ``variables``: name -> FMPy's ScalarVariable. RigError for a file that cannot be used here.
+    ``variables``: name -> FMPy's ScalarVariable. ``keep`` is told the newest message of the FMU as soon as it comes, so
+    that it outlives a crash. RigError for a file that cannot be used here.
     """
 
-    def __init__(self, path: str | Path, name: str = "instance"):
+    def __init__(self, path: str | Path, name: str = "instance", keep: Callable[[str], None] = lambda text: None):
         try:
             import fmpy
             from fmpy.fmi1 import FMICallException
@@ -46,24 +55,25 @@ class Fmu:
                            "(pip install fmpy)") from None
         self._error = FMICallException
         self._instance = self._folder = None
-        self.path, self.said = Path(path), ""
+        self.path, self._keep = Path(path), keep
+        self._heard: deque[tuple[int, str]] = deque(maxlen=KEPT)  # status and text of its newest messages
         if not self.path.is_file():
             raise RigError(f"{path}: {no_file(path)}")
-        self.description = description = self._read(fmpy)
-        self.version = 3 if str(description.fmiVersion).startswith("3") else 2
-        if str(description.fmiVersion).split(".")[0] not in ("2", "3"):
-            raise RigError(f"{path}: the FMU is of FMI {description.fmiVersion}; expected 2.0 or 3.0")
-        if description.coSimulation is None:
-            raise RigError(f"{path}: the FMU is for model exchange only; expected co-simulation")
-        here = fmpy.platform if self.version == 2 else fmpy.platform_tuple
-        there = fmpy.supported_platforms(str(self.path))
-        if here not in there and fmpy.platform not in there:
-            found = ", ".join(there) or "none"
-            raise RigError(f"{path}: the FMU has no binary for this platform, {here}; it has {found}")
-        self.variables = {v.name: v for v in description.modelVariables}
-        self._folder = fmpy.extract(str(self.path))
-        kind = FMU3Slave if self.version == 3 else FMU2Slave
+        self._folder = tempfile.mkdtemp(prefix="rig-fmu-")
         try:
+            self.description = description = self._read(fmpy)
+            self.version = 3 if str(description.fmiVersion).startswith("3") else 2
+            if str(description.fmiVersion).split(".")[0] not in ("2", "3"):
+                raise RigError(f"{path}: the FMU is of FMI {description.fmiVersion}; expected 2.0 or 3.0")
+            if description.coSimulation is None:
+                raise RigError(f"{path}: the FMU is for model exchange only; expected co-simulation")
+            here = fmpy.platform if self.version == 2 else fmpy.platform_tuple
+            there = fmpy.supported_platforms(self._folder)
+            if here not in there and fmpy.platform not in there:
+                found = ", ".join(there) or "none"
+                raise RigError(f"{path}: the FMU has no binary for this platform, {here}; it has {found}")
+            self.variables = {v.name: v for v in description.modelVariables}
+            kind = FMU3Slave if self.version == 3 else FMU2Slave
             self._instance = kind(guid=description.guid, unzipDirectory=self._folder, instanceName=name,
                                   modelIdentifier=description.coSimulation.modelIdentifier)
             self._instantiate()
@@ -72,19 +82,41 @@ class Fmu:
             raise
         except Exception as error:  # FMPy raises what ctypes and the loader raise
             self._remove()
-            raise RigError(f"{path}: the FMU cannot be loaded: {' '.join(str(error).split())}") from None
+            raise RigError(f"{path}: the FMU cannot be loaded: {_in_one_line(error)}") from None
 
     def _read(self, fmpy):
+        """The model description of the archive, which is unpacked."""
         try:
-            return fmpy.read_model_description(str(self.path), validate=False)
-        except Exception as error:  # not a zip, no XML in it, wrong XML: FMPy has a class for each
-            raise RigError(f"{self.path}: it cannot be read as an FMU: {' '.join(str(error).split())}") from None
+            unpack(self.path, Path(self._folder))
+            return fmpy.read_model_description(self._folder, validate=False)
+        except RigError as error:
+            raise RigError(f"{self.path}: it cannot be read as an FMU: {error}") from None
+        except Exception as error:  # XML of something else: FMPy raises what it stumbles over
+            raise RigError(f"{self.path}: it cannot be read as an FMU: {_in_one_line(error)}") from None
+
+    # ---- what it says
+
+    def _hear(self, status: int, text: str) -> None:
+        if text := _in_one_line(text)[:LONGEST]:
+            self._heard.append((status, text))
+            self._keep(text)
+
+    def forget(self) -> None:
+        """What it has said so far is no reason of what comes."""
+        self._heard.clear()
+
+    def _why(self, otherwise: str) -> str:
+        """Why a call failed: what the FMU called more than a note, else ``otherwise`` with its newest note."""
+        reasons = list(dict.fromkeys(text for status, text in self._heard if status > 0))
+        if reasons:
+            return "; ".join(reasons)
+        return f"{otherwise}; the last it said: {self._heard[-1][1]}" if self._heard else otherwise
 
     def _instantiate(self) -> None:
-        """Makes the instance; what the FMU says is kept in ``said``."""
+        """Makes the instance and listens to what it says."""
         if self.version == 3:
             def log(environment, status, category, message):
-                self.said = message.decode("utf-8", "replace")
+                self._hear(status, (message or b"").decode("utf-8", "replace"))
 
             from fmpy import fmi3
             self._log = fmi3.fmi3LogMessageCallback(log)
@@ -92,14 +124,10 @@ class Fmu:
             return
         from fmpy import fmi2
 
-        # variadic in C: of what follows the format only a single text can be read
-        signature = ct.CFUNCTYPE(None, ct.c_void_p, ct.c_char_p, ct.c_int, ct.c_char_p, ct.c_char_p, ct.c_void_p)
+        def log2(environment, instance, status, category, form, *values):
+            self._hear(status, formatted(text_at(form), values))
 
-        def log2(environment, instance, status, category, form, text):
-            said = ct.string_at(text) if form == b"%s" and text else form
-            self.said = (said or b"").decode("utf-8", "replace")
-
-        self._log = signature(log2)
+        self._log = SIGNATURE(log2)
         callbacks = fmi2.fmi2CallbackFunctions()
         callbacks.logger = ct.cast(self._log, type(callbacks.logger))
         callbacks.allocateMemory = fmi2.defaultCallbacks.allocateMemory
@@ -113,9 +141,11 @@ class Fmu:
         except self._error as failure:
             status = failure.status
         except Exception as error:  # instantiate raises a plain Exception
-            raise RigError(f"{self.path}: {self.said or ' '.join(str(error).split())}") from None
+            raise RigError(f"{self.path}: {self._why(_in_one_line(error))}") from None
         word = STATUSES[status] if status in range(len(STATUSES)) else f"status {status}"
-        raise FmuFailed(self.said or f"{name} ended with status {word}", word)
+        why = self._why(f"{name} ended with status {word}")
+        self.forget()
+        raise FmuFailed(why, word)
 
     # ---- variables
 
@@ -178,19 +208,34 @@ class Fmu:
 
     # ---- life
 
-    def initialize(self, start: float = 0.0, **inputs) -> None:
-        """Enter and leave the initialization, with values of inputs and parameters by name."""
+    def initialize(self, start: float = 0.0, stop: float | None = None, **inputs) -> None:
+        """Enter and leave the initialization, with values of inputs and parameters by name. stop: time [s] of the end."""
         if self.version == 2:
-            self._call("setupExperiment", startTime=start)
+            self._call("setupExperiment", startTime=start, stopTime=stop)
             self._call("enterInitializationMode")
         else:
-            self._call("enterInitializationMode", startTime=start)
+            self._call("enterInitializationMode", startTime=start, stopTime=stop)
         self.set(**inputs)
         self._call("exitInitializationMode")
 
     def step(self, time: float, size: float) -> None:
-        """One communication step; FmuFailed with the status when the FMU refuses it."""
-        self._call("doStep", currentCommunicationPoint=time, communicationStepSize=size)
+        """One communication step; FmuFailed with the status when the FMU refuses it or ends the simulation."""
+        try:
+            done = self._call("doStep", currentCommunicationPoint=time, communicationStepSize=size)
+        except FmuFailed as failure:
+            if self.version == 2 and failure.status == "discard" and self._ended():
+                failure.status = "terminated"
+            raise
+        if self.version == 3 and done[1]:
+            raise FmuFailed(self._why("the FMU ended the simulation"), "terminated")
+
+    def _ended(self) -> bool:
+        """Whether an FMU of FMI 2.0 that discarded a step has ended the simulation with it."""
+        from fmpy.fmi2 import fmi2Terminated
+
+        with contextlib.suppress(Exception):  # it need not have the function
+            return bool(self._instance.getBooleanStatus(fmi2Terminated))
+        return False
 
     def terminate(self) -> None:
         self._call("terminate")
@@ -209,7 +254,7 @@ class Fmu:
 
     def _remove(self) -> None:
         folder, self._folder = self._folder, None
-        if folder and os.path.isdir(folder):
+        if folder:
             shutil.rmtree(folder, ignore_errors=True)
 
     def __enter__(self):
@@ -217,3 +262,7 @@ class Fmu:
 
     def __exit__(self, *_):
         self.close()
+
+
+def _in_one_line(text: object) -> str:
+    return printable(" ".join(str(text).split()))
