@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+INTERMIXED = True  # files may stand before and behind options
 HELP = "write an FMU, the CAN database or the Modbus registers"
 DEFAULTS = {"fmu": "{rig}.fmu", "controller-fmu": "{source}.fmu", "dbc": "rig.dbc", "registers": "registers.csv"}
 # endings of what is written; a file with the first one may be written over, it is most likely an older export
@@ -12,10 +13,12 @@ SUFFIXES = {"fmu": (".fmu",), "controller-fmu": (".fmu",), "dbc": (".dbc",), "re
 
 def add_arguments(parser) -> None:
     """The arguments of the verb."""
-    parser.add_argument("what", choices=DEFAULTS, help="fmu: the rig; controller-fmu: a controller in C; dbc: for CAN; "
-                                                       "registers: for Modbus, .csv or .md")
+    parser.add_argument("what", choices=DEFAULTS, help="fmu: the rig; controller-fmu: a controller in C or C++; dbc: for "
+                                                       "CAN; registers: for Modbus, .csv or .md")
     parser.add_argument("sources", nargs="*", default=[], metavar="FILE.c",
-                        help="of controller-fmu: C files for rig_controller.h")
+                        help="of controller-fmu: C and C++ files for rig_controller.h")
+    parser.add_argument("-I", "--include", action="append", default=[], metavar="FOLDER",
+                        help="of controller-fmu: folder of headers (may be repeated)")
     parser.add_argument("-o", "--out", metavar="FILE", help="file to write (default: named after what is exported)")
     parser.add_argument("--rig", default="hydmag", metavar="NAME", help="rig or .yaml file (default: hydmag)")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
@@ -30,6 +33,11 @@ def main(args) -> int:
 
     if args.sources and args.what != "controller-fmu":
         raise RigError(f"export {args.what} takes no files; found {' '.join(args.sources)}")
+    if args.include and args.what != "controller-fmu":
+        raise RigError(f"export {args.what} takes no folders of headers; found {' '.join(args.include)}")
+    for folder in args.include:
+        if not Path(folder).is_dir():
+            raise RigError(f"--include {folder}: there is no such folder")
     if args.what == "controller-fmu" and not args.sources:
         raise RigError("export controller-fmu needs the C file of your controller, e.g. my_controller.c")
     source = Path(args.sources[0]).stem if args.sources else ""
@@ -70,7 +78,7 @@ def _controller_fmu(args, target: Path, settings: dict[str, str]) -> None:
     from ..testbench.configuration import load_gearbox_rig
 
     config = load_gearbox_rig(args.rig, settings, "export controller-fmu")
-    build_controller_fmu(args.sources, target, config.alfa46, args.fmi)
+    build_controller_fmu(args.sources, target, config.alfa46, args.fmi, [f"-I{folder}" for folder in args.include])
 
 
 def _dbc(args, target: Path, settings: dict[str, str]) -> None:

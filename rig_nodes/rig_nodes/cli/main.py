@@ -2,7 +2,8 @@
 
 A verb is a module of this package with HELP (str), add_arguments(parser) and main(args) -> exit code. Modules
 are imported only when their verb is called, so that help and mistakes cost no numerics, ROS or viewer. A verb
-with PASSES_ON = True gets its arguments as they are, in args.passed_on.
+with PASSES_ON = True gets its arguments as they are, in args.passed_on; one with INTERMIXED = True takes lists of files
+before and behind options.
 """
 
 import argparse
@@ -93,7 +94,8 @@ def run_verb(verb: str, arguments: list[str]) -> int:
     if getattr(module, "PASSES_ON", False) and arguments[:1] not in (["-h"], ["--help"]):
         return module.main(argparse.Namespace(passed_on=arguments))
     refuse_empty(verb, arguments)
-    return module.main(parser.parse_args(arguments))
+    parse = parser.parse_intermixed_args if getattr(module, "INTERMIXED", False) else parser.parse_args
+    return module.main(parse(arguments))
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -1,6 +1,6 @@
-"""Builds FMUs: the rig as one (`rig export fmu`), and a shift controller in C as one (`rig export controller-fmu`).
+"""Builds FMUs: the rig as one (`rig export fmu`), and a shift controller in C or C++ as one (`rig export controller-fmu`).
 
-The C files are compiled with the user's compiler against the FMI headers that FMPy brings.
+The files are compiled with the user's compilers against the FMI headers that FMPy brings.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from types import MappingProxyType
 from .. import __version__
 from ..alfa46.settings import Alfa46Config
 from ..catalogue import catalogue
-from ..controllers.c_library import INCLUDE, LEVEL_BITS, CLibrary
+from ..controllers.c_library import COMPILERS, INCLUDE, LEVEL_BITS, CLibrary
 from ..controllers.seam import OUTPUTS, flat_parameters
-from ..errors import RigError, no_file
+from ..errors import RigError, no_file, printable
 from ..whole_file import write_whole
 from .description import Variable, c_header, model_description, token_of
 from .rig_variables import rig_variables
@@ -31,7 +31,7 @@ from .rig_variables import rig_variables
 SOURCES = Path(__file__).parent / "c"
 PLATFORMS = {2: "linux64", 3: "x86_64-linux"}  # folders of binaries/
 # -ffp-contract=off: no fused multiply-add, so that the same source gives the same bits on every machine
-FLAGS = ("-std=gnu11", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-fPIC", "-shared", "-Wl,-Bsymbolic")
+FLAGS = ("-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-fPIC")
 STAMP = (1980, 1, 1, 0, 0, 0)  # of every file in the FMU: the same input gives the same file
 
 
@@ -45,34 +45,41 @@ def fmpy_headers() -> Path:
     return Path(fmpy.__file__).parent / "c-code"
 
 
-def compiler() -> list[str]:
-    """The user's C compiler; RigError when there is none."""
-    found = shlex.split(os.environ.get("CC", "")) or next(
-        ([path] for path in map(shutil.which, ("cc", "gcc", "clang")) if path), None)
+def compiler(suffix: str) -> list[str]:
+    """The user's compiler for a source file, by its suffix, with the language's standard; RigError when there is none."""
+    variable, names, standard, missing = COMPILERS[suffix]
+    found = shlex.split(os.environ.get(variable, "")) or next(([path] for path in map(shutil.which, names) if path), None)
     if not found:
-        raise RigError("an FMU is compiled, but there is no C compiler here; install one (Debian package gcc)")
-    return found
+        raise RigError(f"an FMU is compiled, but there is no {missing}")
+    return [*found, "-std=gnu11" if suffix == ".c" else standard]  # ours use POSIX
 
 
 def compile_model(fmi: int, header: str, sources: Sequence[Path], target: Path, flags: Sequence[str] = ()) -> None:
-    """One shared library of fmi2.c or fmi3.c with these sources; RigError with the compiler's first complaint.
+    """One shared library of fmi2.c or fmi3.c with these C and C++ sources; RigError with the compiler's first complaint.
 
     header: the text of variables.h.
     """
     with tempfile.TemporaryDirectory(prefix="rig-fmu-") as folder:
         Path(folder, "variables.h").write_text(header, encoding="utf-8")
-        files = [SOURCES / f"fmi{fmi}.c", SOURCES / "instance.c", *sources]
-        command = [*compiler(), *FLAGS, *flags, f"-I{folder}", f"-I{SOURCES}", f"-I{INCLUDE}", f"-I{fmpy_headers()}",
-                   "-o", str(target), *map(str, files), "-lm"]
-        try:
-            done = subprocess.run(command, capture_output=True, text=True, errors="replace", stdin=subprocess.DEVNULL,
-                                  check=False)
-        except OSError as error:
-            raise RigError(f"the compiler {command[0]} does not start ({error.strerror})") from None
+        includes, objects = [f"-I{folder}", f"-I{SOURCES}", f"-I{INCLUDE}", f"-I{fmpy_headers()}"], []
+        for number, path in enumerate([SOURCES / f"fmi{fmi}.c", SOURCES / "instance.c", *sources]):
+            objects.append(f"{folder}/{number}.o")
+            _run([*compiler(path.suffix), *FLAGS, *flags, *includes, "-c", "-o", objects[-1], str(path)])
+        # C++ among them wants its own runtime
+        suffix = next((path.suffix for path in sources if COMPILERS[path.suffix] is not COMPILERS[".c"]), ".c")
+        _run([*compiler(suffix), "-shared", "-Wl,-Bsymbolic", "-o", str(target), *objects, "-lm"])
+
+
+def _run(command: list[str]) -> None:
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace", stdin=subprocess.DEVNULL,
+                              check=False)
+    except OSError as error:
+        raise RigError(f"the compiler {command[0]} does not start ({error.strerror})") from None
     if done.returncode:
         lines = done.stderr.splitlines() or ["no reason given"]
         first = next((line for line in lines if "error" in line or "undefined reference" in line), lines[0])
-        raise RigError(f"the FMU does not compile: {first.strip()}")
+        raise RigError(f"the FMU does not compile: {printable(first.strip())}")
 
 
 def write_fmu(target: Path, fmi: int, identifier: str, text: str, variables: Sequence[Variable],
@@ -176,11 +183,16 @@ def controller_defines(variables: Sequence[Variable], wants: int = 0, signals: i
 
 def build_controller_fmu(sources: Sequence[str | Path], target: str | Path, config: Alfa46Config, fmi: int = 2,
                          flags: Sequence[str] = ()) -> None:
-    """C files with the functions of rig_controller.h as a co-simulation FMU; RigError when they do not fit."""
+    """C and C++ files with the functions of rig_controller.h as a co-simulation FMU; RigError when they do not fit.
+
+    flags: for the compiler, e.g. folders of headers.
+    """
     files = [Path(source) for source in sources]
     for path in files:
         if not path.is_file():
             raise RigError(f"{path}: {no_file(path)}")
+        if path.suffix not in COMPILERS:
+            raise RigError(f"{path}: expected a source file that ends in {', '.join(COMPILERS)}")
     target, identifier = Path(target), _identifier(Path(target).stem)
     model = [SOURCES / "controller_model.c", *files]
     with tempfile.TemporaryDirectory(prefix="rig-fmu-") as folder:
