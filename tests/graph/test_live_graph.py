@@ -3,8 +3,10 @@
 import math
 
 import pytest
+from rcl_interfaces.msg import Log
+from rclpy.action import ActionClient
 from rclpy.duration import Duration
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rig_msgs.action import RunSequence, Shift
 from rig_msgs.msg import RigState, Setpoint, ValveCommand
 from running_graph import SHORT, Client, Graph
@@ -46,6 +48,14 @@ def still(user):
     assert RigState.TRIPPED not in {state.state for state in states}
 
 
+def logs(user) -> list:
+    """A list that grows with what is and was said on /rosout."""
+    said = []
+    profile = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    user.node.create_subscription(Log, "/rosout", said.append, profile)
+    return said
+
+
 def test_every_node_and_topic_is_seen(user):
     nodes = {topic.node for topic in catalogue().topics.values()} | {"recorder"}
     user.until(lambda: nodes <= set(user.node.get_node_names()), f"the nodes {nodes}")
@@ -70,6 +80,7 @@ def test_torque_is_read_without_gaps_and_in_time(user):
 
 
 def test_a_sequence_is_run_by_action(user, still):
+    said = logs(user)
     goal = user.order(RunSequence, "/sequencer/run", RunSequence.Goal(name=str(SHORT)))
     user.until(lambda: goal.feedback, "feedback of the sequence")
     again = user.order(RunSequence, "/sequencer/run", RunSequence.Goal(name=str(SHORT))).result()
@@ -77,6 +88,10 @@ def test_a_sequence_is_run_by_action(user, still):
     result = goal.result()
     assert result.success and result.steps_done == 8
     assert "shift to II" in {feedback.text for feedback in goal.feedback}
+    user.until(lambda: sum(log.msg.startswith("step 8 of 8: ") for log in said), "the last step in /rosout")
+    steps = [log for log in said if log.msg.startswith("step ")]
+    assert [log.msg.partition(":")[0] for log in steps] == [f"step {number} of 8" for number in range(1, 9)]
+    assert steps[2].msg == "step 3 of 8: shift to I" and {(log.name, log.level) for log in steps} == {("sequencer", 20)}
 
 
 def test_an_unknown_sequence_is_refused_with_the_known_ones(user, still):
@@ -104,8 +119,19 @@ def test_a_shift_gives_feedback_and_result_and_refuses_another(user, still):
     assert events[0].stamp.sec + events[0].stamp.nanosec * 1e-9 == pytest.approx(result.t_order)
     same = user.order(Shift, "/alfa46/shift", Shift.Goal(gear=new)).result()
     assert not same.success and "already" in same.message
-    unknown = user.order(Shift, "/alfa46/shift", Shift.Goal(gear=7)).result()
-    assert not unknown.success and "no gear 7" in unknown.message
+
+
+def test_a_gear_that_there_is_not_is_rejected_with_a_logged_reason(user, still):
+    said = logs(user)
+    client = ActionClient(user.node, Shift, "/alfa46/shift")
+    user.until(client.server_is_ready, "the action")
+
+    future = client.send_goal_async(Shift.Goal(gear=7))
+    user.until(future.done, "the answer")
+    assert not future.result().accepted
+    log = user.until(lambda: [log for log in said if "no gear 7" in log.msg], "the reason in /rosout")[0]
+    assert log.name == "alfa46"
+    assert log.msg == "shift refused: there is no gear 7; order 0 (neutral), 1 (I) or 2 (II)"
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -1.0, 1e6])

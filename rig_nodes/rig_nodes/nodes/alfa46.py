@@ -18,7 +18,7 @@ from rclpy.node import Node
 from rig_msgs.action import Shift
 from rig_msgs.msg import ControllerSample, Measurement, RigState
 
-from ..alfa46.controller import GEAR_NAMES
+from ..alfa46.controller import GEAR_NAMES, refusal
 from ..bags.cdr import encoder
 from ..bags.definitions import installed
 from ..catalogue import catalogue
@@ -112,7 +112,10 @@ class Alfa46Node(Node):
 
     def on_named(self) -> None:
         """A program of its own is there and has said what it wants and which settings it has."""
-        self.settings.declare_own()
+        try:
+            self.settings.declare_own()
+        except RigError as error:
+            self.get_logger().error(str(error))
         if self.real_time:
             self.listen_to_wants()
 
@@ -237,8 +240,13 @@ class Alfa46Node(Node):
     def on_request(self, request) -> GoalResponse:
         """Order a gear before the goal is answered: who hears that it is accepted knows that the order stands.
 
-        A refused order is accepted as a goal all the same, and ended with its reason.
+        A gear that there is not is rejected. Any other refused order is accepted as a goal all the same, and ended with
+        its reason.
         """
+        gear = int(request.gear)
+        if gear not in GEAR_NAMES:
+            self._refuse(f"shift refused: {refusal(gear, self.box.gear, False)}", gear)
+            return GoalResponse.REJECT
         try:
             if self._phase is not None:
                 raise RigError(f"shift refused: a shift to {GEAR_NAMES[self._phase.new]} is still running; "
@@ -248,9 +256,9 @@ class Alfa46Node(Node):
             with self._orders:
                 self._check_status()
                 old = self.box.gear
-                self.box.order(int(request.gear))
+                self.box.order(gear)
                 self._goal, self._t_order, self._ordered_at = None, None, self._last_sample
-                self._phase = ShiftPhase(self.config, old, int(request.gear))
+                self._phase = ShiftPhase(self.config, old, gear)
                 self._refusal = None
         except RigError as error:
             self._refusal = str(error)
@@ -259,13 +267,18 @@ class Alfa46Node(Node):
     def on_goal(self, goal) -> None:
         """Keep the goal of the shift that was just ordered, or end it with the reason why there is none."""
         with self._orders:
-            refusal = self._refusal
-            if refusal is None:
+            why = self._refusal
+            if why is None:
                 self._goal = goal
                 return
+        self._refuse(why, int(goal.request.gear))
+        finish(goal, Shift.Result(success=False, message=why, gear=self.box.gear))
+
+    def _refuse(self, why: str, gear: int) -> None:
+        """Count a refused order and say why."""
         self.refused += 1
-        self.event("shift_refused", refusal, float(goal.request.gear))
-        finish(goal, Shift.Result(success=False, message=refusal, gear=self.box.gear))
+        self.get_logger().warning(why)
+        self.event("shift_refused", why, float(gear))
 
     def _check_status(self) -> None:
         """RigError where the rig would not obey the command that follows from an order."""
@@ -367,6 +380,7 @@ def work(process) -> None:
     executor = process.start_ros()
     node = Alfa46Node(config, process)
     executor.add_node(node)
+    process.take_parameters([node])
     recorder = {"recorder"} if process.arguments.recorded and node.tap is None else set()
     link = process.links().get("container")
     wanted = dict.fromkeys(node.outputs, recorder) | {COMMAND: recorder if link else {"rig"} | recorder}

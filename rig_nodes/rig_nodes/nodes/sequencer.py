@@ -165,10 +165,11 @@ class Sequencer(Node):
                                                                  text=runner.text, t=t))
 
     def _tell_steps(self, runner, t: float) -> bool:
-        """Tell the supervisor which steps have begun since the last tick; False when none has."""
+        """Tell /rosout and the supervisor which steps have begun since the last tick; False when none has."""
         begun = runner.sequence.steps[self._steps_told:runner.step + 1]
         for step in begun:
             self._steps_told += 1
+            self.get_logger().info(f"step {self._steps_told} of {runner.steps}: {step.text}")
             self.process.status("step", step=self._steps_told, steps=runner.steps, text=step.text, t=t)
         return bool(begun)
 
@@ -207,6 +208,7 @@ def work(process) -> None:
     executor = process.start_ros()
     node = Sequencer(config, process)
     executor.add_node(node)
+    process.take_parameters([node])
     if sequence is not None:
         node.start(sequence)
     if config.kind == GEARBOX:
