@@ -228,7 +228,7 @@ def test_recording_that_ends_too_soon_names_what_is_missing():
     cut = {name: values[:17600] for name, values in full.items()}
     row = only(Recording(0.0, PERIOD, cut, [(1.0, 1, 2)]))
     assert row["t_dt_s"] == pytest.approx(0.25, abs=1e-3) and row["t_o_s"] is None
-    assert row["why"] == ["the recording ends before M_wej can settle"]
+    assert row["why"] == ["M_wej had no time to settle: the recording ends at 1.760 s"]
     cut = {name: values[:9000] for name, values in full.items()}
     assert "does not cover the order" in only(Recording(0.0, PERIOD, cut, [(1.0, 1, 2)]))["why"][0]
     empty = {name: values[:0] for name, values in full.items()}
@@ -264,3 +264,37 @@ def test_a_fall_that_slows_down_starts_where_it_starts():
     row = shift_metrics(Recording(0.0, recording.period, recording.channels | {"p1": p1}, recording.orders),
                         recording.orders[0])
     assert row["t_dt_s"] == pytest.approx(shift.end - shift.fall, abs=2.5e-3)
+
+
+@pytest.mark.parametrize("dip, stands", [(0.4, False), (0.97, False), (1.4, True)])
+def test_an_output_that_stood_still_is_no_valid_shift_and_a_deep_dip_is_one(dip, stands):
+    case = dataclasses.replace(UP, dip=dip)
+    row = only(case.recording(1, n_wyj=np.maximum(case.channels()["n_wyj"], 0.0)))
+    assert row["k"] == pytest.approx(max(1.0 - dip, 0.0), abs=2e-2) and row["e_loss_j"] is not None
+    assert row["valid"] is not stands
+    assert [reason.partition(" for ")[0] for reason in row["why"]] == ["the output stood still"] * stands
+
+
+def test_the_order_that_came_first_is_named_and_not_the_end_of_the_recording():
+    recording = UP.recording()
+    order = recording.orders[0]
+    soon = shift_metrics(recording, order, order[0] + UP.end + 0.05)
+    assert soon["why"] == ["M_wej had no time to settle: the next order came at 1.750 s"] and soon["t_dt_s"] is not None
+    sooner, = shift_metrics(recording, order, order[0] + 0.5)["why"][-1:]
+    assert "never settled on the ratio of gear II" in sooner and sooner.endswith("the next order came at 1.500 s")
+    assert shift_metrics(recording, order, order[0] + 0.02)["why"] == [
+        "the next order came at 1.020 s, 0.020 s after this one"]
+
+
+def test_a_clutch_that_cannot_carry_the_torque_is_said_to_slip_with_what_it_carries():
+    stalled = dataclasses.replace(UP, end=6.0, depart=0.6, dip=1.0)  # n_wyj falls towards nothing
+    channels = stalled.channels()
+    late = slice(-2000, None)
+    channels["n_wyj"][late] = 50.0  # steady at the end, and gear II would be 153.2 rad/s
+    channels["M_wyj"] = np.where(np.arange(channels["M_wyj"].size) < 12000, 240.0, 171.0)
+    row = only(Recording(0.0, PERIOD, channels, [(1.0, 1, 2)]))
+    slip = 1500.0 - I2 * 50.0 * RPM
+    assert row["why"][-1] == (f"clutch S2 still slips at the end by {slip:.0f} rpm of the input: it carries 171 Nm to the "
+                              "output at 2.30 MPa, 240 Nm were asked before the order")
+    open_clutch = only(Recording(0.0, PERIOD, channels | {"p2": np.zeros_like(channels["p2"])}, [(1.0, 1, 2)]))
+    assert not any("slips" in reason for reason in open_clutch["why"])

@@ -116,8 +116,9 @@ def shift_metrics(recording: Recording, order: tuple[float, int, int], next_orde
                   inertias: Inertias = Inertias()) -> dict:
     """The metrics of one shift; see :data:`KEYS`. Never raises for a bad shift.
 
-    What cannot be found is None, with its reason in ``why``; ``valid`` says that the shift was completed and
-    all was found. A dip of the output speed leaves a shift valid, ``k`` shows it. An engagement from neutral
+    What cannot be found is None, with its reason in ``why``; ``valid`` says that the shift was completed, all was
+    found and the output never stood still: a shift under load does not interrupt the drive, and k of an output that
+    stood says nothing of it. A dip that is none leaves a shift valid, ``k`` shows it. An engagement from neutral
     releases no clutch: there t_dt starts with the rise of the engaging pressure, and k and overlap_s are None
     without a reason.
     """
@@ -141,6 +142,7 @@ class _Shift:
     to_gear: int
     raw: dict[str, np.ndarray]
     smooth: dict[str, np.ndarray]
+    over: str  # what ends the time in which the shift is looked for, as a sentence
     why: list[str]
 
     @classmethod
@@ -149,9 +151,17 @@ class _Shift:
         t_order, from_gear, to_gear = order
         at = int(np.ceil((t_order - recording.t0) / recording.period - 1e-6))
         first = max(0, at - int(round(BEFORE / recording.period)))
-        until = t_order + LONGEST if next_order_time is None else min(next_order_time, t_order + LONGEST)
-        last = min(recording.rows, int((until - recording.t0) / recording.period) + 1)
+        over = f"a shift is looked for {LONGEST:g} s long"
+        until = t_order + LONGEST
+        if next_order_time is not None and next_order_time < until:
+            until, over = next_order_time, f"the next order came at {next_order_time:.3f} s"
+        last = int((until - recording.t0) / recording.period) + 1
+        if last > recording.rows:
+            last, over = recording.rows, f"the recording ends at {recording.t0 + recording.period * recording.rows:.3f} s"
         hold = int(round(HOLD / recording.period))
+        if until == next_order_time and last - at < 2 * hold:
+            why.append(f"{over}, {next_order_time - t_order:.3f} s after this one")
+            return None
         if at - first < hold or last - at < 2 * hold:
             why.append(f"the recording does not cover the order at {t_order:.3f} s and the time around it")
             return None
@@ -163,7 +173,7 @@ class _Shift:
         lengths = {name: PRESSURE_MEAN if name in PRESSURE.values() else TORQUE_SPEED_MEAN for name in NEEDED}
         widths = {name: odd_width(length, recording.period) for name, length in lengths.items()}
         smooth = {name: running_mean(raw[name], widths[name]) for name in NEEDED}
-        shift = cls(recording.period, at - first, int(from_gear), int(to_gear), raw, smooth, why)
+        shift = cls(recording.period, at - first, int(from_gear), int(to_gear), raw, smooth, over, why)
         if shift.before("n_wej") < 1.0:
             why.append("the input shaft did not turn when the shift was ordered")
             return None
@@ -191,6 +201,7 @@ class _Shift:
         start = self.pressure_start()
         end = self.slip_end(start)
         if end is None:
+            self.check_slipping(inertias)
             return
         if end < self.order:
             self.why.append(f"the speeds were those of gear {ROMAN[self.to_gear]} before it was ordered")
@@ -212,6 +223,7 @@ class _Shift:
         if self.from_gear in RATIO:
             # (7.3) and (7.4) both use i1; n_wej is the one before the order, the laboratory's nominal one
             row["k"] = lowest / self.before("n_wej") * RATIO[1]
+            self.check_standstill(first, end)
         row["e_loss_j"] = self.energy_loss(first, end, inertias)
         if settled is not None:
             row["e_loss_settled_j"] = self.energy_loss(first, settled, inertias)
@@ -310,8 +322,36 @@ class _Shift:
         if end is None:
             rest = np.abs(slip[begin:])
             best = f" (closest {100.0 * rest.min():.2f} %)" if rest.size else ""
-            self.why.append(f"the output never settled on the ratio of gear {ROMAN[self.to_gear]}{best}")
+            self.why.append(f"the output never settled on the ratio of gear {ROMAN[self.to_gear]}{best}; {self.over}")
         return end
+
+    def check_standstill(self, first: int, end: int) -> None:
+        """A reason where the output stood still between two samples of the shift: the drive was interrupted."""
+        stood = self.smooth["n_wyj"][first : end + 1] < STANDSTILL
+        if stood.any():
+            self.why.append(f"the output stood still for {np.count_nonzero(stood) * self.period:.3f} s, the drive was "
+                            "interrupted")
+
+    def check_slipping(self, inertias: Inertias) -> None:
+        """A reason where the new gear's clutch is steadily pressed and slips: what it carries, and what was asked.
+
+        Behind the clutch the torque meter at the output shows what it carries, and the output's inertia what of it
+        the load did not get: M_wyj + J dw/dt. Asked is the M_wyj from before the order.
+        """
+        tail = slice(-self.samples(SETTLED_FOR), None)
+        mean = {name: float(np.mean(values[tail])) for name, values in self.raw.items()}
+        slip = mean["n_wej"] - RATIO[self.to_gear] * mean["n_wyj"]
+        if mean["n_wej"] < STANDSTILL or slip < SLIP_OLD_GEAR * mean["n_wej"]:
+            return
+        pressure, earlier = (self.raw[PRESSURE[self.to_gear]][part] for part in (tail, slice(2 * tail.start, tail.start)))
+        if pressure.mean() < KISS[self.to_gear] or abs(pressure.mean() - earlier.mean()) > 0.05 * pressure.mean():
+            return  # it is open, and overlap() says so, or its pressure still moves
+        speed = self.smooth["n_wyj"][tail]
+        growth = float(speed[-1] - speed[0]) / ((speed.size - 1) * self.period)
+        carried = mean["M_wyj"] + inertias.driven * RATIO[2] ** 2 * growth
+        asked = f", {self.before('M_wyj'):.0f} Nm were asked before the order" if self.from_gear in RATIO else ""
+        self.why.append(f"clutch S{self.to_gear} still slips at the end by {slip * RPM:.0f} rpm of the input: it carries "
+                        f"{carried:.0f} Nm to the output at {pressure.mean() / 1e6:.2f} MPa{asked}")
 
     def speed_departure(self, old_slip: float | None) -> float | None:
         """First departure of n_wyj from its old value [sample].
@@ -341,7 +381,7 @@ class _Shift:
         """When M_wej has settled after the end of the shift [sample], or None with the reason.
 
         As Annex A: n_wej back above 99 % (up) or below 101 % (down) of its value before the order, settled
-        torque = mean over 0.1 s, 0.5 s after that (or the last 0.1 s recorded, if there is less); settled is
+        torque = mean over 0.1 s, 0.5 s after that (or the last 0.1 s there is, if there is less); settled is
         where the torque stays in a band around it for 0.1 s. The band of 5 %, at least 2 Nm, is ours.
         """
         speed, torque = self.smooth["n_wej"], self.smooth["M_wej"]
@@ -351,7 +391,7 @@ class _Shift:
         late = (end if recovered is None else recovered) + self.samples(SETTLED_AFTER)
         late = min(late, torque.size - span)
         if late < end:
-            self.why.append("the recording ends before M_wej can settle")
+            self.why.append(f"M_wej had no time to settle: {self.over}")
             return None
         value = float(np.mean(self.raw["M_wej"][late : late + span]))
         band = max(SETTLED_BAND * abs(value), SETTLED_BAND_NM)

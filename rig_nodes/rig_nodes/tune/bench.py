@@ -30,7 +30,8 @@ JERK_MEAN = 20e-3  # s over which the output's speed is averaged before its seco
 LOAD_WITHIN = 1.0  # Nm within which M_wyj is brought to the operating point's
 SPEED_WITHIN = 8.0 * RPM  # as in the sequence grid_point
 OPEN = 1.0  # of its kiss pressure: a released clutch has less when the shift is over
-NO_MATTER = ("M_wej did not settle", "the recording ends before")  # t_o is no objective
+# t_o is no objective, and a dip down to standstill is one
+NO_MATTER = ("M_wej did not settle", "M_wej had no time to settle", "the output stood still")
 
 
 @dataclass(frozen=True)
