@@ -7,7 +7,7 @@ import pytest
 from rig_nodes.cli.main import main
 from rig_nodes.testbench.conformance import Check
 
-from .conftest import PYTHON, C
+from .conftest import ALFA46_C, PYTHON, C
 
 HEAD = """
 import random
@@ -35,7 +35,7 @@ def table(capsys, *arguments):
 def test_the_reference_passes(capsys, spec):
     code, items = table(capsys, spec)
     assert code == 0, items
-    assert len(items) == 12
+    assert len(items) == 13
 
 
 @pytest.mark.parametrize(
@@ -73,6 +73,22 @@ def test_each_fault_is_found_by_its_item(tmp_path, capsys, what, item, sentence)
     assert all("\n" not in text for _, text in items.values())
 
 
+@pytest.mark.parametrize(("old", "new", "item", "sentence"), [
+    ("free(instance);", "free(instance); abort();", "ends",
+     "in rig_controller_destroy the library's process was ended by SIGABRT (aborted); 12 of 12 ends"),
+    ("  return RIG_OK;\n}\n\nvoid rig", "  memset(&outputs[1], 7, 64);\n  return RIG_OK;\n}\n\nvoid rig", "answers",
+     "the library wrote 64 bytes behind out of rig_controller_step; that memory is not its own"),
+])
+def test_what_a_library_spoils_is_found_by_its_item(tmp_path, capsys, old, new, item, sentence):
+    text = ALFA46_C.read_text()
+    assert old in text
+    (tmp_path / "mine.c").write_text("#include <stdlib.h>\n#include <string.h>\n" + text.replace(old, new))
+    code, items = table(capsys, f"c:{tmp_path / 'mine.c'}")
+    assert code == 1 and items[item][0] is False and items[item][1].endswith(sentence), items
+    if item == "ends":
+        assert [name for name, (ok, _) in items.items() if not ok] == ["ends"]
+
+
 def test_a_slow_step_is_found(tmp_path, config):
     path = tmp_path / "mine.py"
     path.write_text(HEAD.replace("WHAT", "if inputs.sample % 8 == 0: time.sleep(0.0012)"))
@@ -92,4 +108,4 @@ def test_the_table_is_for_people(tmp_path, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("ok      loads          python:")
     assert lines[1].startswith("FAILED  answers        controller python:") and lines[1].endswith("RuntimeError: tired")
-    assert lines[-1] == "2 of 12 passed"
+    assert lines[-1] == "2 of 13 passed"

@@ -138,15 +138,26 @@ def check_safe_state(folder, oldest):
     ("*(volatile int *)8 = 1;", "the library's process was ended by SIGSEGV (segmentation fault)"),
     ("exit(3);", "the library's process ended itself with exit code 3"),
     ("for (volatile int k = 0;;) k = 0;", "no answer for 200 ms (--step-timeout)"),
+    ("__builtin_memset(out + 1, 7, 64);", "the library wrote 64 bytes behind out of rig_controller_step; that memory is "
+                                          "not its own"),
     ("out->command[1] = 0.0 / (in->time - in->time);", "command[1] is nan, expected 0 to 0.8 A"),
 ])
 def test_a_library_that_fails_in_the_run(what, sentence, simulate, build, tmp_path):
-    path = build(holding(what))
+    path = build(holding(what), "-w")
     code, _, said = simulate(f"c:{path}", "--step-timeout", "0.2")
     reason = f"controller c:{path}, sample {FAIL}: {sentence}"
     assert code == 1 and said.replace("-nan", "nan") == f"rig: {reason}\n"
     told, tripped = check_safe_state(tmp_path / "run", 0.001)
     assert told.replace("-nan", "nan") == reason and FAIL * 1e-3 <= tripped <= FAIL * 1e-3 + 0.005
+
+
+def test_a_library_that_crashes_at_its_end_is_a_warning_of_the_run(simulate, build, tmp_path):
+    path = build(holding("out->shifting = 0;").replace("{ (void)instance; }", "{ *(volatile int *)instance = 1; }"))
+    code, _, said = simulate(f"c:{path}")
+    fault = "in rig_controller_destroy the library's process was ended by SIGSEGV (segmentation fault)"
+    assert (code, said) == (0, f"rig: warning: controller c:{path}: {fault}\n")
+    run = json.loads((tmp_path / "run" / "report.json").read_text())["run"]
+    assert run["end"]["state"] == "ended" and run["controller"]["end_fault"] == fault
 
 
 def test_a_program_over_udp_that_dies(simulate, tmp_path, free_udp_port):

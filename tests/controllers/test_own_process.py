@@ -155,3 +155,167 @@ def test_two_plugs_of_one_library_share_nothing(build, config):
     assert (one.gear, other.gear) == (1, 0)
     one.close()
     other.close()
+
+
+# ---- memory that is not the library's own
+
+
+def framed(step, extra=""):
+    """A library that wants, records and lets set one number each, so that all kinds of memory are handed to it."""
+    return frame(step) + extra + """
+const char *const *rig_controller_wants(void) { static const char *const names[] = {"M_wej", 0}; return names; }
+const char *const *rig_controller_signals(void) { static const char *const names[] = {"slip", 0}; return names; }
+const rig_parameter *rig_controller_settings(void) { static const rig_parameter all[] = {{"gain", 1}, {0, 0}}; return all; }
+""" + "".join(f"void {name}({kind} *values, uint32_t count) {{ (void)instance; (void)values; (void)count; "
+              f"{body} }}\n" for name, kind, body in OWN)
+
+
+OWN = [("rig_controller_wanted", "void *instance, const double", "WANTED"),
+       ("rig_controller_signal_values", "void *instance, double", "values[0] = 1.0; SIGNALS"),
+       ("rig_controller_set", "void *instance, const double", "SET")]
+
+
+@pytest.mark.parametrize(
+    ("where", "what", "sentence"),
+    [
+        ("STEP", "memset(out + 1, 7, 64);", "the library wrote 64 bytes behind out of rig_controller_step"),
+        ("STEP", "((char *)out)[-1] = 7;", "the library wrote 1 byte before out of rig_controller_step"),
+        ("STEP", "((double *)(out + 1))[3] = 7;", "8 bytes behind out of rig_controller_step, 24 bytes away from it"),
+        ("STEP", "memset((void *)(in + 1), 7, 8);", "8 bytes behind in of rig_controller_step"),
+        ("STEP", "memset((char *)in - 16, 7, 16);", "16 bytes before in of rig_controller_step"),
+        ("WANTED", "((double *)values)[1] = 7;", "8 bytes behind values of rig_controller_wanted"),
+        ("SIGNALS", "values[1] = 7;", "8 bytes behind values of rig_controller_signal_values"),
+        ("SET", "((double *)values)[-1] = 7;", "8 bytes before values of rig_controller_set"),
+    ],
+)
+def test_memory_written_beside_what_was_handed_over_trips_the_rig(build, config, where, what, sentence):
+    """A write of what the library does not own, from sample 3 on, whichever of the structs it lies beside."""
+    step = f"static uint64_t now; now = in->sample; {'' if where != 'STEP' else 'if (now >= 3) { ' + what + ' }'}"
+    text = "#include <string.h>\n" + framed(step)
+    for name in ("WANTED", "SIGNALS", "SET"):
+        text = text.replace(f"{name} }}", f"static int calls; if (++calls > 3) {{ {what} }} }}" if name == where else "}")
+    plug = load_controller(f"c:{build(text, '-w')}", config.alfa46)
+    rig = Rig(config, controller="external")
+    for _ in range(3):
+        advance_with(rig, plug)
+    assert rig.status == RigStatus.READY
+    advance_with(rig, plug)
+    assert rig.status == RigStatus.TRIPPED and rig.sample == 4, "in the very sample"
+    assert sentence in rig.reason and rig.reason.endswith("; that memory is not its own"), rig.reason
+    assert is_gone(plug.process_id)
+    plug.close()
+
+
+def test_memory_written_behind_the_info_of_create_is_refused(build, config):
+    text = frame("").replace("(void)info;", "((char *)(info + 1))[0] = 7;")
+    with pytest.raises(RigError, match="the library wrote 1 byte behind info of rig_controller_create; that memory is"):
+        load_controller(f"c:{build(text)}", config.alfa46)
+
+
+# ---- the end
+
+
+DESTROY = "void rig_controller_destroy(void *instance) { (void)instance; }"
+ENDS = [
+    ("*(volatile int *)8 = 1;", r"in rig_controller_destroy the library's process was ended by SIGSEGV "
+                                r"\(segmentation fault\)"),
+    ("exit(3);", "in rig_controller_destroy the library's process ended itself with exit code 3"),
+    ("exit(0);", "in rig_controller_destroy the library's process ended itself with exit code 0"),
+    (ENDLESS, "rig_controller_destroy did not return within 2 s"),
+    ("atexit(abort);", r"after rig_controller_destroy the library's process was ended by SIGABRT \(aborted\)"),
+]
+
+
+def breaking_at_its_end(what):
+    return frame("").replace(DESTROY, DESTROY.replace("(void)instance;", f"(void)instance; {what}"))
+
+
+@pytest.mark.parametrize(("what", "sentence"), ENDS)
+def test_a_library_that_breaks_down_at_its_end_is_told(build, config, what, sentence):
+    plug = load_controller(f"c:{build(breaking_at_its_end(what))}", config.alfa46)
+    ask(plug)
+    plug.close()
+    assert re.fullmatch(sentence, plug.end_fault), plug.end_fault
+    assert is_gone(plug.process_id, 0.0)
+
+
+def test_an_orderly_end_is_none_to_tell_of(build, config):
+    plug = load_controller(f"c:{build(frame(''))}", config.alfa46)
+    ask(plug)
+    plug.close()
+    assert plug.end_fault == ""
+
+
+# ---- children of the library
+
+
+CHILDREN = """
+#include <unistd.h>
+#include <fcntl.h>
+#include <sys/wait.h>
+static void leave_children(const char *path) { /* one in a session of its own, that nobody waits for, and its child */
+  int fd = open(path, O_WRONLY | O_CREAT | O_APPEND, 0600), done[2];
+  char byte;
+  (void)!pipe(done);
+  if (fork() == 0) {
+    setsid();
+    for (int k = 0; k < 2; k++) {
+      if (fork() == 0) {
+        dprintf(fd, "%d\\n", (int)getpid());
+        close(fd);
+        (void)!write(done[1], "x", 1);
+        for (;;) pause();
+      }
+    }
+    _exit(0);
+  }
+  wait(NULL);
+  for (int k = 0; k < 2; k++) (void)!read(done[0], &byte, 1);
+}
+"""
+
+
+def with_children(build, path, then=""):
+    head = CHILDREN + f'static void go(void) {{ leave_children("{path}"); {then} }}\n'
+    return build(frame("if (in->sample == 0) go();", head))
+
+
+@pytest.mark.parametrize("end", ["in order", "crash", "fatal", "endless loop"])
+def test_children_of_a_library_end_with_it(build, config, tmp_path, end):
+    """Of their own session and without a parent too."""
+    then = {"in order": "", "crash": "abort();", "fatal": "", "endless loop": ENDLESS}[end]
+    plug = load_controller(f"c:{with_children(build, tmp_path / 'pids', then)}", config.alfa46)
+    plug.pace(5.0 if end != "endless loop" else 0.5)
+    try:
+        ask(plug)
+    except ControllerFailed:
+        assert end in ("crash", "endless loop")
+    children = [int(pid) for pid in (tmp_path / "pids").read_text().split()]
+    assert len(children) == 2
+    if end == "fatal":
+        plug._abandon()  # as after a fatal status
+    plug.close()
+    assert all(is_gone(pid, 0.0) for pid in [plug.process_id, *children])
+
+
+def test_children_of_a_library_end_when_the_rig_is_killed(build, tmp_path):
+    code = (
+        "import sys; from rig_nodes.controllers import load_controller\n"
+        "from rig_nodes.testbench.configuration import load_rig\n"
+        f"plug = load_controller('c:{with_children(build, tmp_path / 'pids')}', load_rig('hydmag').alfa46)\n"
+        "plug.step(0, (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)\nprint('answered', flush=True)\nsys.stdin.read()"
+    )
+    rig = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert rig.stdout.readline() == "answered\n"
+    children = [int(pid) for pid in (tmp_path / "pids").read_text().split()]
+    assert len(children) == 2 and not any(is_gone(pid, 0.0) for pid in children)
+    rig.send_signal(signal.SIGKILL)
+    rig.wait()
+    assert all(is_gone(pid) for pid in children)
+
+
+def test_a_crash_leaves_no_core_file(build, config):
+    plug = load_controller(f"c:{build(frame(''))}", config.alfa46)
+    with open(f"/proc/{plug.process_id}/limits", encoding="utf-8") as limits:
+        assert re.search(r"^Max core file size +0 +0 ", limits.read(), re.M)
+    plug.close()

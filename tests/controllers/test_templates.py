@@ -115,7 +115,7 @@ def test_a_template_passes_the_conformance_set(tmp_path, capsys):
     folder = tmp_path / "mine"
     assert main(["controller", "new", "python", str(folder)]) == 0
     assert main(["controller", "check", f"python:{folder / 'my_controller.py'}:MyController"]) == 0
-    assert "12 of 12 passed" in capsys.readouterr().out
+    assert "13 of 13 passed" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("language", ["python", "c", "simulink"])

@@ -88,7 +88,10 @@ def add_shared_arguments(parser, by_hand: bool = False) -> None:
 
 
 def exit_code(state: str, report: dict, strict: bool) -> int:
-    """Of a run that ended in this state; says why when --strict makes it 1."""
+    """Of a run that ended in this state; says why when --strict makes it 1, and what a controller's end went wrong with."""
+    controller = report["run"].get("controller") or {}
+    if "end_fault" in controller:
+        print(f"rig: warning: controller {controller['name']}: {controller['end_fault']}", file=sys.stderr)
     if state != "ended":
         return 130 if state == "interrupted" else 1
     invalid = sum(not shift["valid"] for shift in report["shifts"])

@@ -2,13 +2,19 @@
 
 Started by c_library.py as a program of its own that imports nothing of the rig: it is there in 30 ms. Whole messages
 over one socket: a description of the library, an order to create, then for each sample the inputs and the answer as
-the structs' own bytes, and behind them what the library asked for and what it names its own. It ends when the socket
-does, and is killed by the system when the rig's process has gone.
+the structs' own bytes, and behind them what the library asked for and what it names its own. A message of another size
+than an answer's is a sentence: what the library wrote beside the memory that it was given.
+
+There are two processes: a guard, which the rig knows, and its child, which has the library. The guard ends as the
+library's process does and takes all of the library's own children with it; it does so too when the rig goes, or asks
+for it by END_ALL.
 """
 
 import ctypes as ct
 import json
+import mmap
 import os
+import resource
 import signal
 import socket
 import sys
@@ -20,7 +26,15 @@ PAIRS = {"wants": ("rig_controller_wants", "rig_controller_wanted"),
          "signals": ("rig_controller_signals", "rig_controller_signal_values"),
          "settings": ("rig_controller_settings", "rig_controller_set")}
 END = b"end"  # in place of a sample: destroy the controller
-PR_SET_PDEATHSIG = 1
+DESTROYED = b"destroyed"  # the answer to it, once destroy has returned
+END_ALL = signal.SIGUSR1  # to the guard: the library's process and its children end at once
+LIBRARY_NAME = b"rig-library"  # of the process that a debugger wants, for pgrep
+PR_SET_PDEATHSIG, PR_SET_NAME, PR_SET_CHILD_SUBREAPER = 1, 15, 36
+GUARD = bytes([0xA5]) * 4096  # before, between and behind what a library is given; nobody has to write there
+# what a library is given, for people
+INFO, PARAMETERS = "info of rig_controller_create", "parameters of rig_controller_create"
+IN, OUT = "in of rig_controller_step", "out of rig_controller_step"
+WANTED, SET, VALUES = (f"values of {PAIRS[key][1]}" for key in ("wants", "settings", "signals"))
 THREE = ct.c_double * OUTPUTS
 
 
@@ -89,6 +103,44 @@ class Answer(ct.Structure):
     _fields_ = [("status", ct.c_int64), ("outputs", Outputs)]
 
 
+class Guarded:
+    """Memory for structs and arrays that a library is given, with a GUARD before and behind each.
+
+    ``parts``: what it is -> size in bytes, a multiple of 8; a part of no bytes gets an empty view and no guard.
+    """
+
+    def __init__(self, parts: dict[str, int]):
+        self._names, self._guards, place = [name for name, size in parts.items() if size], [0], len(GUARD)
+        self._memory = mmap.mmap(-1, sum(parts.values()) + len(GUARD) * (len(self._names) + 1))
+        view = memoryview(self._memory)
+        self.views: dict[str, memoryview] = {}
+        for name, size in parts.items():
+            self.views[name] = view[place:place + size]
+            if size:
+                self._guards.append(place + size)
+                place += size + len(GUARD)
+        for first in self._guards:
+            self._memory[first:first + len(GUARD)] = GUARD
+        self._spans = [slice(first, first + len(GUARD)) for first in self._guards]
+
+    def damage(self) -> str:
+        """What was written into the guards, as a sentence; empty when nothing was."""
+        memory = self._memory
+        for number, span in enumerate(self._spans):
+            if memory[span] != GUARD:
+                break
+        else:
+            return ""
+        changed = [place for place, byte in enumerate(memory[span]) if byte != GUARD[0]]
+        size, count = len(GUARD), len(changed)
+        behind = f"behind {self._names[number - 1]}" if number else ""
+        before = f"before {self._names[number]}" if number < len(self._names) else ""
+        where = behind if behind and (not before or changed[0] < size - 1 - changed[-1]) else before
+        far = changed[0] if where is behind else size - 1 - changed[-1]
+        away = f", {far} bytes away from it" if far else ""
+        return f"the library wrote {count} byte{'s' * (count > 1)} {where}{away}; that memory is not its own"
+
+
 def describe(path: str) -> tuple[ct.CDLL | None, dict]:
     """(the library, what the rig checks of it); the library is None when it cannot be called."""
     try:
@@ -132,58 +184,140 @@ def describe(path: str) -> tuple[ct.CDLL | None, dict]:
 def create(library: ct.CDLL, order: dict) -> tuple[ct.c_void_p, dict]:
     """(the instance, status and message) for the level, period and parameters of the order."""
     given, instance = order["parameters"], ct.c_void_p()
-    parameters = (Parameter * len(given))(*((key.encode(), value) for key, value in given.items()))
-    info = Info(ct.sizeof(Info), order["level"], order["period"], order["command_high"], parameters, len(parameters))
+    memory = Guarded({INFO: ct.sizeof(Info), PARAMETERS: ct.sizeof(Parameter) * len(given)})
+    parameters = (Parameter * len(given)).from_buffer(memory.views[PARAMETERS])
+    for place, (key, value) in zip(parameters, given.items(), strict=True):
+        place.name, place.value = key.encode(), value
+    info = Info.from_buffer(memory.views[INFO])
+    info.size, info.level, info.period = ct.sizeof(Info), order["level"], order["period"]
+    info.command_high, info.parameters, info.parameter_count = order["command_high"], parameters, len(parameters)
     status = library.rig_controller_create(ct.byref(info), ct.byref(instance))
-    return instance, {"status": status, "message": info.message.decode("utf-8", "replace")}
+    return instance, {"status": status, "message": info.message.decode("utf-8", "replace"),
+                      "damage": memory.damage()}
 
 
 def serve(line: socket.socket, path: str) -> None:
     """Everything from the library's loading to its end."""
     library, description = describe(path)
-    line.send(json.dumps(description).encode())
+    line.send(json.dumps({**description, "process": os.getpid()}).encode())
     order = line.recv(1 << 20)
     if library is None or not order:
         return
     instance, created = create(library, json.loads(order))
     line.send(json.dumps(created).encode())
-    if created["status"] != OK:
+    if created["status"] != OK or created["damage"]:
         return
     wants, signals, settings = (len(description[key]) for key in ("wants", "signals", "settings"))
     bring, take, give = (getattr(library, PAIRS[key][1], None) for key in ("wants", "signals", "settings"))
-    place = ct.sizeof(Inputs) + 8 * wants
-    size, width = place + 8 * settings, ct.sizeof(Answer) + 8 * signals
-    frame, reply = bytearray(size), bytearray(width)
-    inputs, wanted = Inputs.from_buffer(frame), (ct.c_double * wants).from_buffer(frame, ct.sizeof(Inputs))
-    given = (ct.c_double * settings).from_buffer(frame, place)
-    answer, own = Answer.from_buffer(reply), (ct.c_double * signals).from_buffer(reply, ct.sizeof(Answer))
-    step, arguments = library.rig_controller_step, (instance, ct.byref(inputs), ct.byref(answer.outputs))
-    receive, send = line.recv_into, line.send
-    while (count := receive(frame)) == size:
+    memory = Guarded({IN: ct.sizeof(Inputs), WANTED: 8 * wants, SET: 8 * settings, OUT: ct.sizeof(Outputs),
+                      VALUES: 8 * signals})
+    views, status, damage = memory.views, ct.c_int64(), memory.damage
+    frame = [views[name] for name in (IN, WANTED, SET) if views[name]]
+    size = sum(map(len, frame))
+    inputs, outputs = Inputs.from_buffer(views[IN]), Outputs.from_buffer(views[OUT])
+    wanted, given, own = ((ct.c_double * count).from_buffer(views[name])
+                          for name, count in ((WANTED, wants), (SET, settings), (VALUES, signals)))
+    reply = [status, outputs, own] if signals else [status, outputs]
+    step, arguments = library.rig_controller_step, (instance, ct.byref(inputs), ct.byref(outputs))
+    receive, send = line.recvmsg_into, line.sendmsg
+    while (count := receive(frame)[0]) == size:
         if wants:
             bring(instance, wanted, wants)
         if settings:
             give(instance, given, settings)
-        ct.memset(ct.byref(answer), 0, width)
-        answer.outputs.size = ct.sizeof(Outputs)
-        answer.status = step(*arguments)
-        if signals and answer.status == OK:
-            take(instance, own, signals)
+        ct.memset(ct.byref(outputs), 0, ct.sizeof(Outputs))
+        outputs.size = ct.sizeof(Outputs)
+        status.value = step(*arguments)
+        if signals:
+            ct.memset(ct.byref(own), 0, ct.sizeof(own))
+            if status.value == OK:
+                take(instance, own, signals)
+        if text := damage():
+            line.send(text.encode())
+            return
         send(reply)
     if count:
         library.rig_controller_destroy(instance)
+        line.send(DESTROYED)
+
+
+def prctl(option: int, value) -> None:
+    """One call of prctl(2), whose errors are none that matter here."""
+    ct.CDLL(None).prctl(option, value, 0, 0, 0)
+
+
+def children() -> list[int]:
+    """This process's children, adopted ones included."""
+    found = []
+    for name in os.listdir("/proc"):
+        if name.isdigit():
+            try:
+                with open(f"/proc/{name}/stat", encoding="utf-8", errors="replace") as file:
+                    parent = file.read().rpartition(")")[2].split()[1]
+            except OSError:
+                continue  # it has ended meanwhile
+            if int(parent) == os.getpid():
+                found.append(int(name))
+    return found
+
+
+def end_children() -> None:
+    """End every process below this one. Those that lose their parent by it come to this one, and are ended next."""
+    try:
+        while True:
+            if os.waitpid(-1, os.WNOHANG) == (0, 0):
+                for child in children():
+                    os.kill(child, signal.SIGKILL)
+                os.waitpid(-1, 0)
+    except ChildProcessError:
+        pass  # there are none left
+
+
+def guard(child: int) -> None:
+    """Wait until the library's process has ended, end what it leaves behind, and end in the same way."""
+    status = None
+    while status is None:
+        ended, how = os.waitpid(-1, 0)
+        if ended == child:
+            status = how
+    end_children()
+    if os.WIFSIGNALED(status):
+        number = os.WTERMSIG(status)
+        if number != signal.SIGKILL:
+            signal.signal(number, signal.SIG_DFL)
+        os.kill(os.getpid(), number)
+    os._exit(os.WEXITSTATUS(status))
 
 
 def main() -> None:
     """Arguments: the library, the socket's descriptor, the rig's process."""
     path, descriptor, parent = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
-    ct.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-    if os.getppid() != parent:
-        return
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)  # a person's Ctrl-C is the rig's to obey: it ends this process in order
     signal.pthread_sigmask(signal.SIG_SETMASK, ())
-    with socket.socket(fileno=descriptor) as line:
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # a crash is a sentence, not a file in somebody's folder
+
+    def end_all(_number, _frame) -> None:
+        end_children()
+        os._exit(128 + END_ALL)
+
+    signal.signal(END_ALL, end_all)
+    prctl(PR_SET_PDEATHSIG, END_ALL)
+    prctl(PR_SET_CHILD_SUBREAPER, 1)
+    if os.getppid() != parent:
+        return
+    line, this = socket.socket(fileno=descriptor), os.getpid()
+    child = os.fork()
+    if child:
+        line.close()
+        guard(child)
+    signal.signal(END_ALL, signal.SIG_DFL)
+    prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    prctl(PR_SET_NAME, LIBRARY_NAME)
+    if os.getppid() != this:
+        return
+    line.set_inheritable(False)
+    with line:
         try:
             serve(line, path)
         except (BrokenPipeError, ConnectionResetError):

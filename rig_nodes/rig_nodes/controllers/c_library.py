@@ -23,7 +23,7 @@ from pathlib import Path
 from ..alfa46.settings import Alfa46Config
 from ..errors import RigError, no_file
 from ..graph.link import Link, LinkClosed, pair
-from .c_host import END, Info, Inputs, Outputs, Parameter
+from .c_host import DESTROYED, END, END_ALL, Info, Inputs, Outputs, Parameter
 from .c_host import Answer as HostAnswer
 from .own_signals import checked_settings, checked_signals
 from .plug import Plug, chosen_level
@@ -103,15 +103,16 @@ def compile_library(sources: list[Path], target: Path, name: str, flags: tuple[s
 
 
 class Host:
-    """The process that a library lives in (c_host.py), and the line to it. ``what`` is said of it when it has gone."""
+    """The processes that a library lives in (c_host.py), and the line to it."""
 
     def __init__(self, path: Path, name: str):
         ours, theirs = pair()
         with theirs:
             # -I -S: no site, no user's PYTHON variables; a person's breakpoints are in the library, not in Python
             arguments = map(str, (HOST, path.resolve(), theirs.fileno(), os.getpid()))
-            self.process = subprocess.Popen([sys.executable, "-I", "-S", *arguments], stdin=subprocess.DEVNULL,
-                                            pass_fds=[theirs.fileno()])
+            self._guard = subprocess.Popen([sys.executable, "-I", "-S", *arguments], stdin=subprocess.DEVNULL,
+                                           pass_fds=[theirs.fileno()])
+        self.process = 0  # the library's own process, once it has said so
         self._line = Link(ours.detach(), name)
         self.send, self._receive = self._line.send, self._line.receive
         self._core = -1
@@ -126,7 +127,7 @@ class Host:
         if core != self._core:
             self._core = core
             with contextlib.suppress(ProcessLookupError):  # it has gone: receive() says how
-                os.sched_setaffinity(self.process.pid, {core})
+                os.sched_setaffinity(self.process, {core})
         with contextlib.suppress(LinkClosed):
             self.send(data)
         return self.receive(seconds)
@@ -140,7 +141,7 @@ class Host:
 
     def _how_it_ended(self) -> str:
         try:
-            code = self.process.wait(END_PATIENCE)
+            code = self._guard.wait(END_PATIENCE)
         except subprocess.TimeoutExpired:  # it closed its end and lives on
             self.kill()
             return "the library has closed the rig's line to it"
@@ -149,19 +150,36 @@ class Host:
             return f"the library's process was ended by {number.name} ({signal.strsignal(number).lower()})"
         return f"the library's process ended itself with exit code {code}"
 
-    def end(self) -> None:
-        """Have the controller destroyed, and end the process; by force when that takes too long."""
+    def end(self) -> str:
+        """Have the controller destroyed, and end the processes; by force when that takes too long.
+
+        What is wrong with that end; empty when nothing is.
+        """
+        text = ""
         try:
-            self.send(END)
-            self.process.wait(END_PATIENCE)
-        except (LinkClosed, subprocess.TimeoutExpired):
-            self.kill()
+            with contextlib.suppress(LinkClosed):
+                self.send(END)
+            answer = self.receive(END_PATIENCE)
+            if answer is None:
+                text = f"rig_controller_destroy did not return within {END_PATIENCE:g} s"
+            elif self._guard.wait(END_PATIENCE):
+                text = f"after rig_controller_destroy {self._how_it_ended()}"
+        except LinkClosed as gone:
+            text = f"in rig_controller_destroy {gone}"
+        except subprocess.TimeoutExpired:
+            text = f"the library's process did not end within {END_PATIENCE:g} s after rig_controller_destroy"
+        self.kill()
         self._line.close()
+        return text
 
     def kill(self) -> None:
-        """End the process without a call into the library."""
-        self.process.kill()
-        self.process.wait()
+        """End the library's process and all its children without a call into the library."""
+        self._guard.send_signal(END_ALL)
+        try:
+            self._guard.wait(END_PATIENCE)
+        except subprocess.TimeoutExpired:
+            self._guard.kill()
+            self._guard.wait()
 
 
 def _check_description(found: dict, name: str) -> int:
@@ -238,6 +256,7 @@ class CLibrary(Plug):
         self._host = Host(library, name)
         found = self._hear(name, "while it was loaded")
         bits = _check_description(found, name)
+        self._host.process = found["process"]
         self.wants = checked_wants(found["wants"], name)
         self.signals = checked_signals(found["signals"], name)
         self.settings = checked_settings(dict(found["settings"]), name)
@@ -251,6 +270,8 @@ class CLibrary(Plug):
         with contextlib.suppress(LinkClosed):
             self._host.send(json.dumps(info).encode())
         created = self._hear(self.name, "in rig_controller_create")
+        if created["damage"]:
+            raise RigError(f"controller {self.name}: {created['damage']}")
         if created["status"] != Status.OK:
             raise RigError(
                 f"controller {self.name}: create refused with status {created['status']}: "
@@ -281,6 +302,8 @@ class CLibrary(Plug):
             self._fail(Status.FATAL, inputs.sample, str(gone))
         if data is None:
             self._overdue(inputs.sample)
+        if len(data) != ct.sizeof(HostAnswer) + self._own_values.size:
+            self._fail(Status.FATAL, inputs.sample, data.decode())
         answer = HostAnswer.from_buffer_copy(data)
         out, status = answer.outputs, answer.status
         return ControllerOutputs(
@@ -297,10 +320,10 @@ class CLibrary(Plug):
     @property
     def process_id(self) -> int:
         """The library's process, for a debugger."""
-        return self._host.process.pid
+        return self._host.process
 
     def _abandon(self) -> None:
         self._host.kill()
 
     def _end(self) -> None:
-        self._host.end()
+        self.end_fault = self._host.end()

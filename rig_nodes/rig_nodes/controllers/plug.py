@@ -97,6 +97,7 @@ class Plug(ABC):
     signals: Mapping[str, str] = MappingProxyType({})  # its own, to be recorded: unit by name
     signal_values: tuple[float, ...] = ()  # at the newest answer
     process_id: int | None = None  # of a process that works for the plug
+    end_fault = ""  # what went wrong when the controller was ended in order
 
     def __init__(self, name: str, config: Alfa46Config, level: str):
         self.name, self.level = name, level
@@ -120,6 +121,10 @@ class Plug(ABC):
         used. It returns early when the run is ended. In real time nobody calls this: samples without a controller are
         discarded until it comes.
         """
+
+    def record(self) -> dict:
+        """What the report of a run says of the controller, once that has ended."""
+        return {"name": self.name, "level": self.level, **({"end_fault": self.end_fault} if self.end_fault else {})}
 
     def awaited(self) -> str:
         """That no controller has come to this run that can be used, and where; empty when one has, or none need come."""
@@ -242,7 +247,7 @@ class Plug(ABC):
         self.check_change(config)
 
     def close(self) -> None:
-        """End the controller, once; safe to call again and after a failure."""
+        """End the controller, once; safe to call again and after a failure. What goes wrong stands in ``end_fault``."""
         if not self._over:
             self._over = True
             self._end()

@@ -400,7 +400,7 @@ def work(process) -> None:
     if node.tap is not None:
         node.tap.close()
     process.leave([node], node.outputs.values(), published=node.counts, samples_missed=node.missed,
-                  shifts_refused=node.refused, controller={"name": node.box.name, "level": node.box.level})
+                  shifts_refused=node.refused, controller=node.box.record())
 
 
 def answer_in_lockstep(process, node: Alfa46Node, link) -> None:

@@ -100,13 +100,14 @@ class Check:
         self.spec, self.config, self.level, self.step_timeout, self.say = spec, config, level, step_timeout, say
         self._come_timeout = come_timeout
         self._first: list[Seen] = []
+        self._ended: list[str] = []  # of each controller that was ended, what went wrong with that
 
     def items(self) -> Iterator[Item]:
         """One after the other; nothing more after a controller that does not load."""
         try:
             plug = self._load()
             text, own_clock = f"{plug.name} at level {plug.level}", plug.own_clock
-            plug.close()
+            self._close(plug)
         except RigError as error:
             yield Item("loads", False, str(error))
             return
@@ -115,7 +116,7 @@ class Check:
             ("answers", self._answers), ("at rest", self._at_rest), ("timing", self._timing),
             ("determinism", self._determinism), ("restart", self._restart), ("late start", self._late_start),
             ("lost samples", self._lost_samples), ("NaN", self._nan), ("saturation", self._saturation),
-            ("both gears", self._both_gears), ("request storm", self._storm),
+            ("both gears", self._both_gears), ("request storm", self._storm), ("ends", self._ends),
         ):
             if own_clock and name in NOT_BY_ITS_OWN_CLOCK:
                 yield Item(name, None, f"does not apply: {NOT_BY_ITS_OWN_CLOCK[name]}")
@@ -142,7 +143,11 @@ class Check:
         try:
             return desk(plug, samples, orders, change, took)
         finally:
-            plug.close()
+            self._close(plug)
+
+    def _close(self, plug: Plug) -> None:
+        plug.close()
+        self._ended.append(plug.end_fault)
 
     # ---- the items: (passed, what was seen)
 
@@ -249,7 +254,7 @@ class Check:
                 text.append(f"{GEAR_NAMES[gear]} in {rig.time - began:.2f} s")
             return True, f"on the rig: {', '.join(text)}"
         finally:
-            plug.close()
+            self._close(plug)
 
     @staticmethod
     def _run(rig: Rig, plug: Plug, seconds: float) -> None:
@@ -266,3 +271,9 @@ class Check:
             still = ", shifting" * seen.shifting
             return False, f"after 3 s of orders and 5 s of peace it is in gear {seen.gear}{still}"
         return True, "an order every 7 ms for 3 s: it ends in the gear of the last"
+
+    def _ends(self):
+        faults = [fault for fault in self._ended if fault]
+        if faults:
+            return False, f"{faults[0]}; {len(faults)} of {len(self._ended)} ends"
+        return True, f"ended {len(self._ended)} times, each in order"

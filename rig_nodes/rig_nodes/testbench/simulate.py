@@ -234,7 +234,7 @@ def simulate(config: AnyConfig, sequence: Sequence, folder: Path, seed: int = 1,
                 controller.close()
     plugged = {}
     if config.kind == GEARBOX:
-        plugged = {"controller": {"name": controller.name if controller else "alfa46", "level": rig.level,
-                                  "delay": rig.delay}}
+        told = controller.record() if controller else {"name": "alfa46", "level": rig.level}
+        plugged = {"controller": {**told, "delay": rig.delay}}
     return {**record, "mode": "simulate", **plugged, "duration_s": rig.time, "lost": 0,
             "ticks": rig.sample // TICK_SAMPLES, "overruns": 0, "lateness_ms": None, "end": end}
