@@ -11,10 +11,12 @@ import time
 from collections import deque
 
 from ..alfa46.settings import Alfa46Config
+from ..analysis.metrics import KISS
 from ..errors import RigError
 from ..plant.gearbox import RATIO_I, RATIO_II
 from . import can_database as frames
-from .free_running import FreeRunning, number, split_options
+from . import j1939
+from .free_running import FreeRunning, number, split_options, timeout_of
 from .plug import said
 from .seam import ControllerInputs, ControllerOutputs, Status
 from .wire import commands, held_in, measured, values_of
@@ -22,42 +24,86 @@ from .wire import commands, held_in, measured, values_of
 RPM = 30.0 / math.pi
 RATIOS = {1: RATIO_I, 2: RATIO_II}
 STANDSTILL = 10.0 / RPM  # rad/s, below which no slip and no ratio is told
-ENGAGED = 2.0  # % of slip below which the driveline counts as engaged
-OPTIONS = ("interface", "bitrate", "every", "port")
+ENGAGED = 2.0  # % of slip below which a clutch counts as engaged
+OPTIONS = ("interface", "bitrate", "every", "port", "timeout", "address")
+NO_ADDRESS = "none"  # value of address: plain frames only
 REMEMBERED = 200  # frames of which a second one for the same sample is compared with the first
 FAR = 500  # counts by which two commands for one sample contradict each other: 10 mA, or 1 % of duty
 CONTRADICTIONS, WITHIN = 10, 1.0  # so many within so many s are two controllers, and none that stumbled once
 
 
 def open_bus(channel: str, interface: str, name: str, **options):
-    """python-can's bus, classic CAN; on udp_multicast the packets stay on this machine. RigError when there is none."""
+    """python-can's bus, classic CAN; udp_multicast is on loopback (can_loopback.py). RigError when there is none."""
     try:
         import can
     except ImportError:
         raise RigError("CAN needs python-can, which is not installed here; install it into the rig's environment "
                        "(pip install python-can cantools)") from None
     frames.need_cantools()
-    if interface == "udp_multicast":
-        options = {"hop_limit": 0, "fd": False, **options}
     logging.getLogger("can").setLevel(logging.ERROR)
     try:
+        if interface == "udp_multicast":
+            from .can_loopback import LoopbackBus
+
+            return LoopbackBus(channel, **options)
         return can.Bus(channel=channel, interface=interface, **options)
     except Exception as error:  # python-can and its drivers raise what they like
         raise RigError(f"{name}: the bus {channel} cannot be opened with the interface {interface}: {said(error)}") from None
 
 
+def receive(bus, seconds: float, fault):
+    """The bus's next frame, None when there is none in time. ``fault(text)`` is called when what came cannot be read."""
+    try:
+        return bus.recv(seconds)
+    except Exception as error:  # foreign bytes, a cable that is off: the driver's own classes
+        fault(f"what came could not be read ({said(error)})")
+        return None
+
+
 def slip_percent(gear: int, n_wej: float, n_wyj: float) -> float:
-    """Slip of the clutch of a gear in % of the input speed, 0 to 100; 0 in neutral and at standstill. rad/s in."""
-    if gear not in RATIOS or not (n_wej >= STANDSTILL and math.isfinite(n_wyj)):
+    """Slip of the clutch of a gear in % of the input speed, 0 to 100; 0 in neutral and at standstill. rad/s in.
+
+    NaN where a speed is no finite number.
+    """
+    if not (math.isfinite(n_wej) and math.isfinite(n_wyj)):
+        return math.nan
+    if gear not in RATIOS or n_wej < STANDSTILL:
         return 0.0
     return min(100.0 * abs(1.0 - RATIOS[gear] * n_wyj / n_wej), 100.0)
+
+
+class Gearbox:
+    """What the clutches do, as far as pressures and speeds on the wires tell; it is for J1939, not for the controller.
+
+    ``gear``: the one engaged last, None while a transducer has no reading; ``engaged``: a clutch holds now.
+    """
+
+    def __init__(self):
+        self.gear: int | None = 0
+        self._last, self.engaged = 0, False
+
+    def see(self, inputs: ControllerInputs, shifting: bool) -> None:
+        """A sample. The gear stays through a shift until the new clutch holds; neutral is when no clutch is pressed."""
+        pressures = {1: inputs.p1, 2: inputs.p2}
+        slips = {gear: slip_percent(gear, inputs.n_wej, inputs.n_wyj) for gear in pressures}
+        if not all(map(math.isfinite, (*pressures.values(), *slips.values()))):
+            self.gear, self.engaged = None, False
+            return
+        pressed = [gear for gear, pressure in pressures.items() if pressure > KISS[gear]]
+        holding = [gear for gear in pressed if slips[gear] < ENGAGED]
+        self.engaged = bool(holding)
+        if len(holding) == 1:
+            self._last = holding[0]
+        elif not pressed and not shifting:
+            self._last = 0
+        self.gear = self._last
 
 
 class CanBus(FreeRunning):
     """A controller at the other end of a CAN bus.
 
     Options: interface (python-can's name, default socketcan), bitrate [bit/s], every (samples between two messages,
-    default 1), port of udp_multicast.
+    default 1), port of udp_multicast, timeout [s], address (the rig's J1939 source address, or none).
     """
 
     def __init__(self, rest: str, config: Alfa46Config, level: str | None = None):
@@ -66,12 +112,16 @@ class CanBus(FreeRunning):
         interface = options.get("interface", "socketcan")
         self._every = int(number(options, "every", 1, name, 1, 50))
         extra = {key: int(number(options, key, 0, name, 1, 1e7)) for key in ("bitrate", "port") if key in options}
-        super().__init__(name, config, level, f"CAN {interface} {channel}")
+        address = None
+        if options.get("address") != NO_ADDRESS:
+            address = int(number(options, "address", frames.ADDRESS, name, 0, j1939.NULL - 1))
+        super().__init__(name, config, level, f"CAN {interface} {channel}", timeout_of(options, name))
         self._inside = interface == "virtual"  # the bus is inside this process
+        self._sees_programs = interface == "udp_multicast"
         self._bus = open_bus(channel, interface, f"controller {name}", **extra)
-        self._prepare()
+        self._prepare(address)
 
-    def _prepare(self) -> None:
+    def _prepare(self, address: int | None) -> None:
         import can
 
         self._message = can.Message
@@ -81,11 +131,18 @@ class CanBus(FreeRunning):
         self._commands = commands(self.level)
         command = frames.COMMAND_CURRENT if self.level == "current" else frames.COMMAND_DUTY
         self._expected = {frames.FRAME_IDS[n]: self._by_name[n] for n in (frames.STATE, command)}
+        self._expected_groups = {frames.GROUPS[n]: self._by_name[n] for n in (frames.STATE, command)}
         self._state: dict | None = None
         self._answers: dict[tuple[str, int], dict] = {}  # (frame, sample) -> what came first
         self._contradictions: deque[float] = deque(maxlen=CONTRADICTIONS)  # time.monotonic() of the newest
         self._another = ""  # why the rig trips: another controller is at work
         self._requested: int | None = None
+        self._gearbox, self._shown = Gearbox(), None
+        self._node = None
+        if address is not None:
+            self._node = j1939.Node(address, self._put_group, {frames.GROUPS[frames.ETC1]: self._send_etc1,
+                                                               frames.GROUPS[frames.ETC2]: self._send_etc2},
+                                    self._lost_address)
 
     def pace(self, step_timeout: float | None, real_time: bool = False) -> None:
         super().pace(step_timeout, real_time)
@@ -97,11 +154,18 @@ class CanBus(FreeRunning):
 
     def _put(self, name: str, values: dict) -> None:
         message = self._by_name[name]
-        extended = message.is_extended_frame
-        data = message.encode(values, scaling=False, strict=False, padding=extended)
+        data = message.encode(values, scaling=False, strict=False, padding=message.is_extended_frame)
+        number = message.frame_id
+        if message.is_extended_frame:
+            number = number & ~0xFF | self._node.address
+        self._put_frame(number, data, message.is_extended_frame)
+
+    def _put_group(self, number: int, data: bytes) -> None:
+        self._put_frame(number, data, True)
+
+    def _put_frame(self, number: int, data: bytes, extended: bool) -> None:
         try:
-            self._bus.send(self._message(arbitration_id=message.frame_id, data=data, is_extended_id=extended,
-                                         is_fd=False))
+            self._bus.send(self._message(arbitration_id=number, data=data, is_extended_id=extended, is_fd=False))
         except Exception as error:  # a full queue, a cable that is off: the driver's own classes
             self.fault(f"a frame could not be sent ({said(error)})")
 
@@ -115,38 +179,76 @@ class CanBus(FreeRunning):
             self._put(frames.SHAFTS, {name: raw[name] for name in ("n_wej", "n_wyj", "p1", "p2")})
             self._put(frames.CURRENTS, {"sample": sample & 0xFFFF,
                                         **{f"current_{k}": raw[f"current_{k}"] for k in (1, 2, 3)}})
+        self._gearbox.see(inputs, self.shifting)
+        self._shown = inputs
+        if self._node is None or not self._node.may_send:
+            return
         if sample % frames.CYCLES[frames.ETC1] == 0:
-            self._put(frames.ETC1, self._etc1(inputs))
+            self._send_etc1()
         if sample % frames.CYCLES[frames.ETC2] == 0:
-            self._put(frames.ETC2, self._etc2(inputs))
+            self._send_etc2()
 
-    def _etc1(self, inputs: ControllerInputs) -> dict:
-        slip = slip_percent(self.gear, inputs.n_wej, inputs.n_wyj)
-        return {"TransDrivelineEngaged": int(self.gear > 0 and slip < ENGAGED), "TransShiftInProcess": int(self.shifting),
-                "TransOutputShaftSpeed": _speed(inputs.n_wyj), "PercentClutchSlip": round(slip / 0.4),
-                "TransInputShaftSpeed": _speed(inputs.n_wej)}
+    def _send_etc1(self) -> None:
+        """ETC1 with the newest sample; nothing before the first."""
+        if self._shown is None:
+            return
+        n_wej, n_wyj, gearbox = self._shown.n_wej, self._shown.n_wyj, self._gearbox
+        slip = slip_percent(self.gear, n_wej, n_wyj)
+        if not self._was_here:
+            shifting = j1939.NOT_AVAILABLE
+        else:
+            shifting = j1939.ERROR if self._told_silence else int(self.shifting)
+        self._put(frames.ETC1, {
+            "TransDrivelineEngaged": j1939.ERROR if gearbox.gear is None else int(gearbox.engaged),
+            "TransShiftInProcess": shifting, "TransOutputShaftSpeed": _two_bytes(n_wyj * RPM / 0.125),
+            "PercentClutchSlip": round(slip / 0.4) if math.isfinite(slip) else j1939.ERROR_1,
+            "TransInputShaftSpeed": _two_bytes(n_wej * RPM / 0.125)})
 
-    def _etc2(self, inputs: ControllerInputs) -> dict:
-        moving = inputs.n_wyj > STANDSTILL and math.isfinite(inputs.n_wej / inputs.n_wyj)
-        ratio = round(inputs.n_wej / inputs.n_wyj / 0.001) if moving else 0xFFFF
-        return {"TransSelectedGear": inputs.gear_request + 125, "TransActualGearRatio": min(max(ratio, 0), 0xFFFF),
-                "TransCurrentGear": self.gear + 125}
+    def _send_etc2(self) -> None:
+        """ETC2 with the newest sample; nothing before the first."""
+        if self._shown is None:
+            return
+        n_wej, n_wyj, gear = self._shown.n_wej, self._shown.n_wyj, self._gearbox.gear
+        ratio = j1939.NONE_2  # at standstill there is none
+        if not math.isfinite(n_wej) or not math.isfinite(n_wyj):
+            ratio = j1939.ERROR_2
+        elif n_wyj > STANDSTILL:
+            ratio = _two_bytes(n_wej / n_wyj / 0.001)
+        self._put(frames.ETC2, {"TransSelectedGear": self._shown.gear_request + 125, "TransActualGearRatio": ratio,
+                                "TransCurrentGear": j1939.ERROR_1 if gear is None else gear + 125})
+
+    def _lost_address(self, text: str) -> None:
+        self.fault(f"{text}: the rig sends no J1939 message any more; another address is chosen with &address=N, none "
+                   f"with &address={NO_ADDRESS}")
 
     # ---- in
 
     def _listen(self, until: float) -> None:
         while True:
-            rest = until - time.monotonic()
-            frame = self._bus.recv(max(rest, 0.0))
+            frame = receive(self._bus, max(until - time.monotonic(), 0.0), self.fault)
             if frame is None:
                 if time.monotonic() >= until:
                     return
+            elif frame.is_error_frame:
                 continue
-            if not frame.is_extended_id and not frame.is_error_frame and frame.arbitration_id in self._expected:
-                self._take(frame)
+            elif not frame.is_extended_id:
+                if frame.arbitration_id in self._expected:
+                    self._take(self._expected[frame.arbitration_id], frame, self._program(frame))
+            elif self._node is not None:
+                source = j1939.parts(frame.arbitration_id)
+                if source.pgn in self._expected_groups:
+                    self._take(self._expected_groups[source.pgn], frame, f"J1939 address {source.source}")
+                else:
+                    self._node.heard(frame.arbitration_id, bytes(frame.data))
 
-    def _take(self, frame) -> None:
-        message = self._expected[frame.arbitration_id]
+    def _program(self, frame) -> str:
+        """Who sent a plain frame, as far as that can be told: on udp_multicast the port of its program."""
+        return f"the program on port {frame.channel}" if self._sees_programs else "plain frames"
+
+    def _take(self, message, frame, who: str) -> None:
+        if not self.may_command(who):
+            self.refuse(who)
+            return
         if len(frame.data) != message.length or frame.is_remote_frame:
             self.fault(f"frame {message.name} (0x{message.frame_id:x}) came with {len(frame.data)} bytes instead of "
                        f"{message.length}")
@@ -188,6 +290,6 @@ class CanBus(FreeRunning):
         self._bus.shutdown()
 
 
-def _speed(value: float) -> int:
-    """Raw J1939 shaft speed of a speed in rad/s; "not available" for what is no number."""
-    return round(min(max(value * RPM / 0.125, 0), 0xFAFF)) if math.isfinite(value) else 0xFFFF
+def _two_bytes(value: float) -> int:
+    """Raw J1939 number of two bytes, below the reserved range; "error" for what is no number."""
+    return round(min(max(value, 0), j1939.HIGHEST_2)) if math.isfinite(value) else j1939.ERROR_2

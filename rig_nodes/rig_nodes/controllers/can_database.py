@@ -8,6 +8,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 from ..errors import RigError
+from . import j1939
 from .seam import OUTPUTS
 from .wire import Wire, commands, measured
 
@@ -15,8 +16,11 @@ REQUEST, SHAFTS, CURRENTS = "RIG_REQUEST", "RIG_SHAFTS", "RIG_CURRENTS"
 STATE, COMMAND_CURRENT, COMMAND_DUTY = "CONTROL_STATE", "CONTROL_COMMAND_CURRENT", "CONTROL_COMMAND_DUTY"
 ETC1, ETC2 = "ETC1", "ETC2"
 FRAME_IDS = {REQUEST: 0x100, SHAFTS: 0x101, CURRENTS: 0x102, STATE: 0x200, COMMAND_CURRENT: 0x201, COMMAND_DUTY: 0x202}
-# J1939-71: priority 3 and 6, PGN 61442 and 61445, source address 3 (transmission)
-J1939_IDS = {ETC1: 0x0CF00203, ETC2: 0x18F00503}
+ADDRESS = 3  # J1939 source address of the rig: transmission
+# J1939-71: ETC1 and ETC2; J1939-21: proprietary B, for a controller that sends its frames as J1939 groups
+GROUPS = {ETC1: 61442, ETC2: 61445, STATE: 65296, COMMAND_CURRENT: 65297, COMMAND_DUTY: 65298}
+PRIORITIES = {ETC1: 3, ETC2: 6, STATE: 3, COMMAND_CURRENT: 3, COMMAND_DUTY: 3}
+AS_GROUP = "_J1939"  # behind the name of a controller's frame in its other form
 CYCLES = {REQUEST: 10, SHAFTS: 1, CURRENTS: 1, STATE: 1, COMMAND_CURRENT: 1, COMMAND_DUTY: 1, ETC1: 10, ETC2: 100}  # ms
 RIG, CONTROLLER = "RIG", "CONTROLLER"
 GEARS = {0: "neutral", 1: "I", 2: "II"}
@@ -38,8 +42,10 @@ def database():
     need_cantools()
     from cantools.database.can import Database, Node
 
-    database = Database(messages=[*_rig_messages(), *_controller_messages(), *_j1939_messages()],
-                        nodes=[Node(RIG, "The virtual test rig"), Node(CONTROLLER, "Your shift controller")], version="1")
+    controller = [message for extended in (False, True) for message in _controller_messages(extended)]
+    database = Database(messages=[*_rig_messages(), *controller, *_j1939_messages()], version="1",
+                        nodes=[Node(RIG, "The virtual test rig"), Node(CONTROLLER, "Your shift controller")],
+                        dbc_specifics=_specifics({"ProtocolType": "J1939"}))
     database.refresh()
     return database
 
@@ -49,8 +55,31 @@ def dbc_text() -> str:
     return database().as_dbc_string()
 
 
+def _definitions() -> dict:
+    """The attributes of J1939 databases by the names that Vector's and others' tools read."""
+    from cantools.database.can.formats.dbc import DbcAttributeDefinition as Definition
+
+    kinds = ["StandardCAN", "ExtendedCAN", "reserved", "J1939PG"]
+    found = [Definition("ProtocolType", "", None, "STRING"), Definition("VFrameFormat", "StandardCAN", "BO_", "ENUM",
+                                                                        choices=kinds),
+             Definition("PGN", 0, "BO_", "INT", 0, 0x3FFFF), Definition("SPN", 0, "SG_", "INT", 0, 0x7FFFF),
+             Definition("GenMsgCycleTime", 0, "BO_", "INT", 0, 0xFFFF)]
+    return {definition.name: definition for definition in found}
+
+
+def _specifics(attributes: dict):
+    """Values of attributes in cantools' form."""
+    from collections import OrderedDict
+
+    from cantools.database.can.formats.dbc import DbcAttribute, DbcSpecifics
+
+    known = _definitions()
+    values = OrderedDict((name, DbcAttribute(value, known[name])) for name, value in attributes.items())
+    return DbcSpecifics(attributes=values, attribute_definitions=OrderedDict(known))
+
+
 def _signal(name: str, start: int, length: int, text: str, scale: float = 1, offset: float = 0, unit: str | None = None,
-            signed: bool = False, limits: tuple | None = None, choices: dict | None = None):
+            signed: bool = False, limits: tuple | None = None, choices: dict | None = None, spn: int | None = None):
     from collections import OrderedDict
 
     from cantools.database.can import Signal
@@ -59,18 +88,23 @@ def _signal(name: str, start: int, length: int, text: str, scale: float = 1, off
     conversion = BaseConversion.factory(scale, offset, OrderedDict(choices) if choices else None)
     low, high = limits or (None, None)
     return Signal(name, start, length, is_signed=signed, conversion=conversion, minimum=low, maximum=high, unit=unit,
-                  comment=text)
+                  comment=text, spn=spn)
 
 
 def _wire(wire: Wire, start: int):
     return _signal(wire.name, start, 16, wire.text, wire.step, 0, wire.unit, wire.raw[0] < 0, wire.range)
 
 
-def _message(name: str, sender: str, signals: list, text: str, j1939: bool = False):
+def _message(name: str, sender: str, signals: list, text: str, group: bool = False, address: int = ADDRESS):
     from cantools.database.can import Message
 
-    return Message((J1939_IDS if j1939 else FRAME_IDS)[name], name, 8, signals, comment=text, senders=[sender],
-                   cycle_time=CYCLES[name], is_extended_frame=j1939, unused_bit_pattern=0xFF if j1939 else 0)
+    number, more = FRAME_IDS.get(name), {}
+    if group:
+        number = j1939.identifier(GROUPS[name], address, priority=PRIORITIES[name])
+        more = {"protocol": "j1939", "unused_bit_pattern": 0xFF, "dbc_specifics": _specifics({"PGN": GROUPS[name]})}
+    shown = name + AS_GROUP if group and name in FRAME_IDS else name
+    return Message(number, shown, 8, signals, comment=text, senders=[sender], cycle_time=CYCLES[name],
+                   is_extended_frame=group, **more)
 
 
 def _rig_messages() -> list:
@@ -88,36 +122,42 @@ def _rig_messages() -> list:
     ]
 
 
-def _controller_messages() -> list:
+def _controller_messages(group: bool) -> list:
+    """As plain frames, or as J1939 groups of whatever source address the controller has."""
     echo = "Sample that is answered, low 16 bits."
     state = _message(STATE, CONTROLLER, [
         _signal("sample", 0, 16, echo), _signal("gear", 16, 8, "Gear taken last.", choices=GEARS),
         _signal("shifting", 24, 8, "1: a shift is still running."),
         _signal("flags", 32, 8, "Bit k: at level current, output k stays on at a setpoint of zero."),
         _signal("status", 40, 8, "0: an answer, 2: error, 3: fatal; the rig trips with the last two."),
-    ], "Before the command that it belongs to.")
+    ], "Before the command that it belongs to.", group, j1939.NULL)
     out = [state]
     for name, level in ((COMMAND_CURRENT, "current"), (COMMAND_DUTY, "duty")):
         out.append(_message(name, CONTROLLER, [
             _signal("sample", 0, 16, echo), *(_wire(wire, 16 * k) for k, wire in enumerate(commands(level), 1))],
-            f"Completes an answer at level {level}."))
+            f"Completes an answer at level {level}.", group, j1939.NULL))
     return out
 
 
 def _j1939_messages() -> list:
     """Those signals of ETC1 and ETC2 that the rig knows, with the scaling of J1939-71; the others are not available."""
-    bits = {0: "off", 1: "on", 3: "not available"}
+    bits = {0: "off", 1: "on", 2: "error", 3: "not available"}
     return [
         _message(ETC1, RIG, [
-            _signal("TransDrivelineEngaged", 0, 2, "SPN 560", choices=bits),
-            _signal("TransShiftInProcess", 4, 2, "SPN 574", choices=bits),
-            _signal("TransOutputShaftSpeed", 8, 16, "SPN 191", 0.125, 0, "rpm", limits=(0, 8031.875)),
-            _signal("PercentClutchSlip", 24, 8, "SPN 522", 0.4, 0, "%", limits=(0, 100)),
-            _signal("TransInputShaftSpeed", 40, 16, "SPN 161", 0.125, 0, "rpm", limits=(0, 8031.875)),
+            _signal("TransDrivelineEngaged", 0, 2, "A clutch holds: pressed and without slip.", choices=bits, spn=560),
+            _signal("TransShiftInProcess", 4, 2, "A shift is running, as the controller says.", choices=bits, spn=574),
+            _signal("TransOutputShaftSpeed", 8, 16, "Speed of the output shaft wk.", 0.125, 0, "rpm", limits=(0, 8031.875),
+                    spn=191),
+            _signal("PercentClutchSlip", 24, 8, "Slip of the clutch of the gear that the controller has taken.", 0.4, 0, "%",
+                    limits=(0, 100), spn=522),
+            _signal("TransInputShaftSpeed", 40, 16, "Speed of the input shaft w0.", 0.125, 0, "rpm", limits=(0, 8031.875),
+                    spn=161),
         ], "J1939 Electronic Transmission Controller 1, PGN 61442.", True),
         _message(ETC2, RIG, [
-            _signal("TransSelectedGear", 0, 8, "SPN 524", 1, -125, limits=(-125, 125)),
-            _signal("TransActualGearRatio", 8, 16, "SPN 526", 0.001, 0, limits=(0, 64.255)),
-            _signal("TransCurrentGear", 24, 8, "SPN 523", 1, -125, limits=(-125, 125)),
+            _signal("TransSelectedGear", 0, 8, "Gear ordered last.", 1, -125, limits=(-125, 125), spn=524),
+            _signal("TransActualGearRatio", 8, 16, "Input speed over output speed.", 0.001, 0, limits=(0, 64.255),
+                    spn=526),
+            _signal("TransCurrentGear", 24, 8, "Gear that the clutches hold; through a shift the one engaged last.", 1, -125,
+                    limits=(-125, 125), spn=523),
         ], "J1939 Electronic Transmission Controller 2, PGN 61445.", True),
     ]

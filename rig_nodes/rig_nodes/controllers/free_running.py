@@ -1,11 +1,14 @@
 """What controllers have in common that run by their own clock: CAN, Modbus, free ROS 2 nodes. Nobody waits for them.
 
 In simulated time the rig is held to real time: sample k is not asked before k ms have passed. The newest command is
-used once; a sample without a new one is discarded, so that the rig trips when 100 ms bring none (docs/can.md).
+used once; a sample without a new one is discarded, so that the rig trips when 100 ms bring none (docs/can.md), or,
+for a slow controller, gets the newest one again until its longer ``timeout`` is near. Of several who command, one is
+the master.
 """
 
 from __future__ import annotations
 
+import math
 import time
 from abc import abstractmethod
 from urllib.parse import parse_qsl
@@ -16,6 +19,8 @@ from .plug import Plug, Waiting, chosen_level
 from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status
 
 OLD = 0.1  # s without a command after which the rig trips (testbench.rig.COMMAND_TIMEOUT)
+LONGEST = 10.0  # s that it may be told to be
+MASTER = 1.0  # s of silence after which another one may command, or the timeout when that is longer
 LATE = 2e-2  # s behind real time from which on the clock is set anew instead of hurrying after it
 IDLE = 1e-2  # s between messages to a controller that has not spoken yet
 
@@ -42,26 +47,51 @@ def number(options: dict[str, str], key: str, default: float, name: str, low: fl
     return value
 
 
+def timeout_of(options: dict[str, str], name: str) -> float:
+    """The option timeout [s]; RigError when it is none."""
+    return number(options, "timeout", OLD, name, OLD, LONGEST)
+
+
 class FreeRunning(Plug):
     """A plug whose controller has a clock of its own.
 
-    Subclasses give ``_send``, ``_listen`` and ``_end``.
+    Subclasses give ``_send``, ``_listen`` and ``_end``. timeout: s without a command after which the rig trips.
     """
 
     own_clock = True
 
-    def __init__(self, name: str, config: Alfa46Config, level: str | None, place: str):
+    def __init__(self, name: str, config: Alfa46Config, level: str | None, place: str, timeout: float = OLD):
         super().__init__(name, config, chosen_level(level, LEVELS[::-1], name))
-        self.place = place  # where the controller is expected, in words
+        self.place, self.timeout = place, timeout  # where the controller is expected, in words
         self.faults: dict[str, int] = {}  # what came and was not used -> how often
         self._newest: ControllerOutputs | None = None
         self._waiting: Waiting | None = None  # since the newest command
         self._discarded, self._told_silence, self._was_here = 0, False, False
+        self._held: ControllerOutputs | None = None  # the newest answer
+        self._master, self._mastered = "", -math.inf  # who commands, and time.monotonic() of the newest command
         self._origin: float | None = None  # time.monotonic() of sample 0
 
     def heard(self, outputs: ControllerOutputs) -> None:
         """A valid command has come."""
         self._newest = outputs
+
+    def may_command(self, who: str) -> bool:
+        """Whether a command of this one is taken now: that of the first, until it has been silent or has left."""
+        now = time.monotonic()
+        if who != self._master and now - self._mastered < max(MASTER, self.timeout):
+            return False
+        self._master, self._mastered = who, now
+        return True
+
+    def has_left(self, who: str) -> None:
+        """If this one was the master, the next who commands is."""
+        if who == self._master:
+            self._mastered = -math.inf
+
+    def refuse(self, who: str) -> None:
+        """Tell of a command of one who is not the master."""
+        self.fault(f"a command of {who} is refused: {self._master} commands, until it leaves or has been silent for "
+                   f"{max(MASTER, self.timeout):g} s")
 
     def fault(self, text: str) -> None:
         """Something came that is never used: said the first time, counted from then on."""
@@ -102,8 +132,11 @@ class FreeRunning(Plug):
         self._send(inputs)
         if self._newest is None:
             self._silence()
+            if self._held is not None and self._discarded * self.info.period <= self.timeout - OLD:
+                return self._held
             return ControllerOutputs(status=Status.DISCARD)
         answer, self._newest = self._newest, None
+        self._held = answer
         self._waiting, self._discarded, self._told_silence = None, 0, False
         self._is_here()
         return answer
@@ -113,10 +146,10 @@ class FreeRunning(Plug):
         self._discarded += 1
         if self._waiting is None:
             self._waiting = Waiting(f"waiting for controller on {self.place}", self.say)
-        if self._was_here and not self._told_silence and self._discarded * self.info.period > 0.5 * OLD:
+        if self._was_here and not self._told_silence and self._discarded * self.info.period > 0.5 * self.timeout:
             self._told_silence = True
-            self.say(f"{self.name}: no command on {self.place} for {0.5e3 * OLD:.0f} ms; the rig trips at "
-                     f"{1e3 * OLD:.0f} ms{self._faults_told()}")
+            self.say(f"{self.name}: no command on {self.place} for {0.5e3 * self.timeout:.0f} ms; the rig trips at "
+                     f"{1e3 * self.timeout:.0f} ms{self._faults_told()}")
         self._waiting.tell()
 
     def _faults_told(self) -> str:

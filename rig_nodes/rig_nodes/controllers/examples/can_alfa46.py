@@ -6,9 +6,10 @@
 It needs python-can and cantools, and of the rig the messages (`./rig export dbc`) and the law. Ctrl-C ends it.
 """
 
+import sys
 import threading
 
-from rig_nodes.controllers.can_bus import open_bus
+from rig_nodes.controllers.can_bus import open_bus, receive
 from rig_nodes.controllers.can_database import database
 from rig_nodes.controllers.examples.alfa46 import Alfa46
 from rig_nodes.controllers.examples.command import parser, run
@@ -30,12 +31,13 @@ class CanController:
         self.messages = {message.frame_id: message for message in database().messages}
         self.names = {message.name: message for message in database().messages}
         self.told = {}  # signal -> its newest value
+        self.unread = {}  # what came and could not be read -> how often
         self.law = self.sample = None
 
     def run(self, stop):
         """Until ``stop``, a threading.Event, is set."""
         while not stop.is_set():
-            frame = self.bus.recv(0.1)
+            frame = receive(self.bus, 0.1, self.fault)
             if frame is None or frame.arbitration_id not in self.messages:
                 continue
             message = self.messages[frame.arbitration_id]
@@ -44,6 +46,12 @@ class CanController:
             self.told.update(message.decode(bytes(frame.data), decode_choices=False))
             if message.name == "RIG_CURRENTS" and "level" in self.told and "n_wej" in self.told:
                 self.answer()
+
+    def fault(self, text):
+        """Said the first time, counted from then on."""
+        self.unread[text] = self.unread.get(text, 0) + 1
+        if self.unread[text] == 1:
+            print(f"can_alfa46: {text}; it is not used, nor are others like it", file=sys.stderr, flush=True)
 
     def answer(self):
         """One sample of the law, in SI; a counter that jumps back is a new run."""
