@@ -21,8 +21,8 @@ LONGEST = 4096  # bytes of a packet
 class LoopbackBus(can.BusABC):
     """The bus of a multicast group (IPv4, 224.0.0.0 to 239.255.255.255) and a port; classic CAN.
 
-    The ``channel`` of a frame that came is the port of the program that sent it. ``recv`` raises can.CanOperationError
-    for a packet that is no frame.
+    The ``channel`` of a frame that came is the port that it was sent from: another one for each such bus. ``recv``
+    raises can.CanOperationError for a packet that is no frame.
     """
 
     def __init__(self, channel: str, port: int = PORT, **options):
@@ -31,12 +31,12 @@ class LoopbackBus(can.BusABC):
         super().__init__(channel, **options)
         self.channel_info = f"UDP multicast {channel}:{port} on loopback"
         self._group = (channel, port)
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket, self._sender = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
         try:
+            self._sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
+            self._sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, HERE)
             for option in (socket.SO_REUSEADDR, socket.SO_REUSEPORT):
                 self._socket.setsockopt(socket.SOL_SOCKET, option, 1)
-            self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
-            self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, HERE)
             self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, socket.inet_aton(channel) + HERE)
             self._socket.bind(self._group)  # to the group: what is sent to an address of the machine does not arrive
         except OSError:
@@ -56,7 +56,7 @@ class LoopbackBus(can.BusABC):
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send a frame; can.CanOperationError when that fails. A multicast packet is not waited for."""
         try:
-            self._socket.sendto(pack_message(msg), self._group)
+            self._sender.sendto(pack_message(msg), self._group)
         except OSError as error:
             raise can.CanOperationError(str(error)) from error
 
@@ -68,3 +68,4 @@ class LoopbackBus(can.BusABC):
         """Leave the group."""
         super().shutdown()
         self._socket.close()
+        self._sender.close()

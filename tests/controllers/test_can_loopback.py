@@ -1,0 +1,169 @@
+"""The CAN bus over UDP multicast: nothing but this machine's loopback, and foreign packets end nobody."""
+
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import can
+import pytest
+
+from rig_nodes.cli.main import main
+from rig_nodes.controllers import load_controller
+from rig_nodes.controllers.can_bus import open_bus
+from rig_nodes.controllers.can_loopback import LoopbackBus
+from rig_nodes.controllers.examples.can_alfa46 import CanController
+from rig_nodes.errors import RigError
+
+from .conftest import multicast_works
+
+GROUP, PORT = "239.74.163.77", 43211
+FOREIGN = [b"x", b"", b"\xff" * 50, b"\x07", b"\x81\xa1a\x01", b"\x85" + b"\xa4data" * 3, bytes(4096)]
+
+
+@pytest.fixture(autouse=True)
+def multicast():
+    if why := multicast_works():
+        pytest.skip(why)
+
+
+def shout(port=PORT, group=GROUP):
+    """Send what is no frame to everybody on the bus."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        stranger.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
+        for data in FOREIGN:
+            stranger.sendto(data, (group, port))
+
+
+def test_the_bus_is_on_loopback_and_on_no_other_network():
+    bus = open_bus(GROUP, "udp_multicast", "test", port=PORT)
+    try:
+        listening = [line.split()[1] for line in Path("/proc/net/udp").read_text().splitlines()[1:]]
+        there = {address for address in listening if address.endswith(f":{PORT:04X}")}
+        device, joined = "", set()
+        for line in Path("/proc/net/igmp").read_text().splitlines()[1:]:
+            if not line.startswith("\t"):
+                device = line.split()[1]
+            elif line.split()[0] == socket.inet_aton(GROUP)[::-1].hex().upper():
+                joined.add(device)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+            stranger.sendto(b"x", ("127.0.0.1", PORT))
+        assert bus.recv(0.1) is None, "what is sent to the port of an address does not come in"
+    finally:
+        bus.shutdown()
+    assert there == {f"{socket.inet_aton(GROUP)[::-1].hex().upper()}:{PORT:04X}"}, "bound to the group alone"
+    assert joined == {"lo"}
+
+
+@pytest.mark.parametrize("channel", ["127.0.0.1", "ff15::1", "nowhere"])
+def test_a_channel_that_is_no_group_is_refused(config, channel):
+    with pytest.raises(RigError, match=f"the bus {channel} cannot be opened with the interface udp_multicast: ") as refusal:
+        load_controller(f"can:{channel}?interface=udp_multicast", config.alfa46)
+    assert "\n" not in str(refusal.value)
+
+
+def test_foreign_packets_are_counted_and_named_once(config):
+    """The plug and the example controller, both on the bus that a stranger shouts on, go on with their work."""
+    bus, stop, said = open_bus(GROUP, "udp_multicast", "test", port=PORT), threading.Event(), []
+    controller = CanController(bus, config.alfa46)
+    thread = threading.Thread(target=controller.run, args=(stop,), daemon=True)
+    thread.start()
+    plug = load_controller(f"can:{GROUP}?interface=udp_multicast&port={PORT}", config.alfa46)
+    plug.say = said.append
+    try:
+        shout()
+        plug.wait(10)
+        shout()
+        answered = sum(plug.step(sample, [0.0] * 3, 0.0, 0.0, 0.0, 0.0) is not None for sample in range(200))
+    finally:
+        stop.set()
+        thread.join()
+        plug.close()
+        bus.shutdown()
+    assert answered > 50
+    sentence = "what came could not be read (CanOperationError: a packet is no frame of python-can)"
+    assert plug.faults == {sentence: 2 * len(FOREIGN)} and controller.unread == plug.faults
+    assert [text for text in said if "could not be read" in text] == [
+        f"{plug.name}: {sentence}; it is not used, nor are others like it"]
+
+
+@pytest.mark.parametrize("program", ["example", "template"])
+def test_foreign_packets_end_no_program(tmp_path, program):
+    group = {"example": "239.74.163.78", "template": "239.74.163.79"}[program]
+    if program == "example":
+        command = ["-m", "rig_nodes.controllers.examples.can_alfa46", group, "--interface", "udp_multicast"]
+    else:
+        assert main(["controller", "new", "can", str(tmp_path / "mine")]) == 0
+        assert main(["export", "dbc", "-o", str(tmp_path / "mine" / "rig.dbc")]) == 0
+        path = tmp_path / "mine" / "my_tcu.py"
+        path.write_text(path.read_text().replace("239.74.163.2", group))
+        command = [str(path)]
+    ears = LoopbackBus(group)
+    process = subprocess.Popen([sys.executable, *command], stderr=subprocess.PIPE, text=True)
+    rung = threading.Event()
+
+    def ring():
+        while not rung.wait(0.05):  # until it listens
+            shout(43113, group)
+
+    thread = threading.Thread(target=ring, daemon=True)
+    thread.start()
+    try:
+        told = process.stderr.readline()
+        rung.set()
+        thread.join()
+        assert "a packet is no frame of python-can" in told
+        plug_frames(ears)
+        assert answer_of(ears), "it goes on answering"
+        assert process.poll() is None
+    finally:
+        rung.set()
+        process.terminate()
+        rest = process.communicate()[1]
+        ears.shutdown()
+    assert "Traceback" not in told + rest
+
+
+def plug_frames(bus):
+    """One sample, as the rig sends it."""
+    for number in (0x100, 0x101, 0x102):
+        data = bytes([0, 1]).ljust(8, b"\0") if number == 0x100 else bytes(8)
+        bus.send(can.Message(arbitration_id=number, data=data, is_extended_id=False, is_fd=False))
+
+
+def answer_of(bus):
+    """The command that comes back, None when none does within 10 s."""
+    until = time.monotonic() + 10.0
+    while time.monotonic() < until:
+        try:
+            frame = bus.recv(0.5)
+        except can.CanOperationError:
+            continue  # what the stranger said before
+        if frame is not None and frame.arbitration_id == 0x201:
+            return bytes(frame.data)
+    return None
+
+
+def test_a_second_program_on_the_bus_is_refused_and_named(config):
+    """Two programs on one bus that answer at once: the first one is the master, the other's commands are not used."""
+    first, second = (open_bus(GROUP, "udp_multicast", "test", port=PORT) for _ in range(2))
+    plug, said = load_controller(f"can:{GROUP}?interface=udp_multicast&port={PORT}", config.alfa46), []
+    plug.say = said.append
+    try:
+        for sample in range(20):
+            for bus, gear, command in ((first, 1, 10000), (second, 2, 40000)):
+                state = struct.pack("<HBBBB", sample, gear, 0, 0, 0).ljust(8, b"\0")
+                for number, data in ((0x200, state), (0x201, struct.pack("<4H", sample, command, 0, 0))):
+                    bus.send(can.Message(arbitration_id=number, data=data, is_extended_id=False, is_fd=False))
+            answer = plug.step(sample, [0.0] * 3, 0.0, 0.0, 0.0, 0.0)
+            if sample:
+                assert answer.command == pytest.approx((0.2, 0.0, 0.0)) and plug.gear == 1
+    finally:
+        plug.close()
+        first.shutdown()
+        second.shutdown()
+    (told,) = [text for text in said if "refused" in text]
+    assert "a command of the program on port" in told and "commands, until it leaves or has been silent for 1 s" in told
