@@ -253,6 +253,7 @@ class CanBus(FreeRunning):
             self.fault(f"frame {message.name} (0x{message.frame_id:x}) came with {len(frame.data)} bytes instead of "
                        f"{message.length}")
             return
+        self.commands_now(who)
         raw = message.decode(bytes(frame.data), decode_choices=False, scaling=False)
         self._compare(message.name, raw)
         if message.name == frames.STATE:

@@ -77,11 +77,11 @@ class FreeRunning(Plug):
 
     def may_command(self, who: str) -> bool:
         """Whether a command of this one is taken now: that of the first, until it has been silent or has left."""
-        now = time.monotonic()
-        if who != self._master and now - self._mastered < max(MASTER, self.timeout):
-            return False
-        self._master, self._mastered = who, now
-        return True
+        return who == self._master or time.monotonic() - self._mastered >= max(MASTER, self.timeout)
+
+    def commands_now(self, who: str) -> None:
+        """A command of this one is taken: it is the master."""
+        self._master, self._mastered = who, time.monotonic()
 
     def has_left(self, who: str) -> None:
         """If this one was the master, the next who commands is."""

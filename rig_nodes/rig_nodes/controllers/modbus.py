@@ -1,6 +1,7 @@
 """The plug for a controller that is a Modbus TCP client, such as a PLC: ``modbus:PORT``; the rig is the server.
 
 Made by load.py; pymodbus is imported then. The registers are those of registers.py, on 127.0.0.1 unless asked otherwise.
+Of several clients the first one that writes is the master; the others may read.
 """
 
 from __future__ import annotations
@@ -9,16 +10,20 @@ import asyncio
 import logging
 import threading
 import time
+from collections import deque
 
 from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
 from . import registers
-from .free_running import FreeRunning, split_options
+from .free_running import FreeRunning, split_options, timeout_of
 from .plug import said
 from .seam import ControllerInputs, ControllerOutputs
 from .wire import commands, held_in, measured, values_of
 
-OPTIONS = ("host",)
+OPTIONS = ("host", "timeout")
+READING, WRITING = (3, 4, 23), (6, 16, 23)  # function codes; 23 does both
+CODE, NO_CODE = 7, 0x80  # place of the function code in a request; code of an exception to none
+ILLEGAL_FUNCTION, BUSY = 1, 6  # exceptions; "server device busy": another client is the master
 WRITTEN = 4 + len(registers.STATE)  # registers of a command
 START = 10.0  # s that the server may take to listen
 
@@ -26,7 +31,7 @@ START = 10.0  # s that the server may take to listen
 class Modbus(FreeRunning):
     """A controller that reads and writes the rig's registers.
 
-    Option: host (address to listen on, default 127.0.0.1).
+    Options: host (address to listen on, default 127.0.0.1), timeout [s].
     """
 
     def __init__(self, rest: str, config: Alfa46Config, level: str | None = None):
@@ -35,11 +40,13 @@ class Modbus(FreeRunning):
         host = options.get("host", "127.0.0.1")
         if not port.isdigit() or not 1 <= int(port) <= 65535:
             raise RigError(f"controller {name}: '{port}' is no port; expected modbus:PORT, e.g. modbus:5020")
-        super().__init__(name, config, level, f"Modbus TCP {host}:{port}")
+        super().__init__(name, config, level, f"Modbus TCP {host}:{port}", timeout_of(options, name))
         self._wires, self._commands = measured(), commands(self.level)
         self._shown = [0] * registers.COMMAND_BASE
         self._written: list[int] | None = None
         self._heartbeat: int | None = None
+        self._asking = ""  # whose request is served now
+        self._refused: deque[str] = deque(maxlen=1)  # a client that is not the master and wrote
         self._bell = threading.Condition()
         self._start(host, int(port), name)
 
@@ -47,7 +54,9 @@ class Modbus(FreeRunning):
 
     def _start(self, host: str, port: int, name: str) -> None:
         try:
+            from pymodbus.pdu import ExceptionResponse
             from pymodbus.server import ModbusTcpServer
+            from pymodbus.server.requesthandler import ServerRequestHandler
             from pymodbus.simulator import DataType, SimData, SimDevice
         except ImportError:
             raise RigError(f"controller {name}: Modbus needs pymodbus, which is not installed here; install it into the "
@@ -58,9 +67,46 @@ class Modbus(FreeRunning):
             SimData(0, values=[0] * len(self._read_registers()), datatype=DataType.REGISTERS, readonly=True),
             SimData(registers.COMMAND_BASE, values=[0] * WRITTEN, datatype=DataType.REGISTERS)], action=self._access)
 
+        plug = self
+
+        class Client(ServerRequestHandler):
+            """A connection; requests that the page does not name, and commands of another than the master, are refused."""
+
+            def callback_data(self, data: bytes, addr: tuple | None = None) -> int:
+                self.code = data[CODE] if len(data) > CODE else 0
+                return super().callback_data(data, addr)
+
+            def server_send(self, pdu, addr) -> None:
+                if pdu.function_code == NO_CODE:  # pymodbus's answer to a code that it does not know
+                    pdu.function_code |= self.code
+                super().server_send(pdu, addr)
+
+            async def handle_request(self) -> None:
+                request = self.last_pdu
+                if request is None:
+                    return
+                peer = self.transport.get_extra_info("peername") if self.transport else None
+                self.who = f"the client {peer[0]}:{peer[1]}" if peer else "a client that has gone"
+                refusal = plug._refusal(request.function_code, self.who)
+                if not refusal:
+                    plug._asking = self.who  # until the answer is there: nothing on the way to _access lets others run
+                    await super().handle_request()
+                    return
+                answer = ExceptionResponse(request.function_code, refusal, device_id=request.dev_id)
+                answer.transaction_id = request.transaction_id
+                self.server_send(answer, self.last_addr)
+
+            def callback_disconnected(self, exc) -> None:
+                super().callback_disconnected(exc)
+                plug.has_left(getattr(self, "who", ""))
+
+        class Server(ModbusTcpServer):
+            def callback_new_connection(self):
+                return Client(self, self.trace_packet, self.trace_pdu, self.trace_connect)
+
         async def listen() -> None:
             try:
-                self._server = ModbusTcpServer(device, address=(host, port))
+                self._server = Server(device, address=(host, port))
                 if not await self._server.listen():
                     raise OSError("the port is taken or not allowed")
             except OSError as error:
@@ -86,6 +132,17 @@ class Modbus(FreeRunning):
         if not ready.wait(START) or problem:
             raise RigError(f"controller {name}: no server on {host}:{port}: {problem[0] if problem else 'it does not start'}")
 
+    def _refusal(self, function: int, who: str) -> int:
+        """The exception that answers a request of a client, 0 when it is served."""
+        if function not in READING + WRITING:
+            return ILLEGAL_FUNCTION
+        if function in WRITING and not self.may_command(who):
+            with self._bell:
+                self._refused.append(who)
+                self._bell.notify()
+            return BUSY
+        return 0
+
     @staticmethod
     def _read_registers() -> list[registers.Register]:
         return [row for row in registers.register_map() if row.access == "read"]
@@ -96,6 +153,7 @@ class Modbus(FreeRunning):
         if values is None:
             current[:registers.COMMAND_BASE - first] = self._shown[first:registers.COMMAND_BASE]
             return None
+        self.commands_now(self._asking)
         place = address - registers.COMMAND_BASE
         whole = list(current[registers.COMMAND_BASE - first:registers.COMMAND_BASE - first + WRITTEN])
         whole[place:place + count] = [int(value) for value in values]
@@ -116,9 +174,12 @@ class Modbus(FreeRunning):
     def _listen(self, until: float) -> None:
         while True:
             with self._bell:
-                if self._written is None and (rest := until - time.monotonic()) > 0.0:
+                if self._written is None and not self._refused and (rest := until - time.monotonic()) > 0.0:
                     self._bell.wait(rest)
                 written, self._written = self._written, None
+                refused = self._refused.pop() if self._refused else None
+            if refused is not None:
+                self.refuse(refused)
             if written is not None:
                 self._take(written)
             elif time.monotonic() >= until:

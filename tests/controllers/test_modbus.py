@@ -1,0 +1,176 @@
+"""Who may write to the rig's Modbus server, what it refuses, and how long it waits: asked by pymodbus and by raw bytes."""
+
+import socket
+import struct
+import time
+
+import can
+import pymodbus.client
+import pytest
+
+from rig_nodes.controllers import load_controller
+from rig_nodes.controllers.can_bus import open_bus
+from rig_nodes.errors import RigError
+from rig_nodes.testbench.rig import Rig
+from rig_nodes.testbench.simulate import advance_with
+from rig_nodes.testbench.timed import RigStatus
+
+from .test_free_running import free_port
+
+
+class Server:
+    """A plug that serves a free port, and clients of it."""
+
+    def __init__(self, settings, options=""):
+        self.port, self.said, self._clients = free_port(), [], []
+        self.plug = load_controller(f"modbus:{self.port}{options}", settings)
+        self.plug.say = self.said.append
+
+    def client(self):
+        client = pymodbus.client.ModbusTcpClient("127.0.0.1", port=self.port, timeout=5)
+        assert client.connect()
+        self._clients.append(client)
+        return client
+
+    def step(self, sample):
+        return self.plug.step(sample, [0.0] * 3, 0.0, 0.0, 0.0, 0.0)
+
+    def end(self):
+        for client in self._clients:
+            client.close()
+        self.plug.close()
+
+
+@pytest.fixture
+def make(config):
+    made = []
+
+    def start(options=""):
+        made.append(Server(config.alfa46, options))
+        return made[-1]
+
+    yield start
+    for one in made:
+        one.end()
+
+
+def command(heartbeat, current, gear):
+    return [heartbeat, current, 0, 0, gear, 0, 0, 0]
+
+
+def test_the_first_client_that_writes_is_the_master(make):
+    """The second may read; what it writes, by each of the three functions, is refused, told once, and changes nothing."""
+    server = make()
+    watching, master = server.client(), server.client()
+    assert watching.read_holding_registers(0, count=11).registers, "to read makes no master"
+    assert watching.write_register(5, 1).exception_code == 2, "nor does what the map does not let be written"
+    assert not master.write_registers(32, command(1, 10000, 1)).isError()
+    assert server.step(0).command == pytest.approx((0.2, 0.0, 0.0))
+    for answer in (watching.write_registers(32, command(7, 40000, 2)), watching.write_register(33, 40000),
+                   watching.readwrite_registers(read_address=0, read_count=11, write_address=32,
+                                                values=command(8, 40000, 2))):
+        assert answer.isError() and answer.exception_code == 6
+    assert server.step(1) is None and server.plug.gear == 1, "no command has come"
+    assert watching.read_input_registers(32, count=8).registers == command(1, 10000, 1)
+    assert not master.write_register(32, 2).isError()
+    assert server.step(2).command == pytest.approx((0.2, 0.0, 0.0)), "the registers still hold what the master wrote"
+    (told,) = [text for text in server.said if "refused" in text]
+    assert told.startswith(f"modbus:{server.port}: a command of the client 127.0.0.1:") and (
+        "commands, until it leaves or has been silent for 1 s; it is not used, nor are others like it" in told)
+
+
+def test_another_client_may_write_when_the_master_has_left(make):
+    server = make()
+    master, other = server.client(), server.client()
+    assert not master.write_registers(32, command(1, 10000, 1)).isError()
+    assert other.write_registers(32, command(2, 20000, 2)).exception_code == 6
+    master.close()
+    until = time.monotonic() + 5.0
+    while other.write_registers(32, command(3, 20000, 2)).isError():  # until the server has seen the end
+        assert time.monotonic() < until
+    assert server.plug._mastered - time.monotonic() < 0.5, "well before the second of silence"
+    assert server.step(0).command == pytest.approx((0.4, 0.0, 0.0)) and server.plug.gear == 2
+
+
+def test_another_client_may_write_when_the_master_has_been_silent(make):
+    server = make()
+    master, other = server.client(), server.client()
+    master.write_registers(32, command(1, 10000, 1))
+    server.plug._mastered -= 0.9
+    assert other.write_registers(32, command(2, 20000, 2)).exception_code == 6
+    server.plug._mastered -= 0.2
+    assert not other.write_registers(32, command(2, 20000, 2)).isError()
+    assert master.write_registers(32, command(3, 10000, 1)).exception_code == 6, "it has lost its place"
+
+
+def test_functions_that_the_page_does_not_name_are_refused(make):
+    """Every other function code, with bodies as those have that know it: illegal function, and the connection lives."""
+    server = make()
+    served = {3: struct.pack(">HH", 0, 1), 4: struct.pack(">HH", 0, 1), 6: struct.pack(">HH", 33, 0),
+              16: struct.pack(">HHBH", 33, 1, 2, 0), 23: struct.pack(">HHHHBH", 0, 1, 33, 1, 2, 0)}
+    bodies = {1: struct.pack(">HH", 0, 1), 2: struct.pack(">HH", 0, 1), 5: struct.pack(">HH", 33, 0xFF00),
+              8: struct.pack(">HH", 0, 1), 15: struct.pack(">HHBB", 33, 1, 1, 1), 22: struct.pack(">HHH", 33, 0, 1),
+              24: struct.pack(">H", 0), 43: bytes([14, 1, 0]), 20: bytes([7, 6, 0, 1, 0, 0, 0, 1]),
+              21: bytes([9, 6, 0, 1, 0, 0, 0, 1, 0, 0])}
+    found = {}
+    with socket.create_connection(("127.0.0.1", server.port), timeout=5) as line:
+        for code in (*served, *(code for code in range(1, 128) if code not in served)):
+            pdu = bytes([code]) + served.get(code, bodies.get(code, b""))
+            line.sendall(struct.pack(">HHHB", code, 0, len(pdu) + 1, 1) + pdu)
+            number, _, length, _ = struct.unpack(">HHHB", line.recv(7, socket.MSG_WAITALL))
+            answer = line.recv(length - 1, socket.MSG_WAITALL)
+            assert number == code
+            found[code] = answer[0] if answer[0] == code else tuple(answer)
+    assert {code for code, answer in found.items() if answer == code} == set(served)
+    assert {code: answer for code, answer in found.items() if code not in served} == {
+        code: (code | 0x80, 1) for code in range(1, 128) if code not in served}
+
+
+@pytest.mark.parametrize("unit", [0, 1, 17, 247, 255])
+def test_any_unit_id_is_the_rig(make, unit):
+    server = make()
+    server.step(7)
+    assert server.client().read_holding_registers(1, count=3, device_id=unit).registers == [7, 0, 1]
+
+
+# ---- a slow controller
+
+
+def on_can(settings, _port):
+    bus = open_bus("slow", "virtual", "test")
+    plug = load_controller("can:slow?interface=virtual&timeout=0.3", settings)
+    for number, data in ((0x200, bytes([0, 0, 1, 0, 0, 0, 0, 0])), (0x201, struct.pack("<4H", 0, 10000, 0, 0))):
+        bus.send(can.Message(arbitration_id=number, data=data, is_extended_id=False, is_fd=False))
+    return plug, bus.shutdown
+
+
+def on_modbus(settings, port):
+    plug = load_controller(f"modbus:{port}?timeout=0.3", settings)
+    client = pymodbus.client.ModbusTcpClient("127.0.0.1", port=port, timeout=5)
+    assert client.connect() and not client.write_registers(32, command(1, 10000, 1)).isError()
+    return plug, client.close
+
+
+@pytest.mark.parametrize("made", [on_can, on_modbus])
+def test_a_slow_controller_is_waited_for_as_long_as_it_was_told(config, made):
+    """One command at the first sample and none after it: with timeout=0.3 the rig holds it and trips at 300 ms."""
+    plug, end = made(config.alfa46, free_port())
+    plug.said = []
+    plug.say = plug.said.append
+    rig = Rig(config, controller="external", level="current")
+    try:
+        while rig.status != RigStatus.TRIPPED and rig.sample < 1000:
+            advance_with(rig, plug)
+    finally:
+        plug.close()
+        end()
+    assert "older than 100 ms" in rig.reason and 300 <= rig.sample <= 303
+    assert rig.measurement("I_zr_p1") > 0.1, "the valve was driven until then"
+    assert any("for 150 ms; the rig trips at 300 ms" in text for text in plug.said)
+
+
+@pytest.mark.parametrize("spec", ["modbus:{port}?timeout={value}", "can:x?interface=virtual&timeout={value}"])
+@pytest.mark.parametrize("value", ["0.05", "11", "soon", "nan", ""])
+def test_a_timeout_that_is_none_is_refused(config, spec, value):
+    with pytest.raises(RigError, match=rf"option timeout is '{value}', expected 0.1 to 10$"):
+        load_controller(spec.format(port=free_port(), value=value), config.alfa46)
