@@ -1,7 +1,9 @@
 """C libraries: built without a warning, clean under the sanitizers, refused when they do not fit."""
 
+import re
 import shutil
 import subprocess
+from pathlib import Path
 
 import pytest
 
@@ -302,8 +304,123 @@ def test_a_model_that_does_not_fit_is_refused(tmp_path, config, shim, period, se
 def test_folders_without_a_model_are_refused(tmp_path, config):
     with pytest.raises(RigError, match="no such folder"):
         load_controller("simulink:nowhere", config.alfa46)
-    with pytest.raises(RigError, match="the folder has no rig_shim.c; './rig controller new simulink DIR'"):
+    with pytest.raises(RigError, match="the folder has no rig_shim.c or rig_shim.cpp; './rig controller new simulink DIR'"):
         load_controller(f"simulink:{tmp_path}", config.alfa46)
+
+
+CLASS_H = """
+#ifndef SMALL_H
+#define SMALL_H
+#include "shared_types.h"
+class small {
+ public:
+  struct ExtU_small_T { real_T u; };
+  struct ExtY_small_T { real_T y, steps; };
+  ExtU_small_T small_U;
+  ExtY_small_T small_Y;
+  void initialize();
+  void step();
+  static void terminate();
+};
+#endif
+"""
+CLASS_CPP = """
+#include "small.h"
+#include "shared_utils.h"
+void small::initialize() { small_Y.steps = 0; }
+void small::step() { small_Y.y = shared_half(2.0 * small_U.u); small_Y.steps += 1; }
+void small::terminate() {}
+"""
+CLASS_SHIM = """
+#include "small.h"
+static small model;
+#define RIG_MODEL small
+#define RIG_LEVELS RIG_LEVEL_DUTY
+#define RIG_INITIALIZE() model.initialize()
+#define RIG_STEP() model.step()
+#define RIG_TERMINATE() small::terminate()
+#define RIG_WANTS "M_wej"
+#define RIG_SIGNALS "steps"
+#define RIG_SETTINGS {"gain", 2.0}
+#include "rig_simulink.h"
+static void rig_inputs(const rig_controller_inputs *in) { model.small_U.u = in->n_wej / 1000.0 + 0.0 * rig_wanted[0]; }
+static void rig_outputs(rig_controller_outputs *out) {
+  out->command[0] = model.small_Y.y; out->setpoint[0] = model.small_Y.steps; }
+static void rig_parameters(void) {}
+static void rig_signals(double *values) { values[0] = model.small_Y.steps; }
+static void rig_settings(const double *) {}
+"""
+
+
+def generated_cpp(folder):
+    """As the generator leaves C++ class code: the model's folder, and beside it shared utilities, in C."""
+    files = {"rig_shim.cpp": CLASS_SHIM, "small_grt_rtw/small.h": CLASS_H, "small_grt_rtw/small.cpp": CLASS_CPP,
+             "small_grt_rtw/rt_cppclass_main.cpp": "int main() { return not_for_a_library; }\n",
+             "slprj/grt/_sharedutils/shared_types.h": "typedef double real_T;\n",
+             "slprj/grt/_sharedutils/shared_utils.h": '#ifdef __cplusplus\nextern "C"\n#endif\n'
+                                                      "double shared_half(double value);\n",
+             # C that is no C++: the name of a variable
+             "slprj/grt/_sharedutils/shared_utils.c": '#include "shared_utils.h"\n'
+                                                      "double shared_half(double class) { return class / 2.0; }\n"}
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+
+
+def test_cpp_class_code_in_its_folders_is_taken(tmp_path, config):
+    generated_cpp(tmp_path)
+    plug = load_controller(f"simulink:{tmp_path}", config.alfa46)
+    answer = [plug.step(k, (0.0, 0.0, 0.0), 125.0 * k, 0.0, 0.0, 0.0, [0.0]) for k in range(3)][-1]
+    assert (answer.command[0], answer.setpoint[0], plug.signal_values) == (0.25, 3.0, (3.0,))
+    assert dict(plug.settings) == {"gain": 2.0} and plug.wants == ("M_wej",)
+    plug.close()
+
+
+def test_two_shims_are_refused(tmp_path, config):
+    generated_cpp(tmp_path)
+    (tmp_path / "slprj" / "rig_shim.c").write_text("")
+    with pytest.raises(RigError, match="the folder has 2 shims, expected one: rig_shim.cpp, slprj/rig_shim.c$"):
+        load_controller(f"simulink:{tmp_path}", config.alfa46)
+
+
+RT_MODEL_H = """
+typedef struct { double u; } ExtU_small_T;
+typedef struct { double y, steps; } ExtY_small_T;
+typedef struct { const char *errorStatus; ExtU_small_T *inputs; ExtY_small_T *outputs; } RT_MODEL_small_T;
+#define rtmGetErrorStatus(rtm) ((rtm)->errorStatus)
+RT_MODEL_small_T *small(void);
+void small_initialize(RT_MODEL_small_T *const small_M);
+void small_step(RT_MODEL_small_T *const small_M);
+void small_terminate(RT_MODEL_small_T *const small_M);
+"""
+RT_MODEL_C = """
+#include "small.h"
+static ExtU_small_T u;
+static ExtY_small_T y;
+static RT_MODEL_small_T rt_model;
+RT_MODEL_small_T *small(void) { rt_model.inputs = &u; rt_model.outputs = &y; return &rt_model; }
+void small_initialize(RT_MODEL_small_T *const small_M) { small_M->outputs->steps = 0; }
+void small_step(RT_MODEL_small_T *const small_M) {
+  small_M->outputs->y = small_M->inputs->u;
+  if (++small_M->outputs->steps > 3) small_M->errorStatus = "overrun"; }
+void small_terminate(RT_MODEL_small_T *const small_M) { (void)small_M; }
+"""
+
+
+def test_the_rt_model_form_of_the_page_is_taken(tmp_path, config):
+    """Reusable code of GRT: a constructor, and functions with the model structure; the shim's lines are the page's."""
+    page = (Path(__file__).parents[2] / "docs" / "controllers.md").read_text(encoding="utf-8")
+    (shim,) = [block for block in re.findall(r"```c\n(.*?)```", page, re.S) if "RT_MODEL_your_model_T" in block]
+    shim = shim.replace("your_model", "small")
+    (tmp_path / "small.h").write_text(RT_MODEL_H)
+    (tmp_path / "small.c").write_text(RT_MODEL_C)
+    (tmp_path / "rig_shim.c").write_text(shim)
+    plug = load_controller(f"simulink:{tmp_path}", config.alfa46)
+    for k in range(3):
+        answer = plug.step(k, (0.0, 0.0, 0.0), 125.0 * k, 0.0, 0.0, 0.0)
+    assert answer.command[0] == 0.25
+    with pytest.raises(ControllerFailed, match="status error: overrun"):
+        plug.step(3, (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
 
 
 def test_the_example_in_generated_form_compiles_without_a_warning(tmp_path):

@@ -42,6 +42,7 @@ COMPILERS = {  # by the suffix of a source file: variable, names to look for, st
     ".c": ("CC", ("cc", "gcc", "clang"), "-std=c99", "C compiler here; install one (Debian package gcc)"),
     ".cpp": CPP, ".cc": CPP, ".cxx": CPP,
 }
+CPP_SUFFIXES = tuple(suffix for suffix, entry in COMPILERS.items() if entry is CPP)
 MACHINES = {3: "i386", 40: "arm", 62: "x86_64", 183: "aarch64", 243: "riscv64"}  # e_machine of the ELF format
 
 
@@ -76,8 +77,16 @@ def check_elf(path: Path, name: str) -> None:
 
 
 def compile_library(sources: list[Path], target: Path, name: str, flags: tuple[str, ...] = ()) -> None:
-    """Compile C or C++ files into a shared library; RigError with the compiler's first complaint."""
-    variable, names, standard, missing = COMPILERS[sources[0].suffix]
+    """Compile C and C++ files into a shared library; RigError with the compiler's first complaint.
+
+    C among C++ is C all the same, of the compiler's own standard, for one call of the C++ compiler compiles both.
+    """
+    cpp = [path for path in sources if path.suffix in CPP_SUFFIXES]
+    c = [path for path in sources if path.suffix not in CPP_SUFFIXES]
+    variable, names, standard, missing = COMPILERS[(cpp or c)[0].suffix]
+    given = [standard, *map(str, sources)]
+    if cpp and c:
+        given = ["-x", "c", *map(str, c), "-x", "c++", *map(str, cpp), "-x", "none"]
     compiler = shlex.split(os.environ.get(variable, "")) or next(
         ([found] for found in map(shutil.which, names) if found), None
     )
@@ -85,7 +94,7 @@ def compile_library(sources: list[Path], target: Path, name: str, flags: tuple[s
         raise RigError(f"controller {name}: there is no {missing} or give a .so file")
     try:
         done = subprocess.run(
-            [*compiler, standard, *FLAGS, *flags, f"-I{INCLUDE}", "-o", str(target), *map(str, sources), "-lm"],
+            [*compiler, *FLAGS, *flags, f"-I{INCLUDE}", "-o", str(target), *given, "-lm"],
             capture_output=True,
             text=True,
             errors="replace",

@@ -1,6 +1,7 @@
-"""The plug for a folder of Simulink Coder's or Embedded Coder's generated C with a rig_shim.c (include/rig_simulink.h).
+"""The plug for a folder of Simulink Coder's or Embedded Coder's generated C or C++ with a rig_shim.c or rig_shim.cpp.
 
-Made by load.py. The files are compiled together and run as a C library does, in a process of their own.
+Made by load.py (include/rig_simulink.h says what the shim has). The files of the folder and of all folders in it are
+compiled together and run as a C library does, in a process of their own.
 """
 
 from __future__ import annotations
@@ -9,10 +10,12 @@ import tempfile
 from pathlib import Path
 
 from ..errors import RigError
-from .c_library import CLibrary, compile_library
+from .c_library import COMPILERS, CLibrary, compile_library
 
-SHIM = "rig_shim.c"
-MAINS = ("ert_main.c", "rt_main.c")  # main programs of the generator's, which a library has no use for
+SHIM = "rig_shim"  # and the suffix of C or C++
+HEADERS = (".h", ".hpp", ".hh")
+# main programs of the generator's, which a library has no use for
+MAINS = ("ert_main", "rt_main", "grt_main", "rt_cppclass_main", "rt_malloc_main", "classic_main")
 
 
 class SimulinkModel(CLibrary):
@@ -24,11 +27,17 @@ class SimulinkModel(CLibrary):
         folder = Path(rest)
         if not folder.is_dir():
             raise RigError(f"controller {name}: there is no such folder; give the one with the generated C files")
-        if not (folder / SHIM).is_file():
-            raise RigError(f"controller {name}: the folder has no {SHIM}; './rig controller new simulink DIR' writes "
-                           "one to copy and change")
-        sources = sorted(path for path in folder.glob("*.c") if path.name not in MAINS)
+        files = sorted(path for path in folder.rglob("*") if path.is_file())
+        sources = [path for path in files if path.suffix in COMPILERS and path.stem not in MAINS]
+        shims = [path for path in sources if path.stem == SHIM]
+        if not shims:
+            raise RigError(f"controller {name}: the folder has no {SHIM}.c or {SHIM}.cpp; './rig controller new simulink "
+                           "DIR' writes one to copy and change")
+        if len(shims) > 1:
+            raise RigError(f"controller {name}: the folder has {len(shims)} shims, expected one: "
+                           f"{', '.join(str(path.relative_to(folder)) for path in shims)}")
+        headers = dict.fromkeys(path.parent for path in files if path.suffix in HEADERS)
         with tempfile.TemporaryDirectory(prefix="rig-controller-") as built:
             library = Path(built) / "model.so"
-            compile_library(sources, library, name, (f"-I{folder}",))
+            compile_library(sources, library, name, tuple(f"-I{place}" for place in (folder, *headers)))
             return self._start(library, name)

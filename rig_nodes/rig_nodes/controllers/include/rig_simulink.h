@@ -1,7 +1,8 @@
 /* Generated code of Simulink Coder / Embedded Coder as a shift controller: wraps MODEL_initialize, MODEL_step and
  * MODEL_terminate with their global rtU and rtY into what rig_controller.h asks for.
  *
- * Write one file rig_shim.c beside the generated files (`./rig controller new simulink DIR` makes one):
+ * Write one file rig_shim.c, for C++ code rig_shim.cpp, beside the generated files or their folders
+ * (`./rig controller new simulink DIR` makes one):
  *
  *   #include "my_model.h"
  *   #define RIG_MODEL my_model
