@@ -209,7 +209,7 @@ def test_locked_clutch_does_not_creep_over_a_million_steps():
     worst = 0.0
     for i in range(20000):
         q[:, 0] = 7.3 * (-1.0) ** i + 0.01
-        driveline_step(1e-3, i * 1e-3, system.minv, system.w, system.sh, system.kc, q, cap, x.v, x.twist,
+        driveline_step(1e-3, i * 1e-3, system.minv, system.w, system.sh, system.kc, q, cap, x.loss, x.v, x.twist,
                        x.mode, x.el, x.shaft, x.e_in, x.events, x.count, x.work)
         worst = max(worst, abs(x.v[0] - x.v[1]))
     assert x.mode[0] == algebra.STUCK and worst < 1e-13
@@ -250,7 +250,7 @@ def test_running_in_pieces_gives_the_same_bits():
                 cap[algebra.KIN0 + k, f], cap[algebra.HI0 + k, f] = kin, 1.2 * kin
                 cap[algebra.LO0 + k, f] = -1.2 * kin
         for x in (one, other):
-            driveline_step(1e-3, t, system.minv, system.w, system.sh, system.kc, q, cap, x.v, x.twist, x.mode,
+            driveline_step(1e-3, t, system.minv, system.w, system.sh, system.kc, q, cap, x.loss, x.v, x.twist, x.mode,
                            x.el, x.shaft, x.e_in, x.events, x.count, x.work)
         other.work = np.zeros_like(other.work)
     assert one.count[algebra.N_EVENTS] > 5

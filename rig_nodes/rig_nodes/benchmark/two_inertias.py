@@ -61,8 +61,8 @@ class Ours:
         self.q[:, 0], self.q[:, -1] = DRIVE, LOAD
         self.cap = s.limits()
         x = self.state
-        self._arrays = (s.minv, s.w, s.sh, s.kc, self.q, self.cap, x.v, x.twist, x.mode, x.el, x.shaft, x.e_in,
-                        x.events, x.count, x.work)
+        self._arrays = (s.minv, s.w, s.sh, s.kc, self.q, self.cap, x.loss, x.v, x.twist, x.mode, x.el, x.shaft,
+                        x.e_in, x.events, x.count, x.work)
 
     def start(self) -> None:
         """To time 0."""
@@ -103,7 +103,7 @@ _capacity = njit(cache=True, error_model="numpy", nogil=True)(capacity)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _advance(begin, steps, h, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_in, events, count, work):
+def _advance(begin, steps, h, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work):
     # the straight line through the capacity at the step's two Gauss points has its mean to the fourth order
     at = 0.5 - 0.5 / math.sqrt(3.0)
     for i in range(steps):
@@ -118,5 +118,5 @@ def _advance(begin, steps, h, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft
             cap[KIN0, f], cap[KIN1, f] = before, after
             cap[HI0, f], cap[HI1, f] = STICK * before, STICK * after
             cap[LO0, f], cap[LO1, f] = -STICK * before, -STICK * after
-        if not quiet_step(h, minv, w, q, cap, v, mode, el, e_in, work):
-            driveline_step(h, t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_in, events, count, work)
+        if not quiet_step(h, minv, w, q, cap, loss, v, mode, el, e_in, work):
+            driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work)

@@ -65,8 +65,8 @@ def measure(row, index, state, v, oil, table, keys, hum, gauge_state, counts):
 
 
 @njit(cache=True)
-def bench_step(h, t, settings, state, v, twist, mode, el, shaft, e_in, events, count, work, q, cap, minv, w, sh, kc,
-               motor, cylinder, oil, pack):
+def bench_step(h, t, settings, state, v, twist, mode, el, shaft, e_in, events, count, work, q, cap, loss, minv, w, sh,
+               kc, motor, cylinder, oil, pack):
     """The bench from t to t + h: clamp and motor line first, then the shaft between the old and the new capacities."""
     kinetic, static = state.kinetic, state.static
     clamp(state, settings, h, cylinder, oil)
@@ -93,7 +93,7 @@ def bench_step(h, t, settings, state, v, twist, mode, el, shaft, e_in, events, c
         state.motor_pressure, flow, v[MOTOR], state.relief, h, oil.bulk_modulus, motor)
     q[1, MOTOR] = motor.displacement * state.motor_pressure
 
-    driveline_step(h, t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_in, events, count, work)
+    driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work)
     state.m_e = shaft[TAU, 0]
     heat = el[E_FRIC, PACK] + el[E_VISC, PACK]
     # wear is left out: a slip of some milliseconds moves the contact by less than a nanometre
@@ -104,10 +104,10 @@ def bench_step(h, t, settings, state, v, twist, mode, el, shaft, e_in, events, c
 
 @njit(cache=True, nogil=True)
 def advance(samples, first_sample, steps_per_sample, h, settings, state, v, twist, mode, el, shaft, e_in, events, count,
-            work, q, cap, minv, w, sh, kc, motor, cylinder, oil, pack, table, keys, hum, gauge_state, counts, log):
+            work, q, cap, loss, minv, w, sh, kc, motor, cylinder, oil, pack, table, keys, hum, gauge_state, counts, log):
     """Move the bench by whole samples of 1 ms; row j of the ring ``log`` is the time j * h after 0."""
     rows = log.shape[0]
     for index in range(first_sample * steps_per_sample, (first_sample + samples) * steps_per_sample):
         bench_step(h, index * h, settings[0], state[0], v, twist, mode, el, shaft, e_in, events, count, work, q, cap,
-                   minv, w, sh, kc, motor[0], cylinder[0], oil[0], pack[0])
+                   loss, minv, w, sh, kc, motor[0], cylinder[0], oil[0], pack[0])
         measure(log[(index + 1) % rows], index + 1, state[0], v, oil[0], table, keys, hum, gauge_state, counts)

@@ -13,6 +13,7 @@ import numpy as np
 from rig_nodes.errors import RigError
 from rig_nodes.plant import driveline_algebra as algebra
 from rig_nodes.plant.driveline_algebra import work_size
+from rig_nodes.plant.driveline_losses import loss_width
 
 GROUND = "ground"
 _MAX_ELEMENTS = 50
@@ -22,6 +23,7 @@ _MAX_ELEMENTS = 50
 class State:
     """Everything a step changes, as the kernel wants it; shapes as in `driveline_step`."""
 
+    loss: np.ndarray
     v: np.ndarray
     twist: np.ndarray
     mode: np.ndarray
@@ -61,16 +63,16 @@ class System:
     twist_start: np.ndarray
 
     def state(self, max_events: int = 256) -> State:
-        """Initial state. Free-wheels start overrunning or locked, everything else open."""
+        """Initial state, without losses by torque. Free-wheels start overrunning or locked, everything else open."""
         n, m, s = len(self.speeds), len(self.elements), len(self.shafts)
         mode = np.zeros(m, np.int64)
         slip = self.w @ self.v_start
         for f in np.flatnonzero(self.one_way):
             if slip[f] < 0.0:
                 mode[f] = algebra.BACKWARD
-        return State(self.v_start.copy(), self.twist_start.copy(), mode, np.zeros((4, m)), np.zeros((2, s)),
-                     np.zeros(n), np.zeros((max_events, 3)), np.zeros(2, np.int64),
-                     np.zeros(work_size(n, m, s)))
+        return State(np.zeros((0, loss_width(n, m))), self.v_start.copy(), self.twist_start.copy(), mode,
+                     np.zeros((4, m)), np.zeros((2, s)), np.zeros(n), np.zeros((max_events, 3)),
+                     np.zeros(2, np.int64), np.zeros(work_size(n, m, s)))
 
     def limits(self) -> np.ndarray:
         """A fresh `cap` (7, m) for the kernel: drag and free-wheels filled in, everything else open."""

@@ -39,7 +39,7 @@ def work_size(n, m, s):
 
     Start with zeros; give each driveline its own buffer and zero it when minv, w, sh or kc change.
     """
-    return HEAD + m + 4 * n * n + 2 * m * n + 3 * m * m + 4 * n + s + 9 * m
+    return HEAD + m + 4 * n * n + 2 * m * n + 3 * m * m + 4 * n + s + 9 * m + m + 4 * n
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)

@@ -9,6 +9,8 @@ from numba import njit
 from rig_nodes.plant.driveline_algebra import (
     BACKWARD, BREAK, CLOSE, CROSS, FORWARD, HEAD, KIN0, KIN1, LOCK, LOCKED_HIGH, LOCKED_LOW, N_CAPPED,
     N_EVENTS, RANK, STUCK, VISC, apart, high, lin, low, project)
+from rig_nodes.plant.driveline_losses import (
+    FACTOR, LAST, NEXT, ON, WEIGHTS, brakes, put_losses, solve_losses)
 
 
 # int() around a constant argument or start value: a literal would have the callee compiled once more
@@ -38,7 +40,7 @@ def dependent(f, w, minv, work, op):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
-def resolve(x, t, minv, w, sh, kc, q, cap, v, twist, mode, events, count, work):
+def resolve(x, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, events, count, work):
     """Joint stick or slip of all zero-slip elements (flagged as candidates) at acceleration level.
 
     Starts with all of them stuck and releases the worst violator, one by one, in the direction in which
@@ -46,7 +48,7 @@ def resolve(x, t, minv, w, sh, kc, q, cap, v, twist, mode, events, count, work):
     within its kinetic torque (which makes the rest a box-constrained convex problem). After 3 m pivots
     the lowest index goes first (Murty's rule, which cannot cycle); after 12 m the last set stands and
     the step counts as capped. An overloaded element that others hold keeps its limit torque instead of
-    slipping.
+    slipping. Losses that grow with a torque are solved anew for every set that is tried.
     """
     apart()
     n = minv.shape[0]
@@ -74,6 +76,10 @@ def resolve(x, t, minv, w, sh, kc, q, cap, v, twist, mode, events, count, work):
                     and not dependent(f, w, minv, work, op):
                 work[ost + f] = FORWARD if work[ost + f] > 0.0 else BACKWARD
                 changed = True
+        put_losses(loss, cap, int(0), int(-1))
+        put_losses(loss, cap, int(1), int(-1))
+        y0 = 0.0
+        y1 = 0.0
         for j in range(n):
             work[of + j] = lin(q[0, j], q[1, j], x)
         for a in range(s):
@@ -93,6 +99,9 @@ def resolve(x, t, minv, w, sh, kc, q, cap, v, twist, mode, events, count, work):
                 torque = low(cap, f, x)
             else:
                 torque = state * lin(cap[KIN0, f], cap[KIN1, f], x)
+            if loss.shape[0] > 0:
+                y0 += loss[0, WEIGHTS + f] * torque
+                y1 += loss[1, WEIGHTS + f] * torque
             if work[ocand + f] == 0.0:
                 slip = 0.0
                 for j in range(n):
@@ -101,6 +110,38 @@ def resolve(x, t, minv, w, sh, kc, q, cap, v, twist, mode, events, count, work):
             if torque != 0.0:
                 for j in range(n):
                     work[of + j] -= w[f, j] * torque
+        if loss.shape[0] > 0:
+            s00 = 0.0
+            s01 = 0.0
+            s10 = 0.0
+            s11 = 0.0
+            by0 = brakes(loss[0, FACTOR], work[ost + int(loss[0, ON])])
+            by1 = brakes(loss[1, FACTOR], work[ost + int(loss[1, ON])])
+            for j in range(n):
+                row0 = 0.0
+                row1 = 0.0
+                for f in range(m):
+                    if work[ost + f] == STUCK:
+                        row0 += loss[0, WEIGHTS + f] * work[orr + f * n + j]
+                        row1 += loss[1, WEIGHTS + f] * work[orr + f * n + j]
+                for i in range(n):
+                    row0 += loss[0, WEIGHTS + m + i] * work[op + i * n + j]
+                    row1 += loss[1, WEIGHTS + m + i] * work[op + i * n + j]
+                y0 += row0 * work[of + j]
+                y1 += row1 * work[of + j]
+                s00 += row0 * w[int(loss[0, ON]), j] * by0
+                s01 += row0 * w[int(loss[1, ON]), j] * by1
+                s10 += row1 * w[int(loss[0, ON]), j] * by0
+                s11 += row1 * w[int(loss[1, ON]), j] * by1
+            if not solve_losses(loss, y0, y1, s00, s01, s10, s11, v):
+                count[N_CAPPED] += 1
+            loss[0, LAST] = loss[0, NEXT]
+            loss[1, LAST] = loss[1, NEXT]
+            put_losses(loss, cap, int(0), LAST)
+            put_losses(loss, cap, int(1), LAST)
+            for j in range(n):
+                work[of + j] -= w[int(loss[0, ON]), j] * (by0 * loss[0, LAST])
+                work[of + j] -= w[int(loss[1, ON]), j] * (by1 * loss[1, LAST])
         for i in range(n):
             total = 0.0
             for j in range(n):

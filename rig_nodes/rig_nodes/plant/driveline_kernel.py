@@ -14,6 +14,8 @@ from rig_nodes.plant.driveline_algebra import (
     LOCKED_HIGH, LOCKED_LOW, N_CAPPED, OPEN, STUCK, TAU, VISC, apart, has_capacity, high, implicit,
     implicit_pair, lin, low, project)
 from rig_nodes.plant.driveline_joint import note, resolve
+from rig_nodes.plant.driveline_losses import (
+    FACTOR, LAST, NEXT, ON, OWN, WEIGHTS, brakes, put_losses, solve_losses)
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
@@ -46,8 +48,8 @@ def first_down(y0, b, y1, d, tol):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def quiet_step(h, minv, w, q, cap, v, mode, el, e_in, work):
-    """As `driveline_step` for two speeds without shafts, where a look shows that nothing happens; same bits.
+def quiet_step(h, minv, w, q, cap, loss, v, mode, el, e_in, work):
+    """As `driveline_step` for two speeds without shafts, where a look shows that nothing happens.
 
     True if it is done; False if something may happen (a change of mode, a root, a limit, another set of stuck elements
     than in the last step, not two speeds): then nothing has changed, and `driveline_step` has to be called.
@@ -62,6 +64,8 @@ def quiet_step(h, minv, w, q, cap, v, mode, el, e_in, work):
     os1 = os0 + m
     ol0 = os1 + m
     ol1 = ol0 + m
+    put_losses(loss, cap, 0, LAST)
+    put_losses(loss, cap, 1, -1)
     vmax = max(max(0.0, abs(v[0])), abs(v[1]))
     tol = 1e-12 * (1.0 + vmax)
     pattern = 1.0
@@ -97,13 +101,29 @@ def quiet_step(h, minv, w, q, cap, v, mode, el, e_in, work):
     a1 = 0.0 + work[op + 2] * f0 + work[op + 3] * f1
     d0 = q[1, 0] - q[0, 0]
     d1 = q[1, 1] - q[0, 1]
+    y0 = 0.0
+    y1 = 0.0
+    rho00 = 0.0
+    rho01 = 0.0
+    rho10 = 0.0
+    rho11 = 0.0
     for f in range(m):
         mo = mode[f]
         if mo == STUCK:
-            work[ol0 + f] = 0.0 + work[orr + 2 * f] * f0 + work[orr + 2 * f + 1] * f1
+            r0 = work[orr + 2 * f]
+            r1 = work[orr + 2 * f + 1]
+            work[ol0 + f] = 0.0 + r0 * f0 + r1 * f1
+            if loss.shape[0] > 0:
+                rho00 += loss[0, WEIGHTS + f] * r0
+                rho01 += loss[0, WEIGHTS + f] * r1
+                rho10 += loss[1, WEIGHTS + f] * r0
+                rho11 += loss[1, WEIGHTS + f] * r1
         else:
             torque = mo * cap[KIN1, f] if mo != OPEN else 0.0
             work[ol1 + f] = torque
+            if loss.shape[0] > 0:
+                y0 += loss[0, WEIGHTS + f] * torque
+                y1 += loss[1, WEIGHTS + f] * torque
             torque -= work[ol0 + f]
             d0 -= w[f, 0] * torque
             d1 -= w[f, 1] * torque
@@ -111,6 +131,60 @@ def quiet_step(h, minv, w, q, cap, v, mode, el, e_in, work):
     x1 = f1 + 0.5 * d1
     dv0 = h * (0.0 + work[oh] * x0 + work[oh + 1] * x1)
     dv1 = h * (0.0 + work[oh + 2] * x0 + work[oh + 3] * x1)
+    if loss.shape[0] > 0:
+        # torques at the end but for these losses, then what the losses take off them
+        z00 = 0.0
+        z01 = 0.0
+        z10 = 0.0
+        z11 = 0.0
+        for f in range(m):
+            visc = cap[VISC, f]
+            if visc > 0.0:
+                along = visc * (rho00 * w[f, 0] + rho01 * w[f, 1])
+                z00 += along * w[f, 0]
+                z01 += along * w[f, 1]
+                along = visc * (rho10 * w[f, 0] + rho11 * w[f, 1])
+                z10 += along * w[f, 0]
+                z11 += along * w[f, 1]
+        c00 = loss[0, WEIGHTS + m]
+        c01 = loss[0, WEIGHTS + m + 1]
+        c10 = loss[1, WEIGHTS + m]
+        c11 = loss[1, WEIGHTS + m + 1]
+        half = 0.5 * h
+        end0 = 2.0 * (work[oh] * x0 + work[oh + 1] * x1) - a0
+        end1 = 2.0 * (work[oh + 2] * x0 + work[oh + 3] * x1) - a1
+        y0 += rho00 * (f0 + d0) + rho01 * (f1 + d1) - z00 * dv0 - z01 * dv1 + c00 * end0 + c01 * end1
+        y1 += rho10 * (f0 + d0) + rho11 * (f1 + d1) - z10 * dv0 - z11 * dv1 + c10 * end0 + c11 * end1
+        c00 -= half * z00
+        c01 -= half * z01
+        c10 -= half * z10
+        c11 -= half * z11
+        row00 = rho00 + c00 * work[oh] + c01 * work[oh + 2]
+        row01 = rho01 + c00 * work[oh + 1] + c01 * work[oh + 3]
+        row10 = rho10 + c10 * work[oh] + c11 * work[oh + 2]
+        row11 = rho11 + c10 * work[oh + 1] + c11 * work[oh + 3]
+        on0 = int(loss[0, ON])
+        on1 = int(loss[1, ON])
+        by0 = brakes(loss[0, FACTOR], mode[on0])
+        by1 = brakes(loss[1, FACTOR], mode[on1])
+        p00 = w[on0, 0] * by0
+        p01 = w[on0, 1] * by0
+        p10 = w[on1, 0] * by1
+        p11 = w[on1, 1] * by1
+        if not solve_losses(loss, y0, y1, row00 * p00 + row01 * p01, row00 * p10 + row01 * p11,
+                            row10 * p00 + row11 * p01, row10 * p10 + row11 * p11, v):
+            return False
+        put_losses(loss, cap, 1, NEXT)
+        d0 -= p00 * loss[0, NEXT] + p10 * loss[1, NEXT]
+        d1 -= p01 * loss[0, NEXT] + p11 * loss[1, NEXT]
+        for k in range(2):
+            f = int(loss[k, OWN])
+            if mode[f] != STUCK:
+                work[ol1 + f] = mode[f] * cap[KIN1, f]
+        x0 = f0 + 0.5 * d0
+        x1 = f1 + 0.5 * d1
+        dv0 = h * (0.0 + work[oh] * x0 + work[oh + 1] * x1)
+        dv1 = h * (0.0 + work[oh + 2] * x0 + work[oh + 3] * x1)
     for f in range(m):
         gain = 0.0 + w[f, 0] * dv0
         gain += w[f, 1] * dv1
@@ -148,6 +222,8 @@ def quiet_step(h, minv, w, q, cap, v, mode, el, e_in, work):
         el[E_VISC, f] += h * cap[VISC, f] * slip * slip
     e_in[0] += h * (0.5 * (q[0, 0] + q[1, 0])) * (v[0] + 0.5 * dv0)
     e_in[1] += h * (0.5 * (q[0, 1] + q[1, 1])) * (v[1] + 0.5 * dv1)
+    for k in range(loss.shape[0]):
+        loss[k, LAST] = loss[k, NEXT]
     v0 = v[0] + dv0
     v1 = v[1] + dv1
     if stuck:
@@ -164,7 +240,79 @@ def quiet_step(h, minv, w, q, cap, v, mode, el, e_in, work):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
-def driveline_step(h, t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_in, events, count, work):
+def end_losses(d, w, sh, kc, cap, loss, v, mode, work):
+    """The losses at the end of a sub-step of d into NEXT, from its forces without them; False where there are none.
+
+    A force F changes what is reached by d H F / 2, the torque of a stuck element by R (1 - d B H / 2) F, and the
+    acceleration at the end by H F: mean and end of the trapezoidal rule.
+    """
+    m, n = w.shape
+    op = HEAD + m
+    oh = op + n * n
+    orr = oh + n * n
+    of = orr + 2 * n * n + 2 * m * n + 3 * m * m
+    oa = of + n
+    odf = oa + n
+    ol1 = odf + 2 * n + sh.shape[0] + 8 * m
+    orho = ol1 + 2 * m
+    oz = orho + 2 * n
+    for k in range(2):
+        for j in range(n):
+            total = 0.0
+            for f in range(m):
+                if mode[f] == STUCK:
+                    total += loss[k, WEIGHTS + f] * work[orr + f * n + j]
+            work[orho + k * n + j] = total
+        for j in range(n):
+            work[oz + k * n + j] = 0.0
+        for f in range(m):
+            along = 0.0
+            for j in range(n):
+                along += work[orho + k * n + j] * w[f, j]
+            for j in range(n):
+                work[oz + k * n + j] += cap[VISC, f] * along * w[f, j]
+        for a in range(sh.shape[0]):
+            along = 0.0
+            for j in range(n):
+                along += work[orho + k * n + j] * sh[a, j]
+            for j in range(n):
+                work[oz + k * n + j] += (kc[1, a] + 0.5 * d * kc[0, a]) * along * sh[a, j]
+    y0 = 0.0
+    y1 = 0.0
+    for f in range(m):
+        if mode[f] != STUCK:
+            y0 += loss[0, WEIGHTS + f] * work[ol1 + f]
+            y1 += loss[1, WEIGHTS + f] * work[ol1 + f]
+    s00 = 0.0
+    s01 = 0.0
+    s10 = 0.0
+    s11 = 0.0
+    on0 = int(loss[0, ON])
+    on1 = int(loss[1, ON])
+    by0 = brakes(loss[0, FACTOR], mode[on0])
+    by1 = brakes(loss[1, FACTOR], mode[on1])
+    for j in range(n):
+        mean = 0.0
+        for i in range(n):
+            mean += work[oh + j * n + i] * (work[of + i] + 0.5 * work[odf + i])
+        end = 2.0 * mean - work[oa + j]
+        force = work[of + j] + work[odf + j]
+        y0 += work[orho + j] * force - work[oz + j] * d * mean + loss[0, WEIGHTS + m + j] * end
+        y1 += work[orho + n + j] * force - work[oz + n + j] * d * mean + loss[1, WEIGHTS + m + j] * end
+        row0 = work[orho + j]
+        row1 = work[orho + n + j]
+        for i in range(n):
+            row0 += (loss[0, WEIGHTS + m + i] - 0.5 * d * work[oz + i]) * work[oh + i * n + j]
+            row1 += (loss[1, WEIGHTS + m + i] - 0.5 * d * work[oz + n + i]) * work[oh + i * n + j]
+        s00 += row0 * w[on0, j] * by0
+        s01 += row0 * w[on1, j] * by1
+        s10 += row1 * w[on0, j] * by0
+        s11 += row1 * w[on1, j] * by1
+    return solve_losses(loss, y0, y1, s00, s01, s10, s11, v)
+
+
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
+def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work):
     """Move a driveline from t to t + h; returns the number of events in the step.
 
     n speeds, m friction elements (m <= 50), s shafts; every array float64, C-contiguous, unless said
@@ -179,6 +327,8 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_i
                 at both ends or at none), VISC drag coefficient over the step. Rows 0 and 1 of q and the
                 0/1 pairs hold the right limit at t and the left limit at t + h; linear in between, so
                 jumps belong on step boundaries. An element with kin, lo, hi zero at both ends is OPEN.
+                loss (2 or 0, loss_width(n, m)), columns in driveline_losses: losses that grow with a torque; the
+                capacities of the elements that they own come from there, above 0.
     State       v (n,), twist (s,), mode (m,) int64: all changed in place. A mode OPEN is set by itself at
                 the start of the step; a locked element must have zero slip when it is handed in.
     Outputs     el (4, m): LAM friction torque at the end (positive opposes positive slip, without drag);
@@ -215,6 +365,13 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_i
     os1 = os0 + m
     ol0 = os1 + m
     ol1 = ol0 + m
+    olossy = ol1 + m
+    for f in range(m):
+        work[olossy + f] = 0.0
+    for k in range(loss.shape[0]):
+        work[olossy + int(loss[k, OWN])] = 1.0
+    put_losses(loss, cap, int(0), LAST)
+    put_losses(loss, cap, int(1), LAST)
     made = 0
     joint = False
     vmax = 0.0
@@ -268,7 +425,7 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_i
                         work[ocand + f] = 1.0
             # a joint decision that did not hold is one between equals: decide it a little later in the inputs
             ahead = (h - tl) * min(1e-3, 10.0 ** (stalls - 10)) if stalls > 1 else 0.0
-            made += resolve((tl + ahead) / h, t + tl, minv, w, sh, kc, q, cap, v, twist, mode, events,
+            made += resolve((tl + ahead) / h, t + tl, minv, w, sh, kc, q, cap, loss, v, twist, mode, events,
                             count, work)
             joint = False
         passes += 1
@@ -279,7 +436,9 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_i
         left = h - tl
         if left <= 0.0:
             break
-        # forces at the start of the sub-step
+        # forces at the start of the sub-step, at whose ends the capacities under losses are told
+        put_losses(loss, cap, int(0), LAST)
+        put_losses(loss, cap, int(1), LAST)
         pattern = 1.0
         bit = 1.0
         for j in range(n):
@@ -342,6 +501,7 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_i
             if stale:
                 implicit(d, w, sh, kc, cap, work)
             xb = 1.0 if d == left else (tl + d) / h
+            put_losses(loss, cap, int(1), int(-1))
             for j in range(n):
                 work[odf + j] = lin(q[0, j], q[1, j], xb) - lin(q[0, j], q[1, j], xa)
             for f in range(m):
@@ -349,12 +509,13 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_i
                 if mo == OPEN:
                     work[ol1 + f] = 0.0
                 elif mo != STUCK:
+                    xe = xb if work[olossy + f] == 0.0 else 1.0
                     if mo == LOCKED_HIGH:
-                        torque = high(cap, f, xb)
+                        torque = high(cap, f, xe)
                     elif mo == LOCKED_LOW:
-                        torque = low(cap, f, xb)
+                        torque = low(cap, f, xe)
                     else:
-                        torque = mo * lin(cap[KIN0, f], cap[KIN1, f], xb)
+                        torque = mo * lin(cap[KIN0, f], cap[KIN1, f], xe)
                     work[ol1 + f] = torque
                     torque -= work[ol0 + f]
                     for j in range(n):
@@ -364,6 +525,16 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_i
                 torque = kc[0, a] * d * work[orate + a]
                 for j in range(n):
                     work[odf + j] -= sh[a, j] * torque
+            if loss.shape[0] > 0:
+                if not end_losses(d, w, sh, kc, cap, loss, v, mode, work):
+                    count[N_CAPPED] += 1
+                put_losses(loss, cap, int(1), NEXT)
+                for k in range(2):
+                    f = int(loss[k, ON])
+                    torque = brakes(loss[k, FACTOR], mode[f]) * loss[k, NEXT]
+                    work[ol1 + f] += torque
+                    for j in range(n):
+                        work[odf + j] -= w[f, j] * torque
             for i in range(n):
                 total = 0.0
                 for j in range(n):
@@ -423,13 +594,18 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_i
                     l0 = work[ol0 + f]
                     l1 = work[ol1 + f]
                     lim = 1e-11 * (1.0 + abs(l0) + abs(l1))
+                    xs = xa
+                    xe = xb
+                    if work[olossy + f] != 0.0:
+                        xs = 0.0
+                        xe = 1.0
                     for sign in (1, -1):
                         if sign > 0:
-                            y0 = high(cap, f, xa) - l0
-                            y1 = high(cap, f, xb) - l1
+                            y0 = high(cap, f, xs) - l0
+                            y1 = high(cap, f, xe) - l1
                         else:
-                            y0 = l0 - low(cap, f, xa)
-                            y1 = l1 - low(cap, f, xb)
+                            y0 = l0 - low(cap, f, xs)
+                            y1 = l1 - low(cap, f, xe)
                         te = d * y0 / (y0 - y1) if y0 > 0.0 and y1 < y0 else 0.0
                         if f == hit and sign == side:
                             gap = y1
@@ -451,9 +627,9 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_i
                     break
                 d = first
             else:
-                # linear problems have met the root; with drag or shafts the shortened step ends elsewhere
+                # linear problems have met the root; with drag, shafts or losses the shortened step ends elsewhere
                 tries += 1
-                if work[3] == 0.0 or tries > 60:
+                if (work[3] == 0.0 and loss.shape[0] == 0) or tries > 60:
                     break
                 if first < d * (1.0 - 1e-9):
                     hit = who
@@ -477,6 +653,8 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_i
                     break
                 d = again if below < again < above else 0.5 * (below + above)
         if d > 0.0:
+            for k in range(loss.shape[0]):
+                loss[k, LAST] = loss[k, NEXT]
             stuck = False
             for f in range(m):
                 work[oforce + f] = 0.0

@@ -69,11 +69,11 @@ class Result:
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _run_steps(t, minv, w, sh, kc, q, cap, v, twist, mode, el, shaft, e_in, events, count, work,
+def _run_steps(t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work,
                out_v, out_twist, out_mode, out_el, out_shaft, out_e_in):
     for i in range(q.shape[0]):
-        driveline_step(t[i + 1] - t[i], t[i], minv, w, sh, kc, q[i], cap[i], v, twist, mode, el, shaft, e_in,
-                       events, count, work)
+        driveline_step(t[i + 1] - t[i], t[i], minv, w, sh, kc, q[i], cap[i], loss, v, twist, mode, el, shaft,
+                       e_in, events, count, work)
         out_v[i + 1] = v
         out_twist[i + 1] = twist
         out_mode[i + 1] = mode
@@ -175,8 +175,8 @@ def run(system: System, t_end: float, step: float, inputs: Mapping[str, Signal] 
     out = [np.zeros((steps + 1, *a.shape), a.dtype) for a in (x.v, x.twist, x.mode, x.el, x.shaft, x.e_in)]
     for a, start in zip(out, (x.v, x.twist, x.mode, x.el, x.shaft, x.e_in)):
         a[0] = start
-    _run_steps(t, system.minv, system.w, system.sh, system.kc, q, cap, x.v, x.twist, x.mode, x.el, x.shaft,
-               x.e_in, x.events, x.count, x.work, *out)
+    _run_steps(t, system.minv, system.w, system.sh, system.kc, q, cap, x.loss, x.v, x.twist, x.mode, x.el,
+               x.shaft, x.e_in, x.events, x.count, x.work, *out)
     v, twist, mode, el, shaft, e_in = out
     if x.count[algebra.N_EVENTS] > max_events:
         raise RigError(f"driveline: {x.count[algebra.N_EVENTS]} events in the run; "

@@ -17,8 +17,9 @@ from numba.core import types
 from . import kernel
 from .driveline_kernel import driveline_step, quiet_step
 
-_STEP = ("minv", "w", "sh", "kc", "q", "cap", "v", "twist", "mode", "el", "shaft", "e_in", "events", "count", "work")
-_QUIET = ("minv", "w", "q", "cap", "v", "mode", "el", "e_in", "work")
+_STEP = ("minv", "w", "sh", "kc", "q", "cap", "loss", "v", "twist", "mode", "el", "shaft", "e_in", "events", "count",
+         "work")
+_QUIET = ("minv", "w", "q", "cap", "loss", "v", "mode", "el", "e_in", "work")
 
 
 def _fields(names) -> list:

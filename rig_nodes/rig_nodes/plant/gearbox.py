@@ -8,10 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import pi, sqrt
 
+import numpy as np
 from numba import njit
 
 from ..config.schema import choice, param
-from .driveline import Driveline
+from . import driveline_losses as losses
+from .driveline import Driveline, System
 
 # tab. 3.2: teeth of the wheels on the two power paths
 Z1, Z2, Z3, Z4, Z5, Z7, Z8 = 34, 33, 47, 41, 40, 37, 41
@@ -67,28 +69,33 @@ def build_driveline(gearbox: GearboxConfig):
     return d.build()
 
 
+def torque_losses(gearbox: GearboxConfig, system: System) -> np.ndarray:
+    """The losses by torque for the driveline's step (2, loss_width), Annex D: by the torque that w0 gives the clutches,
+    and by the load's at its torque meter, a parabola on the z5 axis. BASE and FACTOR are the step's to say.
+    """
+    out = np.zeros((2, losses.loss_width(*system.w.T.shape)))
+    weights = out[:, losses.WEIGHTS:]
+    z5 = Z8 / Z5
+    out[0, :losses.OWN] = gearbox.loss_in_constant, gearbox.loss_in_share, gearbox.loss_in_square
+    out[0, [losses.OWN, losses.ON, losses.FACTOR, losses.WAY]] = LOSS_IN, LOSS_IN, 1.0, 0
+    weights[0, [S1, S2]] = system.w[[S1, S2], 0]
+    out[1, :losses.OWN] = 0.0, gearbox.loss_out_share * z5, gearbox.loss_out_square * z5
+    on = LOSS_IN if gearbox.loss_by_load_side == "driving" else LOSS_OUT
+    out[1, [losses.OWN, losses.ON, losses.FACTOR, losses.WAY]] = LOSS_OUT, on, 1.0, 1
+    weights[1, LOAD], weights[1, len(system.elements) + 1] = 1.0, gearbox.inertia_pump
+    return out
+
+
 @njit(cache=True, error_model="numpy", forceinline=True)
-def loss_in(speed, torque, gearbox):
-    """Loss torque on w0 [Nm], (6.72), (7.7) and Annex D: parts by speed and a part by the torque that w0 carries [Nm]."""
-    n, u = abs(speed) / RPM, abs(torque)
+def loss_in(speed, gearbox):
+    """Loss torque on w0 [Nm] by its speed [rad/s], (6.72), (7.7) and Annex D."""
+    n = abs(speed) / RPM
     by_speed = gearbox.loss_in_speed * max(0.0, -1.76e-6 * n * n + 4.58e-3 * n + 2.56)
     rest, began = gearbox.loss_in_at_rest**2, gearbox.loss_in_at_470**2
-    by_speed += sqrt(max(0.0, rest + (began - rest) * abs(speed) / COAST_DOWN))
-    # the parabola falls behind its top; a loss does not
-    if gearbox.loss_in_square < 0.0:
-        u = min(u, -0.5 * gearbox.loss_in_share / gearbox.loss_in_square)
-    by_torque = gearbox.loss_in_constant + gearbox.loss_in_share * u + gearbox.loss_in_square * u * u
-    return by_speed + max(0.0, by_torque)
+    return by_speed + sqrt(max(0.0, rest + (began - rest) * abs(speed) / COAST_DOWN))
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def loss_out(gearbox):
     """Loss torque on wk [Nm] whatever the load is, bearings and seals; given on the z5 axis as in Annex D."""
     return max(0.0, gearbox.loss_out_constant) * (Z8 / Z5)
-
-
-@njit(cache=True, error_model="numpy", forceinline=True)
-def loss_by_load(torque, gearbox):
-    """Loss torque on wk [Nm] that comes with the load's torque [Nm], Annex D: a parabola on the z5 axis."""
-    u = abs(torque)
-    return max(0.0, gearbox.loss_out_share * u + gearbox.loss_out_square * u * u) * (Z8 / Z5)

@@ -23,11 +23,13 @@ from . import motor as motor_model
 from . import valve as valve_model
 from .driveline_algebra import E_FRIC, E_VISC, HI0, HI1, KIN0, KIN1, LAM, LO0, LO1, VISC, work_size
 from .driveline_kernel import driveline_step, quiet_step
+from .driveline_losses import BASE, FACTOR, loss_width
 from .gearbox import LOAD, LOSS_IN, LOSS_OUT, S1
 from .prescribed import Force
 
 load_numba()
 VALVES = 2
+LEAST_LOSS = 1e-9  # Nm: what may brake as soon as a torque comes is never open
 # columns of the logger's rows; the signal catalogue must agree (testbench.rig checks it). U is no transducer's: share
 # of the supply voltage on the coil, in this step
 CHANNELS = ("M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2", "p_po", "I_zr_p1", "I_zr_p2", "p_p", "T_oil",
@@ -55,11 +57,11 @@ CLUTCH_STATE = np.dtype([
 # transducers pick it up, there also where the plant takes the average
 EFFECTS = np.dtype([("current_loop", "f8"), ("motor_speed", "f8"), ("pwm", "f8"), ("pulses", "f8"),
                     ("prescribed", "f8"), ("bounded", "f8"), ("loss_driving", "f8"), ("transducers", "f8")])
-# carried: by w0 into the clutches; gain: of a value in the last step, of a torque only where no mode has changed in it
+# gain: of a speed in the last step
 PLANT_STATE = np.dtype([
     ("motor_torque", "f8"), ("motor_integral", "f8"), ("motor_setpoint", "f8"), ("supply", "f8"),
-    ("load_pressure", "f8"), ("m_wej", "f8"), ("m_wyj", "f8"), ("loss_in", "f8"), ("loss_out", "f8"), ("carried", "f8"),
-    ("gain_in", "f8"), ("gain_out", "f8"), ("gain_carried", "f8"), ("gain_m_wyj", "f8"),
+    ("load_pressure", "f8"), ("m_wej", "f8"), ("m_wyj", "f8"), ("loss_in", "f8"), ("loss_out", "f8"),
+    ("gain_in", "f8"), ("gain_out", "f8"),
 ])
 # answers of a motor and a load outside the plant (plant.cut), held for a tick; motor, load > 0: it is there
 HELD = np.dtype([
@@ -84,7 +86,8 @@ SPEEDS, ELEMENTS, SHAFTS, EVENTS = 2, 5, 0, 256
 # arguments of driveline_kernel.driveline_step
 DRIVELINE = np.dtype([
     ("minv", "f8", (SPEEDS, SPEEDS)), ("w", "f8", (ELEMENTS, SPEEDS)), ("sh", "f8", (SHAFTS, SPEEDS)),
-    ("kc", "f8", (2, SHAFTS)), ("q", "f8", (2, SPEEDS)), ("cap", "f8", (7, ELEMENTS)), ("v", "f8", (SPEEDS,)),
+    ("kc", "f8", (2, SHAFTS)), ("q", "f8", (2, SPEEDS)), ("cap", "f8", (7, ELEMENTS)),
+    ("loss", "f8", (2, loss_width(SPEEDS, ELEMENTS))), ("v", "f8", (SPEEDS,)),
     ("twist", "f8", (SHAFTS,)), ("mode", "i8", (ELEMENTS,)), ("el", "f8", (4, ELEMENTS)), ("shaft", "f8", (2, SHAFTS)),
     ("e_in", "f8", (SPEEDS,)), ("events", "f8", (EVENTS, 3)), ("count", "i8", (2,)),
     ("work", "f8", (work_size(SPEEDS, ELEMENTS, SHAFTS),)),
@@ -190,7 +193,7 @@ def plant_step(world, h, t):
     settings, valves, cylinders, plant, held = world.settings, world.valves, world.cylinders, world.plant, world.held
     effects, decays, clutches, gearbox = world.effects, world.decays, world.clutches, world.gearbox
     line = world.driveline
-    cap, el, q, v, w, minv = line.cap, line.el, line.q, line.v, line.w, line.minv
+    cap, el, q, v, w, minv, loss = line.cap, line.el, line.q, line.v, line.w, line.minv, line.loss
     drawn = max(0.0, valves[0].flow) + max(0.0, valves[1].flow)  # what a valve lets out goes to the tank
     plant.supply = oil_supply.supply_after(
         plant.supply, settings.oil_pressure, settings.oil_on > 0.0, drawn, decays.supply, world.oil)
@@ -235,25 +238,18 @@ def plant_step(world, h, t):
         plant.load_pressure = load_pump.pressure_after(
             plant.load_pressure, settings.load_pressure, settings.load_on > 0.0, middle_out, decays.load, world.load)
         cap[KIN1, LOAD] = load_pump.torque_capacity(plant.load_pressure, world.load)
-    plant.loss_in = gearbox_model.loss_in(middle_in, plant.carried + 0.5 * plant.gain_carried, gearbox)
-    plant.loss_out = gearbox_model.loss_out(gearbox)
-    by_load = gearbox_model.loss_by_load(plant.m_wyj + 0.5 * plant.gain_m_wyj, gearbox)
-    if effects.loss_driving == 0.0:
-        plant.loss_out += by_load
-    elif middle_in > 1.0:
-        plant.loss_in += by_load * min(1.0, max(0.0, middle_out / middle_in))  # the same power on the other shaft
-    cap[KIN1, LOSS_IN], cap[KIN1, LOSS_OUT] = plant.loss_in, plant.loss_out
     cap[KIN0, LOAD], cap[HI0, LOAD], cap[LO0, LOAD] = load_before, load_before, -load_before
     cap[HI1, LOAD], cap[LO1, LOAD] = cap[KIN1, LOAD], -cap[KIN1, LOAD]
-    for f in (LOSS_IN, LOSS_OUT):
-        # held over the step: their change is slow
-        cap[KIN0, f] = cap[HI0, f] = cap[HI1, f] = cap[KIN1, f]
-        cap[LO0, f] = cap[LO1, f] = -cap[KIN1, f]
+    # by speed, held over the step; what comes by torque is the driveline's to solve
+    loss[0, BASE] = max(LEAST_LOSS, gearbox_model.loss_in(middle_in, gearbox))
+    loss[1, BASE] = max(LEAST_LOSS, gearbox_model.loss_out(gearbox))
+    if effects.loss_driving > 0.0:  # the same power on the other shaft
+        loss[1, FACTOR] = min(1.0, max(0.0, middle_out / middle_in)) if middle_in > 1.0 else 0.0
 
-    quiet = quiet_step(h, minv, w, q, cap, v, line.mode, el, line.e_in, line.work)
-    if not quiet:
-        driveline_step(h, t, minv, w, line.sh, line.kc, q, cap, v, line.twist, line.mode, el, line.shaft, line.e_in,
-                       line.events, line.count, line.work)
+    if not quiet_step(h, minv, w, q, cap, loss, v, line.mode, el, line.e_in, line.work):
+        driveline_step(h, t, minv, w, line.sh, line.kc, q, cap, loss, v, line.twist, line.mode, el, line.shaft,
+                       line.e_in, line.events, line.count, line.work)
+    plant.loss_in, plant.loss_out = cap[KIN1, LOSS_IN], cap[KIN1, LOSS_OUT]
     if effects.bounded > 0.0:
         # as an integrator with limits: no slip of S1 against the drive, none of S2 with it
         v[1] = min(max(v[1], -v[0] * w[S1, 0] / w[S1, 1]), -v[0] * w[S1 + 1, 0] / w[S1 + 1, 1])
@@ -263,8 +259,6 @@ def plant_step(world, h, t):
         cylinder.temperature, cylinder.wear = clutch_model.plates_after(
             cylinder.temperature, cylinder.wear, heat - cylinder.heat, world.oil.temperature, h, clutches[k])
         cylinder.heat = heat
-    carried, m_wyj = plant.carried, plant.m_wyj
-    plant.carried = w[S1, 0] * el[LAM, S1] + w[S1 + 1, 0] * el[LAM, S1 + 1]
     # the torque meters sit between motor and gearbox and between gearbox and pump: accelerations at the end of the step
     on_in, on_out = q[1, 0], 0.0
     for f in range(ELEMENTS):
@@ -272,16 +266,13 @@ def plant_step(world, h, t):
         on_in -= w[f, 0] * torque
         on_out -= w[f, 1] * torque
     if effects.motor_speed == 0.0:
-        plant.m_wej = plant.carried + plant.loss_in  # (6.82)
+        plant.m_wej = w[S1, 0] * el[LAM, S1] + w[S1 + 1, 0] * el[LAM, S1 + 1] + plant.loss_in  # (6.82)
         # what gives the rig's own inertia this speed; q also turns what was put on w0
         plant.motor_torque = gearbox.inertia_in * plant.gain_in / h + (q[1, 0] - on_in)
     else:
         outside = gearbox.inertia_in - gearbox.inertia_in_gearbox
         plant.m_wej = q[1, 0] - outside * on_in / gearbox.inertia_in
     plant.m_wyj = el[LAM, LOAD] + gearbox.inertia_pump * minv[1, 1] * on_out
-    plant.gain_carried, plant.gain_m_wyj = 0.0, 0.0
-    if quiet:
-        plant.gain_carried, plant.gain_m_wyj = plant.carried - carried, plant.m_wyj - m_wyj
 
 
 @njit(cache=True, error_model="numpy")

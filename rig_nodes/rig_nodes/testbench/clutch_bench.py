@@ -58,7 +58,7 @@ class ClutchBench(Timed):
         start = system.state()
         self.v, self._twist, self.mode, self._el, self._shaft = start.v, start.twist, start.mode, start.el, start.shaft
         self._e_in, self._events, self._count, self._work = start.e_in, start.events, start.count, start.work
-        self._q, self._cap = np.zeros((2, len(self.v))), np.zeros((7, len(self.mode)))
+        self._q, self._cap, self._loss = np.zeros((2, len(self.v))), np.zeros((7, len(self.mode))), start.loss
 
         def record(*instances, **extra):
             names = [(name, "f8") for name in extra]
@@ -95,7 +95,7 @@ class ClutchBench(Timed):
         """Move plant and instruments by samples of 1 ms; releases the GIL inside."""
         kernel.advance(samples, self.sample, self._steps_per_sample, self.step, self.settings, self.state, self.v,
                        self._twist, self.mode, self._el, self._shaft, self._e_in, self._events, self._count, self._work,
-                       self._q, self._cap, self._minv, self._w, self._sh, self._kc, self._motor, self._cylinder,
+                       self._q, self._cap, self._loss, self._minv, self._w, self._sh, self._kc, self._motor, self._cylinder,
                        self._oil, self._pack, *self.gauges.arrays, self._log)
         self.sample += samples
 

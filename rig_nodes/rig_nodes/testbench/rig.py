@@ -23,7 +23,7 @@ from ..instruments import transducers
 from ..plant import clutch, driveline_algebra, kernel
 from ..plant.effects import leave_out
 from ..plant.first_start import compile_beside
-from ..plant.gearbox import S1, S2, build_driveline
+from ..plant.gearbox import S1, S2, build_driveline, torque_losses
 from .configuration import PARTS, RigConfig
 from .cuts import Cuts
 from .gauges import Gauges
@@ -92,6 +92,7 @@ class Rig(Timed):
         line, start = world["driveline"], system.state()
         for name in ("minv", "w", "v"):
             line[name] = getattr(start if name == "v" else system, name)
+        line["loss"] = torque_losses(c.gearbox, system)
         self._mass = build_driveline(c.gearbox).mass
         self._put_on = float(system.mass[0, 0] - self._mass[0, 0])  # kg m2, 0 unless n_wej is to stay
         self.v, self.mode, self._el, self._e_in, self._cap, self._w = (
