@@ -6,7 +6,7 @@ Called by plant.kernel for S1 and S2; the models of torque and drag themselves a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
+from math import exp, expm1, inf, sqrt
 
 from numba import njit
 
@@ -15,6 +15,9 @@ from ..errors import RigError
 from .friction import closed, drag
 from .friction.geometry import PackGeometry
 from .valve import held_flow, port_flow
+
+
+LOWEST = -1e4  # Pa: to which the tank's pressure may be missed by the order of the integration
 
 
 @dataclass(frozen=True)
@@ -103,11 +106,20 @@ def friction_factor(temperature, clutch):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def plates_after(temperature, wear, heat, oil_temperature, h, clutch):
-    """(temperature [degC], wear of the whole pack [m]) of the plates after h, in which they took ``heat`` [J]."""
+def plates_cooling(h, clutch):
+    """(share of a difference to the oil's temperature that is left after h, rise by heat that comes evenly [K/J])."""
+    spent = h * clutch.cooling / clutch.heat_capacity
+    return exp(-spent), (-expm1(-spent) / spent if spent > 0.0 else 1.0) / clutch.heat_capacity
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def plates_after(temperature, wear, heat, oil_temperature, left, rise, clutch):
+    """(temperature [degC], wear of the whole pack [m]) of the plates after a step in which they took ``heat`` [J].
+
+    left, rise: of :func:`plates_cooling`, the exact solution for heat that comes evenly.
+    """
     rate = clutch.wear_rate * max(0.0, 1.0 + clutch.wear_per_kelvin * (temperature - clutch.friction_temperature))
-    cooled = clutch.cooling * (temperature - oil_temperature) * h
-    return temperature + (heat - cooled) / clutch.heat_capacity, wear + rate * heat
+    return oil_temperature + (temperature - oil_temperature) * left + heat * rise, wear + rate * heat
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -214,12 +226,18 @@ def cylinder_step(cylinder, state, supply, h, full_line, stiff_chamber, inertia_
     # (3 p - 4 p0 + p00) / 2 h = 1.5 (p - (p0 + rise / 3)) / h
     chamber_before = cylinder.chamber + cylinder.chamber_rise / 3.0
     line_before = cylinder.line + cylinder.line_rise / 3.0
-    low, high = -0.09e6, max(supply, cylinder.line, cylinder.chamber) + 1e5
-    p = min(max(cylinder.chamber, low), high)
+    # what fell this fast, and stopped, would fall on below the tank's pressure by the step before alone: there a backward
+    # step, with which no volume gets below the tank, as nothing draws from it
+    if line_before < LOWEST:
+        line_before, stiff_line = cylinder.line, full_line
+    if chamber_before < LOWEST:
+        chamber_before, stiff_chamber = cylinder.chamber, stiff_chamber / 1.5
+    low, high = -0.1e6, inf
+    p = max(cylinder.chamber, low)
     half = 0.5 * h
     start = max(0.0, cylinder.piston + half * cylinder.speed)
     line, x, flow, speed = cylinder.line, start, 0.0, 0.0
-    for _ in range(60):
+    for turn in range(120):
         x, dx = piston_step(start, p, half, clutch)
         speed = (x - start) / half
         feed = stiff_chamber * (p - chamber_before) + clutch.piston_area * speed
@@ -238,6 +256,9 @@ def cylinder_step(cylinder, state, supply, h, full_line, stiff_chamber, inertia_
         new = p - miss / (stiff_line * dline + dfeed - dflow * dline)
         if abs(new - p) < 1e-3:  # Pa; a root that is met lies on the bracket's edge, so this comes first
             break
-        p = new if low < new < high else 0.5 * (low + high)
+        if turn < 40 and low < new < high:
+            p = new
+        else:
+            p = 0.5 * (low + high) if high < inf else 2.0 * p + 1e6
     # what Newton has left goes into the line's pressure: no oil is lost or made, however many steps
     return line - miss / stiff_line, p, x, speed, flow

@@ -97,8 +97,9 @@ def bench_step(h, t, settings, state, v, twist, mode, el, shaft, e_in, events, c
     state.m_e = shaft[TAU, 0]
     heat = el[E_FRIC, PACK] + el[E_VISC, PACK]
     # wear is left out: a slip of some milliseconds moves the contact by less than a nanometre
+    left, rise = clutch_model.plates_cooling(h, pack)
     state.temperature = clutch_model.plates_after(
-        state.temperature, 0.0, heat - state.heat, oil.temperature, h, pack)[0]
+        state.temperature, 0.0, heat - state.heat, oil.temperature, left, rise, pack)[0]
     state.heat = heat
 
 

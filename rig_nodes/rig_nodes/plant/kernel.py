@@ -21,7 +21,7 @@ from . import gearbox as gearbox_model
 from . import load_pump, oil_supply
 from . import motor as motor_model
 from . import valve as valve_model
-from .driveline_algebra import E_FRIC, E_VISC, HI0, HI1, KIN0, KIN1, LAM, LO0, LO1, VISC, work_size
+from .driveline_algebra import E_FRIC, E_VISC, HI0, HI1, KIN0, KIN1, LAM, LO0, LO1, N_CAPPED, VISC, work_size
 from .driveline_kernel import driveline_step, quiet_step
 from .driveline_losses import BASE, FACTOR, loss_width
 from .gearbox import LOAD, LOSS_IN, LOSS_OUT, S1
@@ -29,6 +29,7 @@ from .prescribed import Force
 
 load_numba()
 VALVES = 2
+EXPONENT = 0x7FF << 52  # of a double whose bits are read as an integer: all set where it is no finite number
 LEAST_LOSS = 1e-9  # Nm: what may brake as soon as a torque comes is never open
 # columns of the logger's rows; the signal catalogue must agree (testbench.rig checks it). U is no transducer's: share
 # of the supply voltage on the coil, in this step
@@ -78,21 +79,26 @@ CLUTCH_DERIVED = ("engaging_kinetic", "engaging_static", "releasing_static", "sl
                   "new_clearance", *(field.name for field in fields(Force)))
 CLUTCH = np.dtype(record_dtype(clutch_model.Cylinder, clutch_model.PlatePack).descr
                   + [(name, "f8") for name in CLUTCH_DERIVED])
-# share of a first-order part's way that is left after a step; stiffness: of each clutch's oil in such a step
-DECAYS = np.dtype([("stiffness", "f8", (VALVES, 3)), ("coil", "f8", (VALVES,)), ("spool", "f8", (VALVES,)),
-                   ("supply", "f8"), ("load", "f8"), ("motor", "f8")])
+# share of a first-order part's way that is left after a step; stiffness: of each clutch's oil in such a step; plates: of
+# clutch.plates_cooling
+DECAYS = np.dtype([("stiffness", "f8", (VALVES, 3)), ("plates", "f8", (VALVES, 2)), ("coil", "f8", (VALVES,)),
+                   ("spool", "f8", (VALVES,)), ("supply", "f8"), ("load", "f8"), ("motor", "f8")])
+# how a call of `advance` ended: all samples done; at the end of one in which a value came out that is no finite number; at
+# the end of one in which a step's friction did not settle
+WHOLE, NOT_FINITE, NOT_SETTLED = range(3)
 # sizes of gearbox.build_driveline: speeds, friction elements, no shafts; how many events are kept
 SPEEDS, ELEMENTS, SHAFTS, EVENTS = 2, 5, 0, 256
-# arguments of driveline_kernel.driveline_step
+# arguments of driveline_kernel.driveline_step, those that a step changes first
 DRIVELINE = np.dtype([
+    ("v", "f8", (SPEEDS,)), ("el", "f8", (4, ELEMENTS)), ("e_in", "f8", (SPEEDS,)),
+    ("loss", "f8", (2, loss_width(SPEEDS, ELEMENTS))), ("mode", "i8", (ELEMENTS,)),
     ("minv", "f8", (SPEEDS, SPEEDS)), ("w", "f8", (ELEMENTS, SPEEDS)), ("sh", "f8", (SHAFTS, SPEEDS)),
     ("kc", "f8", (2, SHAFTS)), ("q", "f8", (2, SPEEDS)), ("cap", "f8", (7, ELEMENTS)),
-    ("loss", "f8", (2, loss_width(SPEEDS, ELEMENTS))), ("v", "f8", (SPEEDS,)),
-    ("twist", "f8", (SHAFTS,)), ("mode", "i8", (ELEMENTS,)), ("el", "f8", (4, ELEMENTS)), ("shaft", "f8", (2, SHAFTS)),
-    ("e_in", "f8", (SPEEDS,)), ("events", "f8", (EVENTS, 3)), ("count", "i8", (2,)),
-    ("work", "f8", (work_size(SPEEDS, ELEMENTS, SHAFTS),)),
+    ("twist", "f8", (SHAFTS,)), ("shaft", "f8", (2, SHAFTS)),
+    ("events", "f8", (EVENTS, 3)), ("count", "i8", (2,)), ("work", "f8", (work_size(SPEEDS, ELEMENTS, SHAFTS),)),
 ])
-# everything that the plant reads and moves; curves: the lines' pressures where they are prescribed
+# everything that the plant reads and moves; curves: the lines' pressures where they are prescribed. Its beginning, up to
+# and with the driveline's modes, is what a step leaves to the next one; all of it before the modes must be finite
 WORLD = np.dtype([
     ("settings", SETTINGS), ("valves", VALVE_STATE, (VALVES,)), ("cylinders", CLUTCH_STATE, (VALVES,)),
     ("plant", PLANT_STATE), ("held", HELD), ("driveline", DRIVELINE), ("curves", "f8", (VALVES,)),
@@ -112,6 +118,7 @@ def fill_decays(world, h):
         decays.spool[k] = valve_model.spool_decay(h, world.valve_parameters[k])
         decays.stiffness[k, 0], decays.stiffness[k, 1], decays.stiffness[k, 2] = clutch_model.oil_stiffness(
             h, world.oil, world.clutches[k])
+        decays.plates[k, 0], decays.plates[k, 1] = clutch_model.plates_cooling(h, world.clutches[k])
     decays.supply = exp(-h / world.oil.pressure_time)
     decays.load = exp(-h / world.load.pressure_time)
     decays.motor = exp(-h / world.motor.torque_time)
@@ -257,7 +264,8 @@ def plant_step(world, h, t):
     for k in range(VALVES):
         cylinder, heat = cylinders[k], el[E_FRIC, S1 + k] + el[E_VISC, S1 + k]
         cylinder.temperature, cylinder.wear = clutch_model.plates_after(
-            cylinder.temperature, cylinder.wear, heat - cylinder.heat, world.oil.temperature, h, clutches[k])
+            cylinder.temperature, cylinder.wear, heat - cylinder.heat, world.oil.temperature, decays.plates[k, 0],
+            decays.plates[k, 1], clutches[k])
         cylinder.heat = heat
     # the torque meters sit between motor and gearbox and between gearbox and pump: accelerations at the end of the step
     on_in, on_out = q[1, 0], 0.0
@@ -321,10 +329,33 @@ def first_row(log, h, worlds, showns, table, keys, hum, state, counts):
     transducers.give(shown, state)
 
 
+@njit(cache=True, error_model="numpy", forceinline=True)
+def measured_finite(world):
+    """False when a value that the gauges will be shown is none; they would remember it."""
+    plant, v, valves, cylinders = world.plant, world.driveline.v, world.valves, world.cylinders
+    total = plant.m_wej + plant.m_wyj + v[0] + v[1] + plant.load_pressure + plant.supply
+    total += cylinders[0].line + cylinders[1].line + valves[0].current + valves[1].current
+    return total - total == 0.0
+
+
+@njit(cache=True, error_model="numpy", forceinline=False)
+def put_back(world, moved, kept):
+    """The state of the sample's beginning, the one that is given up into ``kept``."""
+    for i in range(moved.size):
+        kept[1, i] = moved[i]
+        moved[i] = kept[0, i]
+    world.driveline.work[:] = 0.0
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def advance(samples, first_sample, steps_per_sample, h, drive, worlds, showns, table, keys, hum, gauge_state, counts,
-            law_config, law_profiles, law_outputs, law_state, log, pieces):
+            law_config, law_profiles, law_outputs, law_state, log, pieces, moved, finite, kept):
     """Move everything by whole controller samples; row j of the ring ``log`` is the time j * h after 0.
+
+    Returns (the sample that was reached, one of WHOLE, NOT_FINITE, NOT_SETTLED): it ends early with the sample in
+    which something went wrong. moved: the beginning of ``worlds`` as int64, of which the first ``finite`` must be finite
+    numbers; kept (2, as many): its copy at the sample's beginning, and, when there was one, the state that was not finite.
+    Such a sample leaves the plant as it was at its beginning, and its rows show that.
 
     Order at each controller sample: the duty answered to the last sample is applied, then (drive BY_LAW) the law
     answers this one. So the controller acts with one sample of delay, in the kernel and outside it alike. BY_SETPOINT
@@ -338,6 +369,7 @@ def advance(samples, first_sample, steps_per_sample, h, drive, worlds, showns, t
     wiring, currents = world.wiring, world.currents
     fill_decays(world, h)
     transducers.take(shown, table, keys, gauge_state)
+    capped, how, reached = world.driveline.count[N_CAPPED], WHOLE, first_sample
     for s in range(first_sample, first_sample + samples):
         if drive == BY_SETPOINT and s > 0:
             power_stage(log[((s - 1) * steps_per_sample) % rows], settings.safe > 0.0, wiring, currents, law_outputs,
@@ -356,13 +388,19 @@ def advance(samples, first_sample, steps_per_sample, h, drive, worlds, showns, t
             law_step(s, currents, law_config[0], law_profiles, law_outputs, law_state[0])
         for k in range(VALVES):
             valves[k].duty = 0.0 if settings.safe > 0.0 else valves[k].pending
+        for i in range(moved.size):
+            kept[0, i] = moved[i]
         for index in range(s * steps_per_sample, (s + 1) * steps_per_sample):
             if effects.prescribed > 0.0:
                 for k in range(VALVES):
                     out = law_outputs[wiring[k]]
                     since = (index + 1 - out.start * steps_per_sample) * h
                     world.curves[k] = prescribed_pressure(since, out.phase, pieces[k])
-            plant_step(world, h, index * h)
+            if how == WHOLE:
+                plant_step(world, h, index * h)
+                if not measured_finite(world):
+                    how = NOT_FINITE
+                    put_back(world, moved, kept)
             newest = newest + 1 if newest + 1 < rows else 0
             mains = mains + 1 if mains + 1 < hum.shape[0] else 0
             slot = slot + 1 if slot + 1 < counts.shape[0] else 0
@@ -375,4 +413,17 @@ def advance(samples, first_sample, steps_per_sample, h, drive, worlds, showns, t
                 counts[slot, c] = shown.counted[c]
             for c in range(len(CHANNELS)):
                 log[newest, c] = shown.row[c]
+        reached = s + 1
+        if how == WHOLE:
+            wrong = 0
+            for i in range(finite):
+                wrong |= (moved[i] & EXPONENT) == EXPONENT
+            if wrong:
+                how = NOT_FINITE
+                put_back(world, moved, kept)
+            elif world.driveline.count[N_CAPPED] != capped:
+                how = NOT_SETTLED
+        if how != WHOLE:
+            break
     transducers.give(shown, gauge_state)
+    return reached, how

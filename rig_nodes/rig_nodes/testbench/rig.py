@@ -27,8 +27,28 @@ from ..plant.gearbox import S1, S2, build_driveline, torque_losses
 from .configuration import PARTS, RigConfig
 from .cuts import Cuts
 from .gauges import Gauges
-from .timed import SAMPLE_NS, RigStatus, Timed, check_range
+from .timed import SAMPLE_NS, RigStatus, Timed, check_range, places
 
+
+def _told(place: str) -> str:
+    """A number of the kernel's record as people name it."""
+    for array, names in (("valves", ("valve_zr_p1", "valve_zr_p2")), ("cylinders", ("clutch_s1", "clutch_s2"))):
+        for k, name in enumerate(names):
+            place = place.replace(f"{array}[{k}].", f"{name}: ")
+    for k, shaft in enumerate(("w0", "wk")):
+        place = place.replace(f"driveline.v[{k}]", f"speed of {shaft}").replace(
+            f"driveline.e_in[{k}]", f"work on {shaft}")
+    for row, what in enumerate(("friction torque", "impulse", "heat of friction", "heat of drag")):
+        for k, name in enumerate(("clutch_s1", "clutch_s2", "loss_in", "loss_out", "load_pump")):
+            place = place.replace(f"driveline.el[{row}, {k}]", f"{name}: {what}")
+    return place.removeprefix("plant.")
+
+
+
+# names of all that a step leaves to the next one, and how many of them are numbers that must be finite
+PLACES = places(kernel.WORLD)
+FINITE = PLACES.index("driveline.mode[0]")
+PLACES = [_told(place) for place in PLACES[:FINITE + kernel.ELEMENTS]]
 COMMAND_TIMEOUT = 0.1  # s: a valve command older than this trips the rig
 UNMOVED = 1e6  # kg m2 on w0 where n_wej is to stay, whatever happens; in no torque and no energy that is told
 SETPOINTS = {"motor_speed": "n_wej", "load_pressure": "p_po", "oil_pressure": "p_p"}  # and whose range they keep to
@@ -129,6 +149,8 @@ class Rig(Timed):
             for row, force in zip(clutches, c.prescribed.forces):
                 fill(row, force)
         self.cylinders["temperature"] = c.oil_supply.temperature
+        self._moved = world.view(np.int64)[:len(PLACES)]
+        self._kept = np.zeros((2, len(PLACES)), np.int64)
         self._wiring = world["wiring"][0]
         self._wiring[:] = c.wiring
         self._law_config = c.alfa46.law_config()
@@ -150,7 +172,8 @@ class Rig(Timed):
                            self._law_state[0])
             self._ordered = None
         for part in self.cuts.split(samples):
-            self._advance_acting(part)
+            if not self._advance_acting(part):
+                break
         if self.status == RigStatus.TRIPPED:
             return
         if not self.embedded and self._last_command >= 0 and self.command_age > COMMAND_TIMEOUT:
@@ -159,24 +182,37 @@ class Rig(Timed):
         elif silence := self.cuts.silence():
             self.trip(silence)
 
-    def _advance_acting(self, samples: int) -> None:
-        """Move on, and let every command act at its boundary."""
+    def _advance_acting(self, samples: int) -> bool:
+        """Move on, and let every command act at its boundary; False when the plant has tripped the rig before the end."""
         end = self.sample + samples
         while self.sample < end:
             self._act_due()
-            self._advance(min(end, self._to_come[0][0] if self._to_come else end) - self.sample)
+            if not self._advance(min(end, self._to_come[0][0] if self._to_come else end) - self.sample):
+                return False
+        return True
 
     def _act_due(self) -> None:
         while self._to_come and self._to_come[0][0] <= self.sample:
             _, act, *values = self._to_come.popleft()
             act(*values)
 
-    def _advance(self, samples: int) -> None:
-        kernel.advance(
-            samples, self.sample, self._steps_per_sample, self.config.kernel.step, self._drive, self._world,
-            self._shown, *self.gauges.arrays, self._law_config, self._law_profiles, self._law_outputs, self._law_state,
-            self._log, self._pieces)
-        self.sample += samples
+    def _advance(self, samples: int) -> bool:
+        """Move on; False when the plant trips the rig. One that is tripped moves on as far as it can."""
+        end = self.sample + samples
+        while self.sample < end:
+            self.sample, how = kernel.advance(
+                end - self.sample, self.sample, self._steps_per_sample, self.config.kernel.step, self._drive, self._world,
+                self._shown, *self.gauges.arrays, self._law_config, self._law_profiles, self._law_outputs, self._law_state,
+                self._log, self._pieces, self._moved, FINITE, self._kept)
+            if how != kernel.WHOLE and self.status != RigStatus.TRIPPED:
+                if how == kernel.NOT_FINITE:
+                    values = self._kept[1, :FINITE].view(float)
+                    first = int(np.flatnonzero(~np.isfinite(values))[0])
+                    self.trip_for(PLACES[first], values[first])
+                else:
+                    self.trip(f"the clutches' and brakes' friction did not settle in a step before {self.time:.3f} s")
+                return False
+        return True
 
     # ---- commands, applied at the next sample boundary
 

@@ -44,6 +44,17 @@ def check_range(name: str, value: float, signal: Signal) -> None:
                        f"{signal.unit}")
 
 
+def places(dtype: np.dtype, name: str = "") -> list[str]:
+    """Name of each number of 8 bytes in a record, e.g. "cylinders[1].temperature"."""
+    if dtype.subdtype:
+        base, shape = dtype.subdtype
+        return [place for index in np.ndindex(shape) for place in places(base, f"{name}{list(index)}")]
+    if dtype.names is None:
+        return [name]
+    return [place for field in dtype.names
+            for place in places(dtype[field], f"{name}.{field}" if name else field)]
+
+
 class Timed(ABC):
     """``channels``: names of the columns of a row, those of the logger first; ``sample``: controller samples since 0;
     ``settings``: record of what people and sequences set, with ``motor_on`` and ``safe``; ``reason``: of a trip.
@@ -84,6 +95,11 @@ class Timed(ABC):
             self.reason = reason
         self.settings["safe"] = 1.0
         self.settings["motor_on"] = 0.0
+
+    def trip_for(self, what: str, value: float) -> None:
+        """Trip, once, for a value of the plant that is no finite number in the sample before now."""
+        self.trip(f"{what} became {value} between {self.time - 1e-3:.3f} s and {self.time:.3f} s; the plant stays where it was "
+                  "before: some value of the rig is beyond what can be computed")
 
     def e_stop(self) -> None:
         """The red button: safe state that only ``reset`` ends."""
