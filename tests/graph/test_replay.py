@@ -250,3 +250,16 @@ def test_bad_input_is_one_sentence(arguments, sentence, capfd, monkeypatch):
     assert main(["replay", *map(str, arguments)]) == 2
     said = capfd.readouterr().err
     assert sentence in said and said.count("\n") == 1
+
+
+def test_a_damaged_bag_is_replayed_less_its_damage_which_is_told_and_counted_as_lost(domain, tmp_path):
+    data = bytearray((SAMPLE / "sample.mcap").read_bytes())
+    data[len(data) // 2] ^= 1
+    path = tmp_path / "sample.mcap"
+    path.write_bytes(data)
+    output = Replay(domain, path, "--rate", "max").end(3)
+    assert re.search(r"^rig: .*is damaged, only what is whole of it is replayed: a chunk .* at byte \d+ of", output, re.M)
+    left = sum(Bag(path, recover=True).counts.values())
+    assert f"{left} messages in" in output and 0 < left < sum(Bag(SAMPLE).counts.values())
+    path.write_bytes(data[:100])
+    assert "holds no messages (" in Replay(domain, path).end(2)
