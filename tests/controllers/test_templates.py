@@ -131,7 +131,7 @@ def test_the_code_of_the_page_shifts_as_the_templates_do(language, tmp_path, mon
             for name in ("my_model.h", "my_model.c"):
                 Path("mine", name).write_text(Path("mine", name).read_text().replace(old, new))
         Path("mine", "my_model.h").rename("mine/your_model.h")
-        shim, = (code for code in re.findall(r"```c\n(.*?)```", page, re.S) if "RIG_MODEL" in code)
+        shim, = (code for code in re.findall(r"```c\n(.*?)```", page, re.S) if "rtU" in code)
         Path("mine", "rig_shim.c").write_text(shim)
         spec = "simulink:mine"
     else:
