@@ -1,7 +1,9 @@
 """A controller as an FMU: the reference one in both versions of FMI, and what is wrong with others."""
 
+import os
 import re
 import shutil
+import signal
 import zipfile
 
 import pytest
@@ -17,6 +19,7 @@ from .conftest import ALFA46_C, ask
 
 FAULTS = """
 #include "rig_controller.h"
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 const rig_controller_abi_info *rig_controller_abi(void) { RIG_CONTROLLER_DESCRIBE(RIG_LEVEL_CURRENT); }
@@ -25,10 +28,10 @@ int rig_controller_step(void *instance, const rig_controller_inputs *in, rig_con
   volatile int endless = 1;
   (void)instance;
   switch (in->gear_request ? in->sample : 0) {
-    case 1: return RIG_DISCARD;
+    case 1: strcpy(out->message, "100 %n%s of the \033[31msignal lost"); return RIG_DISCARD;
     case 2: strcpy(out->message, "no speed signal"); return RIG_ERROR;
     case 3: strcpy(out->message, "memory is gone"); return RIG_FATAL;
-    case 4: abort();
+    case 4: puts("\033[31mred\tline"); fflush(stdout); abort();
     case 5: while (endless) {}
   }
   out->command[0] = 0.25;
@@ -36,6 +39,9 @@ int rig_controller_step(void *instance, const rig_controller_inputs *in, rig_con
 }
 void rig_controller_destroy(void *instance) { (void)instance; }
 """
+
+
+DUTY = FAULTS.replace("RIG_LEVEL_CURRENT", "RIG_LEVEL_DUTY | RIG_LEVEL_CURRENT")
 
 
 @pytest.fixture(scope="module")
@@ -111,6 +117,21 @@ def test_a_discarded_sample_and_an_error_are_what_they_are_in_c(build, config, f
     assert failure.value.status == Status.ERROR and plug._process.poll() == 0, "the process has ended in order"
 
 
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_what_it_said_before_it_crashed_stands_in_the_sentence(build, config, capfd, fmi):
+    """And a text with conversions in it is no format; nothing that it says or prints is obeyed by a terminal."""
+    plug = faulty(build, config, fmi, 1)
+    assert ask(plug, 1) is None
+    os.kill(plug.process_id, signal.SIGKILL)
+    with pytest.raises(ControllerFailed, match=re.escape(
+            r"SIGKILL (killed); the last it said: 100 %n%s of the \u001b[31msignal lost")):
+        ask(plug, 2)
+    plug = faulty(build, config, fmi, 4)
+    with pytest.raises(ControllerFailed, match=r"SIGABRT \(aborted\)$"):
+        ask(plug, 4)
+    assert capfd.readouterr().err == "\\u001b[31mred\tline\n"
+
+
 @pytest.mark.parametrize(("sample", "sentence"), [
     (3, "status fatal: memory is gone"), (4, "the FMU's process was ended by SIGABRT (aborted)"),
     (5, "no answer for 200 ms (--step-timeout)"),
@@ -176,6 +197,91 @@ def test_c_code_that_does_not_compile_is_said(tmp_path, config):
     with pytest.raises(RigError, match="does not compile: .*mine.c.*RIG_DISCARDED"):
         build_controller_fmu([path], tmp_path / "mine.fmu", config.alfa46)
     assert shutil.which("cc") and not (tmp_path / "mine.fmu").exists()
+
+
+UNIT = re.compile(rb'(name="command_.".*?<Real)(?: unit="[^"]*")?', re.DOTALL)
+DEFINED = b'<Unit name="x"><BaseUnit A="1" factor="0.01"/></Unit><Unit name="y"><BaseUnit kg="1"/></Unit></UnitDefinitions>'
+
+
+def with_unit(source, target, unit):
+    """The FMU with another name for its parameter level, and its commands in this unit."""
+    def edit(name, data):
+        if name == "modelDescription.xml":
+            data = data.replace(b'name="level"', b'name="other"').replace(b"</UnitDefinitions>", DEFINED)
+            data = UNIT.sub(rb'\1 unit="%s"' % unit if unit else rb"\1", data)
+        return name, data
+    return changed(source, target, edit)
+
+
+@pytest.mark.parametrize(("unit", "level", "level_from", "command"), [
+    (b"A", "current", "the unit of its commands", 0.25),
+    (b"mA", "current", "the unit of its commands", 0.25e-3),
+    (b"x", "current", "the unit of its commands", 0.25e-2),
+    (b"1", "duty", "the unit of its commands", 0.25),
+    (b"%", "duty", "the unit of its commands", 0.25e-2),
+    (b"", "duty", "", 0.25),
+])
+def test_the_level_is_what_the_fmu_says(build, config, tmp_path, unit, level, level_from, command):
+    plug = load_controller(f"fmu:{with_unit(build(2, DUTY), tmp_path / 'other.fmu', unit)}", config.alfa46)
+    assert (plug.level, plug.level_from) == (level, level_from)
+    assert ask(plug, 0).command == pytest.approx((command, 0.0, 0.0))
+    plug.close()
+
+
+def test_a_level_that_is_asked_for_and_one_of_a_parameter_are_said_to_be(build, config, tmp_path):
+    for spec, level_from in ((f"fmu:{build(2)}", "its parameter level"), (f"fmu:{build(2)}@current", "asked for")):
+        plug = load_controller(spec, config.alfa46)
+        assert plug.level_from == level_from
+        plug.close()
+
+
+def test_a_unit_that_no_command_has_is_refused(build, config, tmp_path):
+    with pytest.raises(RigError, match=r"output command_1 is in y; expected A \(level current\), or 1 or %"):
+        load_controller(f"fmu:{with_unit(build(2, DUTY), tmp_path / 'other.fmu', b'y')}", config.alfa46)
+
+
+CPP = """
+#include "gain.h"
+#include <memory>
+#include <stdexcept>
+#include <vector>
+extern "C" double gained(double value);
+const rig_controller_abi_info *rig_controller_abi(void) { RIG_CONTROLLER_DESCRIBE(RIG_LEVEL_CURRENT); }
+int rig_controller_create(rig_controller_info *, void **instance) { *instance = new std::vector<double>(3, GAIN); return RIG_OK; }
+int rig_controller_step(void *instance, const rig_controller_inputs *, rig_controller_outputs *out) {
+  try { throw std::runtime_error("caught"); } catch (const std::exception &) { out->command[0] = gained(0.1); }
+  return static_cast<std::vector<double> *>(instance)->size() == 3 ? RIG_OK : RIG_ERROR;
+}
+void rig_controller_destroy(void *instance) { delete static_cast<std::vector<double> *>(instance); }
+"""
+
+
+@pytest.mark.parametrize("form", ["--out mine.fmu a.cpp b.c --include headers", "a.cpp -I headers --fmi 3 -o mine.fmu b.c"])
+def test_c_and_cpp_files_become_one_fmu_wherever_they_stand(config, tmp_path, monkeypatch, capsys, form):
+    from rig_nodes.cli.main import main
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "headers").mkdir()
+    (tmp_path / "headers" / "gain.h").write_text('#include "rig_controller.h"\n#define GAIN 3.0\n')
+    (tmp_path / "a.cpp").write_text(CPP)
+    (tmp_path / "b.c").write_text('#include "gain.h"\ndouble gained(double value) { return GAIN * value; }\n')
+    assert main(["export", "controller-fmu", *form.split()]) == 0
+    plug = load_controller("fmu:mine.fmu", config.alfa46)
+    assert ask(plug, 0).command == pytest.approx((0.3, 0.0, 0.0))
+    plug.close()
+    for wrong, sentence in (("a.cpp", "a.cpp:2:10: fatal error: gain.h: No such file or directory"),
+                            ("headers/gain.h", "headers/gain.h: expected a source file that ends in .c, .cpp, .cc, .cxx"),
+                            ("a.cpp -I nowhere", "--include nowhere: there is no such folder")):
+        assert main(["export", "controller-fmu", *wrong.split(), "-o", "other.fmu"]) == 2
+        assert sentence in capsys.readouterr().err and not (tmp_path / "other.fmu").exists()
+
+
+def test_an_archive_that_leads_astray_is_no_controller(build, config, tmp_path):
+    other = changed(build(2), tmp_path / "other.fmu", lambda n, d: (n, d))
+    with zipfile.ZipFile(other, "a") as file:
+        file.writestr(zipfile.ZipInfo("/tmp/planted"), "x")
+    with pytest.raises(RigError, match="^controller fmu:.*other.fmu: it cannot be read as an FMU: its archive has the entry"):
+        load_controller(f"fmu:{other}", config.alfa46)
 
 
 def test_other_inputs_are_transducers_and_other_outputs_are_recorded(build, config, tmp_path):

@@ -36,7 +36,16 @@ int main(int count, char **arguments) {
   fmi2Component other = fmi2Instantiate("other", fmi2CoSimulation, MODEL_TOKEN, arguments[1], &callbacks, 0, 1);
   check(one && other, "two instances");
   for (int round = 0; round < 2; round++) {
-    check(fmi2SetupExperiment(one, 0, 0.0, 1.0, 0, 0.0) == fmi2OK, "set up");
+    check(fmi2DoStep(one, 0.0, 0.001, 1) == fmi2Error, "a step before the initialization");
+    check(fmi2Terminate(one) == fmi2Error, "no run to terminate");
+    for (fmi2ValueReference r = 0; r < MODEL_COUNT; r++) {
+      fmi2Real real;
+      if (MODEL_TYPES[r] != 'r') continue;
+      check(fmi2GetReal(one, &r, 1, &real) == (MODEL_KINDS[r] == 'o' ? fmi2Error : fmi2OK), "start values, no outputs");
+    }
+    check(fmi2SetupExperiment(one, 0, 0.0, 1.0, 1, 0.5) == fmi2Error, "an end before the start");
+    check(fmi2SetupExperiment(one, 0, 0.0, NAN, 0, 0.0) == fmi2Error, "a start that is no number");
+    check(fmi2SetupExperiment(one, 0, 0.0, 1.0, 1, 1.1) == fmi2OK, "set up");
     check(fmi2EnterInitializationMode(one) == fmi2OK && fmi2ExitInitializationMode(one) == fmi2OK, "initialization");
     check(fmi2EnterInitializationMode(one) == fmi2Error, "a second initialization");
     for (int step = 0; step < 50; step++) {
@@ -54,17 +63,22 @@ int main(int count, char **arguments) {
     }
     check(fmi2DoStep(one, 7.0, 0.001, 1) == fmi2Error, "a step from elsewhere");
     check(fmi2DoStep(one, 1.1, NAN, 1) == fmi2Error, "a step that is no number");
+    check(fmi2DoStep(one, 1.1, 0.001, 1) == fmi2Error, "a step past the stop time");
+    check(fmi2SetupExperiment(one, 0, 0.0, 0.0, 0, 0.0) == fmi2Error, "no new start in a run");
     fmi2ValueReference nowhere = MODEL_COUNT;
     fmi2Real value = 0.0;
     check(fmi2SetReal(one, &nowhere, 1, &value) == fmi2Error, "a variable that is none");
-    check(fmi2Terminate(one) == fmi2OK && fmi2Reset(one) == fmi2OK, "terminate and reset");
+    check(fmi2Terminate(one) == fmi2OK && fmi2Terminate(one) == fmi2Error, "terminate, once");
+    check(fmi2DoStep(one, 1.1, 0.001, 1) == fmi2Error, "a step after the end");
+    check(fmi2Reset(one) == fmi2OK, "reset");
   }
   char *lengthy = malloc(3000);
   memset(lengthy, 'x', 2999);
   lengthy[2999] = 0;
   for (fmi2ValueReference r = 0; r < MODEL_COUNT; r++)
     if (MODEL_TYPES[r] == 's' && MODEL_KINDS[r] == 'p')
-      check(fmi2SetString(one, &r, 1, (const fmi2String[]){lengthy}) == fmi2Error, "a string that is too long");
+      check(fmi2SetString(one, &r, 1, (const fmi2String[]){lengthy}) == fmi2Error
+            && fmi2SetString(one, &r, 1, (const fmi2String[]){NULL}) == fmi2Error, "a string that is too long, and none");
   free(lengthy);
   fmi2FreeInstance(one);
   fmi2FreeInstance(other);

@@ -71,7 +71,7 @@ class Variable:
     @property
     def declared(self) -> str | None:
         """Name of its type in TypeDefinitions."""
-        return f"{self.name}_state" if self.words else None
+        return f"{self.name}_type" if self.words else None
 
     @property
     def kind(self) -> str:

@@ -102,9 +102,12 @@ int model_step(model *m, unsigned long sample, unsigned samples, unsigned *done)
     if (MODEL_SETTINGS) rig_controller_set(m->controller, number + MODEL_TUNABLE, MODEL_SETTINGS);
     status = rig_controller_step(m->controller, &in, &out);
     told[9] = status == RIG_DISCARD; /* fmi2Discard would mean that time stands still */
-    if (status == RIG_DISCARD) continue;
+    out.message[sizeof out.message - 1] = 0;
+    if (status == RIG_DISCARD) {
+      if (out.message[0]) m->say(m->importer, MODEL_WARNING, out.message);
+      continue;
+    }
     if (status != RIG_OK) {
-      out.message[sizeof out.message - 1] = 0;
       if (status != RIG_ERROR) m->alive = 0; /* nothing of it is called again */
       status = status == RIG_ERROR ? MODEL_ERROR : MODEL_FATAL;
       m->say(m->importer, status, out.message[0] ? out.message : "the controller gave no reason");
