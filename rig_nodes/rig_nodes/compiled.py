@@ -10,8 +10,11 @@ import hashlib
 import os
 import platform
 import sys
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
+
+from .errors import RigError
 
 _SOURCES = ("plant", "plant/friction", "alfa46", "instruments")
 
@@ -22,6 +25,15 @@ def cache_root() -> Path:
         return Path(sys.prefix) / "var" / "kernel-cache"
     home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
     return Path(home) / "rig_nodes" / "kernel-cache"
+
+
+def own_folder(folder: Path) -> bool:
+    """Whether a folder is this user's and nobody else can write to it: what lies in another one may be planted."""
+    try:
+        about = folder.stat()
+    except OSError:
+        return False
+    return about.st_uid == os.getuid() and not about.st_mode & 0o022
 
 
 def _sources():
@@ -57,11 +69,21 @@ def _processor() -> str:
 
 
 def use_kernel_cache() -> None:
-    """Set numba's cache folder unless the user has chosen one; called before numba is imported."""
+    """Set numba's cache folder unless the user has chosen one; called before numba is imported.
+
+    What lies there is machine code and numba's pickled index of it, which run as they are read: nothing but the folder's
+    owner and rights protects them. RigError for a folder of another user's, or to which others can write.
+    """
     if "NUMBA_CACHE_DIR" not in os.environ:
         os.environ["NUMBA_CACHE_DIR"] = str(cache_root() / cache_key())
         if "numba" in sys.modules:  # somebody else's: it has read its settings already
             sys.modules["numba"].config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
+    folder = Path(os.environ["NUMBA_CACHE_DIR"])
+    with suppress(OSError):  # where it cannot be made, numba finds another place
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if folder.is_dir() and not own_folder(folder):
+        raise RigError(f"{folder}: the compiled code in it would run as it is, and others can write to it; delete it, or "
+                       "name a folder of your own by NUMBA_CACHE_DIR")
 
 
 def load_numba() -> None:

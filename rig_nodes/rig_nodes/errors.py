@@ -35,5 +35,15 @@ def printable(text: object, kept: str = "") -> str:
     return "".join(c if c.isprintable() or c in kept else dumps(c)[1:-1] for c in text)
 
 
+def brief(value: object) -> str:
+    """A value as it is found in a file, cut where it is long: a sentence holds no whole file."""
+    from reprlib import Repr
+
+    short = Repr()
+    short.maxstring = short.maxother = 60
+    short.maxdict, short.maxlevel = 4, 3
+    return short.repr(value)
+
+
 class BagError(RigError):
     """A bag that cannot be read, with the offset of the damage and a hint what to do."""

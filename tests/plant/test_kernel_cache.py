@@ -1,5 +1,7 @@
 """Compiled code is kept under a key of its sources, whichever module is imported first."""
 
+import os
+import stat
 import subprocess
 import sys
 
@@ -26,3 +28,22 @@ def test_an_edited_source_changes_the_key(tmp_path, monkeypatch):
     before = rig_nodes.compiled.cache_key()
     (package / "plant" / "valve.py").write_text("a = 2\n")
     assert rig_nodes.compiled.cache_key() != before
+
+
+def test_compiled_code_that_others_could_have_written_is_not_run(tmp_path):
+    def start(folder):
+        return subprocess.run([sys.executable, "-m", "rig_nodes.cli.main", "simulate", "no-such-sequence"],
+                              capture_output=True, text=True, env={**os.environ, "NUMBA_CACHE_DIR": str(folder)})
+
+    open_one = tmp_path / "open"
+    open_one.mkdir()
+    open_one.chmod(0o777)
+    done = start(open_one)
+    assert done.returncode == 2 and f"rig: {open_one}: the compiled code in it would run" in done.stderr
+    assert len(done.stderr.splitlines()) == 1 and not any(open_one.iterdir())
+    new = tmp_path / "new" / "folder"
+    assert "no-such-sequence" in start(new).stderr
+    assert stat.S_IMODE(new.stat().st_mode) == 0o700, "whatever the umask"
+    if os.getuid() == 0:
+        os.chown(new, 12345, -1)
+        assert "others can write to it" in start(new).stderr

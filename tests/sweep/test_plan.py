@@ -79,7 +79,7 @@ def test_a_file(tmp_path):
 
 
 @pytest.mark.parametrize("vary, options, sentence", [
-    ({"alfa46.t13": "1 ms, 2 ms"}, {}, "there is no such value"),
+    ({"alfa46.t13": "1 ms, 2 ms"}, {}, "there is no value of alfa46 't13'; did you mean 't"),
     ({"sped": "1 rpm, 2 rpm"}, {}, "neither a parameter of sequence 'demo' .none. nor a value of the rig"),
     ({"alfa46.t12": "1 Nm, 2 Nm"}, {}, "is a torque, expected a time"),
     ({"alfa46.t12": "-6 s .. 1 s in 3"}, {}, "outside -5 to 5"),
@@ -89,7 +89,7 @@ def test_a_file(tmp_path):
     ({"alfa46.t12": "-250 ms .. -150 ms"}, {"samples": 0}, "samples is 0, expected 1 to"),
     ({"alfa46.t12": "-250 ms .. -150 ms"}, {"method": "sobol", "samples": 3}, "expected grid, list, random, lhs"),
     ({"alfa46.t12": "-1 ms .. 1 ms log"}, {"samples": 3}, "must be above 0"),
-    ({"alfa46.output_1.P1.current": "700 mA, 900 mA"}, {}, "outside 0 to 0.8"),
+    ({"alfa46.output_1.P1.current": "700 mA, 900 mA"}, {}, "outside 0 to 800 mA"),
     ({"alfa46.t12": "1 ms, 2 ms"}, {"fixed": {"alfa46.t12": "3 ms"}}, "it is set for all members too"),
     ({}, {}, "needs something to vary"),
 ])

@@ -245,7 +245,7 @@ def test_simulate_writes_bag_and_report(tmp_path, capsys):
     (["run", "clutch_bench", "--speed", "max"], "--speed: 'clutch_bench' has no shift controller to wait for"),
     (["run", "clutch_bench", "--view"], "--view: the live view shows a rig with the gearbox"),
     (["run", "demo", "--rig", "spring_bench"], "sequence 'demo' is for a rig of kind gearbox"),
-    (["simulate", "clutch_bench", "--set", "alfa46.t12=0 ms"], "setting alfa46.t12=0 ms: there is no such value"),
+    (["simulate", "clutch_bench", "--set", "alfa46.t12=0 ms"], "setting alfa46.t12=0 ms: there is no value 'alfa46.t12'"),
     (["simulate", "clutch_bench", "--set", "plate_pack.surfaces=12 mm"], "plate_pack.surfaces"),
     (["simulate", "clutch_bench", "--with", "pressures=12 bananas"], "unknown unit 'bananas'"),
     (["simulate", "clutch_bench", "--with", "pressures=1 MPa,,2 MPa"], "repeat.each.p_z must be a list of values"),
@@ -284,7 +284,7 @@ def test_a_sequence_asks_only_for_what_its_rig_has(tmp_path):
     with pytest.raises(RigError, match=r"s.yaml:4: unknown key 'shift' in a step; expected one of motor, relief"):
         load_sequence(file)
     file.write_text("description: x\nrig: clutch_bench\nsteps:\n  - wait: {until: {signal: n_wej, above: 1 rpm}}\n")
-    with pytest.raises(RigError, match="unknown signal 'n_wej'"):
+    with pytest.raises(RigError, match="there is no signal 'n_wej'"):
         load_sequence(file)
     file.write_text("description: x\nrig: nowhere\nsteps:\n  - wait: {for: 1 s}\n")
     with pytest.raises(RigError, match=r"s.yaml:2: rig: there is no rig 'nowhere'"):

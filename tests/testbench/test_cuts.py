@@ -216,9 +216,9 @@ RIG = (CONFIG_DIR / "rigs" / "hydmag.yaml").read_text()
 @pytest.mark.parametrize("key, value, sentence", [
     *((f"{device}.source", "topic", f"{device} cannot be cut out of the plant: ") for device in NOT_CUT),
     ("motor.source", "topics", "source is 'topics', expected plant or topic"),
-    ("plate_pack.source", "topic", "there is no such value"),
-    ("cut.tick", "1.5 ms", "no whole number of samples"), ("cut.tick", "50 ms", "outside 0.001 to 0.01"),
-    ("cut.tick", "5 rpm", "expected a time"), ("cut.tock", "5 ms", "known are tick"),
+    ("plate_pack.source", "topic", "there is no value of plate_pack 'source'"),
+    ("cut.tick", "1.5 ms", "no whole number of samples"), ("cut.tick", "50 ms", "outside 1 to 10 ms"),
+    ("cut.tick", "5 rpm", "expected a time"), ("cut.tock", "5 ms", "there is no value of cut 'tock'; did you mean 'tick'"),
 ])
 def test_wrong_cuts_are_refused(key, value, sentence):
     with pytest.raises(RigError, match=f"{key}={value}: .*{sentence}"):

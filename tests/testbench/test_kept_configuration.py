@@ -1,5 +1,10 @@
 """What ships with the package is read once and kept between processes, each file under a name of its own."""
 
+import pathlib
+import pickle
+
+import pytest
+
 from rig_nodes import config
 
 
@@ -10,7 +15,7 @@ def test_files_named_alike_are_kept_side_by_side_and_not_read_again(tmp_path, mo
     first = [config.load_yaml(path) for path in alike]
     assert len(list((tmp_path / "read-configuration").iterdir())) == 2
     config._parsed.cache_clear()  # as in another process
-    monkeypatch.setattr(config, "_read", None)
+    monkeypatch.setattr(config, "read_yaml", None)
     assert [config.load_yaml(path) for path in alike] == first and first[0] != first[1]
 
 
@@ -22,3 +27,57 @@ def test_an_edited_file_is_read_anew_and_takes_the_place_of_the_old(tmp_path, mo
         path.write_text(text)
         assert config.load_yaml(path) == value
         assert len(list((tmp_path / "cache" / "read-configuration").iterdir())) == 1
+
+
+@pytest.fixture
+def kept(tmp_path, monkeypatch):
+    """The file in which the content of an installed one is kept, and a way to read that one as another process would."""
+    monkeypatch.setattr(config, "cache_root", lambda: tmp_path / "kernel-cache")
+
+    def read():
+        config._parsed.cache_clear()
+        return config.load_yaml(config.package_file("sequences/demo.yaml"))
+
+    read()
+    return tmp_path / "read-configuration" / "sequences-demo.json", read
+
+
+class Planted:
+    """Runs when it is unpickled."""
+
+    def __reduce__(self):
+        return (pathlib.Path.touch, (pathlib.Path("it-ran"),))
+
+
+def damaged(content: bytes):
+    """What may lie there in its place."""
+    yield from (b"", content[:-7], content[: len(content) // 2], b"[" * 100_000, b"null", b"{}", b"\xff\xfe")
+    yield content.replace(b"1500 rpm", b"9999 rpm")
+    yield content.partition(b"\n")[0] + b"\nnull"
+    yield pickle.dumps(Planted())
+
+
+def test_a_damaged_or_planted_file_is_made_anew_without_a_word(kept, tmp_path, monkeypatch, capsys):
+    path, read = kept
+    monkeypatch.chdir(tmp_path)
+    right, content = read(), path.read_bytes()
+    for k, wrong in enumerate(damaged(content)):
+        path.write_bytes(wrong)
+        assert read() == right, k
+        assert path.read_bytes() == content, k
+    assert not (tmp_path / "it-ran").exists() and capsys.readouterr() == ("", "")
+
+
+def test_what_lies_in_a_folder_that_others_can_write_is_not_taken(kept):
+    path, read = kept
+    right = read()
+    path.write_bytes(b"planted")
+    path.parent.chmod(0o777)
+    assert read() == right and path.read_bytes() == b"planted", "neither read nor written"
+
+
+def test_lines_are_kept_too(kept):
+    _, read = kept
+    node = read()
+    rows = config.package_file("sequences/demo.yaml").read_text().splitlines()
+    assert rows[node.lines["steps"]].startswith("steps:") and rows[node["steps"].lines[1]].lstrip().startswith("- ")

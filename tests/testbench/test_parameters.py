@@ -45,7 +45,7 @@ def test_defaults_and_given_values_reach_the_steps(path):
 
 
 @pytest.mark.parametrize("values, sentence", [
-    ({"sped": "500 rpm"}, "sequence 'asked' has no parameter 'sped'; known are speed, gear, times"),
+    ({"sped": "500 rpm"}, "sequence 'asked': there is no parameter 'sped'; did you mean 'speed'"),
     ({"speed": "500 Nm"}, "parameter speed=500 Nm: '500 Nm' is a torque, expected an angular velocity"),
     ({"speed": "500"}, "is a ratio, expected an angular velocity"),
     ({"times": "2.5"}, "parameter times=2.5: expected a whole number, e.g. 2"),
@@ -59,7 +59,7 @@ def test_values_are_refused(path, values, sentence):
 
 @pytest.mark.parametrize("old, new, sentence", [
     ("gear: I\n", "gear: I\n  load: 3 Nm\n", r"asked\.yaml:5: parameter load is used by no step"),
-    ('"${speed}"}\n', '"${spede}"}\n', r"asked\.yaml:9: unknown parameter \$\{spede\}; known are speed, gear, times"),
+    ('"${speed}"}\n', '"${spede}"}\n', r"asked\.yaml:9: there is no parameter '\$\{spede\}'; did you mean '\$\{speed\}'"),
     ("times: 2", "times: [2]", r"asked\.yaml:5: parameter times is \[2\]; expected"),
     ("near: \"${speed}\", ", "near: 500 rpm, above: 3 rpm, ", r"asked\.yaml:10: unknown key 'above'"),
     (", within: 10 rpm", "", r"lacks the key 'within'"),
@@ -72,7 +72,7 @@ def test_a_wrong_sequence_is_refused(path, old, new, sentence):
 
 
 def test_a_sequence_without_parameters_takes_none():
-    with pytest.raises(RigError, match="sequence 'demo' has no parameter 'speed'; it has none"):
+    with pytest.raises(RigError, match="sequence 'demo': there is no parameter 'speed'; there is none at all"):
         load_sequence("demo", {"speed": "500 rpm"})
 
 
@@ -84,7 +84,7 @@ def test_the_command_line_gives_them_and_the_bag_says_them(path, tmp_path, capsy
 @pytest.mark.parametrize("arguments, sentence", [
     (["--with", "speed"], "--with speed: expected NAME=VALUE"),
     (["--with", "speed=1 rpm", "--with", "speed=2 rpm"], "--with speed is given twice"),
-    (["--with", "load=1 Nm"], "has no parameter 'load'"),
+    (["--with", "load=1 Nm"], "there is no parameter 'load'"),
 ])
 @pytest.mark.parametrize("verb", ["simulate", "run"])
 def test_the_command_line_refuses(path, capsys, verb, arguments, sentence):

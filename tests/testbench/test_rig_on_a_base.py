@@ -23,6 +23,7 @@ def test_what_is_not_named_is_that_of_the_base():
     ("  ramp: [750 rpm/s", "  rmap: [750 rpm/s", r"rig\.yaml:\d+: unknown key 'rmap' in motor"),
     ("[off, \"chapter 9: n_wej is constant\"]", "[of, \"x\"]", "is 'of', expected one of on, off"),
     ("- [0.38869, 2.3, -13.028, 18.294, 0]", "- [0.38869, 2.3, -13.028, 18.294]", "a row is"),
+    ("- [0.38869, 2.3, -13.028, 18.294, 0]", "- 5", r"rig\.yaml:\d+: .* a row is .* found \[5\]"),
     ("      - [end, 0, 0, 0, 0]\n", "", "the last of them up to \"end\""),
     ("    contact_force: [389 N", "    contact_force: [389 Nm", "expected a force"),
     ("output_speed: bounded", "output_speed: bound", r"rig\.yaml:\d+: .* one of bounded, free, found 'bound'"),

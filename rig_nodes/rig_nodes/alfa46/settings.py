@@ -9,10 +9,10 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from ..config import load_marked
+from ..config import load_yaml
 from ..config.schema import build, check_keys, param, where_of
 from ..config.units import quantity
-from ..errors import RigError
+from ..errors import RigError, brief
 from . import law
 
 POINTS = ("P1", "P2", "P3", "P4", "P5", "P6")
@@ -71,7 +71,7 @@ def read_profile(node, path, what: str, limit: float) -> np.ndarray:
         where = f"{where_of(path, node, name)}: {what}.{name}"
         entry = node[name]
         if not (isinstance(entry, list) and len(entry) == 2):
-            raise RigError(f"{where} must be [time, current], e.g. [200 ms, 160 mA], found {entry!r}")
+            raise RigError(f"{where} must be [time, current], e.g. [200 ms, 160 mA], found {brief(entry)}")
         points[k] = quantity(entry[0], "time", where), quantity(entry[1], "current", where)
         check_point(points, k, where, limit)
     return points
@@ -98,7 +98,7 @@ def check_profile(points: np.ndarray, what: str, limit: float) -> None:
 
 def read_alfa46(path, node=None) -> Alfa46Config:
     """The settings of a file (or of an already loaded map of it); RigError with file and line."""
-    node = load_marked(path) if node is None else node
+    node = load_yaml(path) if node is None else node
     keys = [f.name for f in fields(Alfa46Values)] + ["profiles"]
     check_keys(path, node, keys, keys, "alfa46")
     values = build(Alfa46Values, node, path, "alfa46", others=("profiles",))

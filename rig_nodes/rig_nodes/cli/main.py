@@ -8,7 +8,6 @@ before and behind options.
 
 import argparse
 import contextlib
-import difflib
 import gc
 import importlib
 import os
@@ -85,9 +84,9 @@ def refuse_empty(verb: str, arguments: list[str]) -> None:
 def run_verb(verb: str, arguments: list[str]) -> int:
     """Run one verb; raises RigError for a verb that does not exist and for what the verb refuses."""
     if verb not in VERBS:
-        close = difflib.get_close_matches(verb, VERBS, n=2, cutoff=0.5)
-        hint = f"did you mean {' or '.join(map(repr, close))}?" if close else f"there are {', '.join(VERBS)}"
-        raise RigError(f"unknown verb {verb!r}: {hint}")
+        from rig_nodes.config.names import unknown
+
+        raise RigError(unknown("verb", verb, VERBS))
     module = importlib.import_module(f"rig_nodes.cli.{verb}")
     parser = Parser(prog=f"rig {verb}", description=module.HELP, allow_abbrev=False)
     module.add_arguments(parser)

@@ -6,18 +6,20 @@ YAML 1.2 with refused duplicate keys; errors name file, line, reason and what wo
 from __future__ import annotations
 
 import hashlib
+import json
 import os
-import pickle
-import sys
+import stat
 from contextlib import suppress
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 
-from ..compiled import cache_root
+from ..compiled import cache_root, own_folder
 from ..errors import RigError, no_file
+from .yaml_file import MOST_BYTES, List, Map, read_yaml
 
 CONFIG_DIR = Path(__file__).resolve().parent
+_READERS = ("__init__.py", "yaml_file.py")  # what is kept of a file depends on them too
 
 
 def package_file(name: str) -> Path:
@@ -26,76 +28,86 @@ def package_file(name: str) -> Path:
 
 
 def load_yaml(path: str | Path):
-    """Plain dicts, lists and scalars of a YAML file; :func:`load_marked` keeps the lines.
+    """The maps, lists and scalars of a YAML file; each map and list knows its lines (config.yaml_file).
 
-    Raises RigError when the file is missing, is not YAML or repeats a key.
+    Raises RigError when the file is missing, is not YAML, repeats a key or is larger than a file of settings can be.
     """
-    return _load(path, "safe")
-
-
-def load_marked(path: str | Path):
-    """Like :func:`load_yaml` but the maps know the line of each key (``map.lc.key(name)``)."""
-    return _load(path, "rt")
-
-
-def _load(path: str | Path, kind: str):
     path = Path(path)
     try:
         about = path.stat()
-        return pickle.loads(_parsed(path.absolute(), path, kind, about.st_mtime_ns, about.st_size))
+        if not stat.S_ISREG(about.st_mode):
+            raise RigError(f"{path}: {no_file(path) if stat.S_ISDIR(about.st_mode) else 'it is no ordinary file'}")
+        if about.st_size > MOST_BYTES:
+            raise RigError(f"{path}: it has {about.st_size} bytes, expected at most {MOST_BYTES} of a YAML file")
+        return _marked(_parsed(path.absolute(), path, about.st_mtime_ns, about.st_size))
     except FileNotFoundError:
         raise RigError(f"{path}: there is no such file") from None
-    except IsADirectoryError:
-        raise RigError(f"{path}: {no_file(path)}") from None
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise RigError(f"{path}: cannot be read as text ({error})") from None
 
 
+def _plain(node):
+    """Marked maps and lists as what JSON can hold: the kind of each, its line, its lines and what is in it."""
+    if isinstance(node, Map):
+        return [0, node.line, list(node), list(node.lines.values()), [_plain(value) for value in node.values()]]
+    if isinstance(node, List):
+        return [1, node.line, node.lines, [_plain(value) for value in node]]
+    return node
+
+
+def _marked(node):
+    """The maps and lists of :func:`_plain` again, new ones for each reader."""
+    if type(node) is not list:
+        return node
+    if node[0] == 0:
+        _, line, keys, lines, values = node
+        out = Map(line)
+        for key, value in zip(keys, values, strict=True):
+            out[key] = _marked(value)
+        out.lines = dict(zip(keys, lines, strict=True))
+        return out
+    _, line, lines, values = node
+    out = List(line)
+    out.extend(map(_marked, values))
+    out.lines = lines
+    return out
+
+
 @lru_cache(maxsize=64)
-def _parsed(_absolute: Path, path: Path, kind: str, _changed: int, _size: int) -> bytes:
-    """The file's content, pickled: a copy for each reader, in a fiftieth of the time that reading it anew takes.
+def _parsed(_absolute: Path, path: Path, _changed: int, _size: int):
+    """The file's content as :func:`_plain` has it, from which each reader gets its own in a fiftieth of the time.
 
     What is remembered belongs to a file as it was when it was read: its place, time of change and size. What ships
     with the package is kept between processes too: to read it takes a fifth of a second.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise RigError(f"{path}: cannot be read as text ({error})") from None
+    text = path.read_text(encoding="utf-8")
     if not path.is_relative_to(CONFIG_DIR):
-        return _read(path, text, kind)
-    made_by = f"{kind} {version('ruamel.yaml')} {sys.version_info[:2]}"
-    key = hashlib.sha256(f"{made_by}\0{text}".encode()).hexdigest()[:16]
-    name = f"{'-'.join(path.relative_to(CONFIG_DIR).parts)}.{kind}"  # a rig and a sequence may be named alike
-    kept = cache_root().parent / "read-configuration" / f"{name}.{key}"
+        return _plain(read_yaml(path, text))
+    kept = cache_root().parent / "read-configuration" / "-".join(path.relative_to(CONFIG_DIR).parts)
+    kept = kept.with_suffix(".json")
     with suppress(OSError):
-        return kept.read_bytes()
-    content = _read(path, text, kind)
+        if own_folder(kept.parent):
+            key, _, body = kept.read_bytes().partition(b"\n")
+            if key == _key(text, body):  # else it is of another text, or damaged: read and kept anew
+                return json.loads(body)
+    content = _plain(read_yaml(path, text))
     with suppress(OSError):  # a folder that cannot be written: it is read anew each time
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        part = kept.with_name(f".{kept.name}.{os.getpid()}")
-        part.write_bytes(content)
-        os.replace(part, kept)
-        for old in kept.parent.glob(f"{name}.*"):
-            if old != kept:
-                old.unlink()
+        kept.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if own_folder(kept.parent):
+            part = kept.with_name(f".{kept.name}.{os.getpid()}")
+            body = json.dumps(content, separators=(",", ":")).encode()
+            part.write_bytes(_key(text, body) + b"\n" + body)
+            os.replace(part, kept)
     return content
 
 
-def _read(path: Path, text: str, kind: str) -> bytes:
-    from ruamel.yaml import YAML
-    from ruamel.yaml.error import MarkedYAMLError, YAMLError
+@lru_cache(maxsize=1)
+def _readers() -> bytes:
+    """What decides the content of a file beside its text."""
+    sources = b"\0".join((CONFIG_DIR / name).read_bytes() for name in _READERS)
+    return sources + version("ruamel.yaml").encode()
 
-    reader = YAML(typ=kind, pure=True)
-    try:
-        content = reader.load(text)
-    except MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        line = f":{mark.line + 1}" if mark else ""
-        problem = (error.problem or str(error)).strip().split("\n")[0]
-        raise RigError(f"{path}{line}: {problem}; expected YAML with each key once") from None
-    except YAMLError as error:
-        raise RigError(f"{path}: is not YAML ({str(error).splitlines()[0]})") from None
-    if content is None:
-        raise RigError(f"{path}: it is empty, expected a map of keys")
-    return pickle.dumps(content, pickle.HIGHEST_PROTOCOL)
+
+def _key(text: str, body: bytes) -> bytes:
+    """What a file's text, its kept content and its readers have in common."""
+    return hashlib.sha256(b"\0".join((_readers(), text.encode(), body))).hexdigest().encode()

@@ -7,12 +7,13 @@ A value is written ``key: [1500 rpm, "where it is from"]``.
 from __future__ import annotations
 
 import dataclasses
-import difflib
 
 import numpy as np
 
-from ..errors import RigError
-from .units import quantity
+from ..errors import RigError, brief
+from .names import meant
+from .units import quantity, span
+from .yaml_file import no_space, where_of
 
 
 def param(dimension: str, low: float, high: float):
@@ -36,36 +37,31 @@ def limits(cls, name: str) -> tuple[float, float]:
     return meta["low"], meta["high"]
 
 
-def where_of(path, node, key=None) -> str:
-    """``file:line`` of a key in a map that was loaded with its marks."""
-    try:
-        line = node.lc.key(key)[0] if key is not None else node.lc.line
-    except (AttributeError, KeyError, TypeError):
-        return str(path)
-    return f"{path}:{line + 1}"
+def check_keys(path, node, allowed, required, what: str, where: str = "") -> None:
+    """RigError with file and line when a map has a key it should not have, or lacks one.
 
-
-def check_keys(path, node, allowed, required, what: str) -> None:
-    """RigError with file and line when a map has a key it should not have, or lacks one."""
+    where: ``file:line`` of what may be no map at all and then has no line of its own.
+    """
     if not isinstance(node, dict):
-        raise RigError(f"{where_of(path, node)}: {what} must be a map of keys, found {node!r}")
+        slip = no_space(node) if isinstance(node, str) else ""
+        where = where_of(path, node) if hasattr(node, "line") or not where else where
+        raise RigError(f"{where}: {what} must be a map of keys, found {brief(node)}{f'; {slip}' if slip else ''}")
     for key in node:
         if key not in allowed:
-            near = difflib.get_close_matches(str(key), [str(a) for a in allowed], 1)
-            hint = f"did you mean '{near[0]}'?" if near else f"expected one of {', '.join(map(str, allowed))}"
-            raise RigError(f"{where_of(path, node, key)}: unknown key '{key}' in {what}; {hint}")
+            slip = no_space(key) if isinstance(key, str) else ""
+            raise RigError(f"{where_of(path, node, key)}: {slip or f'unknown key {brief(str(key))} in {what}; {meant(key, allowed)}'}")
     missing = [key for key in required if key not in node]
     if missing:
         raise RigError(f"{where_of(path, node)}: {what} lacks the key '{missing[0]}'")
 
 
-def build(cls, node, path, what: str, others: tuple = ()):
+def build(cls, node, path, what: str, others: tuple = (), where: str = ""):
     """An instance of the dataclass ``cls`` from a marked map; RigError with file and line otherwise.
 
-    ``others`` are keys of the map that somebody else reads.
+    ``others`` are keys of the map that somebody else reads; where: as for :func:`check_keys`.
     """
     names = [f.name for f in dataclasses.fields(cls)]
-    check_keys(path, node, [*names, *others], names, what)
+    check_keys(path, node, [*names, *others], names, what, where)
     values = {}
     for field in dataclasses.fields(cls):
         where = f"{where_of(path, node, field.name)}: {what}.{field.name}"
@@ -73,10 +69,10 @@ def build(cls, node, path, what: str, others: tuple = ()):
     return cls(**values)
 
 
-def changed(part, node, path, what: str):
+def changed(part, node, path, what: str, where: str = ""):
     """The dataclass instance ``part`` with the values that a marked map names, each [value with unit, "its source"]."""
     names = list(type(part).__dataclass_fields__)
-    check_keys(path, node, names, (), what)
+    check_keys(path, node, names, (), what, where)
     values = {name: entry(type(part).__dataclass_fields__[name], node[name],
                           f"{where_of(path, node, name)}: {what}.{name}") for name in node}
     return dataclasses.replace(part, **values)
@@ -85,7 +81,7 @@ def changed(part, node, path, what: str):
 def entry(field, node, where: str):
     """Value of a field from its [value with unit, "its source"]; RigError otherwise."""
     if not (isinstance(node, list) and len(node) == 2 and isinstance(node[1], str) and node[1].strip()):
-        raise RigError(f"{where} must be [value with unit, \"its source\"], found {node!r}")
+        raise RigError(f"{where} must be [value with unit, \"its source\"], found {brief(node)}")
     return field_value(field, node[0], where)
 
 
@@ -96,11 +92,12 @@ def field_value(field, text, where: str):
         if meta["dimension"] == "switch" and isinstance(text, bool):
             return text  # YAML's own
         if text not in meta["choices"]:
-            raise RigError(f"{where} is '{text}', expected one of {', '.join(meta['choices'])}")
+            raise RigError(f"{where} is '{text if isinstance(text, str) and len(text) < 60 else brief(text)}', expected one "
+                           f"of {', '.join(meta['choices'])}")
         return text == "on" if meta["dimension"] == "switch" else text
     value = quantity(text, meta["dimension"], where)
     if not meta["low"] <= value <= meta["high"]:
-        raise RigError(f"{where} is {text}, outside {meta['low']:g} to {meta['high']:g} (SI)")
+        raise RigError(f"{where} is {text}, outside {span(meta['low'], meta['high'], text)}")
     return value
 
 

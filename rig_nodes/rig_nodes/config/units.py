@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 
-from ..errors import RigError
+from ..errors import RigError, brief
 
 # unit -> (dimension, factor to SI)
 UNITS: dict[str, tuple[str, float]] = {
@@ -40,12 +40,12 @@ UNITS: dict[str, tuple[str, float]] = {
     "N/MPa2": ("force per pressure squared", 1e-12), "N/MPa": ("area", 1e-6),
 }
 SI = {dimension: unit for unit, (dimension, factor) in reversed(UNITS.items()) if factor == 1.0}
-_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*$")
+_QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)", re.DOTALL)
 
 
 def dimension_of(text: str) -> str | None:
     """Dimension of e.g. ``"1500 rpm"``; None when it is no number with a known unit."""
-    match = _QUANTITY.match(text)
+    match = _QUANTITY.fullmatch(text.strip())
     return None if match is None or match[2] not in UNITS else UNITS[match[2]][0]
 
 
@@ -59,15 +59,25 @@ def quantity(text, dimension: str, where: str) -> float:
     known = ", ".join(u for u, (d, _) in UNITS.items() if d == dimension)
     if dimension == "ratio" and isinstance(text, (int, float)) and not isinstance(text, bool):
         text = f"{text} -"
-    match = _QUANTITY.match(text) if isinstance(text, str) else None
+    match = _QUANTITY.fullmatch(text.strip()) if isinstance(text, str) else None
     if match is None:
-        raise RigError(f"{where}: '{text}' is not {with_article(dimension)}; write a number with its unit ({known})")
+        found = brief(text) if isinstance(text, str) else f"'{brief(text)}'"
+        raise RigError(f"{where}: {found} is not {with_article(dimension)}; write a number with its unit ({known})")
     number, unit = float(match[1]), match[2] or "-"
     if unit not in UNITS:
-        raise RigError(f"{where}: '{text}' has the unknown unit '{unit}'; {with_article(dimension)} takes {known}")
+        raise RigError(f"{where}: {brief(text)} has the unknown unit {brief(unit)}; {with_article(dimension)} takes {known}")
     if UNITS[unit][0] != dimension:
         found = with_article(UNITS[unit][0])
-        raise RigError(f"{where}: '{text}' is {found}, expected {with_article(dimension)} ({known})")
-    if not math.isfinite(number):
-        raise RigError(f"{where}: '{text}' is not a finite number")
+        raise RigError(f"{where}: {brief(text)} is {found}, expected {with_article(dimension)} ({known})")
+    if not math.isfinite(number * UNITS[unit][1]):
+        raise RigError(f"{where}: {brief(text)} is too large a number")
     return number * UNITS[unit][1]
+
+
+def span(low: float, high: float, text) -> str:
+    """A range (SI) in the unit in which somebody has written a value, e.g. ``0 to 3000 rpm`` for ``"-5 rpm"``."""
+    match = _QUANTITY.fullmatch(text.strip()) if isinstance(text, str) else None
+    unit = match[2] if match and match[2] in UNITS else "-"
+    factor = UNITS[unit][1]
+    low_text, high_text = (f"{end:.0f}" if 1e3 <= abs(end) < 1e6 else f"{end:.4g}" for end in (low / factor, high / factor))
+    return f"{low_text} to {high_text}{'' if unit == '-' else f' {unit}'}"

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..config.schema import build, check_keys, param, where_of
-from ..errors import RigError
+from ..errors import RigError, brief
 
 CLUTCHES = ("clutch_s1", "clutch_s2")
 WAYS = ("engaging", "releasing")
@@ -74,11 +74,12 @@ def read_prescribed(node, path) -> Prescribed:
 def _rows(node, where: str) -> list[list[float]]:
     rows, last = [], 0.0
     for row in node if isinstance(node, list) else []:
+        row = row if isinstance(row, list) else [row]
         numbers = [x for x in row[1:] if isinstance(x, (int, float)) and not isinstance(x, bool)]
         end = np.inf if row and row[0] == "end" else row[0] if row and isinstance(row[0], (int, float)) else None
         if len(row) != 5 or len(numbers) != 4 or end is None or not end > last:
             raise RigError(f"{where}: a row is [end in s or \"end\", MPa, MPa/s, MPa/s2, MPa/s3] with rising ends, found "
-                           f"{list(row)}")
+                           f"{brief(row)}")
         rows.append([float(end), *(MPA * float(x) for x in numbers)])
         last = end
     if not rows or not np.isinf(rows[-1][0]):

@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from ..alfa46.settings import OUTPUT_KEYS, POINTS
-from ..config import load_marked
+from ..config import load_yaml
 from ..config.schema import check_keys, where_of
-from ..config.units import UNITS, dimension_of, quantity
-from ..errors import RigError
+from ..config.units import UNITS, dimension_of, quantity, span
+from ..errors import RigError, brief
 from ..testbench.configuration import load_rig, with_overrides
 from ..testbench.sequence import load_sequence
 from .plugged import Plugged, plugged_of
@@ -160,17 +160,20 @@ def plan_of(data: dict) -> Plan:
 
 def read_plan(path: str | Path) -> Plan:
     """The plan of a sweep file; RigError with file and line when it is not right."""
-    node = load_marked(path)
+    node = load_yaml(path)
     check_keys(path, node, FILE_KEYS, ("sequence", "vary"), "the sweep")
     vary = node["vary"]
     if not isinstance(vary, dict) or not vary:
         raise RigError(f"{where_of(path, node, 'vary')}: vary must be a map of parameters and what they take")
     wheres = {str(name): f"{where_of(path, vary, name)}: vary {name}" for name in vary}
+    for key in ("set", "with"):
+        if not isinstance(node.get(key) or {}, dict):
+            raise RigError(f"{where_of(path, node, key)}: {key} must be a map of names and values, found {brief(node[key])}")
     numbers = {}
     for key in ("samples", "seed", "repeats", "delay"):
         if key in node:
             if not isinstance(node[key], int) or isinstance(node[key], bool):
-                raise RigError(f"{where_of(path, node, key)}: {key} is {node[key]!r}, expected a whole number")
+                raise RigError(f"{where_of(path, node, key)}: {key} is {brief(node[key])}, expected a whole number")
             numbers[key] = node[key]
     fixed, fixed_with = ({str(k): str(v) for k, v in (node.get(key) or {}).items()} for key in ("set", "with"))
     beside = Path(path).parent
@@ -178,7 +181,7 @@ def read_plan(path: str | Path) -> Plan:
              for key in ("sequence", "rig") if key in node}
     words = {key: str(node[key]) for key in ("controller", "level") if key in node}
     plugged = plugged_of(words.get("controller"), words.get("level"), numbers.pop("delay", 1), beside)
-    return make_plan(names["sequence"], dict(vary), names.get("rig"), node.get("method"),
+    return make_plan(names["sequence"], {str(name): spec for name, spec in vary.items()}, names.get("rig"), node.get("method"),
                      fixed=fixed, fixed_with=fixed_with, description=str(node.get("description", "")), wheres=wheres,
                      plugged=plugged, **numbers)
 
@@ -335,9 +338,10 @@ def _range(name: str, of: str, dimension: str, match, where: str, config, sequen
         step = _number(step_text, dimension, unit, where)
         if not step > 0:
             raise RigError(f"{where}: the step must be above 0")
-        number = math.floor((high - low) / step * (1.0 + 1e-12)) + 1
-        if number > MOST_MEMBERS:
-            raise RigError(f"{where}: the step makes {number} values, more than {MOST_MEMBERS}")
+        number = (high - low) / step * (1.0 + 1e-12) + 1.0
+        if number >= MOST_MEMBERS + 1:
+            raise RigError(f"{where}: the step makes {number:.6g} values, more than {MOST_MEMBERS}")
+        number = math.floor(number)
         values = [low + k * step for k in range(number)]
         values = values if unit == "" else [float(f"{value:.12g}") for value in values]
     else:
@@ -362,7 +366,7 @@ def _check(one: Varied, value, where: str, config, sequence) -> None:
         si = quantity(one.text(value), match[2], where)
         limit = config.alfa46.values.current_limit if match[2] == "current" else 60.0
         if not 0.0 <= si <= limit:
-            raise RigError(f"{where}: {one.text(value)} is outside 0 to {limit:g} (SI)")
+            raise RigError(f"{where}: {one.text(value)} is outside {span(0.0, limit, one.text(value))}")
     elif re.fullmatch(rf"alfa46\.(?:{'|'.join(OUTPUT_KEYS)})\.(?:{'|'.join(POINTS)})", one.name):
         if len(str(value).split()) != 4:
             raise RigError(f"{where}: expected time and current, e.g. \"200 ms 160 mA\", found '{value}'")

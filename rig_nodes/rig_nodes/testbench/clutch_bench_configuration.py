@@ -8,8 +8,9 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+from ..config.names import unknown_value
 from ..config.schema import build, changed, check_keys, choice, field_value, param, switch, where_of
-from ..errors import RigError
+from ..errors import RigError, brief
 from ..plant.clutch import PlatePack
 from ..plant.hydraulic_motor import BenchShaft, HydraulicMotorConfig
 from ..plant.oil_supply import OilSupplyConfig
@@ -102,27 +103,22 @@ class ClutchBenchConfig:
         return {"kind": KIND, "name": self.name, **{name: asdict(getattr(self, name)) for name in ("kernel", *PARTS)}}
 
 
-def meant_step(key: str) -> str:
-    """The hint for a setting that is named as in the rig's YAML, where the kernel's step has no part around it."""
-    return f"did you mean kernel.{key}? " if key in KernelConfig.__dataclass_fields__ else ""
-
-
 def whole(node, path) -> ClutchBenchConfig:
     """A bench that names all its values; RigError with file and line otherwise."""
     keys = ("description", "kind", "step", *PARTS)
     check_keys(path, node, keys, keys, "the rig")
     if node["kind"] != KIND:
-        raise RigError(f"{where_of(path, node, 'kind')}: kind is {node['kind']!r}, expected {KIND}; a rig with the "
+        raise RigError(f"{where_of(path, node, 'kind')}: kind is {brief(node['kind'])}, expected {KIND}; a rig with the "
                        "gearbox has none")
     kernel = build(KernelConfig, node, path, "the rig", others=keys)
     return ClutchBenchConfig(Path(path).stem, kernel,
-                             **{part: build(cls, node[part], path, part) for part, cls in PARTS.items()})
+                             **{part: build(cls, node[part], path, part, where=where_of(path, node, part)) for part, cls in PARTS.items()})
 
 
 def on_base(config: ClutchBenchConfig, node, path) -> ClutchBenchConfig:
     """A bench that names what differs from the one that it stands on."""
     check_keys(path, node, ("description", "base", *PARTS), ("description", "base"), "a bench on a base")
-    return replace(config, **{part: changed(getattr(config, part), node[part], path, part)
+    return replace(config, **{part: changed(getattr(config, part), node[part], path, part, where_of(path, node, part))
                               for part in PARTS if part in node})
 
 
@@ -133,8 +129,8 @@ def with_overrides(config: ClutchBenchConfig, overrides: dict[str, str]) -> Clut
         part, _, name = key.partition(".")
         owner = getattr(config, part) if part in ("kernel", *PARTS) else None
         if owner is None or name not in type(owner).__dataclass_fields__:
-            known = ", ".join(type(owner).__dataclass_fields__) if owner else ", ".join(("kernel", *PARTS))
-            raise RigError(f"{where}: there is no such value; {meant_step(key)}known are {known}")
+            known = {one: list(type(getattr(config, one)).__dataclass_fields__) for one in ("kernel", *PARTS)}
+            raise RigError(f"{where}: {unknown_value(key, known)}")
         value = field_value(type(owner).__dataclass_fields__[name], text, f"{where}: the value")
         config = replace(config, **{part: replace(owner, **{name: value})})
     return config

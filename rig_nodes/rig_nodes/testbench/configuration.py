@@ -13,11 +13,10 @@ from pathlib import Path
 from ..alfa46 import law
 from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, read_alfa46
 from ..catalogue import GEARBOX
-from ..config import load_marked
-from ..config.names import find_config
+from ..config.names import beside, find_config, unknown_value, with_bases
 from ..config.schema import build, changed, check_keys, field_value, param, where_of
 from ..config.units import quantity
-from ..errors import RigError
+from ..errors import RigError, brief
 from ..plant.clutch import Cylinder, PlatePack
 from ..plant.cut import CUTTABLE, NOT_CUT, why_not
 from ..plant.effects import EffectsConfig
@@ -28,7 +27,7 @@ from ..plant.oil_supply import OilSupplyConfig
 from ..plant.prescribed import Prescribed, read_prescribed
 from ..plant.valve import ValveConfig
 from . import clutch_bench_configuration as clutch_bench
-from .clutch_bench_configuration import ClutchBenchConfig, meant_step
+from .clutch_bench_configuration import ClutchBenchConfig
 from .timed import KernelConfig
 from .together import check_together
 
@@ -129,13 +128,14 @@ class RigConfig:
         return {"name": self.name, "wiring": list(self.wiring), **out, "alfa46": self.alfa46.as_dict()}
 
 
-def _wiring(node, path) -> tuple[int, int]:
-    check_keys(path, node, VALVES, VALVES, "wiring")
+def _wiring(rig, path) -> tuple[int, int]:
+    node = rig["wiring"]
+    check_keys(path, node, VALVES, VALVES, "wiring", where_of(path, rig, "wiring"))
     outputs = []
     for valve in VALVES:
         output = node[valve]
         if not isinstance(output, int) or isinstance(output, bool) or not 1 <= output <= law.OUTPUTS:
-            raise RigError(f"{where_of(path, node, valve)}: wiring.{valve} is {output!r}, expected output 1 to "
+            raise RigError(f"{where_of(path, node, valve)}: wiring.{valve} is {brief(output)}, expected output 1 to "
                            f"{law.OUTPUTS} of the controller")
         outputs.append(output - 1)
     if outputs[0] == outputs[1]:
@@ -153,7 +153,7 @@ def _check_tick(cut: CutConfig, where: str) -> None:
 def _with_source(cut_out: tuple[str, ...], device: str, source, where: str) -> tuple[str, ...]:
     """cut_out with a device's source set to plant or topic."""
     if source not in SOURCES:
-        raise RigError(f"{where}: source is {source!r}, expected {' or '.join(SOURCES)}")
+        raise RigError(f"{where}: source is {brief(source)}, expected {' or '.join(SOURCES)}")
     if source == "topic" and (why := why_not(device)):
         raise RigError(f"{where}: {why}")
     wanted = {*cut_out, device} if source == "topic" else {*cut_out} - {device}
@@ -168,36 +168,29 @@ def _whole(node, path) -> RigConfig:
     parts, cut_out = {}, ()
     for part, cls in PARTS.items():
         is_device = part in CUTTABLE or part in NOT_CUT
-        parts[part] = build(cls, node[part], path, part, others=("source",) if is_device else ())
+        parts[part] = build(cls, node[part], path, part, ("source",) if is_device else (), where_of(path, node, part))
         if is_device and "source" in node[part]:
             where = f"{where_of(path, node[part], 'source')}: {part}"
             cut_out = _with_source(cut_out, part, node[part]["source"], where)
     cut = CutConfig(SAMPLE)
     if "cut" in node:
-        cut = build(CutConfig, node["cut"], path, "cut")
+        cut = build(CutConfig, node["cut"], path, "cut", where=where_of(path, node, "cut"))
         _check_tick(cut, f"{where_of(path, node['cut'], 'tick')}: cut.tick")
-    return RigConfig(name=Path(path).stem, kernel=kernel, wiring=_wiring(node["wiring"], path),
+    return RigConfig(name=Path(path).stem, kernel=kernel, wiring=_wiring(node, path),
                      alfa46=_controller(node, path), cut=cut, cut_out=cut_out, **parts)
 
 
 def _controller(node, path) -> Alfa46Config:
     """The settings that a rig's ``controller`` names: installed ones, or a file beside the rig's."""
-    named = str(node["controller"])
-    if named.endswith((".yaml", ".yml")) and not Path(named).expanduser().is_absolute():
-        named = str(Path(path).parent / named)
     try:
-        controller = find_config("controllers", named)
+        controller = find_config("controllers", beside(path, node["controller"]))
     except RigError as error:
         raise RigError(f"{where_of(path, node, 'controller')}: controller: {error}") from None
     return read_alfa46(controller)
 
 
-def _on_base(node, path) -> RigConfig | ClutchBenchConfig:
-    """A rig that names another one and what differs from it."""
-    try:
-        config = load_rig(str(node["base"]))
-    except RigError as error:
-        raise RigError(f"{where_of(path, node, 'base')}: base: {error}") from None
+def _on_base(config, node, path) -> RigConfig | ClutchBenchConfig:
+    """A rig that names another one, which is read already, and what differs from it."""
     config = replace(config, name=Path(path).stem)
     if config.kind == clutch_bench.KIND:
         return clutch_bench.on_base(config, node, path)
@@ -205,11 +198,13 @@ def _on_base(node, path) -> RigConfig | ClutchBenchConfig:
                ("description", "base"), "a rig on a base")
     for part in PARTS:
         if part in node:
-            config = replace(config, **{part: changed(getattr(config, part), node[part], path, part)})
+            config = replace(config, **{part: changed(getattr(config, part), node[part], path, part,
+                                                 where_of(path, node, part))})
     if "controller" in node:
         config = replace(config, alfa46=_controller(node, path))
     if "controller_values" in node:
-        values = changed(config.alfa46.values, node["controller_values"], path, "controller_values")
+        values = changed(config.alfa46.values, node["controller_values"], path, "controller_values",
+                         where_of(path, node, "controller_values"))
         config = replace(config, alfa46=Alfa46Config(values, config.alfa46.profiles))
     if "prescribed" in node:
         config = replace(config, prescribed=read_prescribed(node["prescribed"], path))
@@ -230,15 +225,15 @@ def load_rig(name: str | Path = "hydmag", overrides: dict[str, str] | None = Non
 
     ``overrides``: e.g. {"alfa46.t12": "200 ms", "wiring": "swapped", "alfa46.output_1.P1": "200 ms 160 mA"}.
     """
-    path = find_config("rigs", name)
-    node = load_marked(path)
-    if isinstance(node, dict) and "base" in node:
-        config = _on_base(node, path)
-    elif isinstance(node, dict) and "kind" in node:
-        config = clutch_bench.whole(node, path)
-    else:
-        config = _whole(node, path)
-    check_together(config, partial(_where_written, node, path))
+    config = None
+    for path, node in reversed(with_bases(name)):
+        if config is not None:
+            config = _on_base(config, node, path)
+        elif isinstance(node, dict) and "kind" in node:
+            config = clutch_bench.whole(node, path)
+        else:
+            config = _whole(node, path)
+        check_together(config, partial(_where_written, node, path))
     return with_overrides(config, overrides or {})
 
 
@@ -275,7 +270,7 @@ def _with_points(config: RigConfig, points: dict[tuple[str, str], str]) -> RigCo
     profiles = config.alfa46.profiles.copy()
     for (output, point), text in points.items():
         where = f"setting alfa46.{output}.{point}={text}"
-        parts = _POINT.fullmatch(text)
+        parts = _POINT.fullmatch(text) if len(text) < 80 else None
         if parts is None:
             raise RigError(f"{where}: expected time and current, e.g. \"200 ms 160 mA\"")
         profiles[OUTPUT_KEYS.index(output), POINTS.index(point)] = (
@@ -295,10 +290,12 @@ def _override(config: RigConfig, key: str, text: str) -> RigConfig:
     own = ("kernel", "cut", *PARTS)
     owner = config.alfa46.values if part == "alfa46" else getattr(config, part) if part in own else None
     if owner is None or name not in type(owner).__dataclass_fields__:
-        known = ", ".join(type(owner).__dataclass_fields__) if owner else ", ".join([*own, "alfa46"])
-        if part == "alfa46":
-            known += ", output_1.P1 to output_3.P6"
-        raise RigError(f"{where}: there is no such value; {meant_step(key)}known are {known}")
+        known = {one: list(type(getattr(config, one)).__dataclass_fields__) for one in own}
+        known["alfa46"] = [*type(config.alfa46.values).__dataclass_fields__,
+                           *(f"{output}.{point}" for output in OUTPUT_KEYS for point in POINTS)]
+        for device in CUTTABLE:
+            known[device].append("source")
+        raise RigError(f"{where}: {unknown_value(key, known)}")
     value = field_value(type(owner).__dataclass_fields__[name], text, f"{where}: the value")
     owner = replace(owner, **{name: value})
     if part == "cut":

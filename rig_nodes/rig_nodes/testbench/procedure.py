@@ -11,18 +11,19 @@ from functools import lru_cache
 from itertools import product
 from pathlib import Path
 
-from ..config import load_marked
+from ..config import load_yaml
 from ..config.conditions import CONDITIONS
-from ..config.names import find_config
+from ..config.names import beside, find_config, unknown
 from ..config.schema import check_keys, where_of
 from ..config.units import quantity
-from ..errors import RigError
+from ..errors import RigError, brief
 from .configuration import load_rig, with_overrides
 from .kinds import AnyConfig
 from .record import LOGGER_PERIOD, Run, record
-from .sequence import PARAMETER, Sequence, load_sequence
+from .sequence import Sequence, filled, load_sequence
 
 MOST_REPEATS = 100
+MOST_SERIES = 2000  # of a procedure
 BLOCK_KEYS = ("table", "grid", "label", "conditions", "parameters", "settings")
 
 
@@ -66,8 +67,8 @@ class Procedure:
             found = [k for k, series in enumerate(self.all_series)
                      if name == series.label or name == str(series.conditions.get("series"))]
             if not found:
-                known = ", ".join(series.label for series in self.all_series)
-                raise RigError(f"procedure '{self.name}' has no series '{name}'; known are {known}")
+                labels = (series.label for series in self.all_series)
+                raise RigError(f"procedure '{self.name}': {unknown('series', name, labels)}")
             out.update(found)
         return [self.all_series[k] for k in sorted(out)]
 
@@ -75,12 +76,12 @@ class Procedure:
 def load_procedure(name: str | Path) -> Procedure:
     """The installed procedure of this name, or a file; RigError with file and line when it is not right."""
     path = find_config("procedures", name)
-    node = load_marked(path)
+    node = load_yaml(path)
     needed = ("description", "source", "sequence", "repeats", "series")
     check_keys(path, node, (*needed, "period", "settings"), needed, "the procedure")
     repeats = node["repeats"]
     if not isinstance(repeats, int) or isinstance(repeats, bool) or not 1 <= repeats <= MOST_REPEATS:
-        raise RigError(f"{where_of(path, node, 'repeats')}: repeats is {repeats!r}, expected a whole number from 1 to "
+        raise RigError(f"{where_of(path, node, 'repeats')}: repeats is {brief(repeats)}, expected a whole number from 1 to "
                        f"{MOST_REPEATS}")
     period = LOGGER_PERIOD
     if "period" in node:
@@ -90,14 +91,17 @@ def load_procedure(name: str | Path) -> Procedure:
         raise RigError(f"{where_of(path, node, 'series')}: series must be a list with at least one block")
     sequence = _sequence(node, path)
     settings = _texts(node, "settings", {}, path)
-    name, all_series = Path(path).stem, []
-    for block in blocks:
-        check_keys(path, block, BLOCK_KEYS, ("label", "conditions"), "a block of series")
+    name, all_series, labels = Path(path).stem, [], set()
+    for k, block in enumerate(blocks):
+        check_keys(path, block, BLOCK_KEYS, ("label", "conditions"), "a block of series", where_of(path, blocks, k))
         where = where_of(path, block)
         for row in _rows(block, path, where):
-            label = "".join(_fill(str(block["label"]), row, where).split())  # it names a folder too
-            if any(label == series.label for series in all_series):
-                raise RigError(f"{where}: the label '{label}' is there twice")
+            label = "".join(filled(str(block["label"]), row, where, "name").split())  # it names a folder too
+            if label in labels:
+                raise RigError(f"{where}: the label {brief(label)} is there twice")
+            labels.add(label)
+            if len(labels) > MOST_SERIES:
+                raise RigError(f"{where}: the procedure has more than {MOST_SERIES} series")
             all_series.append(Series(
                 name, label, _conditions(block, row, path), sequence,
                 _texts(block, "parameters", row, path), {**settings, **_texts(block, "settings", row, path)},
@@ -108,9 +112,7 @@ def load_procedure(name: str | Path) -> Procedure:
 
 def _sequence(node, path) -> str:
     """The name of the sequence, or its file, which stands beside the procedure's."""
-    name = str(node["sequence"])
-    if name.endswith((".yaml", ".yml")):
-        name = str(Path(path).parent / name)
+    name = beside(path, node["sequence"])
     try:
         find_config("sequences", name)
     except RigError as error:
@@ -124,10 +126,15 @@ def _rows(block, path, where: str) -> list[dict[str, str]]:
         raise RigError(f"{where}: a block of series has a table or a grid, not both")
     if "table" in block:
         return read_table(Path(path).parent / str(block["table"]), f"{where_of(path, block, 'table')}: table")
-    grid = block.get("grid") or {}
+    grid, most = block.get("grid") or {}, 1
+    if not isinstance(grid, dict):
+        raise RigError(f"{where_of(path, block, 'grid')}: grid must be a map of names and their values, found {brief(grid)}")
     for name, values in grid.items():
         if not isinstance(values, list) or not values:
-            raise RigError(f"{where_of(path, grid, name)}: grid.{name} must be a list of values, found {values!r}")
+            raise RigError(f"{where_of(path, grid, name)}: grid.{name} must be a list of values, found {brief(values)}")
+        most *= len(values)
+        if most > MOST_SERIES:
+            raise RigError(f"{where_of(path, grid, name)}: the grid makes more than {MOST_SERIES} series")
     return [dict(zip(grid, map(str, values))) for values in product(*grid.values())]
 
 
@@ -143,19 +150,12 @@ def read_table(path: Path, where: str) -> list[dict[str, str]]:
     return [dict(zip(heading, row)) for row in rows]
 
 
-def _fill(text: str, row: dict[str, str], where: str) -> str:
-    for name in PARAMETER.findall(text):
-        if name not in row:
-            raise RigError(f"{where}: unknown name ${{{name}}}; known are {', '.join(row) or 'none'}")
-    return PARAMETER.sub(lambda match: row[match[1]], text)
-
-
 def _texts(node, key: str, row: dict[str, str], path) -> dict[str, str]:
     """A map of names and texts, filled."""
     entries = node.get(key) or {}
     if not isinstance(entries, dict):
-        raise RigError(f"{where_of(path, node, key)}: {key} must be a map of names and values, found {entries!r}")
-    return {str(name): _fill(str(value), row, where_of(path, entries, name)) for name, value in entries.items()}
+        raise RigError(f"{where_of(path, node, key)}: {key} must be a map of names and values, found {brief(entries)}")
+    return {str(name): filled(str(value), row, where_of(path, entries, name), "name") for name, value in entries.items()}
 
 
 def _conditions(block, row, path) -> dict[str, float | int | str]:
@@ -164,7 +164,7 @@ def _conditions(block, row, path) -> dict[str, float | int | str]:
         where = where_of(path, block["conditions"], name)
         kind = CONDITIONS.get(name)
         if kind is None:
-            raise RigError(f"{where}: unknown condition '{name}'; known are {', '.join(CONDITIONS)}")
+            raise RigError(f"{where}: {unknown('condition', name, CONDITIONS)}")
         if kind is int:
             if not text.isdigit():
                 raise RigError(f"{where}: {name} is '{text}', expected a whole number")

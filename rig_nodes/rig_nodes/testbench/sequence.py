@@ -5,7 +5,6 @@ Used by ``rig simulate`` in one process and by the sequencer node over ROS; the 
 
 from __future__ import annotations
 
-import copy
 import math
 import re
 from dataclasses import dataclass, field
@@ -13,11 +12,12 @@ from pathlib import Path
 from typing import Protocol
 
 from ..catalogue import GEARBOX, catalogue
-from ..config import load_marked
-from ..config.names import DEFAULT_RIG, find_config, kind_of
+from ..config import load_yaml
+from ..config.names import DEFAULT_RIG, beside, find_config, kind_of, unknown
 from ..config.schema import check_keys, where_of
-from ..config.units import dimension_of, quantity
-from ..errors import RigError
+from ..config.units import dimension_of, quantity, span
+from ..config.yaml_file import List, Map
+from ..errors import RigError, brief
 from ..plant.load_pump import LoadConfig, most_torque, relief_setting_for
 from .clutch_bench_configuration import KIND as CLUTCH_BENCH
 
@@ -25,7 +25,8 @@ GEARS = {"neutral": 0, "I": 1, "II": 2}
 DEFAULT_TIMEOUT = 30.0
 LONGEST_TIME = 86_400.0  # s of one wait
 LONGEST = 10_000  # steps after unrolling repeats
-PARAMETER = re.compile(r"\$\{(\w+)\}")
+MOST_FILLED = 200_000  # values after unrolling repeats
+_NAMED = re.compile(r"\$(?:\{([^}]*)(\}?)|(\w+))")
 # what the catalogue calls a quantity, and what config.units calls its dimension
 DIMENSIONS = {"volume flow": "volume flow", "electric current": "current"}
 
@@ -116,21 +117,26 @@ def load_sequence(name: str | Path, values: dict[str, str] | None = None) -> Seq
     ``values``: of its parameters, in place of their defaults, e.g. {"speed": "1500 rpm"}.
     """
     path = find_config("sequences", name)
-    node = load_marked(path)
+    node = load_yaml(path)
     check_keys(path, node, ("description", "rig", "parameters", "ready", "steps"), ("description", "steps"),
                "the sequence")
-    rig = str(node.get("rig", DEFAULT_RIG))
+    rig = beside(path, node.get("rig", DEFAULT_RIG))
     try:
         kind = kind_of(rig)
     except RigError as error:
         raise RigError(f"{where_of(path, node, 'rig')}: rig: {error}") from None
     parameters = _parameters(node, path, values or {})
-    node["steps"] = _filled(node["steps"], path, parameters, where_of(path, node, "steps"))
+    nodes = _Filled(path).of(node["steps"], parameters, where_of(path, node, "steps"))
+    _check_used(node, path, parameters)
     timeout = DEFAULT_TIMEOUT
     if "ready" in node:
-        check_keys(path, node["ready"], ("timeout",), ("timeout",), "ready")
+        check_keys(path, node["ready"], ("timeout",), ("timeout",), "ready", where_of(path, node, "ready"))
         timeout = _time(node["ready"]["timeout"], f"{where_of(path, node, 'ready')}: ready.timeout")
-    steps = _steps(node["steps"], path, "steps", kind)
+    steps = _steps(nodes, path, "steps", kind, where_of(path, node, "steps"))
+    least = sum((step.value if step.condition is None else step.hold) for step in steps if step.kind == "wait")
+    if least > LONGEST_TIME:
+        raise RigError(f"{where_of(path, node, 'steps')}: the waits of the sequence take {least:.6g} s in all, expected at "
+                       f"most {LONGEST_TIME:.6g} s, which is a day")
     return Sequence(Path(path).stem, str(node["description"]), timeout, steps, parameters, rig, kind)
 
 
@@ -141,17 +147,25 @@ def _parameters(node, path, values: dict[str, str]) -> dict[str, str | int]:
         raise RigError(f"{where_of(path, node, 'parameters')}: parameters must be a map of names and defaults")
     for name in values:
         if name not in defaults:
-            known = f"known are {', '.join(defaults)}" if defaults else "it has none"
-            raise RigError(f"sequence '{Path(path).stem}' has no parameter '{name}'; {known}")
+            raise RigError(f"sequence '{Path(path).stem}': {unknown('parameter', name, defaults)}")
     out: dict[str, str | int] = {}
     for name, default in defaults.items():
         where = f"{where_of(path, defaults, name)}: parameter {name}"
         if not isinstance(default, (str, int)) or isinstance(default, bool):
-            raise RigError(f"{where} is {default!r}; expected a value with its unit, a whole number or a name")
+            raise RigError(f"{where} is {brief(default)}; expected a value with its unit, a whole number or a name")
         out[name] = _like(default, values[name], f"parameter {name}={values[name]}") if name in values else default
-        if f"${{{name}}}" not in str(node["steps"]):
-            raise RigError(f"{where} is used by no step; write ${{{name}}} where its value belongs, or leave it out")
+        if not re.fullmatch(r"\w+", str(name)):
+            raise RigError(f"{where}: a parameter's name has letters, digits and _ only")
     return out
+
+
+def _check_used(node, path, parameters) -> None:
+    """RigError for a parameter that no step takes."""
+    steps = str(node["steps"])
+    for name in parameters:
+        if f"${{{name}}}" not in steps:
+            raise RigError(f"{where_of(path, node['parameters'], name)}: parameter {name} is used by no step; write "
+                           f"${{{name}}} where its value belongs, or leave it out")
 
 
 def _like(default: str | int, text: str, where: str) -> str | int:
@@ -166,57 +180,103 @@ def _like(default: str | int, text: str, where: str) -> str | int:
     return text
 
 
-def _filled(node, path, parameters: dict, where: str):
-    """The node with the values of parameters in place of their ${names}; maps and lists keep their marks."""
-    if isinstance(node, dict):
-        if "each" in node:
-            return _each(node, path, parameters, where)
-        for key in node:
-            node[key] = _filled(node[key], path, parameters, where_of(path, node, key))
-    elif isinstance(node, list):
-        for k, item in enumerate(node):
-            node[k] = _filled(item, path, parameters, where)
-    elif isinstance(node, str):
-        names = PARAMETER.findall(node)
-        for name in names:
-            if name not in parameters:
-                known = f"known are {', '.join(parameters)}" if parameters else "the sequence has no 'parameters'"
-                raise RigError(f"{where}: unknown parameter ${{{name}}}; {known}")
-        if names and node == f"${{{names[0]}}}":
-            return parameters[names[0]]
-        return PARAMETER.sub(lambda match: str(parameters[match[1]]), node)
-    return node
+def filled(text: str, values: dict, where: str, what: str) -> str:
+    """A text with the values of the names in place of their ${names}; RigError when one is not known or is no name."""
+    def value(match) -> str:
+        inner, closed, bare = match.groups()
+        if bare is not None:
+            if bare in values:
+                raise RigError(f"{where}: '${bare}' has no braces; write ${{{bare}}}")
+            return match[0]
+        if not closed:
+            raise RigError(f"{where}: the brace of {brief(match[0])} is not closed; write e.g. "
+                           f"${{{next(iter(values), 'name')}}}")
+        if inner in values:
+            return str(values[inner])
+        if not re.fullmatch(r"\w+", inner):
+            raise RigError(f"{where}: between the braces of {brief(match[0])} stands no name; nothing is computed there, "
+                           f"give the {what} the value that is wanted")
+        raise RigError(f"{where}: {unknown(what, f'${{{inner}}}', [f'${{{name}}}' for name in values])}")
+
+    return _NAMED.sub(value, text)
 
 
-def _each(node, path, parameters: dict, where: str):
-    """A repeat over the values of a name: its steps once for each, filled."""
-    check_keys(path, node, ("each", "steps"), ("each", "steps"), "repeat")
-    each = node["each"]
-    if not isinstance(each, dict) or len(each) != 1:
-        raise RigError(f"{where_of(path, node, 'each')}: repeat.each must be one name with its values, found {each!r}")
-    name, values = next(iter(each.items()))
-    values = _filled(values, path, parameters, where_of(path, each, name))
-    if isinstance(values, str):
-        values = [part.strip() for part in values.split(",")]
-    if not isinstance(values, list) or not values or not all(values):
-        raise RigError(f"{where_of(path, each, name)}: repeat.each.{name} must be a list of values, found {values!r}")
-    if not isinstance(node["steps"], list):
-        raise RigError(f"{where_of(path, node, 'steps')}: repeat.steps must be a list with at least one step")
-    steps = [step for value in values
-             for step in _filled(copy.deepcopy(node["steps"]), path, {**parameters, name: value}, where)]
-    return {"times": 1, "steps": steps}
+class _Filled:
+    """Steps with the values of parameters in place of their ${names}, and those of ``each`` once for each value.
+
+    Of all that is read nothing is changed; what is made is counted, so that loops in loops end in a sentence.
+    """
+
+    def __init__(self, path):
+        self.path, self.made = path, 0
+
+    def of(self, node, parameters: dict, where: str):
+        """The node, filled; maps and lists keep their lines."""
+        self.made += 1
+        if self.made > MOST_FILLED:
+            raise RigError(f"{where}: repeats make more than {MOST_FILLED} values of the steps")
+        if isinstance(node, str):
+            names = _NAMED.fullmatch(node)
+            if names and names[2] and names[1] in parameters:
+                return parameters[names[1]]  # a whole number stays one
+            return filled(node, parameters, where, "parameter")
+        if isinstance(node, Map):
+            out = Map(node.line)
+            for key, value in node.items():
+                at = where_of(self.path, node, key)
+                is_each = key == "repeat" and isinstance(value, Map) and "each" in value
+                out[key] = self.each(value, parameters, at) if is_each else self.of(value, parameters, at)
+        elif isinstance(node, List):
+            out = List(node.line)
+            out.extend(self.of(item, parameters, where_of(self.path, node, k)) for k, item in enumerate(node))
+        else:
+            return node
+        out.lines = node.lines
+        return out
+
+    def each(self, node: Map, parameters: dict, where: str) -> Map:
+        """A repeat over the values of a name: its steps once for each, filled."""
+        path = self.path
+        check_keys(path, node, ("each", "steps"), ("each", "steps"), "repeat")
+        each = node["each"]
+        if not isinstance(each, Map) or len(each) != 1 or not re.fullmatch(r"\w+", str(next(iter(each)))):
+            raise RigError(f"{where_of(path, node, 'each')}: repeat.each must be one name with its values, found "
+                           f"{brief(each)}")
+        name, values = next(iter(each.items()))
+        at = f"{where_of(path, each, name)}: repeat.each.{name}"
+        values = self.of(values, parameters, where_of(path, each, name))
+        if isinstance(values, str):
+            values = [part.strip() for part in values.split(",")]
+        if not isinstance(values, list) or not values or any(
+                isinstance(value, (bool, list, dict)) or value in (None, "") for value in values):
+            raise RigError(f"{at} must be a list of values, found {brief(values)}")
+        if not isinstance(node["steps"], list):
+            raise RigError(f"{where_of(path, node, 'steps')}: repeat.steps must be a list with at least one step")
+        steps = List(node["steps"].line)
+        for value in values:
+            more = self.of(node["steps"], {**parameters, name: value}, where)
+            steps.extend(more)
+            steps.lines += more.lines
+            if len(steps) > LONGEST:
+                raise RigError(f"{at} makes more than {LONGEST} steps")
+        out = Map(node.line)
+        out.update(times=1, steps=steps)
+        out.lines = {"times": node.line, "steps": node.lines["steps"]}
+        return out
 
 
-def _steps(nodes, path, what: str, rig_kind: str) -> list[Step]:
+def _steps(nodes, path, what: str, rig_kind: str, where: str) -> list[Step]:
     readers = _READERS[rig_kind]
     if not isinstance(nodes, list) or not nodes:
-        raise RigError(f"{path}: {what} must be a list with at least one step")
+        dashes = "; each begins with a dash" if isinstance(nodes, dict) else ""
+        raise RigError(f"{where}: {what} must be a list with at least one step{dashes}")
     steps: list[Step] = []
-    for node in nodes:
-        check_keys(path, node, readers, (), "a step")
+    for k, node in enumerate(nodes):
+        check_keys(path, node, readers, (), "a step", where_of(path, nodes, k))
         if len(node) != 1:
+            last = f"; is there a dash missing before '{list(node)[-1]}'?" if node else ""
             raise RigError(f"{where_of(path, node)}: a step has one key, one of {', '.join(readers)}; "
-                           f"found {', '.join(map(str, node)) or 'none'}")
+                           f"found {', '.join(map(str, node)) or 'none'}{last}")
         kind = next(iter(node))
         body, where = node[kind], where_of(path, node, kind)
         steps += readers[kind](body, path, where, rig_kind)
@@ -227,7 +287,7 @@ def _steps(nodes, path, what: str, rig_kind: str) -> list[Step]:
 
 def _one_of(body, path, where, what, choices, extra=()):
     """The single key of ``choices`` that a step's body names."""
-    check_keys(path, body, (*choices, *extra), (), what)
+    check_keys(path, body, (*choices, *extra), (), what, where)
     named = [key for key in choices if key in body]
     if len(named) != 1:
         raise RigError(f"{where}: {what} takes one of {', '.join(choices)}, found {', '.join(named) or 'none'}")
@@ -236,7 +296,7 @@ def _one_of(body, path, where, what, choices, extra=()):
 
 def _off(body, where, what) -> None:
     if body["off"] is not True:
-        raise RigError(f"{where}: {what}.off is {body['off']!r}, expected true")
+        raise RigError(f"{where}: {what}.off is {brief(body['off'])}, expected true")
 
 
 def _setting(kind, choices, signal):
@@ -249,16 +309,16 @@ def _setting(kind, choices, signal):
         value = quantity(body[key], choices[key], f"{where}: {kind}.{key}")
         high = 500.0 if key == "torque" else catalogue(rig_kind).signals[signal].high
         if not 0.0 <= value <= high:
-            raise RigError(f"{where}: {kind}.{key} is {body[key]}; the rig takes 0 to {high:.6g} (SI)")
+            raise RigError(f"{where}: {kind}.{key} is {body[key]}; the rig takes {span(0.0, high, body[key])}")
         return [Step(kind, f"{kind} {key} {body[key]}", where, value, by_torque=key == "torque")]
     return read
 
 
 def _shift(body, path, where, rig_kind):
-    check_keys(path, body, ("to", "timeout"), ("to",), "shift")
+    check_keys(path, body, ("to", "timeout"), ("to",), "shift", where)
     gear = str(body["to"])
     if gear not in GEARS:
-        raise RigError(f"{where}: shift.to is '{gear}', expected {', '.join(GEARS)}")
+        raise RigError(f"{where}: shift.to is {brief(gear)}, expected {', '.join(GEARS)}")
     return [Step("shift", f"shift to {gear}", where, GEARS[gear], timeout=_timeout(body, where, "shift"))]
 
 
@@ -273,7 +333,7 @@ def _controller(body, path, where, rig_kind):
         except (TypeError, ValueError):
             value = math.nan
         if not math.isfinite(value):
-            raise RigError(f"{where_of(path, body, name)}: controller.{name} is {given!r}, expected a number (SI)")
+            raise RigError(f"{where_of(path, body, name)}: controller.{name} is {brief(given)}, expected a number (SI)")
         steps.append(Step("controller", f"controller {name} {value:g}", where, value, setting=str(name)))
     return steps
 
@@ -285,7 +345,7 @@ def _timeout(body, where, what) -> float:
 def _time(text, where) -> float:
     value = quantity(text, "time", where)
     if not 0.0 <= value <= LONGEST_TIME:
-        raise RigError(f"{where} is {text}, expected 0 s to {LONGEST_TIME:g} s")
+        raise RigError(f"{where} is {text}, expected {span(0.0, LONGEST_TIME, text)}")
     return value
 
 
@@ -303,10 +363,11 @@ def _wait(body, path, where, rig_kind):
 
 
 def _condition(node, path, where, rig_kind):
-    check_keys(path, node, ("signal", "above", "below", "near", "within"), ("signal",), "wait.until")
-    signal = catalogue(rig_kind).signals.get(str(node["signal"]))
+    check_keys(path, node, ("signal", "above", "below", "near", "within"), ("signal",), "wait.until", where)
+    signals = catalogue(rig_kind).signals
+    signal = signals.get(str(node["signal"]))
     if signal is None:
-        raise RigError(f"{where}: unknown signal '{node['signal']}'; see docs/signals.md")
+        raise RigError(f"{where}: {unknown('signal', node['signal'], signals)}; docs/signals.md has them all")
     dimension = DIMENSIONS.get(signal.quantity, signal.quantity)
     low, high, text = float("-inf"), float("inf"), signal.name
     if "above" in node:
@@ -324,11 +385,11 @@ def _condition(node, path, where, rig_kind):
 
 
 def _repeat(body, path, where, rig_kind):
-    check_keys(path, body, ("times", "steps"), ("times", "steps"), "repeat")
+    check_keys(path, body, ("times", "steps"), ("times", "steps"), "repeat", where)
     times = body["times"]
     if not isinstance(times, int) or isinstance(times, bool) or not 1 <= times <= LONGEST:
-        raise RigError(f"{where}: repeat.times is {times!r}, expected a whole number from 1 to {LONGEST}")
-    steps = _steps(body["steps"], path, "repeat.steps", rig_kind)
+        raise RigError(f"{where}: repeat.times is {brief(times)}, expected a whole number from 1 to {LONGEST}")
+    steps = _steps(body["steps"], path, "repeat.steps", rig_kind, where_of(path, body, "steps"))
     if times * len(steps) > LONGEST:
         raise RigError(f"{where}: repeat makes {times * len(steps)} steps, more than {LONGEST}")
     return steps * times

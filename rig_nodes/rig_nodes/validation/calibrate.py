@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import differential_evolution, least_squares
 
 from ..alfa46.settings import Alfa46Config, Alfa46Values
-from ..config import load_marked
+from ..config import load_yaml
 from ..config.schema import check_keys, where_of
 from ..config.units import UNITS, quantity
 from ..errors import RigError
@@ -40,7 +40,7 @@ class Parameter:
 
 def load_stages(path: Path = CALIBRATION_FILE) -> dict[str, dict[str, Parameter]]:
     """The parameters of calibration.yaml, stage -> name -> parameter; RigError with file and line when it is not right."""
-    node = load_marked(path)
+    node = load_yaml(path)
     check_keys(path, node, ("stages",), ("stages",), "the calibration")
     check_keys(path, node["stages"], ROWS, ROWS, "stages")
     return {stage: {name: _parameter(path, parts, name) for name in parts} for stage, parts in node["stages"].items()}
@@ -48,7 +48,7 @@ def load_stages(path: Path = CALIBRATION_FILE) -> dict[str, dict[str, Parameter]
 
 def _parameter(path: Path, node, name: str) -> Parameter:
     where, body = where_of(path, node, name), node[name]
-    check_keys(path, body, ("of", "low", "high", "why"), ("of", "low", "high", "why"), name)
+    check_keys(path, body, ("of", "low", "high", "why"), ("of", "low", "high", "why"), name, where)
     times = isinstance(body["of"], dict)
     of = {str(place): float(body["of"][place]) if times else 1.0 for place in body["of"]}
     dimensions = {_field(place, where).metadata["dimension"] for place in of}

@@ -9,10 +9,10 @@ import math
 import re
 from pathlib import Path
 
-from ..config import load_marked
+from ..config import load_yaml
 from ..config.schema import where_of
 from ..config.units import SI, UNITS
-from ..errors import RigError
+from ..errors import RigError, brief
 from .evaluate import INSIDE, NOT_COMPARED, OUTSIDE, Row
 from .programme import summary
 from .records import place_text
@@ -62,15 +62,15 @@ with a measurement take the rig `chapter9` for the one and this rig for the othe
 def load_explanations(path: str | Path | None = None) -> dict[str, str]:
     """id of a row -> why the rig misses it. RigError with file and line for an unknown row or a text without words."""
     path = EXPLANATIONS_FILE if path is None else Path(path)
-    node = load_marked(path) or {}
+    node = load_yaml(path) or {}
     known = {target.id for target in load_targets()}
     if not isinstance(node, dict):
-        raise RigError(f"{path}: explanations must be a map of row ids and texts, found {node!r}")
+        raise RigError(f"{path}: explanations must be a map of row ids and texts, found {brief(node)}")
     for name, text in node.items():
         if name not in known:
             raise RigError(f"{where_of(path, node, name)}: '{name}' is no row of targets.yaml")
         if not (isinstance(text, str) and text.strip()):
-            raise RigError(f"{where_of(path, node, name)}: {name} must be explained in words, found {text!r}")
+            raise RigError(f"{where_of(path, node, name)}: {name} must be explained in words, found {brief(text)}")
     return {str(name): " ".join(text.split()) for name, text in node.items()}
 
 

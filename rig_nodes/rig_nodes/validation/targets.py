@@ -10,11 +10,11 @@ import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ..config import load_marked
+from ..config import load_yaml
 from ..config.conditions import CONDITIONS
 from ..config.schema import check_keys, where_of
 from ..config.units import SI, UNITS, quantity, with_article
-from ..errors import RigError
+from ..errors import RigError, brief
 
 TARGETS_FILE = Path(__file__).resolve().with_name("targets.yaml")
 
@@ -102,14 +102,14 @@ def load_targets(path: str | Path | None = None) -> list[Target]:
     Raises RigError with file and line for whatever is not as the file's head says.
     """
     path = TARGETS_FILE if path is None else Path(path)
-    node = load_marked(path)
+    node = load_yaml(path)
     keys = ("procedures", "quantities", "targets")
     check_keys(path, node, keys, keys, "the targets")
     procedures = _procedures(path, node)
     quantities = _quantities(path, node)
     rows = node["targets"]
     if not (isinstance(rows, list) and rows):
-        raise RigError(f"{where_of(path, node, 'targets')}: targets must be a list of rows, found {rows!r}")
+        raise RigError(f"{where_of(path, node, 'targets')}: targets must be a list of rows, found {brief(rows)}")
     targets: dict[str, Target] = {}
     for row in rows:
         target = _Row(path, row, procedures, quantities).target()
@@ -127,7 +127,7 @@ def _procedures(path, node) -> tuple[str, ...]:
     for name, meaning in procedures.items():
         if not (isinstance(meaning, str) and meaning.strip()):
             raise RigError(f"{where_of(path, procedures, name)}: procedures.{name} must say what it is, "
-                           f"found {meaning!r}")
+                           f"found {brief(meaning)}")
     return tuple(procedures)
 
 
@@ -138,7 +138,7 @@ def _quantities(path, node) -> dict[str, str]:
     for name, entry in quantities.items():
         if not (isinstance(entry, list) and len(entry) == 2 and entry[0] in SI and isinstance(entry[1], str)):
             raise RigError(f"{where_of(path, quantities, name)}: quantities.{name} must be [dimension, "
-                           f"\"meaning\"] with one of {', '.join(sorted(SI))}, found {entry!r}")
+                           f"\"meaning\"] with one of {', '.join(sorted(SI))}, found {brief(entry)}")
     return {name: str(entry[0]) for name, entry in quantities.items()}
 
 
@@ -168,7 +168,7 @@ class _Row:
         self.id = node["id"]
         for key in ("id", "text", "where", "why", *(k for k in ("note",) if k in node)):
             if not (isinstance(node[key], str) and node[key].strip()):
-                self.refuse(key, f"is {node[key]!r}, expected words (a bare number needs quotes)")
+                self.refuse(key, f"is {brief(node[key])}, expected words (a bare number needs quotes)")
         self.one_of("kind", KINDS)
         self.one_of("role", ROLES)
         self.one_of("procedure", procedures)
@@ -182,7 +182,7 @@ class _Row:
 
     def one_of(self, key, known) -> None:
         if self.node[key] not in tuple(known):
-            self.refuse(key, f"is {self.node[key]!r}, expected one of {', '.join(known)}")
+            self.refuse(key, f"is {brief(self.node[key])}, expected one of {', '.join(known)}")
 
     def target(self) -> Target:
         node, kind = self.node, self.node["kind"]
@@ -193,7 +193,7 @@ class _Row:
                 self.one_of(key, known)
                 values[key] = str(node[key])
         if node.get("absolute", True) is not True:
-            self.refuse("absolute", f"is {node['absolute']!r}, expected true or no such key")
+            self.refuse("absolute", f"is {brief(node['absolute'])}, expected true or no such key")
         values["absolute"] = "absolute" in node
         if ("statistic" in node) != ("across" in node):
             self.refuse("statistic" if "statistic" in node else "across",
@@ -213,14 +213,14 @@ class _Row:
         self.conflicts()
         return Target(
             id=str(self.id), kind=str(kind), quantity=str(node["quantity"]), dimension=self.dimension,
-            procedure=str(node["procedure"]), role=str(node["role"]), line=node.lc.line + 1,
+            procedure=str(node["procedure"]), role=str(node["role"]), line=node.line + 1,
             **{key: " ".join(node.get(key, "").split()) for key in ("text", "where", "why", "note")},
             **values)
 
     def fixed(self) -> tuple[str, ...]:
         names = self.node.get("fixed", [])
         if not isinstance(names, list) or any(name not in CONDITIONS for name in names):
-            self.refuse("fixed", f"is {names!r}, expected a list out of {', '.join(CONDITIONS)}")
+            self.refuse("fixed", f"is {brief(names)}, expected a list out of {', '.join(CONDITIONS)}")
         return tuple(str(name) for name in names)
 
     def conditions(self, key) -> dict[str, tuple | Span]:
@@ -250,7 +250,7 @@ class _Row:
         classes = self.node["classes"]
         names = isinstance(classes, list) and all(isinstance(name, str) for name in classes)
         if not names or len(set(classes)) < 2:
-            self.refuse("classes", f"is {classes!r}, expected a list of two or more names")
+            self.refuse("classes", f"is {brief(classes)}, expected a list of two or more names")
         self.one_of("expected", classes)
         return {"classes": tuple(str(c) for c in classes), "expected": str(self.node["expected"])}
 
@@ -267,9 +267,9 @@ class _Row:
                 start, until, coefficients = piece
                 numbers = float(start), float(until), tuple(float(c) for c in coefficients)
             except (TypeError, ValueError):
-                self.refuse("pieces", f"has {piece!r}, expected [from, to, [coefficients]] in numbers")
+                self.refuse("pieces", f"has {brief(piece)}, expected [from, to, [coefficients]] in numbers")
             if not numbers[2] or not numbers[0] < numbers[1] or end not in (None, numbers[0]):
-                self.refuse("pieces", f"has {piece!r}; each must run forward from where the one before ends "
+                self.refuse("pieces", f"has {brief(piece)}; each must run forward from where the one before ends "
                                       "and have coefficients")
             end = numbers[1]
             pieces.append(numbers)
@@ -313,10 +313,10 @@ class _Row:
         entry = self.node["printed"]
         pair = self.node["kind"] == "range"
         if pair and not (isinstance(entry, list) and len(entry) == 2):
-            self.refuse("printed", f"is {entry!r}, expected [lowest, highest]")
+            self.refuse("printed", f"is {brief(entry)}, expected [lowest, highest]")
         numbers = tuple(self.number(one, "printed", self.dimension) for one in (entry if pair else [entry]))
         if numbers[0] > numbers[-1]:
-            self.refuse("printed", f"is {entry!r}, expected the lower one first")
+            self.refuse("printed", f"is {brief(entry)}, expected the lower one first")
         return numbers
 
     def unit(self) -> str:
@@ -329,11 +329,11 @@ class _Row:
     def conflicts(self) -> None:
         conflicts = self.node.get("conflicts", {})
         if not isinstance(conflicts, dict):
-            self.refuse("conflicts", f"is {conflicts!r}, expected {{id of another row: one sentence}}")
+            self.refuse("conflicts", f"is {brief(conflicts)}, expected {{id of another row: one sentence}}")
         for other, sentence in conflicts.items():
             if not (isinstance(sentence, str) and sentence.strip()):
                 raise RigError(f"{where_of(self.path, conflicts, other)}: {self.id}.conflicts.{other} is "
-                               f"{sentence!r}, expected one sentence")
+                               f"{brief(sentence)}, expected one sentence")
 
 
 def _condition(takes, name: str, entry, where: str):
@@ -344,8 +344,8 @@ def _condition(takes, name: str, entry, where: str):
             return "all"
         if not isinstance(entry, int) or isinstance(entry, bool) or entry < 1:
             more = " or all" if name == "series" else ""
-            raise RigError(f"{where} is {entry!r}, expected a whole number from 1{more}")
+            raise RigError(f"{where} is {brief(entry)}, expected a whole number from 1{more}")
         return int(entry)
     if entry not in takes:
-        raise RigError(f"{where} is {entry!r}, expected one of {', '.join(takes)}")
+        raise RigError(f"{where} is {brief(entry)}, expected one of {', '.join(takes)}")
     return str(entry)
