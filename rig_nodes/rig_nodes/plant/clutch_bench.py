@@ -12,9 +12,10 @@ from ..instruments.noise import noise_at
 from ..instruments.transducers import HUM, NOISE, STEP, analog, encoder, logged
 from . import clutch as clutch_model
 from . import hydraulic_motor, oil_supply, press_cylinder
-from .driveline_algebra import E_FRIC, E_VISC, HI0, HI1, KIN0, KIN1, LO0, LO1, TAU, VISC
+from .driveline_algebra import E_FRIC, E_VISC, HI0, HI1, KIN0, KIN1, LO0, LO1, N_CAPPED, TAU, VISC
 from .driveline_kernel import driveline_step
 from .hydraulic_motor import FRICTION, PACK
+from .outcome import NOT_FINITE, NOT_SETTLED, WHOLE
 
 # columns of the logger's rows; the signal catalogue must agree (testbench.clutch_bench checks it)
 CHANNELS = ("M_e", "n", "p_z", "s", "p_sh", "T_emp", "F_ps")
@@ -105,10 +106,32 @@ def bench_step(h, t, settings, state, v, twist, mode, el, shaft, e_in, events, c
 
 @njit(cache=True, nogil=True)
 def advance(samples, first_sample, steps_per_sample, h, settings, state, v, twist, mode, el, shaft, e_in, events, count,
-            work, q, cap, loss, minv, w, sh, kc, motor, cylinder, oil, pack, table, keys, hum, gauge_state, counts, log):
-    """Move the bench by whole samples of 1 ms; row j of the ring ``log`` is the time j * h after 0."""
-    rows = log.shape[0]
-    for index in range(first_sample * steps_per_sample, (first_sample + samples) * steps_per_sample):
-        bench_step(h, index * h, settings[0], state[0], v, twist, mode, el, shaft, e_in, events, count, work, q, cap,
-                   loss, minv, w, sh, kc, motor[0], cylinder[0], oil[0], pack[0])
-        measure(log[(index + 1) % rows], index + 1, state[0], v, oil[0], table, keys, hum, gauge_state, counts)
+            work, q, cap, loss, minv, w, sh, kc, motor, cylinder, oil, pack, table, keys, hum, gauge_state, counts, log,
+            moved, kept):
+    """Move the bench by whole samples of 1 ms; row j of the ring ``log`` is the time j * h after 0.
+
+    Returns (the sample that was reached, WHOLE, NOT_FINITE or NOT_SETTLED), as plant.kernel.advance does; moved: all of
+    ``state``, ``v`` to ``e_in`` but the modes lie in it; kept (2, as many): its copy at the sample's beginning, and the
+    state that was not finite.
+    """
+    rows, how, capped = log.shape[0], WHOLE, count[N_CAPPED]
+    modes = mode.copy()
+    for s in range(first_sample, first_sample + samples):
+        kept[0, :] = moved
+        modes[:] = mode
+        for index in range(s * steps_per_sample, (s + 1) * steps_per_sample):
+            if how == WHOLE:
+                bench_step(h, index * h, settings[0], state[0], v, twist, mode, el, shaft, e_in, events, count, work, q,
+                           cap, loss, minv, w, sh, kc, motor[0], cylinder[0], oil[0], pack[0])
+                if not np.isfinite(moved).all():
+                    how = NOT_FINITE
+                    kept[1, :] = moved
+                    moved[:] = kept[0]
+                    mode[:] = modes
+                    work[:] = 0.0
+            measure(log[(index + 1) % rows], index + 1, state[0], v, oil[0], table, keys, hum, gauge_state, counts)
+        if how == WHOLE and count[N_CAPPED] != capped:
+            how = NOT_SETTLED
+        if how != WHOLE:
+            return s + 1, how
+    return first_sample + samples, how

@@ -25,6 +25,7 @@ from .driveline_algebra import E_FRIC, E_VISC, HI0, HI1, KIN0, KIN1, LAM, LO0, L
 from .driveline_kernel import driveline_step, quiet_step
 from .driveline_losses import BASE, FACTOR, loss_width
 from .gearbox import LOAD, LOSS_IN, LOSS_OUT, S1
+from .outcome import NOT_FINITE, NOT_SETTLED, WHOLE
 from .prescribed import Force
 
 load_numba()
@@ -79,13 +80,10 @@ CLUTCH_DERIVED = ("engaging_kinetic", "engaging_static", "releasing_static", "sl
                   "new_clearance", *(field.name for field in fields(Force)))
 CLUTCH = np.dtype(record_dtype(clutch_model.Cylinder, clutch_model.PlatePack).descr
                   + [(name, "f8") for name in CLUTCH_DERIVED])
-# share of a first-order part's way that is left after a step; stiffness: of each clutch's oil in such a step; plates: of
-# clutch.plates_cooling
+# share of a first-order part's way that is left after a step; stiffness: of each clutch's oil in such a step; plates:
+# of clutch.plates_cooling
 DECAYS = np.dtype([("stiffness", "f8", (VALVES, 3)), ("plates", "f8", (VALVES, 2)), ("coil", "f8", (VALVES,)),
                    ("spool", "f8", (VALVES,)), ("supply", "f8"), ("load", "f8"), ("motor", "f8")])
-# how a call of `advance` ended: all samples done; at the end of one in which a value came out that is no finite number; at
-# the end of one in which a step's friction did not settle
-WHOLE, NOT_FINITE, NOT_SETTLED = range(3)
 # sizes of gearbox.build_driveline: speeds, friction elements, no shafts; how many events are kept
 SPEEDS, ELEMENTS, SHAFTS, EVENTS = 2, 5, 0, 256
 # arguments of driveline_kernel.driveline_step, those that a step changes first
@@ -97,8 +95,8 @@ DRIVELINE = np.dtype([
     ("twist", "f8", (SHAFTS,)), ("shaft", "f8", (2, SHAFTS)),
     ("events", "f8", (EVENTS, 3)), ("count", "i8", (2,)), ("work", "f8", (work_size(SPEEDS, ELEMENTS, SHAFTS),)),
 ])
-# everything that the plant reads and moves; curves: the lines' pressures where they are prescribed. Its beginning, up to
-# and with the driveline's modes, is what a step leaves to the next one; all of it before the modes must be finite
+# everything that the plant reads and moves; curves: the lines' pressures where they are prescribed. Its beginning, up
+# to and with the driveline's modes, is what a step leaves to the next one; all of it before the modes must be finite
 WORLD = np.dtype([
     ("settings", SETTINGS), ("valves", VALVE_STATE, (VALVES,)), ("cylinders", CLUTCH_STATE, (VALVES,)),
     ("plant", PLANT_STATE), ("held", HELD), ("driveline", DRIVELINE), ("curves", "f8", (VALVES,)),
@@ -353,8 +351,8 @@ def advance(samples, first_sample, steps_per_sample, h, drive, worlds, showns, t
     """Move everything by whole controller samples; row j of the ring ``log`` is the time j * h after 0.
 
     Returns (the sample that was reached, one of WHOLE, NOT_FINITE, NOT_SETTLED): it ends early with the sample in
-    which something went wrong. moved: the beginning of ``worlds`` as int64, of which the first ``finite`` must be finite
-    numbers; kept (2, as many): its copy at the sample's beginning, and, when there was one, the state that was not finite.
+    which something went wrong. moved: the beginning of ``worlds`` as int64, of which the first ``finite`` must be
+    finite numbers; kept (2, as many): its copy at the sample's beginning, and the state that was not finite.
     Such a sample leaves the plant as it was at its beginning, and its rows show that.
 
     Order at each controller sample: the duty answered to the last sample is applied, then (drive BY_LAW) the law

@@ -15,6 +15,7 @@ from ..errors import RigError
 from ..plant import clutch, driveline_algebra
 from ..plant import clutch_bench as kernel
 from ..plant.hydraulic_motor import FRICTION, PACK, build_driveline
+from ..plant.outcome import WHOLE
 from .clutch_bench_configuration import KIND, ClutchBenchConfig
 from .gauges import Gauges
 from .timed import RigStatus, Timed, check_range
@@ -56,9 +57,8 @@ class ClutchBench(Timed):
         system = build_driveline(c.hydraulic_motor, c.shaft)
         self._minv, self._w, self._sh, self._kc, self.mass = system.minv, system.w, system.sh, system.kc, system.mass
         start = system.state()
-        self.v, self._twist, self.mode, self._el, self._shaft = start.v, start.twist, start.mode, start.el, start.shaft
-        self._e_in, self._events, self._count, self._work = start.e_in, start.events, start.count, start.work
-        self._q, self._cap, self._loss = np.zeros((2, len(self.v))), np.zeros((7, len(self.mode))), start.loss
+        self.mode, self._events, self._count, self._work = start.mode, start.events, start.count, start.work
+        self._q, self._cap, self._loss = np.zeros((2, len(start.v))), np.zeros((7, len(self.mode))), start.loss
 
         def record(*instances, **extra):
             names = [(name, "f8") for name in extra]
@@ -80,7 +80,19 @@ class ClutchBench(Timed):
         self._pack = record(plates, c.pack, clearance=cylinder.contact_travel,
                             drag_factor=clutch.drag_factor(plates, c.pack.drag_model),
                             kinetic_per_force=per_force["kinetic"], static_per_force=per_force["static"])
-        self.settings, self.state = np.zeros(1, kernel.BENCH_SETTINGS), np.zeros(1, kernel.BENCH_STATE)
+        self.settings = np.zeros(1, kernel.BENCH_SETTINGS)
+        # all that must be finite lies in one array
+        parts = {"state": np.zeros(len(kernel.BENCH_STATE)), "speed": start.v, "twist": start.twist, "friction": start.el,
+                 "shaft": start.shaft, "work": start.e_in}
+        self._moved = np.concatenate([part.ravel() for part in parts.values()])
+        self._kept = np.zeros((2, self._moved.size))
+        self._places = [*kernel.BENCH_STATE.names, *(
+            f"{name} {k + 1} of the shaft line" for name, part in parts.items() if name != "state"
+            for k in range(part.size))]
+        begin = np.cumsum([0, *(part.size for part in parts.values())])
+        state, self.v, self._twist, self._el, self._shaft, self._e_in = (
+            self._moved[a:b].reshape(part.shape) for a, b, part in zip(begin, begin[1:], parts.values()))
+        self.state = state.view(kernel.BENCH_STATE)
         self.state["temperature"] = c.oil_supply.temperature
         # a transducer that is not fitted leaves an open input, which shows nothing
         kinds = {name: kind for name, kind in KINDS.items() if kind != "force" or c.instruments.force_fitted}
@@ -93,11 +105,16 @@ class ClutchBench(Timed):
 
     def advance_samples(self, samples: int = 1) -> None:
         """Move plant and instruments by samples of 1 ms; releases the GIL inside."""
-        kernel.advance(samples, self.sample, self._steps_per_sample, self.step, self.settings, self.state, self.v,
-                       self._twist, self.mode, self._el, self._shaft, self._e_in, self._events, self._count, self._work,
-                       self._q, self._cap, self._loss, self._minv, self._w, self._sh, self._kc, self._motor, self._cylinder,
-                       self._oil, self._pack, *self.gauges.arrays, self._log)
-        self.sample += samples
+        end = self.sample + samples
+        while self.sample < end:
+            self.sample, how = kernel.advance(
+                end - self.sample, self.sample, self._steps_per_sample, self.step, self.settings, self.state, self.v,
+                self._twist, self.mode, self._el, self._shaft, self._e_in, self._events, self._count, self._work, self._q,
+                self._cap, self._loss, self._minv, self._w, self._sh, self._kc, self._motor, self._cylinder, self._oil,
+                self._pack, *self.gauges.arrays, self._log, self._moved, self._kept)
+            if how != WHOLE and self.status != RigStatus.TRIPPED:
+                self.trip_for(how, self._places, self._kept[1])
+                return
 
     # ---- commands, applied at the next sample boundary
 

@@ -24,6 +24,7 @@ from ..plant import clutch, driveline_algebra, kernel
 from ..plant.effects import leave_out
 from ..plant.first_start import compile_beside
 from ..plant.gearbox import S1, S2, build_driveline, torque_losses
+from ..plant.outcome import WHOLE
 from .configuration import PARTS, RigConfig
 from .cuts import Cuts
 from .gauges import Gauges
@@ -183,7 +184,7 @@ class Rig(Timed):
             self.trip(silence)
 
     def _advance_acting(self, samples: int) -> bool:
-        """Move on, and let every command act at its boundary; False when the plant has tripped the rig before the end."""
+        """Move on, and let every command act at its boundary; False when the plant trips the rig before the end."""
         end = self.sample + samples
         while self.sample < end:
             self._act_due()
@@ -201,16 +202,11 @@ class Rig(Timed):
         end = self.sample + samples
         while self.sample < end:
             self.sample, how = kernel.advance(
-                end - self.sample, self.sample, self._steps_per_sample, self.config.kernel.step, self._drive, self._world,
-                self._shown, *self.gauges.arrays, self._law_config, self._law_profiles, self._law_outputs, self._law_state,
-                self._log, self._pieces, self._moved, FINITE, self._kept)
-            if how != kernel.WHOLE and self.status != RigStatus.TRIPPED:
-                if how == kernel.NOT_FINITE:
-                    values = self._kept[1, :FINITE].view(float)
-                    first = int(np.flatnonzero(~np.isfinite(values))[0])
-                    self.trip_for(PLACES[first], values[first])
-                else:
-                    self.trip(f"the clutches' and brakes' friction did not settle in a step before {self.time:.3f} s")
+                end - self.sample, self.sample, self._steps_per_sample, self.config.kernel.step, self._drive,
+                self._world, self._shown, *self.gauges.arrays, self._law_config, self._law_profiles, self._law_outputs,
+                self._law_state, self._log, self._pieces, self._moved, FINITE, self._kept)
+            if how != WHOLE and self.status != RigStatus.TRIPPED:
+                self.trip_for(how, PLACES, self._kept[1, :FINITE].view(float))
                 return False
         return True
 

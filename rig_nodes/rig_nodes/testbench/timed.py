@@ -15,6 +15,7 @@ import numpy as np
 from ..catalogue import Catalogue, Signal
 from ..config.schema import param
 from ..errors import RigError
+from ..plant.outcome import NOT_SETTLED
 
 SAMPLE_NS = 1_000_000  # controller sample; commands apply on its boundaries
 TICK_SAMPLES = 5  # controller samples per graph tick
@@ -96,10 +97,19 @@ class Timed(ABC):
         self.settings["safe"] = 1.0
         self.settings["motor_on"] = 0.0
 
-    def trip_for(self, what: str, value: float) -> None:
-        """Trip, once, for a value of the plant that is no finite number in the sample before now."""
-        self.trip(f"{what} became {value} between {self.time - 1e-3:.3f} s and {self.time:.3f} s; the plant stays where it was "
-                  "before: some value of the rig is beyond what can be computed")
+    def trip_for(self, how: int, names: list[str], values: np.ndarray) -> None:
+        """Trip for a sample that the plant could not be moved over: ``how`` of plant.outcome, not WHOLE.
+
+        values: those that came out, of which the first that is no finite number is named by its place in ``names``.
+        """
+        when = f"between {self.time - SAMPLE_NS * 1e-9:.3f} s and {self.time:.3f} s"
+        if how == NOT_SETTLED:
+            self.trip(f"{when} the friction of clutches and brakes did not settle within a step; a value of the rig is "
+                      "far from any real one, or its step too long")
+            return
+        first = int(np.flatnonzero(~np.isfinite(values))[0])
+        self.trip(f"{names[first]} became {values[first]} {when}, which is no finite number; the plant stays where it was "
+                  "before, and a value of the rig is far from any real one")
 
     def e_stop(self) -> None:
         """The red button: safe state that only ``reset`` ends."""
