@@ -27,7 +27,9 @@ from launch_ros.actions import Node
 
 from rig_nodes.config.names import kind_of, rig_of
 from rig_nodes.errors import RigError
+from rig_nodes.graph.domain import from_environment
 from rig_nodes.graph.supervisor import MODULES, Order, processes_of
+from rig_nodes.graph.topic_choice import TopicChoice
 from rig_nodes.testbench.folders import run_folder
 
 ARGUMENTS = (
@@ -42,6 +44,9 @@ ARGUMENTS = (
     ("controller", "", "your controller in place of the Alfa46: python:FILE.py:CLASS, c:FILE.c, ros:NAME or another "
                        "of docs/controllers.md; not for a bench"),
     ("delay", "1", "samples of 1 ms from a measurement to the effect of the controller's answer to it"),
+    ("topics", "", "regular expression: beside the rig's own topics, record only those whose whole name matches; empty: "
+                   "every topic of the ROS domain"),
+    ("exclude", "", "regular expression: beside the rig's own topics, record none whose whole name matches"),
 )
 AFTER_FAILURE = 1.0  # s in which the rig notices that its controller is gone and the bag gets the safe state
 END_ORDER = ("rig_container", "alfa46", "recorder")  # each hears everything of those before it
@@ -117,12 +122,13 @@ def ordered(given: dict[str, str]) -> Order:
     processes = processes_of(kind_of(rig))
     if "alfa46" not in processes and (given["controller"] or given["delay"] != "1"):
         raise RigError(f"the rig '{rig}' has no valves for a shift controller; leave out controller and delay")
+    TopicChoice(given["topics"] or None, given["exclude"] or None)
     for name in ("seed", "delay"):
         if not given[name].isdecimal():
             raise RigError(f"{name}:={given[name]}: expected a whole number")
     return Order(given["sequence"] or None, rig, int(given["seed"]), pairs(given["set"]),
                  controller=given["controller"] or None, parameters=pairs(given["with"]), processes=processes,
-                 delay=int(given["delay"]))
+                 delay=int(given["delay"]), topics=given["topics"] or None, exclude=given["exclude"] or None)
 
 
 def pairs(text: str) -> list[str]:
@@ -137,6 +143,8 @@ def start(context) -> list:
     sequence = given["sequence"]
     order = ordered(given)
     name = Path(sequence).stem or "by_hand"
+    with from_environment(keep=True) as domain:
+        domain.lead()  # from here on the container does
     folder = run_folder(given["out"] or None, name) if record else None
     run = Run(sequence, folder)
     more = {"sequencer": ["--once"] if sequence else []}

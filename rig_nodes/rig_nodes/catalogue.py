@@ -14,16 +14,18 @@ from .errors import RigError
 
 @dataclass(frozen=True)
 class Offer:
-    """How the topics of a quality-of-service class are offered, reliable all: depth, deadline [ms] (0: without one)."""
+    """How the topics of a quality-of-service class are offered: depth, deadline [ms] (0: without one)."""
 
+    reliable: bool = True
     latched: bool = False
     deadline_ms: int = 0
     depth: int = 1000  # at 1 kHz one second; 10 lost 0.4 % of the messages without a word
 
 
 # Nodes publish with these (nodes.qos) and bags say them (bags.metadata). A command's deadline is the age at which the
-# rig trips.
-QOS = {"measurement": Offer(), "command": Offer(deadline_ms=100), "setting": Offer(), "latched": Offer(latched=True)}
+# rig trips. The last one is for topics of users' own nodes only.
+QOS = {"measurement": Offer(), "command": Offer(deadline_ms=100), "setting": Offer(), "latched": Offer(latched=True),
+       "best_effort": Offer(reliable=False)}
 
 
 @dataclass(frozen=True)

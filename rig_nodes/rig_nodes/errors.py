@@ -5,8 +5,12 @@ Everything that refuses input raises it; the command line prints its sentence an
 
 from __future__ import annotations
 
+import errno
 import os
+import signal
 from pathlib import Path
+
+TERMINATED, INTERRUPTED = "ended by SIGTERM", "interrupted by Ctrl-C"
 
 
 class RigError(Exception):
@@ -47,3 +51,28 @@ def brief(value: object) -> str:
 
 class BagError(RigError):
     """A bag that cannot be read, with the offset of the damage and a hint what to do."""
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM: it ends what a verb does as Ctrl-C does."""
+
+
+def ended_by(stop: KeyboardInterrupt) -> tuple[str, int]:
+    """What ended it, and the exit code of that."""
+    if isinstance(stop, Terminated):
+        return TERMINATED, 128 + signal.SIGTERM
+    return INTERRUPTED, 128 + signal.SIGINT
+
+
+class DiskFull(RigError):
+    """A disk, a quota or a limit took no more of what had begun well."""
+
+    exit_code = 1
+
+
+def not_written(what: str | Path, error: OSError, kept: str = "") -> RigError:
+    """That a file cannot be written, and why; kept: what is there of it all the same."""
+    full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+    why = "disk full" if full else error.strerror or error
+    kind = DiskFull if full or error.errno == errno.EFBIG else RigError
+    return kind(f"{what} cannot be written ({why}){f'; {kept}' if kept else ''}")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from .errors import RigError
+from .errors import not_written
 
 
 def write_whole(target: Path, data: bytes | str) -> None:
@@ -22,4 +22,4 @@ def write_whole(target: Path, data: bytes | str) -> None:
         finally:
             part.unlink(missing_ok=True)
     except OSError as error:
-        raise RigError(f"{target}: it cannot be written ({error.strerror})") from None
+        raise not_written(f"{target}: it", error) from None

@@ -140,7 +140,7 @@ def test_the_report_of_another_run_in_the_folder_is_neither_used_nor_overwritten
 
 
 def test_a_report_that_cannot_be_written_is_printed_all_the_same(rig_report, tmp_path, capsys):
-    with pytest.raises(RigError, match="the report cannot be written"):
+    with pytest.raises(RigError, match="report.json: it cannot be written"):
         rig_report(tmp_path / "nowhere" / "demo.mcap")
     assert "0 -> II" in capsys.readouterr().out
 

@@ -195,7 +195,7 @@ def test_ctrl_c_is_answered_by_one_sentence_even_before_the_command_has_begun(tm
     done = subprocess.run([sys.executable, "-m", "rig_nodes.cli.main", "validate"], cwd=tmp_path, text=True,
                           capture_output=True, timeout=60, preexec_fn=held_back)
     assert (done.returncode, done.stdout) == (130, "")
-    assert done.stderr == "rig: stopped by Ctrl-C; what was begun is not finished\n"
+    assert done.stderr == "rig: interrupted by Ctrl-C; what was begun is not finished\n"
 
 
 class FakeBench:

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +15,7 @@ import numpy as np
 from ..bags import limits
 from ..bags.reader import NOTHING
 from ..errors import RigError, printable
+from ..whole_file import write_whole
 from .annex_a import shifts_annex_a
 from .comparison import annex_lines, truth_lines
 from .energy import balance, energies_of
@@ -206,19 +205,7 @@ def write_report(folder: str | Path, report: dict) -> Path:
     Written beside and then renamed: a reader finds the old report or the new one, never half of one.
     """
     path = Path(folder) / REPORT_FILE
-    text = json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    try:
-        handle, name = tempfile.mkstemp(prefix=".report-", suffix=".json", dir=path.parent)
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
-                file.write(text)
-            os.chmod(name, 0o644)  # mkstemp makes it private
-            os.replace(name, path)
-        except BaseException:
-            os.unlink(name)
-            raise
-    except OSError as error:
-        raise RigError(f"{path}: the report cannot be written ({error.strerror})") from None
+    write_whole(path, json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
     return path
 
 

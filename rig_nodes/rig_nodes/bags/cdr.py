@@ -171,6 +171,8 @@ def exact(definition: Definition, data: bytes) -> bytes:
         if definition.size <= len(data) < definition.size + 4:
             return data[:definition.size]
         raise ValueError(f"{len(data)} bytes are no {definition.name}, which has {definition.size}")
+    if len(data) < definition.size:
+        raise ValueError(f"{len(data)} bytes are no {definition.name}, which begins with {definition.size}")
     if definition.tree.ends_aligned:
         return data
     out = bytearray(HEADER)

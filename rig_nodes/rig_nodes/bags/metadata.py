@@ -26,7 +26,8 @@ FOREVER = {"sec": 9223372036, "nsec": 854775807}
 def _profile(offer: Offer) -> dict:
     deadline = {"sec": 0, "nsec": offer.deadline_ms * 1_000_000} if offer.deadline_ms else FOREVER
     return {
-        "history": "keep_last", "depth": offer.depth, "reliability": "reliable",
+        "history": "keep_last", "depth": offer.depth,
+        "reliability": "reliable" if offer.reliable else "best_effort",
         "durability": "transient_local" if offer.latched else "volatile",
         "deadline": deadline, "lifespan": FOREVER, "liveliness": "automatic",
         "liveliness_lease_duration": FOREVER, "avoid_ros_namespace_conventions": False,

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from .. import __version__
 from ..catalogue import catalogue
-from ..errors import RigError
+from ..errors import RigError, not_written
 from ..whole_file import write_whole
 from . import metadata
 from .cdr import exact
@@ -22,6 +22,7 @@ from .mcap_writer import McapWriter
 FLUSH_NS = 100_000_000
 CHUNK_BYTES = 4 * 1024 * 1024
 LIBRARY = f"rig_nodes {__version__}"
+_END_OF_TIME = 1 << 63  # ns, of rosbag2
 _SEQUENCE = struct.Struct("<I")  # the low half of a sequence number
 
 
@@ -33,7 +34,12 @@ class _Topic:
     definition: Definition
     qos: str
     counted: bool
+    own: bool  # of the catalogue: stored without padding
     size: int  # of every message, 0 when it varies
+
+
+class MessageRefused(RigError):
+    """One message cannot be stored; the bag goes on."""
 
 
 class BagWriter:
@@ -55,7 +61,7 @@ class BagWriter:
         self._interval: int | None = None
         self._first = self._last = 0
         self._closed = False
-        self._failure = ""
+        self._failure: tuple[type[RigError], str] | None = None
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             self._file = open(self.path, "xb")
@@ -66,24 +72,27 @@ class BagWriter:
                            f"name a folder that can be written") from None
         self._writer = self._guard(self._begin)
 
-    def write(self, topic: str, ros_type: str, data: bytes, log_time_ns: int) -> None:
-        """Store one encoded message as it is, less the padding that DDS may have appended.
+    def write(self, topic: str, ros_type: str, data: bytes, log_time_ns: int, qos: str = "measurement") -> None:
+        """Store one encoded message as it is, on topics of the catalogue less the padding that DDS may have appended.
 
-        data: CDR with encapsulation; log_time_ns: simulated time [ns], stored as log and publish time. Raises
-        RigError when the bag is closed, the bytes are no such message, the topic changes its type, or the
-        disk takes no more.
+        data: CDR with encapsulation; log_time_ns: simulated time [ns] from 0 on, stored as log and publish time; qos:
+        class of catalogue.QOS in which a topic is offered that is not in the catalogue. Raises MessageRefused when the
+        bytes are no such message, the topic changes its type or the time is none, RigError when the bag is closed or
+        the disk takes no more.
         """
         if self._closed or self._failure:
             self._writable()
-        known = self._topics.get(topic) or self._guard(self._add_topic, topic, ros_type)
+        if not 0 <= log_time_ns < _END_OF_TIME:
+            raise MessageRefused(f"topic {topic}: a message of {log_time_ns / 1e9:g} s; time begins at 0")
+        known = self._topics.get(topic) or self._guard(self._add_topic, topic, ros_type, qos)
         if known.definition.name != ros_type:
-            raise RigError(f"topic {topic} holds {known.definition.name}, got a {ros_type}; "
-                           f"a topic has one type")
-        if len(data) != known.size:
+            raise MessageRefused(f"topic {topic} holds {known.definition.name}, got a {ros_type}; "
+                                 f"a topic has one type")
+        if known.own and len(data) != known.size:
             try:
                 data = exact(known.definition, data)
             except ValueError as error:
-                raise RigError(f"topic {topic}: {error}; expected exact little-endian CDR") from None
+                raise MessageRefused(f"topic {topic}: {error}; expected exact little-endian CDR") from None
         interval = log_time_ns // FLUSH_NS
         if self._interval is None:
             self._interval = interval
@@ -131,7 +140,8 @@ class BagWriter:
 
     def _writable(self) -> None:
         if self._failure:
-            raise RigError(self._failure)
+            kind, text = self._failure
+            raise kind(text)
         if self._closed:
             raise RigError(f"{self.path} is closed; nothing can be added to it")
 
@@ -143,21 +153,22 @@ class BagWriter:
             raise self._fail(error) from None
 
     def _fail(self, error: OSError) -> RigError:
-        self._failure = (f"{self.path} cannot be written ({error.strerror or error}); the last 100 ms "
-                         f"before {self._last / 1e9:.3f} s of the run may be missing in it")
+        failure = not_written(self.path, error, f"what was recorded up to {self._last / 1e9:.3f} s stays readable, but for "
+                                                "up to 100 ms before that")
+        self._failure = type(failure), str(failure)
         with suppress(OSError):
             self._file.close()
-        return RigError(self._failure)
+        return failure
 
     def _begin(self) -> McapWriter:
         writer = McapWriter(self._file, "ros2", LIBRARY, CHUNK_BYTES)
         self._file.flush()
         return writer
 
-    def _add_topic(self, topic: str, ros_type: str) -> _Topic:
+    def _add_topic(self, topic: str, ros_type: str, qos: str) -> _Topic:
         definition = installed(ros_type)
         entry = catalogue().all_topics.get(topic)
-        qos = entry.qos if entry else "measurement"
+        qos = entry.qos if entry else qos
         if ros_type not in self._schemas:
             text = definition.text.encode()
             self._schemas[ros_type] = self._writer.register_schema(ros_type, "ros2msg", text)
@@ -166,8 +177,8 @@ class BagWriter:
             "topic_type_hash": definition.type_hash,
         })
         self.counts[topic] = 0
-        self._topics[topic] = _Topic(channel, definition, qos, definition.counted,
-                                     definition.size if definition.fixed else 0)
+        self._topics[topic] = _Topic(channel, definition, qos, entry is not None and definition.counted,
+                                     entry is not None, definition.size if definition.fixed else 0)
         return self._topics[topic]
 
     def _summary(self) -> list[dict]:

@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     from ..config.names import find_config
     from ..config.units import SI
-    from ..errors import RigError
+    from ..errors import RigError, ended_by
     from ..testbench.configuration import load_rig
     from ..validation import calibrate as c
     from ..validation.calibration_rows import ROWS
@@ -59,9 +59,10 @@ def main(args: argparse.Namespace) -> int:
                                  args.starts)
         if args.trade_offs:
             curves = trade_offs(rig, found.after, found.sensitivities, args.jobs, pair)
-    except KeyboardInterrupt:
-        print("\nrig: interrupted by Ctrl-C; nothing was changed", file=sys.stderr)
-        return 130
+    except KeyboardInterrupt as stop:
+        what, code = ended_by(stop)
+        print(f"\nrig: {what}; nothing was changed", file=sys.stderr)
+        return code
     print(file=sys.stderr)
     print(f"{'parameter':24} {'value':>12} {'spread':>12}  (SI)")
     for name, value in found.values.items():

@@ -116,8 +116,8 @@ def markdown() -> str:
         "Actions: `/alfa46/shift` (`rig_msgs/action/Shift`), `/sequencer/run` (`rig_msgs/action/RunSequence`). "
         "Services: `/rig/e_stop` and `/rig/reset` (`std_srvs/srv/Trigger`), `/alfa46/set_profile` "
         "(`rig_msgs/srv/SetProfile`).", "",
-        "Quality of service: all are reliable with depth 1000. command has a deadline of 100 ms, and the receiver keeps "
-        "the newest; setting is sent on change; latched is transient local and sent once.", "",
+        "Quality of service: all are reliable with depth 1000. command offers a deadline of 100 ms, and the rig "
+        "asks for none; setting is sent on change; latched is transient local and sent once.", "",
         "Setpoints (`rig_msgs/msg/Setpoint`) carry their value in this unit and must keep to this range; every message "
         "needs `enable: true` as well, for one without it switches the device off ([ros2.md](ros2.md)):", "",
         *table(_setpoint_rows(known)), "",

@@ -15,7 +15,7 @@ import signal
 import sys
 
 from rig_nodes import __version__
-from rig_nodes.errors import RigError, printable
+from rig_nodes.errors import RigError, Terminated, ended_by, printable
 
 # The modules' HELP lines once more, so that help imports none of them; a test holds the two together.
 VERBS = {
@@ -37,6 +37,12 @@ VERBS = {
     "doctor": "check this machine and the environment",
     "test": "run the tests",
 }
+
+
+def on_sigterm(_number, _frame) -> None:
+    """Raise Terminated, once: what it ends in order is not to be disturbed."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    raise Terminated
 
 
 class Parser(argparse.ArgumentParser):
@@ -99,7 +105,9 @@ def run_verb(verb: str, arguments: list[str]) -> int:
 
 def main(arguments: list[str] | None = None) -> int:
     """Entry point of the launcher and of the console script; returns the exit code."""
-    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments is None:
+        arguments = sys.argv[1:]
+        signal.signal(signal.SIGTERM, on_sigterm)
     with contextlib.redirect_stdout(Shown(sys.stdout)), contextlib.redirect_stderr(Shown(sys.stderr)):
         return _answer(arguments)
 
@@ -120,11 +128,11 @@ def _answer(arguments: list[str]) -> int:
         sys.stdout.flush()  # what was said before must stand before it in a log of both
         print(f"rig: {printable(error)}", file=sys.stderr)
         return error.exit_code
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as stop:
         # of verbs that have nothing of their own to say; what a terminal shows of a line in progress stays
-        print(f"{os.linesep * sys.stderr.isatty()}rig: stopped by Ctrl-C; what was begun is not finished",
-              file=sys.stderr)
-        return 130
+        what, code = ended_by(stop)
+        print(f"{os.linesep * sys.stderr.isatty()}rig: {what}; what was begun is not finished", file=sys.stderr)
+        return code
     except BrokenPipeError:
         # The reader (head, less) went away: nothing is wrong, and Python must not complain while it ends.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

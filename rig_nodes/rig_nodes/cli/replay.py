@@ -56,6 +56,7 @@ def _replay(bag, args) -> int:
         _warn_damage(bag, sentence)
     bag.on_damage = lambda sentence: _warn_damage(bag, sentence)
     with from_environment() as domain:
+        domain.lead()
         wanted = environment(domain)
         for name in set(os.environ) - set(wanted):
             del os.environ[name]

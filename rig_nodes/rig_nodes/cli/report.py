@@ -19,7 +19,7 @@ from ..catalogue import kind_of_topics
 from ..config import load_yaml
 from ..config.units import quantity
 from ..errors import RigError
-from ..graph.result import end_of, facts_of, lost_messages, open_bag, run_part
+from ..graph.result import end_of, facts_of, lost_messages, open_bag, run_part, what_was_lost
 from ..testbench.folders import parse_settings
 
 HELP = "print the shift metrics of a run and rewrite its report.json"
@@ -104,6 +104,8 @@ def _of_bag(args, annex: float | None) -> int:
               file=sys.stderr)
     else:
         write_report(folder, report)
+    if not bag.recovered and (lost := what_was_lost(run)):
+        print(f"rig: lost: {lost}", file=sys.stderr)
     return 1 if bag.recovered else 0
 
 

@@ -10,8 +10,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from ..errors import RigError, printable
-from .what_to_run import above_zero, add_shared_arguments, exit_code
+from ..errors import BagError, RigError, ended_by, printable
+from .what_to_run import above_zero, add_shared_arguments, add_topic_arguments, exit_code
 
 HELP = "run a sequence on the ROS 2 node graph and record it"
 LIVE_VIEW_END = 2.0  # s that the live view has for its end, after the run's
@@ -20,6 +20,7 @@ LIVE_VIEW_END = 2.0  # s that the live view has for its end, after the run's
 def add_arguments(parser) -> None:
     """The arguments of the verb."""
     add_shared_arguments(parser, by_hand=True)
+    add_topic_arguments(parser)
     parser.add_argument("--speed", type=speed, metavar="FACTOR",
                         help="lockstep at so many times real time, or max: nobody goes on before everybody is done "
                              "(default: real time, nobody waits)")
@@ -39,9 +40,10 @@ def main(args) -> int:
     """Check, warm up, run, report; 0 only when the sequence came to its end."""
     try:
         return run(args)
-    except KeyboardInterrupt:
-        print("rig: interrupted before the rig started; nothing was recorded", file=sys.stderr)
-        return 128 + signal.SIGINT
+    except KeyboardInterrupt as stop:
+        what, code = ended_by(stop)
+        print(f"rig: {what} before the rig started; nothing was recorded", file=sys.stderr)
+        return code
 
 
 def run(args) -> int:
@@ -51,6 +53,7 @@ def run(args) -> int:
     from ..graph.domain import from_environment
     from ..graph.dropping import parse_drop
     from ..graph.supervisor import Order, Supervisor, processes_of
+    from ..graph.topic_choice import TopicChoice
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_parameters, parse_settings, run_folder
     from ..testbench.kinds import make_rig
@@ -66,6 +69,7 @@ def run(args) -> int:
     config = load_rig(rig, parse_settings(args.settings))
     sequence.check_rig(config)
     parse_drop(args.drop)
+    TopicChoice(args.topics, args.exclude)
     plug = None
     if config.kind == GEARBOX:
         check_delay(args.delay, args.speed)
@@ -87,17 +91,21 @@ def run(args) -> int:
     print("checking and, the first time, compiling the plant", flush=True)
     make_rig(config, args.seed).advance_samples(1)
     with from_environment(args.keep_domain) as domain:
+        domain.lead()
         for device in config.cut_out:
             show(None, f"{device} is cut out; start it with: ./rig device {device} --domain {domain.number}")
         folder = run_folder(args.out, sequence.name if args.sequence else "by-hand")
         order = Order(args.sequence, rig, args.seed, args.settings, args.drop, args.speed,
-                      *args.step_timeout, plug, args.parameters, processes_of(config.kind), args.delay)
+                      *args.step_timeout, plug, args.parameters, processes_of(config.kind), args.delay,
+                      args.topics, args.exclude)
         supervisor = Supervisor(order, folder, domain, show)
         with live_view(domain.number) if args.view else contextlib.nullcontext():
             end = supervisor.run()
-    # all processes are gone and the bag is whole: a late Ctrl-C must not cost the report
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    code = finish(folder, run_record(config, sequence, args.seed), end, supervisor.restarts, args.strict)
+    # all processes are gone and the bag is whole: a late signal must not cost the report
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    code = finish(folder, run_record(config, sequence, args.seed), end, supervisor.restarts, args.strict,
+                  args.allow_loss)
     return code if end.by == 0 else 128 + end.by
 
 
@@ -118,27 +126,40 @@ def live_view(domain: int):
             view.wait()
 
 
-def finish(folder: Path, record: dict, end, restarts: list[dict], strict: bool) -> int:
+def finish(folder: Path, record: dict, end, restarts: list[dict], strict: bool, allow_loss: bool) -> int:
     """Write and print the report of an ended run; returns its exit code."""
     from ..analysis.report import build_report, format_report, write_report
-    from ..graph.result import join_pieces, open_bag, run_part
+    from ..graph.result import join_pieces, open_bag, run_part, what_was_lost
 
-    join_pieces(folder)
-    bag = open_bag(folder)
-    report = build_report(bag, run_part(bag, folder, record, end, restarts))
-    write_report(folder, report)
+    last = [] if end.state == "ended" else [end.reason]
+    try:
+        join_pieces(folder)
+        bag = open_bag(folder)
+        report = build_report(bag, run_part(bag, folder, record, end, restarts))
+    except BagError as error:
+        return _say([f"there is no report: {error}", *last], 1)
+    try:
+        write_report(folder, report)
+    except RigError as error:
+        last.insert(0, str(error))
     print(format_report(report))
     if report["run"]["speed_factor"]:
         print(f"speed: {report['run']['speed_factor']:.2f} times real time")
     look = f"; look at it with: ./rig view {folder}" if bag.began else ""
     print(f"written to {folder}{look}", flush=True)
-    lost = report["run"]["lost_by_topic"]
+    for topic, why in report["run"]["unrecorded_topics"].items():
+        print(f"rig: warning: {topic} is not in the bag: {why}", file=sys.stderr)
+    lost = what_was_lost(report["run"])
     if lost:
-        topics = ", ".join(f"{topic} {count}" for topic, count in lost.items())
-        print(f"rig: warning: {report['run']['lost']} messages did not reach the bag: {topics}", file=sys.stderr)
-    if end.state != "ended":
-        print(f"rig: {printable(end.reason)}", file=sys.stderr)
-    return exit_code(end.state, report, strict)
+        last.insert(0, f"warning: {lost}" if allow_loss else f"lost: {lost}")
+    code = exit_code(end.state, report, strict, "" if allow_loss else lost)
+    return _say(last, 1 if end.state == "ended" and not (folder / "report.json").exists() else code)
+
+
+def _say(sentences: list[str], code: int) -> int:
+    for sentence in sentences:
+        print(f"rig: {printable(sentence)}", file=sys.stderr)
+    return code
 
 
 def show(t: float | None, text: str) -> None:

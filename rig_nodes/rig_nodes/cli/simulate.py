@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 import sys
 
 from ..errors import printable
@@ -39,6 +40,7 @@ def main(args) -> int:
     from ..analysis.report import build_report, format_report, write_report
     from ..bags.reader import Bag
     from ..controllers import load_controller
+    from ..errors import TERMINATED
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_parameters, parse_settings, run_folder, unless_empty
     from ..testbench.rig import check_level
@@ -67,10 +69,12 @@ def main(args) -> int:
     with controller_log(folder), unless_empty(folder):
         run = simulate(config, sequence, folder, args.seed, progress, controller, args.delay)
     report = build_report(Bag(folder), run)
-    write_report(folder, report)
     print(format_report(report))
+    write_report(folder, report)
     print(f"written to {folder}; look at it with: ./rig view {folder}", flush=True)
-    state = run["end"]["state"]
+    state, reason = run["end"]["state"], run["end"]["reason"]
     if state != "ended":
-        print(f"rig: {printable(run['end']['reason'])}", file=sys.stderr)
+        print(f"rig: {printable(reason)}", file=sys.stderr)
+    if reason == TERMINATED:
+        return 128 + signal.SIGTERM
     return exit_code(state, report, args.strict)

@@ -54,7 +54,7 @@ def add_arguments(parser) -> None:
 
 
 def main(args) -> int:
-    from ..errors import RigError
+    from ..errors import RigError, ended_by
     from ..testbench.folders import free_folder
     from ..testbench.workers import start_server
 
@@ -83,13 +83,13 @@ def main(args) -> int:
             failed[0] += entry["end"]["state"] != "ended"
             line.tell(done, f"{done} of {of} members" + (f", {failed[0]} not ended" if failed[0] else ""))
 
-        interrupted = False
+        interrupted: tuple[str, int] | None = None  # what ended it, exit code
         if begun < of:
             try:
                 with _stream(args) as stream:
                     run_sweep(plan, store, stream, progress)
-            except KeyboardInterrupt:
-                interrupted = True
+            except KeyboardInterrupt as stop:
+                interrupted = ended_by(stop)
                 line.leave()
         seconds, now = time.monotonic() - start, len(store.done) - begun
         if not interrupted:
@@ -103,8 +103,8 @@ def main(args) -> int:
     else:
         print(_text(summary))
     if interrupted:
-        print(f"rig: interrupted by Ctrl-C; go on with: ./rig sweep {folder}", file=sys.stderr)
-        return 130
+        print(f"rig: {interrupted[0]}; go on with: ./rig sweep {folder}", file=sys.stderr)
+        return interrupted[1]
     if not summary["ends"].get("ended"):
         print(f"rig: none of the {of} members came to its end", file=sys.stderr)
         return 1

@@ -17,7 +17,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import rig_nodes
-from rig_nodes.errors import RigError
+from rig_nodes.errors import RigError, ended_by
 
 HELP = "run the tests"
 PASSES_ON = True
@@ -64,8 +64,8 @@ def main(args: argparse.Namespace) -> int:
             given = any((Path.cwd() / p).exists() for p in paths)
             return subprocess.run([*command, *args.passed_on], env=env, cwd=None if given else root).returncode
         return _all(root, command, env)
-    except KeyboardInterrupt:
-        return 130
+    except KeyboardInterrupt as stop:
+        return ended_by(stop)[1]
 
 
 def _all(root: Path, command: list[str], env: dict[str, str]) -> int:

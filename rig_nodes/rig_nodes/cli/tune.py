@@ -57,7 +57,7 @@ def add_arguments(parser) -> None:
 
 
 def main(args) -> int:
-    from ..errors import RigError
+    from ..errors import RigError, ended_by
     from ..sweep.store import parquet
     from ..testbench.campaign import Workers
     from ..testbench.folders import free_folder
@@ -83,10 +83,11 @@ def main(args) -> int:
         journal = open_journal(folder, problem.manifest())
         try:
             summary = run.tune(problem, folder, workers, journal, line.tell)
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as stop:
             line.leave()
-            print(f"rig: interrupted by Ctrl-C; go on with the same command and --out {folder}", file=sys.stderr)
-            return 130
+            what, code = ended_by(stop)
+            print(f"rig: {what}; go on with the same command and --out {folder}", file=sys.stderr)
+            return code
         finally:
             journal.close()
     if page is not None:

@@ -5,6 +5,7 @@ import math
 import sys
 from typing import NamedTuple
 
+LOST = 3  # exit code of a run that came to its end and lost messages or time
 LEAST_COME = 2.0  # s that a program needs to be found
 MOST_DELAY = 50  # samples: half of the time after which a silent controller is the safe state
 
@@ -87,8 +88,20 @@ def add_shared_arguments(parser, by_hand: bool = False) -> None:
                         help="exit code 1 also when a shift of the report is not valid, e.g. for tests of a controller")
 
 
-def exit_code(state: str, report: dict, strict: bool) -> int:
-    """Of a run that ended in this state; says why when --strict makes it 1, and what a controller's end went wrong with."""
+def add_topic_arguments(parser) -> None:
+    """Which topics beyond the rig's own are recorded, and whether a loss is one."""
+    from ..graph.topic_choice import EXCLUDE, TOPICS
+
+    for flag, keywords in (TOPICS, EXCLUDE):
+        parser.add_argument(flag, **keywords)
+    parser.add_argument("--allow-loss", action="store_true",
+                        help="exit code 0 also when messages or time were lost (default: 3)")
+
+
+def exit_code(state: str, report: dict, strict: bool, lost: str = "") -> int:
+    """Of a run that ended in this state; lost: what it lost, unless that is allowed. Says why when --strict makes it 1,
+    and what a controller's end went wrong with.
+    """
     controller = report["run"].get("controller") or {}
     if "end_fault" in controller:
         print(f"rig: warning: controller {controller['name']}: {controller['end_fault']}", file=sys.stderr)
@@ -98,4 +111,4 @@ def exit_code(state: str, report: dict, strict: bool) -> int:
     if strict and invalid:
         print(f"rig: --strict: {invalid} of {len(report['shifts'])} shifts not valid; the report says why", file=sys.stderr)
         return 1
-    return 0
+    return LOST if lost else 0

@@ -1,13 +1,15 @@
 """A ROS domain of its own for every run, so that two runs, or a run and its tests, never hear each other.
 
-Used by the supervisor, by nodes started without one, and by tests. A domain is held by a socket name, which the
-kernel frees when its holder dies.
+Used by the supervisor, by nodes started without one, by replays and by tests. A domain is held by a socket name, which the
+kernel frees when its holder dies; another such name says that a rig or a replay is in it, of which there is one at most.
 """
 
 from __future__ import annotations
 
 import os
 import socket
+import subprocess
+import sys
 from pathlib import Path
 
 from ..config import package_file
@@ -15,7 +17,10 @@ from ..errors import RigError
 
 # Domain 101 is the last whose ports stay below the ephemeral ones of Linux (32768).
 FIRST, LAST = 1, 101
+HIGHEST = 232  # of all that ROS takes
 BASE_PORT, PORTS = 7400, 250  # RTPS 9.6.1.1: first port of domain 0, ports of one domain
+RESERVED, RIG = "rig-ros-domain", "rig-in-ros-domain"  # names of sockets: who has the domain, who is its rig
+LOOK_TIMEOUT = 20.0  # s
 
 
 def busy_domains() -> set[int]:
@@ -28,7 +33,7 @@ def busy_domains() -> set[int]:
             continue
         for line in lines:
             port = int(line.split()[1].rpartition(":")[2], 16)
-            if BASE_PORT <= port < BASE_PORT + PORTS * (LAST + 1):
+            if BASE_PORT <= port < BASE_PORT + PORTS * (HIGHEST + 1):
                 busy.add((port - BASE_PORT) // PORTS)
     return busy
 
@@ -36,14 +41,29 @@ def busy_domains() -> set[int]:
 class Domain:
     """One domain, held until :meth:`release`; a context manager. ``number`` is what ROS_DOMAIN_ID takes."""
 
-    def __init__(self, number: int, lock: socket.socket | None = None):
-        self.number, self._lock = number, lock
+    def __init__(self, number: int, *locks: socket.socket):
+        self.number, self._locks = number, list(locks)
+
+    def lead(self, look: bool = True) -> Domain:
+        """Be the one rig, or replay, of the domain until :meth:`release`; RigError when there is one already.
+
+        look: over DDS too, for one that holds no socket here; takes 2 s where some process of this host is in the domain.
+        """
+        lock = _lock(RIG, self.number)
+        sender = "it runs on this machine" if lock is None else ""
+        if lock is not None:
+            self._locks.append(lock)
+            if look and self.number in busy_domains() and (names := _senders(self)):
+                sender = f"/rig/state is sent by {', '.join(names)}"
+        if sender:
+            raise RigError(f"there is a rig or a replay in ROS domain {self.number} already ({sender}), and two would take "
+                           "each other's orders; end that one, or take another domain with ROS_DOMAIN_ID")
+        return self
 
     def release(self) -> None:
         """Give the domain back; may be called twice."""
-        if self._lock is not None:
-            self._lock.close()
-            self._lock = None
+        while self._locks:
+            self._locks.pop().close()
 
     def __enter__(self) -> Domain:
         return self
@@ -57,18 +77,37 @@ def allocate() -> Domain:
     busy = busy_domains()
     for number in range(FIRST, LAST + 1):
         if number not in busy:
-            held = _lock(number)
-            if held is not None:
+            held, rig = _lock(RESERVED, number), _lock(RIG, number)
+            if rig is not None:
+                rig.close()
+            if held is not None and rig is not None:
                 return Domain(number, held)
+            if held is not None:
+                held.close()
     raise RigError(f"all ROS domains from {FIRST} to {LAST} are in use on this machine; "
                    f"end another run or set ROS_DOMAIN_ID")
 
 
-def _lock(number: int) -> socket.socket | None:
+def _senders(domain: Domain) -> list[str]:
+    """Names of the nodes that send /rig/state in a domain."""
+    try:
+        looked = subprocess.run([sys.executable, "-P", "-m", "rig_nodes.nodes.look_for_rig"], env=environment(domain),
+                                stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=LOOK_TIMEOUT)
+    except subprocess.TimeoutExpired:
+        raise RigError(f"no ROS node can be started in ROS domain {domain.number}: nothing came within "
+                       f"{LOOK_TIMEOUT:.0f} s; './rig doctor' says more") from None
+    if looked.returncode:
+        said = looked.stderr.strip().splitlines()
+        raise RigError(f"no ROS node can be started in ROS domain {domain.number} ({said[-1] if said else 'without a word'}); "
+                       "'./rig doctor' says more")
+    return looked.stdout.split()
+
+
+def _lock(name: str, number: int) -> socket.socket | None:
     # An abstract name belongs to the network namespace, as the domain's ports do: to all users and folders of it.
     held = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     try:
-        held.bind(f"\0rig-ros-domain-{number}")
+        held.bind(f"\0{name}-{number}")
     except OSError:
         held.close()
         return None
@@ -83,7 +122,7 @@ def from_environment(keep: bool = False) -> Domain:
     text = os.environ.get("ROS_DOMAIN_ID", "")
     if not text and not keep:
         return allocate()
-    if not (text or "0").isdecimal() or not 0 <= int(text or "0") <= 232:
+    if not (text or "0").isdecimal() or not 0 <= int(text or "0") <= HIGHEST:
         raise RigError(f"ROS_DOMAIN_ID is '{text}', expected a number from 0 to 232")
     return Domain(int(text or "0"))
 

@@ -9,10 +9,14 @@ import json
 import os
 from pathlib import Path
 
+from ..bags.metadata import read_profile
 from ..bags.reader import Bag
 from ..bags.writer import BagWriter
 from ..catalogue import GEARBOX, catalogue
 from .supervisor import MODULES, End, processes_of
+
+
+NAMED = 4  # topics of a sentence
 
 
 def facts_of(folder: Path) -> dict[str, dict]:
@@ -35,18 +39,32 @@ def join_pieces(folder: Path) -> None:
     if len(pieces) < 2:
         return
     joined = folder / "joined"
+    sent: set[tuple[str, bytes]] = set()  # on latched topics
     with BagWriter(joined, pieces[0].stem) as writer:
         for piece in pieces:
             bag = Bag(piece, recover=True)
+            classes = {topic: _class_of(bag, topic) for topic in bag.counts}
             for time, topic, data in bag.timeline():
                 # what is sent again to whoever comes later is already there
-                if piece == pieces[0] or catalogue().all_topics[topic].qos != "latched":
-                    writer.write(topic, bag.types[topic], data, time)
+                if classes[topic] == "latched":
+                    if (topic, data) in sent:
+                        continue
+                    sent.add((topic, data))
+                writer.write(topic, bag.types[topic], data, time, classes[topic])
     for piece in pieces:
         piece.unlink()
     for path in joined.iterdir():
         os.replace(path, folder / path.name)
     joined.rmdir()
+
+
+def _class_of(bag: Bag, topic: str) -> str:
+    """Class of catalogue.QOS in which a topic of a bag was offered."""
+    known = catalogue().all_topics.get(topic)
+    if known is not None:
+        return known.qos
+    offered = read_profile(bag.channel(topic)[2].get("offered_qos_profiles", ""))
+    return "latched" if offered.latched else "measurement" if offered.reliable else "best_effort"
 
 
 def end_of(facts: dict[str, dict], kind: str = GEARBOX) -> End:
@@ -74,13 +92,15 @@ def open_bag(folder: Path) -> Bag:
 def lost_messages(bag: Bag, facts: dict[str, dict]) -> dict[str, int]:
     """Messages published but not in the bag, by topic; topics without any left out.
 
-    The counts of a killed process are unknown: there the gaps in the sequence numbers count.
+    The counts of a killed process are unknown: there the gaps in the sequence numbers count. Of topics beyond the
+    catalogue nobody knows how many were sent: only those count that reached the recorder and found its queue full.
     """
     published: dict[str, int] = {}
     for fact in facts.values():
         if "published" in fact:
             published.update(fact["published"])
-    lost = bag.gaps()
+    own = catalogue().all_topics
+    lost = {topic: count for topic, count in bag.gaps().items() if topic in own}
     for topic, count in published.items():
         # of a process that was started again, the count is that of its last life
         missing = count - bag.distinct(topic, last_life=True)
@@ -89,7 +109,33 @@ def lost_messages(bag: Bag, facts: dict[str, dict]) -> dict[str, int]:
             lost[topic] = whole
         else:
             lost.pop(topic, None)
-    return lost
+    overflow = facts.get("recorder", {}).get("overflow", {})
+    return lost | {topic: count for topic, count in overflow.items() if topic not in own}
+
+
+def what_was_lost(run: dict) -> str:
+    """What is missing of a run in one sentence, from the ``run`` part of its report; empty when nothing is."""
+    said = []
+    if run.get("lost"):
+        topics = run.get("lost_by_topic")
+        said.append(f"{run['lost']} messages did not reach the bag{f': {_named(topics)}' if topics else ''}")
+    if unreadable := run.get("unreadable"):
+        said.append(f"{sum(unreadable.values())} messages could not be stored: {_named(unreadable)}")
+    if run.get("recovered"):
+        said.append(f"the bag is damaged: {run['recovered']}")
+    behind = run.get("behind")
+    if behind and behind["times"]:
+        times = "once" if behind["times"] == 1 else f"{behind['times']} times"
+        said.append(f"the rig fell behind real time by more than {1e3 * behind['limit_s']:g} ms {times}, by up to "
+                    f"{behind['longest_s']:.2f} s")
+    return "; ".join(said)
+
+
+def _named(counts: dict[str, int]) -> str:
+    """The topics that lost most, the rest as a number."""
+    most = sorted(counts.items(), key=lambda item: -item[1])
+    more = f" and {len(most) - NAMED} topics more" if len(most) > NAMED else ""
+    return ", ".join(f"{topic} {count}" for topic, count in most[:NAMED]) + more
 
 
 def run_part(bag: Bag, folder: Path, record: dict, end: End, restarts: list[dict] = ()) -> dict:
@@ -105,8 +151,10 @@ def run_part(bag: Bag, folder: Path, record: dict, end: End, restarts: list[dict
     run = {**record, "mode": "run", "controller": controller,
            "duration_s": container.get("time_s"), "lost": sum(lost.values()),
            "lost_by_topic": lost, "refused_commands": container.get("refused"),
+           "unreadable": facts.get("recorder", {}).get("unreadable", {}),
+           "unrecorded_topics": facts.get("recorder", {}).get("unrecorded", {}),
            "stamps_ahead": facts.get("recorder", {}).get("ahead", {}), "ticks": container.get("ticks"),
-           "overruns": container.get("overruns"), "lateness_ms": container.get("lateness_ms"),
+           "overruns": container.get("overruns"), "lateness_ms": container.get("lateness_ms"), "behind": container.get("behind"),
            "speed_factor": container.get("speed_factor"), "real_time_priority": container.get("real_time_priority"), "processes": processes,
            "restarts": [{key: restart[key] for key in ("process", "how", "t")} for restart in restarts],
            "end": {"state": end.state, "reason": end.reason}}

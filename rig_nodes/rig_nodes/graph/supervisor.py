@@ -51,6 +51,8 @@ class Order:
     parameters: list[str] = field(default_factory=list)  # of the sequence, NAME=VALUE
     processes: tuple[str, ...] = tuple(MODULES)
     delay: int = 1  # samples from a measurement to the effect of the controller's answer
+    topics: str | None = None  # patterns of what the recorder takes beside the rig's own topics
+    exclude: str | None = None
 
     def arguments(self, name: str) -> list[str]:
         """Command line of one of the processes, without what is the same for all."""
@@ -66,10 +68,12 @@ class Order:
         if self.speed is not None and self.come_timeout is not None:
             come = ["--come-timeout", str(self.come_timeout)]
         plug = [] if self.controller is None else ["--controller", self.controller]
+        choice = [part for option, text in (("--topics", self.topics), ("--exclude", self.exclude)) if text is not None
+                  for part in (option, text)]
         numbers = ["--seed", str(self.seed), "--delay", str(self.delay)]
         return {"container": [*rig, *sequence, *drop, *speed, *patience, *numbers],
                 "alfa46": [*rig, *plug, *patience, *come],
-                "sequencer": [*rig, *sequence], "recorder": [*rig, *plug]}[name]
+                "sequencer": [*rig, *sequence], "recorder": [*rig, *plug, *choice]}[name]
 
 
 @dataclass

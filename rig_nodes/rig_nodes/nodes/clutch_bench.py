@@ -14,7 +14,7 @@ class HydraulicMotor(Device):
 
     def __init__(self, rig, commands):
         super().__init__("hydraulic_motor", commands, KIND)
-        self.on_setpoint(COMMANDS["motor"], rig.set_motor)
+        self.on_drive(COMMANDS["motor"], rig)
 
 
 class ValveZp2(Device):

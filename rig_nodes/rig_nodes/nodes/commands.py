@@ -25,6 +25,10 @@ class Refusal:
     text: str = ""
 
 
+def _raise(why: str) -> None:
+    raise RigError(why)
+
+
 class Commands:
     """Thread-safe queue of calls on the rig; what the rig refuses becomes an event and nothing else changes."""
 
@@ -47,6 +51,10 @@ class Commands:
     def put_first(self, topic: str, function) -> None:
         """Enqueue a call before all that wait."""
         self._queue.appendleft((topic, function, ()))
+
+    def refuse(self, topic: str, why: str) -> None:
+        """Note something that came in through ``topic`` and will not be done."""
+        self._queue.append((topic, _raise, (why,)))
 
     def event(self, name: str, text: str, value: float = 0.0) -> None:
         """An event of the rig; only from calls that the loop makes."""

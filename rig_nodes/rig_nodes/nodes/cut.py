@@ -15,7 +15,7 @@ from ..testbench.cuts import topic_of
 from ..testbench.rig import Rig
 from ..testbench.timed import RigStatus
 from .device import message_class, receive
-from .qos import publisher_profile, stream_profile
+from .qos import publisher_profile, recorder_profile, stream_profile
 
 POLL = 0.05  # s between looks at whether a device that is waited for is still there
 
@@ -47,8 +47,8 @@ class CutEnds:
 
         # in real time no answer may wait for a lost one to be sent again; in lockstep none may be lost
         in_lockstep = self._process.arguments.speed is not None
-        profile = publisher_profile(answer.qos) if in_lockstep else stream_profile(answer.qos)
-        node.inputs[answer.name] = receive(node, answer, take, profile)
+        profile = recorder_profile(answer.qos) if in_lockstep else stream_profile(answer.qos)
+        node.inputs[answer.name] = receive(node, answer, take, profile, self._commands.refuse)
 
     @property
     def answers(self) -> list[str]:

@@ -12,6 +12,8 @@ from rclpy.node import Node
 
 from ..bags.definitions import installed
 from ..catalogue import GEARBOX, Topic, catalogue
+from ..errors import RigError
+from ..testbench.timed import RigStatus
 from .qos import publisher_profile, receiver_profile
 
 
@@ -31,10 +33,11 @@ def publishers_of(node: Node, in_lockstep: bool = False, more=(), kind: str = GE
             for topic in (*own, *more)}
 
 
-def receive(node: Node, topic: Topic, callback, profile=None) -> object:
+def receive(node: Node, topic: Topic, callback, profile=None, refuse=None) -> object:
     """Subscribe a device to its topic; the callback gets the fields as a numpy record.
 
-    profile: by default that of the receiver whom the topic is meant for.
+    profile: by default that of the receiver whom the topic is meant for; refuse: gets topic and sentence for bytes that
+    are no such message.
     """
     layout = installed(topic.ros_type).dtype()
 
@@ -42,7 +45,10 @@ def receive(node: Node, topic: Topic, callback, profile=None) -> object:
         if len(data) >= layout.itemsize and data[1] == 1:  # 1: little-endian, as every DDS on this host sends
             callback(np.frombuffer(data, layout, 1)[0])
         else:
-            node.get_logger().warning(f"{topic.name}: {len(data)} bytes are no {topic.type}")
+            why = f"{len(data)} bytes are no {topic.type}"
+            node.get_logger().warning(f"{topic.name}: {why}")
+            if refuse is not None:
+                refuse(topic.name, why)
 
     return node.create_subscription(message_class(topic.ros_type), topic.name, on_bytes,
                                     profile or receiver_profile(topic.qos), raw=True)
@@ -66,4 +72,13 @@ class Device(Node):
         def enqueue(message) -> None:
             self.commands.put(topic, function, float(message["value"]), bool(message["enable"]))
 
-        self.inputs[topic] = receive(self, catalogue().all_topics[topic], enqueue)
+        self.inputs[topic] = receive(self, catalogue().all_topics[topic], enqueue, refuse=self.commands.refuse)
+
+    def on_drive(self, topic: str, rig) -> None:
+        """As :meth:`on_setpoint` for the rig's drive, which in the safe state can be switched off only."""
+        def order(speed: float, enable: bool) -> None:
+            if enable and rig.status == RigStatus.TRIPPED:
+                raise RigError(f"refused: the rig is in its safe state ({rig.reason}); call /rig/reset first")
+            rig.set_motor(speed, enable)
+
+        self.on_setpoint(topic, order)

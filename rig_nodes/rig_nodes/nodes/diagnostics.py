@@ -1,7 +1,7 @@
 """What the rig's processes say about their health on /diagnostics: one status per device, at 1 Hz and on change.
 
-Used by rig container, alfa46, sequencer and recorder. Not in the catalogue and not recorded: it depends on the wall clock,
-and a bag must not.
+Used by rig container, alfa46, sequencer and recorder. Not in the catalogue: it depends on the wall clock, which what
+`simulate` writes must not.
 """
 
 from __future__ import annotations

@@ -18,6 +18,7 @@ from ..graph.link import ANSWER, ANSWERED, DISCARDED, NOT_AT_ALL, PATIENCE, READ
 from ..plant import kernel
 from ..testbench.rig import Rig
 from ..testbench.timed import SAMPLE_NS, TICK_SAMPLES, RigStatus
+from ..testbench.topics import COMMAND
 from ..testbench.simulate import give_answer
 from .realtime import take_core
 
@@ -169,6 +170,8 @@ class Lockstep:
             answer = None
         if answer is not None:
             give_answer(rig, self.controller, sample, answer)
+            if rig.idle_command:
+                self.commands.refuse(COMMAND, f"valve command for sample {sample} does not act: {rig.idle_command}")
         if rig.delay == 0:
             rig.advance_samples(1)
 

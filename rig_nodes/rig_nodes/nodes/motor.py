@@ -11,7 +11,7 @@ class Motor(Device):
 
     def __init__(self, rig, commands):
         super().__init__("motor", commands)
-        self.on_setpoint("/motor/command", rig.set_motor)
+        self.on_drive("/motor/command", rig)
 
         def why_not(enable: bool) -> str | None:
             if enable and rig.status == RigStatus.TRIPPED:

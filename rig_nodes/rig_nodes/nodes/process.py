@@ -15,7 +15,9 @@ import signal
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import rclpy
@@ -34,6 +36,7 @@ from ..testbench.configuration import RigConfig, load_gearbox_rig, load_rig
 from ..testbench.folders import parse_parameters, parse_settings
 from ..testbench.kinds import AnyConfig
 from ..testbench.sequence import Sequence, load_sequence
+from ..whole_file import write_whole
 from .executor import events_executor
 
 PR_SET_PDEATHSIG = 1
@@ -49,6 +52,12 @@ SEQUENCE_PARAMETERS = ("--with", {"action": "append", "default": [], "dest": "pa
                                   "help": "give a parameter of the sequence a value"})
 
 
+class ThreadDied(RigError):
+    """A thread of the process ended by an exception that nobody caught."""
+
+    exit_code = 1
+
+
 class Process:
     """One process of the graph, from the first signal handler to the exit code.
 
@@ -59,6 +68,8 @@ class Process:
         """options: (flag, keywords) pairs for argparse beside the common ones."""
         self.name, self.stopping, self.interrupted = name, False, False
         self.executor = None
+        self.failure: RigError | None = None  # what ended a thread of it
+        threading.excepthook = self._on_thread_death
         self._told = ""
         self._began = time.monotonic()
         for number in STOP_SIGNALS:
@@ -114,6 +125,14 @@ class Process:
     def _on_signal(self, number, _frame) -> None:
         self.interrupted |= number == signal.SIGINT and not self.stopping
         self.stop()
+
+    def _on_thread_death(self, death) -> None:
+        """A thread that dies is the end of the process: its work would be missing from then on without a word."""
+        thread = death.thread.name if death.thread is not None else "a thread"
+        self.failure = self.failure or ThreadDied(f"its thread '{thread}' died of {_named(death.exc_value)}")
+        self.stop()
+        with suppress(OSError):
+            traceback.print_exception(death.exc_type, death.exc_value, death.exc_traceback)
 
     def stop(self) -> None:
         """Ask for an orderly end; the process is killed when that takes longer than PATIENCE."""
@@ -191,7 +210,8 @@ class Process:
             cost = {"cpu_s": used.ru_utime + used.ru_stime, "wall_s": time.monotonic() - self._began,
                     "max_rss_mb": used.ru_maxrss / 1024}
             path = self.arguments.logs / f"{self.name}.json"
-            path.write_text(json.dumps({**facts, **cost}, indent=1) + "\n", encoding="utf-8")
+            with suppress(RigError):  # the disk is full; what the facts would say is unknown then
+                write_whole(path, json.dumps({**facts, **cost}, indent=1) + "\n")
         for node in nodes:
             self.executor.remove_node(node)
             node.destroy_node()
@@ -223,7 +243,7 @@ def chosen_sequence(arguments) -> Sequence | None:
 
 
 def run(main) -> int:
-    """Exit code of a process: RigError becomes one sentence, for the supervisor too."""
+    """Exit code of a process: RigError becomes one sentence, for the supervisor too, and so does what nobody expected."""
     process = None
 
     def start(*arguments, **keywords) -> Process:
@@ -233,9 +253,19 @@ def run(main) -> int:
 
     try:
         main(start)
+        if process is not None and process.failure is not None:
+            raise process.failure
         return 0
-    except RigError as error:
-        print(printable(error), file=sys.stderr)
+    except Exception as error:
+        known = isinstance(error, RigError)
+        text = str(error) if known else _named(error)
         if process is not None:
-            process.status("failed", text=str(error))
-        return error.exit_code
+            process.status("failed", text=text)
+        with suppress(OSError):  # its log may stand on a disk that is full
+            print(printable(text), file=sys.stderr) if known else traceback.print_exc()
+        return error.exit_code if known else 1
+
+
+def _named(error: BaseException) -> str:
+    """An exception that nobody expected, in one line."""
+    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__

@@ -21,6 +21,10 @@ PR_SET_TIMERSLACK = 29
 RECORDING, MESSAGES, CLOCK = 9, 10, 11
 # Catching up runs at most this much faster than real time, so that the shift controller can still answer.
 CATCH_UP = 4
+# A rig that is further behind real time than this has lost time: the newest valve command may be that old before the rig
+# trips, so nobody who takes part in real time could have answered meanwhile. A healthy machine with all its cores taken
+# stays a third below it.
+BEHIND_NS = 100_000_000
 
 
 def prefer(priority: int, thread: int = 0) -> bool:
@@ -71,6 +75,7 @@ class RealTime:
         self.period_ns, self.per_tick = period_ns, per_tick
         self.lateness_ns = array("q")
         self.overruns = 0
+        self.times_behind = 0
         self.real_time_priority = False
 
     def run(self, step, stop) -> None:
@@ -82,7 +87,7 @@ class RealTime:
         gc.freeze()  # what start-up made is never scanned again: collections stay far below a sample
         period, per_tick, tick_ns = self.period_ns, self.per_tick, self.period_ns * self.per_tick
         clock, sleep = time.monotonic_ns, time.sleep
-        due, count, last = clock(), 0, 0
+        due, count, last, behind = clock(), 0, 0, False
         while True:
             now = clock()
             start = max(due, last + period // CATCH_UP)
@@ -97,13 +102,17 @@ class RealTime:
                 self.lateness_ns.append(late)
                 if late > tick_ns:
                     self.overruns += 1
+                if (late > BEHIND_NS) != behind:
+                    behind = not behind
+                    self.times_behind += behind
             step()
             count += 1
             due += period
 
     def summary(self) -> dict:
-        """Ticks, overruns and lateness [ms] as the report wants them."""
+        """Ticks, overruns, lateness [ms] and lost time as the report wants them."""
         late = np.frombuffer(self.lateness_ns, np.int64) * 1e-6 if self.lateness_ns else np.zeros(1)
         p50, p99 = np.percentile(late, (50, 99))
         return {"ticks": len(self.lateness_ns), "overruns": self.overruns,
-                "lateness_ms": {"p50": float(p50), "p99": float(p99), "max": float(late.max())}}
+                "lateness_ms": {"p50": float(p50), "p99": float(p99), "max": float(late.max())},
+                "behind": {"limit_s": BEHIND_NS * 1e-9, "times": self.times_behind, "longest_s": float(late.max()) * 1e-3}}

@@ -1,7 +1,8 @@
-"""The recorder: every topic of a run into one MCAP bag, untouched, with simulated time as log time.
+"""The recorder: every topic of a run's domain into one MCAP bag, untouched, with simulated time as log time.
 
 Started by graph.supervisor. Callbacks only enqueue; a thread writes and flushes. In lockstep, what rig container and
-alfa46 publish comes through taps (graph/tap.py) and only the rest through DDS.
+alfa46 publish comes through taps (graph/tap.py) and only the rest through DDS. What is no topic of the catalogue is found
+while the run goes on (nodes/other_topics.py) and stands in the bag at the simulated time at which it came.
 """
 
 from __future__ import annotations
@@ -17,12 +18,14 @@ from rclpy.node import Node
 
 from ..bags import cdr
 from ..bags.definitions import installed
-from ..bags.writer import BagWriter
+from ..bags.writer import BagWriter, MessageRefused
 from ..catalogue import Topic, catalogue
 from ..errors import RigError
 from ..graph.tap import TapReader
+from ..graph.topic_choice import EXCLUDE, TOPICS, TopicChoice
 from .device import message_class
 from .diagnostics import ERROR, OK, WARN, Diagnostics, Growing, Health
+from .other_topics import OtherTopics
 from .process import rig_config, run
 from .qos import recorder_profile
 from .realtime import RECORDING, prefer_process, stand_back
@@ -31,6 +34,8 @@ FLUSH_PERIOD = 0.1  # s; what a killed recorder may lose
 WAITING = 200_000  # messages between callbacks and writer, about 40 s of the rig
 AHEAD_NS = 1_000_000_000  # ns that a stamp may be ahead of the rig's own time
 IDLE, IDLE_WITH_PUBLISHERS = 0.05, 1.0  # s without a message that mean: everything is in
+LONGEST_DRAIN = 5.0  # s that a user's node, which goes on sending, can put off the end
+BLOCKS = "rig_msgs/msg/SampleBlock"  # what a block holds is checked by its reader: to decode each one costs too much
 OPTIONS = [
     ("--out", {"type": Path, "required": True, "help": "folder of the bag"}),
     ("--name", {"required": True, "help": "name of the bag's file, without .mcap"}),
@@ -40,19 +45,23 @@ OPTIONS = [
                "help": "beside --rig, what the rig is told: a device cut out has topics of its own"}),
     ("--controller", {"metavar": "SPEC",
                       "help": "beside --rig, what alfa46 is told: your controller may have signals of its own"}),
+    TOPICS, EXCLUDE,
 ]
 
 
 class Recorder(Node):
     """Subscribes to every topic of the run that no tap brings."""
 
-    def __init__(self, writer: BagWriter, taps: list[TapReader], early: list[tuple[str, bytes]], wanted: set[str]):
-        """taps: have said what they bring; early: messages that came along; wanted: topics to subscribe to."""
+    def __init__(self, writer: BagWriter, taps: list[TapReader], early: list[tuple[str, bytes]], wanted: set[str],
+                 choice: TopicChoice):
+        """taps: have said what they bring; early: messages that came along; wanted: topics of the rig to subscribe to;
+        choice: which others.
+        """
         super().__init__("recorder")
         self.writer, self._taps = writer, taps
-        self.received = 0
+        self.received = 0  # on the rig's own topics
         self.overflow: Counter[str] = Counter()  # did not fit into the queue
-        self.unreadable: Counter[str] = Counter()  # not of their topic's type
+        self.unreadable: Counter[str] = Counter()  # could not be stored: not of their topic's type
         self.ahead: Counter[str] = Counter()  # their stamps are not the rig's time
         self.failure: RigError | None = None
         self.longest_queue = 0
@@ -66,6 +75,7 @@ class Recorder(Node):
         topics = catalogue().all_topics
         self._definitions = {topic.ros_type: installed(topic.ros_type) for topic in topics.values()}
         self._types = {name: topic.ros_type for name, topic in topics.items()}
+        self._others: dict[str, str] = {}  # topic beyond the catalogue -> class of its quality of service
         self._timing = {name for name, topic in topics.items() if tells_time(topic)}
         tapped = {name for tap in taps for name in tap.topics or ()}
         self.inputs = [self.create_subscription(message_class(topic.ros_type), topic.name, self._enqueue(topic),
@@ -75,6 +85,8 @@ class Recorder(Node):
             self._queue.append((name, self._types[name], data))
         self.received += len(early)
         self._thread.start()
+        self.others = OtherTopics(self, wanted | tapped, choice, self._enqueue_other)
+        self.others.look()
         self._losing, self._misdating = Growing(), Growing()
         self.diagnostics = Diagnostics(self, self.health, lambda: self._newest or 0)
 
@@ -113,6 +125,19 @@ class Recorder(Node):
 
         return on_message
 
+    def _enqueue_other(self, name: str, ros_type: str, qos: str):
+        """Callback of one topic that is none of the rig's."""
+        queue = self._queue
+        self._others[name] = qos
+
+        def on_message(data: bytes) -> None:
+            if len(queue) < WAITING:
+                queue.append((name, ros_type, data))
+            else:
+                self.overflow[name] += 1
+
+        return on_message
+
     def _write(self) -> None:
         """The writer's thread: what is queued into the bag, until closed and empty."""
         try:
@@ -131,7 +156,7 @@ class Recorder(Node):
     def _write_tapped(self) -> None:
         """The writer's thread in lockstep: what the taps bring and what is queued, until closed, ended and empty."""
         stand_back()
-        types, write = self._types, self.writer.write
+        types, write = self._types, self._put
         flush_at = time.monotonic() + FLUSH_PERIOD
         try:
             with selectors.DefaultSelector() as selector:
@@ -162,37 +187,53 @@ class Recorder(Node):
             self.failure = error
 
     def _store(self, topic: str, ros_type: str, data: bytes) -> None:
+        if topic in self._others:
+            self._store_at_its_coming(topic, ros_type, data, 0)
+            return
+        definition = self._definitions[ros_type]
         try:
-            data = cdr.exact(self._definitions[ros_type], data)
+            data = cdr.exact(definition, data)
+            if definition.tree.ends_aligned and not definition.fixed and ros_type != BLOCKS:
+                cdr.decode_as(definition, data)
             stamp = cdr.stamp(data)
         except ValueError:
             self.unreadable[topic] += 1
             return
-        if topic in self._timing:
+        if topic in self._timing and 0 <= stamp <= (self._newest or stamp) + AHEAD_NS:
             first, self._newest = self._newest is None, max(self._newest or 0, stamp)
-            self.writer.write(topic, ros_type, data, stamp)
+            self._put(topic, ros_type, data, stamp)
             if first:
                 self._store_early()
-        elif self._newest is None:
-            self._early.append((topic, ros_type, data, stamp))
         else:
-            self._store_others(topic, ros_type, data, stamp)
+            self._store_at_its_coming(topic, ros_type, data, stamp)
 
-    def _store_others(self, topic: str, ros_type: str, data: bytes, stamp: int) -> None:
+    def _store_at_its_coming(self, topic: str, ros_type: str, data: bytes, stamp: int) -> None:
         """What users may send too: without a stamp, or with one of another clock, it belongs where it arrived."""
-        now = self._newest or 0
-        if stamp > now + AHEAD_NS:
+        now = self._newest
+        if now is None:
+            self._early.append((topic, ros_type, data, stamp))
+            return
+        if not 0 <= stamp <= now + AHEAD_NS:
             self.ahead[topic] += 1
             stamp = 0
-        self.writer.write(topic, ros_type, data, stamp or now)
+        self._put(topic, ros_type, data, stamp or now)
+
+    def _put(self, topic: str, ros_type: str, data: bytes, stamp: int) -> None:
+        """Into the bag; a message that it does not take is counted."""
+        try:
+            self.writer.write(topic, ros_type, data, stamp, self._others.get(topic, "measurement"))
+        except MessageRefused:
+            self.unreadable[topic] += 1
 
     def _store_early(self) -> None:
-        for message in self._early:
-            self._store_others(*message)
-        self._early.clear()
+        """What came before the rig's time was known."""
+        early, self._early = self._early, []
+        self._newest = self._newest or 0
+        for message in early:
+            self._store_at_its_coming(*message)
 
     def publishers(self) -> int:
-        """How many publishers are still connected."""
+        """How many publishers of the rig's own topics are still connected."""
         return sum(subscription.get_publisher_count() for subscription in self.inputs)
 
     def close(self) -> None:
@@ -210,30 +251,32 @@ def tells_time(topic: Topic) -> bool:
 def work(process) -> None:
     """Record until told to stop, then take in what is on its way."""
     arguments = process.arguments
-    wanted = topics_of(arguments)
+    wanted, choice = topics_of(arguments), TopicChoice(arguments.topics, arguments.exclude)
     with BagWriter(arguments.out, arguments.name) as writer:
         process.status("recording")
         sys.setswitchinterval(0.0005)  # callbacks do not wait long for the writer
         executor = process.start_ros()
         taps = [TapReader(number) for number in process.descriptors().values()]
-        node = Recorder(writer, taps, hear_first_words(process, taps), wanted)
+        node = Recorder(writer, taps, hear_first_words(process, taps), wanted, choice)
         executor.add_node(node)
         if not taps:  # in lockstep nobody is late
             prefer_process(RECORDING)
         try:
             while not process.stopping and node.failure is None:
                 process.spin(0.05)
+                node.others.look()
             drain(process, node)
         finally:
             node.close()
     process.leave([node], received=node.received, recorded=writer.counts, overflow=dict(node.overflow),
-                  unreadable=dict(node.unreadable), ahead=dict(node.ahead), longest_queue=node.longest_queue)
+                  unreadable=dict(node.unreadable), ahead=dict(node.ahead), unrecorded=node.others.unrecorded,
+                  longest_queue=node.longest_queue)
     if node.failure is not None:
         raise node.failure
 
 
 def topics_of(arguments) -> set[str]:
-    """Names of the topics that a run of the rig of --rig may have; without it, that a run of any rig may have."""
+    """Names of the rig's own topics that a run of the rig of --rig may have; without it, that a run of any may have."""
     if arguments.rig is None:
         return set(catalogue().all_topics)
     config = rig_config(arguments)
@@ -262,7 +305,8 @@ def drain(process, node) -> None:
     A killed publisher never leaves: without a message for a while, recording ends all the same.
     """
     before, quiet_since = -1, time.monotonic()
-    while node.failure is None:
+    until = quiet_since + LONGEST_DRAIN
+    while node.failure is None and process.failure is None and time.monotonic() < until:
         process.spin(IDLE)
         if node.received != before:
             before, quiet_since = node.received, time.monotonic()

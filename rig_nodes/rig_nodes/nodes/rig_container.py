@@ -15,6 +15,7 @@ from rosgraph_msgs.msg import Clock
 
 from ..catalogue import GEARBOX
 from ..errors import RigError, printable
+from ..graph.domain import from_environment
 from ..graph.dropping import parse_drop
 from ..testbench.clutch_bench_configuration import KIND
 from ..testbench.kinds import PACE, make_rig
@@ -70,6 +71,8 @@ class Container:
         if config.kind != GEARBOX and arguments.speed is not None:
             raise RigError(f"--speed: '{config.name}' has no shift controller to wait for")
         check_delay(arguments.delay, arguments.speed)
+        if arguments.status_fd is None:  # a supervisor has seen to it
+            self._domain = from_environment(keep=True).lead(look=False)
         warm_up(config, record)
         self.rig = rig_on_the_graph(config, arguments.seed, delay=arguments.delay)
         self.outputs = Outputs(self.rig, record)

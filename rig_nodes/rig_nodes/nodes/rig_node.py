@@ -9,6 +9,7 @@ from std_srvs.srv import Trigger
 from ..catalogue import catalogue
 from ..errors import RigError
 from .device import Device, receive
+from .qos import COMMANDS
 
 VALVE_COMMAND = "/alfa46/command"
 
@@ -23,15 +24,33 @@ class RigNode(Device):
         super().__init__("rig", commands, rig.config.kind)
         self.rig = rig
         if valve_commands:
-            self.inputs[VALVE_COMMAND] = receive(self, catalogue().topics[VALVE_COMMAND], self.on_valve_command)
+            self.inputs[VALVE_COMMAND] = receive(self, catalogue().topics[VALVE_COMMAND], self.on_valve_command,
+                                                 refuse=commands.refuse)
+        self._seq: int | None = None  # of the newest valve command
         self.create_service(Trigger, "~/e_stop", self.on_e_stop)
         self.create_service(Trigger, "~/reset", self.on_reset)
 
     def on_valve_command(self, message) -> None:
-        """Enqueue the answer to one controller sample."""
-        self.commands.put(VALVE_COMMAND, self.rig.set_command, int(message["level"]), int(message["sample"]),
+        """Enqueue the answer to one controller sample; note those before it that did not arrive."""
+        seq, before = int(message["seq"]), self._seq
+        self._seq = seq
+        if before is not None and 1 < seq - before <= COMMANDS and self.count_publishers(VALVE_COMMAND) == 1:
+            self.commands.refuse(VALVE_COMMAND, f"{seq - before - 1} commands were sent that did not reach the rig")
+        self.commands.put(VALVE_COMMAND, self.take, int(message["level"]), int(message["sample"]),
                           message["duty"].tolist(), message["setpoint"].tolist(), int(message["gear"]),
                           bool(message["shifting"]), int(message["flags"]))
+
+    def take(self, *command) -> None:
+        """Give the rig one valve command; RigError when it is refused, or taken without acting."""
+        try:
+            self.rig.set_command(*command)
+            if self.rig.idle_command:
+                raise RigError(f"valve command for sample {command[1]} does not act: {self.rig.idle_command}")
+        except RigError as error:
+            senders = self.count_publishers(VALVE_COMMAND)
+            if senders < 2:
+                raise
+            raise RigError(f"{error}; {senders} nodes send it, and the first answer to a sample counts") from None
 
     def on_e_stop(self, _request, response):
         """Emergency stop: before all other commands, until reset."""

@@ -99,6 +99,7 @@ class Rig(Timed):
         self._to_come: deque[tuple] = deque()  # commands that were taken and do not act yet: boundary, how, values
         self._last_command = -1  # sample that the newest valid command from outside answers
         self._held_open = False  # since a reset: no command acts until the controller has been in neutral
+        self.idle_command = ""  # why the newest command, which was taken, does not act; empty when it does
         self._ordered: int | None = None  # gear ordered from the embedded controller, taken at its next sample
 
     def _build(self) -> None:
@@ -327,11 +328,17 @@ class Rig(Timed):
         """False after a reset until the controller was in neutral and asked for no more than what leaves the valves
         shut: a clutch that was clamped before the trip does not come back by itself.
         """
-        if self._held_open and not self._gear and not self._shifting:
+        self.idle_command = ""
+        tripped = self._safe[0] > 0.0
+        if self._held_open or tripped:
             valves = (self.config.valve_zr_p1, self.config.valve_zr_p2)
-            self._held_open = any(
+            asks = bool(self._gear) or self._shifting or any(
                 command[output] * (v.coil_voltage / v.coil_resistance if level == "duty" else 1.0) > v.cracking_current
                 for output, v in zip(self._wiring, valves))
+            self._held_open = self._held_open and asks
+            if asks:
+                self.idle_command = (f"the rig is in its safe state ({self.reason})" if tripped else
+                                     "since the reset no command has asked for neutral and for nothing")
         return not self._held_open
 
     def order_gear(self, gear: int) -> None:

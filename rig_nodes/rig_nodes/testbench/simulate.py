@@ -14,7 +14,7 @@ from ..bags.writer import BagWriter
 from ..catalogue import GEARBOX, catalogue
 from ..controllers.plug import Plug
 from ..controllers.seam import ControllerFailed
-from ..errors import RigError
+from ..errors import RigError, ended_by
 from ..plant import kernel
 from .clutch_bench import ClutchBench
 from .clutch_bench_topics import COMMANDS
@@ -191,7 +191,7 @@ def simulate(config: AnyConfig, sequence: Sequence, folder: Path, seed: int = 1,
 
     ``controller``: a plug (controllers.load_controller) in place of the embedded Alfa46, whose answers act after
     ``delay`` samples; it is closed at the end. The bag is whole even when the sequence or the controller fails or the
-    run is interrupted; ``end`` says why it ended.
+    run is interrupted, by Ctrl-C or SIGTERM; ``end`` says why it ended.
     """
     sequence.check_rig(config)
     rig = rig_for(config, seed, controller, delay)
@@ -227,8 +227,8 @@ def simulate(config: AnyConfig, sequence: Sequence, folder: Path, seed: int = 1,
                     rig.advance_samples(1)
         except SequenceFailed as failure:
             end = {"state": "failed", "reason": str(failure)}
-        except KeyboardInterrupt:
-            end = {"state": "interrupted", "reason": "interrupted by Ctrl-C"}
+        except KeyboardInterrupt as stop:
+            end = {"state": "interrupted", "reason": ended_by(stop)[0]}
         finally:
             if controller is not None:
                 controller.close()

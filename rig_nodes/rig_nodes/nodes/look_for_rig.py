@@ -1,0 +1,33 @@
+"""Prints the nodes that send /rig/state in the ROS domain of its environment, a line each, and ends; nothing for none.
+
+Started by graph.domain as a process of its own before a rig or a replay begins: what no socket of this host tells, as a
+rig of another container of the same network, is seen over DDS only.
+"""
+
+import sys
+import time
+
+import rclpy
+from rclpy.signals import SignalHandlerOptions
+
+STATE = "/rig/state"
+LOOK = 1.5  # s in which those who are there find each other
+
+
+def main() -> int:
+    """Entry point."""
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node("look_for_rig", enable_rosout=False, start_parameter_services=False)
+    until = time.monotonic() + LOOK
+    names: set[str] = set()
+    while not names and time.monotonic() < until:
+        rclpy.spin_once(node, timeout_sec=0.05)
+        names = {info.node_name for info in node.get_publishers_info_by_topic(STATE)}
+    print("\n".join(sorted(names)))
+    node.destroy_node()
+    rclpy.shutdown()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
