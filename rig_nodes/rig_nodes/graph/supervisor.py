@@ -275,3 +275,12 @@ class Supervisor:
                 for message in child.messages():
                     if message["kind"] == "state":
                         self._on_state(message)
+                    elif message["kind"] == "failed":
+                        self._end_badly(f"{child.name}: {message['text']}")
+                if child.process.returncode:
+                    self._end_badly(f"{child.name} {child.how()}; see logs/{child.log}")
+
+    def _end_badly(self, reason: str) -> None:
+        """What fails only at the end makes a run fail that was good so far."""
+        if self.end.state == "ended":
+            self.end = End("failed", reason, self.end.by)

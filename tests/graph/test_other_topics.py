@@ -1,0 +1,124 @@
+"""Topics beyond the rig's own: of users' nodes, /rosout, /diagnostics, in the bag as they appear, by pattern if wanted."""
+
+from unittest.mock import MagicMock
+
+import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from running_graph import Client, Graph
+from std_msgs.msg import Float64, String, UInt64
+
+from rig_nodes.bags.reader import Bag
+from rig_nodes.cli.main import main
+from rig_nodes.config import load_yaml
+from rig_nodes.graph.result import facts_of, lost_messages
+from rig_nodes.graph.topic_choice import TopicChoice
+from rig_nodes.nodes.other_topics import OtherTopics
+from rig_nodes.nodes.replay import obstacle, offered
+from rig_nodes.view.convert import make_view
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+FAST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def heard(user, publisher) -> None:
+    user.until(publisher.get_subscription_count, f"the recorder on {publisher.topic_name}")
+
+
+@pytest.fixture(scope="module", params=[None, 1.0], ids=["real time", "lockstep"])
+def bag(request, tmp_path_factory):
+    """The bag of a run in which a user's nodes took part."""
+    graph = Graph(tmp_path_factory.mktemp("graph") / "others", speed=request.param, exclude="/secret/.*")
+    user = Client(graph.domain)
+    try:
+        states = user.listen("/rig/state")
+        user.until(lambda: states, "a rig")
+        note = user.node.create_publisher(String, "/user/note", LATCHED)
+        note.publish(String(data="before anybody listened"))
+        fast = user.node.create_publisher(UInt64, "/user/fast", FAST)
+        secret = user.node.create_publisher(String, "/secret/note", 10)
+        hidden = user.node.create_publisher(String, "/user/_hidden", 10)
+        heard(user, note)
+        heard(user, fast)
+        user.sent = (states[-1].stamp.sec + states[-1].stamp.nanosec * 1e-9, [*range(50, 55)])
+        for number in user.sent[1]:
+            fast.publish(UInt64(data=number))
+        later = user.node.create_publisher(Float64, "/user/later", 10)  # appears when the others are recorded
+        heard(user, later)
+        later.publish(Float64(data=2.5))
+        user.node.declare_parameter("of_the_users_own", 1)
+        seen = len(states)
+        user.until(lambda: len(states) > seen + 200, "a second more")
+        assert secret.get_subscription_count() == hidden.get_subscription_count() == 0
+        user.until(lambda: later.wait_for_all_acked(), "the recorder's receipt")
+        graph.close()
+        made = Bag(graph.folder)
+        made.sent, made.facts = user.sent, facts_of(graph.folder)
+        yield made
+    finally:
+        user.close()
+        graph.close() if graph.supervisor.end is None else None
+
+
+def test_every_topic_of_the_domain_is_in_the_bag_at_the_time_at_which_it_came(bag):
+    at, numbers = bag.sent
+    assert [message.data for _, message in bag.messages("/user/note")] == ["before anybody listened"]
+    assert [message.data for _, message in bag.messages("/user/later")] == [2.5]
+    fast = list(bag.messages("/user/fast"))
+    assert {message.data for _, message in fast} <= set(numbers) and fast
+    assert all(at - 0.1 < time * 1e-9 < at + 5.0 for time, _ in fast)
+    assert bag.counts["/diagnostics"] > 2 and bag.counts["/rosout"] >= 1 and bag.counts["/parameter_events"] >= 1
+    assert not {"/clock", "/secret/note", "/user/_hidden"} & set(bag.counts)
+
+
+def test_rosbag2_is_told_their_types_and_offers_and_no_loss_is_claimed_for_them(bag):
+    assert bag.check() == [] and lost_messages(bag, bag.facts) == {} and bag.facts["recorder"]["unrecorded"] == {}
+    topics = load_yaml(bag.path.parent / "metadata.yaml")["rosbag2_bagfile_information"]["topics_with_message_count"]
+    told = {topic["topic_metadata"]["name"]: topic["topic_metadata"] for topic in topics}
+    assert told["/user/fast"]["type"] == "std_msgs/msg/UInt64"
+    assert told["/user/fast"]["offered_qos_profiles"][0]["reliability"] == "best_effort"
+    assert told["/user/note"]["offered_qos_profiles"][0]["durability"] == "transient_local"
+    assert told["/user/later"]["type_description_hash"].startswith("RIHS01_")
+
+
+def test_report_view_and_replay_take_such_a_bag(bag, capsys):
+    folder = bag.path.parent
+    assert main(["report", str(folder)]) == 0
+    assert "messages lost: 0" in capsys.readouterr().out
+    assert make_view(folder).path.stat().st_size > 1000
+    assert [obstacle(bag, topic) for topic in ("/user/note", "/user/fast", "/rosout", "/diagnostics")] == [""] * 4
+    assert offered(bag, "/user/fast").reliability == ReliabilityPolicy.BEST_EFFORT
+    assert offered(bag, "/user/note").durability == DurabilityPolicy.TRANSIENT_LOCAL
+
+
+def test_a_type_that_cannot_be_loaded_is_named_once():
+    node = MagicMock()
+    node.get_topic_names_and_types.return_value = [("/odd/one", ["no_such_package/msg/Thing"]),
+                                                   ("/odd/two", ["std_msgs/msg/String", "std_msgs/msg/Bool"])]
+    others = OtherTopics(node, {"/motor/state"}, TopicChoice(), MagicMock())
+    for _ in range(3):
+        others._look_at = 0.0
+        others.look()
+    assert set(others.unrecorded) == {"/odd/one", "/odd/two"}
+    assert "no_such_package" in others.unrecorded["/odd/one"]
+    assert "several types" in others.unrecorded["/odd/two"]
+    assert node.get_logger().warning.call_count == 2 and not node.create_subscription.called
+
+
+@pytest.mark.parametrize("topics, exclude, taken", [
+    (None, None, ["/rosout", "/camera/left", "/parameter_events"]),
+    ("/camera/.*", None, ["/camera/left"]),
+    (None, "/camera/.*", ["/rosout", "/parameter_events"]),
+    ("/camera/.*|/rosout", "/camera/left", ["/rosout"]),
+])
+def test_patterns_choose_by_the_whole_name(topics, exclude, taken):
+    choice = TopicChoice(topics, exclude)
+    names = ["/rosout", "/camera/left", "/parameter_events", "/clock", "/alfa46/shift/_action/feedback"]
+    assert [name for name in names if choice.takes(name)] == taken
+
+
+@pytest.mark.parametrize("option", ["--topics", "--exclude"])
+def test_a_wrong_pattern_starts_nothing(option, tmp_path, capsys):
+    assert main(["run", "demo", "--out", str(tmp_path / "run"), option, "/camera/["]) == 2
+    said = capsys.readouterr().err
+    assert f"{option} /camera/[: is no regular expression" in said and len(said.splitlines()) == 1
+    assert not (tmp_path / "run").exists()

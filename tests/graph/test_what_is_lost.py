@@ -1,0 +1,99 @@
+"""A run that lost messages or time says so in its last line and ends with exit code 3; a full disk has a sentence."""
+
+import json
+import os
+import signal
+import subprocess
+import time
+
+import pytest
+from running_graph import SHORT, RigRun, Traces
+
+from rig_nodes.bags.reader import Bag
+
+CONNECTED = "all nodes are connected"
+
+
+def part_of(run) -> dict:
+    return json.loads((run.folder / "report.json").read_text())["run"]
+
+
+def stop_for(pid: int, seconds: float) -> None:
+    """The kernel's own stop, as a debugger or a paused container makes it."""
+    os.kill(pid, signal.SIGSTOP)
+    time.sleep(seconds)  # what is tested is that time
+    os.kill(pid, signal.SIGCONT)
+
+
+@pytest.mark.parametrize("allowed, code, word", [([], 3, "lost"), (["--allow-loss"], 0, "warning")])
+def test_a_lost_message_is_named_in_the_last_line(tmp_path, allowed, code, word):
+    run = RigRun(tmp_path / "run", "--drop", "/motor/m_wej:20", *allowed)
+    ended, output = run.end()
+    assert ended == code, output
+    assert output.splitlines()[-1] == f"rig: {word}: 1 messages did not reach the bag: /motor/m_wej 1"
+    assert part_of(run)["lost_by_topic"] == {"/motor/m_wej": 1}
+
+
+def test_a_recorder_that_stood_still_costs_messages_and_the_run_says_so(tmp_path):
+    run = RigRun(tmp_path / "run")
+    run.until(CONNECTED)
+    stop_for(Traces(run).children["recorder"], 2.5)
+    code, output = run.end()
+    lost = part_of(run)["lost"]
+    assert code == 3 and lost > 100
+    assert output.splitlines()[-1].startswith(f"rig: lost: {lost} messages did not reach the bag: ")
+
+
+def test_a_rig_that_stood_still_has_lost_time_and_the_run_says_so(tmp_path):
+    run = RigRun(tmp_path / "run")
+    run.until(CONNECTED)
+    stop_for(Traces(run).children["rig_container"], 1.0)
+    code, output = run.end()
+    behind = part_of(run)["behind"]
+    assert code == 3, output
+    assert behind["times"] >= 1 and behind["limit_s"] == 0.1 and 0.9 < behind["longest_s"] < 3.0
+    assert "the rig fell behind real time by more than 100 ms" in output.splitlines()[-1]
+    assert part_of(run)["lost"] == 0, "it lost time and no message"
+
+
+def test_a_bag_that_was_cut_meanwhile_is_said_to_be_damaged(tmp_path):
+    run = RigRun(tmp_path / "run")
+    run.until("shift to II")
+    os.truncate(run.folder / "short.mcap", 100_000)
+    code, output = run.end()
+    assert code == 3 and part_of(run)["recovered"]
+    assert "the bag is damaged" in output.splitlines()[-1] and "Traceback" not in output
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A folder on a disk of its own with half a MB left, which a run of three seconds does not fit into."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(disk)], capture_output=True).returncode:
+        pytest.skip("this user may not mount a disk")
+    (disk / "others").write_bytes(os.urandom(500_000))
+    yield disk
+    subprocess.run(["umount", str(disk)], check=True)
+
+
+@pytest.mark.parametrize("speed", [[], ["--speed", "max"]], ids=["real time", "lockstep"])
+def test_a_full_disk_is_named_and_what_is_in_the_bag_stays_readable(small_disk, speed):
+    run = RigRun(small_disk / "run", *speed)
+    code, output = run.end()
+    assert code == 1 and "Traceback" not in output and "JSONDecodeError" not in output, output
+    last = output.splitlines()[-1]
+    assert f"{run.folder / 'short.mcap'} cannot be written (disk full)" in last and "stays readable" in last
+    assert f"{run.folder / 'report.json'}: it cannot be written (disk full)" in output
+    assert not (run.folder / "report.json").exists()
+    bag = Bag(run.folder, recover=True)
+    assert bag.counts["/instruments/controller"] > 100
+    for path in (run.folder / "logs").glob("*.json"):
+        json.loads(path.read_text())  # whole or not there
+
+
+def test_a_full_disk_ends_simulate_with_a_sentence(small_disk, rig_command):
+    done = rig_command("simulate", str(SHORT), "--out", str(small_disk / "run"))
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert done.stderr.startswith(f"rig: {small_disk / 'run' / 'short.mcap'} cannot be written (disk full); what was recorded")
+    assert Bag(small_disk / "run", recover=True).counts["/instruments/controller"] > 100
