@@ -59,9 +59,13 @@ class Terminated(KeyboardInterrupt):
 
 def ended_by(stop: KeyboardInterrupt) -> tuple[str, int]:
     """What ended it, and the exit code of that."""
-    if isinstance(stop, Terminated):
-        return TERMINATED, 128 + signal.SIGTERM
-    return INTERRUPTED, 128 + signal.SIGINT
+    reason = TERMINATED if isinstance(stop, Terminated) else INTERRUPTED
+    return reason, interrupted_code(reason)
+
+
+def interrupted_code(reason: str) -> int:
+    """Exit code of a run that was interrupted for one of the two reasons above."""
+    return 128 + (signal.SIGTERM if reason == TERMINATED else signal.SIGINT)
 
 
 class DiskFull(RigError):

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile
@@ -68,7 +67,7 @@ def test_a_node_of_the_users_own_sends_setpoints(tmp_path):
     try:
         states, events, coil = (user.listen(t) for t in ("/rig/state", "/rig/events", "/valve_zr_p1/current"))
         valve = user.listen("/valve_zr_p1/state")
-        profile = QoSProfile(depth=1, deadline=Duration(nanoseconds=100_000_000))
+        profile = QoSProfile(depth=1)
         publisher = user.publisher("/alfa46/command", profile)
         send = {"level": ValveCommand.LEVEL_CURRENT}
 

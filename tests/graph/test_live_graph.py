@@ -5,7 +5,6 @@ import math
 import pytest
 from rcl_interfaces.msg import Log
 from rclpy.action import ActionClient
-from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rig_msgs.action import RunSequence, Shift
 from rig_msgs.msg import RigState, Setpoint, ValveCommand
@@ -155,7 +154,7 @@ def test_a_wrong_setpoint_is_refused_and_the_old_one_stays(user, still, value):
 
 def test_nan_in_a_valve_command_is_refused_and_the_controller_stays_in_charge(user, still):
     events, valve = user.listen("/rig/events"), user.listen("/valve_zr_p1/state")
-    profile = QoSProfile(depth=1, deadline=Duration(nanoseconds=100_000_000))
+    profile = QoSProfile(depth=1)
     publisher = user.publisher("/alfa46/command", profile)
     wrong = ValveCommand(sample=1, duty=[math.nan, 0.0, 0.0], setpoint=[0.0] * 3)
 

@@ -24,6 +24,7 @@ def main(args) -> int:
     """Run the chosen series one after the other; 0 only when every sequence came to its end."""
     from ..analysis.report import build_report, format_report, write_report
     from ..bags.reader import Bag
+    from ..errors import interrupted_code
     from ..testbench.folders import parse_settings, run_folder
     from ..testbench.procedure import load_procedure, prepare
     from ..testbench.simulate import simulate
@@ -47,8 +48,8 @@ def main(args) -> int:
             write_report(run_into, report)
             print(format_report(report), end="\n\n", flush=True)
             if run["end"]["state"] == "interrupted":
-                print("rig: interrupted by Ctrl-C", file=sys.stderr)
-                return 130
+                print(f"rig: {run['end']['reason']}", file=sys.stderr)
+                return interrupted_code(run["end"]["reason"])
             if run["end"]["state"] != "ended":
                 failed += 1
                 print(f"rig: series {series.label}: {run['end']['reason']}", file=sys.stderr)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import signal
 import sys
 
 from ..errors import printable
@@ -40,7 +39,7 @@ def main(args) -> int:
     from ..analysis.report import build_report, format_report, write_report
     from ..bags.reader import Bag
     from ..controllers import load_controller
-    from ..errors import TERMINATED
+    from ..errors import interrupted_code
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_parameters, parse_settings, run_folder, unless_empty
     from ..testbench.rig import check_level
@@ -75,6 +74,6 @@ def main(args) -> int:
     state, reason = run["end"]["state"], run["end"]["reason"]
     if state != "ended":
         print(f"rig: {printable(reason)}", file=sys.stderr)
-    if reason == TERMINATED:
-        return 128 + signal.SIGTERM
+    if state == "interrupted":
+        return interrupted_code(reason)
     return exit_code(state, report, args.strict)
