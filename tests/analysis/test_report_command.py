@@ -166,13 +166,18 @@ def test_a_loggers_csv_is_reported_and_nothing_is_written(rig_report, tmp_path, 
     assert rig_report(path, "--period", "0.1 ms", "--orders", "1:I-II", "--annex-a", "--factor", "1.2") == 0
     out = capsys.readouterr().out
     assert "I -> II" in out and "factor 1.2" in out and "messages lost" not in out
+    assert "computed with inertias (0.709 and 0.1273 kg m2) and instrument errors (1.01 Nm, 1" in out
+    assert "of the thesis (tab. 7.1, 7.3.1), ratios 1.3824 and 1.0250" in out
     assert rig_report(path, "--period", "0.1 ms", "--orders", "1:I-II", "--json") == 0
-    row, = json.loads(capsys.readouterr().out)["shifts"]
+    report = json.loads(capsys.readouterr().out)
+    row, = report["shifts"]
+    assert report["basis"]["rig"] is None and report["basis"]["inertia_driven"] == 0.1273
     assert row["t_c_s"] == pytest.approx(0.70, abs=2e-3)
     known = ("--period", "0.1 ms", "--orders", "1:I-II", "--json")
     assert rig_report(path, *known, "--set", "gearbox.inertia_out_z5=0.06 kg m2", "--set",
                       "instruments.torque_class=2 %") == 0
     other = json.loads(capsys.readouterr().out)
+    assert other["basis"]["rig"] == "hydmag" and other["basis"]["inertia_driven"] == pytest.approx(0.06)
     # (6.108): J (41/40)^2 (w2^2 - w1^2) / 2 of the output, 1500 rpm over 47/34 and 41/40
     w1, w2 = 157.08 * 34 / 47, 157.08 * 40 / 41
     by_hand = 0.5 * (0.1273 - 0.06) * (41 / 40) ** 2 * (w2**2 - w1**2)

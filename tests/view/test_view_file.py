@@ -194,7 +194,7 @@ def test_a_tripped_run_shows_the_trip(tripped, read_rrd):
     assert rrd.data[path_of("rig_state")]["StateChange:state"][-1] == "tripped"
     texts = dict(zip(rrd.data["/events/rig"]["TextLog:text"], rrd.data["/events/rig"]["TextLog:level"]))
     assert [level for text, level in texts.items() if text.startswith("0.05")] == ["ERROR"]
-    assert "No shift was ordered." in rrd.data["/report"]["TextDocument:text"][0]
+    assert "no shift: this run changes no gear" in rrd.data["/report"]["TextDocument:text"][0]
 
 
 @pytest.mark.parametrize("window", [(50.0, 60.0), (-2.0, 0.0)])

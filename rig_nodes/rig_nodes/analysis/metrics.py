@@ -103,10 +103,11 @@ def orders_of(recording: Recording) -> list[tuple[tuple[float, int, int], float 
     orders = sorted(order for order in recording.orders if order[1] != order[2])  # the same again is no shift
     ends = [order[0] for order in orders[1:]] + [None]
     return [(order, end) for order, end in zip(orders, ends)
-            if order[2] in RATIO and not (order[1] == 0 and _stands(recording, order[0]))]
+            if order[2] in RATIO and not (order[1] == 0 and stands(recording, order[0]))]
 
 
-def _stands(recording: Recording, t: float) -> bool:
+def stands(recording: Recording, t: float) -> bool:
+    """The input shaft stands still around a time [s]."""
     at = int((t - recording.t0) / recording.period)
     around = recording.channels["n_wej"][max(0, at - 100):at + 100]
     return len(around) > 0 and bool(np.nanmax(np.abs(around)) < STANDSTILL)

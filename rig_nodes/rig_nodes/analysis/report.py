@@ -19,7 +19,8 @@ from ..whole_file import write_whole
 from .annex_a import shifts_annex_a
 from .comparison import annex_lines, truth_lines
 from .energy import balance, energies_of
-from .metrics import Inertias, Recording, shifts
+from .metrics import RATIO, RPM, Inertias, Recording, shifts
+from .no_change import measured, measured_lines
 from .truth import states_of, truth_of
 from .uncertainty import Instrument, instruments_of, uncertainty
 
@@ -44,8 +45,9 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
     ones become None, ``lost`` is then counted from the gaps of a whole bag). ``run["recorded_from_s"]`` stands there for a
     bag that does not hold the start of its run. Inertias and instruments are those of its
     configuration.
-    ``uncertainty`` holds for each shift the largest error of each of its metrics. annex_a: the factor of Annex A's
-    torque band; adds ``"annex_a": {"factor": ..., "shifts": [...]}``. truth: adds ``"truth"``, for each shift what the
+    ``uncertainty`` holds for each shift the largest error of each of its metrics, ``basis`` with whose inertias, ratios
+    and instruments all that was computed. A run without a change between gears has ``measured`` (no_change.measured).
+    annex_a: the factor of Annex A's torque band; adds ``"annex_a": {"factor": ..., "shifts": [...]}``. truth: adds ``"truth"``, for each shift what the
     plant's states say, None where the bag does not hold them.
 
     A run of the clutch bench has no shifts; its results stand under ``"bench"`` (analysis.bench_report).
@@ -74,7 +76,8 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
         recording = recording_of(bag)
     except RigError as error:
         problems.append(f"no shift metrics: {error}")
-    metrics = _metrics(recording, inertias, instruments, annex_a, problems)
+    metrics = _metrics(recording, inertias, instruments, annex_a, problems, bag)
+    metrics["basis"] = basis_of(run.get("configuration"), inertias, instruments)
     rows = metrics["shifts"]
     energy = {"run": None, "shifts": [None] * len(rows)}
     try:
@@ -123,13 +126,14 @@ def report_of_recording(recording: Recording, annex_a: float | None = None, conf
     problems: list[str] = []
     inertias, instruments = inertias_of({"configuration": configuration}), instruments_of(configuration or {})
     metrics = _metrics(recording, inertias, instruments, annex_a, problems)
+    metrics["basis"] = basis_of(configuration, inertias, instruments)
     energy = {"run": None, "shifts": [None] * len(metrics["shifts"])}
     return _assembled(dict.fromkeys(RUN_KEYS), problems, metrics, energy)
 
 
 def _metrics(recording: Recording | None, inertias: Inertias, instruments: dict[str, Instrument],
-             annex_a: float | None, problems: list[str]) -> dict:
-    """Everything that comes from the logger's channels."""
+             annex_a: float | None, problems: list[str], bag=None) -> dict:
+    """Everything that comes from the logger's channels, and what of a run without a change of gear needs its commands."""
     rows = [] if recording is None else shifts(recording, inertias)
     found = {"shifts": rows, "uncertainty": [uncertainty(row, instruments, inertias, recording.period) for row in rows]}
     if annex_a is not None and recording is not None:
@@ -137,7 +141,17 @@ def _metrics(recording: Recording | None, inertias: Inertias, instruments: dict[
             found["annex_a"] = {"factor": annex_a, "shifts": shifts_annex_a(recording, inertias, a=annex_a, b=annex_a)}
         except RigError as error:
             problems.append(f"no results by Annex A: {error}")
+    if recording is not None and not any(row["from_gear"] in RATIO for row in rows):
+        found["measured"] = measured(recording, instruments, bag)
     return found
+
+
+def basis_of(configuration: dict | None, inertias: Inertias, instruments: dict[str, Instrument]) -> dict:
+    """With whose values a report was computed: ``rig`` (None: the thesis's values), SI."""
+    rig = (configuration or {}).get("name", "without a name") if (configuration or {}).get("gearbox") else None
+    return {"rig": rig, "inertia_driving": inertias.driving, "inertia_driven": inertias.driven,
+            "ratios": {GEAR[gear]: ratio for gear, ratio in RATIO.items()},
+            "largest_errors": {name: instruments[name].error for name in ("torque", "p1", "p2", "speed")}}
 
 
 def _truth(bag, rows: list[dict]) -> list[dict | None]:
@@ -150,7 +164,7 @@ def _assembled(run: dict, problems: list[str], metrics: dict, energy: dict) -> d
     """The parts in their order, as plain JSON values."""
     if problems:
         run["problems"] = problems
-    rest = {key: metrics[key] for key in ("uncertainty", "annex_a", "truth") if key in metrics}
+    rest = {key: metrics[key] for key in ("uncertainty", "basis", "measured", "annex_a", "truth") if key in metrics}
     return plain({"run": run, "shifts": metrics["shifts"], "energy": energy, **rest})
 
 
@@ -238,21 +252,31 @@ def format_report(report: dict) -> str:
 
         return _shown([*bench_lines(report["bench"]), "", *_run_lines(report["run"])])
     rows, errors = report["shifts"], report.get("uncertainty", [])
-    lines = _shift_table(rows, errors) if rows else ["no shift was ordered"]
+    lines = _shift_table(rows, errors) if rows else [no_shift(report)]
     for row in rows:
         shift = f"{_gears(row)} at {row['t_order_s']:.2f} s"
         lines += [f"  {shift} is not valid: {reason}" for reason in row["why"]]
+    lines += measured_lines(report["measured"]) if "measured" in report else []
     names = [f"{_gears(row)} at {row['t_order_s']:.2f} s" for row in rows]
     if "annex_a" in report:
         lines += ["", *annex_lines(COLUMNS, names, rows, report["annex_a"])]
     if "truth" in report:
         lines += ["", *truth_lines(names, rows, report["truth"])]
-    return _shown(lines + [""] + _energy_lines(report) + _run_lines(report["run"]))
+    return _shown(lines + [""] + _energy_lines(report) + _basis_lines(report) + _run_lines(report["run"]))
 
 
 def _shown(lines: list[str]) -> str:
     """One line each, whatever stands in it of a bag."""
     return "\n".join(map(printable, lines))
+
+
+def no_shift(report: dict) -> str:
+    """The sentence in place of the table of a run without a row of it."""
+    run = report["run"]
+    if "measured" not in report:
+        return "no shifts: there is nothing to look for them in"  # the problem says why
+    what = f"{run['sequence']} ({run['description']})" if run.get("sequence") and run.get("description") else "this run"
+    return f"no shift: {what} changes no gear while the input shaft turns"
 
 
 def _gears(row: dict) -> str:
@@ -290,6 +314,18 @@ def _energy_lines(report: dict) -> list[str]:
         lines.append("  output_speed is bounded: the speed is set between the gears' and not by a torque, which is not "
                      "accounted")
     return lines
+
+
+def _basis_lines(report: dict) -> list[str]:
+    basis = report.get("basis")
+    if basis is None or not (report["shifts"] or any(report.get("measured", {}).values())):
+        return []  # nothing was computed with it
+    whose = "the thesis (tab. 7.1, 7.3.1)" if basis["rig"] is None else f"rig '{basis['rig']}'"
+    errors = basis["largest_errors"]
+    ratios = " and ".join(f"{ratio:.4f}" for ratio in basis["ratios"].values())
+    return [f"computed with inertias ({basis['inertia_driving']:g} and {basis['inertia_driven']:g} kg m2) and instrument errors "
+            f"({errors['torque']:.3g} Nm, {errors['speed'] * RPM:.2g} rpm, {errors['p1'] / 1e6:.3g} and "
+            f"{errors['p2'] / 1e6:.3g} MPa) of {whose}, ratios {ratios} of tab. 3.1"]
 
 
 def _bounded(run: dict) -> bool:

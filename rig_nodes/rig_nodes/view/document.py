@@ -6,7 +6,8 @@ Used by view.convert; keys, headings and units are those of the report (analysis
 from __future__ import annotations
 
 from ..analysis.bench_report import bench_lines
-from ..analysis.report import COLUMNS, GEAR
+from ..analysis.no_change import measured_lines
+from ..analysis.report import COLUMNS, GEAR, no_shift
 
 WIDEST = 4  # shifts side by side before the table is turned
 
@@ -24,7 +25,8 @@ def report_document(report: dict, problems: list[str]) -> str:
     if "bench" in report:
         parts += ["## Results", "```\n" + "\n".join(bench_lines(report["bench"])) + "\n```"]
     else:
-        parts += ["## Shifts", _shift_table(report["shifts"]) if report["shifts"] else "No shift was ordered."]
+        parts += ["## Shifts", _shift_table(report["shifts"]) if report["shifts"] else no_shift(report)]
+        parts += measured_lines(report["measured"]) if "measured" in report else []
     parts += [f"{_title(row)} is not valid: {reason}"
               for row in report["shifts"] for reason in row.get("why", [])]
     end = run.get("end")

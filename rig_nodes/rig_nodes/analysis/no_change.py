@@ -1,0 +1,105 @@
+"""What a run without a change between gears measured: a valve at standstill, an engagement from neutral, a coast-down.
+
+Used by analysis.report, which has no shift to show for such a run; the evaluations are those of the measuring
+procedures: valve_response, engagement, coast_down.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import RigError
+from .coast_down import coast_down
+from .engagement import engagement_metrics
+from .metrics import KISS, PRESSURE, RATIO, RPM, STANDSTILL, Recording, orders_of, stands
+from .uncertainty import Instrument, coast_down_uncertainty, engagement_uncertainty
+from .valve_response import valve_delay
+
+COMMAND, MOTOR = "/alfa46/command", "/motor/command"
+SAMPLE = 1e-3  # s after which a command acts
+BEFORE = 0.5  # s before the order in which rest and hum of the pressure are looked for
+
+
+def measured(recording: Recording, instruments: dict[str, Instrument], bag=None) -> dict:
+    """``valve_responses`` and ``engagements`` (rows, each with ``why`` something was not found) and ``coast_down``.
+
+    bag: the recording's, with the commands to valves and motor, without which there is neither a valve's response nor
+    a coast-down. ``coast_down`` is None where the drive was not switched off with both clutches open.
+    """
+    responses = [] if bag is None else [
+        _response(bag, recording, order) for order in recording.orders if order[2] in RATIO and stands(recording, order[0])]
+    engagements = [engagement_metrics(recording, order, end) for order, end in orders_of(recording) if order[1] == 0]
+    for row in engagements:
+        row["errors"] = engagement_uncertainty(row, instruments) if row["n_wej_before"] else {}
+    return {"valve_responses": responses, "engagements": engagements,
+            "coast_down": None if bag is None else _coast_down(bag, recording, instruments)}
+
+
+def measured_lines(found: dict) -> list[str]:
+    """The part for the terminal, in ms, Nm, MPa and rpm."""
+    lines = []
+    for row in found["valve_responses"]:
+        gear, t = row["gear"], row["t_order_s"]
+        what = f"gear {'0 I II'.split()[gear]} laid in at {t:.2f} s while the input stood still, which is no shift: "
+        lines.append(what + (f"p{gear} rose {row['valve_delay_s'] * 1e3:.0f} ms after the first pulse on ZR-P{gear}"
+                             if not row["why"] else f"no response of ZR-P{gear}: {'; '.join(row['why'])}"))
+    for row in found["engagements"]:
+        parts = [f"{text} {row[key] * factor:.{digits}f}{_error(row, key, factor, digits)} {unit}"
+                 for text, key, factor, digits, unit in (
+                     ("engaged in", "engagement_s", 1e3, 0, "ms"), ("peak M_wej", "engagement_peak_nm", 1.0, 1, "Nm"),
+                     ("kiss pressure", "p_kiss", 1e-6, 2, "MPa"), ("hold phase", "hold_s", 1e3, 0, "ms"))
+                 if row[key] is not None]
+        lines.append(f"engagement of S{row['gear']} at {row['t_order_s']:.2f} s: {', '.join([*parts, *row['why']])}")
+    row = found["coast_down"]
+    if row is not None and row["why"]:
+        lines.append(f"no coast-down: {'; '.join(row['why'])}")
+    elif row is not None:
+        lines.append(f"coast-down from {row['w_start'] * RPM:.0f} rpm: inertia of the driving side {row['inertia']:.3f}"
+                     f"{_error(row, 'inertia', 1.0, 3)} kg m2 ({row['inertia_half']:.3f} from the upper half of the speed), "
+                     f"M_wej {row['coast_down_m_wej_nm']:.2f}{_error(row, 'coast_down_m_wej_nm', 1.0, 2)} Nm before, tangent "
+                     f"time {row['coast_down_tangent_s']:.3f}{_error(row, 'coast_down_tangent_s', 1.0, 3)} s")
+    return lines
+
+
+def _error(row: dict, key: str, factor: float, digits: int) -> str:
+    return f" +- {row['errors'][key] * factor:.{digits}f}" if key in row["errors"] else ""
+
+
+def _response(bag, recording: Recording, order: tuple[float, int, int]) -> dict:
+    """The row of a valve whose clutch was closed at standstill."""
+    t_order, _, gear = order
+    row = {"gear": int(gear), "t_order_s": float(t_order), "valve_delay_s": None, "t_pulse_s": None, "t_rise_s": None,
+           "why": []}
+    try:
+        t, (duty, setpoint) = bag.fields(COMMAND, ["duty", "setpoint"])
+        coil = duty[:, gear - 1] if duty[:, gear - 1].any() else setpoint[:, gear - 1]  # at level current no duty is sent
+        on = t[(t >= t_order) & (coil > 0.0)]
+        if not on.size:
+            raise RigError("its coil got no pulse")
+        times = recording.t0 + recording.period * np.arange(recording.rows)
+        later = [other[0] for other in recording.orders if other[0] > t_order]
+        part = (times >= t_order - BEFORE) & (times < min(later, default=np.inf))
+        found = valve_delay(times[part], 1.0 * (times[part] >= on[0] + SAMPLE), recording.channels[PRESSURE[gear]][part])
+        row |= {key: found[key] for key in ("valve_delay_s", "t_pulse_s", "t_rise_s")}
+    except RigError as error:
+        row["why"].append(str(error))
+    return row
+
+
+def _coast_down(bag, recording: Recording, instruments: dict[str, Instrument]) -> dict | None:
+    try:
+        t, (enable,) = bag.fields(MOTOR, ["enable"])
+    except RigError:
+        return None  # the motor was never commanded
+    if not t.size or enable[-1]:
+        return None
+    times = recording.t0 + recording.period * np.arange(recording.rows)
+    w, after = recording.channels["n_wej"], times >= t[-1]
+    pressed = any(np.median(recording.channels[name][after]) > KISS[gear] for gear, name in PRESSURE.items() if after.any())
+    if not after.any() or pressed or w[after][0] < STANDSTILL:
+        return None
+    try:
+        found = coast_down(times, w, recording.channels["M_wej"])
+    except RigError as error:
+        return {"why": [str(error)]}
+    return {**found, "errors": coast_down_uncertainty(found, instruments), "why": []}
