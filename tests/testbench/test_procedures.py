@@ -192,7 +192,7 @@ def test_series_are_chosen_by_label_and_by_number():
     ("[10 Nm, 20 Nm]", "10 Nm", r"grid.m_wyj must be a list of values"),
     ("[10 Nm, 20 Nm]", "[10 Nm, 10 Nm]", r"the label '10Nm' is there twice"),
     ('label: "${m_wyj}"', 'label: "${m_wij}"', r"there is no name '\$\{m_wij\}'; did you mean '\$\{m_wyj\}'"),
-    ('{m_wyj: "${m_wyj}", valve', '{m_wej: "${m_wyj}", valve', r"loads\.yaml:8: unknown condition 'm_wej'"),
+    ('{m_wyj: "${m_wyj}", valve', '{m_wej: "${m_wyj}", valve', r"loads\.yaml:8: there is no condition 'm_wej'"),
     ("valve: ZR-P1", "valve: ZR-P3", r"valve is 'ZR-P3', expected ZR-P1, ZR-P2"),
     ("series: 3", "series: three", r"series is 'three', expected a whole number"),
     ("[10 Nm, 20 Nm]", "[10 rpm, 20 rpm]", r"is an angular velocity, expected a torque"),
