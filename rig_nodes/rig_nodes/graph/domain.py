@@ -1,7 +1,8 @@
 """A ROS domain of its own for every run, so that two runs, or a run and its tests, never hear each other.
 
-Used by the supervisor, by nodes started without one, by replays and by tests. A domain is held by a socket name, which the
-kernel frees when its holder dies; another such name says that a rig or a replay is in it, of which there is one at most.
+Used by the supervisor, by nodes started without one, by replays and by tests. A domain is held by a socket name, which
+the kernel frees when its holder dies; another such name says that a rig or a replay is in it, of which there is one at
+most.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ class Domain:
     def lead(self, look: bool = True) -> Domain:
         """Be the one rig, or replay, of the domain until :meth:`release`; RigError when there is one already.
 
-        look: over DDS too, for one that holds no socket here; takes 2 s where some process of this host is in the domain.
+        look: over DDS too, for one that holds no socket here; takes 2 s where a process of this host is in the domain.
         """
         lock = _lock(RIG, self.number)
         sender = "it runs on this machine" if lock is None else ""
@@ -56,8 +57,8 @@ class Domain:
             if look and self.number in busy_domains() and (names := _senders(self)):
                 sender = f"/rig/state is sent by {', '.join(names)}"
         if sender:
-            raise RigError(f"there is a rig or a replay in ROS domain {self.number} already ({sender}), and two would take "
-                           "each other's orders; end that one, or take another domain with ROS_DOMAIN_ID")
+            raise RigError(f"there is a rig or a replay in ROS domain {self.number} already ({sender}), and two would "
+                           "take each other's orders; end that one, or take another domain with ROS_DOMAIN_ID")
         return self
 
     def release(self) -> None:
@@ -98,8 +99,8 @@ def _senders(domain: Domain) -> list[str]:
                        f"{LOOK_TIMEOUT:.0f} s; './rig doctor' says more") from None
     if looked.returncode:
         said = looked.stderr.strip().splitlines()
-        raise RigError(f"no ROS node can be started in ROS domain {domain.number} ({said[-1] if said else 'without a word'}); "
-                       "'./rig doctor' says more")
+        why = said[-1] if said else "without a word"
+        raise RigError(f"no ROS node can be started in ROS domain {domain.number} ({why}); './rig doctor' says more")
     return looked.stdout.split()
 
 

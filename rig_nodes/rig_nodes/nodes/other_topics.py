@@ -47,7 +47,8 @@ class OtherTopics:
                     raise RigError(f"is sent with several types: {', '.join(types)}")
                 self._subscribe(name, types[0], [offer.qos_profile for offer in offers])
             except (RigError, ImportError, AttributeError, ValueError) as error:
-                why = str(error) if isinstance(error, RigError) else f"its type {types[0]} cannot be loaded here ({error})"
+                why = (str(error) if isinstance(error, RigError) else
+                       f"its type {types[0]} cannot be loaded here ({error})")
                 self.unrecorded[name] = why
                 self._node.get_logger().warning(f"{name} is not recorded: {why}")
 

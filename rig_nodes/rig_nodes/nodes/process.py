@@ -243,7 +243,7 @@ def chosen_sequence(arguments) -> Sequence | None:
 
 
 def run(main) -> int:
-    """Exit code of a process: RigError becomes one sentence, for the supervisor too, and so does what nobody expected."""
+    """Exit code of a process: RigError becomes one sentence, for the supervisor too, as does what nobody expected."""
     process = None
 
     def start(*arguments, **keywords) -> Process:

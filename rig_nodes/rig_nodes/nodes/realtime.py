@@ -21,8 +21,8 @@ PR_SET_TIMERSLACK = 29
 RECORDING, MESSAGES, CLOCK = 9, 10, 11
 # Catching up runs at most this much faster than real time, so that the shift controller can still answer.
 CATCH_UP = 4
-# A rig that is further behind real time than this has lost time: the newest valve command may be that old before the rig
-# trips, so nobody who takes part in real time could have answered meanwhile. Healthy runs on two cores that a dozen other
+# A rig that is further behind real time than this has lost time: the newest valve command may be that old before the
+# rig trips, so nobody who takes part in real time could have answered meanwhile. Healthy runs on two cores that a dozen other
 # programs wanted too were up to 82 ms behind.
 BEHIND_NS = 100_000_000
 
@@ -115,4 +115,5 @@ class RealTime:
         p50, p99 = np.percentile(late, (50, 99))
         return {"ticks": len(self.lateness_ns), "overruns": self.overruns,
                 "lateness_ms": {"p50": float(p50), "p99": float(p99), "max": float(late.max())},
-                "behind": {"limit_s": BEHIND_NS * 1e-9, "times": self.times_behind, "longest_s": float(late.max()) * 1e-3}}
+                "behind": {"limit_s": BEHIND_NS * 1e-9, "times": self.times_behind,
+                           "longest_s": float(late.max()) * 1e-3}}

@@ -1,8 +1,8 @@
 """The recorder: every topic of a run's domain into one MCAP bag, untouched, with simulated time as log time.
 
 Started by graph.supervisor. Callbacks only enqueue; a thread writes and flushes. In lockstep, what rig container and
-alfa46 publish comes through taps (graph/tap.py) and only the rest through DDS. What is no topic of the catalogue is found
-while the run goes on (nodes/other_topics.py) and stands in the bag at the simulated time at which it came.
+alfa46 publish comes through taps (graph/tap.py) and only the rest through DDS. What is no topic of the catalogue is
+found while the run goes on (nodes/other_topics.py) and stands in the bag at the simulated time at which it came.
 """
 
 from __future__ import annotations
