@@ -47,7 +47,8 @@ def test_a_sequence_runs_at_level_current_and_the_gains_are_the_rigs(tmp_path):
         user.close()
         graph.close()
     bag, facts = Bag(graph.folder), facts_of(graph.folder)
-    assert facts["alfa46"]["controller"] == {"name": "alfa46", "level": "current"} and lost_messages(bag, facts) == {}
+    assert facts["alfa46"]["controller"] == {"name": "alfa46", "level": "current", "level_from": "as given"}
+    assert lost_messages(bag, facts) == {}
     shift, = build_report(bag, bag.run_info())["shifts"]
     assert (shift["from_gear"], shift["to_gear"], shift["valid"]) == (1, 2, True)
     commands = [message for _, message in bag.messages("/alfa46/command")]

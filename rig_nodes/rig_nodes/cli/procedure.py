@@ -24,6 +24,8 @@ def main(args) -> int:
     """Run the chosen series one after the other; 0 only when every sequence came to its end."""
     from ..analysis.report import build_report, format_report, write_report
     from ..bags.reader import Bag
+    from ..catalogue import GEARBOX
+    from ..controllers.load import EMBEDDED
     from ..errors import interrupted_code
     from ..testbench.folders import parse_settings, run_folder
     from ..testbench.procedure import load_procedure, prepare
@@ -36,6 +38,8 @@ def main(args) -> int:
         return 0
     settings = parse_settings(args.settings)
     ready = [(series, *prepare(series, args.rig, settings)) for series in chosen]
+    if ready[0][1].kind == GEARBOX:
+        print(EMBEDDED, flush=True)
     folder = run_folder(args.out, procedure.name)
     failed = 0
     for series, config, sequence in ready:

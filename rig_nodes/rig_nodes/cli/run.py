@@ -49,7 +49,7 @@ def main(args) -> int:
 def run(args) -> int:
     """As :func:`main`; KeyboardInterrupt before the first process is started."""
     from ..catalogue import GEARBOX
-    from ..controllers.load import load_controller, split_level
+    from ..controllers.load import level_line, load_controller, split_level
     from ..graph.domain import from_environment
     from ..graph.dropping import parse_drop
     from ..graph.supervisor import Order, Supervisor, processes_of
@@ -78,7 +78,9 @@ def run(args) -> int:
         controller = load_controller(args.controller, config.alfa46, level)
         controller.close()
         check_level(config, controller.level)
-        plug = f"{split_level(args.controller or 'alfa46', level)[0]}@{controller.level}"
+        print(level_line(controller), flush=True)
+        spec, level = split_level(args.controller or "alfa46", level)
+        plug = spec if level is None else f"{spec}@{level}"
     else:
         if args.controller or args.level or args.delay != 1:
             check_controller(config)

@@ -38,7 +38,8 @@ def controller_log(folder):
 def main(args) -> int:
     from ..analysis.report import build_report, format_report, write_report
     from ..bags.reader import Bag
-    from ..controllers import load_controller
+    from ..catalogue import GEARBOX
+    from ..controllers.load import EMBEDDED, level_line, load_controller
     from ..errors import interrupted_code
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_parameters, parse_settings, run_folder, unless_empty
@@ -54,9 +55,12 @@ def main(args) -> int:
         check_controller(config)
         controller = load_controller(args.controller, config.alfa46, args.level)
         check_level(config, controller.level)
+        print(level_line(controller), flush=True)
         controller.say = lambda text: print(f"            {printable(text)}", flush=True)
         controller.pace(args.step_timeout.step)
         controller.wait(args.step_timeout.come)
+    elif config.kind == GEARBOX:
+        print(EMBEDDED, flush=True)
     folder = run_folder(args.out, sequence.name)
     shown = [""]
 

@@ -55,6 +55,7 @@ def add_arguments(parser) -> None:
 
 def main(args) -> int:
     from ..errors import RigError, ended_by
+    from ..testbench.configuration import load_rig
     from ..testbench.folders import free_folder
     from ..testbench.workers import start_server
 
@@ -63,6 +64,8 @@ def main(args) -> int:
     if not (args.vary or args.what.endswith((".yaml", ".yml")) or Path(args.what).is_dir()):
         raise RigError("a sweep needs something to vary: --vary NAME=\"LOW .. HIGH\" or NAME=\"A, B, C\"")
     plan, folder, bags = _chosen(args)
+    if plan.plugged:
+        print(plan.plugged.check(load_rig(plan.rig, plan.fixed)), file=sys.stderr, flush=True)
     # the server compiles where nothing is kept yet: what is wrong with the plan has been said before
     if args.jobs > 1 and not args.dask:
         start_server("rig_nodes.sweep.run")

@@ -58,6 +58,7 @@ def main(args) -> int:
     if args.jobs > 1:
         start_server("rig_nodes.validation.programme")
 
+    from ..controllers.load import EMBEDDED
     from ..testbench.configuration import load_gearbox_rig
     from ..testbench.folders import parse_settings
     from ..validation import document, pictures, programme, time_courses
@@ -74,6 +75,8 @@ def main(args) -> int:
         _make_folder(args.pictures)
     check_json(args.json)
     runs = programme.runs_of(procedures)
+    if runs:
+        print(EMBEDDED, file=sys.stderr, flush=True)
     drawn = []
     # rows for information alone need no processes
     with Workers(args.jobs) if procedures else contextlib.nullcontext() as workers:

@@ -26,7 +26,7 @@ from ..graph.link import Link, LinkClosed, pair
 from .c_host import DESTROYED, END, END_ALL, Info, Inputs, Outputs, Parameter
 from .c_host import Answer as HostAnswer
 from .own_signals import checked_settings, checked_signals
-from .plug import Plug, chosen_level
+from .plug import SAID, Plug, chosen_level
 from .seam import ControllerInputs, ControllerOutputs, Status, checked_wants
 
 INCLUDE, HOST = Path(__file__).parent / "include", Path(__file__).parent / "c_host.py"
@@ -228,7 +228,7 @@ class CLibrary(Plug):
     A .c or .cpp file is compiled first, into a folder that is gone afterwards.
     """
 
-    prefix = "c"
+    prefix, level_from = "c", SAID
 
     def __init__(self, rest: str, config: Alfa46Config, level: str | None = None):
         """rest: FILE.so, FILE.c or FILE.cpp."""

@@ -21,7 +21,7 @@ from ..errors import RigError, no_file, printable
 from ..graph.link import Link, LinkClosed, pair
 from .c_library import CORE
 from .own_signals import checked_settings, checked_signals
-from .plug import Plug, chosen_level
+from .plug import DEFAULT, SAID, Plug, chosen_level
 from .seam import ControllerInputs, ControllerOutputs, Status, checked_wants
 
 # behind a sample: transducers asked for, its own settings; behind an answer: its own signals, or for a status other
@@ -34,11 +34,7 @@ MESSAGE = 4096  # bytes of a message or of a line that are shown
 
 
 class ControllerFmu(Plug):
-    """A controller FMU; variables are found by the names of the seam (docs/fmu.md).
-
-    ``level_from``: what says its level ("asked for", "its parameter level", "the unit of its commands"); empty where
-    nothing does and the first level was taken.
-    """
+    """A controller FMU; variables are found by the names of the seam (docs/fmu.md)."""
 
     def __init__(self, file: str, config: Alfa46Config, level: str | None = None):
         name = f"fmu:{file}"
@@ -60,7 +56,7 @@ class ControllerFmu(Plug):
         try:
             found = self._hear(name)
             super().__init__(name, config, chosen_level(level, tuple(found["levels"]), name))
-            self.level_from = "asked for" if level else found["level_from"]
+            self.level_from = f"{SAID} ({found['level_from']})" if found["level_from"] else DEFAULT
             self.wants, self.signals = checked_wants(found["wants"], name), checked_signals(found["signals"], name)
             # a parameter that is named like one of the rig's has that one's value
             self.settings = checked_settings({key: value for key, value in found["settings"].items()

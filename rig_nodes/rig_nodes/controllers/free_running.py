@@ -15,7 +15,7 @@ from urllib.parse import parse_qsl
 
 from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
-from .plug import Plug, Waiting, chosen_level
+from .plug import TOLD, Plug, Waiting, chosen_level
 from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status
 
 OLD = 0.1  # s without a command after which the rig trips (testbench.rig.COMMAND_TIMEOUT)
@@ -58,7 +58,7 @@ class FreeRunning(Plug):
     Subclasses give ``_send``, ``_listen`` and ``_end``. timeout: s without a command after which the rig trips.
     """
 
-    own_clock = True
+    own_clock, level_from = True, TOLD
 
     def __init__(self, name: str, config: Alfa46Config, level: str | None, place: str, timeout: float = OLD):
         super().__init__(name, config, chosen_level(level, LEVELS[::-1], name))

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..alfa46.settings import Alfa46Config
-from ..errors import RigError
-from .plug import BuiltIn, Plug
+from ..errors import RigError, printable
+from .plug import DEFAULT, GIVEN, SAID, BuiltIn, Plug
 from .seam import LEVELS
 
 
@@ -37,6 +37,8 @@ KINDS = {
     "modbus": Kind("modbus", "Modbus", "modbus:PORT"),
     "ros": Kind("ros", "ros_controller", "ros:NAME", alone=True),
 }
+
+EMBEDDED = f"controller alfa46 at level duty, {SAID}"  # level_line of the built-in one inside the kernel
 
 # how a file that stands there without a prefix is most likely meant
 OF_A_FILE = {".c": "c:{}", ".cpp": "c:{}", ".cc": "c:{}", ".cxx": "c:{}", ".so": "c:{}", ".fmu": "fmu:{}",
@@ -72,9 +74,27 @@ def load_controller(spec: str | None, config: Alfa46Config, level: str | None = 
     """The plug of a specification (None: the built-in Alfa46), initialised with the rig's alfa46 settings.
 
     ``level`` or a trailing "@duty" / "@current" chooses the level when the controller knows both; without, it
-    is the controller's first. RigError, one sentence, for everything that cannot be loaded.
+    is the controller's first; ``level_from`` of the plug says which it was. RigError, one sentence, for everything that
+    cannot be loaded.
     """
     text, level = split_level(spec or "alfa46", level)
+    plug = _loaded(text, config, level)
+    if level:
+        plug.level_from = GIVEN
+    return plug
+
+
+def level_line(plug: Plug) -> str:
+    """The first line of a run: which controller, at which level, and where that comes from."""
+    text = f"controller {printable(plug.name)} at level {plug.level}, {plug.level_from}"
+    if plug.level_from == DEFAULT:
+        other = LEVELS[1 - LEVELS.index(plug.level)]
+        meant = {"duty": "shares of the supply from 0 to 1", "current": "amperes"}
+        text += f": its commands are taken as {meant[plug.level]}; if they are {meant[other]}, choose --level {other}"
+    return text
+
+
+def _loaded(text: str, config: Alfa46Config, level: str | None) -> Plug:
     name, _, rest = text.partition(":")
     if text == "alfa46":
         return BuiltIn(config, level)

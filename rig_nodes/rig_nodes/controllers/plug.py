@@ -80,6 +80,11 @@ class Waiting:
             self._next = {1.0: 2.0, 2.0: 5.0}.get(self._next, 10.0 * (self.seconds // 10.0 + 1.0))
 
 
+# where a controller's level comes from
+GIVEN, SAID, DEFAULT = "as given", "as the controller says", "by default, the controller says none"
+TOLD = "by default, the controller is told and another one does not act"
+
+
 class Plug(ABC):
     """A controller behind the seam; subclasses give ``_answer(inputs)`` and, if there is one, an ``_end``.
 
@@ -87,6 +92,7 @@ class Plug(ABC):
     clock (None: for ever); a controller that takes longer is ended by :meth:`_overdue`.
     """
 
+    level_from = DEFAULT  # where the level comes from; a plug says what holds when none was asked for
     in_process = False  # True: user code runs in this process, which cannot go on while that does not return
     own_clock = False  # True: nobody waits for the controller, it answers when its own clock says so
     step_timeout: float | None = STEP_TIMEOUT
@@ -108,6 +114,7 @@ class Plug(ABC):
         self.stopped: Callable[[], bool] = lambda: False  # True: the run is being ended, nothing is waited for any more
         self.refused = ""  # why the last controller that came is not used
         self._request, self._ordered, self._before = 0, False, 0
+        self._doubted = False  # people were told that its duty looks like a current
         self._over = False  # failed or closed: it is not called again
 
     def pace(self, step_timeout: float | None, real_time: bool = False) -> None:
@@ -124,7 +131,8 @@ class Plug(ABC):
 
     def record(self) -> dict:
         """What the report of a run says of the controller, once that has ended."""
-        return {"name": self.name, "level": self.level, **({"end_fault": self.end_fault} if self.end_fault else {})}
+        return {"name": self.name, "level": self.level, "level_from": self.level_from,
+                **({"end_fault": self.end_fault} if self.end_fault else {})}
 
     def awaited(self) -> str:
         """That no controller has come to this run that can be used, and where; empty when one has, or none need come."""
@@ -198,6 +206,8 @@ class Plug(ABC):
             status = Status(status)
             if status == Status.OK:
                 command, setpoint, self.gear, self.shifting, self.flags = checked(outputs, self.info)
+                if not self._doubted and command == setpoint and self.level == "duty" and any(command):
+                    self._doubt(sample)
                 if self.signals:
                     self.signal_values = self._own(outputs.signals)
                 return Answer(command, setpoint)
@@ -214,6 +224,13 @@ class Plug(ABC):
         if status == Status.DISCARD:
             return None
         self._fail(status, sample, f"status {status.name.lower()}: {text}")
+
+    def _doubt(self, sample: int) -> None:
+        """Warn of a duty that is the very current [A] which the controller says to ask for."""
+        self._doubted = True
+        self.say(f"warning: controller {self.name}, sample {sample}: its command is the current that it asks for, so it "
+                 f"looks like amperes, and level duty ({self.level_from}) takes it as a share of the supply; if it is a "
+                 "current, choose --level current")
 
     def _own(self, given) -> tuple[float, ...]:
         """The values of the controller's own signals; RigError when one is missing or none."""
@@ -280,6 +297,8 @@ class Plug(ABC):
 
 class BuiltIn(Plug):
     """The Alfa46 law as compiled for the kernel."""
+
+    level_from = SAID
 
     def __init__(self, config: Alfa46Config, level: str | None = None):
         super().__init__("alfa46", config, chosen_level(level, LEVELS, "alfa46"))

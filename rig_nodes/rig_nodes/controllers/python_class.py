@@ -18,7 +18,7 @@ from pathlib import Path
 from ..alfa46.settings import Alfa46Config
 from ..errors import RigError, no_file
 from .own_signals import checked_settings, checked_signals
-from .plug import LOG, Plug, chosen_level, said
+from .plug import DEFAULT, LOG, SAID, Plug, chosen_level, said
 from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status, checked_wants
 
 GROUP = "rig_nodes.controllers"  # of entry points in an installed package's metadata
@@ -127,6 +127,7 @@ class PythonClass(Plug):
                 f"controller {name}: levels is {levels!r}, expected a tuple of {', '.join(LEVELS)}"
             )
         super().__init__(name, config, chosen_level(level, tuple(levels), name))
+        self.level_from = SAID if hasattr(found, "levels") else DEFAULT
         self.wants = checked_wants(getattr(found, "wants", ()), name)
         self.signals = checked_signals(getattr(found, "signals", ()), name)
         self.settings = checked_settings(getattr(found, "settings", {}), name)

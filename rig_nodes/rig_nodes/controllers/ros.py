@@ -17,7 +17,7 @@ from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
 from .free_running import FreeRunning, split_options
 from .own_signals import checked_settings, checked_signals
-from .plug import Plug, Waiting, chosen_level
+from .plug import TOLD, Plug, Waiting, chosen_level
 from .ros_topics import Answered, NoAnswer, Topics, pack_step
 from .seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs, Status, checked_wants
 
@@ -43,6 +43,7 @@ def ros_controller(rest: str, config: Alfa46Config, level: str | None = None) ->
         plug = FreeRosNode(spec, config, level)
     else:
         plug = RosNode(spec, config, chosen_level(level, LEVELS, spec))
+    plug.level_from = TOLD
     plug.other_side = _OtherSide(plug, name)
     plug.wants = checked_wants(_items(options, "wants"), spec)
     plug.settings = checked_settings(dict(_setting(item, spec) for item in _items(options, "settings")), spec)

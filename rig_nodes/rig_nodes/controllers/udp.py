@@ -14,7 +14,7 @@ import time
 from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
 from .own_signals import MOST, checked_settings, checked_signals
-from .plug import Plug, Waiting, chosen_level
+from .plug import TOLD, Plug, Waiting, chosen_level
 from .seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs, Status, checked_wants
 from .udp_frames import (
     ANSWER,
@@ -46,7 +46,7 @@ IP_RECVERR = 11  # of Linux: tells that nobody listens at the other end
 class Udp(Plug):
     """udp:PORT, or udp:ADDRESS:PORT to listen at another interface than loopback."""
 
-    named_later = True
+    named_later, level_from = True, TOLD
 
     def __init__(self, rest: str, config: Alfa46Config, level: str | None = None):
         address, _, port = rest.rpartition(":")

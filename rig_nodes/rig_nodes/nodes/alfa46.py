@@ -23,7 +23,7 @@ from ..bags.cdr import encoder
 from ..bags.definitions import installed
 from ..catalogue import catalogue
 from ..controllers import own_signals
-from ..controllers.load import load_controller
+from ..controllers.load import level_line, load_controller
 from ..controllers.plug import REAL_TIME_TIMEOUT
 from ..controllers.seam import LEVELS, NOTHING, ControllerFailed
 from ..errors import RigError, printable
@@ -379,6 +379,7 @@ def work(process) -> None:
     config = gearbox_rig_config(process.arguments, "alfa46")
     executor = process.start_ros()
     node = Alfa46Node(config, process)
+    process.log.info("%s", level_line(node.box))
     executor.add_node(node)
     process.take_parameters([node])
     recorder = {"recorder"} if process.arguments.recorded and node.tap is None else set()

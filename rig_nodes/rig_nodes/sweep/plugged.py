@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
-from ..controllers.load import KINDS, load_controller, split_level
+from ..controllers.load import KINDS, level_line, load_controller, split_level
 from ..controllers.plug import Plug
 from ..errors import RigError
 from ..testbench.rig import COMMAND_TIMEOUT, check_level
@@ -30,12 +30,13 @@ class Plugged:
     level: str | None
     delay: int
 
-    def check(self, config) -> None:
-        """RigError where it cannot be loaded, or cannot act on this rig."""
+    def check(self, config) -> str:
+        """Its level_line; RigError where it cannot be loaded, or cannot act on this rig."""
         check_controller(config)
         plug = self.load(config)
         try:
             check_level(config, plug.level)
+            return level_line(plug)
         finally:
             plug.close()
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from ..alfa46.controller import GEAR_NAMES
 from ..catalogue import catalogue
-from ..controllers.load import load_controller
+from ..controllers.load import level_line, load_controller
 from ..controllers.plug import Plug
 from ..controllers.seam import ControllerFailed, Status
 from ..errors import RigError
@@ -106,7 +106,7 @@ class Check:
         """One after the other; nothing more after a controller that does not load."""
         try:
             plug = self._load()
-            text, own_clock = f"{plug.name} at level {plug.level}", plug.own_clock
+            text, own_clock = level_line(plug).removeprefix("controller "), plug.own_clock
             self._close(plug)
         except RigError as error:
             yield Item("loads", False, str(error))

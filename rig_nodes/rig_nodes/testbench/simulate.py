@@ -12,7 +12,7 @@ from .. import __version__
 from ..alfa46.controller import GEAR_NAMES
 from ..bags.writer import BagWriter
 from ..catalogue import GEARBOX, catalogue
-from ..controllers.plug import Plug
+from ..controllers.plug import SAID, Plug
 from ..controllers.seam import ControllerFailed
 from ..errors import RigError, ended_by
 from ..plant import kernel
@@ -234,7 +234,7 @@ def simulate(config: AnyConfig, sequence: Sequence, folder: Path, seed: int = 1,
                 controller.close()
     plugged = {}
     if config.kind == GEARBOX:
-        told = controller.record() if controller else {"name": "alfa46", "level": rig.level}
+        told = controller.record() if controller else {"name": "alfa46", "level": rig.level, "level_from": SAID}
         plugged = {"controller": {**told, "delay": rig.delay}}
     return {**record, "mode": "simulate", **plugged, "duration_s": rig.time, "lost": 0,
             "ticks": rig.sample // TICK_SAMPLES, "overruns": 0, "lateness_ms": None, "end": end}

@@ -1,0 +1,80 @@
+"""Every run says first which controller it has, at which level, and where the level comes from."""
+
+import json
+
+import pytest
+
+from rig_nodes.cli.main import main
+from rig_nodes.controllers.load import level_line, load_controller
+from rig_nodes.testbench.configuration import load_rig
+
+SHORT = """\
+description: gear I at standstill
+steps:
+  - oil: {pressure: 4 MPa}
+  - shift: {to: I, timeout: 2 s}
+"""
+BOX = '''
+from rig_nodes.controllers.seam import ControllerOutputs
+
+
+class Box:
+    LEVELS
+    def initialize(self, info): pass
+    def step(self, inputs):
+        ampere = 0.5 if inputs.gear_request else 0.0
+        return ControllerOutputs([ampere, 0.0, 0.0], SETPOINT, inputs.gear_request, False)
+    def terminate(self): pass
+'''
+
+
+@pytest.fixture
+def box(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "short.yaml").write_text(SHORT)
+
+    def written(levels="", setpoint="None"):
+        (tmp_path / "box.py").write_text(BOX.replace("LEVELS", levels).replace("SETPOINT", setpoint))
+        return "python:box.py:Box"
+    return written
+
+
+@pytest.mark.parametrize("levels, given, line", [
+    ("", [], "at level duty, by default, the controller says none: its commands are taken as shares of the supply from 0 "
+             "to 1; if they are amperes, choose --level current"),
+    ("", ["--level", "duty"], "at level duty, as given"),
+    ('levels = ("current", "duty")', [], "at level current, as the controller says"),
+])
+def test_a_run_says_controller_level_and_its_origin_first(box, capsys, levels, given, line):
+    assert main(["simulate", "short.yaml", "--controller", box(levels), "--out", "run", *given]) in (0, 1)
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == f"controller python:box.py:Box {line}"
+    told = json.loads(open("run/report.json").read())["run"]["controller"]
+    assert f"at level {told['level']}, {told['level_from']}" == line.partition(":")[0]
+
+
+def test_the_built_in_one_says_it_too_in_runs_and_procedures(box, capsys):
+    line = "controller alfa46 at level duty, as the controller says"
+    assert main(["simulate", "short.yaml", "--out", "run"]) == 0
+    assert capsys.readouterr().out.splitlines()[0] == line
+    assert level_line(load_controller(None, load_rig("hydmag").alfa46)) == line
+    assert json.loads(open("run/report.json").read())["run"]["controller"]["level_from"] == "as the controller says"
+    assert main(["procedure", "valve_response", "--series", "ZR-P1", "--out", "series"]) == 0
+    assert capsys.readouterr().out.splitlines()[0] == line
+
+
+def test_a_sweep_and_a_check_say_it(box, capsys):
+    spec = box('levels = ("current",)')
+    assert main(["sweep", "short.yaml", "--vary", "alfa46.t12=-200 ms, -180 ms", "--controller", spec, "--jobs", "1",
+                 "--out", "swept"]) in (0, 1)
+    said = capsys.readouterr().err.splitlines()[0]
+    assert said.startswith("controller python:") and said.endswith("box.py:Box at level current, as the controller says")
+    main(["controller", "check", spec])
+    assert capsys.readouterr().out.splitlines()[0].endswith(f"{spec} at level current, as the controller says")
+
+
+@pytest.mark.parametrize("setpoint, doubted", [("[ampere, 0.0, 0.0]", True), ("[0.3, 0.0, 0.0]", False), ("None", False)])
+def test_a_duty_that_is_the_current_asked_for_is_doubted_once(box, capsys, setpoint, doubted):
+    main(["simulate", "short.yaml", "--controller", box(setpoint=setpoint), "--out", "run"])
+    said = capsys.readouterr().out
+    assert said.count("so it looks like amperes, and level duty (by default, the controller says none)") == doubted
