@@ -130,7 +130,9 @@ class Catalogue:
         for other in self.others.values():
             if name in other.signals:
                 return other.signals[name]
-        raise RigError(f"unknown signal '{name}'; the catalogue has {', '.join(self.signals)}")
+        from .config.names import unknown  # here, as that module reads this one
+
+        raise RigError(unknown("signal", name, self.signals))
 
 
 GEARBOX = "gearbox"  # the kind of rig whose topics and signals stand at the top of the file

@@ -10,6 +10,7 @@ import pytest
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.controllers import ControllerFailed, Status, load_controller
+from rig_nodes.controllers.load import level_line
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.sequence import load_sequence
@@ -301,3 +302,25 @@ def test_other_inputs_are_transducers_and_other_outputs_are_recorded(build, conf
         plug.step(sample, [0.0] * 3, 0.0, 0.0, 0.0, 0.0, [40.0])
     assert plug.signal_values == pytest.approx((0.08, 0.0)), "half-way to P1, 160 mA at 200 ms"
     plug.close()
+
+
+def test_an_fmu_that_does_not_say_its_level_is_taken_at_duty_with_a_word(build, config, tmp_path):
+    """As a tool exports it that writes neither the parameter level nor units: 0.74 A would be 74 %."""
+    mute = tmp_path / "mute.fmu"
+    with zipfile.ZipFile(build(2)) as whole, zipfile.ZipFile(mute, "w") as part:
+        for name in whole.namelist():
+            data = whole.read(name)
+            if name == "modelDescription.xml":
+                text = re.sub(r' (unit|displayUnit)="A"', "", data.decode()).replace('name="level"', 'name="another"')
+                data = text.encode()
+            part.writestr(name, data)
+    plug = load_controller(f"fmu:{mute}", config.alfa46)
+    try:
+        assert level_line(plug) == (
+            f"controller fmu:{mute} at level duty, by default, the controller says none: its commands are taken as shares of "
+            "the supply from 0 to 1; if they are amperes, choose --level current")
+    finally:
+        plug.close()
+    plug = load_controller(f"fmu:{build(2)}", config.alfa46)
+    plug.close()
+    assert level_line(plug) == f"controller fmu:{build(2)} at level duty, as the controller says"

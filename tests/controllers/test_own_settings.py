@@ -67,7 +67,7 @@ def test_a_setting_that_it_does_not_have_ends_the_sequence(run):
     end, _ = run(SEQUENCE.replace("other: 2", "gain: 2"))
     assert end["state"] == "failed"
     assert "sequence.yaml:6: controller python:" in end["reason"]
-    assert end["reason"].endswith("has no setting 'gain'; it has held, other")
+    assert "setting of its own 'gain'; " in end["reason"] and end["reason"].endswith("held, other")
 
 
 def test_the_alfa46_has_none_of_its_own(run):

@@ -386,7 +386,7 @@ def test_answers_to_other_steps_and_bytes_that_are_none_are_not_used(plug, threa
     ("ros:my__box", "'my__box' is no name of topics"),
     ("ros:?timing=soon", "timing is 'soon', expected lockstep or free"),
     ("ros:?speed=2", "unknown option 'speed'; known are timing, wants, settings, signals"),
-    ("ros:?wants=torque", "it wants 'torque'; the transducers are"),
+    ("ros:?wants=torque", "transducer 'torque'; "),
     ("ros:?settings=gain", "setting 'gain' has no first value; expected e.g. gain:2.0"),
     ("ros:?signals=a-b", "expected up to 64 names"),
 ])

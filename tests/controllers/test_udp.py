@@ -368,7 +368,7 @@ def named(*own):
 
 
 @pytest.mark.parametrize(("own", "why"), [
-    ((("p_9",), (), {}), "it wants 'p_9'; the transducers are M_wej, n_wej"),
+    ((("p_9",), (), {}), "transducer 'p_9'; "),
     (((), ("a b",), {}), "signals is {'a b': '-'}, expected up to 64 names"),
     (((), (), {"held": float("nan")}), "settings is {'held': nan}, expected a map of names"),
 ])

@@ -63,10 +63,10 @@ def test_half_of_the_pair_is_refused(config, build):
 @pytest.mark.parametrize(
     ("wants", "sentence"),
     [
-        ("('M_wej', 'p_9')", "it wants 'p_9'; the transducers are M_wej, n_wej, M_wyj"),
+        ("('M_wej', 'p_9')", "transducer 'p_9'; .* M_wej, n_wej, M_wyj"),
         ("'M_wej'", "wants is 'M_wej', expected names"),
         ("(1,)", r"wants is \(1,\), expected names"),
-        ("('gear_ordered',)", "it wants 'gear_ordered'; the transducers are"),
+        ("('gear_ordered',)", "transducer 'gear_ordered'; "),
     ],
 )
 def test_what_is_no_transducer_is_refused(python_controller, wants, sentence):
@@ -83,5 +83,5 @@ def test_an_installed_package_brings_a_controller_by_name(tmp_path, config, monk
     plug = load_controller("python:my_box@current", config.alfa46)
     assert (plug.name, plug.level) == ("python:my_box", "current")
     plug.close()
-    with pytest.raises(RigError, match="no entry point 'your_box' in the group rig_nodes.controllers; there are my_box"):
+    with pytest.raises(RigError, match="entry point of the group rig_nodes.controllers 'your_box'; .*my_box"):
         load_controller("python:your_box", config.alfa46)

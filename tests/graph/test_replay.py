@@ -241,7 +241,7 @@ def test_a_second_clock_in_the_domain_is_refused(domain, user):
     ([SAMPLE, "--rate", "101"], "101 is no rate"),
     ([SAMPLE, "--start", "9"], f"the bag is {Bag(SAMPLE).timeline()[-1][0] * 1e-9:.3f} s long"),
     ([SAMPLE, "--start", "-1"], "-1 is no time"),
-    ([SAMPLE, "--topics", "/motor/m_we"], "the bag has no such topic; it has /motor/m_wej"),
+    ([SAMPLE, "--topics", "/motor/m_we"], "topic in the bag '/motor/m_we'; did you mean '/motor/m_wej'"),
     ([SAMPLE, "--topics", "/motor/command", "--start", "1"], "nothing is left to replay after 1 s"),
     ([SAMPLE, "--clock", "0"], "0 is no frequency"),
 ])

@@ -80,7 +80,7 @@ def test_a_file(tmp_path):
 
 @pytest.mark.parametrize("vary, options, sentence", [
     ({"alfa46.t13": "1 ms, 2 ms"}, {}, "there is no value of alfa46 't13'; did you mean 't"),
-    ({"sped": "1 rpm, 2 rpm"}, {}, "neither a parameter of sequence 'demo' .none. nor a value of the rig"),
+    ({"sped": "1 rpm, 2 rpm"}, {}, "no value of the rig .as --set names them. 'sped'; known are "),
     ({"alfa46.t12": "1 Nm, 2 Nm"}, {}, "is a torque, expected a time"),
     ({"alfa46.t12": "-6 s .. 1 s in 3"}, {}, "outside -5 to 5"),
     ({"alfa46.t12": "100 ms .. 50 ms in 3"}, {}, "the range must rise"),

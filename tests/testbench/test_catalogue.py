@@ -7,7 +7,7 @@ import pytest
 
 from rig_nodes.bags.definitions import installed
 from rig_nodes.catalogue import catalogue
-from rig_nodes.cli.list import markdown
+from rig_nodes.cli.list import WHAT, markdown
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
 from rig_nodes.plant import clutch_bench
@@ -71,3 +71,12 @@ def test_a_list_says_what_its_columns_are(capsys):
     assert heading.split() == ["signal", "unit", "shown", "range", "device", "topic", "field", "rate", "sign", "meaning"]
     assert len(rows) == len(catalogue().all_signals)
     assert all(row[heading.index("topic"):].startswith("/") for row in rows)
+
+
+def test_list_alone_names_what_there_is_to_list_and_each_of_it_lists_something(capsys):
+    assert main(["list"]) == 0
+    shown = capsys.readouterr().out.splitlines()[1:]
+    assert [line.split()[:3] for line in shown] == [["./rig", "list", what] for what in WHAT]
+    for what in WHAT:
+        assert main(["list", what]) == 0
+        assert len(capsys.readouterr().out.splitlines()) > 1

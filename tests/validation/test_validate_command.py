@@ -63,8 +63,8 @@ def test_rows_go_into_a_file_and_figures_into_a_folder(capsys, tmp_path):
 
 
 @pytest.mark.parametrize(("arguments", "said"), [
-    (["--rows", "peaks"], "no row is called 'peaks'"),
-    (["--procedures", "grid"], "unknown procedure 'grid'"),
+    (["--rows", "peaks"], "row 'peaks'"),
+    (["--procedures", "grid"], "procedure 'grid'; did you mean "),
     (["--jobs", "0"], "--jobs is 0"),
     (["--write-docs", "--rows", "up_*"], "--write-docs"),
     (["--rows", "bench_*", "--set", "motor.speed=1"], "motor.speed"),

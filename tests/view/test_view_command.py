@@ -58,7 +58,7 @@ REFUSED = {
     "no domain": (["--live", "--domain", "x"], "x is no ROS domain; give a number from 0 to 232"),
     "no port": (["--live", "--domain", "9", "--port", "0"], "0 is no port"),
     "no span": (["--live", "--domain", "9", "--seconds", "0"], "0 is no span of a plot"),
-    "no tool": (["--layout", "excel"], "invalid choice: 'excel'"),
+    "no tool": (["--layout", "excel"], "choice 'excel'; "),
     "layout into nowhere": (["--layout", "foxglove", "--out", "{run}/no/x.json"], "cannot be written"),
     "no such run": (["nowhere"], "nowhere: there is no such file or folder"),
     "one number": (["{run}", "--window", "3"], "3 is no window; write its start and end in s"),

@@ -73,11 +73,12 @@ def main(args) -> int:
 
 
 def _chosen(parts: list[str]) -> list[str]:
+    from ..config.names import unknown
     from ..errors import RigError
 
     for part in parts:
         if part not in (*PARTS, "all"):
-            raise RigError(f"there is nothing to measure called '{part}'; there are {', '.join(PARTS)}, and all")
+            raise RigError(unknown("part to measure", part, (*PARTS, "all")))
     return list(PARTS) if not parts or "all" in parts else [part for part in PARTS if part in parts]
 
 

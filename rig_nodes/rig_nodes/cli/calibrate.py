@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    from ..config.names import find_config
+    from ..config.names import find_config, unknown
     from ..config.units import SI
     from ..errors import RigError, ended_by
     from ..testbench.configuration import load_rig
@@ -39,9 +39,9 @@ def main(args: argparse.Namespace) -> int:
     for name, least in (("generations", 0), ("starts", 0), ("jobs", 1)):
         if getattr(args, name) < least:
             raise RigError(f"--{name} is {getattr(args, name)}, expected at least {least}")
-    unknown = sorted(set(args.stages or ()) - set(ROWS))
-    if unknown:
-        raise RigError(f"--stages: there is no stage '{unknown[0]}'; known are {', '.join(ROWS)}")
+    for stage in args.stages or ():
+        if stage not in ROWS:
+            raise RigError(f"--stages: {unknown('stage', stage, ROWS)}")
     parameters = {f"{stage}.{name}": p for stage, those in c.load_stages().items() for name, p in those.items()}
 
     def progress(stage: str, turn: int, cost: float) -> None:

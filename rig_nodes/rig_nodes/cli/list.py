@@ -1,22 +1,33 @@
-"""``rig list WHAT``: what is installed, topics and signals; ``--markdown`` writes docs/signals.md."""
+"""``rig list WHAT``: what is installed, topics and signals; ``--markdown`` writes docs/signals.md. Alone: what it lists."""
 
 from __future__ import annotations
 
 import json
 
 HELP = "list sequences, procedures, rigs, topics or signals"
-WHAT = ("sequences", "procedures", "rigs", "controllers", "topics", "signals")
+# what can be listed, its line and the command that takes such a name
+WHAT = {
+    "sequences": ("tests that the rig walks through", "./rig simulate NAME"),
+    "procedures": ("measuring procedures of the laboratory (their series: --labels)", "./rig procedure NAME"),
+    "rigs": ("rigs with all their values", "./rig simulate demo --rig NAME"),
+    "controllers": ("settings of the Alfa46, which a rig's file names", "controller: NAME.yaml in a rig's .yaml"),
+    "templates": ("starts for a controller of your own", "./rig controller new NAME DIR"),
+    "devices": ("devices of the rig, and which can be a node of your own", "./rig device NAME"),
+    "topics": ("ROS topics with type, node and rate", "./rig replay RUN --topics NAME"),
+    "signals": ("signals with unit, range, sign and topic", "a sequence's wait: {until: {signal: NAME, above: ...}}"),
+}
 
 
 def add_arguments(parser) -> None:
-    parser.add_argument("what", choices=WHAT)
+    parser.add_argument("what", nargs="?", choices=WHAT, help="what to list; alone: what there is to list")
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="for programs")
     form.add_argument("--markdown", action="store_true", help="topics and signals as docs/signals.md has them")
 
 
 def main(args) -> int:
-    rows = _ROWS[args.what]()
+    rows = _ROWS[args.what]() if args.what else [
+        {"list": f"./rig list {what}", "what": text, "goes into": use} for what, (text, use) in WHAT.items()]
     if args.markdown:
         print(markdown(), end="")
     elif args.json:
@@ -36,6 +47,19 @@ def _files(kind: str):
         return [{"name": path.stem, "description": (load_yaml(path) or {}).get("description", "")}
                 for path in sorted((CONFIG_DIR / kind).glob("*.yaml"))]
     return rows
+
+
+def _templates():
+    from ..controllers.templates import KINDS
+
+    return [{"name": name, "then": kind.commands[0].format(dir="DIR")} for name, kind in KINDS.items()]
+
+
+def _devices():
+    from ..plant.cut import CUTTABLE, NOT_CUT
+
+    return [{"name": name, "own node": "yes", "why not": ""} for name in CUTTABLE] + [
+        {"name": name, "own node": "no", "why not": why} for name, why in NOT_CUT.items()]
 
 
 def _topics():
@@ -79,7 +103,7 @@ def _signal_rows(signals, topics):
 
 
 _ROWS = {**{kind: _files(kind) for kind in ("sequences", "procedures", "rigs", "controllers")},
-         "topics": _topics, "signals": _signals}
+         "templates": _templates, "devices": _devices, "topics": _topics, "signals": _signals}
 
 
 def markdown() -> str:

@@ -49,7 +49,20 @@ class Parser(argparse.ArgumentParser):
     """argparse with the rig's one-sentence errors."""
 
     def error(self, message):
+        start, _, rest = message.partition("unrecognized arguments: ")
+        if not start and rest.startswith("--"):
+            from rig_nodes.config.names import unknown
+
+            options = [name for name in self._option_string_actions if name.startswith("--")]
+            message = unknown("option", rest.split()[0].partition("=")[0], options)
         raise RigError(f"{message} (see '{self.prog} --help')")
+
+    def _check_value(self, action, value):
+        """As argparse's, for everything that has choices, verbs below a verb too; proposes what was meant."""
+        if action.choices is not None and value not in action.choices:
+            from rig_nodes.config.names import unknown
+
+            raise argparse.ArgumentError(action, unknown("choice", value, action.choices))
 
 
 class Shown:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import math
 import os
 import sys
@@ -91,6 +90,7 @@ def _replay(bag, args) -> int:
 
 def _chosen(bag, args) -> tuple[int, list[str]]:
     """Time at which the replay begins [ns] and topics that it takes; RigError when the bag has no such."""
+    from ..config.names import unknown
     from ..errors import RigError
 
     if not any(bag.counts.values()):
@@ -101,8 +101,7 @@ def _chosen(bag, args) -> tuple[int, list[str]]:
         raise RigError(f"--start {args.start:g}: the bag is {length:.3f} s long; give a time within it")
     for topic in args.topics or ():
         if topic not in bag.counts:
-            close = difflib.get_close_matches(topic, bag.counts, n=3) or list(bag.counts)
-            raise RigError(f"--topics {topic}: the bag has no such topic; it has {', '.join(close)}")
+            raise RigError(f"--topics: {unknown('topic in the bag', topic, bag.counts)}")
     return bag.first + round(args.start * 1e9), args.topics or list(bag.counts)
 
 

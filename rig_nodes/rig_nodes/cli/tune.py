@@ -126,6 +126,7 @@ def _problem(args):
     from ..errors import RigError
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_settings
+    from ..config.names import unknown
     from ..tune.problem import OBJECTIVES, Range
     from ..tune.run import Problem
     from ..tune.space import WAYS
@@ -134,12 +135,12 @@ def _problem(args):
     objectives = tuple(args.objectives.split(","))
     for name in objectives:
         if name not in OBJECTIVES:
-            raise RigError(f"--objectives: there is no '{name}'; known are {', '.join(OBJECTIVES)}")
+            raise RigError(f"--objectives: {unknown('objective', name, OBJECTIVES)}")
     if len(objectives) < 2 or len(set(objectives)) < len(objectives):
         raise RigError("--objectives: expected two or more different ones")
     for way in args.ways:
         if way not in WAYS:
-            raise RigError(f"--ways: there is no '{way}'; known are {', '.join(WAYS)}")
+            raise RigError(f"--ways: {unknown('way', way, WAYS)}")
     speeds = _range("--speeds", args.speeds, "angular velocity")
     ranges = {"I-II": Range(*speeds, *_range("--load-up", args.load_up, "torque")),
               "II-I": Range(*speeds, *_range("--load-down", args.load_down, "torque"))}

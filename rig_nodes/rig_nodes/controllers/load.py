@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..alfa46.settings import Alfa46Config
+from ..config.names import unknown
 from ..errors import RigError, printable
 from .plug import DEFAULT, GIVEN, SAID, BuiltIn, Plug
 from .seam import LEVELS
@@ -100,9 +101,11 @@ def _loaded(text: str, config: Alfa46Config, level: str | None) -> Plug:
         return BuiltIn(config, level)
     kind = KINDS.get(name)
     if kind is None or not (rest or kind.alone):
-        meant = _meant(text)
-        hint = f"did you mean {meant}?" if meant else f"expected {forms()}"
-        raise RigError(f"controller '{text}' is none that can be loaded; {hint}")
+        if meant := _meant(text):
+            raise RigError(f"controller '{text}' is none that can be loaded; did you mean {meant}?")
+        if kind is None and name not in OF_A_FILE:
+            raise RigError(f"controller '{text}': {unknown('kind', name, ['alfa46', *KINDS])} (expected {forms()})")
+        raise RigError(f"controller '{text}' is none that can be loaded; expected {forms()}")
     _, sign, other = rest.rpartition("@")
     if sign and other.isidentifier() and not Path(rest).exists():
         raise RigError(f"controller {text}: there is no level '{other}'; expected {' or '.join(LEVELS)} behind the @")

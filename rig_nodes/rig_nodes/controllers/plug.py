@@ -18,6 +18,7 @@ import numpy as np
 from ..alfa46.controller import Alfa46, refusal
 from ..alfa46.law import NEUTRAL
 from ..alfa46.settings import OUTPUT_KEYS, Alfa46Config
+from ..config.names import unknown
 from ..errors import RigError
 from .seam import (
     LEVELS,
@@ -242,8 +243,7 @@ class Plug(ABC):
     def check_value(self, name: str, value: float) -> None:
         """RigError unless the controller has a setting of its own by this name that can have the value."""
         if name not in self.settings:
-            known = f"it has {', '.join(self.settings)}" if self.settings else "it has none of its own"
-            raise RigError(f"controller {self.name} has no setting '{name}'; {known}")
+            raise RigError(f"controller {self.name}: {unknown('setting of its own', name, self.settings)}")
         if not math.isfinite(value):
             raise RigError(f"setting '{name}' of controller {self.name} is {value}, expected a finite number")
 

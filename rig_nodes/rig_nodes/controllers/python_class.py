@@ -16,6 +16,7 @@ import traceback
 from pathlib import Path
 
 from ..alfa46.settings import Alfa46Config
+from ..config.names import unknown
 from ..errors import RigError, no_file
 from .own_signals import checked_settings, checked_signals
 from .plug import DEFAULT, LOG, SAID, Plug, chosen_level, said
@@ -76,8 +77,7 @@ def _entry_point(name: str) -> tuple[str, str]:
     """(module, class) that an installed package gives this name in the group GROUP; RigError names the known ones."""
     known = {point.name: point for point in importlib.metadata.entry_points(group=GROUP)}
     if name not in known:
-        there = f"there are {', '.join(sorted(known))}" if known else "no installed package has one"
-        raise RigError(f"controller python:{name}: there is no entry point '{name}' in the group {GROUP}; {there}")
+        raise RigError(f"controller python:{name}: {unknown(f'entry point of the group {GROUP}', name, sorted(known))}")
     return known[name].module, known[name].attr
 
 
@@ -96,9 +96,7 @@ def load_class(source: str, name: str) -> type:
         there = [
             n for n, c in vars(module).items() if inspect.isclass(c) and callable(getattr(c, "step", None))
         ]
-        raise RigError(
-            f"{what}: there is no class '{name}' in it; classes with a step are: {', '.join(there) or 'none'}"
-        )
+        raise RigError(f"{what}: {unknown('class with a step', name, there)}")
     missing = [method for method in METHODS if not callable(getattr(found, method, None))]
     if missing:
         raise RigError(

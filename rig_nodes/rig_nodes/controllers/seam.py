@@ -13,6 +13,7 @@ from enum import IntEnum
 
 from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config
 from ..catalogue import catalogue
+from ..config.names import unknown
 from ..errors import RigError
 
 OUTPUTS = len(OUTPUT_KEYS)
@@ -107,7 +108,7 @@ def checked_wants(names, name: str) -> tuple[str, ...]:
         raise RigError(f"controller {name}: wants is {names!r}, expected names of transducers")
     for item in names:
         if item not in known:
-            raise RigError(f"controller {name}: it wants '{item}'; the transducers are {', '.join(known)}")
+            raise RigError(f"controller {name}: wants: {unknown('transducer', item, known)}")
     return tuple(names)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 
 from ..config.schema import fill, record_dtype
+from ..config.names import unknown
 from ..errors import RigError
 from . import load_pump as load_model
 from . import motor as motor_model
@@ -72,7 +73,7 @@ def check_device(name: str) -> None:
     if why := why_not(name):
         raise RigError(why)
     if name not in CUTTABLE:
-        raise RigError(f"there is no device '{name}'; those that can be cut out are {', '.join(CUTTABLE)}")
+        raise RigError(unknown("device", name, CUTTABLE))
 
 
 MOTOR_SIDE = np.dtype([

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..alfa46.settings import OUTPUT_KEYS, POINTS
 from ..config import load_yaml
+from ..config.names import unknown
 from ..config.schema import check_keys, where_of
 from ..config.units import UNITS, dimension_of, quantity, span
 from ..errors import RigError, brief
@@ -284,9 +285,9 @@ def _dimension(name: str, where: str, config, sequence) -> tuple[str, str | None
         default = sequence.parameters[name]
         return "sequence", "whole" if isinstance(default, int) else dimension_of(default)
     if "." not in name and name != "wiring":
-        known = ", ".join(sequence.parameters) or "none"
-        raise RigError(f"{where}: neither a parameter of sequence '{sequence.name}' ({known}) nor a value of the rig "
-                       "(as --set names them, e.g. alfa46.t12)")
+        values = [f"{part}.{key}" for part, those in config.as_dict().items() if isinstance(those, dict) for key in those]
+        what = f"parameter of sequence '{sequence.name}' and no value of the rig (as --set names them)"
+        raise RigError(f"{where}: {unknown(what, name, [*sequence.parameters, *values])}")
     if match := _POINT_PART.fullmatch(name):
         return "rig", match[2]
     part, _, key = name.partition(".")

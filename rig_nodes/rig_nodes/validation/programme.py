@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from math import pi
 
+from ..config.names import unknown
 from ..errors import RigError
 from ..testbench.campaign import Workers, run_campaign
 from ..testbench.procedure import Series, load_procedure
@@ -67,10 +68,10 @@ def choose(patterns: Iterable[str] = (), procedures: Iterable[str] = ()) -> list
     targets = _targets()
     for name in procedures:
         if name not in PROCEDURES:
-            raise RigError(f"unknown procedure '{name}', expected one of {', '.join(PROCEDURES)}")
+            raise RigError(unknown("procedure", name, PROCEDURES))
     for pattern in patterns:
         if not any(fnmatch.fnmatchcase(target.id, pattern) for target in targets):
-            raise RigError(f"no row is called '{pattern}'; ids stand in validation/targets.yaml, * matches any text")
+            raise RigError(f"{unknown('row', pattern, [target.id for target in targets])} (* matches any text)")
     chosen = [target for target in targets
               if (not patterns or any(fnmatch.fnmatchcase(target.id, p) for p in patterns))
               and (not procedures or target.procedure in procedures)]
