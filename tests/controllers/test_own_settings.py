@@ -72,7 +72,7 @@ def test_a_setting_that_it_does_not_have_ends_the_sequence(run):
 
 def test_the_alfa46_has_none_of_its_own(run):
     end, _ = run(spec="alfa46")
-    assert end["reason"].endswith("controller alfa46 has no setting 'held'; it has none of its own")
+    assert "controller alfa46: there is no setting of its own 'held'; there is none" in end["reason"]
 
 
 @pytest.mark.parametrize(("step", "sentence"), [

@@ -149,7 +149,7 @@ def test_orders_are_refused_by_what_the_controller_says(python_controller):
         (
             "class Mine:\n    def step(self, i): pass\n",
             "Yours",
-            "no class 'Yours' in it; classes with a step are: Mine",
+            "class with a step 'Yours'; known are Mine",
         ),
         ("x = (\n", "Mine", "cannot be loaded: line 1: SyntaxError"),
         ("import math\n\n1 / 0\n", "Mine", "cannot be loaded: mine.py line 3: ZeroDivisionError"),

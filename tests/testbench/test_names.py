@@ -23,7 +23,7 @@ def test_the_name_most_like_it_is_proposed_else_all_are_named(name, known, sente
 @pytest.mark.parametrize("command, meant", [
     ("simulate demo --contoller x", "--controller"), ("list signls", "signals"), ("controller chek x", "check"),
     ("controller new pyton d", "python"), ("device motr", "motor"), ("bench kernl", "kernel"),
-    ("calibrate --stages loses", "losses"), ("tune --objectives peak,dipp", "dip"), ("tune --ways I-IL", "I-II"),
+    ("calibrate --stages loses", "losses"), ("tune --objectives peak,dipp", "dip"), ("tune --ways II-J", "II-I"),
     ("validate --procedures gridup", "grid_up"), ("validate --rows kiss_presure_s2", "kiss_pressure_s2"),
     ("sweep demo --vary alfa46t12=1", "alfa46.t12"), ("sweep grid_point --vary spede=1", "speed"),
     ("simulate demo --controller pyton:x:y", "python"), ("simulate demo --level curent", "current"),
