@@ -38,9 +38,9 @@ def main(args) -> int:
         return 0
     settings = parse_settings(args.settings)
     ready = [(series, *prepare(series, args.rig, settings)) for series in chosen]
+    folder = run_folder(args.out, procedure.name)
     if ready[0][1].kind == GEARBOX:
         print(EMBEDDED, flush=True)
-    folder = run_folder(args.out, procedure.name)
     failed = 0
     for series, config, sequence in ready:
         for repeat in range(series.repeats):

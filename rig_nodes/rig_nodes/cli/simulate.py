@@ -59,9 +59,9 @@ def main(args) -> int:
         controller.say = lambda text: print(f"            {printable(text)}", flush=True)
         controller.pace(args.step_timeout.step)
         controller.wait(args.step_timeout.come)
-    elif config.kind == GEARBOX:
-        print(EMBEDDED, flush=True)
     folder = run_folder(args.out, sequence.name)
+    if controller is None and config.kind == GEARBOX:
+        print(EMBEDDED, flush=True)
     shown = [""]
 
     def progress(t: float, text: str) -> None:
