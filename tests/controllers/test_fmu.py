@@ -323,4 +323,4 @@ def test_an_fmu_that_does_not_say_its_level_is_taken_at_duty_with_a_word(build, 
         plug.close()
     plug = load_controller(f"fmu:{build(2)}", config.alfa46)
     plug.close()
-    assert level_line(plug) == f"controller fmu:{build(2)} at level duty, as the controller says"
+    assert level_line(plug) == f"controller fmu:{build(2)} at level duty, as the controller says (its parameter level)"
