@@ -166,7 +166,7 @@ def test_a_bag_is_read_by_the_definitions_it_carries(tmp_path):
 
 
 def test_what_is_not_there_is_said(run, tmp_path):
-    with pytest.raises(RigError, match="signal 'p9'; did you mean 'p1'"):
+    with pytest.raises(RigError, match="signal 'p9'; "):
         Bag(run).series("p9")
     with pytest.raises(BagError, match="has no topic /motor/speed; it holds /rig/run_info"):
         list(Bag(run).messages("/motor/speed"))
