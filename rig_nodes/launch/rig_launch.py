@@ -27,7 +27,7 @@ from launch_ros.actions import Node
 
 from rig_nodes.config.names import kind_of, rig_of
 from rig_nodes.errors import RigError
-from rig_nodes.graph.domain import from_environment
+from rig_nodes.graph.domain import check_namespace, from_environment
 from rig_nodes.graph.supervisor import MODULES, Order, processes_of
 from rig_nodes.graph.topic_choice import TopicChoice
 from rig_nodes.testbench.folders import run_folder
@@ -138,6 +138,7 @@ def pairs(text: str) -> list[str]:
 
 def start(context) -> list:
     """The processes, with what the launch arguments say."""
+    check_namespace(context.launch_configurations.get("ros_namespace", ""), "PushRosNamespace")
     given = {name: LaunchConfiguration(name).perform(context) for name, *_ in ARGUMENTS}
     record = LaunchConfiguration("record").perform(context) == "true"
     sequence = given["sequence"]

@@ -68,6 +68,12 @@ def test_the_launch_file_reads_names_without_the_packages_that_the_system_lacks(
     assert said.stdout.split() == ["clutch_bench", "gearbox"], said.stderr
 
 
+def test_a_pushed_namespace_is_refused_before_anything_starts(launch_file):
+    context = SimpleNamespace(launch_configurations={"ros_namespace": "/left"})
+    with pytest.raises(RigError, match="PushRosNamespace: the rig has no namespace"):
+        launch_file.start(context)
+
+
 @pytest.mark.parametrize("rig, sequence, name", [
     (None, "clutch_bench", "clutch_bench"), (None, None, "hydmag"), ("spring_bench", None, "spring_bench"),
 ])

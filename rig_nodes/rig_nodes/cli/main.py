@@ -112,6 +112,9 @@ def run_verb(verb: str, arguments: list[str]) -> int:
     if getattr(module, "PASSES_ON", False) and arguments[:1] not in (["-h"], ["--help"]):
         return module.main(argparse.Namespace(passed_on=arguments))
     refuse_empty(verb, arguments)
+    if "--ros-args" in arguments:
+        raise RigError("--ros-args: 'rig' starts processes of its own and hands nothing on to ROS; the executables of "
+                       "`ros2 run rig_nodes` and the launch file take it")
     parse = parser.parse_intermixed_args if getattr(module, "INTERMIXED", False) else parser.parse_args
     return module.main(parse(arguments))
 

@@ -30,10 +30,17 @@ def add_arguments(parser) -> None:
 
 def node() -> int:
     """Entry point of ``ros2 run rig_nodes replay``: in the domain of its terminal, as other nodes are."""
+    from ..errors import RigError
+    from ..nodes.ros_arguments import own_arguments
     from .main import main as rig
 
     os.environ["ROS_DOMAIN_ID"] = os.environ.get("ROS_DOMAIN_ID") or "0"
-    return rig(["replay", *sys.argv[1:]])
+    try:
+        own = own_arguments(sys.argv, "rig_replay")
+    except RigError as error:
+        print(f"rig: {error}", file=sys.stderr)
+        return error.exit_code
+    return rig(["replay", *own[1:]])
 
 
 def main(args) -> int:

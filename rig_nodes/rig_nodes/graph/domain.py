@@ -128,6 +128,13 @@ def from_environment(keep: bool = False) -> Domain:
     return Domain(int(text or "0"))
 
 
+def check_namespace(namespace: str, where: str) -> None:
+    """RigError for a namespace other than the root."""
+    if namespace.strip("/"):
+        raise RigError(f"{where}: the rig has no namespace, for its topics, actions and services have absolute names; "
+                       "give it a ROS domain of its own (ROS_DOMAIN_ID) to have it beside others")
+
+
 def environment(domain: Domain) -> dict[str, str]:
     """Environment of one of the rig's processes in this domain; its DDS is set up by config/fastdds.xml.
 

@@ -64,6 +64,10 @@ class BoxSettings(Settings):
         for setting in self._own():
             self.declare(setting)
 
+    def may_come(self, name: str) -> bool:
+        """A setting of a controller that has not said yet which it has."""
+        return self.box.named_later and name.startswith(OWN)
+
     def changed(self, changes: dict) -> Alfa46Config:
         """The settings with these changes; RigError when they are not right."""
         scalars = {name: value for name, value in changes.items() if name in SCALARS}

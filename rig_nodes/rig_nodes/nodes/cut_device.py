@@ -98,6 +98,7 @@ def work(process, device: str) -> None:
     executor = process.start_ros()
     node = CutDevice(device, config)
     executor.add_node(node)
+    process.take_parameters([node])
     prefer_process(MESSAGES)
     domain = os.environ.get("ROS_DOMAIN_ID") or "0"
     since, said = time.monotonic(), False

@@ -24,7 +24,6 @@ import rclpy
 from rclpy.duration import Duration
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
-from rclpy.utilities import remove_ros_args
 
 from ..bags.reader import LIFE_BITS
 from ..config.names import DEFAULT_RIG, rig_of
@@ -38,6 +37,7 @@ from ..testbench.kinds import AnyConfig
 from ..testbench.sequence import Sequence, load_sequence
 from ..whole_file import write_whole
 from .executor import events_executor
+from .ros_arguments import own_arguments, set_parameters
 
 PR_SET_PDEATHSIG = 1
 PATIENCE = 20.0  # s between the order to end and the end by force
@@ -91,11 +91,7 @@ class Process:
         parser.add_argument("--status-fd", type=int, help=argparse.SUPPRESS)
         parser.add_argument("--link", action="append", default=[], dest="links", help=argparse.SUPPRESS)
         parser.add_argument("--parent", type=int, help=argparse.SUPPRESS)
-        try:
-            arguments = remove_ros_args(sys.argv)[1:]
-        except RuntimeError as error:  # behind the last comma stands a place in the source of rcl
-            parser.error(f"--ros-args: {str(error).partition(', at /')[0]}")
-        return parser.parse_args(arguments)
+        return parser.parse_args(own_arguments(sys.argv, self.name)[1:])
 
     def _follow_parent(self) -> None:
         """End in order when the supervisor is gone, however it went."""
@@ -164,8 +160,6 @@ class Process:
         elif kind == "state":
             reason = f": {fields['reason']}" if fields["reason"] else ""
             text = f"the rig is {fields['state'].lower()}{reason}"
-        elif kind == "step":
-            text = f"step {fields['step']} of {fields['steps']}: {fields['text']}"
         if text and text != self._told:
             self._told = text
             self.log.info("%s%s", f"{fields['t']:.2f} s  " if "t" in fields else "", text)
@@ -194,6 +188,10 @@ class Process:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self.executor = events_executor()
         return self.executor
+
+    def take_parameters(self, nodes) -> None:
+        """Set the parameters of these nodes that the command line or a launch file names; RigError when refused."""
+        set_parameters(sys.argv, nodes, self.log.warning)
 
     def spin(self, seconds: float) -> None:
         """Serve callbacks for a while; a spin without end would not notice signals."""

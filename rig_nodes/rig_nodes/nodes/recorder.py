@@ -259,6 +259,7 @@ def work(process) -> None:
         taps = [TapReader(number) for number in process.descriptors().values()]
         node = Recorder(writer, taps, hear_first_words(process, taps), wanted, choice)
         executor.add_node(node)
+        process.take_parameters([node])
         if not taps:  # in lockstep nobody is late
             prefer_process(RECORDING)
         try:

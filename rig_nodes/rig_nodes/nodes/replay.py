@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import signal
 import struct
+import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -34,7 +35,9 @@ from ..errors import RigError
 from .device import message_class
 from .executor import events_executor
 from .qos import publisher_profile
+from .ros_arguments import set_parameters
 
+NAME = "rig_replay"
 CLOCK_TOPIC = "/clock"
 HISTORY = 10_000  # messages of a topic that may be unconfirmed; one second of the fastest at ten times
 OPEN_BYTES = 64_000_000  # likewise, for topics of large messages
@@ -163,7 +166,7 @@ class Replay(Node):
     """Publishes what a player says is due; serves ~/pause, ~/resume and ~/step."""
 
     def __init__(self, bag: BagIndex, topics: Sequence[str], player: Player, session: Session):
-        super().__init__("rig_replay", enable_rosout=False, start_parameter_services=False)
+        super().__init__(NAME, enable_rosout=False)
         self.player, self.say = player, session.say
         self.outputs = {}
         for topic in topics:
@@ -257,6 +260,7 @@ class Session:
             rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
             self._executor = events_executor()
             node = Replay(bag, topics, player, self)
+            set_parameters(sys.argv, [node], self.say)
             self._executor.add_node(node)
             try:
                 outcome = Outcome({})

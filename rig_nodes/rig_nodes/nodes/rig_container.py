@@ -107,6 +107,7 @@ class Container:
             nodes = bench_nodes(rig, commands)
         for node in nodes:
             executor.add_node(node)
+        self.process.take_parameters(nodes)
         return nodes
 
     def obey(self, order: dict) -> None:

@@ -15,6 +15,8 @@ from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParam
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from ..errors import RigError
+
 FOLLOW = 0.1  # s: how long a parameter may lag behind a value that another way of setting changed
 CHANGED = "setting_changed"
 
@@ -71,7 +73,7 @@ class Settings(ABC):
         self.settings = {setting.name: setting for setting in settings}
         self._following = False
         for setting in settings:
-            # the rig's configuration says how it starts, and an override would get past the check
+            # an override would get past the check here: take_overrides sets it
             node.declare_parameter(setting.name, setting.value, setting.descriptor(), ignore_override=True)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._accepted)
@@ -92,6 +94,23 @@ class Settings(ABC):
             self.node.declare_parameter(setting.name, setting.value, setting.descriptor(), ignore_override=True)
         finally:
             self._following = False
+        self.take_overrides([setting.name])
+
+    def take_overrides(self, names=None) -> None:
+        """Set what command line and launch file say of these parameters (default: of all), together; RigError when it
+        is refused.
+        """
+        given = [parameter for name, parameter in self.node._parameter_overrides.items()
+                 if name in (self.settings if names is None else names)]
+        if given:
+            result = self.node.set_parameters_atomically(given)
+            if not result.successful:
+                raise RigError(f"parameters of /{self.node.get_name()} from the command line or a launch file: "
+                               f"{result.reason}")
+
+    def may_come(self, name: str) -> bool:
+        """True for a parameter that is not there yet and may be declared later."""
+        return False
 
     def follow(self, values: dict) -> None:
         """Bring parameters to what the rig has already."""

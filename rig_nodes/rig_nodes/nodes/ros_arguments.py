@@ -1,0 +1,120 @@
+"""What follows --ros-args on the command line of a process: names that the rig cannot have are refused, parameters set.
+
+Used by nodes.process and by `ros2 run rig_nodes replay`. rclpy reads the rest (topics, log level) itself.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from rclpy.utilities import remove_ros_args
+
+from ..config import load_yaml
+from ..errors import RigError
+from ..graph.domain import check_namespace
+
+REMAP, PARAMETER, FILE = ("-r", "--remap"), ("-p", "--param"), ("--params-file",)
+
+
+class Override(NamedTuple):
+    """A parameter's value on the command line or in a file: where it stands, for whom (with * for several), its name."""
+
+    where: str
+    node: str  # with its namespace, as /motor
+    name: str
+
+
+def own_arguments(words: list[str], name: str) -> list[str]:
+    """A command line without what is for ROS; RigError when ROS cannot read that or it renames the node ``name``."""
+    try:
+        own = remove_ros_args(words)
+    except RuntimeError as error:  # behind the last comma stands a place in the source of rcl
+        raise RigError(f"--ros-args: {str(error).partition(', at /')[0]}") from None
+    for flag, rule in _pairs(words):
+        if flag in REMAP:
+            _check_remap(rule, name)
+    return own
+
+
+def _check_remap(rule: str, name: str) -> None:
+    source, _, target = rule.partition(":=")
+    what = source.rpartition(":")[2]
+    if what == "__ns":
+        check_namespace(target, f"--ros-args -r {rule}")
+    elif what in ("__node", "__name") and target != name:
+        raise RigError(f"--ros-args -r {rule}: the rig's nodes keep their names, by which they know each other; "
+                       "leave it out")
+
+
+def _pairs(words: list[str]) -> Iterator[tuple[str, str]]:
+    """(flag, what follows it) behind --ros-args, up to a -- each time."""
+    inside = False
+    for word, following in zip(words, [*words[1:], ""]):
+        inside = word == "--ros-args" or inside and word != "--"
+        if inside:
+            yield word, following
+
+
+def overrides(words: list[str]) -> list[Override]:
+    """All parameters that a command line names, in its order."""
+    found = []
+    for flag, text in _pairs(words):
+        if flag in PARAMETER:
+            node, _, name = text.partition(":=")[0].rpartition(":")
+            found.append(Override(f"--ros-args -p {text}", _absolute(node) if node else "/**", name))
+        elif flag in FILE:
+            found += (Override(text, node, name) for node, name in _entries("", load_yaml(Path(text))))
+    return found
+
+
+def _absolute(node: str) -> str:
+    return "/" + node.strip("/")
+
+
+def _entries(path: str, tree) -> Iterator[tuple[str, str]]:
+    """(node, parameter) of what a parameter file says below a path of names."""
+    for key, below in (tree or {}).items():
+        if key == "ros__parameters":
+            yield from ((_absolute(path), name) for name in _names("", below))
+        else:
+            yield from _entries(f"{path}/{str(key).strip('/')}", below)
+
+
+def _names(prefix: str, tree) -> Iterator[str]:
+    for key, value in (tree or {}).items():
+        if isinstance(value, dict):
+            yield from _names(f"{prefix}{key}.", value)
+        else:
+            yield f"{prefix}{key}"
+
+
+def set_parameters(words: list[str], nodes, tell: Callable[[str], None]) -> None:
+    """Set what a command line says of the parameters of these nodes, as if it had been set at run time.
+
+    What is for no node here is told, as it may be for another process; RigError for what a node here refuses or has not.
+    """
+    here = {_absolute(node.get_name()): node for node in nodes}
+    for where, name, parameter in overrides(words):
+        if "*" in name:
+            if not any(has(node, parameter) for node in nodes):
+                tell(f"{where}: none of {', '.join(here)} has a parameter '{parameter}'; nothing done here")
+        elif name in here:
+            if not has(here[name], parameter):
+                near = difflib.get_close_matches(parameter, here[name].get_parameters_by_prefix(""), 1)
+                hint = f"; did you mean '{near[0]}'?" if near else ""
+                raise RigError(f"{where}: {name} has no parameter '{parameter}'{hint}")
+        elif where.startswith("--ros-args"):
+            raise RigError(f"{where}: there is no node {name} here; expected one of {', '.join(here)}")
+        else:
+            tell(f"{where}: what it says of {name} is for no node here ({', '.join(here)})")
+    for node in nodes:
+        if hasattr(node, "settings"):
+            node.settings.take_overrides()
+
+
+def has(node, parameter: str) -> bool:
+    """True when a node has this parameter, or may get it when its controller has come."""
+    return node.has_parameter(parameter) or hasattr(node, "settings") and node.settings.may_come(parameter)

@@ -1,0 +1,131 @@
+"""What follows --ros-args: taken as every ROS program takes it, or refused in one sentence before anything starts."""
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from rclpy.parameter_client import AsyncParameterClient
+from rig_msgs.msg import RigState
+from running_graph import Client
+
+from rig_nodes.bags.reader import Bag
+from rig_nodes.graph.domain import allocate, environment
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.rig import Rig
+
+SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
+PATIENCE = 60.0
+REPLAY = "from rig_nodes.cli.replay import node; import sys; sys.exit(node())"
+DEVICE = "from rig_nodes.nodes.cut_device import motor; import sys; sys.exit(motor())"
+
+
+@pytest.fixture(scope="module")
+def domain():
+    with allocate() as domain:
+        yield domain
+
+
+def module(name: str) -> list[str]:
+    return ["-P", "-m", f"rig_nodes.nodes.{name}"]
+
+
+def said(domain, start: list[str], *arguments: str) -> subprocess.CompletedProcess:
+    return subprocess.run([sys.executable, *start, *arguments], capture_output=True, text=True, timeout=PATIENCE,
+                          env=environment(domain))
+
+
+NAMESPACE = "--ros-args -r __ns:=/left: the rig has no namespace"
+
+
+@pytest.mark.parametrize("start, arguments", [
+    (module("rig_container"), []), (module("alfa46"), []), (module("sequencer"), ["--sequence", "demo"]),
+    (module("recorder"), ["--out", "nowhere", "--name", "x"]), (["-c", DEVICE], []), (["-c", REPLAY], [str(SAMPLE)]),
+], ids=["container", "alfa46", "sequencer", "recorder", "device", "replay"])
+def test_no_executable_takes_a_namespace(domain, tmp_path, monkeypatch, start, arguments):
+    monkeypatch.chdir(tmp_path)
+    refused = said(domain, start, *arguments, "--ros-args", "-r", "__ns:=/left")
+    assert refused.returncode == 2 and NAMESPACE in refused.stderr and refused.stderr.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("start, ros, sentence", [
+    (module("rig_container"), ["-r", "__node:=lab"], "the rig's nodes keep their names"),
+    (module("rig_container"), ["-p", "motor:sped:=100.0"], "/motor has no parameter 'sped'; did you mean 'speed'?"),
+    (module("rig_container"), ["-p", "valve_zr_p1:gain:=1.0"], "/valve_zr_p1 has no parameter 'gain'"),
+    (module("rig_container"), ["-p", "motor:speed:=5000.0"], "parameters of /motor from the command line"),
+    (module("alfa46"), ["-p", "motor:speed:=100.0"], "there is no node /motor here; expected one of /alfa46"),
+    (module("alfa46"), ["-p", "t12:=9.0"], "Parameter t12 out of range"),
+    (module("alfa46"), ["-p", "output_1.currents:=[0.3, 0.25, 0.9, 0.3, 0.2, 0.0]"], "output_1.P3 asks for 900 mA"),
+    (["-c", REPLAY, str(SAMPLE)], ["-p", "rig_replay:rate:=2.0"], "/rig_replay has no parameter 'rate'"),
+    (["-c", REPLAY, str(SAMPLE)], ["-r", "nonsense"], "--ros-args: Failed to parse ROS arguments"),
+], ids=lambda value: value[-1] if isinstance(value, list) else "")
+def test_what_cannot_be_honoured_is_refused_in_one_sentence(domain, start, ros, sentence):
+    refused = said(domain, start, "--ros-args", *ros)
+    assert refused.returncode == 2 and "Traceback" not in refused.stderr
+    assert sentence in refused.stderr.splitlines()[-1]
+
+
+def test_the_rig_command_says_who_takes_them(domain):
+    refused = said(domain, ["-P", "-m", "rig_nodes.cli.main"], "list", "rigs", "--ros-args", "-r", "a:=b")
+    assert refused.returncode == 2 and "the executables of `ros2 run rig_nodes` and the launch file take it" in refused.stderr
+
+
+def test_a_replay_takes_remappings_and_is_listed_at_once(domain):
+    user = Client(domain)
+    replay = subprocess.Popen([sys.executable, "-c", REPLAY, str(SAMPLE), "--loop", "--ros-args", "-r",
+                               "/motor/m_wej:=/left/m_wej", "--log-level", "warn"], env=environment(domain),
+                              stdout=subprocess.DEVNULL)
+    try:
+        user.until(lambda: user.node.count_publishers("/left/m_wej"), "the topic under its other name", PATIENCE)
+        assert user.node.count_publishers("/motor/m_wej") == 0
+        # what `ros2 param list` asks of every node it sees, and waits 5 s for
+        client = AsyncParameterClient(user.node, "rig_replay")
+        user.until(client.services_are_ready, "the parameters of the replay", 2.0)
+        names = client.list_parameters()
+        user.until(names.done, "their names", 2.0)
+        assert "use_sim_time" in names.result().result.names
+    finally:
+        replay.send_signal(signal.SIGINT)
+        assert replay.wait(PATIENCE) == 130
+        user.close()
+
+
+def test_parameters_of_a_command_line_and_a_file_act_and_stand_in_the_bag(domain, tmp_path):
+    """As launch hands them on: SetParameter and a file for all go to every process."""
+    Rig(load_rig()).advance_samples(1)  # compiles, when nothing has done so before, outside the patience below
+    (tmp_path / "logs").mkdir()
+    (tmp_path / "lab.yaml").write_text("motor:\n  ros__parameters: {speed: 100.0}\n"
+                                       "/alfa46:\n  ros__parameters: {t21: 0.125, output_1.currents: "
+                                       "[0.3, 0.25, 0.6, 0.3, 0.2, 0.0]}\nmotr:\n  ros__parameters: {speed: 1.0}\n")
+    ros = ["--ros-args", "-p", "t12:=0.25", "--params-file", str(tmp_path / "lab.yaml")]
+    processes = {}
+    for name, arguments in (("recorder", ["--out", str(tmp_path / "bag"), "--name", "x"]), ("alfa46", []),
+                            ("rig_container", []), ("sequencer", [])):
+        with open(tmp_path / "logs" / f"{name}.log", "wb") as log:
+            processes[name] = subprocess.Popen([sys.executable, *module(name), *arguments, "--recorded", *ros],
+                                               stdout=log, stderr=log, env=environment(domain))
+    user = Client(domain)
+    try:
+        states, motor = user.listen("/rig/state"), user.listen("/motor/state")
+        user.until(lambda: states and states[-1].state in (RigState.READY, RigState.RUNNING) and motor, "a rig", PATIENCE)
+        for node, values in (("motor", {"speed": 100.0}), ("alfa46", {"t12": 0.25, "t21": 0.125})):
+            client = AsyncParameterClient(user.node, node)
+            user.until(client.services_are_ready, f"the parameters of {node}")
+            answer = client.get_parameters(list(values))
+            user.until(answer.done, "the values")
+            assert [value.double_value for value in answer.result().values] == list(values.values())
+        for name in ("rig_container", "alfa46", "sequencer", "recorder"):
+            processes[name].send_signal(signal.SIGTERM)
+            assert processes[name].wait(PATIENCE) == 0, (tmp_path / "logs" / f"{name}.log").read_text()
+    finally:
+        user.close()
+        for process in processes.values():
+            process.kill()
+            process.wait()
+    texts = {text for _, _, name, text, _ in Bag(tmp_path / "bag").events() if name == "setting_changed"}
+    assert {"motor.speed = 100 rad/s", "alfa46.t12 = 0.25 s", "alfa46.t21 = 0.125 s"} <= texts
+    log = (tmp_path / "logs" / "rig_container.log").read_text()
+    assert "what it says of /motr is for no node here" in log
+    assert "--ros-args -p t12:=0.25: none of /rig, /motor" in log and "nothing done here" in log
