@@ -81,6 +81,10 @@ class Run:
         if self.orderly():
             waiting = [node for node in END_ORDER if node in self.nodes and node not in self.gone]
             return [stop(self.nodes[waiting[0]])]
+        if name == "rig_container" and event.returncode == 0 and not self.reason:
+            if self.sequence:
+                self.reason = "ended by /rig/end before its sequence was done"
+            return [EmitEvent(event=Shutdown(reason="the rig was ended by /rig/end"))]
         if not self.reason:
             self.reason = self.why(name, event.returncode)
             over = EmitEvent(event=Shutdown(reason=self.reason))

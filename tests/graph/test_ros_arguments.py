@@ -52,13 +52,13 @@ def test_no_executable_takes_a_namespace(domain, tmp_path, monkeypatch, start, a
 
 @pytest.mark.parametrize("start, ros, sentence", [
     (module("rig_container"), ["-r", "__node:=lab"], "the rig's nodes keep their names"),
-    (module("rig_container"), ["-p", "motor:sped:=100.0"], "/motor has no parameter 'sped'; did you mean 'speed'?"),
-    (module("rig_container"), ["-p", "valve_zr_p1:gain:=1.0"], "/valve_zr_p1 has no parameter 'gain'"),
+    (module("rig_container"), ["-p", "motor:sped:=100.0"], "there is no parameter of /motor 'sped'; did you mean 'speed'?"),
+    (module("rig_container"), ["-p", "valve_zr_p1:gain:=1.0"], "there is no parameter of /valve_zr_p1 'gain'"),
     (module("rig_container"), ["-p", "motor:speed:=5000.0"], "parameters of /motor from the command line"),
     (module("alfa46"), ["-p", "motor:speed:=100.0"], "there is no node /motor here; expected one of /alfa46"),
     (module("alfa46"), ["-p", "t12:=9.0"], "Parameter t12 out of range"),
     (module("alfa46"), ["-p", "output_1.currents:=[0.3, 0.25, 0.9, 0.3, 0.2, 0.0]"], "output_1.P3 asks for 900 mA"),
-    (["-c", REPLAY, str(SAMPLE)], ["-p", "rig_replay:rate:=2.0"], "/rig_replay has no parameter 'rate'"),
+    (["-c", REPLAY, str(SAMPLE)], ["-p", "rig_replay:rate:=2.0"], "there is no parameter of /rig_replay 'rate'"),
     (["-c", REPLAY, str(SAMPLE)], ["-r", "nonsense"], "--ros-args: Failed to parse ROS arguments"),
 ], ids=lambda value: value[-1] if isinstance(value, list) else "")
 def test_what_cannot_be_honoured_is_refused_in_one_sentence(domain, start, ros, sentence):

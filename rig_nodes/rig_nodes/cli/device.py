@@ -20,7 +20,7 @@ def add_arguments(parser) -> None:
 def main(args) -> int:
     """Check, then become the node's process: signals go to it alone."""
     from ..errors import RigError
-    from ..graph.domain import Domain, environment, from_environment
+    from ..graph.domain import environment, from_environment, numbered
     from ..plant.cut import check_device
     from ..testbench.configuration import load_gearbox_rig
     from ..testbench.folders import parse_settings
@@ -32,10 +32,8 @@ def main(args) -> int:
             raise RigError("which rig? give --domain N with the number that `rig run` prints, or set "
                            "ROS_DOMAIN_ID")
         domain = from_environment()
-    elif 0 <= args.domain <= 232:
-        domain = Domain(args.domain)
     else:
-        raise RigError(f"--domain {args.domain}: expected a number from 0 to 232")
+        domain = numbered(args.domain)
     command = [sys.executable, "-P", "-m", "rig_nodes.nodes.cut_device", args.name, "--rig", args.rig]
     for text in args.settings:
         command += ["--set", text]

@@ -8,6 +8,8 @@ most.
 from __future__ import annotations
 
 import os
+import re
+import secrets
 import socket
 import subprocess
 import sys
@@ -113,6 +115,44 @@ def _lock(name: str, number: int) -> socket.socket | None:
         held.close()
         return None
     return held
+
+
+def announce(number: int) -> socket.socket:
+    """Let :func:`running_rigs` find the rig of this process in a domain, until what is returned is closed."""
+    sign = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    sign.bind(f"\0rig-runs-in-domain-{number}-{secrets.token_hex(4)}")
+    return sign
+
+
+def running_rigs() -> list[int]:
+    """The domains in which a rig of this host runs, however it was started; sorted."""
+    names = Path("/proc/net/unix").read_text(encoding="utf-8", errors="replace")
+    return sorted({int(number) for number in re.findall(r"@rig-runs-in-domain-(\d+)-", names)})
+
+
+def numbered(number: int) -> Domain:
+    """The domain that --domain names; RigError for no number from 0 to 232."""
+    if not 0 <= number <= 232:
+        raise RigError(f"--domain {number}: expected a number from 0 to 232")
+    return Domain(number)
+
+
+def of_running_rig(number: int | None) -> Domain:
+    """The domain of the rig that a command is for: that of --domain, else ROS_DOMAIN_ID, else the only rig's of this
+    host. RigError when no rig runs there, or several run and none is named.
+    """
+    rigs = running_rigs()
+    if number is not None or os.environ.get("ROS_DOMAIN_ID"):
+        domain = numbered(number) if number is not None else from_environment()
+        if domain.number not in rigs:
+            where = f"the others run in {', '.join(map(str, rigs))}" if rigs else "no rig runs on this host"
+            raise RigError(f"no rig runs in ROS domain {domain.number}; {where}")
+        return domain
+    if not rigs:
+        raise RigError("no rig runs on this host, or none has started yet; start one with: ./rig run")
+    if len(rigs) > 1:
+        raise RigError(f"rigs run in the ROS domains {', '.join(map(str, rigs))}; say which one with --domain N")
+    return Domain(rigs[0])
 
 
 def from_environment(keep: bool = False) -> Domain:

@@ -85,6 +85,9 @@ class End:
     by: int = 0
 
 
+END_BY_HAND = End("ended", "ended by hand")
+
+
 class Supervisor:
     """One run in one folder and one domain. ``say`` gets (simulated time [s] or None, sentence) for people.
 
@@ -112,7 +115,7 @@ class Supervisor:
         """End the run in order; from any thread or signal handler. number: the signal that asks for it."""
         names = {signal.SIGINT: "interrupted by Ctrl-C", signal.SIGTERM: "ended by SIGTERM"}
         if self.order.sequence is None and number == signal.SIGINT:
-            self._finish_with(End("ended", "ended by hand"), 0.0)  # there is no other end
+            self._finish_with(END_BY_HAND, 0.0)  # there is no other end
         self._finish_with(End("interrupted", names.get(number, "stopped"), number), 0.0)
         with self._lock:
             if not self.ended.is_set():
@@ -206,6 +209,9 @@ class Supervisor:
         elif kind == "waiting":
             self._awaited = message["awaited"]
             self.say(None, message["text"])
+        elif kind == "end":
+            self._finish_with(END_BY_HAND if self.order.sequence is None
+                              else End("failed", "ended by /rig/end before its sequence was done"), 0.0)
         elif kind == "failed":
             self._finish_with(End("failed", f"{child.name}: {message['text']}"), 0.0)
         elif kind == "done" and self.order.sequence is not None:

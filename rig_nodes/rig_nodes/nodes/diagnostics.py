@@ -36,14 +36,15 @@ class Diagnostics:
         """now_ns: simulated time, the stamp of the messages."""
         self._health, self._now_ns = health, now_ns
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._told, self._said = float("-inf"), []
+        self._told, self._said, self._listeners = float("-inf"), [], 0
         self._timer = node.create_timer(LOOK, self.look)
 
     def look(self) -> None:
-        """Publish when something has changed or it is time."""
+        """Publish when something has changed, it is time, or somebody has begun to listen since the last look."""
         statuses, now = self._health(), time.monotonic()
         says = [status[:3] for status in statuses]
-        if says == self._said and now - self._told < PERIOD - LOOK / 2:
+        before, self._listeners = self._listeners, self._publisher.get_subscription_count()
+        if self._listeners <= before and says == self._said and now - self._told < PERIOD - LOOK / 2:
             return
         self._said, self._told = says, now
         seconds, rest = divmod(self._now_ns(), 1_000_000_000)

@@ -12,10 +12,11 @@ import time
 import traceback
 
 from rosgraph_msgs.msg import Clock
+from std_srvs.srv import Trigger
 
 from ..catalogue import GEARBOX
 from ..errors import RigError, printable
-from ..graph.domain import from_environment
+from ..graph.domain import announce, from_environment
 from ..graph.dropping import parse_drop
 from ..testbench.clutch_bench_configuration import KIND
 from ..testbench.kinds import PACE, make_rig
@@ -220,17 +221,29 @@ class Container:
 
     # ---- the main thread
 
+    def on_end(self, _request, response):
+        """End the run in order: the supervisor does, and without one this process, with whose end the launch ends."""
+        self.process.status("end")
+        if self.process.arguments.status_fd is None:
+            self.process.interrupted |= bool(self.process.arguments.sequence)
+            self.process.stop()
+        response.success, response.message = True, "the rig ends"
+        return response
+
     def work(self) -> None:
         """Gate, loop, orderly end."""
         if self.wait_for_others():
             if not isinstance(self.clock, Lockstep):
                 prefer_process(MESSAGES)
+            self.nodes[0].create_service(Trigger, "~/end", self.on_end)
+            sign = announce(self.nodes[0].context.get_domain_id())
             self.process.status("running")
             self.process.follow_orders(self.obey)
             thread = threading.Thread(target=self.loop, name="rig", daemon=True)
             thread.start()
             while thread.is_alive():
                 self.process.spin(0.05)
+            sign.close()
         facts = {"time_s": self.rig.time, "state": self.rig.status.name, "reason": self.rig.reason,
                  "interrupted": self.process.interrupted, "refused": dict(self.commands.refused),
                  "real_time_priority": self.clock.real_time_priority}

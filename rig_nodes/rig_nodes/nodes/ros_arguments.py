@@ -5,7 +5,6 @@ Used by nodes.process and by `ros2 run rig_nodes replay`. rclpy reads the rest (
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -13,6 +12,7 @@ from typing import NamedTuple
 from rclpy.utilities import remove_ros_args
 
 from ..config import load_yaml
+from ..config.names import unknown
 from ..errors import RigError
 from ..graph.domain import check_namespace
 
@@ -103,9 +103,8 @@ def set_parameters(words: list[str], nodes, tell: Callable[[str], None]) -> None
                 tell(f"{where}: none of {', '.join(here)} has a parameter '{parameter}'; nothing done here")
         elif name in here:
             if not has(here[name], parameter):
-                near = difflib.get_close_matches(parameter, here[name].get_parameters_by_prefix(""), 1)
-                hint = f"; did you mean '{near[0]}'?" if near else ""
-                raise RigError(f"{where}: {name} has no parameter '{parameter}'{hint}")
+                known = here[name].get_parameters_by_prefix("")
+                raise RigError(f"{where}: {unknown(f'parameter of {name}', parameter, known)}")
         elif where.startswith("--ros-args"):
             raise RigError(f"{where}: there is no node {name} here; expected one of {', '.join(here)}")
         else:

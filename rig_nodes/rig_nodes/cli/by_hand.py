@@ -1,0 +1,27 @@
+"""What the verbs that act on a running rig share: which one it is, and the way to it."""
+
+from __future__ import annotations
+
+import os
+
+
+def add_domain(parser) -> None:
+    """The argument that names the rig."""
+    parser.add_argument("--domain", type=int, metavar="N",
+                        help="ROS domain of the rig, which `rig run` prints (default: ROS_DOMAIN_ID, or the only rig's "
+                             "of this host)")
+
+
+def running_rig(args):
+    """The rig of --domain, a context manager; RigError when there is none."""
+    from ..graph.domain import environment, of_running_rig
+
+    domain = of_running_rig(args.domain)
+    wanted = environment(domain)
+    for name in set(os.environ) - set(wanted):
+        del os.environ[name]
+    os.environ.update(wanted)
+    # ROS reads the environment above when it is loaded or started.
+    from ..nodes.running_rig import RunningRig
+
+    return RunningRig(domain.number)

@@ -1,0 +1,19 @@
+"""``rig reset``: the rig that runs leaves its safe state."""
+
+from __future__ import annotations
+
+from .by_hand import add_domain, running_rig
+
+HELP = "leave the safe state of the rig that runs"
+
+
+def add_arguments(parser) -> None:
+    """The arguments of the verb."""
+    add_domain(parser)
+
+
+def main(args) -> int:
+    """0 when it has left it; 1 when it is in none."""
+    with running_rig(args) as rig:
+        print(rig.trigger("/rig/reset"))
+    return 0

@@ -1,0 +1,33 @@
+"""``rig set NAME VALUE``: a setting of the rig that runs, as a parameter of its node; without a value, what it is."""
+
+from __future__ import annotations
+
+from .by_hand import add_domain, running_rig
+
+HELP = "set or show what can be turned at the rig that runs"
+
+
+def add_arguments(parser) -> None:
+    """The arguments of the verb."""
+    parser.add_argument("name", nargs="?", metavar="NAME", help="e.g. motor.speed or alfa46.t12; without it all are shown")
+    parser.add_argument("value", nargs="?", metavar="VALUE",
+                        help='with its unit, e.g. "1500 rpm"; a switch takes on or off, a profile six values with commas')
+    add_domain(parser)
+
+
+def main(args) -> int:
+    """0 when it is set or shown; 1 when the rig refused it, with its reason."""
+    from ..errors import RigError
+
+    with running_rig(args) as rig:
+        if args.value is not None:
+            print(f"{args.name} = {rig.set(args.name, args.value)}")
+            return 0
+        found = rig.settings() if args.name is None else {args.name: rig.setting(args.name)}
+        if not found:
+            raise RigError(f"the {rig.kind} in ROS domain {rig.number} has nothing to set but its setpoint topics")
+        rows = [(name, str(setting), setting.range(), setting.descriptor.description) for name, setting in found.items()]
+    widths = [max(map(len, column)) for column in zip(*rows)]
+    for row in rows:
+        print("  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip())
+    return 0

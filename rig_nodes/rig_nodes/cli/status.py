@@ -1,0 +1,47 @@
+"""``rig status``: what the rig that runs does now."""
+
+from __future__ import annotations
+
+from .by_hand import add_domain, running_rig
+
+HELP = "show what the rig that runs does now"
+GEARS = ("neutral", "I", "II")
+
+
+def add_arguments(parser) -> None:
+    """The arguments of the verb."""
+    parser.add_argument("--json", metavar="FILE", help="write it for programs, - for stdout")
+    add_domain(parser)
+
+
+def main(args) -> int:
+    """0 whatever the rig does."""
+    from .written import check_json, write_json
+
+    check_json(args.json)
+    with running_rig(args) as rig:
+        status = rig.status()
+    if args.json is not None:
+        write_json(args.json, status)
+    if args.json != "-":
+        _tell(status)
+    return 0
+
+
+def _tell(status: dict) -> None:
+    from ..catalogue import catalogue
+
+    reason = f": {status['reason']}" if status["reason"] else ""
+    print(f"rig in ROS domain {status['domain']}: {status['state'].lower()}{reason}, {status['time_s']:.1f} s")
+    if "gear" in status:
+        print(f"  controller  gear {GEARS[status['gear']]}{', shifting' if status['shifting'] else ''}")
+    for name, signal in status["signals"].items():
+        like = catalogue().signal(name)
+        print(f"  {name:<10}  {like.shown(signal['value']):>9.4g} {like.display_unit:<5} {like.text}")
+    if status["recording"]:
+        print(f"  recording   {status['recorded']} messages, {status['lost']} lost")
+    else:
+        print("  recording   none")
+    for name, device in status["devices"].items():
+        if device["level"] != "OK" or name == "sequencer":
+            print(f"  {name}: {device['message']}")

@@ -1,0 +1,22 @@
+"""``rig stop``: the clean end of the rig that runs, or with --emergency its safe state."""
+
+from __future__ import annotations
+
+from .by_hand import add_domain, running_rig
+
+HELP = "end the rig that runs, or with --emergency only stop it"
+
+
+def add_arguments(parser) -> None:
+    """The arguments of the verb."""
+    parser.add_argument("--emergency", action="store_true",
+                        help="the red button: safe state at once, and the rig goes on running until `rig reset`")
+    add_domain(parser)
+
+
+def main(args) -> int:
+    """0 when the rig ends, or is in its safe state."""
+    with running_rig(args) as rig:
+        text = rig.trigger("/rig/e_stop" if args.emergency else "/rig/end")
+        print(f"{text} (ROS domain {rig.number})")
+    return 0

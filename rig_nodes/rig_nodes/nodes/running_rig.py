@@ -1,0 +1,268 @@
+"""A rig that runs in another process, as the commands gear, set, stop, reset and status see it: over DDS.
+
+Used by cli.by_hand, which sets up the environment before ROS is loaded.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import ParameterDescriptor, ParameterType
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
+from rclpy.action import ActionClient
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+from rig_msgs.action import Shift
+from rig_msgs.msg import RigState
+from std_srvs.srv import Trigger
+
+from ..catalogue import GEARBOX, catalogue
+from ..config.names import unknown
+from ..config.units import UNITS, quantity
+from ..errors import RigError
+from .device import message_class
+from .executor import events_executor
+from .qos import recorder_profile
+
+PATIENCE = 5.0  # s for an answer
+LONGEST_SHIFT = 30.0  # s
+STATUS = 2.0  # s for all that a status tells; what has not come by then, as a recorder that there is not, is left out
+ROS_OWN = ("use_sim_time", "start_type_description_service")  # parameters of every node
+SWITCH = {"on": True, "true": True, "off": False, "false": False}
+STATES = {value: name for name, value in vars(RigState).items() if name.isupper() and isinstance(value, int)}
+RUN_INFO, STATE, COMMAND, DIAGNOSTICS = "/rig/run_info", "/rig/state", "/alfa46/command", "/diagnostics"
+
+
+class RefusedByRig(RigError):
+    """What the rig refused to do, with its reason."""
+
+    exit_code = 1
+
+
+class Setting(NamedTuple):
+    """One parameter of a node of the rig. unit: empty for a switch or a number without one."""
+
+    descriptor: ParameterDescriptor
+    value: bool | float | list[float]
+
+    @property
+    def unit(self) -> str:
+        """The SI unit, as config.units writes it."""
+        unit = re.search(r"\[([^]]+)\]$", self.descriptor.description)
+        return unit[1].replace("N.m", "Nm") if unit else ""
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Lowest and highest value, SI."""
+        for bounds in self.descriptor.floating_point_range:
+            return bounds.from_value, bounds.to_value
+        return -math.inf, math.inf
+
+    def parsed(self, text: str, name: str) -> bool | float | list[float]:
+        """The SI value that a person means; RigError when it is no such value or out of range."""
+        if self.descriptor.type == ParameterType.PARAMETER_BOOL:
+            if text.lower() not in SWITCH:
+                raise RigError(f"{name}: '{text}' is neither on nor off")
+            return SWITCH[text.lower()]
+        if self.descriptor.type == ParameterType.PARAMETER_DOUBLE_ARRAY:
+            return [self._number(part.strip(), name) for part in text.split(",")]
+        value, (low, high) = self._number(text, name), self.bounds
+        if not low <= value <= high:
+            raise RigError(f"{name}: {text} refused; expected {shown(low, self.unit)} to {shown(high, self.unit)}")
+        return value
+
+    def _number(self, text: str, name: str) -> float:
+        if self.unit:
+            return quantity(text, UNITS[self.unit][0], name)
+        try:
+            return float(text)
+        except ValueError:
+            raise RigError(f"{name}: '{text}' is no number; this setting has no unit") from None
+
+    def __str__(self) -> str:
+        """The value as people read it."""
+        if isinstance(self.value, bool):
+            return "on" if self.value else "off"
+        if isinstance(self.value, float):
+            return shown(self.value, self.unit)
+        return ", ".join(shown(number, self.unit) for number in self.value)
+
+    def range(self) -> str:
+        """The range as people read it, empty without one."""
+        low, high = self.bounds
+        bounded = isinstance(self.value, float) and math.isfinite(low)
+        return f"{shown(low, self.unit)} to {shown(high, self.unit)}" if bounded else ""
+
+
+def shown(value: float, unit: str) -> str:
+    """A value in the unit in which the catalogue shows its like."""
+    like = next((signal for signal in catalogue().signals.values() if signal.unit.replace("N.m", "Nm") == unit), None)
+    number, unit = (value, unit) if like is None else (like.shown(value), like.display_unit)
+    return f"{number:.5g} {unit}".rstrip()
+
+
+class RunningRig:
+    """The rig in a ROS domain; a context manager. RigError when it does not answer in time."""
+
+    def __init__(self, number: int):
+        self.number = number
+        rclpy.init(args=[], domain_id=number, signal_handler_options=SignalHandlerOptions.NO)
+        self.node = rclpy.create_node(f"rig_command_{os.getpid()}", enable_rosout=False, start_parameter_services=False)
+        self.executor = events_executor()
+        self.executor.add_node(self.node)
+        self._info = []
+        self._listen(RUN_INFO, self._info.append)
+
+    def __enter__(self) -> RunningRig:
+        return self
+
+    def __exit__(self, *_):
+        self.executor.remove_node(self.node)
+        self.node.destroy_node()
+        rclpy.shutdown()
+
+    def until(self, predicate: Callable, what: str, seconds: float = PATIENCE):
+        """The predicate's value as soon as it is true; RigError when that takes longer."""
+        deadline = time.monotonic() + seconds
+        while not (value := predicate()):
+            if time.monotonic() > deadline:
+                raise RigError(f"the rig in ROS domain {self.number} does not answer: no {what} within {seconds:g} s")
+            self.executor.spin_until_future_complete(Future(), 0.005)
+        return value
+
+    def _listen(self, topic: str, callback) -> None:
+        known = catalogue().all_topics[topic]
+        self.node.create_subscription(message_class(known.ros_type), topic, callback, recorder_profile(known.qos))
+
+    @property
+    def kind(self) -> str:
+        """Which kind of rig it is."""
+        info = self.until(lambda: self._info, RUN_INFO)[0]
+        return json.loads(info.json)["configuration"].get("kind", GEARBOX)
+
+    # ---- orders
+
+    def _ask(self, asked: dict[str, tuple]) -> dict:
+        """Responses of services by name. asked: type and request, by name."""
+        clients = {name: self.node.create_client(kind, name) for name, (kind, _) in asked.items()}
+        for name, client in clients.items():
+            self.until(client.service_is_ready, name)
+        futures = {name: client.call_async(asked[name][1]) for name, client in clients.items()}
+        for name, future in futures.items():
+            self.until(future.done, f"answer of {name}")
+        return {name: future.result() for name, future in futures.items()}
+
+    def trigger(self, name: str) -> str:
+        """What a service of type Trigger says that it has done; RefusedByRig when it has not."""
+        answer = self._ask({name: (Trigger, Trigger.Request())})[name]
+        if not answer.success:
+            raise RefusedByRig(answer.message)
+        return answer.message
+
+    def shift(self, gear: int) -> str:
+        """Order a gear and wait for the end of the shift; what is said of it, RefusedByRig when it failed."""
+        if self.kind != GEARBOX:
+            raise RigError(f"the rig in ROS domain {self.number} is a {self.kind}: it has no gears")
+        client = ActionClient(self.node, Shift, "/alfa46/shift")
+        self.until(client.server_is_ready, "shift controller")
+        asked = client.send_goal_async(Shift.Goal(gear=gear))
+        self.until(asked.done, "answer of the shift controller")
+        if not asked.result().accepted:
+            raise RefusedByRig(f"the shift controller has no gear {gear}")
+        ended = asked.result().get_result_async()
+        result = self.until(lambda: ended.done() and ended.result().result, "end of the shift", LONGEST_SHIFT)
+        if not result.success:
+            raise RefusedByRig(result.message)
+        return result.message
+
+    # ---- settings
+
+    def settings(self, nodes=None) -> dict[str, Setting]:
+        """Everything that can be set at some nodes (default: all), by ``node.name``."""
+        if nodes is None:
+            nodes = sorted(self._nodes())
+        lists = self._ask({f"/{node}/list_parameters": (ListParameters, ListParameters.Request()) for node in nodes})
+        names = {node: [name for name in lists[f"/{node}/list_parameters"].result.names if name not in ROS_OWN]
+                 for node in nodes}
+        asked = {}
+        for node in filter(names.get, nodes):
+            asked[f"/{node}/describe_parameters"] = DescribeParameters, DescribeParameters.Request(names=names[node])
+            asked[f"/{node}/get_parameters"] = GetParameters, GetParameters.Request(names=names[node])
+        told = self._ask(asked)
+        found = {}
+        for node in filter(names.get, nodes):
+            descriptors = told[f"/{node}/describe_parameters"].descriptors
+            values = map(parameter_value_to_python, told[f"/{node}/get_parameters"].values)
+            for descriptor, value in zip(descriptors, values):
+                value = value if isinstance(value, (bool, float)) else list(value)
+                found[f"{node}.{descriptor.name}"] = Setting(descriptor, value)
+        return found
+
+    def _nodes(self) -> set[str]:
+        return {topic.node for topic in catalogue(self.kind).topics.values()} - {"sequencer"}
+
+    def setting(self, name: str) -> Setting:
+        """One setting by its full name; RigError names those most like it when there is none."""
+        node = name.partition(".")[0]
+        found = self.settings([node]) if node in self._nodes() else {}
+        if name not in found:
+            raise RigError(unknown("setting", name, self.settings()))
+        return found[name]
+
+    def set(self, name: str, text: str) -> Setting:
+        """Set a value as a person writes it; returns the setting as it is then. RefusedByRig with the reason."""
+        setting = self.setting(name)
+        value = setting.parsed(text, name)
+        node, _, parameter = name.partition(".")
+        service = f"/{node}/set_parameters"
+        request = SetParameters.Request(parameters=[Parameter(parameter, value=value).to_parameter_msg()])
+        result, = self._ask({service: (SetParameters, request)})[service].results
+        if not result.successful:
+            raise RefusedByRig(result.reason)
+        return setting._replace(value=value)
+
+    # ---- status
+
+    def status(self) -> dict:
+        """What the rig does now, for people and programs: state, signals (SI), controller, devices, recording."""
+        heard, health = {}, {}
+        self.node.create_subscription(DiagnosticArray, DIAGNOSTICS, lambda message: health.update(
+            (status.name.removeprefix("rig/"), status) for status in message.status), 10)
+        self._listen(STATE, lambda message: heard.update({STATE: message}))
+        known = catalogue(self.kind)
+        signals = [signal for signal in known.signals.values() if known.topics[signal.topic].type == "Measurement"]
+        topics = {signal.topic for signal in signals} | ({COMMAND} if self.kind == GEARBOX else set())
+        for topic in topics:
+            self._listen(topic, lambda message, topic=topic: heard.update({topic: message}))
+        self.until(lambda: STATE in heard, STATE)
+        processes = {"rig", "sequencer", "recorder"} | ({"alfa46"} if self.kind == GEARBOX else set())
+        try:
+            self.until(lambda: topics <= heard.keys() and processes <= health.keys(), "whole status", STATUS)
+        except RigError:
+            pass  # what has come is told
+        state = heard[STATE]
+        recorder = health.get("recorder")
+        counts = {} if recorder is None else {value.key: value.value for value in recorder.values}
+        told = {
+            "domain": self.number, "time_s": state.stamp.sec + state.stamp.nanosec * 1e-9,
+            "state": STATES[state.state], "reason": state.reason,
+            "signals": {signal.name: {"value": heard[signal.topic].value, "unit": signal.unit}
+                        for signal in signals if signal.topic in heard},
+            "recording": recorder is not None,
+            "recorded": int(counts.get("received", 0)),
+            "lost": int(counts.get("overflow", 0)) + int(counts.get("unreadable", 0)),
+            "devices": {name: {"level": ("OK", "WARN", "ERROR", "STALE")[status.level[0]], "message": status.message}
+                        for name, status in sorted(health.items())},
+        }
+        if COMMAND in heard:
+            told |= {"gear": heard[COMMAND].gear, "shifting": heard[COMMAND].shifting}
+        return told

@@ -1,0 +1,138 @@
+"""The verbs for working by hand, gear, set, status, stop and reset, as a person types them beside a rig that runs."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+from running_graph import PATIENCE, Graph, RigRun
+
+from rig_nodes.bags.reader import Bag
+from rig_nodes.cli.main import main
+from rig_nodes.errors import RigError
+from rig_nodes.graph import domain as domains
+from rig_nodes.graph.domain import allocate, of_running_rig, running_rigs
+
+
+@pytest.fixture(scope="module")
+def graph(tmp_path_factory):
+    graph = Graph(tmp_path_factory.mktemp("graph") / "by_hand")
+    yield graph
+    graph.close()
+
+
+def rig(domain: int, *words: str) -> tuple[int, str, str]:
+    """Exit code, stdout and stderr of a command."""
+    plain = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
+    done = subprocess.run([sys.executable, "-P", "-m", "rig_nodes.cli.main", *words, "--domain", str(domain)],
+                          capture_output=True, text=True, timeout=60, env=plain)
+    return done.returncode, done.stdout, done.stderr
+
+
+@pytest.fixture(scope="module")
+def ask(graph):
+    return lambda *words: rig(graph.domain.number, *words)
+
+
+def test_values_are_set_with_their_units_and_shown_as_people_read_them(ask):
+    assert ask("set", "motor.speed", "600 rpm") == (0, "motor.speed = 600 rpm\n", "")
+    assert ask("set", "motor.enabled", "on") == (0, "motor.enabled = on\n", "")
+    assert ask("set", "oil_supply.pressure", "40 bar") == (0, "oil_supply.pressure = 4 MPa\n", "")
+    assert ask("set", "oil_supply.enabled", "on")[0] == 0
+    profile = "300 mA, 250 mA, 0.6 A, 300 mA, 200 mA, 0 mA"
+    assert ask("set", "alfa46.output_3.currents", profile)[0] == 0
+    code, out, _ = ask("set")
+    rows = {line.split()[0]: line for line in out.splitlines()}
+    assert code == 0 and "600 rpm" in rows["motor.speed"] and "0 rpm to 3000.4 rpm" in rows["motor.speed"]
+    assert "300 mA, 250 mA, 600 mA" in rows["alfa46.output_3.currents"]
+    assert {"load_pump.relief_pressure", "oil_supply.temperature", "instruments.noise.p1"} <= rows.keys()
+    assert not any("use_sim_time" in name for name in rows)
+
+
+@pytest.mark.parametrize("words, code, sentence", [
+    (["set", "motor.speed", "50000 rpm"], 2, "motor.speed: 50000 rpm refused; expected 0 rpm to 3000.4 rpm"),
+    (["set", "motor.speed", "3 MPa"], 2, "'3 MPa' is a pressure, expected an angular velocity (rad/s, rpm)"),
+    (["set", "motor.sped", "600 rpm"], 2, "there is no setting 'motor.sped'; did you mean 'motor.speed'"),
+    (["set", "moter.speed", "600 rpm"], 2, "there is no setting 'moter.speed'; did you mean 'motor.speed'"),
+    (["set", "motor.enabled", "maybe"], 2, "motor.enabled: 'maybe' is neither on nor off"),
+    (["set", "alfa46.output_1.currents", "300 mA, 250 mA, 900 mA, 300 mA, 200 mA, 0 mA"], 1,
+     "output_1.P3 asks for 900 mA; the valve takes 0 to 800 mA"),
+    (["gear", "III"], 2, "there is no gear 'III'; expected I, II or N (neutral)"),
+    (["gear", "N"], 1, "shift refused: gear neutral is already ordered"),
+    (["reset"], 1, "the rig is not in its safe state; nothing done"),
+])
+def test_what_is_wrong_is_one_sentence_and_what_the_rig_refuses_is_exit_code_1(ask, words, code, sentence):
+    found, out, error = ask(*words)
+    assert found == code and out == "" and sentence in error and error.startswith("rig: ") and error.count("\n") == 1
+
+
+def test_a_gear_is_shifted_and_the_status_tells_of_it(ask):
+    code, out, error = ask("gear", "I")
+    assert (code, error) == (0, "") and out.startswith("gear I after ")
+    code, out, _ = ask("status", "--json", "-")
+    status = json.loads(out)
+    assert code == 0 and status["state"] == "RUNNING" and status["gear"] == 1 and not status["shifting"]
+    assert status["signals"]["n_wej"]["value"] == pytest.approx(62.8, rel=0.05)
+    assert status["signals"]["p1"]["value"] > 1.5e6 and status["signals"]["p1"]["unit"] == "Pa"
+    assert status["recording"] and status["recorded"] > 1000 and status["lost"] == 0
+    assert status["devices"]["gearbox"] == {"level": "OK", "message": "gear I is engaged"}
+    code, out, _ = ask("status")
+    assert code == 0 and "running" in out.splitlines()[0] and "controller  gear I" in out
+    assert any(line.split()[:3:2] == ["n_wej", "rpm"] for line in out.splitlines())
+
+
+def test_the_red_button_and_the_way_out_of_it(ask):
+    assert ask("stop", "--emergency")[1].startswith("emergency stop")
+    assert "tripped: emergency stop" in ask("status")[1].splitlines()[0]
+    code, _, error = ask("gear", "II")
+    assert code == 1 and "the rig is in its safe state (emergency stop)" in error
+    assert ask("reset") == (0, "safe state left\n", "")
+
+
+def test_the_only_rig_is_found_and_one_of_several_is_asked_for(graph, monkeypatch):
+    monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
+    assert graph.domain.number in running_rigs()
+    for found in ([7], [graph.domain.number]):
+        monkeypatch.setattr(domains, "running_rigs", lambda found=found: found)
+        assert of_running_rig(None).number == found[0]
+    monkeypatch.setattr(domains, "running_rigs", lambda: [3, 5])
+    with pytest.raises(RigError, match="rigs run in the ROS domains 3, 5; say which one with --domain N"):
+        of_running_rig(None)
+    monkeypatch.setenv("ROS_DOMAIN_ID", "5")
+    assert of_running_rig(None).number == 5 and of_running_rig(3).number == 3
+
+
+@pytest.mark.parametrize("words", [["gear", "I"], ["set"], ["status"], ["stop"], ["reset"]], ids=lambda words: words[0])
+def test_without_a_rig_it_is_said_at_once(monkeypatch, capsys, words):
+    monkeypatch.setattr(domains, "running_rigs", list)
+    monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
+    assert main(words) == 2
+    assert capsys.readouterr().err == "rig: no rig runs on this host, or none has started yet; start one with: ./rig run\n"
+    with allocate() as free:
+        assert main([*words, "--domain", str(free.number)]) == 2
+    assert "no rig runs in ROS domain" in capsys.readouterr().err
+    assert main([*words, "--domain", "500"]) == 2
+    assert "expected a number from 0 to 232" in capsys.readouterr().err
+
+
+def test_stop_ends_a_sequence_with_exit_code_1_and_a_whole_bag(tmp_path):
+    (tmp_path / "long.yaml").write_text("description: long\nsteps:\n  - motor: {speed: 300 rpm}\n  - wait: {for: 40 s}\n")
+    run = RigRun(tmp_path / "run", sequence=tmp_path / "long.yaml")
+    number = int(run.until("ROS_DOMAIN_ID=").rpartition("=")[2])
+    run.until("step 2 of 2")
+    assert rig(number, "stop") == (0, f"the rig ends (ROS domain {number})\n", "")
+    code, output = run.end()
+    assert code == 1 and "ended by /rig/end before its sequence was done" in output
+    end = json.loads((tmp_path / "run" / "report.json").read_text())["run"]["end"]
+    assert end["state"] == "failed"
+    assert number not in running_rigs()
+
+
+def test_stop_ends_a_rig_by_hand_in_order(graph, ask):
+    """Last of the file: ends the graph."""
+    assert ask("stop")[0] == 0
+    assert graph.supervisor.ended.wait(PATIENCE)
+    assert (graph.supervisor.end.state, graph.supervisor.end.reason) == ("ended", "ended by hand")
+    texts = {text for *_, name, text, _ in Bag(graph.folder).events() if name == "setting_changed"}
+    assert {"motor.speed = 62.8319 rad/s", "oil_supply.pressure = 4e+06 Pa"} <= texts
