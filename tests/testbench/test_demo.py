@@ -50,6 +50,20 @@ def test_both_shifts_are_complete_and_without_a_deep_dip(demo):
     assert report["run"]["end"]["state"] == "ended" and report["run"]["lost"] == 0
 
 
+def test_joint_states_carry_the_angle_that_the_encoders_have_counted(demo):
+    bag, _ = demo
+    stamps, joints = zip(*bag.messages("/instruments/joint_states"))
+    t, angle = 1e-9 * np.array(stamps), np.array([joint.position for joint in joints])
+    speed = np.array([joint.velocity for joint in joints])
+    assert list(joints[0].name) == ["w0", "wk"] and angle[0].tolist() == [0.0, 0.0]
+    moved = np.diff(angle, axis=0)
+    assert (moved > -0.01).all() and angle[-1].min() > 1000.0, "it goes on, without wrapping"
+    between = np.diff(t)[:, None] * 0.5 * (speed[:-1] + speed[1:])
+    # 10 ms apart, a shift's jerk shows between two of them
+    assert np.abs(moved - between).max() < 0.2
+    assert angle[-1] == pytest.approx(between.sum(axis=0), rel=1e-3)
+
+
 def test_energy_balances_within_a_hundredth_of_the_clutch_heat(demo):
     _, report = demo
     for window in report["energy"]["shifts"]:

@@ -32,6 +32,9 @@ class BenchStates:
         """Take the energies of this tick."""
         self._energy = self.rig.energy()
 
+    def turn(self, rows) -> None:
+        """No message says the angle of a shaft."""
+
     def each_sample(self) -> list[tuple]:
         """(topic, its fields) of what goes out with every sample: nothing, there is no controller to tell."""
         return []

@@ -88,6 +88,7 @@ class Outputs:
                 yield self._message(topic, now, *fields())
             if sample > 0:
                 first, rows = rig.take_rows(ROWS_PER_TICK)
+                self.states.turn(rows)
                 yield self._message(BLOCK, first * 100_000, first, 1e-4, *rows.shape, rows.ravel())
         if sample % SCALAR_SAMPLES == 0:
             row = rig.row()

@@ -5,6 +5,8 @@ Used by testbench.outputs, which encodes the fields, and by testbench.record, wh
 
 from __future__ import annotations
 
+import math
+
 from ..bags.cdr import Form
 from ..bags.definitions import installed
 from ..catalogue import catalogue
@@ -21,6 +23,7 @@ MEASURED = {  # topic of a transducer -> its logger column
     "/oil_supply/p_p": kernel.P_P, "/oil_supply/t_oil": kernel.T_OIL,
 }
 COMMAND = "/alfa46/command"
+SPEEDS = (kernel.N_WEJ, kernel.N_WYJ)  # of w0 and wk
 ATMOSPHERE = 101_325.0  # Pa, for the mirrors in absolute pressure
 
 
@@ -65,6 +68,7 @@ class States:
     def __init__(self, rig: Rig):
         self.rig, self.overruns = rig, 0  # overruns: set by whoever keeps time
         self._energy: dict[str, float] = {}  # of this tick
+        self._angles = [0.0, 0.0]  # of w0 and wk since time 0 [rad]
         self.topics = {
             "/motor/state": self._motor, "/gearbox/state": self._gearbox, "/load_pump/state": self._load,
             "/oil_supply/state": self._oil, "/rig/state": self._rig_state,
@@ -75,6 +79,14 @@ class States:
     def refresh(self) -> None:
         """Take the energies of this tick."""
         self._energy = self.rig.energy()
+
+    def turn(self, rows) -> None:
+        """Go on with the shafts' angles by a tick's rows of the logger (rows, channels), one every 0.1 ms.
+
+        As a counter of the encoders would, without wrapping; fsum, so that no order of summing shows in the bag.
+        """
+        for shaft, column in enumerate(SPEEDS):
+            self._angles[shaft] += 1e-4 * math.fsum(rows[:, column].tolist())
 
     def each_sample(self) -> list[tuple]:
         """(topic, its fields) of what goes out with every sample: what the controller sees."""
@@ -94,10 +106,10 @@ class States:
             return form, lambda row: (float(row[column]) + ATMOSPHERE, self.rig.gauges.effective(name)**2)
 
         joints = Form("sensor_msgs/msg/JointState", lambda *values: {
-            "header": {"stamp": 0, "frame_id": ""}, "name": ["w0", "wk"], "position": [],
-            "velocity": list(values[:2]), "effort": list(values[2:])}, 4)
-        columns = [kernel.N_WEJ, kernel.N_WYJ, kernel.M_WEJ, kernel.M_WYJ]
-        return [("/instruments/joint_states", joints, lambda row: row[columns].tolist()),
+            "header": {"stamp": 0, "frame_id": ""}, "name": ["w0", "wk"], "position": list(values[:2]),
+            "velocity": list(values[2:4]), "effort": list(values[4:])}, 6)
+        columns = [*SPEEDS, kernel.M_WEJ, kernel.M_WYJ]
+        return [("/instruments/joint_states", joints, lambda row: [*self._angles, *row[columns].tolist()]),
                 ("/instruments/p1_absolute", *absolute("clutch_s1", "p1")),
                 ("/instruments/p2_absolute", *absolute("clutch_s2", "p2"))]
 
