@@ -116,6 +116,16 @@ def test_without_a_rig_it_is_said_at_once(monkeypatch, capsys, words):
     assert "expected a number from 0 to 232" in capsys.readouterr().err
 
 
+def test_stop_ends_a_rig_by_hand_in_order(graph, ask):
+    """Ends the graph; what follows needs no other rig."""
+    assert ask("set", "load_pump.relief_pressure", "2 MPa")[0] == 0
+    assert ask("stop")[0] == 0
+    assert graph.supervisor.ended.wait(PATIENCE)
+    assert (graph.supervisor.end.state, graph.supervisor.end.reason) == ("ended", "ended by hand")
+    texts = {text for *_, name, text, _ in Bag(graph.folder).events() if name == "setting_changed"}
+    assert "load_pump.relief_pressure = 2e+06 Pa" in texts
+
+
 def test_stop_ends_a_sequence_with_exit_code_1_and_a_whole_bag(tmp_path):
     (tmp_path / "long.yaml").write_text("description: long\nsteps:\n  - motor: {speed: 300 rpm}\n  - wait: {for: 40 s}\n")
     run = RigRun(tmp_path / "run", sequence=tmp_path / "long.yaml")
@@ -127,12 +137,3 @@ def test_stop_ends_a_sequence_with_exit_code_1_and_a_whole_bag(tmp_path):
     end = json.loads((tmp_path / "run" / "report.json").read_text())["run"]["end"]
     assert end["state"] == "failed"
     assert number not in running_rigs()
-
-
-def test_stop_ends_a_rig_by_hand_in_order(graph, ask):
-    """Last of the file: ends the graph."""
-    assert ask("stop")[0] == 0
-    assert graph.supervisor.ended.wait(PATIENCE)
-    assert (graph.supervisor.end.state, graph.supervisor.end.reason) == ("ended", "ended by hand")
-    texts = {text for *_, name, text, _ in Bag(graph.folder).events() if name == "setting_changed"}
-    assert {"motor.speed = 62.8319 rad/s", "oil_supply.pressure = 4e+06 Pa"} <= texts

@@ -9,6 +9,7 @@ import pytest
 from rclpy.parameter_client import AsyncParameterClient
 from rig_msgs.msg import RigState
 from running_graph import Client
+from std_srvs.srv import Trigger
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.graph.domain import allocate, environment
@@ -116,8 +117,10 @@ def test_parameters_of_a_command_line_and_a_file_act_and_stand_in_the_bag(domain
             answer = client.get_parameters(list(values))
             user.until(answer.done, "the values")
             assert [value.double_value for value in answer.result().values] == list(values.values())
+        assert user.call(Trigger, "/rig/end").success
         for name in ("rig_container", "alfa46", "sequencer", "recorder"):
-            processes[name].send_signal(signal.SIGTERM)
+            if name != "rig_container":
+                processes[name].send_signal(signal.SIGTERM)
             assert processes[name].wait(PATIENCE) == 0, (tmp_path / "logs" / f"{name}.log").read_text()
     finally:
         user.close()

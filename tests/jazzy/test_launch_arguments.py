@@ -74,6 +74,16 @@ def test_a_pushed_namespace_is_refused_before_anything_starts(launch_file):
         launch_file.start(context)
 
 
+@pytest.mark.parametrize("sequence, reason", [("", ""), ("demo", "ended by /rig/end before its sequence was done")])
+def test_a_rig_that_is_told_to_end_ends_the_launch_and_fails_only_a_sequence(launch_file, sequence, reason):
+    run = launch_file.Run(sequence, None)
+    run.nodes = {name: object() for name in ("rig_container", "alfa46", "sequencer")}
+    gone = SimpleNamespace(action=run.nodes["rig_container"], returncode=0)
+    assert len(run.on_exit(gone, SimpleNamespace(is_shutdown=False))) == 1
+    assert launch_file.Shutdown.call_args.kwargs == {"reason": "the rig was ended by /rig/end"}
+    assert run.reason == reason
+
+
 @pytest.mark.parametrize("rig, sequence, name", [
     (None, "clutch_bench", "clutch_bench"), (None, None, "hydmag"), ("spring_bench", None, "spring_bench"),
 ])

@@ -64,6 +64,7 @@ BY_HAND = (
     ("action info /alfa46/shift", r"Action servers: 1", r"/alfa46$"),
     ("action send_goal --feedback /alfa46/shift rig_msgs/action/Shift", "{gear: 1}",
      r"success: true", r"SUCCEEDED"),
+    ("action send_goal /alfa46/shift rig_msgs/action/Shift", "{gear: 7}", r"rejected"),
     ("action send_goal /alfa46/shift rig_msgs/action/Shift", "{gear: 0}", r"success: true", r"SUCCEEDED"),
     ("action send_goal --feedback /sequencer/run rig_msgs/action/RunSequence", "{name: no_such_sequence}",
      r"success: false", r"no_such_sequence", r"ABORTED"),

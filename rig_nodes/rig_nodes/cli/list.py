@@ -138,7 +138,7 @@ def markdown() -> str:
         "Only in a run whose controller names signals of its own ([controllers.md](controllers.md)):", "",
         *table(_rows_of(catalogue().controller_topics)), "",
         "Actions: `/alfa46/shift` (`rig_msgs/action/Shift`), `/sequencer/run` (`rig_msgs/action/RunSequence`). "
-        "Services: `/rig/e_stop` and `/rig/reset` (`std_srvs/srv/Trigger`), `/alfa46/set_profile` "
+        "Services: `/rig/e_stop`, `/rig/reset` and `/rig/end` (`std_srvs/srv/Trigger`), `/alfa46/set_profile` "
         "(`rig_msgs/srv/SetProfile`).", "",
         "Quality of service: all are reliable with depth 1000. command offers a deadline of 100 ms, and the rig "
         "asks for none; setting is sent on change; latched is transient local and sent once.", "",
