@@ -30,7 +30,8 @@ setup(
     packages=find_packages(include=[NAME, NAME + ".*"]),
     package_data={NAME: ["config/**/*.yaml", "config/**/*.csv", "config/*.xml", "controllers/include/*.h*",
                          "controllers/examples/**/*.c*", "controllers/examples/**/*.h", "controllers/examples/**/*.xml",
-                         "controllers/examples/**/CMakeLists.txt", "controllers/templates/**/*", "fmu/c/*", "validation/*.yaml"]},
+                         "controllers/examples/**/CMakeLists.txt", "controllers/templates/**/*", "fmu/c/*",
+                         "validation/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/" + NAME]),
         ("share/" + NAME, ["package.xml"]),

@@ -108,7 +108,8 @@ def test_without_a_rig_it_is_said_at_once(monkeypatch, capsys, words):
     monkeypatch.setattr(domains, "running_rigs", list)
     monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
     assert main(words) == 2
-    assert capsys.readouterr().err == "rig: no rig runs on this host, or none has started yet; start one with: ./rig run\n"
+    said = capsys.readouterr().err
+    assert said == "rig: no rig runs on this host, or none has started yet; start one with: ./rig run\n"
     with allocate() as free:
         assert main([*words, "--domain", str(free.number)]) == 2
     assert "no rig runs in ROS domain" in capsys.readouterr().err
@@ -127,8 +128,9 @@ def test_stop_ends_a_rig_by_hand_in_order(graph, ask):
 
 
 def test_stop_ends_a_sequence_with_exit_code_1_and_a_whole_bag(tmp_path):
-    (tmp_path / "long.yaml").write_text("description: long\nsteps:\n  - motor: {speed: 300 rpm}\n  - wait: {for: 40 s}\n")
-    run = RigRun(tmp_path / "run", sequence=tmp_path / "long.yaml")
+    sequence = tmp_path / "long.yaml"
+    sequence.write_text("description: long\nsteps:\n  - motor: {speed: 300 rpm}\n  - wait: {for: 60 s}\n")
+    run = RigRun(tmp_path / "run", sequence=sequence)
     number = int(run.until("ROS_DOMAIN_ID=").rpartition("=")[2])
     run.until("step 2 of 2")
     assert rig(number, "stop") == (0, f"the rig ends (ROS domain {number})\n", "")

@@ -53,12 +53,12 @@ def test_no_executable_takes_a_namespace(domain, tmp_path, monkeypatch, start, a
 
 @pytest.mark.parametrize("start, ros, sentence", [
     (module("rig_container"), ["-r", "__node:=lab"], "the rig's nodes keep their names"),
-    (module("rig_container"), ["-p", "motor:sped:=100.0"], "there is no parameter of /motor 'sped'; did you mean 'speed'?"),
+    (module("rig_container"), ["-p", "motor:sped:=100.0"], "no parameter of /motor 'sped'; did you mean 'speed'?"),
     (module("rig_container"), ["-p", "valve_zr_p1:gain:=1.0"], "there is no parameter of /valve_zr_p1 'gain'"),
     (module("rig_container"), ["-p", "motor:speed:=5000.0"], "parameters of /motor from the command line"),
     (module("alfa46"), ["-p", "motor:speed:=100.0"], "there is no node /motor here; expected one of /alfa46"),
     (module("alfa46"), ["-p", "t12:=9.0"], "Parameter t12 out of range"),
-    (module("alfa46"), ["-p", "output_1.currents:=[0.3, 0.25, 0.9, 0.3, 0.2, 0.0]"], "output_1.P3 asks for 900 mA"),
+    (module("alfa46"), ["-p", "output_1.currents:=[0.3, 0.3, 0.9, 0.3, 0.2, 0.0]"], "output_1.P3 asks for 900 mA"),
     (["-c", REPLAY, str(SAMPLE)], ["-p", "rig_replay:rate:=2.0"], "there is no parameter of /rig_replay 'rate'"),
     (["-c", REPLAY, str(SAMPLE)], ["-r", "nonsense"], "--ros-args: Failed to parse ROS arguments"),
 ], ids=lambda value: value[-1] if isinstance(value, list) else "")
@@ -70,7 +70,8 @@ def test_what_cannot_be_honoured_is_refused_in_one_sentence(domain, start, ros, 
 
 def test_the_rig_command_says_who_takes_them(domain):
     refused = said(domain, ["-P", "-m", "rig_nodes.cli.main"], "list", "rigs", "--ros-args", "-r", "a:=b")
-    assert refused.returncode == 2 and "the executables of `ros2 run rig_nodes` and the launch file take it" in refused.stderr
+    assert refused.returncode == 2
+    assert "the executables of `ros2 run rig_nodes` and the launch file take it" in refused.stderr
 
 
 def test_a_replay_takes_remappings_and_is_listed_at_once(domain):
@@ -110,7 +111,8 @@ def test_parameters_of_a_command_line_and_a_file_act_and_stand_in_the_bag(domain
     user = Client(domain)
     try:
         states, motor = user.listen("/rig/state"), user.listen("/motor/state")
-        user.until(lambda: states and states[-1].state in (RigState.READY, RigState.RUNNING) and motor, "a rig", PATIENCE)
+        ready = RigState.READY, RigState.RUNNING
+        user.until(lambda: states and states[-1].state in ready and motor, "a rig", PATIENCE)
         for node, values in (("motor", {"speed": 100.0}), ("alfa46", {"t12": 0.25, "t21": 0.125})):
             client = AsyncParameterClient(user.node, node)
             user.until(client.services_are_ready, f"the parameters of {node}")

@@ -9,9 +9,9 @@ HELP = "set or show what can be turned at the rig that runs"
 
 def add_arguments(parser) -> None:
     """The arguments of the verb."""
-    parser.add_argument("name", nargs="?", metavar="NAME", help="e.g. motor.speed or alfa46.t12; without it all are shown")
+    parser.add_argument("name", nargs="?", metavar="NAME", help="e.g. motor.speed or alfa46.t12; without it all")
     parser.add_argument("value", nargs="?", metavar="VALUE",
-                        help='with its unit, e.g. "1500 rpm"; a switch takes on or off, a profile six values with commas')
+                        help='with its unit, e.g. "1500 rpm"; on or off; six values with commas for a profile')
     add_domain(parser)
 
 
@@ -26,7 +26,8 @@ def main(args) -> int:
         found = rig.settings() if args.name is None else {args.name: rig.setting(args.name)}
         if not found:
             raise RigError(f"the {rig.kind} in ROS domain {rig.number} has nothing to set but its setpoint topics")
-        rows = [(name, str(setting), setting.range(), setting.descriptor.description) for name, setting in found.items()]
+        rows = [(name, str(setting), setting.range(), setting.descriptor.description)
+                for name, setting in found.items()]
     widths = [max(map(len, column)) for column in zip(*rows)]
     for row in rows:
         print("  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip())

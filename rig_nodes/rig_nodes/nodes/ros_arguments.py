@@ -20,7 +20,7 @@ REMAP, PARAMETER, FILE = ("-r", "--remap"), ("-p", "--param"), ("--params-file",
 
 
 class Override(NamedTuple):
-    """A parameter's value on the command line or in a file: where it stands, for whom (with * for several), its name."""
+    """A parameter on the command line or in a file: where it stands, for whom (with * for several), its name."""
 
     where: str
     node: str  # with its namespace, as /motor
@@ -94,7 +94,8 @@ def _names(prefix: str, tree) -> Iterator[str]:
 def set_parameters(words: list[str], nodes, tell: Callable[[str], None]) -> None:
     """Set what a command line says of the parameters of these nodes, as if it had been set at run time.
 
-    What is for no node here is told, as it may be for another process; RigError for what a node here refuses or has not.
+    What is for no node here is told, as it may be for another process; RigError for what a node here refuses or has
+    not.
     """
     here = {_absolute(node.get_name()): node for node in nodes}
     for where, name, parameter in overrides(words):
