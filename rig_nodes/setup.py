@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Build description of rig_nodes, for colcon (ament_python) and for pip alike."""
 
 import re

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`ros2 launch rig_nodes rig_launch.py`: the rig in real time as nodes of the terminal's ROS domain.
 
 Needs a ROS 2 Jazzy with its launch package (docs/ros2.md), as `./rig run` does not. Numerics stay out of here: the

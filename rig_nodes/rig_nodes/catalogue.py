@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The signal catalogue: every topic and every signal of every kind of rig, once.
 
 Read by the nodes, the recorder, the view, the report and the docs; the data is config/signals.yaml.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Where compiled code is kept between processes; called by every package that holds some, before numba is loaded.
 
 numba's own cache looks only at the file of a function, not at what it calls, so the folder carries a key of all

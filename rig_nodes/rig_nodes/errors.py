@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The one exception of the rig that users are meant to read, and words that several refusals share.
 
 Everything that refuses input raises it; the command line prints its sentence and ends with its exit code.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Writes a file whole or not at all; used by what writes where its user says (`rig export`, FMUs, layouts), bags, sweeps
 and tuner.
 

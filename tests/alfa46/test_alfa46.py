@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The controller box: currents against a trace written by hand from the thesis's rules, orders, current loop."""
 
 import numpy as np

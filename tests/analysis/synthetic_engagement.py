@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """One engagement of S1 made by hand, with every time known, for the tests of the analysis."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The laboratory's own recipe on shifts made by hand, beside the plain definitions."""
 
 from __future__ import annotations

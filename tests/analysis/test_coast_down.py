@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Inertia from a coast-down, against the thesis's own parabola and runs integrated by hand."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Where a ramp has left its level, also where it soon slows down."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Energy balance of a window against an account kept by hand."""
 
 from __future__ import annotations

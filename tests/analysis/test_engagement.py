@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Single engagements: times, torques and the shape of the pressure, against engagements made by hand."""
 
 from __future__ import annotations

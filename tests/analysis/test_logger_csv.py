@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A logger's CSV gives the same numbers as the arrays it was written from; a bad one is refused in one sentence."""
 
 from __future__ import annotations

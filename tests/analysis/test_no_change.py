@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Runs in which no gear is changed under way: the report says what they measured, as their procedures evaluate it."""
 
 import json

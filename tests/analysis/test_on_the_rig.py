@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Coast-down and single engagement on the rig itself, through its transducers."""
 
 from __future__ import annotations

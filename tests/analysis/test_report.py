@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The report of a run: what goes in, what a reader of the JSON and of the terminal sees."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`rig report RUN`: what it prints, what it keeps and what it refuses."""
 
 from __future__ import annotations

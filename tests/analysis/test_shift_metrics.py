@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Shift metrics against shifts whose times were laid down by hand."""
 
 from __future__ import annotations

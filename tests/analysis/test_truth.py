@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the plant's states say of a shift: by hand, and on the sample bag beside the transducers."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Errors of the instruments and of the metrics, against the thesis's table and sums done by hand."""
 
 from __future__ import annotations

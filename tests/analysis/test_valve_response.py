@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Valve delay from coil and pressure at 125 kHz, against traces made by hand."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Bags made to break a reader: what is wrong with each, its bytes, and the words that must stand in the refusal.
 
 Run as a program it tries all readers on the files of a folder and prints what each did as JSON, one line a file.

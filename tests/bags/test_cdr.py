@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The encoder against two independent implementations, and what it refuses."""
 
 import importlib

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Bags made to break a reader: each gets one sentence, soon and without much memory, from every reader."""
 
 import json

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Damaged and missing bags: one sentence with the place and what to do, and recovery of what is whole."""
 
 import io

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A bag read as its messages are asked for: the same messages in the same order, whoever wrote it, in little memory."""
 
 import json

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Our writer of the container against the library's: the same calls, the same bytes."""
 
 import io

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The pure player under a clock of the test's own: what is due, when, in which order."""
 
 import math

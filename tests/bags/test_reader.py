@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What comes out of a bag is what went in, and what is missing is counted."""
 
 import json

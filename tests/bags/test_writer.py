@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Bags as other tools see them, and what is left of one when its writer is ended by force."""
 
 import subprocess

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The sample bag, copied: a report may be written beside a bag."""
 
 import shutil

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``rig bench``: what it refuses, what it writes, and that what is measured on the bare problem is the right thing."""
 
 from __future__ import annotations

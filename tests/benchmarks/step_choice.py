@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """How far a shift's metrics are from those of a far finer step, for some steps of the plant: the table of docs/physics.md.
 
     .venv/bin/python tests/benchmarks/step_choice.py [--steps "100 us" "50 us"] [--reference "1 us"] [--json FILE]

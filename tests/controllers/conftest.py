@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Settings, the reference controllers, and ways to make a controller of a few lines in Python and in C."""
 
 import os

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """C libraries: built without a warning, clean under the sanitizers, refused when they do not fit."""
 
 import re

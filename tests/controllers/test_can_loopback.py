@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The CAN bus over UDP multicast: nothing but this machine's loopback, and foreign packets end nobody."""
 
 import socket

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`rig controller check`: the reference passes, and each fault that it looks for is found and named."""
 
 import json

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`--delay`: how many samples lie between a measurement and the effect of the answer to it, whatever the plug."""
 
 import pytest

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The example programs, started wrongly: one sentence, an exit code of its own, no traceback."""
 
 import importlib

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Each way in which a controller can fail, as a person meets it: its sentence, exit code and the safe state.
 
 The table of docs/controllers.md names these tests; what the graph does is in tests/graph/test_controller_process.py.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A controller as an FMU: the reference one in both versions of FMI, and what is wrong with others."""
 
 import os

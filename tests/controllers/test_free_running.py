@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Controllers that nobody waits for, on CAN, Modbus TCP and ROS topics: what they and their faults do to a shift."""
 
 import csv

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The rig as a J1939 node on the CAN bus: its messages, its address, what it is asked for, and the exported database.
 
 Numbers by hand from J1939-21 (identifiers), -71 (messages, ranges) and -81 (NAME, address claim).

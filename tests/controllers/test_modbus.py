@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Who may write to the rig's Modbus server, what it refuses, and how long it waits: asked by pymodbus and by raw bytes."""
 
 import socket

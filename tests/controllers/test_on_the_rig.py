@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Plugged controllers on the rig: both levels, failures, and docs/controllers.md word by word."""
 
 import json

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A C library lives in a process of its own: whatever it does there is one sentence here, and nothing stays behind."""
 
 import os

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Settings that a controller names as its own, set from a sequence: they act from the next sample on."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a controller names as its own signals is in the bag, by name, sample for sample."""
 
 import numpy as np

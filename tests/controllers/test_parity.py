@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Whatever the plug: transducers it wants, signals of its own and settings that a sequence sets, in a short run."""
 
 import subprocess

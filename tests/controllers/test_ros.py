@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A controller that is a ROS 2 node: the same bits, whoever starts first, however it ends, whatever it answers."""
 
 import itertools

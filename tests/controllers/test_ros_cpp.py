@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The C++ side of a ROS 2 controller: what brings messages to rig_controller.h, and the node where rclcpp is."""
 
 import struct

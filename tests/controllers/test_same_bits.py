@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """One law, five plugs, two levels: the same numbers to the last bit, alone and on the rig."""
 
 import random

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`rig controller new`: what it writes compiles without a warning and shifts, by the very commands that it prints."""
 
 import json

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Every plug of the reference controller against a current trace that was written by hand from the thesis's rules.
 
 The rules (thesis 3.4, Tab. 7.5): P1-P3 count from switch-on, P4-P6 from switch-off, straight lines between; of a change with

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A controller behind a UDP port: the same bits, whoever starts first, whatever gets lost, however it ends."""
 
 import re

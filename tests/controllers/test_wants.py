@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Transducers that a controller asks for by name, in Python and in C, and controllers that packages bring by name."""
 
 import pytest

@@ -1,3 +1,8 @@
+/*
+ * Copyright 2026 Virtual rig maintainers
+ * SPDX-License-Identifier: Apache-2.0
+ */
+
 /* Calls an FMU's functions as an importer does, right and wrong, twice; built with sanitizers by test_sanitized.py.
  * Argument: URI of the folder of resources. Prints the sentences of what is refused.
  */

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Archives and descriptions that no FMU has: each is refused in one sentence, and nothing of them is written."""
 
 import stat

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What FMI asks of an FMU: the order of calls, the stop time, what its description states, and how a trip ends a step."""
 
 import zipfile

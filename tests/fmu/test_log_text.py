@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What an FMU says through a printf format, called from C as FMUs do."""
 
 import ctypes as ct

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The rig as an FMU: what FMPy makes of it, that it is the same rig, and what becomes of its process."""
 
 import json

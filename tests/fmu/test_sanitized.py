@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The C code of both FMUs under the address and undefined-behaviour sanitizers, driven by a program in C."""
 
 import json

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A process of its own that takes whole topics raw and writes what came, in the order in which it came.
 
 Arguments: file to write, then topic=package/msg/Name pairs. It ends when all who published have left and

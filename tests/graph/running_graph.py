@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What graph tests need: a live graph under the supervisor, a client of it in this process, `rig run` as a process."""
 
 import os

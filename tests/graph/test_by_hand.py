@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The verbs for working by hand, gear, set, status, stop and reset, as a person types them beside a rig that runs."""
 
 import json

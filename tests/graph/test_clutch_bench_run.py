@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`rig run` of the clutch bench: its devices are nodes, its bag has what simulate's has, its results are the same."""
 
 import json

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Controllers as processes of their own, on the graph: the same bits in lockstep, the safe state when they go."""
 
 import socket

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Devices in processes of their own: the bits of `simulate` in lockstep, noticed when they fall silent."""
 
 import json

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """/diagnostics as a tool of the user's own sees it: every device, at 1 Hz, and at once when something changes."""
 
 import os

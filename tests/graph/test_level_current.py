@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Current setpoints over ROS in real time: from a controller of the run, and from a node of the user's own."""
 
 import numpy as np

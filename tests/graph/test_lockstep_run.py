@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`rig run --speed`: the graph in lockstep gives what `simulate` gives, bit for bit, whoever controls it."""
 
 import json

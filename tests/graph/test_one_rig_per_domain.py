@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """One rig, or replay, for a ROS domain: a second one is refused in a sentence before it starts anything."""
 
 import json

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Orders that are taken back or cannot be carried out, from a process of the user's own, in real time and in lockstep."""
 
 import math

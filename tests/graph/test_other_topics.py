@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Topics beyond the rig's own: of users' nodes, /rosout, /diagnostics, in the bag as they appear, by pattern if wanted."""
 
 from unittest.mock import MagicMock

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Every lockstep plug on the graph: the bits of `simulate` at any speed, and with its process stopped as in a debugger.
 
 The short test runs always; the whole matrix on demand: `./rig test -m campaign tests/graph/test_plug_speeds.py` prints

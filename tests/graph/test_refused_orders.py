@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a bag holds of orders: each was taken by the rig, or its refusal stands beside it as an event with the reason."""
 
 import math

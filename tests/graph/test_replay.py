@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`rig replay` as a user starts it: what reaches another process over DDS, how it is steered and ended."""
 
 import os

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A rig worked by hand outlives its processes: safe state, the reason, the process once more, a whole bag."""
 
 import signal

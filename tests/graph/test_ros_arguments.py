@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What follows --ros-args: taken as every ROS program takes it, or refused in one sentence before anything starts."""
 
 import signal

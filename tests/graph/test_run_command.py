@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`rig run` as a user starts it, and what is left when it or one of its processes is ended."""
 
 import json

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Everything that can be set while the rig runs: acts within two ticks, is refused with a reason, stands in the bag."""
 
 import math

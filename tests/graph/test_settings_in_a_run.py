@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Settings from another process in `rig run --speed`: when each acts, measured in the bag; real time: test_settings."""
 
 import re

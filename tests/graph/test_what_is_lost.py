@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A run that lost messages or time says so in its last line and ends with exit code 3; a full disk has a sentence."""
 
 import json

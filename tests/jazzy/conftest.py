@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the tests of this folder share: a domain, and a `ros2` that sees the rig's packages."""
 
 import shutil

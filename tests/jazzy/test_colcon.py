@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """colcon installs rig_nodes with everything that runs and everything that is read."""
 
 import os

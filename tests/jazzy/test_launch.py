@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`ros2 launch rig_nodes rig_launch.py`; skipped where there is no ROS 2 command line."""
 
 import json

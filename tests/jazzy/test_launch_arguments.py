@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the launch file makes of its arguments, and what the processes make of theirs; needs no ROS 2 command line."""
 
 import importlib.util

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What ROS expects of a package beside its code."""
 
 import re
@@ -7,6 +10,17 @@ from pathlib import Path
 import pytest
 
 CHECKOUT = Path(__file__).resolve().parents[2]
+SUFFIXES = (".py", ".c", ".h", ".cpp", ".hpp")
+# in the form in which ament_copyright finds it, behind a line for the shell
+RIGHTS = re.compile(r"(#!.*\n)?(/\*\n)?(#|//| \*) Copyright \d{4} \S.*\n\3 SPDX-License-Identifier: Apache-2\.0\n")
+
+
+def test_every_source_file_says_whose_it_is_and_under_which_licence():
+    files = [path for folder in ("rig_nodes", "msgs", "tests") for path in (CHECKOUT / folder).rglob("*")
+             if path.suffix in SUFFIXES and not {"build", "install"} & set(path.parts)]
+    assert len(files) > 400
+    without = [path for path in files if not RIGHTS.match(path.read_text(encoding="utf-8"))]
+    assert [str(path.relative_to(CHECKOUT)) for path in without] == []
 
 
 @pytest.mark.parametrize("folder", ["rig_nodes", "msgs"])

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The graph's processes as `ros2 launch` and `ros2 run` start them: no supervisor, the terminal's domain."""
 
 import json

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the launcher's tests share: the launcher as a module, a small checkout with a made-up environment."""
 
 import importlib.util

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a machine lacks is said in one sentence with the name of the package that helps."""
 
 import shutil

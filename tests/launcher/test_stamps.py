@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A complete environment is left alone; a half-made, damaged or outdated one is noticed."""
 
 import fcntl

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """One shift by scipy's adaptive integrator: the plant's equations written down again, apart from its kernel.
 
 Used by test_reference_shift.py. Nothing here knows the kernel's step or its order of doing things: every device is a

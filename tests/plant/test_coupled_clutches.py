@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The driveline against the Modelica Standard Library's CoupledClutches (published result, MSL 4.1.0)."""
 
 import math

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The general driveline: analytic cases, exact sticking, events, energy, refusals."""
 
 import math

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The clutch models of chapter 6 against hand computations from the source, their limits, and chapter 8's
 bench."""
 

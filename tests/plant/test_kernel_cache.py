@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Compiled code is kept under a key of its sources, whichever module is imported first."""
 
 import os

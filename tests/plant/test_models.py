@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Each device's equations against values computed by hand from their source."""
 
 import dataclasses

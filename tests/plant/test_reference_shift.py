@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A shift of the rig, at its own step, against the reference solution of the same equations (reference_shift.py)."""
 
 import dataclasses

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Each part between a true value and a logger row, against values computed by hand."""
 
 import math

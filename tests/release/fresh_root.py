@@ -1,4 +1,7 @@
 #!/usr/bin/env python3
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Release check: the README's commands, as an unprivileged user, in a Debian root made for it a minute ago.
 
 Run by hand or by a release job, as root (docs/release.md). Packages and commands are read from the README of

@@ -1,4 +1,7 @@
 #!/usr/bin/env python3
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Release check with numpy 1.26, the one of Ubuntu 24.04: the locked packages but the viewer, demo, tests.
 
 Standard library only. Makes a copy of the checkout with an environment of its own in a temporary folder and

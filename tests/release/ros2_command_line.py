@@ -1,4 +1,7 @@
 #!/usr/bin/env python3
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Release check of the ROS 2 command line against the rig: launch, run, node, topic, param, service, action.
 
 Standard library only. Needs a `ros2` that sees rig_msgs and rig_nodes (a sourced overlay, ros_ws/README.md).

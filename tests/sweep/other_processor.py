@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A small sweep for test_other_processor.py, in a process whose compiler and libraries are told of a simpler processor.
 
 Argument: folder. What it is told stands in the environment.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A member on another processor: within 1e-9, seen by hiding from compiler and libraries what this one can do."""
 
 import os

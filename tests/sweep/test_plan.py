@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a sweep varies: names and units of --set and --with, the four methods, and what is refused."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A sweep that is killed goes on where it was: nothing finished is run again, nothing half written counts."""
 
 import json

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Members, their rows and the command: the same bits wherever a member runs; a failing one is a row."""
 
 import json

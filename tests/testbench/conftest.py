@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A rig to try things on, and a way to bring it into a steady state."""
 
 import math

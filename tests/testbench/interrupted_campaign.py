@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A campaign of hundreds of runs for test_procedures.py to interrupt: interrupted_campaign.py PROCEDURE."""
 
 import sys

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Values at the ends of their ranges give a run that can be, or a trip that names what cannot; never nonsense."""
 
 import dataclasses

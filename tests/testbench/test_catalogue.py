@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The catalogue against what it describes: messages, the kernel's channels, the written page."""
 
 from functools import partial

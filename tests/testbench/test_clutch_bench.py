@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The clutch bench of chapter 8 and its force benches: what they measure comes back by their own procedures."""
 
 import json

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Devices cut out of the plant: close to the whole rig, at rest where it rests, passive, or refused."""
 
 import sys

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The demo sequence as a user sees it: two good shifts, and visibly bad ones when the rig is set up wrongly."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Each effect of the thesis's list, left out of one shift: what it is about changes, what comes before it does not."""
 
 import dataclasses

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the rig's channels show beside the truth: each transducer's error, hum, pickup and steps, one by one."""
 
 import math

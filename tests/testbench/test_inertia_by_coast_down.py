@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the coast-down procedure says of an inertia that is known, from the logger's channels."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What ships with the package is read once and kept between processes, each file under a name of its own."""
 
 import pathlib

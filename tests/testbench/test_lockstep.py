@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The one way in which time passes: any cutting into calls, any repetition, gives the same bits."""
 
 import numpy as np

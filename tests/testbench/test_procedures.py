@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The laboratory's procedures: every one loads, its first series runs to its end, and what is wrong is refused."""
 
 import math

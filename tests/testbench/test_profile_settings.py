@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Points of the controller's profiles as settings of the rig: what a series of Annex B changes."""
 
 import numpy as np

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Rows straight into memory: the very rows of a bag of the same run, at the logger's rate or at the kernel's."""
 
 import numpy as np

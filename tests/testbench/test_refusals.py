@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Bad configuration and sequences: one sentence with file and line, exit code 2, nothing written."""
 
 import os

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Rigs that name another one and what differs, and clutch pressures that are prescribed."""
 
 import pytest

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The sample bag that ships with the project is whole, small, and what its command makes."""
 
 from pathlib import Path

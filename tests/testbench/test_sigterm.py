@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """SIGTERM ends a verb as Ctrl-C does: what is there is whole, nothing runs on, the exit code is 143."""
 
 import json

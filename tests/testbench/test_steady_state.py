@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Both gears in steady state against a calculation by hand, and the signs that go with it."""
 
 import dataclasses

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The plant's step is short enough: half of it leaves every metric of a shift where it is."""
 
 import dataclasses

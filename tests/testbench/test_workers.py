@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Processes of campaigns: forked from a server that is loaded beside its caller, and said when there can be none."""
 
 import os

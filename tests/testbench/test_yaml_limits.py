@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Files of YAML that are too large, too deep, stand on themselves or are mutilated: one sentence, soon, never a traceback."""
 
 import random

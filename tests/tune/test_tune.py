@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The tuner: what it may ask of the hardware, warm rigs, fronts, sampled rigs, and a whole tuning on a tiny budget."""
 
 import json

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Calibration: what may change, how far, what it is judged by, and how the result gets into the rig's files."""
 
 import dataclasses

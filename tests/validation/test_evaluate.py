@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Verdicts of single rows, on records made by hand: every kind, hits, misses, ties, what is missing."""
 
 import dataclasses

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """From runs to records: what the readers take from shifts made by hand, what series there are, what must run."""
 
 from math import pi

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The laboratory's printed results: complete, in order among themselves, and refused when badly written."""
 
 import shutil

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`rig validate`: what people and programs get from it, its refusals, its figures, and that Ctrl-C ends it."""
 
 import json

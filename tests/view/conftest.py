@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the view's tests share: recorded runs, copies of them with parts missing, a reader of Rerun files."""
 
 import os

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Finding curves, legends, texts and state bars in a picture of a view; used by the tests that look at pictures."""
 
 import io

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The live view: what late and later viewers see, what stays bounded, who listens, how it ends."""
 
 import os

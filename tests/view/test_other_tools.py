@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Layouts for PlotJuggler and Foxglove: whole, of all signals, and every path leads to a field of the sample bag."""
 
 import json

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`rig view` as a person meets it: what it says, what it refuses, how it opens a window."""
 
 import os

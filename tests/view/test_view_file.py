@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The file that `rig view` writes: signals, states, events, report, layout, also of runs with parts missing."""
 
 import json

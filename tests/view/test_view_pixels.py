@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the viewer really draws, with a software Vulkan driver and without a display."""
 
 import os

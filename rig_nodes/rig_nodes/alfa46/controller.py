@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The Alfa46 box as an object: orders in, duty out, one call per controller sample.
 
 Used by the alfa46 node (a process of its own); the embedded controller of the kernel runs the same law.

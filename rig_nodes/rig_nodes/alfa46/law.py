@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The law of the Alfa46 box, compiled: six-point current profiles, shift delays, PID on the coil current.
 
 Called by plant.kernel (embedded controller) and by alfa46.controller (a process of its own) alike, once per sample.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Settings of the Alfa46: profiles, delays, gains, read and checked from YAML.
 
 Used by testbench.configuration; alfa46.law runs on the numbers that come out of here.

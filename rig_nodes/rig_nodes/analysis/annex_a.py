@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The recipe of the laboratory's own program (thesis Annex A) on one shift, beside the plain definitions of metrics.
 
 Used by `rig report --annex-a` and the validation. Thresholds, search windows, factors and 3.14 are the printed ones,

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The part of a report on a run of the clutch bench: slip tests with their line, or the line of cylinder or springs.
 
 Used by analysis.report; the evaluations are analysis.slip_tests.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Inertia of the driving side from a coast-down (thesis 7.1.3.2, 7.3.1): parabola, tangent at its start, M = J dw/dt.
 
 Used on recordings with both clutches open in which the drive is cut off; knows nothing of bags or ROS.

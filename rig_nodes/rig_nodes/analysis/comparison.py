@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Lines of the report that set other results beside the plain metrics: Annex A's recipe, and what the plant knows.
 
 Used by analysis.report; formats only.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Filters and edge finding for sampled channels, used by the shift metrics.
 
 Every filter here is symmetric in time, so that it widens an edge but does not delay it.

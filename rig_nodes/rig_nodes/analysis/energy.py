@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Energy balance of a run or of one shift, from energies that the plant integrates one by one.
 
 Used by analysis.report; the tests hold the residual against the clutch heat of the same window.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """One engagement of one clutch from neutral, as in the profile series (thesis 7.1.3.3, 7.1.4, 7.3.2), on arrays.
 
 Used by the validation on the 37 + 10 series: time, peak torque, kiss pressure and the shape of the rising pressure.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Mains hum on a recorded channel, fitted where nothing moves and taken off everywhere.
 
 Used by the valves' response time and by single engagements, whose level stretches hum would hide.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A logger's channels of one run, of whatever rig.
 
 Base of analysis.metrics.Recording and input of analysis.slip_tests.

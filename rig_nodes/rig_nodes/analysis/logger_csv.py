@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A logger's CSV as a Recording, so that real measurements are analysed by the same code as the rig's.
 
 Used by `rig report FILE.csv`. Columns carry their unit in the header, as "M_wej [Nm]"; names are the catalogue's.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Shift metrics by the laboratory's definitions (thesis 7.1.5, (6.85), (6.108), (7.3), (7.4)), on arrays.
 
 Used by analysis.report and by whoever wants the numbers of one shift; knows nothing of bags or ROS.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a run without a change between gears measured: a valve at standstill, an engagement from neutral, a coast-down.
 
 Used by analysis.report, which has no shift to show for such a run; the evaluations are those of the measuring

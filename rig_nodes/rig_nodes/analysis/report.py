@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The report of a run: run data, shift metrics with errors, energy balance, as JSON and as a table for the terminal.
 
 Used by `rig run`, `rig simulate` and `rig report`; everything but the run data is computed from the bag. What stands

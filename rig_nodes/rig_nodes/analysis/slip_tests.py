@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the clutch bench measures (thesis 8.1.6, 8.2.3, (8.3)-(8.6)): torque at slip, its line, k_kor and M_rest.
 
 Used by analysis.report and by the validation; from the logger's channels alone, as the laboratory had them. With it

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Shift metrics from what the plant itself knows, beside those of the transducers: state topics of a simulated bag.
 
 Used by `rig report --truth`. The states come at 200 Hz without noise, so each metric is marked by what that allows.

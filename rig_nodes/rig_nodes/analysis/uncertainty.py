@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Largest errors of the laboratory's instruments by (7.1) (thesis tab. 7.1), carried into what is taken from them.
 
 Used by the report, which shows them beside each metric, and by whoever compares with the laboratory; needs nothing but

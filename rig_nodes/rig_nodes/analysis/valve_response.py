@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Response time of a valve: from the first PWM pulse on its coil to the first rise of the clutch pressure (thesis 7.2).
 
 Used on the valve-response tests, 125 kHz for 5 s (7.1.3.1); knows nothing of bags or ROS.

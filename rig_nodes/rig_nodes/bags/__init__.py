@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Recording: exact CDR messages, MCAP bags that rosbag2 reads, and the reader for reports and views.
 
 Used by the publishers, the recorder, the headless run, the analysis and the view; needs no running ROS.

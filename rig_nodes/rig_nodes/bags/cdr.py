@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Exact CDR: messages to bytes and back, byte for byte the same on every machine.
 
 Publishers encode with it once; DDS carries the bytes and the recorder stores them. Little-endian plain CDR

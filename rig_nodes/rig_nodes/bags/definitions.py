@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Message definitions: where they come from, and where each field lies in an encoded message.
 
 Publishers use the definitions of the installed packages, the reader those that a bag carries itself.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Where the messages of a bag lie, so that it can be replayed from any time without being read as a whole.
 
 Used by the replay. Chunks are found by the file's summary, or by walking over their heads where it has none; each is read, and

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """How much of anything a bag may ask of its reader: what goes beyond is refused before it is made.
 
 Real bags stay far below: ours have chunks of 4 MiB, 60 topics and definitions of 2 kB.

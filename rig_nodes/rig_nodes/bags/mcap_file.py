@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The MCAP container: every message of a file by topic, checked, or what can be saved of a damaged one.
 
 Used by the bag reader. Takes whole chunks at once, several times faster than record by record, and knows the

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The MCAP container, written: the bytes that mcap.writer gives with chunks, zstd and all CRCs, in a third of its time.
 
 Used by the bag writer. Most of a run's messages are some hundred bytes long; for those the library's record by record,

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a bag says about its topics: quality of service, and the metadata.yaml that rosbag2 of Jazzy reads.
 
 Written by the writer, without anything of the host or of the wall clock; profiles are read by the replay.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Playing a recording again: which message is due when, with rate, start, pause, step, loop and the clock.
 
 Used by nodes.replay, which publishes what is due. Knows neither ROS nor the wall clock: the caller says what

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Reading a run: messages, signals, logger rows, events, and whether anything is missing.
 
 Used by the report, the view, replay and the tests. Decodes by the definitions that the bag carries, so that

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Writing a run: one MCAP file that stays readable whatever ends the process, and rosbag2's metadata.yaml.
 
 Used by the headless run and the recorder; the same calls give the same bytes.

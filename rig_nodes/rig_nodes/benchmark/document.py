@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The numbers of ``rig bench`` as tables, on the terminal and in docs/performance.md.
 
 The prose of docs/performance.md stands here; its numbers come from one run of ``rig bench --write-docs``.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """How the cost grows: with the length of a run, the number of clutches, the members of a sweep. Part ``scaling``.
 
 Lengths and clutches by processor time in this process; the sweep by the clock on the wall, for its processes.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """How fast the compiled kernel is: real-time factors, cost by phase of a run, with and without the logger's rows.
 
 Part of ``rig bench``. The kernel runs in one thread; its time is that of the processor, so that others on the machine

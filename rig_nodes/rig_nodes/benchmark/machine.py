@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What was measured on: processor, cores, versions; and how the time of calls and of programs is taken.
 
 Used by the other modules of this package and by the verb ``bench``.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The bare problem of two_inertias on other tools, each in its best way, cost against error of the lock-up time.
 
 Used by ``rig bench peers``. A tool is a function that gives candidates: (way, setting, call -> lock-up time [s]), what

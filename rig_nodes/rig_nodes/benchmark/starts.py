@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a user waits for: ``simulate demo`` cold and warm, help and report, and the node graph in lockstep.
 
 Parts demo and graph of ``rig bench``. Everything is a program of its own, by the clock on the wall and by its processor

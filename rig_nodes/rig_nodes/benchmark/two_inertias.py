@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The bare problem: two inertias and a clutch that closes; exact lock-up time, our driveline on it, longer chains.
 
 Used by ``rig bench peers`` and ``rig bench scaling``. Inertias, capacity and times as in the laboratory's gearbox:

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``rig bench [PART ...]``: how fast the rig computes on this machine, part by part; ``--json`` for programs."""
 
 from __future__ import annotations

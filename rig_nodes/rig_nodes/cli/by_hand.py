@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the verbs that act on a running rig share: which one it is, and the way to it."""
 
 from __future__ import annotations

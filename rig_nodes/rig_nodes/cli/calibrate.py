@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`rig calibrate`: finds the rig's unknown parameters again and, with --write, puts them into its configuration."""
 
 import argparse

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``rig controller check PLUG`` and ``rig controller new KIND DIR``: is one fit for the rig; a start for one."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Two ends of a message that goes to and fro through DDS; `rig doctor` starts each as a process of its own.
 
 `ping` prints how long discovery and the round trip took, or ends with a sentence; `pong` answers until ended.

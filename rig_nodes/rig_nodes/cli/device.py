@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``rig device NAME``: one device in a process of its own, for a rig that has it cut out of the plant."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`rig doctor`: looks at everything the rig stands on and says what is wrong and what helps.
 
 For people before they ask for help, and for scripts through --json. Exit code 1 when a check fails.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``rig export WHAT``: files for other tools: the rig or a controller as an FMU, the CAN database, the register map."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``rig gear GEAR``: a shift of the rig that runs, from its order to its end."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Single keys from the terminal, without Enter; used by verbs that can be steered while they run."""
 
 from __future__ import annotations

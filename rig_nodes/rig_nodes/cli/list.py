@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``rig list WHAT``: what is installed, topics and signals; ``--markdown`` writes docs/signals.md. Alone: what it lists."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The `rig` command: finds the verb, runs its module, turns errors into one sentence and an exit code.
 
 A verb is a module of this package with HELP (str), add_arguments(parser) and main(args) -> exit code. Modules

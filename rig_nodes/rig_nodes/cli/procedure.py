@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``rig procedure NAME``: series of a measuring procedure, each repeat into a bag with its report."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A line on stderr that tells how far a long piece of work is and how long it will still take.
 
 Used by the verbs ``sweep`` and ``tune``.

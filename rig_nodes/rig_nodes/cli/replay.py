@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`rig replay BAG`: a recorded bag published again over real ROS 2, in order, with /clock."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`rig report`: shift metrics and energy balance of a recorded run, computed anew from its bag, or of a logger's CSV.
 
 Rewrites the report that lies beside the bag and keeps of it what only the run itself knew (lateness, end); leaves one

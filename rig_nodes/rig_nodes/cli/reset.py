@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``rig reset``: the rig that runs leaves its safe state."""
 
 from __future__ import annotations

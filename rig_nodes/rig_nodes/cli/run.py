@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``rig run SEQUENCE``: a sequence on the node graph over real ROS 2, in real time, recorded to a bag."""
 
 from __future__ import annotations

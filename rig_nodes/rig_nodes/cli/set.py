@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``rig set NAME VALUE``: a setting of the rig that runs, as a parameter of its node; without a value, what it is."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``rig simulate SEQUENCE``: a sequence without ROS traffic, as fast as it goes; writes the same bag as ``run``."""
 
 from __future__ import annotations

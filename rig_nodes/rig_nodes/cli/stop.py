@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``rig stop``: the clean end of the rig that runs, or with --emergency its safe state."""
 
 from __future__ import annotations

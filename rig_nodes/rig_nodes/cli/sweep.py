@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``rig sweep``: a sequence for many values of its parameters, each run's metrics into one table."""
 
 from __future__ import annotations

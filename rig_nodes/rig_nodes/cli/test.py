@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`rig test`: pytest on the checkout's tests, with ROS field checks on; all of them in parts, side by side.
 
 What failed against the clock runs a second time.

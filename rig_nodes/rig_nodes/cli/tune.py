@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``rig tune``: settings of the Alfa46 for an operating range, as a front of trade-offs, proven elsewhere."""
 
 from __future__ import annotations

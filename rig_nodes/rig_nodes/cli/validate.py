@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """``rig validate``: every number and trend that the laboratory printed, held against the rig."""
 
 from __future__ import annotations

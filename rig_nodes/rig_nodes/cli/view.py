@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """`rig view`: a recorded run or a running rig in Rerun, as a picture, or as a layout for another program."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The arguments that ``run`` and ``simulate`` share: which sequence, which rig, where to."""
 
 import argparse

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """JSON that a verb writes where its user says; used by ``bench``, ``calibrate`` and ``validate``."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Configuration files of the rig and how they are read; used by everything that has settings.
 
 YAML 1.2 with refused duplicate keys; errors name file, line, reason and what would be right.

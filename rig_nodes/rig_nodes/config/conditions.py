@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The conditions under which the laboratory measured, by name; used by testbench.procedure and validation alike.
 
 A series of a procedure is run under some of them, and a target names those that its records must have.

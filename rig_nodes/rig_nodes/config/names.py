@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a name on the command line means: which file, which kind of rig, which rig a sequence is written for.
 
 Used by everybody who loads a rig or a sequence, and by the launch file: no numerics in here, and no values read. What

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """From a YAML map to a frozen dataclass: every key known, every value with its unit, range and source.
 
 Used by testbench.configuration for the rig's parts; a part's dataclass stands beside its physics in plant/.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Units that people write in configuration and sequences, turned into SI.
 
 Used by config.schema and testbench.sequence; a number without its unit is refused where one is expected.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """YAML text as marked maps and lists: each knows its line, and the line of each key or item.
 
 Used by config. A file is bounded in its length, its depth, its number of values and the length of each, so that none takes

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The seam where shift-control code meets the rig, and its plugs (load.KINDS): one record in, one record out, one timing.
 
 Used by testbench.simulate, the alfa46 process and users' own controller files.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a controller step costs through each plug, with the reference controller; for ``rig bench controllers``.
 
 A plug is one line in CASES; one whose other side is a program says how it is started.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The process in which a C library runs, so that nothing in it can harm the rig; and the structs of rig_controller.h.
 
 Started by c_library.py as a program of its own that imports nothing of the rig: it is there in 30 ms. Whole messages

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The plug for a C shared library that exports what include/rig_controller.h declares, or for one C file.
 
 Made by load.py. The library runs in a process of its own (c_host.py): a crash, an exit() or an endless loop in it is a

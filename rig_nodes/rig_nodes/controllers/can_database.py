@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The CAN database of the rig, made from the signal catalogue: what the plug sends and takes, and J1939 ETC1 / ETC2.
 
 Used by the plug (can_bus.py), by `rig export dbc` and by the example controller. cantools is imported when it is asked for.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A CAN bus of UDP multicast packets on this machine's loopback: python-can's udp_multicast, bound to nothing else.
 
 python-can's own bus listens on every address of the machine and joins the group on the network of the default route.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The plug for a controller as an FMU (2.0 or 3.0 co-simulation): ``fmu:FILE.fmu``.
 
 Made by load.py. The FMU lives in a process of its own (fmu_process.py): its crash is a fatal status, not the rig's end.

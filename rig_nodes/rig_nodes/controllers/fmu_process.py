@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The process in which a controller FMU runs: samples of the plug (fmu.py) in, answers out, until its link closes."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What controllers have in common that run by their own clock: CAN, Modbus, free ROS 2 nodes. Nobody waits for them.
 
 In simulated time the rig is held to real time: sample k is not asked before k ms have passed. The newest command is

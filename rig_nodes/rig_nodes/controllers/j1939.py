@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a J1939 node does beside its messages: identifiers (J1939-21), NAME and address claim (J1939-81), requests.
 
 Used by the CAN plug (can_bus.py). Numbers with a meaning of their own are those of the standard's documents.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """From a controller's specification to its plug; used by ``simulate``, alfa46, ``controller`` and the tests.
 
 A plug is one line in KINDS: its module is imported when it is asked for, so that nobody pays for plugs of others.

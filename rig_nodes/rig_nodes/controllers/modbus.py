@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The plug for a controller that is a Modbus TCP client, such as a PLC: ``modbus:PORT``; the rig is the server.
 
 Made by load.py; pymodbus is imported then. The registers are those of registers.py, on 127.0.0.1 unless asked otherwise.

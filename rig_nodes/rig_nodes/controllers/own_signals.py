@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a user's controller names as its own, checked: settings, and signals with the blocks in which they are recorded.
 
 Used by plugs, by testbench.outputs and by the alfa46 process: the same blocks, whoever sends them.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What every plugged controller looks like to the bench and to the alfa46 process, and what all share.
 
 A plug takes orders, answers samples and says its gear; load.py makes one from a specification.

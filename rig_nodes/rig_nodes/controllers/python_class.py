@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The plug for a Python class with initialize / step / terminate, from a file or an importable module.
 
 Made by load.py. What goes wrong in user code becomes a sentence with file and line; the traceback is logged.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The Modbus register map of the seam, made from the signal catalogue; the rig is the server.
 
 Used by the plug (modbus.py), by `rig export registers` and by the example client.

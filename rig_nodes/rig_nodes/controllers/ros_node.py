@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A shift controller as a ROS 2 node: brings a class with initialize / step / terminate to the rig.
 
 The messages are those of docs/ros_controller.md. Copied as it is to where a controller runs; needs rclpy and rig_msgs.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The rig's end of the topics of a controller that is a ROS 2 node: start, ready, step, answer.
 
 Used by the plug (ros.py); the protocol is docs/ros_controller.md. No executor, but one wait set over two subscriptions

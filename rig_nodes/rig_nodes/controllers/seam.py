@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The seam: the one record that goes into a shift controller, the one that comes out, and its checks.
 
 Used by every plug; user classes may import it too. Names and units are those of rig_msgs/ControllerSample and

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The plug for a folder of Simulink Coder's or Embedded Coder's generated C or C++ with a rig_shim.c or rig_shim.cpp.
 
 Made by load.py (include/rig_simulink.h says what the shim has). The files of the folder and of all folders in it are

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The seam's numbers as whole numbers on a wire: 16 bits each, resolution from the signal catalogue's ranges.
 
 Used by the CAN database and the Modbus register map, so that both carry the same numbers.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What an FMU's archive may hold: everything is checked before anything of it is written or understood.
 
 Used by fmu.importer. The limits stand in docs/fmu.md.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Builds FMUs: the rig as one (`rig export fmu`), and a shift controller in C or C++ as one (`rig export controller-fmu`).
 
 The files are compiled with the user's compilers against the FMI headers that FMPy brings.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """modelDescription.xml and variables.h of an FMU from one list of variables, for FMI 2.0 and 3.0.
 
 Used by fmu.build; a variable's place in the list is its value reference, in both versions.

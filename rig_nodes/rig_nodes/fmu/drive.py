@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Drives the rig's FMU through a test sequence with FMPy: the example of an importer, and how the FMU is checked.
 
     .venv/bin/python -m rig_nodes.fmu.drive hydmag.fmu demo --out runs/fmu-demo

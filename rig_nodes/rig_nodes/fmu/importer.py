@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """An FMU in the hands of FMPy: variables by name, statuses as such, for FMI 2.0 and 3.0 co-simulation.
 
 Used by fmu.drive, which drives the rig's own FMU, and by controllers.fmu_process, which runs a user's controller.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What an FMU of FMI 2.0 says to its logger: a printf format and its values, made into text without trusting them.
 
 Used by fmu.importer. A variadic C function takes its values where one with many parameters would (System V, x86-64): so

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The process behind the rig as an FMU: requests of c/rig_process.c in, the same Rig as everywhere, values out.
 
 Started by the FMU with the number of its socket and the FMU's folder of resources; ends when the socket does.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The variables of the rig as an FMU: which there are, and how their values reach a rig and come from it.
 
 Used by fmu.build, which writes them into modelDescription.xml, and by fmu.rig_process. Order is value reference.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """One process of the graph, seen from its supervisor: started, listened to, stopped, never left behind.
 
 Used by graph.supervisor; the other end of the line is nodes.process.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A ROS domain of its own for every run, so that two runs, or a run and its tests, never hear each other.
 
 Used by the supervisor, by nodes started without one, by replays and by tests. A domain is held by a socket name, which

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A message dropped on purpose, so that a test can see that a loss is counted; used by `rig run` and the container."""
 
 from __future__ import annotations

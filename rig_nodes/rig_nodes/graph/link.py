@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The step handshake of a run in lockstep: whole messages over a socket pair between two of its processes.
 
 Made by the supervisor, held by the rig container at one end and by alfa46 or sequencer at the other. DDS carries the

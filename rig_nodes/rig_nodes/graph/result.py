@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a run over ROS leaves beside its bag: counts, lateness, cost, and whether anything was lost.
 
 Used by `rig run`, `rig report` and the tests once all processes have ended.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Starts all processes of one run, watches them, ends them in order and tells how it ended.
 
 Used by `rig run` and by the tests; the command lines by the launch file too. Owns no ROS: it speaks with its children

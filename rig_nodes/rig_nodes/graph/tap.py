@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Recording in lockstep: the bytes a process publishes go to the recorder over a socket of their own, too.
 
 Held by rig container and alfa46 (Tap) and by the recorder (TapReader); made by the supervisor. DDS takes 10 us to send

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Which topics beyond the rig's own a recorder takes: all of the domain, or those that --topics and --exclude leave.
 
 Used by the recorder; by `rig run` and the launch file, which refuse a wrong pattern before anything starts. No ROS in here.

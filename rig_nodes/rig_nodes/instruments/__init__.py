@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Transducers and loggers of the laboratory.
 
 Importing it points numba's cache at a folder of its own before numba is loaded.

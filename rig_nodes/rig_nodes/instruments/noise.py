@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Counter-based noise: the same (seed, channel, sample) gives the same number, whatever was drawn before.
 
 Called by plant.kernel and testbench.gauges; it is what makes a run independent of how it is cut into pieces.

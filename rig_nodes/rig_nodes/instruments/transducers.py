@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What lies between a true value and a logger row: analog transducer, encoder, mains, the logger's converter.
 
 Compiled parts are called by plant.kernel for each channel and row; testbench.gauges fills the table that they read.

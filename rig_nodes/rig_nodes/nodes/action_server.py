@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The rig's action servers: goals are followed by their node, ended with a result, cancelled or not with a reason.
 
 Used by alfa46 (shift) and sequencer (run).

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The Alfa46 box as a process of its own: samples in, duty out, gears ordered by an action.
 
 Started by graph.supervisor. One sample in gives one command out: in real time in executor callbacks, in lockstep in

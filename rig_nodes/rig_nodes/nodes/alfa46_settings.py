@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What can be set at the Alfa46 while it runs: delays, gains and profiles as parameters, a profile as a whole.
 
 Used by the node alfa46. Values are checked by the rules of alfa46.settings; the controller takes them with its next

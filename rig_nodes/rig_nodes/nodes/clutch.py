@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Node of one wet multi-plate clutch, S1 or S2: cylinder pressure and state out."""
 
 from .device import Device

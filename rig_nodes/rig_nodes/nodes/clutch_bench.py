@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Nodes of the clutch bench and its force benches (thesis chapter 8), one for each device; no physics.
 
 Used by the rig container; what they publish is encoded by testbench.outputs.

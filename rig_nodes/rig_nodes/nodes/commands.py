@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The queue between ROS callbacks and the rig's loop: commands wait here for the next sample boundary.
 
 Used by the nodes of the rig container (put) and by its loop (apply).

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The rig container's ends of the cuts: ports go out, answers come in, at the node of each cut device.
 
 Used by the rig container; the other end is a device node (nodes.cut_device) or a user's own.

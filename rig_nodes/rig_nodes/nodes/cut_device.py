@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A device of its own, outside the plant: answers the port of a rig that has it cut out (docs/cuts.md).
 
 Started by `rig device NAME`, `ros2 run rig_nodes NAME` or as a module with the name. It hosts the rig's own

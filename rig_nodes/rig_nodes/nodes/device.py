@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The base of the rig's own nodes: publishers from the catalogue, commands into the queue of the rig.
 
 Used by every node of the rig container; none of them holds physics, and callbacks only enqueue.

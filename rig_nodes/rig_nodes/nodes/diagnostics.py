@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the rig's processes say about their health on /diagnostics: one status per device, at 1 Hz and on change.
 
 Used by rig container, alfa46, sequencer and recorder. Not in the catalogue: it depends on the wall clock, which what

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The executor of every process of the rig that has nodes; used by nodes.process, nodes.replay and nodes.live_view."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Node of the measuring instruments: the 10 kHz logger, the controller's samples, mirrors in standard types."""
 
 from functools import partial

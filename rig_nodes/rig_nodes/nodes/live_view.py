@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The node of the live view: receives what a running rig publishes and hands it to a bounded sender.
 
 Used by `rig view --live`, as a process of its own beside the rig. It subscribes best effort and runs below

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Node of the load: output torque, speed and line pressure out, relief setting in."""
 
 from ..catalogue import catalogue

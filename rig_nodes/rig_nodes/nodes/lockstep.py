@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The rig container's side of a run in lockstep: nobody goes on before everybody has done the sample.
 
 Used by the rig container in place of its real-time clock. The order of each sample is that of ``simulate``: sequencer
@@ -221,5 +224,3 @@ class Lockstep:
         """As the real-time clock's, with the factor reached."""
         factor = self.rig.sample * SAMPLE_NS * 1e-9 / self._took if self._took else None
         return {"ticks": self.rig.sample // TICK_SAMPLES, "overruns": 0, "lateness_ms": None, "speed_factor": factor}
-
-

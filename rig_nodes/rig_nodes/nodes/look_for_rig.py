@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Prints the nodes that send /rig/state in the ROS domain of its environment, a line each, and ends; nothing for none.
 
 Started by graph.domain as a process of its own before a rig or a replay begins: what no socket of this host tells, as a

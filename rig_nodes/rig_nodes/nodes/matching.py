@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Who listens already: the gate that lets no first message go out before its receivers are there.
 
 Used by every process of the graph before it publishes.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Node of the DC motor with its speed drive: torque and speed of shaft w0 out, speed setpoint in."""
 
 from ..catalogue import catalogue

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Node of the clutch oil supply: pressure and temperature out, relief setting in."""
 
 from ..catalogue import catalogue

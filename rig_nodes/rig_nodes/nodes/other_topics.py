@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Topics of the ROS domain beyond the catalogue, as the recorder finds them: of users' nodes, /rosout, /diagnostics.
 
 Used by the recorder. Types are those whose Python package can be imported here; any other topic is named once.

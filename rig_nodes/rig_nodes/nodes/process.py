@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What every process of the graph has in common: signals, the line to its supervisor, executor, its last words.
 
 Used by rig_container, alfa46, sequencer and recorder, under the supervisor of `rig run` and alone.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Quality-of-service profiles of the catalogue's classes, for the side that publishes and the side that receives.
 
 Used by every node; config/signals.yaml says which class a topic has, catalogue.QOS how a class is offered.

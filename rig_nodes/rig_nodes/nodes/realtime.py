@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The rig's clock in real time: an absolute schedule of samples, and how late its ticks start.
 
 Used by the rig container, by alfa46 and recorder for their priority; simulated time follows the wall clock and is

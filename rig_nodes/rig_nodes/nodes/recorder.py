@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The recorder: every topic of a run's domain into one MCAP bag, untouched, with simulated time as log time.
 
 Started by graph.supervisor. Callbacks only enqueue; a thread writes and flushes. In lockstep, what rig container and

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The node `rig_replay`: publishes a recorded bag again, byte by byte, with /clock.
 
 Used by `rig replay`. Order and pace come from bags.player; one thread publishes, serves the services and

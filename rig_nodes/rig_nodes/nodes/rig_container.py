@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The rig container: one process that owns the plant, moves it in real time and hosts one node per device.
 
 Started by graph.supervisor. A thread of its own steps the rig; the executor's callbacks only enqueue.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The health of the devices of the rig container, for /diagnostics.
 
 Used by the rig container; reads the rig while its loop goes on, which for single numbers needs no lock.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Node of the rig as a whole: state and events out; valve commands, emergency stop and reset in."""
 
 from __future__ import annotations

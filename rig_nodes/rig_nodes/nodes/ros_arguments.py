@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What follows --ros-args on the command line of a process: names that the rig cannot have are refused, parameters set.
 
 Used by nodes.process and by `ros2 run rig_nodes replay`. rclpy reads the rest (topics, log level) itself.

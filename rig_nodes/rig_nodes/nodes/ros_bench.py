@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The rig as a test sequence sees it over ROS: setpoints and shift orders out, readings and states in.
 
 Used by the sequencer node; the same interface as the in-process bench of `simulate`.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A rig that runs in another process, as the commands gear, set, stop, reset and status see it: over DDS.
 
 Used by cli.by_hand, which sets up the environment before ROS is loaded.

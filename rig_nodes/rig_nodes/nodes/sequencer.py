@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The sequencer: runs test sequences on the rig, one at once with --sequence or by the action /sequencer/run.
 
 Started by graph.supervisor. Polled on every graph tick of simulated time, as the samples bring it.

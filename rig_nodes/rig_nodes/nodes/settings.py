@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """ROS parameters of the rig's nodes: declared with text, unit and range, checked, refused with the reason.
 
 Used by the devices that have something to set and, through Settings, by alfa46_settings. A check answers the caller;

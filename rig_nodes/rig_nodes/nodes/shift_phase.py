@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The phase of a shift as far as the controller's wires tell: speeds of both shafts, pressure of the clutch.
 
 Used by the alfa46 node for the feedback of its shift action; the law itself does not need it.

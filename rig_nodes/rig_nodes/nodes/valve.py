@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Node of one proportional pressure-reducing valve, ZR-P1 or ZR-P2: coil current and state out.
 
 Its duty arrives with those of the other outputs in one message to the node `rig`.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Wet multi-plate clutch: cylinder with piston against disc springs, plate pack, friction, drag, heat and wear.
 
 Called by plant.kernel for S1 and S2; the models of torque and drag themselves are in plant.friction.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The compiled entry of the clutch bench (thesis chapter 8): hydraulics, piston, shaft, pack and instruments together.
 
 Called by testbench.clutch_bench only; the counterpart of plant.kernel, made of the same parts and driveline.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Causal cuts: a device outside the plant, what goes over the cut and back, and the rig's own other side.
 
 Used by testbench.cuts (the plant's end), by `simulate` and by the stand-alone device nodes, which step the

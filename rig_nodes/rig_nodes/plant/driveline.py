@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """General driveline: inertias, rigid gears, shafts, clutches, brakes and free-wheels in any arrangement.
 
 Describe it with `Driveline`, turn it into arrays with `build`, run it alone with plant/driveline_run.py,

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Constants, work buffer and linear algebra of the driveline step, on one flat work buffer.
 
 Used by plant/driveline_joint.py and plant/driveline_kernel.py; nothing here knows about time.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Which friction elements stick and which slip, decided jointly at one instant.
 
 Used by plant/driveline_kernel.py at every event inside a step.

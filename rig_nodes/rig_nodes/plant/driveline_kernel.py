@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """One step of the general driveline, compiled: stick/slip events at their exact time inside the step.
 
 Used by plant/driveline.py (description and runner) and by every larger kernel that moves a drive

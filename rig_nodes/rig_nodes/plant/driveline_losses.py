@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Losses of gears that grow with the torque they pass on, solved with the torques that they change.
 
 Used by plant/driveline_kernel.py and plant/driveline_joint.py. A loss is friction whose capacity depends on a torque of

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Runs a driveline alone, with torques and capacities given over time.
 
 For tests, examples and drive trains without hydraulics; the rig itself calls the kernel directly.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the thesis names as the sources of its own errors, each to be switched off, so that its effect can be shown.
 
 Used by testbench.configuration and testbench.rig: a switched-off effect is a rig whose parameters leave it out.

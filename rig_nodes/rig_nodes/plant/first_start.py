@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Compiles the gearbox's kernel on two cores when none of it is kept yet; called by testbench.rig.
 
 One compilation is one thread of Python. The driveline's step takes half of all the time and needs nothing of the rest:

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The HydmAG gearbox: ratios, inertias and losses, described for the general driveline.
 
 Used by testbench.rig to build the driveline and by plant.kernel for the loss torques.

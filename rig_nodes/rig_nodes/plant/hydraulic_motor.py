@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Hydraulic motor SH of the clutch bench with flow regulator RP and maximum valve ZP_2 (thesis 8.1.2, fig. 8.1).
 
 Called by plant.clutch_bench; the shaft behind it, with its torque meter, is described here for the general driveline.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The one compiled entry: plant, instruments and embedded controller, moved together in fixed order.
 
 Called by testbench.rig only. All it moves is one record, WORLD, beside the gauges' arrays, the law's and the ring of

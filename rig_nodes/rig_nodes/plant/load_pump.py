@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Load pump PO (type PWK) with relief valve in its pressure line: a passive load on the output shaft wk.
 
 Called by plant.kernel as a torque capacity that the driveline applies as friction, so it can hold, never drive.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """DC motor with thyristor speed control on the input shaft w0 (70 kW, laboratory device SE1).
 
 Called by plant.kernel: a ramped speed setpoint, a PI speed loop with limits, first-order torque build-up.

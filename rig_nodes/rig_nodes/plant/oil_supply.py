@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Clutch oil supply: pump P with relief valve ZP and the oil's properties.
 
 Called by plant.kernel; the laboratory kept p_p = 4 MPa in all tests.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Clutch pressures that are prescribed, not made by valves and cylinders: chapter 9's own simulation.
 
 Read by testbench.configuration from a rig's YAML, used by testbench.rig to fill the kernel's tables.

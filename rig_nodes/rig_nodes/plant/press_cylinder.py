@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Cylinder S_z of the clutch bench, its disc springs and what it presses: a pack, a force transducer or nothing.
 
 Called by plant.clutch_bench. Force over pressure (8.2), springs (8.1), clamp force (8.3) of the thesis.

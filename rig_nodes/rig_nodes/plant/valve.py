@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Proportional pressure-reducing valve: coil, spool with friction and dead band, orifice with a flow limit.
 
 Called by plant.kernel for ZR-P1 and ZR-P2 (type 3WZCDE6, thesis tab. 3.4); nothing here prescribes a pressure.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Members of a sweep on a Dask cluster: one that runs already, or processes on this machine.
 
 Used by the verb ``sweep``; Dask is loaded only here, where somebody asks for it.

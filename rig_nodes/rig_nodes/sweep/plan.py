@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a sweep varies, and the points of its members: grid, list, random or Latin hypercube.
 
 Used by the verb ``sweep`` and sweep.run; a plan is plain data that goes into the folder as it is.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A user's controller in a sweep: the same for all members, each with one of its own that begins anew.
 
 Used by sweep.plan and sweep.run.

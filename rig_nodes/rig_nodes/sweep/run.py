@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Runs the members of a sweep, on this machine's cores or on a Dask cluster, and notes each in the sweep's folder.
 
 Used by the verb ``sweep``; what a member gives depends on nothing but its own values and seed.
@@ -114,4 +117,3 @@ def _into_bag(config, sequence, member: Member, bags: Path, controller: Plug | N
     write_report(temporary, report)
     os.replace(temporary, folder)
     return run["end"], report["shifts"]
-

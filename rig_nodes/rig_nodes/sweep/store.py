@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The folder of a sweep: what it is, a journal of finished members, and the results as Parquet.
 
 Used by sweep.run and the verb ``sweep``; the journal by tune.folder too. A member counts as finished when its line of

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Many runs on all cores: what is measured of each comes back, the rows stay where they were made.
 
 Used by the validation, the calibration, the sweeps and the tuner.

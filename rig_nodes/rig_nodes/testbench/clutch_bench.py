@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The clutch bench as a rig: one object that owns plant and instruments, moved sample by sample.
 
 The counterpart of testbench.rig for thesis chapter 8; used by ``simulate``, the rig container and the tests.

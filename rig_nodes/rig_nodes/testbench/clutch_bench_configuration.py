@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The clutch bench, and the spring and cylinder benches made of its parts, from their YAML (thesis chapter 8).
 
 Used by testbench.configuration, which reads every rig; the numbers go to testbench.clutch_bench.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the clutch bench's topics say, as fields of their messages; the counterpart of testbench.topics.States."""
 
 from __future__ import annotations

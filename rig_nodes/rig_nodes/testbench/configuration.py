@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A rig from its YAML: every part's values, checked before anything starts.
 
 Used by every verb that needs a rig; the numbers go to testbench.rig, their record into the bag.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The conformance set for shift controllers: what a rig will do to one, done before, with a sentence on each.
 
 Used by ``rig controller check`` and the tests. Every item gets a controller of its own, so a program at the other end of

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The plant's ends of the cuts of a rig: ports out, answers in, a tick of delay, and what silence means.
 
 Owned by testbench.rig. Without cut devices it does nothing.

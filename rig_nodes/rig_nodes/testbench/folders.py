@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Where a run is written, and settings and parameters given on the command line; used by the verbs that run something
 and by the nodes' processes.
 """

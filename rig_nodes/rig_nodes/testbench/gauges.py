@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The transducers' table: errors, disturbances, range and resolution of each channel, and the noise as it is set live.
 
 Owned by testbench.rig; the kernel reads ``arrays``, which are changed in place.

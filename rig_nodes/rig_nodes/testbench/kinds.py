@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The kinds of rigs, the gearbox's and the clutch bench, and what of each belongs together.
 
 Used by whoever works with any of them: testbench.outputs, testbench.record, testbench.simulate and the nodes.

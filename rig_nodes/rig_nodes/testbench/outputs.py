@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the rig publishes, and when: from the rig's state to encoded messages, without ROS.
 
 Used by ``simulate``, which writes them, and by the rig container, whose nodes publish them: same bytes.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Measuring procedures of the laboratory: YAML of a sequence, the series it is run for, and how often each.
 
 Used by ``rig procedure`` and by the validation; testbench.campaign runs many series on all cores.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A sequence on the rig, its logger's rows straight into memory: no ROS, no bag, no encoding.
 
 Used by testbench.procedure for campaigns; gives the same rows, bit for bit, as the bag of ``simulate``.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The lockstep rig: one object that owns plant, instruments and, if embedded, the shift controller.
 
 Used by ``simulate``, the rig container and the tests; ``advance_samples`` is the only place where time passes.
@@ -523,4 +526,3 @@ class Rig(Timed):
             digest.update(np.ascontiguousarray(part).tobytes())
         digest.update(str(self.sample).encode())
         return digest.hexdigest()
-

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Test sequences: YAML steps with waits, end conditions, timeouts, repeats and a readiness gate.
 
 Used by ``rig simulate`` in one process and by the sequencer node over ROS; the runner only sees a bench object.

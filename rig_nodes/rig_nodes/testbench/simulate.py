@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A sequence on the rig without ROS traffic: same rig, same outputs, same bag, as fast as it goes.
 
 Used by ``rig simulate`` and the tests.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What every rig that is moved sample by sample has: simulated time, the ring of its logger's rows, its status.
 
 Base of testbench.rig (the gearbox) and testbench.clutch_bench.
@@ -191,4 +194,3 @@ class Timed(ABC):
         if place + last - begin < len(self._log):
             return self._log[place:place + rows * stride:stride]
         return self._log[(begin + stride * np.arange(rows)) % len(self._log)]
-

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Values of a rig that are right one by one and cannot be true together; used by testbench.configuration.
 
 Asked when a file has been read whole, and once more when all settings of a command line have been taken.

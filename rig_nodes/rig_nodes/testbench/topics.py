@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the rig's topics say and how often, as fields of their messages, and what a listener has heard last.
 
 Used by testbench.outputs, which encodes the fields, and by testbench.record, which only reads them.

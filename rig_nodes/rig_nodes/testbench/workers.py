@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Processes that work off lists of items: forked from a server that has the compiled plant in memory already.
 
 Used by testbench.campaign and whoever runs campaigns; imports nothing heavy, so that a verb can start the server first.

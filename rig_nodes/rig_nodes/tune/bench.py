@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Shifts at operating points, fast: a rig is brought to each point once and put aside; a shift then costs about 1 s.
 
 Used by tune.search and tune.judge in their worker processes. The plant is the rig's own, the channels show the truth

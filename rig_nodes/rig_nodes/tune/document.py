@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The tables of docs/tune.md: what a tuning found, and what that is worth elsewhere.
 
 Used by the verb ``tune``; the rest of the page is written by hand.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The folder of a tuning: journal, fronts as Parquet, JSON and pictures, and controllers as YAML.
 
 Used by the verb ``tune``.

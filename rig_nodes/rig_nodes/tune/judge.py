@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What found settings are worth where they were not sought: other operating points, other rigs, and the largest load.
 
 Used by the verb ``tune`` after the search.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What is tuned: the operating range, the objectives with their bounds, and the rigs over which it must hold.
 
 Used by tune.search and tune.judge; plain data that goes to worker processes and into the folder.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A whole tuning: searches for both ways and for the largest load, judgement elsewhere, fronts and controllers written.
 
 Used by the verb ``tune``.

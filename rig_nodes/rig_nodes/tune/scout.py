@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Where the search begins: settings whose worst shifts are good, found by the covariance matrix adaptation (CMA-ES).
 
 Used by tune.run ahead of tune.search. NSGA-II, begun at the settings that are there, stays with them: close by nothing

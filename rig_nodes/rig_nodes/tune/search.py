@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The search itself: NSGA-II of optuna over whole ms and mA, a generation at a time, judged in worker processes.
 
 Used by the verb ``tune``. Each generation is noted in the journal when it is whole; from there a search goes on as if

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The settings of one shift as the tuner sees them: eleven whole numbers, in ms and mA as the box takes them.
 
 Used by tune.search; what comes out is an Alfa46Config within the hardware's currents, times and rates.

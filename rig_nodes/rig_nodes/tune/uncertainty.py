@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Rigs that the laboratory's rows allow as well: calibrated parameters within their spreads, oil of other temperatures.
 
 Used by tune.problem; the spreads are those that ``rig calibrate`` prints.

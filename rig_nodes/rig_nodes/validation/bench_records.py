@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Records of the clutch bench (8.1.6) and of the spring and cylinder benches (8.1.4), from what they recorded.
 
 Used by validation.programme; the evaluation itself is analysis.slip_tests. The friction of chapter 8 is not printed:

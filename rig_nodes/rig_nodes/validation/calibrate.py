@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Finds the rig's unknown parameters on the rows of targets.yaml whose role is to calibrate, all in one set.
 
 Used by `rig calibrate`: losses, valve and cylinder of each clutch, then what holds a released clutch. Friction stays as

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a rig makes of the rows of targets.yaml that calibrate, and how far it is from them.
 
 Used by validation.calibrate, which searches, and validation.trade_off. Nothing here knows what may change.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Quantities of targets.yaml that need more than one series: ranks, extremes, the border of the dip.
 
 Used by validation.programme on the averaged records of everything that ran.

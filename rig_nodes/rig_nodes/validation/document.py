@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The result of a validation for people: the terminal's summary, and docs/validation.md.
 
 Used by the verb ``validate``. Explanations of misses are written by hand in explanations.yaml (id -> text).

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """One target held against the rig's records: value, accepted ends, verdict, and where the worst value stands.
 
 Used by validation.programme and the verb ``validate``. What each kind means says the head of targets.yaml;

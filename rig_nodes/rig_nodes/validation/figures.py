@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Line and scatter plots as SVG text: axes with ticks, a legend, nothing else.
 
 Used by validation.pictures; the rig has no plotting library, and these few charts need none.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The figures of chapters 7 to 9 that the thesis's text lets one redraw, from the rig's records.
 
 Used by the verb ``validate``. The laboratory's points are lost; what its text still says of them is drawn as a band or

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The laboratory's measuring programme on the rig: which procedures chosen rows need, run, and turned into records.
 
 Used by the verb ``validate``; the series are testbench.procedure's, what each run gives says validation.readers.

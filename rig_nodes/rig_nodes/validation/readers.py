@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """From a recorded run of a procedure to records, one function for each procedure of the gearbox rig.
 
 Used by validation.programme. Each takes a series' conditions and its Run and gives a list of repeats, each a list of

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the rig gave under known conditions, as records that can be selected like the rows of targets.yaml.
 
 Made by validation.programme, read by validation.evaluate; knows nothing of how a procedure is run.

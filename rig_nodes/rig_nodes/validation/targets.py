@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What the laboratory printed, from targets.yaml: one frozen :class:`Target` for each number or trend.
 
 Used by what compares the rig with the laboratory; knows nothing of how a procedure is run. The head of

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The thesis's figures of quantities over time, each from one run of the series that it shows.
 
 Used by the verb ``validate`` for its pictures, beside validation.pictures, which draws results over settings.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Where calibrating rows pull against each other: how much of the one a better value of the other costs.
 
 Used by `rig calibrate --trade-offs`. Each point of a curve is the rig with the least misses for one weight of the one row

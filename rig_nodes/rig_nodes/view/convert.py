@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A bag as a Rerun file: all signals in the units people read, states, events, report and layout.
 
 Used by `rig view`; the file is made beside the bag, and only when what it is made from has changed.

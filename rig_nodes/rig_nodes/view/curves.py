@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The curves and states of a run, sent to Rerun piece by piece of its bag, and the upright lines at its orders.
 
 Used by view.convert; names, units and colours of a curve by view.live, too.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The report of a run as a markdown document, for the text panel of the view.
 
 Used by view.convert; keys, headings and units are those of the report (analysis.report).

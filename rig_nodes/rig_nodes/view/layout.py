@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What a view shows: colour of every signal, plots, tabs and the window in time they open with.
 
 Used by view.convert for a recorded run, by view.live for a running rig and by view.other_tools for layouts of

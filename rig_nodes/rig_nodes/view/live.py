@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The live view: messages of a running rig to a Rerun server on loopback, from which viewers come and go.
 
 Used by nodes.live_view, which receives the messages. Nothing here waits for a viewer, and all is bounded: the

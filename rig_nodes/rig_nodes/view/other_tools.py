@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Layouts of PlotJuggler and Foxglove: the same plots as ours, with topics and fields of the catalogue.
 
 Used by `rig view --layout`. Their forms follow what the programs themselves write: PlotJuggler's layout XML

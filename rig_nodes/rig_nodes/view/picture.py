@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A picture of a view without a display: a viewer draws it with a software Vulkan driver and hands it over.
 
 Used by `rig view`; the viewer is awaited, asked and ended here within a bounded time.

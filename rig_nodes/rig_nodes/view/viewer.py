@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The Rerun viewer as a process: its program, its surroundings, a window of its own for a person.
 
 Used by `rig view` and view.picture. The viewer listens on loopback only and reports nothing to its makers.

@@ -1,3 +1,8 @@
+/*
+ * Copyright 2026 Virtual rig maintainers
+ * SPDX-License-Identifier: Apache-2.0
+ */
+
 /* The Alfa46 law as a user's controller in C99: profiles P1-P6, delays t12 / t21, PID on the coil current.
  *
  *   cc -std=c99 -O2 -ffp-contract=off -fPIC -shared -I<this rig's include folder> -o alfa46.so alfa46.c -lm

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The Alfa46 law as a user's controller in plain Python: profiles P1-P6, delays t12 / t21, current loop.
 
 ``./rig simulate demo --controller python:rig_nodes.controllers.examples.alfa46:Alfa46``; it gives the same

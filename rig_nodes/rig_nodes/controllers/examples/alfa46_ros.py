@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The Alfa46 law of alfa46.py as a ROS 2 node of its own.
 
 ``.venv/bin/python -m rig_nodes.controllers.examples.alfa46_ros [NAME]`` in one terminal,

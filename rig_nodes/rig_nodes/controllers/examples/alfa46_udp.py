@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The Alfa46 law of alfa46.py at the other end of a UDP port.
 
 ``.venv/bin/python -m rig_nodes.controllers.examples.alfa46_udp`` in one terminal (with ADDRESS PORT for another rig),

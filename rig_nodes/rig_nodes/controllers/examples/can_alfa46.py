@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The Alfa46 law on a CAN bus, by its own clock: the example of a controller behind ``can:``.
 
     .venv/bin/python -m rig_nodes.controllers.examples.can_alfa46 239.74.163.2 --interface udp_multicast

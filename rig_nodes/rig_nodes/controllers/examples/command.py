@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """How the example programs begin and end: one sentence for what a person got wrong, nothing for Ctrl-C."""
 
 import socket

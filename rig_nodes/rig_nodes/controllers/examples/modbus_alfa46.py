@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The Alfa46 law as a Modbus TCP client, by its own clock: the example of a controller behind ``modbus:``.
 
     .venv/bin/python -m rig_nodes.controllers.examples.modbus_alfa46 5020

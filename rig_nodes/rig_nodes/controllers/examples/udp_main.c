@@ -1,3 +1,8 @@
+/*
+ * Copyright 2026 Virtual rig maintainers
+ * SPDX-License-Identifier: Apache-2.0
+ */
+
 /* Brings the controller that it is linked with (rig_controller.h) to the rig over UDP, until Ctrl-C.
  *
  *   ./my_controller                                             (in one terminal; with ADDRESS PORT for another rig)

@@ -1,3 +1,8 @@
+/*
+ * Copyright 2026 Virtual rig maintainers
+ * SPDX-License-Identifier: Apache-2.0
+ */
+
 /* Shift controllers for the virtual rig as C shared libraries: the one public header, C99, usable from C++.
  *
  * A library exports the four functions below. The rig calls them from one thread only: abi once, create once,

@@ -1,3 +1,6 @@
+// Copyright 2026 Virtual rig maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // A controller behind rig_controller.h as the rig's ROS 2 messages see it: a message in, one out.
 //
 // Used by rig_ros.hpp, which is the node around it (docs/ros_controller.md); rclcpp is not needed here. Nothing here

@@ -1,3 +1,8 @@
+/*
+ * Copyright 2026 Virtual rig maintainers
+ * SPDX-License-Identifier: Apache-2.0
+ */
+
 /* Generated code of Simulink Coder / Embedded Coder as a shift controller: wraps MODEL_initialize, MODEL_step and
  * MODEL_terminate with their global rtU and rtY into what rig_controller.h asks for.
  *

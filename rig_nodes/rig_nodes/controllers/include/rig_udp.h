@@ -1,3 +1,8 @@
+/*
+ * Copyright 2026 Virtual rig maintainers
+ * SPDX-License-Identifier: Apache-2.0
+ */
+
 /* A shift controller behind rig_controller.h at the other end of a UDP port: the controller's side of docs/udp.md in C.
  *
  * For POSIX systems with little-endian numbers and a compiler that knows weak symbols (gcc, clang). Link it with the

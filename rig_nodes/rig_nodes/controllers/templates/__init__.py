@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Templates of controllers of one's own, each a small law that shifts; written by ``rig controller new``.
 
 A kind is a folder beside this file and, for plugs that need them, files of the rig and of other kinds that go with it.

@@ -1,3 +1,8 @@
+/*
+ * Copyright 2026 Virtual rig maintainers
+ * SPDX-License-Identifier: Apache-2.0
+ */
+
 /* A shift controller of rig_controller.h as the model of an FMU: inputs and outputs of the seam, parameters by name.
  *
  * Its step from t to t + 1 ms answers the sample at t: an importer that hands the answer to the rig at t + 1 ms has the

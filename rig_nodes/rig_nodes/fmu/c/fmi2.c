@@ -1,3 +1,8 @@
+/*
+ * Copyright 2026 Virtual rig maintainers
+ * SPDX-License-Identifier: Apache-2.0
+ */
+
 /* The functions of FMI 2.0 co-simulation over an instance (model.h). */
 #include "fmi2Functions.h"
 #include "model.h"

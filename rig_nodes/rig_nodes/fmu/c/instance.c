@@ -1,3 +1,8 @@
+/*
+ * Copyright 2026 Virtual rig maintainers
+ * SPDX-License-Identifier: Apache-2.0
+ */
+
 /* The life of an instance and its variables, for both versions of FMI: what may be called when, and what is refused. */
 #include "model.h"
 

@@ -1,3 +1,8 @@
+/*
+ * Copyright 2026 Virtual rig maintainers
+ * SPDX-License-Identifier: Apache-2.0
+ */
+
 /* What stands behind the functions of FMI 2.0 (fmi2.c) and FMI 3.0 (fmi3.c): one model, its values, its calls.
  *
  * An FMU is one of those two files with one model: the rig as a process (rig_process.c) or a shift controller of

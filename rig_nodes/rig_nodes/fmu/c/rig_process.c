@@ -1,3 +1,8 @@
+/*
+ * Copyright 2026 Virtual rig maintainers
+ * SPDX-License-Identifier: Apache-2.0
+ */
+
 /* The rig as the model of an FMU: a process of the rig's own Python at the other end of a socket pair.
  *
  * The interpreter and the folder of the package stand in resources/tool.txt, in two lines; the environment variables

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Torque and drag of wet multi-plate clutches after chapter 6 of the thesis, usable alone from Python.
 
 ``geometry``: ring and splines of a pack; ``closed``: torque of plates in contact; ``drag``: torque of oil

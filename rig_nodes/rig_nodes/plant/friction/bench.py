@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The multi-plate clutch bench of the thesis, chapter 8: its packs, its clamp force, what each model predicts
 there.
 

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Torque of plates in solid contact, (6.13)-(6.21) and (6.54)-(6.56) of the thesis.
 
 Used by plant.clutch (the thesis's model), friction.bench and friction.comparison. Each model gives the torque

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """What chapter 8 of the thesis says of its bench, as bounds on the friction that it does not print.
 
 Usable alone. The chapter gives k_kor (measured slope over the thesis's model) and k_os (over Osinski's), but

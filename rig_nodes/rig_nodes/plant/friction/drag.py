@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Drag torque of oil, and of oil with contact, between slipping plates: (6.1)-(6.12) of the thesis.
 
 Used by plant.clutch (Kitabayashi's model) and by the picture of fig. 6.5. The thesis gives Kitabayashi for n

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Geometry of a plate pack: friction ring, splines, number of friction surfaces.
 
 Base of plant.clutch.PlatePack; every model of plant.friction takes a pack of this kind.

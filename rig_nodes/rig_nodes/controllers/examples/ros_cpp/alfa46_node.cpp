@@ -1,3 +1,6 @@
+// Copyright 2026 Virtual rig maintainers
+// SPDX-License-Identifier: Apache-2.0
+
 // The Alfa46 law of alfa46.c as a ROS 2 node of its own.
 //
 //   ros2 run alfa46_cpp alfa46_node [NAME]              (in one terminal; building: docs/ros_controller.md)

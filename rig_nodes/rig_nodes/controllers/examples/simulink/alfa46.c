@@ -1,3 +1,8 @@
+/*
+ * Copyright 2026 Virtual rig maintainers
+ * SPDX-License-Identifier: Apache-2.0
+ */
+
 /* The Alfa46 law in the form of generated code: profiles P1-P6, delays t12 / t21, PID on the coil current.
  *
  * Written by hand in that form, to show what the shim in rig_shim.c wraps. It gives the same bits as the built-in

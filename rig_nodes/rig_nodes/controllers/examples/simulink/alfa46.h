@@ -1,3 +1,8 @@
+/*
+ * Copyright 2026 Virtual rig maintainers
+ * SPDX-License-Identifier: Apache-2.0
+ */
+
 /* The Alfa46 law in the form of generated code: global inputs, outputs, parameters and states, three functions. */
 #ifndef RTW_HEADER_alfa46_h_
 #define RTW_HEADER_alfa46_h_

@@ -1,3 +1,8 @@
+/*
+ * Copyright 2026 Virtual rig maintainers
+ * SPDX-License-Identifier: Apache-2.0
+ */
+
 /* Which input of the rig is which of the model's, and the same for outputs and parameters (rig_simulink.h). */
 #include "alfa46.h"
 

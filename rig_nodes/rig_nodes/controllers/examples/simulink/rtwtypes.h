@@ -1,3 +1,8 @@
+/*
+ * Copyright 2026 Virtual rig maintainers
+ * SPDX-License-Identifier: Apache-2.0
+ */
+
 /* The basic types of generated code, as far as the model beside it uses them; Simulink Coder writes its own. */
 #ifndef RTWTYPES_H
 #define RTWTYPES_H

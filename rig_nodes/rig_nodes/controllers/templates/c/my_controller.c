@@ -1,3 +1,8 @@
+/*
+ * Copyright 2026 Virtual rig maintainers
+ * SPDX-License-Identifier: Apache-2.0
+ */
+
 /* A shift controller of your own: current setpoints in steps of 1 ms, from what the wires carry.
  *
  * The old clutch is held until the new one is filled, then let go; the new one gets a plateau, then a ramp. Change it.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """The law: current setpoints in steps of 1 ms, from what the wires carry. my_controller.py brings it onto the wires.
 
 The old clutch is held until the new one is filled, then let go; the new one gets a plateau, then a ramp. Change it.

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A shift controller of your own as a ROS 2 node: the law of my_law.py, answering each sample of the rig.
 
 It needs rig_ros.py beside it, and a Python with rclpy and rig_msgs: the rig's own, or that of a ROS 2 with the rig's

@@ -1,3 +1,8 @@
+/*
+ * Copyright 2026 Virtual rig maintainers
+ * SPDX-License-Identifier: Apache-2.0
+ */
+
 /* Stands for the file that Simulink Coder generates. Put yours, with all that belong to it, in its place and change
  * rig_shim.c accordingly.
  *

@@ -1,3 +1,8 @@
+/*
+ * Copyright 2026 Virtual rig maintainers
+ * SPDX-License-Identifier: Apache-2.0
+ */
+
 /* Stands for the header that Simulink Coder generates: global inputs rtU and outputs rtY, and three functions. */
 #ifndef RTW_HEADER_my_model_h_
 #define RTW_HEADER_my_model_h_

@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """A shift controller of your own over UDP: the law of my_law.py, answering each sample of the rig.
 
 It needs rig_udp.py beside it and any Python 3.8 or newer, on this machine or another.
