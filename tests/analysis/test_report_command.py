@@ -68,7 +68,7 @@ def test_prints_a_table_and_keeps_what_only_the_run_knew(rig_report, tmp_path, c
 
 
 def test_run_without_a_report_gets_one_from_its_bag(rig_report, tmp_path, capsys):
-    mcap = tmp_path / "demo.mcap"
+    mcap = tmp_path / "demo_0.mcap"
     mcap.touch()
     assert rig_report(mcap, "--json") == 0
     printed = json.loads(capsys.readouterr().out)
@@ -125,7 +125,7 @@ def test_a_bag_that_is_damaged_later_does_not_pass_for_a_whole_one(sample, capsy
     assert "messages lost: unknown" in said.out and "end: unknown" in said.out
     run = run_of(sample)
     assert run["lost"] is None and "messages recovered up to" in run["recovered"]
-    (sample / "sample.mcap").write_bytes(whole)
+    (sample / "sample_0.mcap").write_bytes(whole)
     assert main(["report", str(sample)]) == 0
     assert run_of(sample)["lost"] == 0 and "recovered" not in run_of(sample)
 
@@ -136,7 +136,7 @@ def test_the_report_of_another_run_in_the_folder_is_neither_used_nor_overwritten
     other["run"] |= {"seed": 77, "sequence": "another", "end": {"reason": "broken off by hand"}}
     path.write_text(json.dumps(other))
     capsys.readouterr()
-    assert main(["report", str(sample / "sample.mcap")]) == 0
+    assert main(["report", str(sample / "sample_0.mcap")]) == 0
     said = capsys.readouterr()
     assert "broken off by hand" not in said.out and "I -> II" in said.out
     assert "is of another run" in said.err and json.loads(path.read_text()) == other
@@ -144,7 +144,7 @@ def test_the_report_of_another_run_in_the_folder_is_neither_used_nor_overwritten
 
 def test_a_report_that_cannot_be_written_is_printed_all_the_same(rig_report, tmp_path, capsys):
     with pytest.raises(RigError, match="report.json: it cannot be written"):
-        rig_report(tmp_path / "nowhere" / "demo.mcap")
+        rig_report(tmp_path / "nowhere" / "demo_0.mcap")
     assert "0 -> II" in capsys.readouterr().out
 
 

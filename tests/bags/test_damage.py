@@ -24,7 +24,7 @@ def small(tmp_path_factory):
         for seq in range(30):
             ns = seq * 10_000_000
             writer.write("/motor/n_wej", "rig_msgs/msg/Measurement", encode(ns, seq, seq * 1.5), ns)
-    return (folder / "run.mcap").read_bytes()
+    return (folder / "run_0.mcap").read_bytes()
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def summary(small):
 
 def put(folder, data):
     """A file with these bytes."""
-    path = folder / "run.mcap"
+    path = folder / "run_0.mcap"
     path.write_bytes(data)
     return path
 
@@ -109,7 +109,7 @@ def test_something_after_the_end_is_refused(tmp_path, small):
 
 def foreign(folder, text=b"float64 value\n", encoding="ros2msg", data=bytes(12), name="some_msgs/msg/Value"):
     """A bag as another program might make it."""
-    with open(folder / "run.mcap", "wb") as file:
+    with open(folder / "run_0.mcap", "wb") as file:
         writer = Writer(file)
         writer.start("ros2", "other")
         channel = writer.register_channel("/x", "cdr", writer.register_schema(name, encoding, text))

@@ -89,8 +89,8 @@ def test_pieces_hold_together_what_the_bag_holds(run):
 
 
 def test_a_cut_bag_is_read_as_far_as_it_goes_and_a_damaged_chunk_is_told_when_its_time_comes(run, tmp_path):
-    data = (run / "run.mcap").read_bytes()
-    path = tmp_path / "run.mcap"
+    data = (run / "run_0.mcap").read_bytes()
+    path = tmp_path / "run_0.mcap"
     path.write_bytes(data[:len(data) // 2])
     found, damage = all_of(path)
     assert found == Bag(path, recover=True).timeline() and len(found) > 100
@@ -136,7 +136,7 @@ with BagIndex(sys.argv[1]) as index:
     held = sum(1 for _ in index.timeline(["/x/block"]))
 replay = peak() - before
 pieces = sum(piece.counts["/x/block"] for piece in Bag.pieces(sys.argv[1], 1 << 22))
-print(json.dumps([held, replay, pieces, peak() - before, Path(sys.argv[1], "run.mcap").stat().st_size / 1e6]))
+print(json.dumps([held, replay, pieces, peak() - before, Path(sys.argv[1], "run_0.mcap").stat().st_size / 1e6]))
 """
 
 

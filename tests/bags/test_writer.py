@@ -3,6 +3,7 @@
 
 """Bags as other tools see them, and what is left of one when its writer is ended by force."""
 
+import re
 import subprocess
 import sys
 from collections import Counter
@@ -32,21 +33,26 @@ def measurement(ns, seq, value=0.0):
     return encoder(MEASUREMENT).encode(ns, seq, value)
 
 
+def test_ros2_bag_reindex_takes_the_file_for_a_piece_of_the_bag(run):
+    # the whole name must match what rosbag2_cpp's reindexer looks for
+    assert [bool(re.fullmatch(r".+_(\d+)\.([a-zA-Z0-9])+", path.name)) for path in run.glob("*.mcap")] == [True]
+
+
 def test_the_same_calls_give_the_same_bytes(write_run, tmp_path):
     for name in ("a", "b"):
         write_run(tmp_path / name)
-    for file in ("run.mcap", "metadata.yaml"):
+    for file in ("run_0.mcap", "metadata.yaml"):
         assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
 
 
 def test_mcap_validates_all_checksums_and_finds_every_message(run, messages):
-    with open(run / "run.mcap", "rb") as file:
+    with open(run / "run_0.mcap", "rb") as file:
         records = list(StreamReader(file, validate_crcs=True, emit_chunks=True).records)
     chunks = [r for r in records if isinstance(r, Chunk)]
     assert len(chunks) == 4 and all(chunk.uncompressed_crc for chunk in chunks)
     (end,) = [r for r in records if isinstance(r, DataEnd)]
     assert end.data_section_crc
-    with open(run / "run.mcap", "rb") as file:
+    with open(run / "run_0.mcap", "rb") as file:
         found = [(channel.topic, message.log_time, message.data) for _, channel, message in
                  make_reader(file, validate_crcs=True).iter_messages(log_time_order=False)]
     assert found == messages(0.35)
@@ -63,7 +69,7 @@ def plain(node, value):
 
 def test_mcap_ros2_support_and_rosbags_agree_on_every_value(run, messages):
     trees = {topic: installed(entry.ros_type).tree for topic, entry in catalogue().topics.items()}
-    with open(run / "run.mcap", "rb") as file:
+    with open(run / "run_0.mcap", "rb") as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
         foxglove = [(channel.topic, message.log_time, plain(trees[channel.topic], decoded))
                     for _, channel, message, decoded in reader.iter_decoded_messages(log_time_order=False)]
@@ -110,18 +116,18 @@ def test_a_bag_says_how_the_nodes_offer_their_topics(qos):
 
 
 def test_no_chunk_spans_a_boundary_of_100_ms(run):
-    with open(run / "run.mcap", "rb") as file:
+    with open(run / "run_0.mcap", "rb") as file:
         chunks = make_reader(file).get_summary().chunk_indexes
     assert [(c.message_start_time // 10**8, c.message_end_time // 10**8) for c in chunks] == \
         [(0, 0), (1, 1), (2, 2), (3, 3)]
 
 
 def test_file_tells_nothing_of_the_machine(run):
-    with open(run / "run.mcap", "rb") as file:
+    with open(run / "run_0.mcap", "rb") as file:
         header = make_reader(file).get_header()
     assert header.profile == "ros2"
     assert header.library.startswith("rig_nodes ") and "mcap" not in header.library
-    assert str(run).encode() not in (run / "run.mcap").read_bytes() + (run / "metadata.yaml").read_bytes()
+    assert str(run).encode() not in (run / "run_0.mcap").read_bytes() + (run / "metadata.yaml").read_bytes()
 
 
 def test_padding_of_the_transport_does_not_reach_the_bag(tmp_path):
@@ -142,9 +148,9 @@ def test_misuse_is_refused_and_the_bag_goes_on(tmp_path):
         BagWriter(tmp_path, "run")
     writer.write("/motor/n_wej", MEASUREMENT, measurement(1, 1), 1)
     writer.close()
-    before = (tmp_path / "run.mcap").read_bytes()
+    before = (tmp_path / "run_0.mcap").read_bytes()
     writer.close()
-    assert (tmp_path / "run.mcap").read_bytes() == before
+    assert (tmp_path / "run_0.mcap").read_bytes() == before
     with pytest.raises(RigError, match="is closed"):
         writer.write("/motor/n_wej", MEASUREMENT, measurement(2, 2), 2)
     assert writer.counts == Bag(tmp_path).counts == {"/motor/n_wej": 2}

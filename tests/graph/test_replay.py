@@ -256,9 +256,9 @@ def test_bad_input_is_one_sentence(arguments, sentence, capfd, monkeypatch):
 
 
 def test_a_damaged_bag_is_replayed_less_its_damage_which_is_told_and_counted_as_lost(domain, tmp_path):
-    data = bytearray((SAMPLE / "sample.mcap").read_bytes())
+    data = bytearray((SAMPLE / "sample_0.mcap").read_bytes())
     data[len(data) // 2] ^= 1
-    path = tmp_path / "sample.mcap"
+    path = tmp_path / "sample_0.mcap"
     path.write_bytes(data)
     output = Replay(domain, path, "--rate", "max").end(3)
     assert re.search(r"^rig: .*is damaged, only what is whole of it is replayed: a chunk .* at byte \d+ of", output, re.M)

@@ -67,7 +67,7 @@ def test_a_killed_process_is_started_again(tmp_path, victim, controller):
         assert not any(child.ended() for child in graph.supervisor.children.values())
         user.until(lambda: not commands[-1].shifting, "the end of the shift")
         if victim == "recorder":
-            second = graph.folder / "run-2.mcap"
+            second = graph.folder / "run_1.mcap"
             user.until(lambda: second.exists() and second.stat().st_size > 50_000, "a second piece of the bag")
     finally:
         user.close()

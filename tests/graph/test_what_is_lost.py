@@ -62,7 +62,7 @@ def test_a_rig_that_stood_still_has_lost_time_and_the_run_says_so(tmp_path):
 def test_a_bag_that_was_cut_meanwhile_is_said_to_be_damaged(tmp_path):
     run = RigRun(tmp_path / "run")
     run.until("shift to II")
-    os.truncate(run.folder / "short.mcap", 100_000)
+    os.truncate(run.folder / "short_0.mcap", 100_000)
     code, output = run.end()
     assert code == 3 and part_of(run)["recovered"]
     assert "the bag is damaged" in output.splitlines()[-1] and "Traceback" not in output
@@ -86,7 +86,7 @@ def test_a_full_disk_is_named_and_what_is_in_the_bag_stays_readable(small_disk, 
     code, output = run.end()
     assert code == 1 and "Traceback" not in output and "JSONDecodeError" not in output, output
     last = output.splitlines()[-1]
-    assert f"{run.folder / 'short.mcap'} cannot be written (disk full)" in last and "stays readable" in last
+    assert f"{run.folder / 'short_0.mcap'} cannot be written (disk full)" in last and "stays readable" in last
     assert f"{run.folder / 'report.json'}: it cannot be written (disk full)" in output
     assert not (run.folder / "report.json").exists()
     bag = Bag(run.folder, recover=True)
@@ -98,5 +98,5 @@ def test_a_full_disk_is_named_and_what_is_in_the_bag_stays_readable(small_disk, 
 def test_a_full_disk_ends_simulate_with_a_sentence(small_disk, rig_command):
     done = rig_command("simulate", str(SHORT), "--out", str(small_disk / "run"))
     assert done.returncode == 1 and "Traceback" not in done.stderr
-    assert done.stderr.startswith(f"rig: {small_disk / 'run' / 'short.mcap'} cannot be written (disk full); what was recorded")
+    assert done.stderr.startswith(f"rig: {small_disk / 'run' / 'short_0.mcap'} cannot be written (disk full); what was recorded")
     assert Bag(small_disk / "run", recover=True).counts["/instruments/controller"] > 100

@@ -95,9 +95,9 @@ def run(what, command, folder):
 
 def compare(ours, theirs):
     """True when both environments wrote the same bag; says how the two stand."""
-    digests = [hashlib.sha256((folder / "demo.mcap").read_bytes()).hexdigest() for folder in (ours, theirs)]
+    digests = [hashlib.sha256((folder / "demo_0.mcap").read_bytes()).hexdigest() for folder in (ours, theirs)]
     same = digests[0] == digests[1]
-    print("numpy 1.26: demo.mcap is %s (sha256 %s with numpy 1.26, %s in the checkout's environment)"
+    print("numpy 1.26: demo_0.mcap is %s (sha256 %s with numpy 1.26, %s in the checkout's environment)"
           % ("the same, byte for byte" if same else "NOT the same", digests[0][:16], digests[1][:16]),
           flush=True)
     return same

@@ -49,7 +49,7 @@ def test_bags_give_the_same_rows(tmp_path):
     plan = make_plan(SHORT, {"rest": "30 ms, 60 ms"})
     without, bagged = ran(tmp_path / "a", plan), ran(tmp_path / "b", plan, bags=True)
     assert bagged.to_pylist() == without.to_pylist()
-    assert (tmp_path / "b" / "bags" / "000001" / "short.mcap").is_file()
+    assert (tmp_path / "b" / "bags" / "000001" / "short_0.mcap").is_file()
     assert sorted(path.name for path in (tmp_path / "b" / "bags").iterdir()) == ["000000", "000001"]
 
 

@@ -76,7 +76,7 @@ def start(tmp_path):
 def test_simulate_leaves_a_whole_bag_and_its_report(tmp_path, start):
     (tmp_path / "long.yaml").write_text(LONG)
     verb = start("simulate", "long.yaml", "--out", "run")
-    bag = tmp_path / "run" / "long.mcap"
+    bag = tmp_path / "run" / "long_0.mcap"
     verb.until(lambda: bag.exists() and bag.stat().st_size > 50_000, "the bag")
     code, output = verb.terminate()
     assert code == 143 and "Traceback" not in output, output

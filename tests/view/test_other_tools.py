@@ -141,6 +141,6 @@ def test_foxglove_finds_each_panel_once(foxglove):
 def test_other_tools_read_the_rigs_time_from_the_file():
     from mcap.reader import make_reader
 
-    with open(SAMPLE / "sample.mcap", "rb") as file:
+    with open(SAMPLE / "sample_0.mcap", "rb") as file:
         messages = list(make_reader(file).iter_messages(topics=["/clutch_s1/p1"]))
     assert messages and all(message.publish_time == message.log_time for _, _, message in messages)

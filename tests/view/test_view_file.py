@@ -25,7 +25,7 @@ from rig_nodes.view.convert import make_view
 def shown(recorded, tmp_path_factory, read_rrd):
     """The view of the demo run, read back."""
     folder = tmp_path_factory.mktemp("shown")
-    (folder / "demo.mcap").write_bytes((recorded / "demo.mcap").read_bytes())
+    (folder / "demo_0.mcap").write_bytes((recorded / "demo_0.mcap").read_bytes())
     (folder / "report.json").write_bytes((recorded / "report.json").read_bytes())
     return read_rrd(make_view(folder).path)
 
@@ -137,7 +137,7 @@ def test_the_file_is_written_again_only_when_something_changed(run, read_rrd):
         assert make_view(run, window).written
         keys.add(read_rrd(first.path).key)
     assert len(keys) == 3
-    assert sorted(p.name for p in run.iterdir()) == ["demo.mcap", "metadata.yaml", "report.json", "view.rrd"]
+    assert sorted(p.name for p in run.iterdir()) == ["demo_0.mcap", "metadata.yaml", "report.json", "view.rrd"]
 
 
 @pytest.mark.parametrize("content", [b"", b"no Rerun file at all", None], ids=["empty", "text", "half"])
@@ -149,7 +149,7 @@ def test_a_damaged_file_is_replaced(run, read_rrd, content):
 
 
 def test_a_cut_bag_is_shown_as_far_as_it_goes(run, read_rrd):
-    bag = run / "demo.mcap"
+    bag = run / "demo_0.mcap"
     whole = Bag(run).logger().time()[-1]
     bag.write_bytes(bag.read_bytes()[:bag.stat().st_size // 2])
     (run / "report.json").unlink()

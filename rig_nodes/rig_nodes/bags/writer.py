@@ -46,7 +46,9 @@ class MessageRefused(RigError):
 
 
 class BagWriter:
-    """One bag in one folder: ``<folder>/<name>.mcap`` and, once closed, ``<folder>/metadata.yaml``.
+    """One bag in one folder: ``<folder>/<name>_<piece>.mcap`` and, once closed, ``<folder>/metadata.yaml``.
+
+    A number ends the name because ``ros2 bag reindex`` takes no other files for pieces of a bag.
 
     A chunk is closed and handed to the operating system when the simulated time of the messages passes a
     multiple of 100 ms, so that a killed process loses no more than that; a chunk above 4 MiB closes earlier.
@@ -54,10 +56,10 @@ class BagWriter:
     written per topic. Not thread-safe.
     """
 
-    def __init__(self, folder: str | Path, name: str):
+    def __init__(self, folder: str | Path, name: str, piece: int = 0):
         """Create the file, and the folder if need be; RigError when it is there already or cannot be made."""
         self.folder = Path(folder)
-        self.path = self.folder / f"{name}.mcap"
+        self.path = self.folder / f"{name}_{piece}.mcap"
         self.counts: dict[str, int] = {}
         self._topics: dict[str, _Topic] = {}
         self._schemas: dict[str, int] = {}

@@ -37,13 +37,13 @@ def join_pieces(folder: Path) -> None:
 
     The pieces are removed when the whole is written. What was lost in between stays lost and is counted as such.
     """
-    # <name>.mcap, <name>-2.mcap, ...
+    # <name>_0.mcap, <name>_1.mcap, ...
     pieces = sorted(folder.glob("*.mcap"), key=lambda path: (len(path.name), path.name))
     if len(pieces) < 2:
         return
     joined = folder / "joined"
     sent: set[tuple[str, bytes]] = set()  # on latched topics
-    with BagWriter(joined, pieces[0].stem) as writer:
+    with BagWriter(joined, pieces[0].stem.rpartition("_")[0]) as writer:
         for piece in pieces:
             bag = Bag(piece, recover=True)
             classes = {topic: _class_of(bag, topic) for topic in bag.counts}

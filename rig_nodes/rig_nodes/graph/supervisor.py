@@ -164,7 +164,7 @@ class Supervisor:
         arguments = [*self.order.arguments(name), "--recorded"]
         if name == "recorder":
             bag = Path(self.order.sequence or self.folder.name).stem
-            arguments += ["--out", str(self.folder), "--name", bag if life == 1 else f"{bag}-{life}"]
+            arguments += ["--out", str(self.folder), "--name", bag, "--piece", str(life - 1)]
         child = Child(name, f"rig_nodes.nodes.{MODULES[name]}", arguments, self.folder / "logs",
                       environment(self.domain), links, life)
         self.children[name] = child

@@ -41,7 +41,9 @@ LONGEST_DRAIN = 5.0  # s that a user's node, which goes on sending, can put off 
 BLOCKS = "rig_msgs/msg/SampleBlock"  # what a block holds is checked by its reader: to decode each one costs too much
 OPTIONS = [
     ("--out", {"type": Path, "required": True, "help": "folder of the bag"}),
-    ("--name", {"required": True, "help": "name of the bag's file, without .mcap"}),
+    ("--name", {"required": True, "help": "name of the bag; its file is NAME_0.mcap"}),
+    ("--piece", {"type": int, "default": 0, "metavar": "N",
+                 "help": "number of this piece of the bag, where another recorder began it (default: 0)"}),
     ("--rig", {"metavar": "NAME",
                "help": "record the topics of this rig only, by its name or file (default: those of every kind of rig)"}),
     ("--set", {"action": "append", "default": [], "dest": "settings", "metavar": "KEY=VALUE",
@@ -255,7 +257,7 @@ def work(process) -> None:
     """Record until told to stop, then take in what is on its way."""
     arguments = process.arguments
     wanted, choice = topics_of(arguments), TopicChoice(arguments.topics, arguments.exclude)
-    with BagWriter(arguments.out, arguments.name) as writer:
+    with BagWriter(arguments.out, arguments.name, arguments.piece) as writer:
         process.status("recording")
         sys.setswitchinterval(0.0005)  # callbacks do not wait long for the writer
         executor = process.start_ros()
