@@ -36,7 +36,7 @@ from .device import message_class
 from .executor import events_executor
 from .qos import recorder_profile
 
-PATIENCE = 5.0  # s for an answer
+PATIENCE, AGAIN = 5.0, 1.0  # s for an answer, and until what has none is asked again
 LONGEST_SHIFT = 30.0  # s
 STATUS = 2.0  # s for all that a status tells; what has not come by then, as a recorder that there is not, is left out
 ROS_OWN = ("use_sim_time", "start_type_description_service")  # parameters of every node
@@ -159,10 +159,19 @@ class RunningRig:
         clients = {name: self.node.create_client(kind, name) for name, (kind, _) in asked.items()}
         for name, client in clients.items():
             self.until(client.service_is_ready, name)
-        futures = {name: client.call_async(asked[name][1]) for name, client in clients.items()}
-        for name, future in futures.items():
-            self.until(future.done, f"answer of {name}")
-        return {name: future.result() for name, future in futures.items()}
+        sent = {name: [] for name in clients}
+
+        def answered():
+            # again after a while: a server that does not know yet where its answers go sends none
+            now = time.monotonic()
+            for name, calls in sent.items():
+                if not calls or now - calls[-1][1] > AGAIN and not any(future.done() for future, _ in calls):
+                    calls.append((clients[name].call_async(asked[name][1]), now))
+            done = {name: [future for future, _ in calls if future.done()] for name, calls in sent.items()}
+            return done if all(done.values()) else None
+
+        done = self.until(answered, f"answer of {' or '.join(clients)}") if clients else {}
+        return {name: futures[0].result() for name, futures in done.items()}
 
     def trigger(self, name: str) -> str:
         """What a service of type Trigger says that it has done; RefusedByRig when it has not."""
