@@ -1,3 +1,6 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
 """Every run says first which controller it has, at which level, and where the level comes from."""
 
 import json

@@ -51,7 +51,7 @@ def test_help_line_is_that_of_the_module(verb):
 
 @pytest.mark.parametrize(("arguments", "words"), [
     (["simulat"], "did you mean 'simulate'?"),
-    (["xyzzy"], "there are run, simulate"),
+    (["xyzzy"], "known are run, simulate"),
     (["doctor", "--jsn"], "--jsn"),
 ])
 def test_mistake_is_one_sentence_and_exit_code_2(checkout, arguments, words):
