@@ -140,12 +140,14 @@ def test_plates_heat_cool_and_wear(config):
     c = record(config.clutch_s1, dataclasses.replace(
         config.plate_pack, heat_capacity=200.0, cooling=50.0, friction_per_kelvin=-1e-3, friction_temperature=40.0,
         wear_rate=1e-15, wear_per_kelvin=0.01))
-    hot, wear = clutch.plates_after(40.0, 0.0, 1000.0, 40.0, 1e-3, c)
-    assert hot == pytest.approx(45.0) and wear == pytest.approx(1e-12)
-    assert clutch.friction_factor(hot, c) == pytest.approx(0.995)
-    cooler, more = clutch.plates_after(hot, wear, 0.0, 40.0, 0.1, c)
-    assert cooler == pytest.approx(45.0 - 50.0 * 5.0 * 0.1 / 200.0) and more == wear
-    assert clutch.plates_after(50.0, 0.0, 1000.0, 50.0, 1e-3, c)[1] == pytest.approx(1.1e-12), "hot plates wear faster"
+    hot, wear = clutch.plates_after(40.0, 0.0, 1000.0, 40.0, *clutch.plates_cooling(1e-3, c), c)
+    # 200 J/K over 50 W/K are 4 s: of 5 K that come evenly within 1 ms half of 1/4000 has gone again
+    assert hot == pytest.approx(45.0 - 5.0 / 8000.0, abs=1e-6) and wear == pytest.approx(1e-12)
+    assert clutch.friction_factor(hot, c) == pytest.approx(0.995, rel=1e-6)
+    cooler, more = clutch.plates_after(hot, wear, 0.0, 40.0, *clutch.plates_cooling(0.1, c), c)
+    assert cooler == pytest.approx(40.0 + (hot - 40.0) * math.exp(-0.1 / 4.0)) and more == wear
+    later = clutch.plates_after(50.0, 0.0, 1000.0, 50.0, *clutch.plates_cooling(1e-3, c), c)
+    assert later[1] == pytest.approx(1.1e-12), "hot plates wear faster"
 
 
 def test_orifice_limits_the_filling_flow(config):
@@ -214,10 +216,10 @@ def test_the_loss_by_speed_runs_down_along_the_printed_parabola(config):
     only = dataclasses.replace(config.gearbox, loss_in_at_rest=3.522, loss_in_at_470=8.321, loss_in_constant=0.0,
                                loss_in_share=0.0, loss_in_square=0.0)
     loss = record(only)
-    assert gearbox.loss_in(49.274, 0.0, loss) == pytest.approx(0.709 * 11.736, rel=1e-3)
-    assert gearbox.loss_in(11.506, 0.0, loss) == pytest.approx(0.709 * 7.148, rel=2e-3)
-    assert gearbox.loss_in(0.0, 0.0, loss) == pytest.approx(3.522)
-    assert gearbox.loss_in(209.4, 0.0, loss) > gearbox.loss_in(157.1, 0.0, loss) + 1.0, "more at more speed (7.4.2.2)"
+    assert gearbox.loss_in(49.274, loss) == pytest.approx(0.709 * 11.736, rel=1e-3)
+    assert gearbox.loss_in(11.506, loss) == pytest.approx(0.709 * 7.148, rel=2e-3)
+    assert gearbox.loss_in(0.0, loss) == pytest.approx(3.522)
+    assert gearbox.loss_in(209.4, loss) > gearbox.loss_in(157.1, loss) + 1.0, "more at more speed (7.4.2.2)"
 
 
 def test_drive_without_permission_has_no_torque(config):
