@@ -223,17 +223,20 @@ def with_unit(source, target, unit):
     (b"x", "current", "the unit of its commands", 0.25e-2),
     (b"1", "duty", "the unit of its commands", 0.25),
     (b"%", "duty", "the unit of its commands", 0.25e-2),
-    (b"", "duty", "", 0.25),
+    (b"", "duty", None, 0.25),
 ])
 def test_the_level_is_what_the_fmu_says(build, config, tmp_path, unit, level, level_from, command):
     plug = load_controller(f"fmu:{with_unit(build(2, DUTY), tmp_path / 'other.fmu', unit)}", config.alfa46)
-    assert (plug.level, plug.level_from) == (level, level_from)
+    assert plug.level == level
+    assert plug.level_from == (f"as the controller says ({level_from})" if level_from else
+                               "by default, the controller says none")
     assert ask(plug, 0).command == pytest.approx((command, 0.0, 0.0))
     plug.close()
 
 
 def test_a_level_that_is_asked_for_and_one_of_a_parameter_are_said_to_be(build, config, tmp_path):
-    for spec, level_from in ((f"fmu:{build(2)}", "its parameter level"), (f"fmu:{build(2)}@current", "asked for")):
+    for spec, level_from in ((f"fmu:{build(2)}", "as the controller says (its parameter level)"),
+                             (f"fmu:{build(2)}@current", "as given")):
         plug = load_controller(spec, config.alfa46)
         assert plug.level_from == level_from
         plug.close()

@@ -39,7 +39,8 @@ def meant(name: object, known: Iterable[object]) -> str:
     names = list(map(str, known))
     text = str(name).lower()[:MOST_LETTERS]
     spelled = {one.lower(): one for one in reversed(names)}
-    near = difflib.get_close_matches(text, spelled, 2, 0.6 if len(text) > 3 else 0.5) or [one for one in spelled if len(text) > 1 and text in one][:2]
+    near = difflib.get_close_matches(text, spelled, 2, 0.6 if len(text) > 3 else 0.5)
+    near = near or [one for one in spelled if len(text) > 1 and text in one][:2]
     if near:
         return f"did you mean {' or '.join(repr(spelled[one]) for one in near)}?"
     more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
