@@ -18,7 +18,7 @@ from rig_nodes.errors import RigError
 
 
 def test_what_is_refused(capsys):
-    for arguments, sentence in ((["nonsense"], "called 'nonsense'; there are kernel, demo"),
+    for arguments, sentence in ((["nonsense"], "there is no part to measure 'nonsense'; known are kernel, demo"),
                                 (["kernel", "--repeats", "0"], "--repeats 0: at least 1"),
                                 (["kernel", "--write-docs"], "without naming parts"),
                                 (["kernel", "--json", "/nowhere/x.json"], "--json /nowhere/x.json: there is no such folder"),

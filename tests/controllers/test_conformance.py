@@ -111,4 +111,4 @@ def test_the_table_is_for_people(tmp_path, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("ok      loads          python:")
     assert lines[1].startswith("FAILED  answers        controller python:") and lines[1].endswith("RuntimeError: tired")
-    assert lines[-1] == "2 of 13 passed"
+    assert lines[-1] == "3 of 13 passed"

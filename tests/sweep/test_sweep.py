@@ -166,7 +166,7 @@ def test_a_controller_that_fails_in_some_members_is_a_row_there_and_its_own_in_e
 
 @pytest.mark.parametrize(("spec", "why"), [
     ("udp:9000", "controller udp:9000: it is one program of its own, which cannot drive the members of a sweep"),
-    ("python:nothing.py:Mine", "nothing.py"), ("rust:x", "none that can be loaded")])
+    ("python:nothing.py:Mine", "nothing.py"), ("rust:x", "there is no kind 'rust'; known are alfa46, python")])
 def test_a_controller_that_a_sweep_cannot_run_is_refused_at_once(tmp_path, capsys, spec, why):
     out = tmp_path / "sweep"
     assert main(["sweep", SHORT, "--vary", "rest=10 ms, 20 ms", "--controller", spec, "--out", str(out)]) == 2

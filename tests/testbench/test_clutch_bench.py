@@ -284,7 +284,7 @@ def test_bench_files_are_checked_like_the_gearboxs(text, said, tmp_path):
 def test_a_sequence_asks_only_for_what_its_rig_has(tmp_path):
     file = tmp_path / "s.yaml"
     file.write_text("description: x\nrig: clutch_bench\nsteps:\n  - shift: {to: I}\n")
-    with pytest.raises(RigError, match=r"s.yaml:4: unknown key 'shift' in a step; expected one of motor, relief"):
+    with pytest.raises(RigError, match=r"s.yaml:4: unknown key 'shift' in a step; known are motor, relief"):
         load_sequence(file)
     file.write_text("description: x\nrig: clutch_bench\nsteps:\n  - wait: {until: {signal: n_wej, above: 1 rpm}}\n")
     with pytest.raises(RigError, match="there is no signal 'n_wej'"):

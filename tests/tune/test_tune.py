@@ -388,7 +388,7 @@ def test_the_thesis_range(config, tmp_path, capsys):
 
 @pytest.mark.parametrize("arguments, sentence", [
     (["--objectives", "peak"], "two or more different ones"),
-    (["--objectives", "peak,noise"], "there is no 'noise'"),
+    (["--objectives", "peak,noise"], "there is no objective 'noise'"),
     (["--speeds", "1000 rpm"], "expected \"LOW .. HIGH\""),
     (["--load-up", "120 Nm .. 40 Nm"], "must rise"),
     (["--bound", "peak=300 rpm"], "is an angular velocity, expected a torque"),
@@ -396,7 +396,7 @@ def test_the_thesis_range(config, tmp_path, capsys):
     (["--bound", "jerk=nan rad/s3"], "--bound jerk=nan rad/s3: expected more than 0"),
     (["--bound", "dip=-1 %"], "--bound dip=-1 %: expected 0 or more"),
     (["--rig", "nope"], "there is no rig 'nope'"),
-    (["--ways", "II-III"], "there is no 'II-III'"),
+    (["--ways", "II-III"], "there is no way 'II-III'"),
     (["--shifts", "0"], "--shifts and --generations must be above 0"),
     (["--rig", "chapter9"], "prescribed pressures"),
 ])

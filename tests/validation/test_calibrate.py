@@ -95,7 +95,7 @@ def test_what_is_found_is_written_where_the_rig_reads_it(tmp_path):
 
 
 @pytest.mark.parametrize("arguments, sentence", [
-    (["--stages", "loses"], "no stage 'loses'; known are losses"), (["--generations", "-1"], "expected at least 0"),
+    (["--stages", "loses"], "there is no stage 'loses'; did you mean 'losses'?"), (["--generations", "-1"], "expected at least 0"),
     (["--json", "/nowhere/x.json"], "--json /nowhere/x.json: there is no such folder")])
 def test_wrong_arguments_are_refused(capsys, arguments, sentence):
     assert main(["calibrate", *arguments]) == 2

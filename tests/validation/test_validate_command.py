@@ -83,9 +83,10 @@ def test_bad_arguments_are_refused_in_one_sentence(arguments, said, capsys):
 def test_ctrl_c_ends_it_without_a_word():
     process = subprocess.Popen([*COMMAND, "--rows", "coast_down_torque", "hold_*"], stdout=subprocess.PIPE,
                                stderr=subprocess.PIPE, text=True, start_new_session=True, env=dict(os.environ))
-    first = process.stderr.readline()
+    controller, first = process.stderr.readline(), process.stderr.readline()
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=60)
+    assert controller == "controller alfa46 at level duty, as the controller says\n"
     assert first.startswith("coast_down") and "s left" in first
     assert (process.returncode, out) == (130, "") and "Traceback" not in err
 

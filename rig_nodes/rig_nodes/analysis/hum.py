@@ -9,7 +9,6 @@ Used by the valves' response time and by single engagements, whose level stretch
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 MAINS, HARMONICS = 50.0, 10  # Hz; the thesis prints 50 Hz and a period of 2 ms, the tenth harmonic
 MAINS_RANGE = 0.2  # Hz that a power grid strays
@@ -22,6 +21,8 @@ def without_hum(t: np.ndarray, pressure: np.ndarray, quiet: int) -> tuple[np.nda
 
     t: equally spaced times [s]. At least 0.1 s must be quiet; a steady drift there is no hum and stays.
     """
+    from scipy.optimize import minimize_scalar  # takes a quarter of a second, and most reports have no hum to fit
+
     # on means over 0.2 ms, which leave 98.4 % of the tenth harmonic and a 25th of the samples
     step = max(1, int(round(HUM_MEAN * (t.size - 1) / (t[-1] - t[0]))))
     rows = t.size // step * step

@@ -23,8 +23,6 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rig_msgs.msg import ControllerAnswer, ControllerReady, ControllerStart, ControllerStep
 
-from ..errors import printable
-
 try:
     from rclpy.experimental import EventsExecutor as Executor  # in a third of the time
 except ImportError:
@@ -154,7 +152,7 @@ def serve(controller, levels=("duty",), topics="controller"):
     """
     domain = os.environ.get("ROS_DOMAIN_ID", "") or "0"
     if not (domain.isdecimal() and int(domain) <= 232):
-        print(f"{sys.argv[0]}: ROS_DOMAIN_ID is '{printable(domain)}', expected a number from 0 to 232", file=sys.stderr)
+        print(f"{sys.argv[0]}: ROS_DOMAIN_ID is {domain!r}, expected a number from 0 to 232", file=sys.stderr)
         return 2
     asked = []
     for number in (signal.SIGINT, signal.SIGTERM):
