@@ -14,6 +14,7 @@ import threading
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 from mcap.writer import Writer
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
@@ -257,7 +258,10 @@ def test_bad_input_is_one_sentence(arguments, sentence, capfd, monkeypatch):
 
 def test_a_damaged_bag_is_replayed_less_its_damage_which_is_told_and_counted_as_lost(domain, tmp_path):
     data = bytearray((SAMPLE / "sample_0.mcap").read_bytes())
-    data[len(data) // 2] ^= 1
+    with open(SAMPLE / "sample_0.mcap", "rb") as file:
+        chunks = make_reader(file).get_summary().chunk_indexes
+    middle = chunks[len(chunks) // 2]
+    data[middle.chunk_start_offset + middle.chunk_length // 2] ^= 1
     path = tmp_path / "sample_0.mcap"
     path.write_bytes(data)
     output = Replay(domain, path, "--rate", "max").end(3)

@@ -120,7 +120,7 @@ def test_a_killed_supervisor_leaves_no_process_and_a_whole_bag(tmp_path):
 
 
 @pytest.mark.parametrize("arguments, sentence", [
-    (["--out-there"], "unrecognized arguments"),
+    (["--out-there"], "there is no option '--out-there'"),
     (["--set", "alfa46.t12=1 bar"], "t12"),
     (["--drop", "/motor/m_wej"], "expected a topic"),
 ])
