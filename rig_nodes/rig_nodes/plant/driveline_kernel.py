@@ -18,7 +18,7 @@ from rig_nodes.plant.driveline_algebra import (
     implicit_pair, lin, low, project)
 from rig_nodes.plant.driveline_joint import note, resolve
 from rig_nodes.plant.driveline_losses import (
-    FACTOR, LAST, NEXT, ON, OWN, WEIGHTS, brakes, put_losses, solve_losses)
+    BEFORE, FACTOR, FORETOLD, LAST, NEXT, ON, OWN, WEIGHTS, brakes, foretell_losses, loss_at, put_losses, solve_losses)
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
@@ -55,7 +55,8 @@ def quiet_step(h, minv, w, q, cap, loss, v, mode, el, e_in, work):
     """As `driveline_step` for two speeds without shafts, where a look shows that nothing happens.
 
     True if it is done; False if something may happen (a change of mode, a root, a limit, another set of stuck elements
-    than in the last step, not two speeds): then nothing has changed, and `driveline_step` has to be called.
+    than in the last step, not two speeds, a loss by torque that does not go on as it went): then nothing has changed,
+    and `driveline_step` has to be called, which solves the losses that are foretold here.
     """
     m = w.shape[0]
     if minv.shape[0] != 2:
@@ -67,8 +68,10 @@ def quiet_step(h, minv, w, q, cap, loss, v, mode, el, e_in, work):
     os1 = os0 + m
     ol0 = os1 + m
     ol1 = ol0 + m
-    put_losses(loss, cap, 0, LAST)
-    put_losses(loss, cap, 1, -1)
+    if loss.shape[0] > 0:
+        foretell_losses(loss)
+        put_losses(loss, cap, 0, LAST)
+        put_losses(loss, cap, 1, NEXT)
     vmax = max(max(0.0, abs(v[0])), abs(v[1]))
     tol = 1e-12 * (1.0 + vmax)
     pattern = 1.0
@@ -104,29 +107,13 @@ def quiet_step(h, minv, w, q, cap, loss, v, mode, el, e_in, work):
     a1 = 0.0 + work[op + 2] * f0 + work[op + 3] * f1
     d0 = q[1, 0] - q[0, 0]
     d1 = q[1, 1] - q[0, 1]
-    y0 = 0.0
-    y1 = 0.0
-    rho00 = 0.0
-    rho01 = 0.0
-    rho10 = 0.0
-    rho11 = 0.0
     for f in range(m):
         mo = mode[f]
         if mo == STUCK:
-            r0 = work[orr + 2 * f]
-            r1 = work[orr + 2 * f + 1]
-            work[ol0 + f] = 0.0 + r0 * f0 + r1 * f1
-            if loss.shape[0] > 0:
-                rho00 += loss[0, WEIGHTS + f] * r0
-                rho01 += loss[0, WEIGHTS + f] * r1
-                rho10 += loss[1, WEIGHTS + f] * r0
-                rho11 += loss[1, WEIGHTS + f] * r1
+            work[ol0 + f] = 0.0 + work[orr + 2 * f] * f0 + work[orr + 2 * f + 1] * f1
         else:
             torque = mo * cap[KIN1, f] if mo != OPEN else 0.0
             work[ol1 + f] = torque
-            if loss.shape[0] > 0:
-                y0 += loss[0, WEIGHTS + f] * torque
-                y1 += loss[1, WEIGHTS + f] * torque
             torque -= work[ol0 + f]
             d0 -= w[f, 0] * torque
             d1 -= w[f, 1] * torque
@@ -134,60 +121,6 @@ def quiet_step(h, minv, w, q, cap, loss, v, mode, el, e_in, work):
     x1 = f1 + 0.5 * d1
     dv0 = h * (0.0 + work[oh] * x0 + work[oh + 1] * x1)
     dv1 = h * (0.0 + work[oh + 2] * x0 + work[oh + 3] * x1)
-    if loss.shape[0] > 0:
-        # torques at the end but for these losses, then what the losses take off them
-        z00 = 0.0
-        z01 = 0.0
-        z10 = 0.0
-        z11 = 0.0
-        for f in range(m):
-            visc = cap[VISC, f]
-            if visc > 0.0:
-                along = visc * (rho00 * w[f, 0] + rho01 * w[f, 1])
-                z00 += along * w[f, 0]
-                z01 += along * w[f, 1]
-                along = visc * (rho10 * w[f, 0] + rho11 * w[f, 1])
-                z10 += along * w[f, 0]
-                z11 += along * w[f, 1]
-        c00 = loss[0, WEIGHTS + m]
-        c01 = loss[0, WEIGHTS + m + 1]
-        c10 = loss[1, WEIGHTS + m]
-        c11 = loss[1, WEIGHTS + m + 1]
-        half = 0.5 * h
-        end0 = 2.0 * (work[oh] * x0 + work[oh + 1] * x1) - a0
-        end1 = 2.0 * (work[oh + 2] * x0 + work[oh + 3] * x1) - a1
-        y0 += rho00 * (f0 + d0) + rho01 * (f1 + d1) - z00 * dv0 - z01 * dv1 + c00 * end0 + c01 * end1
-        y1 += rho10 * (f0 + d0) + rho11 * (f1 + d1) - z10 * dv0 - z11 * dv1 + c10 * end0 + c11 * end1
-        c00 -= half * z00
-        c01 -= half * z01
-        c10 -= half * z10
-        c11 -= half * z11
-        row00 = rho00 + c00 * work[oh] + c01 * work[oh + 2]
-        row01 = rho01 + c00 * work[oh + 1] + c01 * work[oh + 3]
-        row10 = rho10 + c10 * work[oh] + c11 * work[oh + 2]
-        row11 = rho11 + c10 * work[oh + 1] + c11 * work[oh + 3]
-        on0 = int(loss[0, ON])
-        on1 = int(loss[1, ON])
-        by0 = brakes(loss[0, FACTOR], mode[on0])
-        by1 = brakes(loss[1, FACTOR], mode[on1])
-        p00 = w[on0, 0] * by0
-        p01 = w[on0, 1] * by0
-        p10 = w[on1, 0] * by1
-        p11 = w[on1, 1] * by1
-        if not solve_losses(loss, y0, y1, row00 * p00 + row01 * p01, row00 * p10 + row01 * p11,
-                            row10 * p00 + row11 * p01, row10 * p10 + row11 * p11, v):
-            return False
-        put_losses(loss, cap, 1, NEXT)
-        d0 -= p00 * loss[0, NEXT] + p10 * loss[1, NEXT]
-        d1 -= p01 * loss[0, NEXT] + p11 * loss[1, NEXT]
-        for k in range(2):
-            f = int(loss[k, OWN])
-            if mode[f] != STUCK:
-                work[ol1 + f] = mode[f] * cap[KIN1, f]
-        x0 = f0 + 0.5 * d0
-        x1 = f1 + 0.5 * d1
-        dv0 = h * (0.0 + work[oh] * x0 + work[oh + 1] * x1)
-        dv1 = h * (0.0 + work[oh + 2] * x0 + work[oh + 3] * x1)
     for f in range(m):
         gain = 0.0 + w[f, 0] * dv0
         gain += w[f, 1] * dv1
@@ -211,6 +144,23 @@ def quiet_step(h, minv, w, q, cap, loss, v, mode, el, e_in, work):
             speeding = mo * (0.0 + w[f, 0] * a0 + w[f, 1] * a1)
             if not (y0 > tol and mo * work[os1 + f] > 0.0 and (speeding >= 0.0 or y0 + speeding * h > 0.0)):
                 return False
+    if loss.shape[0] > 0:
+        # accelerations at the end, by the trapezoidal rule
+        end0 = 2.0 * dv0 / h - a0
+        end1 = 2.0 * dv1 / h - a1
+        g0 = loss[0, WEIGHTS + m] * end0 + loss[0, WEIGHTS + m + 1] * end1
+        g1 = loss[1, WEIGHTS + m] * end0 + loss[1, WEIGHTS + m + 1] * end1
+        for f in range(m):
+            g0 += loss[0, WEIGHTS + f] * work[ol1 + f]
+            g1 += loss[1, WEIGHTS + f] * work[ol1 + f]
+        g0 = loss_at(loss, 0, g0, v)
+        g1 = loss_at(loss, 1, g1, v)
+        if not (abs(g0 - loss[0, NEXT]) <= FORETOLD and abs(g1 - loss[1, NEXT]) <= FORETOLD):
+            return False
+        loss[0, BEFORE] = loss[0, LAST]
+        loss[1, BEFORE] = loss[1, LAST]
+        loss[0, LAST] = g0
+        loss[1, LAST] = g1
     stuck = False
     for f in range(m):
         mo = mode[f]
@@ -225,8 +175,6 @@ def quiet_step(h, minv, w, q, cap, loss, v, mode, el, e_in, work):
         el[E_VISC, f] += h * cap[VISC, f] * slip * slip
     e_in[0] += h * (0.5 * (q[0, 0] + q[1, 0])) * (v[0] + 0.5 * dv0)
     e_in[1] += h * (0.5 * (q[0, 1] + q[1, 1])) * (v[1] + 0.5 * dv1)
-    for k in range(loss.shape[0]):
-        loss[k, LAST] = loss[k, NEXT]
     v0 = v[0] + dv0
     v1 = v[1] + dv1
     if stuck:
@@ -373,6 +321,7 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
         work[olossy + f] = 0.0
     for k in range(loss.shape[0]):
         work[olossy + int(loss[k, OWN])] = 1.0
+        loss[k, BEFORE] = loss[k, LAST]
     put_losses(loss, cap, int(0), LAST)
     put_losses(loss, cap, int(1), LAST)
     made = 0

@@ -5,7 +5,8 @@
 
 Used by plant/driveline_kernel.py and plant/driveline_joint.py. A loss is friction whose capacity depends on a torque of
 the same instant: carried by clutches, or felt by a meter behind an inertia. With modes that stand, that torque falls
-linearly by the loss, t = y - S g, and the loss is a parabola of it, g = p(|t|); two such losses are solved together.
+linearly by the loss, t = y - S g, and the loss is a parabola of it, g = p(|t|); two such losses are solved together. A quiet
+step foretells them and holds the torques that it ends with against them.
 """
 
 from __future__ import annotations
@@ -16,11 +17,13 @@ from rig_nodes.plant.driveline_algebra import HI0, KIN0, LO0, OPEN, STUCK, apart
 
 # columns of `loss`, one row for each of the two losses: the parabola; the element whose other capacity, BASE, is given
 # here, and the one that the loss brakes, by FACTOR times the parabola; the speed that says which way power flows; what
-# the parabola was last and would be next; then the weights of m friction torques and n accelerations in its torque.
-CONSTANT, SHARE, SQUARE, OWN, ON, FACTOR, WAY, BASE, LAST, NEXT, WEIGHTS = range(11)
+# the parabola was last, a step before that, and would be next; then the weights of m friction torques and n
+# accelerations in its torque.
+CONSTANT, SHARE, SQUARE, OWN, ON, FACTOR, WAY, BASE, LAST, BEFORE, NEXT, WEIGHTS = range(12)
 STEEPEST = 0.5  # of what flows backwards: two losses of a path take no more than comes, as no mesh locks itself
 MOST = 1e15  # Nm, above which no loss is looked for
 CLOSE = 1e-5  # Nm, of Newton's last step; the parabolas leave a hundred-thousandth of that
+FORETOLD = 1e-3  # Nm, by which a loss may miss the one that its torque asks for where it was foretold and not solved
 
 
 def loss_width(n, m):
@@ -78,6 +81,19 @@ def parabola(loss, k, x):
     if g <= 0.0:
         return 0.0, 0.0
     return g, slope if x >= 0.0 else -slope
+
+
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def foretell_losses(loss):
+    """Leaves in NEXT the two losses as they have been going."""
+    for k in range(2):
+        loss[k, NEXT] = max(0.0, 2.0 * loss[k, LAST] - loss[k, BEFORE])
+
+
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def loss_at(loss, k, torque, v):
+    """The loss that a torque asks for at speeds v."""
+    return parabola(loss, k, torque if v[int(loss[k, WAY])] >= 0.0 else -torque)[0]
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
