@@ -40,6 +40,8 @@ from rig_nodes.testbench.timed import RigStatus
 
 from .conftest import MULTICAST, multicast_works
 
+pytestmark = pytest.mark.against_the_clock
+
 DOCS = Path(__file__).parents[2] / "docs"
 RPM = 0.10471975511965977
 

@@ -17,6 +17,8 @@ from rig_nodes.errors import RigError
 from rig_nodes.graph import domain as domains
 from rig_nodes.graph.domain import allocate, of_running_rig, running_rigs
 
+pytestmark = pytest.mark.against_the_clock
+
 
 @pytest.fixture(scope="module")
 def graph(tmp_path_factory):

@@ -17,6 +17,8 @@ from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.record import record
 from rig_nodes.testbench.sequence import load_sequence
 
+pytestmark = pytest.mark.against_the_clock
+
 PARAMETERS = {"pressures": "1 MPa, 1.25 MPa, 1.5 MPa", "wetting": "200 ms"}
 
 

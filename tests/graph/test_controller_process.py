@@ -106,7 +106,8 @@ steps:
 """
 
 
-@pytest.mark.parametrize("arguments", [("--speed", "max"), ()], ids=["lockstep", "real time"])
+@pytest.mark.parametrize("arguments", [("--speed", "max"), pytest.param((), marks=pytest.mark.against_the_clock)],
+                         ids=["lockstep", "real time"])
 def test_a_controller_gets_what_it_wants_and_the_settings_that_it_names_as_its_own(tmp_path, arguments):
     """Transducers in lockstep as of each sample, as in simulate; in real time the newest of their topics."""
     (tmp_path / "own.py").write_text(OWN)
@@ -135,6 +136,7 @@ def other_topics(folder, spec="alfa46", sequence=SHORT):
     return {topic for topic in expected if found.get(topic) != expected[topic]} - NOT_THE_PLANTS
 
 
+@pytest.mark.against_the_clock
 @pytest.mark.parametrize(("what", "arguments", "sentence", "oldest"), [
     ("*(volatile int *)8 = 1;", ("--speed", "1"), "sample 500: the library's process was ended by SIGSEGV", 0.007),
     ("for (;;);", ("--speed", "1", "--step-timeout", "0.5"), "sample 500: no answer for 500 ms (--step-timeout)",
@@ -160,6 +162,7 @@ steps:
 """
 
 
+@pytest.mark.against_the_clock
 def test_in_real_time_a_controller_that_does_not_come_is_named_with_its_place(tmp_path):
     (tmp_path / "nobody.yaml").write_text(NOBODY)
     run = RigRun(tmp_path / "run", "--controller", "ros:", sequence=tmp_path / "nobody.yaml")
@@ -202,6 +205,7 @@ def test_udp_in_lockstep_gives_the_same_bits_and_waiting_is_seen(tmp_path, port)
     assert (shown[0], shown[-1]) == (0.25, 0.5)
 
 
+@pytest.mark.against_the_clock
 def test_a_killed_udp_controller_in_real_time_is_the_safe_state(tmp_path, port):
     program, _ = start_udp(tmp_path, port)
     run = RigRun(tmp_path / "run", "--controller", f"udp:{port}")

@@ -97,6 +97,7 @@ def test_lockstep_gives_the_bits_of_simulate(tmp_path, start):
         assert device.end() == 0 and "Traceback" not in device.output
 
 
+@pytest.mark.against_the_clock
 def test_a_killed_device_trips_the_rig_within_100_ms_and_is_named(tmp_path, start):
     run = RigRun(tmp_path / "run", *cut("motor"))
     device, = start(run, "motor")
@@ -113,6 +114,7 @@ def test_a_killed_device_trips_the_rig_within_100_ms_and_is_named(tmp_path, star
     assert [m.torque for _, m in bag.messages("/motor/state")][-1] == 0.0
 
 
+@pytest.mark.against_the_clock
 def test_a_device_that_hangs_in_lockstep_trips_after_the_step_timeout(tmp_path, start):
     run = RigRun(tmp_path / "run", "--speed", "1", "--step-timeout", "1", *cut("load_pump"))
     device, = start(run, "load_pump")

@@ -15,6 +15,8 @@ from std_srvs.srv import Trigger
 
 from rig_nodes.bags.reader import Bag
 
+pytestmark = pytest.mark.against_the_clock
+
 OK, WARN, ERROR, STALE = (getattr(DiagnosticStatus, name) for name in ("OK", "WARN", "ERROR", "STALE"))
 IN_CONTAINER = {"rig", *(f"rig/{name}" for name in (
     "motor", "gearbox", "clutch_s1", "clutch_s2", "valve_zr_p1", "valve_zr_p2", "oil_supply", "load_pump",

@@ -16,6 +16,8 @@ from rig_nodes.analysis.report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.graph.result import facts_of, lost_messages
 
+pytestmark = pytest.mark.against_the_clock
+
 # leaves every sample to the user's node
 SILENT = """
 from rig_nodes.controllers import ControllerOutputs, Status

@@ -18,6 +18,8 @@ from rig_nodes.bags.reader import Bag
 from rig_nodes.catalogue import catalogue
 from rig_nodes.graph.result import facts_of, lost_messages
 
+pytestmark = pytest.mark.against_the_clock
+
 RPM = math.pi / 30.0
 
 

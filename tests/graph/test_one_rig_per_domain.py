@@ -24,7 +24,7 @@ def test_a_second_rig_in_a_domain_is_refused_and_the_first_goes_on(tmp_path, rig
         env = {"ROS_DOMAIN_ID": str(domain.number)}
         sequence = tmp_path / "long.yaml"
         sequence.write_text("description: long\nsteps:\n  - oil: {pressure: 4 MPa}\n  - wait: {for: 60 s}\n")
-        first = RigRun(tmp_path / "first", sequence=sequence, env=env)
+        first = RigRun(tmp_path / "first", "--speed", "1", sequence=sequence, env=env)
         first.until("all nodes are connected")
         for arguments in (["run", str(SHORT), "--out", str(tmp_path / "second")], ["replay", str(SAMPLE)]):
             second = rig_command(*arguments, env=env)

@@ -32,7 +32,8 @@ steps:
 """
 
 
-@pytest.fixture(scope="module", params=[None, 1.0], ids=["real time", "lockstep"])
+@pytest.fixture(scope="module", params=[pytest.param(None, marks=pytest.mark.against_the_clock), 1.0],
+                ids=["real time", "lockstep"])
 def graph(request, tmp_path_factory):
     # a small pump, which reaches 500 Nm at rest with no setting that the rig takes: 59 MPa
     graph = Graph(tmp_path_factory.mktemp("graph") / "orders", speed=request.param,

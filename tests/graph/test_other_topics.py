@@ -27,7 +27,8 @@ def heard(user, publisher) -> None:
     user.until(publisher.get_subscription_count, f"the recorder on {publisher.topic_name}")
 
 
-@pytest.fixture(scope="module", params=[None, 1.0], ids=["real time", "lockstep"])
+@pytest.fixture(scope="module", params=[pytest.param(None, marks=pytest.mark.against_the_clock), 1.0],
+                ids=["real time", "lockstep"])
 def bag(request, tmp_path_factory):
     """The bag of a run in which a user's nodes took part."""
     graph = Graph(tmp_path_factory.mktemp("graph") / "others", speed=request.param, exclude="/secret/.*")

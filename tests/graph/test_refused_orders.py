@@ -16,6 +16,8 @@ from std_srvs.srv import Trigger
 from rig_nodes.bags.reader import Bag
 from rig_nodes.graph.result import facts_of, lost_messages, run_part
 
+pytestmark = pytest.mark.against_the_clock
+
 RPM = math.pi / 30.0
 PLAIN = QoSProfile(depth=1)  # as `ros2 topic pub` offers: without a deadline
 

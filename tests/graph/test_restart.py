@@ -18,6 +18,8 @@ import rig_nodes.controllers
 from rig_nodes.bags.reader import Bag
 from rig_nodes.graph.result import join_pieces, run_part
 
+pytestmark = pytest.mark.against_the_clock
+
 C_BOX = Path(rig_nodes.controllers.__file__).parent / "examples" / "alfa46.c"
 TRIPPED = 3
 

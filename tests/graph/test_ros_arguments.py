@@ -97,6 +97,7 @@ def test_a_replay_takes_remappings_and_is_listed_at_once(domain):
         user.close()
 
 
+@pytest.mark.against_the_clock
 def test_parameters_of_a_command_line_and_a_file_act_and_stand_in_the_bag(domain, tmp_path):
     """As launch hands them on: SetParameter and a file for all go to every process."""
     Rig(load_rig()).advance_samples(1)  # compiles, when nothing has done so before, outside the patience below

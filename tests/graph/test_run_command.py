@@ -14,6 +14,8 @@ from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.graph.domain import allocate
 
+pytestmark = pytest.mark.against_the_clock
+
 STARTED = "starting the nodes"
 CONNECTED = "all nodes are connected"
 SHIFTING = "shift to II"

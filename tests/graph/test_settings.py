@@ -25,6 +25,8 @@ from rig_nodes.graph.result import facts_of, lost_messages
 from rig_nodes.testbench.configuration import InstrumentsConfig, load_rig
 from rig_nodes.testbench.rig import Rig
 
+pytestmark = pytest.mark.against_the_clock
+
 TWO_TICKS = 0.0101
 NAN = math.nan
 PROFILE_1 = load_rig().alfa46.profiles[0]

@@ -14,6 +14,8 @@ from running_graph import SHORT, RigRun, Traces
 
 from rig_nodes.bags.reader import Bag
 
+pytestmark = pytest.mark.against_the_clock
+
 CONNECTED = "all nodes are connected"
 
 

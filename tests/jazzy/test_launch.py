@@ -8,6 +8,8 @@ import os
 import subprocess
 from pathlib import Path
 
+import pytest
+
 SHORT = Path(__file__).resolve().parents[1] / "graph" / "short.yaml"
 
 
@@ -17,6 +19,7 @@ def launch(ros2: str, domain: int, *arguments: str) -> subprocess.CompletedProce
     return subprocess.run(command, capture_output=True, text=True, env=environment, timeout=180)
 
 
+@pytest.mark.against_the_clock
 def test_the_launch_ends_with_its_sequence_and_leaves_a_whole_run(ros2, domain, tmp_path):
     ended = launch(ros2, domain, f"sequence:={SHORT}", f"out:={tmp_path / 'run'}", "seed:=3", "delay:=2")
     assert ended.returncode == 0, ended.stdout + ended.stderr

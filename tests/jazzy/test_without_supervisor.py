@@ -30,6 +30,7 @@ def start(folder: Path, domain: int, name: str, *arguments: str) -> subprocess.P
                                 env=environment | {"ROS_DOMAIN_ID": str(domain)})
 
 
+@pytest.mark.against_the_clock
 def test_a_run_without_a_supervisor_has_a_whole_report(tmp_path, domain):
     Rig(load_rig()).advance_samples(1)  # compiles, when nothing has done so before, outside the patience below
     (tmp_path / "logs").mkdir()

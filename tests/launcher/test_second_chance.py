@@ -10,17 +10,36 @@ from pathlib import Path
 
 import pytest
 
-from rig_nodes.cli.test import counted, failed_tests, may_try_again, parts_of
+from rig_nodes.cli.test import COMPUTING, counted, failed_tests, may_try_again, parts_of
 
 CLOCK = "tests/graph/test_live_graph.py::test_torque_is_read_without_gaps_and_in_time"
 PLAIN = "tests/plant/test_models.py::test_something"
 ROOT = Path(__file__).resolve().parents[2]
+RUN_ALL = ("import sys; from argparse import Namespace; from pathlib import Path; from rig_nodes.cli import test; "
+           "test.tests_root = lambda: Path(sys.argv[1]); sys.exit(test.main(Namespace(passed_on=[])))")
+TWICE = """
+from pathlib import Path
+
+import pytest
+
+
+@pytest.mark.against_the_clock
+def test_late():
+    if not (mark := Path("been_here")).exists():
+        mark.touch()
+        pytest.fail("late")
+
+
+def test_beside():
+    with open("beside", "a") as file:
+        file.write("x")
+"""
 
 
 @pytest.mark.parametrize("failed, again", [
     ([], False), ([CLOCK], True), ([CLOCK, PLAIN], False), ([f"{CLOCK}[{n}]" for n in range(6)], False)])
 def test_only_a_few_failures_against_the_clock(failed, again):
-    assert may_try_again(failed) is again
+    assert may_try_again(failed, [test for test in failed if test != PLAIN]) is again
 
 
 def test_the_failures_are_those_that_pytest_noted(tmp_path):
@@ -29,15 +48,17 @@ def test_the_failures_are_those_that_pytest_noted(tmp_path):
         notes = tmp_path / ".pytest_cache/parts" / part / "v/cache/lastfailed"
         notes.parent.mkdir(parents=True)
         notes.write_text(json.dumps({name: True}))
-    assert failed_tests(tmp_path) == [CLOCK, PLAIN]
+    assert failed_tests(tmp_path) == [CLOCK, PLAIN] and failed_tests(tmp_path, "clock") == [CLOCK]
 
 
-def test_every_file_is_in_exactly_one_part():
+def test_every_file_is_in_exactly_one_part_and_what_has_a_clock_is_found():
     parts, clock = parts_of(ROOT)
     assert {"tests/graph/test_cut.py", "tests/view/test_live_view.py"} <= set(clock) and parts[0] == "tests/controllers"
-    covered = [file for folder in parts for file in (ROOT / folder).rglob("test_*.py")
-               if file.relative_to(ROOT).as_posix() not in clock]
-    assert sorted(covered + [ROOT / file for file in clock]) == sorted((ROOT / "tests").rglob("test_*.py"))
+    assert "tests/graph/test_domain.py" not in clock
+    covered = [file for folder in parts for file in (ROOT / folder).rglob("test_*.py")]
+    assert sorted(covered) == sorted((ROOT / "tests").rglob("test_*.py"))
+    assert {f"tests/{name}" for name in COMPUTING} <= set(parts)
+    assert not any(file.startswith(tuple(f"tests/{name}/" for name in COMPUTING)) for file in clock)
 
 
 @pytest.mark.parametrize("line, counts", [
@@ -48,17 +69,28 @@ def test_what_a_part_says_at_its_end_is_counted(line, counts):
 
 
 def test_a_checkout_is_tested_in_parts_and_its_failures_are_told(tmp_path):
-    (tmp_path / "pytest.ini").write_text("[pytest]\ntestpaths = tests\naddopts = --import-mode=importlib\n")
+    (tmp_path / "pytest.ini").write_text("[pytest]\ntestpaths = tests\naddopts = --import-mode=importlib\n"
+                                         "markers =\n    campaign\n    against_the_clock\n")
     for folder, text in (("plant", "def test_a(): pass\n"), ("bags", "def test_b(): assert False\n"),
-                         ("graph", "def test_c(): pass\n\n\ndef test_d(): pass\n")):
+                         ("graph", "import pytest\n\n\ndef test_c(): pass\n\n\n@pytest.mark.against_the_clock\n"
+                                   "def test_d(): pass\n")):
         (tmp_path / "tests" / folder).mkdir(parents=True)
         (tmp_path / "tests" / folder / "test_one.py").write_text(text)
     notes = tmp_path / ".pytest_cache/parts/plant/v/cache/lastfailed"
     notes.parent.mkdir(parents=True)
     notes.write_text(json.dumps({"tests/plant/test_one.py::test_renamed": True}))
-    code = ("import sys; from argparse import Namespace; from pathlib import Path; from rig_nodes.cli import test; "
-            "test.tests_root = lambda: Path(sys.argv[1]); sys.exit(test.main(Namespace(passed_on=[])))")
-    done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, "-c", RUN_ALL, str(tmp_path)], capture_output=True, text=True, timeout=120)
     assert done.returncode == 1 and "rig: 1 failed, 3 passed in" in done.stdout, done.stdout + done.stderr
     assert failed_tests(tmp_path) == ["tests/bags/test_one.py::test_b"], "no test against the clock: no second chance"
     assert "once more" not in done.stdout
+
+
+def test_what_fails_against_the_clock_runs_once_more_alone(tmp_path):
+    (tmp_path / "pytest.ini").write_text("[pytest]\ntestpaths = tests\naddopts = --import-mode=importlib\n"
+                                         "markers =\n    campaign\n    against_the_clock\n")
+    (tmp_path / "tests" / "graph").mkdir(parents=True)
+    (tmp_path / "tests" / "graph" / "test_one.py").write_text(TWICE)
+    done = subprocess.run([sys.executable, "-c", RUN_ALL, str(tmp_path)], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0 and "rig: 1 failed, 1 passed in" in done.stdout, done.stdout + done.stderr
+    assert "rig: passed the second time, failed the first: tests/graph/test_one.py::test_late" in done.stdout
+    assert (tmp_path / "beside").read_text() == "x", "what has no clock runs once"

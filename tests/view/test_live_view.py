@@ -22,6 +22,8 @@ from rig_nodes.graph.domain import allocate
 from rig_nodes.view import layout, live, picture
 from rig_nodes.view.live import Sender, Server, live_topics
 
+pytestmark = pytest.mark.against_the_clock
+
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 SHORT = Path(__file__).parents[1] / "graph" / "short.yaml"
 PATIENCE = 60.0

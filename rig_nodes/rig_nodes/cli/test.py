@@ -16,6 +16,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -24,24 +25,29 @@ from rig_nodes.errors import RigError, ended_by
 
 HELP = "run the tests"
 PASSES_ON = True
-# Tests of processes in real time: on a machine that stalls for a tenth of a second the rig they look at rightly goes to
-# its safe state. They alone run one after the other, and get a second chance, in a process of their own; that is said.
-AGAINST_THE_CLOCK = ("tests/graph/", "tests/jazzy/", "tests/view/test_live_view.py",
-                     "tests/controllers/test_free_running.py")
+# The mark of tests of processes in real time: on a machine that stalls for a tenth of a second the rig they look at
+# rightly goes to its safe state. They run one after the other, and get a second chance, in a process of their own; that
+# is said. A graph in lockstep, a replay, or a program that only refuses waits for nobody's clock and bears no mark.
+AGAINST_THE_CLOCK = "against_the_clock"
+ONLY_CLOCK = f"{AGAINST_THE_CLOCK} and not campaign"
 AT_MOST = 5
+# Folders that only compute. A graph in real time leaves half of two cores idle: beside it they take what nobody else
+# wants, one after the other, in Linux's idle class, which gives way to any other process at once.
+COMPUTING = ("sweep", "validation", "tune", "fmu", "plant", "analysis", "bags", "alfa46")
 # folders that are not to be left to the end
-LONGEST_FIRST = ("controllers", "fmu", "view", "testbench", "sweep", "validation", "tune", "plant")
+LONGEST_FIRST = ("controllers", "graph", "view", "testbench")
 MOST_PARTS = 4  # at a time; each takes up to 1 GB
 PASSED, FAILED, NOTHING_THERE = 0, 1, 5  # exit codes of pytest
-PARTS, LAST_FAILED = ".pytest_cache/parts", "v/cache/lastfailed"
+PARTS, LAST_FAILED, CLOCK = ".pytest_cache/parts", "v/cache/lastfailed", "clock"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.usage = "rig test [pytest arguments]"
     parser.epilog = ("Without a path all of tests/ runs, apart from what is marked 'campaign'. "
                      "Everything given is passed to pytest: 'rig test -x -k valve', 'rig test tests/plant'. "
-                     "Without arguments, the folders run side by side on this machine's cores, and after them what "
-                     "runs against the clock, of which up to 5 failures are tried once more and named.")
+                     "Without arguments, what runs against the clock comes first, and beside it folders that only "
+                     "compute; then the other folders run side by side on this machine's cores. Up to 5 failures "
+                     "against the clock are tried once more and named.")
 
 
 def tests_root() -> Path:
@@ -72,61 +78,73 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
-    """Every test: the parts side by side, then those against the clock, then their second chance."""
+    """Every test: those against the clock beside what only computes, the other folders, then a second chance."""
     began, counts, codes = time.monotonic(), Counter(), []
     shutil.rmtree(root / PARTS, ignore_errors=True)  # pytest would keep what failed once and has another name now
     subprocess.run([sys.executable, "-m", "rig_nodes.testbench.preloaded"], env=env, cwd=root)  # or two would compile
-    parts, clock = parts_of(root)
+    folders, clock = parts_of(root)
+    computing = [folder for folder in folders if clock and Path(folder).name in COMPUTING]
+    others = [folder for folder in folders if folder not in computing]
     at_a_time = min(len(os.sched_getaffinity(0)), MOST_PARTS)
-    print(f"rig: {len(parts)} parts, {at_a_time} at a time, each shown when it is done; then {len(clock)} files "
-          "against the clock", flush=True)
+    print(f"rig: {len(clock)} files against the clock and beside them {len(computing)} parts; then {len(others)} parts, "
+          f"{at_a_time} at a time; each is shown when it is done", flush=True)
 
-    def begin(name: str, *arguments: str) -> subprocess.Popen:
-        own = ["--no-header", "-o", f"cache_dir={root / PARTS / name}"]  # with one for all, notes would be lost
+    def begin(name: str, mark: str, *arguments: str) -> subprocess.Popen:
+        own = ["--no-header", "-m", mark, "-o", f"cache_dir={root / PARTS / name}"]  # with one for all, notes would be lost
         return subprocess.Popen([*command, *own, *arguments], env=env, cwd=root, text=True, stdout=subprocess.PIPE,
                                 stderr=subprocess.STDOUT)
 
     def part(folder: str) -> tuple[str, int]:
-        process = begin(Path(folder).name, "-q", *(f"--ignore={root / path}" for path in clock), folder)
+        process = begin(Path(folder).name, f"not campaign and not {AGAINST_THE_CLOCK}", "-q", folder)
         output, _ = process.communicate()
         return output, process.returncode
 
-    with ThreadPoolExecutor(at_a_time) as together:
+    def show(parts: list[str], done: Iterable[tuple[str, int]]) -> None:
+        for folder, (output, code) in zip(parts, done):
+            print(f"rig: {folder}\n{output}", end="", flush=True)
+            counts.update(counted(output))
+            codes.append(code)
+
+    def give_way() -> None:
+        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))  # of this thread, and of what it starts
+
+    with ThreadPoolExecutor(1, initializer=give_way) as beside, ThreadPoolExecutor(at_a_time) as together:
         try:
-            for folder, (output, code) in zip(parts, together.map(part, parts)):
-                print(f"rig: {folder}\n{output}", end="", flush=True)
-                counts += counted(output)
-                codes.append(code)
+            computed = beside.map(part, computing)
+            if clock:
+                print("rig: against the clock", flush=True)
+                process, line = begin(CLOCK, ONLY_CLOCK, "-v", *clock), ""
+                for line in process.stdout:
+                    print(line, end="", flush=True)
+                counts += counted(line)
+                codes.append(process.wait())
+            shown = together.map(part, others)
+            show(computing, computed)
+            show(others, shown)
         except KeyboardInterrupt:
-            together.shutdown(wait=False, cancel_futures=True)
+            for pool in (beside, together):
+                pool.shutdown(wait=False, cancel_futures=True)
             raise
-    if clock:
-        print("rig: against the clock", flush=True)
-        process, line = begin("clock", "-v", *clock), ""
-        for line in process.stdout:
-            print(line, end="", flush=True)
-        counts += counted(line)
-        codes.append(process.wait())
     failed = failed_tests(root)
     note_failed(root, failed)
     total = ", ".join(f"{counts[what]} {what}" for what in ("failed", "error", "passed", "skipped") if counts[what])
     print(f"rig: {total} in {time.monotonic() - began:.0f} s", flush=True)
     code = next((code for code in codes if code not in (PASSED, FAILED, NOTHING_THERE)), int(FAILED in codes))
-    if code != FAILED or not may_try_again(failed):
+    if code != FAILED or not may_try_again(failed, failed_tests(root, CLOCK)):
         return code
     print("rig: what failed runs against the clock; once more, file by file: " + ", ".join(failed), flush=True)
     files = sorted({test.split("::")[0] for test in failed})
-    code = max(subprocess.run([*command, file], env=env, cwd=root).returncode for file in files)
+    code = max(subprocess.run([*command, "-m", ONLY_CLOCK, file], env=env, cwd=root).returncode for file in files)
     print(f"rig: {'passed' if code == 0 else 'failed'} the second time, failed the first: {', '.join(failed)}")
     return code
 
 
 def parts_of(root: Path) -> tuple[list[str], list[str]]:
-    """Folders whose tests may run side by side, the longest ones first; files that run against the clock."""
+    """Folders of tests, the longest ones first; files of which some tests run against the clock."""
     files = sorted(path.relative_to(root).as_posix() for path in (root / "tests").rglob("test_*.py"))
-    clock = [file for file in files if file.startswith(AGAINST_THE_CLOCK)]
-    folders = sorted({"/".join(file.split("/")[:2]) for file in files if file not in clock})
-    long = [f"tests/{name}" for name in LONGEST_FIRST if f"tests/{name}" in folders]
+    clock = [file for file in files if f"mark.{AGAINST_THE_CLOCK}" in (root / file).read_text(encoding="utf-8")]
+    folders = sorted({"/".join(file.split("/")[:2]) for file in files})
+    long = [f"tests/{name}" for name in (*LONGEST_FIRST, *COMPUTING) if f"tests/{name}" in folders]
     return long + [folder for folder in folders if folder not in long], clock
 
 
@@ -136,10 +154,10 @@ def counted(output: str) -> Counter:
     return Counter({what: int(number) for number, what in re.findall(r"(\d+) (failed|passed|skipped|error)s?\b", last)})
 
 
-def failed_tests(root: Path) -> list[str]:
-    """The tests that the parts have noted as failed, by name; none where they keep no notes."""
+def failed_tests(root: Path, part: str = "*") -> list[str]:
+    """The tests that the parts, or one of them, have noted as failed, by name; none where they keep no notes."""
     failed: set[str] = set()
-    for notes in (root / PARTS).glob(f"*/{LAST_FAILED}"):
+    for notes in (root / PARTS).glob(f"{part}/{LAST_FAILED}"):
         failed.update(json.loads(notes.read_text()))
     return sorted(failed)
 
@@ -151,6 +169,6 @@ def note_failed(root: Path, failed: list[str]) -> None:
     notes.write_text(json.dumps(dict.fromkeys(failed, True), indent=2))
 
 
-def may_try_again(failed: list[str]) -> bool:
-    """True for a few failures, all of them of tests against the clock."""
-    return 0 < len(failed) <= AT_MOST and all(test.startswith(AGAINST_THE_CLOCK) for test in failed)
+def may_try_again(failed: list[str], clock: list[str]) -> bool:
+    """True for a few failures, all of them among those against the clock."""
+    return 0 < len(failed) <= AT_MOST and set(failed) <= set(clock)
