@@ -43,6 +43,7 @@ def simulated(tmp_path_factory):
     return get
 
 
+@pytest.mark.against_the_clock  # the factor is a promise of an idle machine
 @pytest.mark.parametrize("arguments", [
     ("--speed", "max"),
     ("--speed", "max", "--delay", "3", "--controller", PYTHON),
