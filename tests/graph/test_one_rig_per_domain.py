@@ -40,6 +40,7 @@ def test_a_second_rig_in_a_domain_is_refused_and_the_first_goes_on(tmp_path, rig
     assert code == 130 and json.loads((tmp_path / "first" / "report.json").read_text())["run"]["lost"] == 0, output
 
 
+@pytest.mark.against_the_clock  # it looks round in the domain for a moment only
 def test_a_rig_that_only_dds_shows_is_found_too(tmp_path, rig_command):
     """As one of another container, which holds no socket here."""
     with allocate() as domain:

@@ -233,6 +233,7 @@ def test_keys_of_the_terminal_steer_it(domain):
     assert "space: pause" in output and int(re.search(r"/rig/state +(\d+)", output).group(1)) >= 1
 
 
+@pytest.mark.against_the_clock  # it looks round in the domain for a moment only
 def test_a_second_clock_in_the_domain_is_refused(domain, user):
     user.node.create_publisher(Clock, "/clock", 10)
     assert "another node publishes /clock" in Replay(domain, SAMPLE).end(2)
