@@ -86,11 +86,12 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
     computing = [folder for folder in folders if clock and Path(folder).name in COMPUTING]
     others = [folder for folder in folders if folder not in computing]
     at_a_time = min(len(os.sched_getaffinity(0)), MOST_PARTS)
-    print(f"rig: {len(clock)} files against the clock and beside them {len(computing)} parts; then {len(others)} parts, "
-          f"{at_a_time} at a time; each is shown when it is done", flush=True)
+    print(f"rig: {len(clock)} files against the clock and beside them {len(computing)} parts; "
+          f"then {len(others)} parts, {at_a_time} at a time; each is shown when it is done", flush=True)
 
     def begin(name: str, mark: str, *arguments: str) -> subprocess.Popen:
-        own = ["--no-header", "-m", mark, "-o", f"cache_dir={root / PARTS / name}"]  # with one for all, notes would be lost
+        # with one folder for all, notes would be lost
+        own = ["--no-header", "-m", mark, "-o", f"cache_dir={root / PARTS / name}"]
         return subprocess.Popen([*command, *own, *arguments], env=env, cwd=root, text=True, stdout=subprocess.PIPE,
                                 stderr=subprocess.STDOUT)
 
