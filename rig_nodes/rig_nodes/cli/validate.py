@@ -98,6 +98,10 @@ def main(args) -> int:
     if args.pictures:
         count = len(pictures.write_pictures([*pictures.figures(result.records), *drawn], args.pictures))
         print(f"{count} figures written to {args.pictures}", file=sys.stderr)
+    if result.trips:
+        kept = f", and {page} is as it was" if page else ""
+        print(f"rig: {len(result.trips)} of the runs tripped, the first one {result.trips[0]}{kept}", file=sys.stderr)
+        return 1
     if page:
         page.write_text(document.document(result.rows, explanations, args.rig), encoding="utf-8")
         print(f"written to {page}", file=sys.stderr)

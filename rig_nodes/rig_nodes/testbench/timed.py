@@ -32,6 +32,12 @@ class KernelConfig:
     step: float = param("time", 1e-6, 1e-4)
 
 
+class Tripped(RigError):
+    """A rig went into its safe state where nothing can be measured then; the reason names what went wrong and when."""
+
+    exit_code = 1
+
+
 class RigStatus(IntEnum):
     """As in rig_msgs/RigState."""
 
@@ -119,6 +125,11 @@ class Timed(ABC):
         self.stopped_by_person = True
         self.settings["safe"] = 0.0  # a person's stop replaces whatever tripped before
         self.trip("emergency stop")
+
+    def check_runs(self) -> None:
+        """Tripped when the rig is in its safe state."""
+        if self.status == RigStatus.TRIPPED:
+            raise Tripped(f"the rig tripped: {self.reason}")
 
     def check_tripped(self) -> None:
         """RigError when there is no safe state that could be left."""

@@ -17,10 +17,12 @@ import numpy as np
 from ..alfa46.settings import Alfa46Config
 from ..analysis.edges import odd_width, running_mean
 from ..analysis.metrics import BEFORE, KISS, NEEDED, PRESSURE, TORQUE_SPEED_MEAN, Recording, shift_metrics
+from ..errors import RigError
 from ..plant import kernel
 from ..plant.load_pump import relief_setting_for
 from ..testbench.configuration import RigConfig
 from ..testbench.rig import Rig
+from ..testbench.timed import Tripped
 
 RPM = pi / 30.0
 OIL = 4e6  # Pa, as in all of the laboratory's tests
@@ -55,7 +57,7 @@ class Shift:
 
     peak: highest M_wej from the order to the end of the window; time: t_c, from the order to the new gear; t_dt: from
     the fall of the old pressure; dip: how far k lies below 1; heat: of both clutches; jerk: largest change of the
-    output's acceleration [rad/s3]; before: M_wej before the order.
+    output's acceleration [rad/s3]; before: M_wej before the order; tripped: the rig went into its safe state.
     """
 
     peak: float | None
@@ -66,10 +68,20 @@ class Shift:
     jerk: float | None
     before: float
     why: str = ""
+    tripped: bool = False
 
     @property
     def valid(self) -> bool:
         return not self.why
+
+
+class NotHeld(RigError):
+    """The rig does not come to rest in an operating point."""
+
+
+def no_shift(why: RigError) -> Shift:
+    """What is noted of a shift that could not be made."""
+    return Shift(None, None, None, None, None, None, 0.0, str(why), isinstance(why, Tripped))
 
 
 class Bench:
@@ -80,29 +92,36 @@ class Bench:
         self._rig = Rig(self.config)
         self._new = self._rig.snapshot()
         self._standing: dict[int, tuple] = {}  # gear -> at standstill, oil on
-        self._points: dict[Point, tuple | str] = {}
+        self._points: dict[Point, tuple | NotHeld | Tripped] = {}
 
-    def holds(self, point: Point) -> str:
-        """Why the rig does not come to rest in this point; empty when it does."""
-        snapshot = self._at(point)
-        return snapshot if isinstance(snapshot, str) else ""
+    def check_held(self, point: Point) -> None:
+        """NotHeld when the rig does not come to rest in this point, Tripped when it trips on the way."""
+        found = self._at(point)
+        if isinstance(found, RigError):
+            raise found
 
     def shift(self, point: Point, settings: Alfa46Config) -> Shift:
         """One shift with these settings of the controller from an operating point; their currents of P3, which hold the
         gear before the shift, must be those of the rig's own controller.
         """
-        rig, standing = self._rig, self._at(point)
-        if isinstance(standing, str):
-            return Shift(None, None, None, None, None, None, 0.0, standing)
-        snapshot, before = standing
+        found = self._at(point)
+        if isinstance(found, RigError):
+            return no_shift(found)
+        try:
+            return self._shift(point, settings, *found)
+        except Tripped as trip:
+            return no_shift(trip)
+
+    def _shift(self, point: Point, settings: Alfa46Config, snapshot: tuple, before: np.ndarray) -> Shift:
+        rig = self._rig
         rig.restore(snapshot)
         rig.set_controller(settings)
         heat, ordered = self._heat(), rig.time
         rig.order_gear(GEARS[point.way][1])
-        rig.advance(0.001)  # the order is taken, and says how long the profiles run
+        self._go(0.001)  # the order is taken, and says how long the profiles run
         window = min(max(rig.shift_end / 1000.0 - ordered + AFTER, LEAST_WINDOW), WINDOW)
         for until in (round(window, 3), WINDOW):  # what has not come to its end by then may still do
-            rig.advance(until - (rig.time - ordered))
+            self._go(until - (rig.time - ordered))
             count = round((rig.time - ordered) / PERIOD)
             rows = np.vstack((before, rig.rows_at(PERIOD, round(ordered / PERIOD), count)))
             channels = {name: np.ascontiguousarray(rows[:, kernel.CHANNELS.index(name)]) for name in NEEDED}
@@ -111,14 +130,22 @@ class Bench:
                 break
         return shift
 
+    def _go(self, seconds: float) -> None:
+        """Move on; Tripped where the rig does."""
+        self._rig.advance(seconds)
+        self._rig.check_runs()
+
     def _heat(self) -> float:
         energy = self._rig.energy()
         return energy["heat_s1"] + energy["heat_s2"]
 
-    def _at(self, point: Point) -> tuple | str:
+    def _at(self, point: Point) -> tuple | NotHeld | Tripped:
         """The rig at rest in a point with its rows of the last BEFORE, or why it does not get there."""
         if point not in self._points:
-            self._points[point] = self._bring(point)
+            try:
+                self._points[point] = self._bring(point)
+            except (NotHeld, Tripped) as why:
+                self._points[point] = why
         return self._points[point]
 
     def _standing_in(self, gear: int) -> tuple:
@@ -128,32 +155,32 @@ class Bench:
             rig.restore(self._new)
             rig.set_controller(self.config.alfa46)
             rig.set_oil(OIL, True)
-            rig.advance(0.5)
+            self._go(0.5)
             for order in (2, 0, 1) if gear == 1 else (1, 0, 2):
                 rig.order_gear(order)
-                rig.advance(1.5)
+                self._go(1.5)
                 while rig.shifting:
-                    rig.advance(0.1)
+                    self._go(0.1)
             self._standing[gear] = rig.snapshot()
         return self._standing[gear]
 
-    def _bring(self, point: Point) -> tuple | str:
+    def _bring(self, point: Point) -> tuple:
         rig, torque = self._rig, point.m_wyj
         rig.restore(self._standing_in(GEARS[point.way][0]))
         rig.set_controller(self.config.alfa46)
         rig.set_motor(point.n_wej, True)
-        rig.advance(round(point.n_wej / self.config.motor.ramp + 1.0, 1))
+        self._go(round(point.n_wej / self.config.motor.ramp + 1.0, 1))
         for _ in range(4):  # the load's torque depends on the speed, which it changes a little
             setting = relief_setting_for(torque, rig.measurement("n_wyj"), self.config.load_pump)
             rig.set_load(min(setting, self.config.load_pump.pressure_limit), True)
-            rig.advance(1.5)
+            self._go(1.5)
             speed, miss = rig.measurement("n_wej"), point.m_wyj - rig.measurement("M_wyj")
             if abs(miss) < LOAD_WITHIN and abs(speed - point.n_wej) < SPEED_WITHIN:
-                rig.advance(LEAD)
+                self._go(LEAD)
                 before = round(BEFORE / PERIOD)
                 return rig.snapshot(), rig.rows_at(PERIOD, round(rig.time / PERIOD) - before, before)
             torque += miss
-        return f"the rig does not hold {point.text()}: {speed / RPM:.0f} rpm, {point.m_wyj - miss:.0f} Nm"
+        raise NotHeld(f"the rig does not hold {point.text()}: {speed / RPM:.0f} rpm, {point.m_wyj - miss:.0f} Nm")
 
 
 def _measured(point: Point, channels: dict[str, np.ndarray], heat: float) -> Shift:

@@ -17,9 +17,8 @@ import numpy as np
 from scipy.stats import qmc
 
 from ..alfa46.settings import Alfa46Config
-from ..errors import RigError
 from ..testbench.configuration import RigConfig
-from .bench import Bench, Point, Shift
+from .bench import Bench, NotHeld, Point, Shift
 
 # objective -> (what it is, unit). All but the dip are shares of what the compared settings give in the same shift
 OBJECTIVES = {
@@ -115,15 +114,19 @@ def _ground(pickled: bytes) -> Ground:
 
 
 def held(config: RigConfig, points: list[Point]) -> tuple[list[Point], list[str]]:
-    """(points, loads lowered until the rig holds them; a sentence for each that was); RigError where none helps."""
+    """(points, loads lowered until the rig holds them; a sentence for each that was); NotHeld where none helps,
+    Tripped where the rig trips."""
     bench, out, said = Bench(config), [], []
     for point in points:
-        load = point.m_wyj
-        while load > 0.0 and (why := bench.holds(Point(point.way, point.n_wej, load))):
-            load -= LOAD_STEP
-        if load <= 0.0:
-            raise RigError(why)
-        chosen = Point(point.way, point.n_wej, load)
+        chosen = point
+        while True:
+            try:
+                bench.check_held(chosen)
+                break
+            except NotHeld:
+                if chosen.m_wyj <= LOAD_STEP:
+                    raise
+                chosen = Point(point.way, point.n_wej, chosen.m_wyj - LOAD_STEP)
         if chosen != point:
             said.append(f"{point.text()} is more than the rig holds; {chosen.text()} in its place")
         if chosen not in out:

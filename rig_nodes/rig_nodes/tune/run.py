@@ -24,11 +24,12 @@ from ..errors import RigError
 from ..sweep.store import Journal
 from ..testbench.campaign import Workers
 from ..testbench.configuration import RigConfig
+from ..testbench.timed import Tripped
 from ..validation.pictures import write_pictures
 from ..whole_file import write_whole
 from . import folder as files
 from . import judge, scout, search
-from .bench import Bench, Point
+from .bench import Bench, Point, Shift
 from .problem import Range, Task, held
 from .space import BEGIN, DELAY, settings, values_of
 from .uncertainty import sampled_rigs
@@ -106,9 +107,13 @@ class Problem:
         return chosen
 
 
-def _shifting(points: list[Point], compared: Alfa46Config, rig: RigConfig) -> float:
+def _compared(points: list[Point], compared: Alfa46Config, rig: RigConfig) -> list[Shift]:
     bench = Bench(rig)
-    return sum(bench.shift(point, compared).valid for point in points) / len(points)
+    return [bench.shift(point, compared) for point in points]
+
+
+def _shifting(points: list[Point], compared: Alfa46Config, rig: RigConfig) -> float:
+    return sum(shift.valid for shift in _compared(points, compared, rig)) / len(points)
 
 
 def tune(problem: Problem, folder: Path, workers: Workers, journal: Journal,
@@ -126,9 +131,13 @@ def tune(problem: Problem, folder: Path, workers: Workers, journal: Journal,
     for way, where in problem.ranges.items():
         points[way], lowered = held(problem.config, where.grid(way))
         said += lowered
-        if not _shifting(points[way], problem.config.alfa46, problem.config):
-            raise RigError(f"with the settings that are there the rig shifts {way} in none of {len(points[way])} "
-                           "operating points, so there is nothing to compare with; choose another range or rig")
+        shifts = _compared(points[way], problem.config.alfa46, problem.config)
+        said += [f"{point.text()} with the settings that are there: {shift.why}"
+                 for point, shift in zip(points[way], shifts) if shift.tripped]
+        if not any(shift.valid for shift in shifts):
+            refusal = Tripped if shifts[0].tripped else RigError
+            raise refusal(f"with the settings that are there the rig shifts {way} in none of {len(points[way])} operating "
+                          f"points ({shifts[0].why}), so there is nothing to compare with; choose another range or rig")
     rigs = problem.sampled(points, problem.rigs, workers, SEARCH)
     studies: dict[str, search.Study | scout.Scout] = {}
     ways = {name: "II-I" if name == LEAST else name.removeprefix(SCOUT) for name in BUDGET}

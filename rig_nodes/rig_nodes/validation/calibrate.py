@@ -9,6 +9,7 @@ printed. calibration.yaml says what may change and how far, calibration_rows.py 
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -25,6 +26,7 @@ from ..config.units import UNITS, quantity
 from ..errors import RigError
 from ..testbench.campaign import Workers
 from ..testbench.configuration import PARTS, RigConfig
+from ..testbench.timed import Tripped
 from .calibration_rows import ROWS, Miss, calibrating
 
 CALIBRATION_FILE = Path(__file__).resolve().with_name("calibration.yaml")
@@ -148,7 +150,10 @@ def anywhere(best, starts: int, jobs: int, seed: int, config: RigConfig, paramet
 
 
 def _cost(shares, config, parameters, misses) -> float:
-    return total(residuals(shares, config, parameters, misses))
+    try:
+        return total(residuals(shares, config, parameters, misses))
+    except Tripped:
+        return math.inf  # no rig that could be looked at
 
 
 def search(config: RigConfig, parameters: dict[str, Parameter], misses: Callable, generations: int, jobs: int,

@@ -51,11 +51,18 @@ SIZES = {"valve_response": 5.0, "coast_down": 0.4, "profile_series": 0.35, "dela
 
 @dataclass(frozen=True)
 class Result:
-    """What a programme gave: the rows in the order of the targets, and the records they were judged by."""
+    """What a programme gave: the rows in the order of the targets, the records they were judged by, and a sentence on
+    each run that tripped.
+    """
 
     rows: list[Row]
     records: list[Record]
     procedures: tuple[str, ...]
+    trips: list[str]
+
+
+class Trip(str):
+    """Reason of a run that gave no records because the rig tripped."""
 
 
 @cache
@@ -144,7 +151,8 @@ def _further(one: Series, label: str, conditions: dict, parameters: dict) -> Ser
 def measure(series: Series, run: Run) -> list[list[Record]] | str:
     """Repeats of records of one run, or the reason why it gave none; runs where the rows are."""
     if run.end["state"] != "ended":
-        return FOLDER.sub("", run.end["reason"])  # where the rig is installed is no part of a result
+        reason = FOLDER.sub("", run.end["reason"])  # where the rig is installed is no part of a result
+        return Trip(reason) if run.end["state"] == "tripped" else reason
     try:
         return READERS[series.procedure](series.conditions, run)
     except RigError as reason:
@@ -153,8 +161,11 @@ def measure(series: Series, run: Run) -> list[list[Record]] | str:
 
 def measure_procedure(procedure: str, workers: Workers | None = None, rig: str | None = "hydmag",
                       settings: dict[str, str] | None = None,
-                      progress: Callable[[int, int], None] | None = None) -> list[Record]:
-    """The records of one procedure, repeats averaged. progress(done, of) counts runs."""
+                      progress: Callable[[int, int], None] | None = None,
+                      trips: list[str] | None = None) -> list[Record]:
+    """The records of one procedure, repeats averaged. progress(done, of) counts runs; ``trips`` gets a sentence on each
+    run that tripped.
+    """
     series = series_of(procedure)
     if procedure == SIMULATION:
         rig, settings = SIMULATION, None  # the rig's own changes are none of the simulation's
@@ -163,6 +174,8 @@ def measure_procedure(procedure: str, workers: Workers | None = None, rig: str |
     records: list[Record] = []
     for one, runs in zip(series, run_campaign(series, measure, rig, settings, workers, progress)):
         reason = next((run for run in runs if isinstance(run, str)), None)
+        if trips is not None:
+            trips += [f"{procedure} {one.label}: {run}" for run in runs if isinstance(run, Trip)]
         if reason is not None:
             records += readers.failed(procedure, one.conditions, f"{one.label}: {reason}")
         else:
@@ -193,15 +206,17 @@ def validate(targets: list[Target], workers: Workers | None = None, rig: str = "
     """Run what the targets need and judge them. progress(procedure, done, of) counts runs."""
     procedures = needed(targets)
     records: list[Record] = []
+    trips: list[str] = []
     for name in procedures:
         told = None if progress is None else lambda done, of, name=name: progress(name, done, of)
-        records += measure_procedure(name, workers, rig, settings, told)
+        records += measure_procedure(name, workers, rig, settings, told, trips)
     records += derive(records)
     holding: dict[str, list[Record]] = {}
     for record in records:
         for quantity in record.values:
             holding.setdefault(quantity, []).append(record)
-    return Result([evaluate(target, holding.get(target.quantity, [])) for target in targets], records, procedures)
+    return Result([evaluate(target, holding.get(target.quantity, [])) for target in targets], records, procedures,
+                  trips)
 
 
 def summary(rows: Iterable[Row]) -> dict[str, dict[str, int]]:
