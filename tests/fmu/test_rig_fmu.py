@@ -289,6 +289,41 @@ def test_an_interpreter_that_is_not_the_rigs_is_named(rig_fmu, monkeypatch, vari
     assert "\n" not in str(refusal.value) and set(children()) == before
 
 
+SPOILING = """#!{python}
+import sys
+import numpy as np
+from rig_nodes.fmu import rig_process
+from rig_nodes.testbench.rig import Rig
+advance = Rig._advance
+def spoiled(rig, samples):
+    if rig.sample >= 200:
+        rig.cylinders["heat"][1] = np.nan
+    return advance(rig, samples)
+Rig._advance = spoiled
+sys.argv = sys.argv[sys.argv.index("rig_nodes.fmu.rig_process"):]
+sys.exit(rig_process.main())
+"""
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_a_value_that_is_no_number_ends_the_run_and_is_handed_out_to_nobody(fmi, rig_fmu, tmp_path, monkeypatch):
+    spoiling = tmp_path / "python"
+    spoiling.write_text(SPOILING.format(python=sys.executable))
+    spoiling.chmod(0o755)
+    monkeypatch.setenv("RIG_FMU_PYTHON", str(spoiling))
+    with Fmu(rig_fmu(fmi)) as fmu:
+        fmu.set(record=str(tmp_path / "run"))
+        fmu.initialize(oil_pressure=4 * MPA, oil_enable=True)
+        fmu.step(0.0, 0.2)
+        with pytest.raises(FmuFailed, match="clutch_s1: temperature became nan between 0.200 s and 0.201 s") as failure:
+            fmu.step(0.2, 0.1)
+        assert failure.value.exit_code == 1
+        assert all(math.isfinite(value) for value in fmu.get(*catalogue().signals, "true.p_p", "sample"))
+        fmu.terminate()
+    end = json.loads((tmp_path / "run" / "report.json").read_text())["run"]["end"]
+    assert end["state"] == "tripped" and "between 0.200 s and 0.201 s" in end["reason"]
+
+
 def test_the_command_writes_it(tmp_path, capsys):
     assert main(["export", "fmu", "-o", str(tmp_path / "mine.fmu"), "--set", "alfa46.t12=100 ms"]) == 0
     assert re.fullmatch(r"written to .*mine.fmu\n", capsys.readouterr().out)

@@ -4,6 +4,7 @@
 """Devices in processes of their own: the bits of `simulate` in lockstep, noticed when they fall silent."""
 
 import json
+import math
 import os
 import re
 import signal
@@ -15,7 +16,7 @@ from running_graph import SHORT, RigRun
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
-from rig_nodes.graph.domain import allocate
+from rig_nodes.graph.domain import Domain, allocate, environment
 from rig_nodes.nodes import cut_device
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.sequence import load_sequence
@@ -160,3 +161,31 @@ def test_what_is_no_device_is_refused_in_one_sentence(module, arguments, sentenc
     assert (main() if module == "cli.main" else cut_device.main()) == 2
     said = capsys.readouterr().err
     assert sentence in said and len(said.strip().splitlines()) == 1
+
+
+STRONG = ("import sys; from rig_nodes.nodes import cut_device as d; from rig_nodes.plant.cut import Answer, OtherSide\n"
+          "def step(self, port, ticks=1, old=OtherSide.step):\n"
+          "    self.ticks = getattr(self, 'ticks', 0) + ticks\n"
+          "    answer = old(self, port, ticks)\n"
+          "    return answer._replace(torque=1e308) if self.ticks > 200 else answer\n"
+          "OtherSide.step = step; sys.argv[1:1] = ['motor']; sys.exit(d.main())")
+
+
+def test_a_torque_that_no_speed_can_follow_trips_the_rig_and_is_in_no_message(tmp_path):
+    run = RigRun(tmp_path / "run", "--speed", "max", *cut("motor"))
+    domain = re.search(r"--domain (\d+)", run.until("is cut out; start it with: ./rig device"))[1]
+    device = subprocess.Popen([sys.executable, "-P", "-c", STRONG], env=environment(Domain(int(domain))),
+                              stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        code, output = run.end()
+    finally:
+        device.kill()
+        device.wait()
+    last = output.splitlines()[-1]
+    assert code == 1 and re.search(r"^rig: .* became (-?inf|nan) between \d+\.\d{3} s and \d+\.\d{3} s, which is no finite "
+                                   "number", last), output
+    end = json.loads((run.folder / "report.json").read_text())["run"]["end"]
+    assert end["reason"] in last
+    bag = Bag(run.folder)
+    assert bag.check() == []
+    assert all(math.isfinite(value) for name in ("n_wej", "n_wyj", "M_wej") for value in bag.series(name)[1])
