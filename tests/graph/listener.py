@@ -17,7 +17,7 @@ from rclpy.qos import HistoryPolicy
 from rclpy.task import Future
 
 from rig_nodes.catalogue import catalogue
-from rig_nodes.nodes.device import message_class
+from rig_nodes.nodes.message_class import message_class
 from rig_nodes.nodes.qos import publisher_profile, recorder_profile
 
 PATIENCE = 60.0

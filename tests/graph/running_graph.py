@@ -23,7 +23,7 @@ from rclpy.task import Future
 from rig_nodes.catalogue import catalogue
 from rig_nodes.graph.domain import allocate
 from rig_nodes.graph.supervisor import Order, Supervisor
-from rig_nodes.nodes.device import message_class
+from rig_nodes.nodes.message_class import message_class
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 

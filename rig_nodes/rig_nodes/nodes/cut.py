@@ -17,7 +17,8 @@ from ..plant.cut import Answer
 from ..testbench.cuts import topic_of
 from ..testbench.rig import Rig
 from ..testbench.timed import RigStatus
-from .device import message_class, receive
+from .device import receive
+from .message_class import message_class
 from .qos import publisher_profile, recorder_profile, stream_profile
 
 POLL = 0.05  # s between looks at whether a device that is waited for is still there

@@ -23,7 +23,7 @@ from ..errors import RigError
 from ..plant.cut import CUTTABLE, OtherSide, Port, check_device
 from ..testbench.cuts import topic_of
 from ..testbench.timed import SAMPLE_NS
-from .device import message_class
+from .message_class import message_class
 from .process import RIG_OPTIONS, gearbox_rig_config, run
 from .qos import publisher_profile, recorder_profile
 from .realtime import MESSAGES, prefer_process

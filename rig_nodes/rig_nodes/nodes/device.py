@@ -8,8 +8,6 @@ Used by every node of the rig container; none of them holds physics, and callbac
 
 from __future__ import annotations
 
-from importlib import import_module
-
 import numpy as np
 from rclpy.node import Node
 
@@ -17,13 +15,8 @@ from ..bags.definitions import installed
 from ..catalogue import GEARBOX, Topic, catalogue
 from ..errors import RigError
 from ..testbench.timed import RigStatus
+from .message_class import message_class
 from .qos import publisher_profile, receiver_profile
-
-
-def message_class(ros_type: str):
-    """The Python class of a message type, e.g. ``rig_msgs/msg/Event``."""
-    package, kind, name = ros_type.split("/")
-    return getattr(import_module(f"{package}.{kind}"), name)
 
 
 def publishers_of(node: Node, in_lockstep: bool = False, more=(), kind: str = GEARBOX) -> dict:

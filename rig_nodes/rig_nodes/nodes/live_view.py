@@ -23,8 +23,8 @@ from rclpy.task import Future
 from ..catalogue import QOS
 from ..errors import RigError
 from ..view.live import Sender, Server, live_topics
-from .device import message_class
 from .executor import events_executor
+from .message_class import message_class
 
 NICE = 10
 LISTEN = 0.05     # s between two looks at what else happens

@@ -17,7 +17,7 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from ..bags.definitions import installed
 from ..errors import RigError
 from ..graph.topic_choice import TopicChoice
-from .device import message_class
+from .message_class import message_class
 from .qos import recorder_profile
 
 LOOK = 0.2  # s between two looks for topics that have appeared

@@ -26,8 +26,8 @@ from ..catalogue import Topic, catalogue
 from ..errors import RigError
 from ..graph.tap import TapReader
 from ..graph.topic_choice import EXCLUDE, TOPICS, TopicChoice
-from .device import message_class
 from .diagnostics import ERROR, OK, WARN, Diagnostics, Growing, Health
+from .message_class import message_class
 from .other_topics import OtherTopics
 from .process import rig_config, run
 from .qos import recorder_profile

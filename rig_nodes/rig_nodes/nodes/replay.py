@@ -35,8 +35,8 @@ from ..bags.metadata import read_profile
 from ..bags.player import CLOCK, Player
 from ..catalogue import catalogue
 from ..errors import RigError
-from .device import message_class
 from .executor import events_executor
+from .message_class import message_class
 from .qos import publisher_profile
 from .ros_arguments import set_parameters
 

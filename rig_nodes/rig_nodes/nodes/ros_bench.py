@@ -24,7 +24,8 @@ from ..testbench.clutch_bench_configuration import KIND
 from ..testbench.clutch_bench_topics import COMMANDS
 from ..testbench.rig import check_setpoint
 from ..testbench.sequence import Sequence, SequenceFailed
-from .device import message_class, publishers_of
+from .device import publishers_of
+from .message_class import message_class
 from .qos import recorder_profile
 
 ANSWER_TIMEOUT = 10.0  # s that the controller may take to accept an order in lockstep

@@ -32,8 +32,8 @@ from ..catalogue import GEARBOX, catalogue
 from ..config.names import unknown
 from ..config.units import UNITS, quantity
 from ..errors import RigError
-from .device import message_class
 from .executor import events_executor
+from .message_class import message_class
 from .qos import recorder_profile
 
 PATIENCE, AGAIN = 5.0, 1.0  # s for an answer, and until what has none is asked again
@@ -119,7 +119,10 @@ class RunningRig:
     def __init__(self, number: int):
         self.number = number
         rclpy.init(args=[], domain_id=number, signal_handler_options=SignalHandlerOptions.NO)
-        self.node = rclpy.create_node(f"rig_command_{os.getpid()}", enable_rosout=False, start_parameter_services=False)
+        # what nobody asks of a node that lives for a second; the description of types alone costs 0.1 s
+        silent = [Parameter("start_type_description_service", value=False)]
+        self.node = rclpy.create_node(f"rig_command_{os.getpid()}", enable_rosout=False, start_parameter_services=False,
+                                      parameter_overrides=silent)
         self.executor = events_executor()
         self.executor.add_node(self.node)
         self._info = []
@@ -182,9 +185,9 @@ class RunningRig:
 
     def shift(self, gear: int) -> str:
         """Order a gear and wait for the end of the shift; what is said of it, RefusedByRig when it failed."""
+        client = ActionClient(self.node, Shift, "/alfa46/shift")  # which looks for its server while the kind is asked for
         if self.kind != GEARBOX:
             raise RigError(f"the rig in ROS domain {self.number} is a {self.kind}: it has no gears")
-        client = ActionClient(self.node, Shift, "/alfa46/shift")
         self.until(client.server_is_ready, "shift controller")
         asked = client.send_goal_async(Shift.Goal(gear=gear))
         self.until(asked.done, "answer of the shift controller")

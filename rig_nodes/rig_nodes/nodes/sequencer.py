@@ -25,9 +25,9 @@ from ..testbench.sequence import SequenceFailed, SequenceRunner, load_sequence
 from ..testbench.timed import SAMPLE_NS, TICK_SAMPLES
 from .action_server import GoalServer, finish
 from .clutch_bench import receivers
-from .device import message_class
 from .diagnostics import OK, WARN, Diagnostics, Health
 from .matching import silent
+from .message_class import message_class
 from .process import RIG_OPTIONS, SEQUENCE_PARAMETERS, chosen_sequence, rig_config, run
 from .qos import recorder_profile
 from .ros_bench import EVENTS, RosBench, RosClutchBench
