@@ -26,7 +26,7 @@ from pathlib import Path
 from ..alfa46.settings import Alfa46Config
 from ..errors import RigError, no_file
 from ..graph.link import Link, LinkClosed, pair
-from .c_host import DESTROYED, END, END_ALL, Info, Inputs, Outputs, Parameter
+from .c_host import END, END_ALL, Info, Inputs, Outputs, Parameter
 from .c_host import Answer as HostAnswer
 from .own_signals import checked_settings, checked_signals
 from .plug import SAID, Plug, chosen_level

@@ -3,10 +3,11 @@
 
 """Constants, work buffer and linear algebra of the driveline step, on one flat work buffer.
 
-Used by plant/driveline_joint.py and plant/driveline_kernel.py; nothing here knows about time.
+Used by plant/driveline_joint.py, plant/driveline_kernel.py and plant/driveline_quiet.py; nothing here knows about time.
 """
 
 import math
+from typing import NamedTuple
 
 from numba import njit, types
 from numba.extending import intrinsic
@@ -37,12 +38,62 @@ def apart(_context):
     return types.void(), mark
 
 
+class Places(NamedTuple):
+    """Where the parts of the work buffer begin, behind HEAD and the drag coefficients that H was made with."""
+
+    p: int  # (n, n) acceleration by a force, with the stuck elements held
+    h: int  # (n, n) the same over a step, with all that is implicit
+    r: int  # (m, n) torque of a stuck element by a force
+    wm: int  # (m, n), and the next five: scratch of project and implicit
+    g: int  # (m, m)
+    vectors: int  # (m, m)
+    inverse: int  # (m, m)
+    b: int  # (n, n)
+    a: int  # (n, n)
+    force: int  # (n,) at the start of the sub-step
+    accel: int  # (n,) at its start
+    dforce: int  # (n,) over it
+    dv: int  # (n,) over it
+    rate: int  # (s,) of the shafts' twist at its start
+    state: int  # (m,) modes that are tried
+    candidate: int  # (m,) 1 where stick or slip is to be decided
+    side: int  # (m,) on which an element has just been overloaded
+    once: int  # (m,) 1 where an element has been released
+    slip: int  # (m,) left by a root
+    slip0: int  # (m,) slip at the start of the sub-step
+    slip1: int  # (m,) and at its end
+    torque0: int  # (m,) friction torque at the start
+    torque1: int  # (m,) and at the end
+    lossy: int  # (m,) 1 for an element whose capacity grows by a loss
+    rho: int  # (2, n) torque of each loss by a force
+    z: int  # (2, n) and by a speed, of what drags
+    size: int  # of all
+
+
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def places(n, m, s):
+    """Places of the work buffer for n speeds, m friction elements and s shafts."""
+    p = HEAD + m
+    wm = p + 2 * n * n + m * n
+    g = wm + m * n
+    b = g + 3 * m * m
+    force = b + 2 * n * n
+    rate = force + 4 * n
+    state = rate + s
+    slip0 = state + 5 * m
+    rho = slip0 + 5 * m
+    return Places(p, p + n * n, p + 2 * n * n, wm, g, g + m * m, g + 2 * m * m, b, b + n * n,
+                  force, force + n, force + 2 * n, force + 3 * n, rate,
+                  state, state + m, state + 2 * m, state + 3 * m, state + 4 * m,
+                  slip0, slip0 + m, slip0 + 2 * m, slip0 + 3 * m, slip0 + 4 * m, rho, rho + 2 * n, rho + 4 * n)
+
+
 def work_size(n, m, s):
     """Length of the float64 work buffer for n speeds, m friction elements, s shafts.
 
     Start with zeros; give each driveline its own buffer and zero it when minv, w, sh or kc change.
     """
-    return HEAD + m + 4 * n * n + 2 * m * n + 3 * m * m + 4 * n + s + 9 * m + m + 4 * n
+    return places.py_func(n, m, s).size
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
@@ -134,12 +185,8 @@ def project(minv, w, ost, work):
     apart()
     n = minv.shape[0]
     m = w.shape[0]
-    op = HEAD + m
-    orr = op + 2 * n * n
-    owm = orr + m * n
-    og = owm + m * n
-    ov = og + m * m
-    oi = ov + m * m
+    at = places(n, m, int(0))
+    op, orr, owm, og, ov, oi = at.p, at.r, at.wm, at.g, at.vectors, at.inverse
     nc = int(0)  # no literal, which would have pseudo_inverse compiled once more
     pattern = 1.0
     bit = 1.0
@@ -190,10 +237,8 @@ def implicit(d, w, sh, kc, cap, work):
     apart()
     m, n = w.shape
     s = sh.shape[0]
-    op = HEAD + m
-    oh = op + n * n
-    ob = oh + n * n + 2 * m * n + 3 * m * m
-    oa = ob + n * n
+    at = places(n, m, s)
+    op, oh, ob, oa = at.p, at.h, at.b, at.a
     coupled = s > 0
     for f in range(m):
         work[HEAD + f] = cap[VISC, f]
@@ -249,8 +294,8 @@ def implicit(d, w, sh, kc, cap, work):
 def implicit_pair(d, w, cap, work):
     """As `implicit` for two speeds without shafts, the same operations in the same order."""
     m = w.shape[0]
-    op = HEAD + m
-    oh = op + 4
+    at = places(2, m, 0)
+    op, oh = at.p, at.h
     b00 = 0.0
     b01 = 0.0
     b11 = 0.0

@@ -10,8 +10,8 @@ import numpy as np
 from numba import njit
 
 from rig_nodes.plant.driveline_algebra import (
-    BACKWARD, BREAK, CLOSE, CROSS, FORWARD, HEAD, KIN0, KIN1, LOCK, LOCKED_HIGH, LOCKED_LOW, N_CAPPED,
-    N_EVENTS, RANK, STUCK, VISC, apart, high, lin, low, project)
+    BACKWARD, BREAK, CLOSE, CROSS, FORWARD, KIN0, KIN1, LOCK, LOCKED_HIGH, LOCKED_LOW, N_CAPPED,
+    N_EVENTS, RANK, STUCK, VISC, apart, high, lin, low, places, project)
 from rig_nodes.plant.driveline_losses import (
     FACTOR, LAST, NEXT, ON, WEIGHTS, brakes, put_losses, solve_losses)
 
@@ -57,15 +57,9 @@ def resolve(x, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, events, count, 
     n = minv.shape[0]
     m = w.shape[0]
     s = sh.shape[0]
-    op = HEAD + m
-    orr = op + 2 * n * n
-    of = orr + 2 * n * n + 2 * m * n + 3 * m * m
-    oa = of + n
-    ost = of + 4 * n + s
-    ocand = ost + m
-    oforce = ocand + m
-    oonce = oforce + m
-    oslip = oonce + m
+    at = places(n, m, s)
+    op, orr, of, oa, ost, ocand, oforce, oonce, oslip = (
+        at.p, at.r, at.force, at.accel, at.state, at.candidate, at.side, at.once, at.slip)
     for f in range(m):
         work[oonce + f] = 0.0
         work[ost + f] = STUCK if work[ocand + f] != 0.0 else mode[f]

@@ -3,7 +3,7 @@
 
 """Losses of gears that grow with the torque they pass on, solved with the torques that they change.
 
-Used by plant/driveline_kernel.py and plant/driveline_joint.py. A loss is friction whose capacity depends on a torque of
+Used by plant/driveline_kernel.py, plant/driveline_quiet.py and plant/driveline_joint.py. A loss is friction whose capacity depends on a torque of
 the same instant: carried by clutches, or felt by a meter behind an inertia. With modes that stand, that torque falls
 linearly by the loss, t = y - S g, and the loss is a parabola of it, g = p(|t|); two such losses are solved together. A quiet
 step foretells them and holds the torques that it ends with against them.
@@ -37,16 +37,27 @@ def put_losses(loss, cap, end, column):
 
     ``column``: LAST or NEXT; -1 for BASE alone.
     """
-    for k in range(loss.shape[0]):
-        f = int(loss[k, OWN])
-        cap[KIN0 + end, f] = loss[k, BASE]
+    if loss.shape[0] > 0:
+        put_on(loss, cap, end, column, int(loss[0, OWN]), int(loss[1, OWN]))
+
+
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def put_on(loss, cap, end, column, first, second):
+    """:func:`put_losses` on two elements that are known, the OWN of both losses: no loss brakes any other."""
+    torque0 = loss[0, BASE]
+    torque1 = loss[1, BASE]
     if column >= 0:
-        for k in range(loss.shape[0]):
-            cap[KIN0 + end, int(loss[k, ON])] += loss[k, FACTOR] * loss[k, column]
-    for k in range(loss.shape[0]):
-        f = int(loss[k, OWN])
-        cap[HI0 + end, f] = cap[KIN0 + end, f]
-        cap[LO0 + end, f] = -cap[KIN0 + end, f]
+        for k in range(2):
+            if loss[k, ON] == first:
+                torque0 += loss[k, FACTOR] * loss[k, column]
+            else:
+                torque1 += loss[k, FACTOR] * loss[k, column]
+    cap[KIN0 + end, first] = torque0
+    cap[HI0 + end, first] = torque0
+    cap[LO0 + end, first] = -torque0
+    cap[KIN0 + end, second] = torque1
+    cap[HI0 + end, second] = torque1
+    cap[LO0 + end, second] = -torque1
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
@@ -91,9 +102,9 @@ def foretell_losses(loss):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def loss_at(loss, k, torque, v):
-    """The loss that a torque asks for at speeds v."""
-    return parabola(loss, k, torque if v[int(loss[k, WAY])] >= 0.0 else -torque)[0]
+def loss_at(loss, k, torque, speed):
+    """The loss that a torque asks for at the speed of its WAY."""
+    return parabola(loss, k, torque if speed >= 0.0 else -torque)[0]
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)

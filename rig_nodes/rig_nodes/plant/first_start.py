@@ -18,7 +18,8 @@ import numba
 from numba.core import types
 
 from . import kernel
-from .driveline_kernel import driveline_step, quiet_step
+from .driveline_kernel import driveline_step
+from .driveline_quiet import quiet_step
 
 _STEP = ("minv", "w", "sh", "kc", "q", "cap", "loss", "v", "twist", "mode", "el", "shaft", "e_in", "events", "count",
          "work")
@@ -49,7 +50,8 @@ def compile_beside(first) -> None:
     other = subprocess.Popen(command, env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         first()
-        quiet_step.compile((types.float64, *_fields(_QUIET)))
+        pair = types.UniTuple(types.int64, 2)
+        quiet_step.compile((types.float64, *_fields(_QUIET), pair, pair))
         other.wait()
     finally:
         other.kill()

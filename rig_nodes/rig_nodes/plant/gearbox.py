@@ -25,6 +25,8 @@ RATIO_II = Z8 / Z5  # with S2 closed, tab. 3.1: 41/40
 # elements of the driveline, in this order
 S1, S2, LOSS_IN, LOSS_OUT, LOAD = range(5)
 RPM = pi / 30.0
+# of the losses by torque: the element whose other friction each comes with, the speed that says which way power flows
+OWN, WAYS = (LOSS_IN, LOSS_OUT), (0, 1)
 COAST_DOWN = 49.274  # rad/s: where the coast-down of 7.3.1 began
 
 
@@ -80,11 +82,11 @@ def torque_losses(gearbox: GearboxConfig, system: System) -> np.ndarray:
     weights = out[:, losses.WEIGHTS:]
     z5 = Z8 / Z5
     out[0, :losses.OWN] = gearbox.loss_in_constant, gearbox.loss_in_share, gearbox.loss_in_square
-    out[0, [losses.OWN, losses.ON, losses.FACTOR, losses.WAY]] = LOSS_IN, LOSS_IN, 1.0, 0
+    out[:, losses.OWN], out[:, losses.WAY], out[:, losses.FACTOR] = OWN, WAYS, 1.0
+    out[0, losses.ON] = LOSS_IN
     weights[0, [S1, S2]] = system.w[[S1, S2], 0]
     out[1, :losses.OWN] = 0.0, gearbox.loss_out_share * z5, gearbox.loss_out_square * z5
-    on = LOSS_IN if gearbox.loss_by_load_side == "driving" else LOSS_OUT
-    out[1, [losses.OWN, losses.ON, losses.FACTOR, losses.WAY]] = LOSS_OUT, on, 1.0, 1
+    out[1, losses.ON] = LOSS_IN if gearbox.loss_by_load_side == "driving" else LOSS_OUT
     weights[1, LOAD], weights[1, len(system.elements) + 1] = 1.0, gearbox.inertia_pump
     return out
 

@@ -10,7 +10,7 @@ rows: it allocates nothing and holds no lock, and in one record the compiler see
 from __future__ import annotations
 
 from dataclasses import fields
-from math import exp
+from math import exp, inf
 
 import numpy as np
 from numba import njit
@@ -25,9 +25,10 @@ from . import load_pump, oil_supply
 from . import motor as motor_model
 from . import valve as valve_model
 from .driveline_algebra import E_FRIC, E_VISC, HI0, HI1, KIN0, KIN1, LAM, LO0, LO1, N_CAPPED, VISC, work_size
-from .driveline_kernel import driveline_step, quiet_step
+from .driveline_kernel import driveline_step
 from .driveline_losses import BASE, FACTOR, loss_width
-from .gearbox import LOAD, LOSS_IN, LOSS_OUT, S1
+from .driveline_quiet import quiet_step
+from .gearbox import LOAD, LOSS_IN, LOSS_OUT, OWN, S1, WAYS
 from .outcome import NOT_FINITE, NOT_SETTLED, WHOLE
 from .prescribed import Force
 
@@ -170,11 +171,8 @@ def clutch_capacity(valve, cylinder, t, h, supply, oil, valve_parameters, clutch
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def measure(index, h, world, shown):
-    """One logger row: true values as transducers, encoders and converter show them at the end of a step.
-
-    shown: record of instruments.transducers.SHOWN, with the row's hum and the encoders' counters a gate ago.
-    """
+def true_row(world, shown):
+    """The values at the end of a step into the row of ``shown``; False where one is no finite number."""
     valves, cylinders, plant, v = world.valves, world.cylinders, world.plant, world.driveline.v
     true = shown.row
     true[M_WEJ], true[M_WYJ] = plant.m_wej, plant.m_wyj
@@ -184,6 +182,19 @@ def measure(index, h, world, shown):
     true[I_1], true[I_2] = valves[0].current, valves[1].current
     true[T_OIL] = world.oil.temperature
     true[U_1], true[U_2] = valves[0].on, valves[1].on
+    wrong = 0
+    for c in range(transducers.LANES):
+        wrong += 0 if abs(true[c]) < inf else 1
+    return wrong == 0
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def measure(index, h, world, shown):
+    """One logger row of a true one: as transducers, encoders and converter show it.
+
+    shown: record of instruments.transducers.SHOWN, with the true row, its hum and the encoders' counters a gate ago.
+    """
+    valves = world.valves
     if world.effects.transducers > 0.0:
         if shown.pickup > 0.0:
             for k in range(VALVES):
@@ -254,7 +265,7 @@ def plant_step(world, h, t):
     if effects.loss_driving > 0.0:  # the same power on the other shaft
         loss[1, FACTOR] = min(1.0, max(0.0, middle_out / middle_in)) if middle_in > 1.0 else 0.0
 
-    if not quiet_step(h, minv, w, q, cap, loss, v, line.mode, el, line.e_in, line.work):
+    if not quiet_step(h, minv, w, q, cap, loss, v, line.mode, el, line.e_in, line.work, OWN, WAYS):
         driveline_step(h, t, minv, w, line.sh, line.kc, q, cap, loss, v, line.twist, line.mode, el, line.shaft,
                        line.e_in, line.events, line.count, line.work)
     plant.loss_in, plant.loss_out = cap[KIN1, LOSS_IN], cap[KIN1, LOSS_OUT]
@@ -322,21 +333,13 @@ def first_row(log, h, worlds, showns, table, keys, hum, state, counts):
     shown.mains = hum[0]
     for c in ENCODERS:
         shown.counted[c] = 0.0
+    true_row(worlds[0], shown)
     measure(int(0), h, worlds[0], shown)  # int(): a literal would have it compiled once more
     for c in ENCODERS:
         counts[0, c] = shown.counted[c]
     for c in range(len(CHANNELS)):
         log[0, c] = shown.row[c]
     transducers.give(shown, state)
-
-
-@njit(cache=True, error_model="numpy", forceinline=True)
-def measured_finite(world):
-    """False when a value that the gauges will be shown is none; they would remember it."""
-    plant, v, valves, cylinders = world.plant, world.driveline.v, world.valves, world.cylinders
-    total = plant.m_wej + plant.m_wyj + v[0] + v[1] + plant.load_pressure + plant.supply
-    total += cylinders[0].line + cylinders[1].line + valves[0].current + valves[1].current
-    return total - total == 0.0
 
 
 @njit(cache=True, error_model="numpy", forceinline=False)
@@ -399,9 +402,11 @@ def advance(samples, first_sample, steps_per_sample, h, drive, worlds, showns, t
                     world.curves[k] = prescribed_pressure(since, out.phase, pieces[k])
             if how == WHOLE:
                 plant_step(world, h, index * h)
-                if not measured_finite(world):
-                    how = NOT_FINITE
-                    put_back(world, moved, kept)
+            if not true_row(world, shown) and how == WHOLE:
+                # the gauges would remember it
+                how = NOT_FINITE
+                put_back(world, moved, kept)
+                true_row(world, shown)
             newest = newest + 1 if newest + 1 < rows else 0
             mains = mains + 1 if mains + 1 < hum.shape[0] else 0
             slot = slot + 1 if slot + 1 < counts.shape[0] else 0
