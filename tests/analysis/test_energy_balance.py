@@ -5,14 +5,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from rig_nodes.analysis.energy import balance, energies_of
-from rig_nodes.analysis.metrics import Inertias
 from rig_nodes.errors import RigError
+from rig_nodes.transmission import Inertias, transmission_of
 
 T = np.arange(0.0, 2.0001, 0.005)
 
@@ -69,7 +70,8 @@ def test_energies_out_of_a_bag():
               "/clutch_s1/state": {"heat": 120.0 * T}, "/clutch_s2/state": {"heat": 30.0 * T},
               "/gearbox/state": {"heat": 10.0 * T, "w_wej": 100.0 + T, "w_wyj": 80.0 - T}}
     bag = SimpleNamespace(fields=fields)
-    energies = energies_of(bag, Inertias(driving=2.0, driven=1.0))
+    box = replace(transmission_of(), inertias=Inertias(driving=2.0, driven=1.0, reduction=41 / 40))
+    energies = energies_of(bag, box)
     result = balance(energies, 0.0, 1.0)
     stored = (101.0**2 - 100.0**2) + 0.5 * (41 / 40) ** 2 * (79.0**2 - 80.0**2)
     assert result["stored_kinetic_j"] == pytest.approx(stored)

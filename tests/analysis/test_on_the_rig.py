@@ -13,7 +13,7 @@ import pytest
 
 from rig_nodes.analysis.coast_down import coast_down
 from rig_nodes.analysis.engagement import engagement_metrics
-from rig_nodes.analysis.metrics import RATIO, Recording
+from rig_nodes.analysis.metrics import Recording
 from rig_nodes.plant.load_pump import relief_setting_for
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
@@ -63,7 +63,7 @@ def test_an_engagement_whose_current_stays_level_has_a_hold_phase():
     rig.order_gear(1)
     bench.advance(1.0)
     rig.set_motor(w, True)
-    rig.set_load(relief_setting_for(30.0, w / RATIO[1], BASE.load_pump), True)
+    rig.set_load(relief_setting_for(30.0, w * 34 / 47, BASE.load_pump), True)
     bench.advance(2.5)
     rig.order_gear(0)
     bench.advance(2.5)

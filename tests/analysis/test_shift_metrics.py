@@ -11,15 +11,16 @@ import numpy as np
 import pytest
 from synthetic_shift import ENCODER, I1, I2, PERIOD, RPM, Shift
 
-from rig_nodes.analysis.metrics import KEYS, Inertias, Recording, shift_metrics, shifts
+from rig_nodes.analysis.metrics import KEYS, Recording, shift_metrics, shifts
+from rig_nodes.transmission import Inertias
 from rig_nodes.errors import RigError
 
 UP = Shift()
 DOWN = Shift(up=False, fall=0.30, depart=0.36, end=0.42, settle=0.60, peak=180.0, engage=0.20, release=0.45)
 
 
-def only(recording, **kwargs):
-    rows = shifts(recording, **kwargs)
+def only(recording):
+    rows = shifts(recording)
     assert len(rows) == 1
     return rows[0]
 
@@ -60,7 +61,9 @@ def test_energy_loss_by_hand():
     assert row["e_loss_j"] == pytest.approx(by_hand, rel=3e-3)
     assert row["t_o_s"] == 0.0
     assert row["e_loss_settled_j"] == row["e_loss_j"]
-    no_inertia = only(case.recording(M_wej=torque, M_wyj=torque * 0.8), inertias=Inertias(0.0, 0.0))
+    recording = case.recording(M_wej=torque, M_wyj=torque * 0.8)
+    light = dataclasses.replace(recording.transmission, inertias=Inertias(0.0, 0.0))
+    no_inertia = only(dataclasses.replace(recording, transmission=light))
     stored = no_inertia["e_loss_j"] - row["e_loss_j"]
     assert stored == pytest.approx(0.5 * 0.1273 * I2**2 * (w2**2 - w1**2), rel=2e-3)
 

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 import reference_shift
 
-from rig_nodes.analysis.metrics import Inertias, Recording, shift_metrics
+from rig_nodes.analysis.metrics import Recording, shift_metrics
 from rig_nodes.plant import kernel
 from rig_nodes.plant.load_pump import relief_setting_for
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
+from rig_nodes.transmission import transmission_of
 
 RPM = math.pi / 30.0
 BEFORE, AFTER = 200, 1800  # ms recorded before and after the order
@@ -88,9 +89,7 @@ class RigShift:
         rows = np.arange(len(whole))
         finer = np.arange(FINER * (len(whole) - 1) + 1) / FINER
         by_name = {name: np.interp(finer, rows, column) for name, column in zip(reference_shift.CHANNELS, whole.T)}
-        gearbox = self.config.gearbox
-        return shift_metrics(Recording(0.0, 1e-4 / FINER, by_name), self.order,
-                             inertias=Inertias(gearbox.inertia_in, gearbox.inertia_out_z5))
+        return shift_metrics(Recording(0.0, 1e-4 / FINER, by_name, transmission=transmission_of(self.config)), self.order)
 
 
 def far_apart(one, other, close):

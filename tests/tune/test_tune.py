@@ -18,6 +18,7 @@ from rig_nodes.testbench.record import record
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.analysis.metrics import shifts
+from rig_nodes.transmission import transmission_of
 from rig_nodes.tune import document, folder, judge, run, scout, search, space, uncertainty
 from rig_nodes.tune.bench import RPM, Bench, Point, Shift
 from rig_nodes.tune.problem import (
@@ -78,8 +79,8 @@ def test_a_shift_on_the_bench_is_that_of_the_sequence(config, bench):
 def test_a_shift_does_not_depend_on_the_one_before(config, bench):
     point = Point("II-I", 1200.0 * RPM, 60.0)
     first = bench.shift(point, config.alfa46)
-    values = {**space.values_of(config.alfa46, "II-I", config.wiring), "delay": -60}
-    other = space.settings(config.alfa46, "II-I", values, config.wiring)
+    values = {**space.values_of(config.alfa46, "II-I", transmission_of(config)), "delay": -60}
+    other = space.settings(config.alfa46, "II-I", values, transmission_of(config))
     assert bench.shift(point, other) != first
     assert bench.shift(point, config.alfa46) == first
 
@@ -87,7 +88,7 @@ def test_a_shift_does_not_depend_on_the_one_before(config, bench):
 def test_a_shift_that_ends_late_is_waited_for(config, bench, monkeypatch):
     """Its profiles are over long before it is: the time is the same as in a window that covers it."""
     point = Point("I-II", 1500.0 * RPM, 80.0)
-    settings = space.settings(config.alfa46, "I-II", space.BEGIN["I-II"], config.wiring)
+    settings = space.settings(config.alfa46, "I-II", space.BEGIN["I-II"], transmission_of(config))
     whole = bench.shift(point, settings)
     monkeypatch.setattr("rig_nodes.tune.bench.LEAST_WINDOW", 0.2)
     monkeypatch.setattr("rig_nodes.tune.bench.AFTER", -0.3)
@@ -106,22 +107,22 @@ def test_what_the_rig_does_not_hold_is_lowered(config):
 
 @pytest.mark.parametrize("way", WAYS)
 def test_numbers_and_settings_are_each_others_inverse(config, way):
-    values = space.values_of(config.alfa46, way, config.wiring)
-    back = space.settings(config.alfa46, way, values, config.wiring)
+    values = space.values_of(config.alfa46, way, transmission_of(config))
+    back = space.settings(config.alfa46, way, values, transmission_of(config))
     assert np.allclose(back.profiles, config.alfa46.profiles, atol=1e-12) and back.values == config.alfa46.values
     assert space.refused(config, way, values) == 0.0
 
 
 def test_tab_7_5_as_numbers(config):
-    assert space.values_of(config.alfa46, "I-II", config.wiring) == {
+    assert space.values_of(config.alfa46, "I-II", transmission_of(config)) == {
         "P1.time": 125, "P1.current": 215, "P2.gap": 205, "P2.current": 215, "P3.gap": 250, "P4.time": 250,
         "P4.current": 130, "P5.gap": 500, "P5.current": 130, "P6.gap": 500, "delay": -220}
 
 
 def test_rates_of_the_coil(config):
-    values = space.values_of(config.alfa46, "I-II", config.wiring)
+    values = space.values_of(config.alfa46, "I-II", transmission_of(config))
     # 24 V, 22 ohm, 350 mH: towards 740 mA (24 - 16.28) V / 0.35 H = 22 A/s are left, so 525 mA take 23.8 ms
-    rates = space.Rates.of(config, 1)
+    rates = space.Rates.of(config, transmission_of(config).clutches[1])
     assert rates.shortest(0.215, 0.740) == pytest.approx(0.525 * 0.35 / (24.0 - 22.0 * 0.74))
     assert space.refused(config, "I-II", {**values, "P3.gap": 24}) == 0.0
     assert space.refused(config, "I-II", {**values, "P3.gap": 20}) == pytest.approx(0.0038, abs=1e-4)
@@ -186,7 +187,7 @@ def tried(config, task, values, best=(), cut=INVALID):
 
 def test_penalties_stand_behind_every_shift(config):
     task = Task((config,), (Point("I-II", 1500.0 * RPM, 80.0),), config.alfa46, ("peak", "time"), ())
-    values = space.values_of(config.alfa46, "I-II", config.wiring)
+    values = space.values_of(config.alfa46, "I-II", transmission_of(config))
     same = tried(config, task, values)
     assert same["objectives"] == pytest.approx([1.0, 1.0]) and same["excess"] == 0.0 and same["whole"]
     no_fill = {**values, "P1.current": 100, "P2.current": 100, "P3.gap": 800, "delay": 200}
@@ -199,7 +200,7 @@ def test_penalties_stand_behind_every_shift(config):
 def test_settings_that_are_out_of_reach_are_tried_no_further(config):
     task = Task((config,), (Point("I-II", 1500.0 * RPM, 80.0), Point("I-II", 1200.0 * RPM, 60.0)), config.alfa46,
                 ("peak", "time"), (), 1.0)
-    slow = {**space.values_of(config.alfa46, "I-II", config.wiring), "P2.gap": 245}  # takes hold 40 ms later
+    slow = {**space.values_of(config.alfa46, "I-II", transmission_of(config)), "P2.gap": 245}  # takes hold 40 ms later
     whole = tried(config, task, slow)
     assert whole["whole"] and whole["tried"] == 2
     assert whole["excess"] >= max(whole["objectives"]) - 1.0 > 0.01
@@ -212,7 +213,7 @@ def test_settings_that_are_out_of_reach_are_tried_no_further(config):
 
 def test_bounds_count(config):
     point = Point("I-II", 1500.0 * RPM, 80.0)
-    values = space.values_of(config.alfa46, "I-II", config.wiring)
+    values = space.values_of(config.alfa46, "I-II", transmission_of(config))
     tasks = [Task((config,), (point,), config.alfa46, ("peak", "time"), (("peak", limit),)) for limit in (100.0, 400.0)]
     peak = Ground.of(tasks[0].pickled()).compared[0][0].peak
     assert tried(config, tasks[0], values)["excess"] == pytest.approx(peak / 100.0 - 1.0)
@@ -245,8 +246,8 @@ def test_spreads_from_a_file(tmp_path):
 
 
 def test_a_controller_file_is_the_settings(config, tmp_path):
-    values = {**space.values_of(config.alfa46, "II-I", config.wiring), "P1.current": 431, "P6.gap": 77, "delay": -33}
-    settings = space.settings(config.alfa46, "II-I", values, config.wiring)
+    values = {**space.values_of(config.alfa46, "II-I", transmission_of(config)), "P1.current": 431, "P6.gap": 77, "delay": -33}
+    settings = space.settings(config.alfa46, "II-I", values, transmission_of(config))
     (tmp_path / "c.yaml").write_text(folder.controller_yaml(settings, "a title"))
     back = read_alfa46(tmp_path / "c.yaml")
     assert back.values == settings.values and np.allclose(back.profiles, settings.profiles, atol=1e-12)
@@ -263,7 +264,7 @@ def study(config, rigs=()):
     points = Range(1200.0 * RPM, 1600.0 * RPM, 50.0, 100.0).grid("II-I")[:2]
     task = Task((config, *rigs), tuple(points), config.alfa46, ("peak", "time"), ())
     return search.Study("II-I", "II-I", config, config.alfa46, task,
-                        [space.values_of(config.alfa46, "II-I", config.wiring)], 7)
+                        [space.values_of(config.alfa46, "II-I", transmission_of(config))], 7)
 
 
 def test_a_search_that_goes_on_is_as_one_that_was_never_stopped(config, monkeypatch):
@@ -313,10 +314,10 @@ def test_a_scout_lowers_the_worst_shift_and_goes_on_as_if_not_stopped(config):
     def found(values, cut=INVALID):
         return scout.evaluate(task.pickled(), "II-I", config.alfa46, cut, [1, 0], values)
 
-    before, after = found(space.values_of(config.alfa46, "II-I", config.wiring)), found(best[0])
+    before, after = found(space.values_of(config.alfa46, "II-I", transmission_of(config))), found(best[0])
     assert before["value"] == pytest.approx(1.0, abs=1e-6) and after["tried"] == 2
     assert after["value"] == pytest.approx(min(e["value"] for e in whole.entries)) and after["value"] < 1.0
-    short = found(space.values_of(config.alfa46, "II-I", config.wiring), cut=0.9)
+    short = found(space.values_of(config.alfa46, "II-I", transmission_of(config)), cut=0.9)
     assert short["tried"] == 1 and short["value"] == pytest.approx(0.9 + 0.5)  # one of two was left to try
 
 

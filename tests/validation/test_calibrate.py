@@ -12,6 +12,7 @@ import pytest
 from rig_nodes.cli.main import main
 from rig_nodes.config import CONFIG_DIR
 from rig_nodes.errors import RigError
+from rig_nodes.plant.kiss_point import kiss_pressure
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.validation import calibrate as c
 from rig_nodes.validation import calibration_rows as rows
@@ -62,9 +63,9 @@ def test_kiss_pressure_by_hand(config):
     cylinder = dataclasses.replace(
         config.clutch_s1, piston_area=2408e-6, force_per_pressure_squared=0.0, spring_preload=128.0, spring_rate=128e3,
         clearance=2e-3, seal_friction=25.0, seal_friction_share=0.0)
-    assert rows.kiss_pressure(cylinder) == pytest.approx(409.0 / 2408e-6)
+    assert kiss_pressure(cylinder) == pytest.approx(409.0 / 2408e-6)
     squared = dataclasses.replace(cylinder, force_per_pressure_squared=140e-12)
-    p = rows.kiss_pressure(squared)
+    p = kiss_pressure(squared)
     assert 2408e-6 * p + 140e-12 * p * p == pytest.approx(409.0)
 
 

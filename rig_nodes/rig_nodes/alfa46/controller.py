@@ -11,28 +11,33 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import RigError
+from ..transmission import Transmission, transmission_of
 from . import law
 from .settings import Alfa46Config
 
-GEAR_NAMES = {law.NEUTRAL: "neutral", law.GEAR_I: "I", law.GEAR_II: "II"}
 
-
-def refusal(gear: int, current_gear: int, shifting: bool) -> str | None:
-    """Why an order cannot be taken, or None."""
-    if gear not in GEAR_NAMES:
-        return f"there is no gear {gear}; order 0 (neutral), 1 (I) or 2 (II)"
+def refusal(gear: int, current_gear: int, shifting: bool, transmission: Transmission | None = None) -> str | None:
+    """Why an order cannot be taken, or None. transmission: whose gears there are, the laboratory's by default."""
+    box = transmission or transmission_of()
+    if gear not in box.names:
+        return f"there is no gear {gear}; order {box.spoken}"
+    if gear > law.OUTPUTS:
+        return f"gear {box.names[gear]} has no output; the box drives one of {law.OUTPUTS} in each gear"
     if shifting:
-        return f"a shift to {GEAR_NAMES[current_gear]} is still running; wait for its end"
+        return f"a shift to {box.names[current_gear]} is still running; wait for its end"
     if gear == current_gear:
-        return f"gear {GEAR_NAMES[gear]} is already ordered"
+        return f"gear {box.names[gear]} is already ordered"
     return None
 
 
 class Alfa46:
-    """The shift controller. Samples are counted by the rig; times are samples times the sample period."""
+    """The shift controller. Samples are counted by the rig; times are samples times the sample period.
 
-    def __init__(self, config: Alfa46Config):
-        self.config = config
+    transmission: whose gears can be ordered, the laboratory's by default; gear 1 moves output 1, gear 2 output 2 and so on.
+    """
+
+    def __init__(self, config: Alfa46Config, transmission: Transmission | None = None):
+        self.config, self.transmission = config, transmission or transmission_of()
         self._config = config.law_config()
         self._profiles = np.ascontiguousarray(config.profiles)
         self._outputs = np.zeros(law.OUTPUTS, law.LAW_OUTPUT)
@@ -50,7 +55,7 @@ class Alfa46:
     def order(self, gear: int) -> None:
         """Order a gear; it takes effect at the next sample. RigError with the reason when refused."""
         why = refusal(gear, self.gear if self._ordered is None else self._ordered,
-                      self.shifting or self._ordered is not None)
+                      self.shifting or self._ordered is not None, self.transmission)
         if why:
             raise RigError(f"shift refused: {why}")
         self._ordered = gear

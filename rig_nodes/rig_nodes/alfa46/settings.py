@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from ..clocks import SAMPLE
 from ..config import load_yaml
 from ..config.schema import build, check_keys, param, where_of
 from ..config.units import quantity
@@ -20,15 +21,13 @@ from . import law
 
 POINTS = ("P1", "P2", "P3", "P4", "P5", "P6")
 OUTPUT_KEYS = tuple(f"output_{k + 1}" for k in range(law.OUTPUTS))
-# the shortest controller sample; profile points closer than this would coincide
-SHORTEST_STEP = 1e-3
 
 
 @dataclass(frozen=True)
 class Alfa46Values:
     """Scalar settings."""
 
-    sample_time: float = param("time", 1e-3, 1e-3)
+    sample_time: float = param("time", SAMPLE, SAMPLE)
     pwm_frequency: float = param("frequency", 10.0, 1e5)
     supply_voltage: float = param("voltage", 1.0, 100.0)
     gain_p: float = param("resistance", 0.0, 1e5)
@@ -87,7 +86,7 @@ def check_point(points: np.ndarray, k: int, where: str, limit: float) -> None:
         raise RigError(f"{where} asks for {current * 1e3:g} mA; the valve takes 0 to {limit * 1e3:g} mA")
     first = k in (0, 3)
     before = 0.0 if first else points[k - 1, 0]
-    earliest = 0.0 if first else before + SHORTEST_STEP
+    earliest = 0.0 if first else before + SAMPLE  # points closer than a sample would coincide
     if not (earliest <= time <= 60.0 and time > 0.0):
         since = "the switch signal" if first else f"{POINTS[k - 1]} at {before * 1e3:g} ms"
         raise RigError(f"{where} is at {time * 1e3:g} ms; it must come after {since} (at most 60 s)")

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import RigError
 from .edges import first_true
-from .metrics import KEYS, RATIO, RPM, Inertias, Recording, orders_of
+from .metrics import KEYS, RPM, Recording, orders_of
 
 PERIOD = 1e-4  # s; the program counts samples of 10 kHz
 BLOCK = 10  # samples in a mean of a pressure
@@ -31,20 +31,20 @@ MINIMUM_SEARCH = 20000  # samples after the start, downshift
 SETTLED_AFTER, SETTLED_FOR = 5000, 1000  # samples
 CLAMPED = 20.0  # bar that the engaging clutch must have when the torque counts as settled
 REST_BEFORE, REST_FOR, OPEN = 10000, 2000, 3.0  # samples, samples, bar
-VALVE_DELAY = {2: 0.330576, 1: 0.19516}  # s added to t_c for the engaging valve
+VALVE_DELAY_UP, VALVE_DELAY_DOWN = 0.330576, 0.19516  # s added to t_c for the engaging valve
 
 
-def shifts_annex_a(recording: Recording, inertias: Inertias = Inertias(), **factors) -> list[dict]:
+def shifts_annex_a(recording: Recording, **factors) -> list[dict]:
     """One row for each order that :func:`metrics.shifts` gives a row, in the same order; see the next function."""
-    return [shift_metrics_annex_a(recording, order, end, inertias, **factors) for order, end in orders_of(recording)]
+    return [shift_metrics_annex_a(recording, order, end, **factors) for order, end in orders_of(recording)]
 
 
 def shift_metrics_annex_a(recording: Recording, order: tuple[float, int, int], next_order_time: float | None = None,
-                          inertias: Inertias = Inertias(), n_wej: float | None = None, a: float = FACTOR_A,
-                          b: float = FACTOR_B, c: float = RISE_C) -> dict:
+                          n_wej: float | None = None, a: float = FACTOR_A, b: float = FACTOR_B, c: float = RISE_C) -> dict:
     """The metrics of one shift by Annex A, under the keys of :data:`metrics.KEYS`.
 
-    recording, order, next_order_time, inertias: as in metrics.shift_metrics; nothing after the next order is read.
+    recording, order, next_order_time: as in metrics.shift_metrics, of a transmission of two gears that share no clutch;
+    nothing after the next order is read.
     n_wej: the set input speed [rad/s] the program asks for, by default the mean of 0.2 s before the order. a, b:
     factors of the torque bands after II-I and I-II; c: rise of p2 over its rest [bar]. What the recipe does not give
     is None, with its reason in ``why``; overlap_s is not in it and has no reason. Engagements from neutral are none
@@ -58,10 +58,12 @@ def shift_metrics_annex_a(recording: Recording, order: tuple[float, int, int], n
     t_order, from_gear, to_gear = order
     row = dict.fromkeys(KEYS)
     row.update(from_gear=int(from_gear), to_gear=int(to_gear), t_order_s=float(t_order), valid=False, why=[])
-    if {from_gear, to_gear} != {1, 2}:
-        row["why"].append("Annex A knows only changes between I and II")
+    box = recording.transmission
+    moved = box.shift(from_gear, to_gear)
+    if set(box.ratios) != {from_gear, to_gear} or len(moved.releasing) != 1 or len(moved.engaging) != 1:
+        row["why"].append(f"Annex A knows only changes between {' and '.join(map(box.names.get, sorted(box.ratios)))}")
         return row
-    _Program(recording, order, next_order_time, n_wej, row).run(a if to_gear == 1 else b, c, inertias)
+    _Program(recording, order, next_order_time, n_wej, row).run(a if to_gear < from_gear else b, c)
     row["valid"] = not row["why"]
     return row
 
@@ -73,21 +75,26 @@ class _Program:
         until = recording.rows if next_order_time is None else \
             min(recording.rows, int(np.ceil((next_order_time - recording.t0) / PERIOD)))
         self.order = int(np.ceil((order[0] - recording.t0) / PERIOD - 1e-6))
-        self.up, self.row, self.why = order[2] == 2, row, row["why"]
+        self.box, self.up, self.row, self.why = recording.transmission, order[2] > order[1], row, row["why"]
+        # the program's gears I and II, and what presses their clutches
+        self.first, self.second = sorted(self.box.ratios)
+        moved = self.box.shift(order[1], order[2])
+        self.old_name, self.new_name = moved.releasing[0].pressure, moved.engaging[0].pressure
         cut = {name: np.asarray(values[:until], dtype=float) for name, values in recording.channels.items()}
-        self.p = {1: cut["p1"] / BAR, 2: cut["p2"] / BAR}
-        self.m_in, self.m_out = cut["M_wej"], cut["M_wyj"]
-        self.n_in, self.n_out = cut["n_wej"] * RPM, cut["n_wyj"] * RPM
+        into, output = self.box.input, self.box.output
+        self.old_p, self.new_p = cut[self.old_name] / BAR, cut[self.new_name] / BAR
+        self.m_in, self.m_out = cut[into.torque], cut[output.torque]
+        self.n_in, self.n_out = cut[into.speed] * RPM, cut[output.speed] * RPM
         self.set_speed = None if n_wej is None else n_wej * RPM
 
-    def run(self, factor: float, c: float, inertias: Inertias) -> None:
+    def run(self, factor: float, c: float) -> None:
         """Fill the row in the program's order of steps; each needs what the one before found."""
-        row, new = self.row, 2 if self.up else 1
+        row = self.row
         before = slice(max(0, self.order - REST_FOR), max(0, self.order))
         if self.order <= 0 or self.order >= self.n_in.size:
             self.why.append(f"the recording does not cover the order at {row['t_order_s']:.3f} s")
             return
-        used = (self.p[1], self.p[2], self.m_in, self.m_out, self.n_in, self.n_out)
+        used = (self.old_p, self.new_p, self.m_in, self.m_out, self.n_in, self.n_out)
         if not all(np.all(np.isfinite(channel)) for channel in used):
             self.why.append("a channel has values that are no numbers")
             return
@@ -107,27 +114,26 @@ class _Program:
         row["t_dt_s"] = (end - start) * PERIOD
         row["t_c_s"] = self.total(start, end, c)
         row["t_p_s"] = self.speed_change(start, end)
-        row["e_loss_j"] = self.energy(start, end, inertias)
+        row["e_loss_j"] = self.energy(start, end)
         recovered = self.recovered(end)
         if recovered is None:
             return
         lowest = float(self.n_out[start : recovered + 1].min()) if self.up else lowest_down[0]
-        row["n_wyj_min_rpm"], row["k"] = lowest, lowest / self.set_speed * RATIO[1]
-        settled = self.settled(end, recovered, factor, self.p[new])
+        row["n_wyj_min_rpm"], row["k"] = lowest, lowest / self.set_speed * self.box.ratios[self.first]
+        settled = self.settled(end, recovered, factor)
         if settled is None:
             return
         row["t_o_s"] = (settled - end) * PERIOD
         # the unaveraged torque, to the end of t_o; the program makes means of 20 samples and never reads them
         row["m_wej_max_nm"] = float(self.m_in[start : settled + 1].max())
         # this sum takes each sample after counting on: one later than the other one
-        row["e_loss_settled_j"] = self.energy(start + 1, settled + 1, inertias)
+        row["e_loss_settled_j"] = self.energy(start + 1, settled + 1)
 
     def start(self) -> int | None:
         """Last sample of the first mean from which the releasing pressure falls by the printed rule."""
-        name, falls = ("p1", UP_FALLS) if self.up else ("p2", DOWN_FALLS)
+        falls = UP_FALLS if self.up else DOWN_FALLS
         high, low, later = (UP_FROM, UP_BELOW, UP_LATER) if self.up else (DOWN_FROM, DOWN_BELOW, DOWN_LATER)
-        pressure = self.p[1 if self.up else 2]
-        means = pressure[: pressure.size // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1)
+        means = self.old_p[: self.old_p.size // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1)
         count = means.size - later
         if count > 0:
             met = (means[:count] > high) & (means[later : later + count] < low)
@@ -136,13 +142,13 @@ class _Program:
             at = first_true(met, -(-self.order // BLOCK))
             if at is not None:
                 return at * BLOCK + BLOCK - 1
-        self.why.append(f"{name} has no {falls} falling means in a row from above {high:g} bar to below {low:g} bar "
+        self.why.append(f"{self.old_name} has no {falls} falling means in a row from above {high:g} bar to below {low:g} bar "
                         f"{later} ms later")
         return None
 
     def slip(self, gear: int) -> np.ndarray:
         """(6.85) of a gear in percent."""
-        ideal = np.maximum(self.n_in, 1e-3) / RATIO[gear]
+        ideal = np.maximum(self.n_in, 1e-3) / self.box.ratios[gear]
         return (ideal - self.n_out) * 100.0 / ideal
 
     def lowest_down(self, start: int) -> tuple[float, int]:
@@ -153,10 +159,10 @@ class _Program:
 
     def slip_end(self, start: int, lowest: tuple[float, int]) -> int | None:
         if self.up:
-            end = first_true(self.slip(2) <= SLIP_UP, start)
+            end = first_true(self.slip(self.second) <= SLIP_UP, start)
         else:
-            begin = lowest[1] if lowest[0] < DIP * self.set_speed / RATIO[1] else start
-            end = first_true((np.abs(self.slip(1)) <= SLIP_DOWN) & (self.n_out != lowest[0]), begin)
+            begin = lowest[1] if lowest[0] < DIP * self.set_speed / self.box.ratios[self.first] else start
+            end = first_true((np.abs(self.slip(self.first)) <= SLIP_DOWN) & (self.n_out != lowest[0]), begin)
         if end is None:
             self.why.append(f"the unfiltered slip never came within {SLIP_UP if self.up else SLIP_DOWN:g} %")
         return end
@@ -174,7 +180,7 @@ class _Program:
             self.why.append("n_wej did not come back to its set speed")
         return at
 
-    def settled(self, end: int, recovered: int, factor: float, clamped: np.ndarray) -> int | None:
+    def settled(self, end: int, recovered: int, factor: float) -> int | None:
         """First sample after which 999 samples of torque lie in the band, the engaging clutch above 20 bar."""
         late = recovered + SETTLED_AFTER
         if late + SETTLED_FOR >= self.m_in.size:
@@ -187,7 +193,7 @@ class _Program:
         outside = np.concatenate(([0], np.cumsum(~inside)))
         at = np.arange(end, late + 1)
         last = np.minimum(at + SETTLED_FOR, self.m_in.size)
-        met = (outside[last] - outside[at + 1] == 0) & (clamped[at] > CLAMPED) & (at + SETTLED_FOR <= self.m_in.size)
+        met = (outside[last] - outside[at + 1] == 0) & (self.new_p[at] > CLAMPED) & (at + SETTLED_FOR <= self.m_in.size)
         hit = first_true(met)
         if hit is None:
             self.why.append(f"M_wej did not stay within {factor:g} of {value:.1f} Nm for 999 samples")
@@ -199,12 +205,12 @@ class _Program:
         if start < REST_BEFORE:
             self.why.append("t_c needs 1 s of recording before the releasing pressure falls")
             return None
-        rise = self.rise_of_p2(start, end, c) if self.up else self.rise_of_p1(start)
-        return None if rise is None else (end - rise) * PERIOD + VALVE_DELAY[2 if self.up else 1]
+        rise = self.rise_up(start, end, c) if self.up else self.rise_down(start)
+        return None if rise is None else (end - rise) * PERIOD + (VALVE_DELAY_UP if self.up else VALVE_DELAY_DOWN)
 
-    def rise_of_p2(self, start: int, end: int, c: float) -> int | None:
-        """Backwards from the slip end: below 3 bar, then five samples in a row at most c above the rest."""
-        p2 = self.p[2]
+    def rise_up(self, start: int, end: int, c: float) -> int | None:
+        """Of p2 in I to II: backwards from the slip end: below 3 bar, then five samples in a row at most c above the rest."""
+        p2 = self.new_p
         rest = float(np.mean(p2[start - REST_BEFORE + 1 : start - REST_BEFORE + 1 + REST_FOR]))
         low = np.flatnonzero(p2[: end + 1] <= OPEN)
         if low.size:
@@ -212,18 +218,18 @@ class _Program:
             hits = np.flatnonzero(calm)
             if hits.size:
                 return int(hits[-1]) + 4 - 5
-        self.why.append("p2 was not at rest before it rose")
+        self.why.append(f"{self.new_name} was not at rest before it rose")
         return None
 
-    def rise_of_p1(self, start: int) -> int | None:
-        """From 1 s before the start on: where three samples of p1 in a row are not exactly zero."""
+    def rise_down(self, start: int) -> int | None:
+        """Of p1 in II to I: from 1 s before the start on: where three samples of p1 in a row are not exactly zero."""
         first = start - REST_BEFORE
-        zero = self.p[1][first : start + 1] == 0.0
+        zero = self.new_p[first : start + 1] == 0.0
         near = zero[:-2] | zero[1:-1] | zero[2:]
         at = first_true(~near)
         if at is None or at == 0:
-            self.why.append("t_c is counted from where p1 leaves exactly zero, and p1 "
-                            + ("never left it" if at is None else "was not at zero 1 s before p2 fell"))
+            self.why.append(f"t_c is counted from where {self.new_name} leaves exactly zero, and {self.new_name} "
+                            + ("never left it" if at is None else f"was not at zero 1 s before {self.old_name} fell"))
             return None
         return first + at
 
@@ -235,14 +241,14 @@ class _Program:
             return n[np.minimum(i + later, n.size - 1)]
 
         if self.up:
-            old = self.set_speed / RATIO[1]
+            old = self.set_speed / self.box.ratios[self.first]
             grown = 1.025 * old
             rising = (at(0) <= at(1)) & (at(1) <= at(2)) & (at(2) <= at(3)) & (at(3) <= at(4))
             falling = (at(0) >= at(1)) & (at(1) >= at(2)) & (at(2) >= at(3)) & (at(3) >= at(4))
             met = (at(0) > old) & rising & (at(50) > grown) & (at(100) > grown)
             met |= (at(0) < old) & falling & (at(800) > grown) & (at(1000) > grown)
         else:
-            old = self.set_speed / RATIO[2]
+            old = self.set_speed / self.box.ratios[self.second]
             met = (at(0) < old) & (at(10) <= at(0)) & (at(1) > at(2)) & (at(100) <= 0.95 * old)
         departure = first_true(met)
         if departure is None:
@@ -250,12 +256,13 @@ class _Program:
             return None
         return (end - int(i[departure])) * PERIOD
 
-    def energy(self, first: int, last: int, inertias: Inertias) -> float:
+    def energy(self, first: int, last: int) -> float:
         """The program's sum from ``first`` to ``last`` [J]: J_od is divided by (41/40)^2, pi is 3.14."""
         last = min(last, self.m_in.size - 1)
         part, rate = slice(first, last + 1), 2.0 * PI / 60.0
         work = rate * PERIOD * float(np.sum(self.m_in[part] * self.n_in[part] - self.m_out[part] * self.n_out[part]))
         # the differences of squares from sample to sample add up to those of the ends
         grown_in, grown_out = (float(n[last] ** 2 - n[first - 1] ** 2) for n in (self.n_in, self.n_out))
-        stored = 0.5 * rate**2 * (inertias.driving * grown_in + inertias.driven / RATIO[2] ** 2 * grown_out)
+        inertias = self.box.inertias
+        stored = 0.5 * rate**2 * (inertias.driving * grown_in + inertias.driven / inertias.reduction**2 * grown_out)
         return work - stored

@@ -8,6 +8,7 @@ Used by analysis.report; formats only.
 
 from __future__ import annotations
 
+from ..transmission import Transmission
 from .truth import WHY_NOT
 
 
@@ -28,7 +29,7 @@ def annex_lines(columns, names: list[str], rows: list[dict], annex: dict) -> lis
     return lines
 
 
-def truth_lines(names: list[str], rows: list[dict], truths: list[dict | None]) -> list[str]:
+def truth_lines(names: list[str], rows: list[dict], truths: list[dict | None], box: Transmission) -> list[str]:
     """For each shift what the plant's states say, beside the measured value where there is one."""
     lines = ["plant truth (states at 200 Hz, no transducers), measured in brackets:"]
     if not any(truths):
@@ -42,8 +43,8 @@ def truth_lines(names: list[str], rows: list[dict], truths: list[dict | None]) -
                  f"n_wyj min {truth['n_wyj_min_rpm']:.0f} rpm ({_cell(row['n_wyj_min_rpm'], 1.0, 0)})"]
         if truth["k"] is not None:
             pairs.append(f"k {truth['k']:.3f} ({_cell(row['k'], 1.0, 3)})")
-        clutches = [f"{key.upper()}: heat {truth[f'heat_{key}_j']:.0f} J, "
-                    f"highest torque {truth[f'torque_{key}_max_nm']:.0f} Nm" for key in ("s1", "s2")]
+        clutches = [f"{clutch.name}: heat {truth[f'{clutch.heat}_j']:.0f} J, "
+                    f"highest torque {truth[f'torque_{clutch.key}_max_nm']:.0f} Nm" for clutch in box.clutches]
         lines += [f"  {name}: {', '.join(pairs)}", f"    {'; '.join(clutches)}"]
     return lines + [f"  not from states: {WHY_NOT}"]
 

@@ -11,35 +11,47 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import RigError
-from .metrics import Inertias
-
-# name -> sign in the balance: + goes into the gearbox, - leaves it or stays in it; a full account sums to 0
-SIGNS = {"motor_work": 1.0, "load_work": -1.0, "heat_s1": -1.0, "heat_s2": -1.0, "heat_losses": -1.0,
-         "stored_kinetic": -1.0, "stored_hydraulic": -1.0}
-NEEDED = ("motor_work", "load_work", "heat_s1", "heat_s2", "stored_kinetic")
-
-# topic -> name of the energy (or speed) -> field of its message
-FIELDS = {"/motor/state": {"motor_work": "work"}, "/load_pump/state": {"load_work": "work"},
-          "/clutch_s1/state": {"heat_s1": "heat"}, "/clutch_s2/state": {"heat_s2": "heat"},
-          "/gearbox/state": {"heat_losses": "heat", "w_wej": "w_wej", "w_wyj": "w_wyj"}}
+from ..transmission import Transmission, transmission_of
 
 Series = tuple[np.ndarray, np.ndarray]
 
 
-def balance(energies: dict[str, Series], t_start: float, t_end: float) -> dict[str, float | None]:
+def signs(box: Transmission) -> dict[str, float]:
+    """Name of each energy -> its sign in the balance: + goes into the gearbox, - leaves it or stays in it; a full
+    account sums to 0.
+    """
+    return {"motor_work": 1.0, "load_work": -1.0, **{clutch.heat: -1.0 for clutch in box.clutches},
+            "heat_losses": -1.0, "stored_kinetic": -1.0, "stored_hydraulic": -1.0}
+
+
+def needed(box: Transmission) -> tuple[str, ...]:
+    """The energies without which there is no balance."""
+    return ("motor_work", "load_work", *(clutch.heat for clutch in box.clutches), "stored_kinetic")
+
+
+def fields(box: Transmission) -> dict[str, dict[str, str]]:
+    """Topic -> name of the energy (or speed) -> field of its message."""
+    return {"/motor/state": {"motor_work": "work"}, "/load_pump/state": {"load_work": "work"},
+            **{clutch.state: {clutch.heat: "heat"} for clutch in box.clutches},
+            "/gearbox/state": {"heat_losses": "heat", "w_wej": "w_wej", "w_wyj": "w_wyj"}}
+
+
+def balance(energies: dict[str, Series], t_start: float, t_end: float,
+            transmission: Transmission | None = None) -> dict[str, float | None]:
     """Energy account of a window.
 
-    energies: name of :data:`SIGNS` -> (times [s], energy since time 0 or energy stored [J]). The gearbox
-    losses and the hydraulic energy are optional. The window is widened to the samples of motor_work around
+    energies: name as in :func:`signs` -> (times [s], energy since time 0 or energy stored [J]). transmission: the
+    laboratory's by default. The gearbox losses and the hydraulic energy are optional. The window is widened to the samples of motor_work around
     it, so that a balance is taken between values that exist instead of between interpolated ones; it is cut
     to what was recorded. Returns t_start_s, t_end_s, one ``<name>_j`` for each energy (None for one not
     given), residual_j (work in that is found nowhere) and residual_of_heat, its share of the clutch heat in
     the window (None without clutch heat). Raises RigError when a needed energy is missing, has no samples, or
     the window lies outside the recording.
     """
-    missing = [name for name in NEEDED if name not in energies or len(energies[name][0]) == 0]
+    box = transmission or transmission_of()
+    missing = [name for name in needed(box) if name not in energies or len(energies[name][0]) == 0]
     if missing:
-        raise RigError(f"the energy balance has no {', '.join(missing)}; it needs {', '.join(NEEDED)}")
+        raise RigError(f"the energy balance has no {', '.join(missing)}; it needs {', '.join(needed(box))}")
     times = np.asarray(energies["motor_work"][0], dtype=float)
     if t_end <= t_start or t_end < times[0] or t_start > times[-1]:
         raise RigError(f"the energy balance was asked for {t_start:.3f} s to {t_end:.3f} s, "
@@ -49,7 +61,7 @@ def balance(energies: dict[str, Series], t_start: float, t_end: float) -> dict[s
     last = times[min(times.size - 1, np.searchsorted(times, t_end - 1e-9, side="left"))]
     account: dict[str, float | None] = {"t_start_s": float(first), "t_end_s": float(last)}
     residual = 0.0
-    for name, sign in SIGNS.items():
+    for name, sign in signs(box).items():
         if name not in energies:
             account[f"{name}_j"] = None
             continue
@@ -57,25 +69,30 @@ def balance(energies: dict[str, Series], t_start: float, t_end: float) -> dict[s
         change = float(np.interp(last, t, energy) - np.interp(first, t, energy))
         account[f"{name}_j"] = change
         residual += sign * change
-    heat = account["heat_s1_j"] + account["heat_s2_j"]
+    heat = clutch_heat(account, box)
     account["residual_j"] = residual
     account["residual_of_heat"] = residual / heat if heat > 0.0 else None
     return account
 
 
-def energies_of(bag, inertias: Inertias = Inertias()) -> dict[str, Series]:
+def clutch_heat(account: dict[str, float | None], box: Transmission) -> float:
+    """Heat of all clutches [J] in an account of :func:`balance`."""
+    return sum(account[f"{clutch.heat}_j"] for clutch in box.clutches)
+
+
+def energies_of(bag, transmission: Transmission | None = None) -> dict[str, Series]:
     """The energies of :func:`balance` out of a bag's state topics (200 Hz).
 
     Kinetic energy is that of the two shafts with everything that turns with them. Topics without messages are
     left out, so that balance() can name them.
     """
-    energies: dict[str, Series] = {}
-    for topic, names in FIELDS.items():
+    box, energies = transmission or transmission_of(), {}
+    for topic, names in fields(box).items():
         t, columns = bag.fields(topic, list(names.values()))
         if len(t):
             energies.update((name, (t, column)) for name, column in zip(names, columns))
     if "w_wej" in energies:
         t, w_wej = energies.pop("w_wej")
         _, w_wyj = energies.pop("w_wyj")
-        energies["stored_kinetic"] = (t, inertias.kinetic(w_wej, w_wyj))
+        energies["stored_kinetic"] = (t, box.inertias.kinetic(w_wej, w_wyj))
     return energies

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
+from ..transmission import Clutch, Transmission
 from .edges import first_true, mean_ahead, odd_width, quantum, ramp_start, running_mean, white_noise
 from .hum import QUIET, without_hum
-from .metrics import BEFORE, HOLD, NEEDED, PRESSURE, PRESSURE_MEAN, RATIO, TORQUE_SPEED_MEAN, Recording
+from .metrics import BEFORE, HOLD, TORQUE_SPEED_MEAN, Recording, smoothed
 from .uncertainty import INSTRUMENTS, TORQUE_CLEAR
 
 LONGEST = 3.0  # s after the order in which an engagement is looked for
@@ -98,9 +99,11 @@ def engagement_ranks(rows: list[dict]) -> list[str | None]:
 class _Engagement:
     """Channels around one order; sample 0 lies up to BEFORE ahead of it."""
 
+    box: Transmission
+    clutch: Clutch
+    gear: int
     period: float
     order: int
-    gear: int
     raw: dict[str, np.ndarray]
     smooth: dict[str, np.ndarray]
     why: list[str]
@@ -109,9 +112,17 @@ class _Engagement:
     def cut(cls, recording, order, next_order_time, why):
         """The samples around the order, or None with the reason in ``why``."""
         t_order, from_gear, gear = order
-        if from_gear in RATIO or gear not in RATIO:
-            why.append(f"an engagement goes from neutral (0) to gear 1 or 2, not from {from_gear} to {gear}")
+        box = recording.transmission
+        if from_gear in box.ratios or gear not in box.ratios:
+            driving = " or ".join(map(str, box.ratios))
+            why.append(f"an engagement goes from neutral (0) to gear {driving}, not from {from_gear} to {gear}")
             return None
+        engaging = box.shift(from_gear, gear).engaging
+        if len(engaging) != 1:
+            why.append(f"gear {box.names[gear]} engages {' and '.join(clutch.name for clutch in engaging)}, and this is "
+                       "about an engagement of one clutch")
+            return None
+        pressure = engaging[0].pressure
         at = int(np.ceil((t_order - recording.t0) / recording.period - 1e-6))
         first = max(0, at - int(round(BEFORE / recording.period)))
         until = t_order + LONGEST if next_order_time is None else min(next_order_time, t_order + LONGEST)
@@ -119,19 +130,16 @@ class _Engagement:
         if (at - first) * recording.period < 0.05 or (last - at) * recording.period < 0.2:
             why.append(f"the recording does not cover the order at {t_order:.3f} s and the time around it")
             return None
-        raw = {name: np.asarray(recording.channels[name][first:last], dtype=float) for name in NEEDED}
-        bad = [name for name in NEEDED if not np.all(np.isfinite(raw[name]))]
+        raw = {name: np.asarray(recording.channels[name][first:last], dtype=float) for name in box.channels}
+        bad = [name for name in box.channels if not np.all(np.isfinite(raw[name]))]
         if bad:
             why.append(f"{', '.join(bad)} has values that are no numbers")
             return None
         if (at - first) * recording.period >= QUIET - 1e-9:
             # as the valves' response: hum on a level stretch would hide it
             t = recording.period * np.arange(last - first)
-            raw[PRESSURE[gear]] = without_hum(t, raw[PRESSURE[gear]], at - first)[0]
-        lengths = {name: PRESSURE_MEAN if name in PRESSURE.values() else TORQUE_SPEED_MEAN for name in NEEDED}
-        widths = {name: odd_width(length, recording.period) for name, length in lengths.items()}
-        smooth = {name: running_mean(raw[name], widths[name]) for name in NEEDED}
-        return cls(recording.period, at - first, int(gear), raw, smooth, why)
+            raw[pressure] = without_hum(t, raw[pressure], at - first)[0]
+        return cls(box, engaging[0], int(gear), recording.period, at - first, raw, smoothed(box, raw, recording.period), why)
 
     def samples(self, seconds: float) -> int:
         return max(1, int(round(seconds / self.period)))
@@ -142,11 +150,11 @@ class _Engagement:
 
     def fill_row(self, row: dict) -> None:
         """Every value that can be found, a reason for every one that cannot."""
-        row["n_wej_before"] = float(np.mean(self.raw["n_wej"][: self.order]))
+        row["n_wej_before"] = float(np.mean(self.raw[self.box.input.speed][: self.order]))
         if row["n_wej_before"] < 1.0:
             self.why.append("the input shaft did not turn when the engagement was ordered")
             return
-        name = PRESSURE[self.gear]
+        name = self.clutch.pressure
         p = running_mean(self.raw[name], odd_width(SHAPE_MEAN, self.period))
         rest, end = self.levels(p)
         row["p_rest"], row["p_end"] = rest, end
@@ -194,14 +202,15 @@ class _Engagement:
 
     def locking(self, row: dict, start: float) -> None:
         """Slip end, engagement time, peak torque and the torque of the closed clutch."""
-        ratio, w = RATIO[self.gear], np.maximum(self.smooth["n_wej"], 1.0)
-        slip = 1.0 - self.smooth["n_wyj"] * ratio / w
+        n_in, n_out, torque = self.box.input.speed, self.box.output.speed, self.box.input.torque
+        ratio = self.box.ratios[self.gear]
+        slip = self.box.slip(self.gear, np.maximum(self.smooth[n_in], 1.0), self.smooth[n_out])
         # what the instruments show for the closed clutch, at the end of the recording
         tail = slip[-self.samples(BEFORE):]
         speed = row["n_wej_before"]
-        half_steps = 0.5 * (quantum(self.raw["n_wej"]) + ratio * quantum(self.raw["n_wyj"])) / speed
-        noise = 2.6 * np.hypot(white_noise(self.raw["n_wej"][: self.order]), ratio
-                               * white_noise(self.raw["n_wyj"][: self.order])) / speed \
+        half_steps = 0.5 * (quantum(self.raw[n_in]) + ratio * quantum(self.raw[n_out])) / speed
+        noise = 2.6 * np.hypot(white_noise(self.raw[n_in][: self.order]), ratio
+                               * white_noise(self.raw[n_out][: self.order])) / speed \
             / np.sqrt(odd_width(TORQUE_SPEED_MEAN, self.period))
         shown = max(half_steps, noise, float(np.percentile(np.abs(tail), 99.0)))
         limit = SLIP + min(shown, SLIP_INSTRUMENT_LIMIT)
@@ -210,9 +219,9 @@ class _Engagement:
             self.why.append(f"the clutch never closed (least slip {100.0 * float(slip[int(start):].min()):.2f} %)")
             return
         row["slip_end_s"], row["engagement_s"] = self.since(end), float((end - start) * self.period)
-        row["engagement_peak_nm"] = float(self.smooth["M_wej"][int(start) : end + 1].max())
+        row["engagement_peak_nm"] = float(self.smooth[torque][int(start) : end + 1].max())
         first = end + self.samples(CLOSED_AFTER)
-        closed = self.raw["M_wej"][first : first + self.samples(CLOSED_FOR)]
+        closed = self.raw[torque][first : first + self.samples(CLOSED_FOR)]
         if closed.size < self.samples(0.1):
             self.why.append("the recording ends too early after the clutch has closed to know its torque")
         else:
@@ -224,7 +233,8 @@ class _Engagement:
         The last passing of the torque meter's largest error above the torque before (or 4 standard deviations) before
         10 Nm are added, followed back along its slope. Drag of the open pack grows slowly and does not count.
         """
-        for name in ("M_wyj", "M_wej"):
+        output, into = self.box.output.torque, self.box.input.torque
+        for name in (output, into):
             before = self.smooth[name][: self.order]
             # the torque may drift until the clutch fills; the level is that at the first rise
             near = self.smooth[name][max(0, int(start) - self.samples(20e-3)) : int(start) + 1]
@@ -237,9 +247,9 @@ class _Engagement:
             at = int(start) + (int(below[-1]) + 1 if below.size else 0)
             raw = self.raw[name] - float(np.mean(near))
             at = int(round(max(start, ramp_start(raw, grown, at, 0.5 * TORQUE_CLEAR, self.samples(20e-3)))))
-            row["kiss_s"], row["p_kiss"] = self.since(at), float(self.smooth[PRESSURE[self.gear]][at])
+            row["kiss_s"], row["p_kiss"] = self.since(at), float(self.smooth[self.clutch.pressure][at])
             return at
-        self.why.append(f"neither M_wyj nor M_wej rose by {TORQUE_CLEAR:g} Nm")
+        self.why.append(f"neither {output} nor {into} rose by {TORQUE_CLEAR:g} Nm")
         return None
 
     def level_stretch(self, p: np.ndarray, rest: float, end: float, start: int,
@@ -253,7 +263,7 @@ class _Engagement:
         limit = LEVEL_SLOPE * size / max((reached - start) * self.period, GRID)
         swing = max(LEVEL_SWING * size, self.quiet_swing(p))
         grid = p[start : reached + 1 : step]
-        above = INSTRUMENTS[PRESSURE[self.gear]].error
+        above = INSTRUMENTS[self.clutch.pressure].error
         middle = (grid > rest + above) & (grid < rest + LEVEL_BELOW * size)
         found = _longest_level(grid, middle, swing, limit * step * self.period)
         if found is None:
@@ -281,7 +291,7 @@ class _Engagement:
 
     def filling(self, row: dict, start: float, kiss: int | None, hold) -> None:
         """Fill phase with its straight line, and the growth of pressure around contact."""
-        p = self.smooth[PRESSURE[self.gear]]
+        p = self.smooth[self.clutch.pressure]
         ends = [e for e in (kiss, None if hold is None else int(hold[0])) if e is not None]
         first = int(round(start))
         if ends and min(ends) - first >= self.samples(5e-3):

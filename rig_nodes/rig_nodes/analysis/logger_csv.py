@@ -17,58 +17,59 @@ import numpy as np
 from ..catalogue import catalogue
 from ..config.units import UNITS
 from ..errors import RigError
-from .metrics import NEEDED, Recording
+from ..transmission import Transmission, transmission_of
+from .metrics import Recording
 
 TIME_NAMES = ("t", "time", "czas")
 ORDER_NAMES = ("gear_ordered", "order")
 # what loggers and people write for a unit of config.units
 ALIASES = {"N.m": "Nm", "N m": "Nm", "N*m": "Nm", "N·m": "Nm", "1/min": "rpm", "min-1": "rpm", "r/min": "rpm",
            "obr/min": "rpm", "°C": "degC", "C": "degC", "µs": "us"}
-GEARS = {"0": 0, "N": 0, "I": 1, "1": 1, "II": 2, "2": 2}
 _HEADING = re.compile(r"\s*(.+?)\s*(?:\[\s*(.*?)\s*\]|\(\s*(.*?)\s*\))?\s*$")
 _ORDER = re.compile(r"\s*([0-9]*\.?[0-9]+)\s*(?:s\s*)?:\s*(\w+)\s*-+>?\s*(\w+)\s*$")
 
 
-def read_logger_csv(path: str | Path, period: float | None = None,
-                    orders: list[tuple[float, int, int]] | None = None) -> Recording:
+def read_logger_csv(path: str | Path, period: float | None = None, orders: list[tuple[float, int, int]] | None = None,
+                    transmission: Transmission | None = None) -> Recording:
     """Read a logger's CSV.
 
     Separator ";", tab or ","; decimal point, or with the first two also a comma; lines that begin with # before the
     header are passed over. A column is named as in the signal catalogue and has its unit in brackets (any unit of
-    config.units of that quantity, rpm also as 1/min); M_wej, n_wej, M_wyj, n_wyj, p1, p2 must be there, pressures
-    gauge; columns that the catalogue does not know are passed over. Times from a column "t [s]" (time, czas), which
-    must grow in equal steps, or from ``period`` [s]. Orders from a column gear_ordered [-] (0, 1, 2; each change is
+    config.units of that quantity, rpm also as 1/min); those of the transmission (by default the
+    laboratory's: M_wej, n_wej, M_wyj, n_wyj, p1, p2) must be there, pressures gauge; columns that the catalogue does not know are passed over. Times from a column "t [s]" (time, czas), which
+    must grow in equal steps, or from ``period`` [s]. Orders from a column gear_ordered [-] (numbers of gears; each change is
     one, from the gear before) or from ``orders``, as Recording has them, which win. Raises RigError in one sentence.
     """
-    path = Path(path)
+    path, box = Path(path), transmission or transmission_of()
     header, lines, number, separator = _lines(path)
     names, factors = _columns(path, header)
     table = _table(path, lines, number, separator, len(header))
     # a heading that was passed over has the name ""
     columns = {name: table[:, i] * factors[i] for i, name in enumerate(names) if name}
-    missing = [name for name in NEEDED if name not in columns]
+    missing = [name for name in box.channels if name not in columns]
     if missing:
-        raise RigError(f"{path}: has no column {', '.join(missing)}; the analysis needs {', '.join(NEEDED)}, each with "
+        raise RigError(f"{path}: has no column {', '.join(missing)}; the analysis needs {', '.join(box.channels)}, each with "
                        "its unit, e.g. 'M_wej [Nm]'")
     t0, period = _time(path, columns.pop("t", None), period, number)
     ordered = columns.pop("gear_ordered", None)
     if orders is None:
-        orders = [] if ordered is None else _orders(path, ordered, t0, period, number)
-    return Recording(t0, period, columns, sorted(orders))
+        orders = [] if ordered is None else _orders(path, ordered, t0, period, number, box)
+    return Recording(t0, period, columns, sorted(orders), box)
 
 
-def parse_orders(text: str) -> list[tuple[float, int, int]]:
+def parse_orders(text: str, transmission: Transmission | None = None) -> list[tuple[float, int, int]]:
     """Orders from the command line, ``"3.845:I-II, 8.32:II-I"``: time in the recording [s], gear before, gear ordered.
 
-    Gears are I, II and 0 for neutral. Raises RigError with an example.
+    Gears are named as people name them (Transmission.number), 0 is neutral; the laboratory's by default. Raises RigError with an example.
     """
-    orders = []
+    box, orders = transmission or transmission_of(), []
     for part in filter(str.strip, re.split(r"[,;]", text)):
         match = _ORDER.match(part)
-        if match is None or match[2] not in GEARS or match[3] not in GEARS:
+        gears = [None] if match is None else [box.number(match[2]), box.number(match[3])]
+        if None in gears:
             raise RigError(f"--orders: '{part.strip()}' is no order; write the time in s and the gears, e.g. "
                            "'3.845:I-II, 8.32:II-I' (0 is neutral)")
-        order = float(match[1]), GEARS[match[2]], GEARS[match[3]]
+        order = float(match[1]), gears[0], gears[1]
         if order[1] == order[2]:
             raise RigError(f"--orders: '{part.strip()}' orders the gear that is in; write another after the '-', e.g. "
                            "'3.845:I-II'")
@@ -188,11 +189,12 @@ def _time(path: Path, t: np.ndarray | None, period: float | None, number: int) -
     return float(t[0]), step
 
 
-def _orders(path: Path, gear: np.ndarray, t0: float, period: float, number: int) -> list[tuple[float, int, int]]:
+def _orders(path: Path, gear: np.ndarray, t0: float, period: float, number: int,
+            box: Transmission) -> list[tuple[float, int, int]]:
     """Orders from the changes of the ordered gear."""
-    wrong = ~np.isin(gear, (0.0, 1.0, 2.0))
+    wrong = ~np.isin(gear, list(box.names))
     if wrong.any():
         at = int(np.argmax(wrong))
-        raise RigError(f"{path}: line {number + at} orders the gear {gear[at]:g}; gears are 0 (neutral), 1 and 2")
+        raise RigError(f"{path}: line {number + at} orders the gear {gear[at]:g}; gears are {box.spoken}")
     changes = np.flatnonzero(np.diff(gear)) + 1
     return [(t0 + period * i, int(gear[i - 1]), int(gear[i])) for i in changes]

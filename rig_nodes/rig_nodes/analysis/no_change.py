@@ -11,15 +11,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..clocks import SAMPLE
 from ..errors import RigError
 from .coast_down import coast_down
 from .engagement import engagement_metrics
-from .metrics import KISS, PRESSURE, RATIO, RPM, STANDSTILL, Recording, orders_of, stands
+from ..transmission import Transmission
+from .metrics import RPM, STANDSTILL, Recording, orders_of, stands
 from .uncertainty import Instrument, coast_down_uncertainty, engagement_uncertainty
 from .valve_response import valve_delay
 
 COMMAND, MOTOR = "/alfa46/command", "/motor/command"
-SAMPLE = 1e-3  # s after which a command acts
 BEFORE = 0.5  # s before the order in which rest and hum of the pressure are looked for
 
 
@@ -30,29 +31,33 @@ def measured(recording: Recording, instruments: dict[str, Instrument], bag=None)
     a coast-down. ``coast_down`` is None where the drive was not switched off with both clutches open.
     """
     responses = [] if bag is None else [
-        _response(bag, recording, order) for order in recording.orders if order[2] in RATIO and stands(recording, order[0])]
+        _response(bag, recording, order) for order in recording.orders
+        if order[2] in recording.transmission.ratios and stands(recording, order[0])]
     engagements = [engagement_metrics(recording, order, end) for order, end in orders_of(recording) if order[1] == 0]
     for row in engagements:
-        row["errors"] = engagement_uncertainty(row, instruments) if row["n_wej_before"] else {}
+        row["errors"] = engagement_uncertainty(row, instruments, recording.transmission) if row["n_wej_before"] else {}
     return {"valve_responses": responses, "engagements": engagements,
             "coast_down": None if bag is None else _coast_down(bag, recording, instruments)}
 
 
-def measured_lines(found: dict) -> list[str]:
+def measured_lines(found: dict, box: Transmission) -> list[str]:
     """The part for the terminal, in ms, Nm, MPa and rpm."""
     lines = []
     for row in found["valve_responses"]:
-        gear, t = row["gear"], row["t_order_s"]
-        what = f"gear {'0 I II'.split()[gear]} laid in at {t:.2f} s while the input stood still, which is no shift: "
-        lines.append(what + (f"p{gear} rose {row['valve_delay_s'] * 1e3:.0f} ms after the first pulse on ZR-P{gear}"
-                             if not row["why"] else f"no response of ZR-P{gear}: {'; '.join(row['why'])}"))
+        gear, t, clutches = row["gear"], row["t_order_s"], box.engaged(row["gear"])
+        pressures, valves = (" and ".join(names) for names in (
+            [clutch.pressure for clutch in clutches], [clutch.valve_name for clutch in clutches]))
+        what = f"gear {box.names[gear]} laid in at {t:.2f} s while the input stood still, which is no shift: "
+        lines.append(what + (f"{pressures} rose {row['valve_delay_s'] * 1e3:.0f} ms after the first pulse on {valves}"
+                             if not row["why"] else f"no response of {valves}: {'; '.join(row['why'])}"))
     for row in found["engagements"]:
         parts = [f"{text} {row[key] * factor:.{digits}f}{_error(row, key, factor, digits)} {unit}"
                  for text, key, factor, digits, unit in (
                      ("engaged in", "engagement_s", 1e3, 0, "ms"), ("peak M_wej", "engagement_peak_nm", 1.0, 1, "Nm"),
                      ("kiss pressure", "p_kiss", 1e-6, 2, "MPa"), ("hold phase", "hold_s", 1e3, 0, "ms"))
                  if row[key] is not None]
-        lines.append(f"engagement of S{row['gear']} at {row['t_order_s']:.2f} s: {', '.join([*parts, *row['why']])}")
+        clutches = " and ".join(clutch.name for clutch in box.engaged(row["gear"]))
+        lines.append(f"engagement of {clutches} at {row['t_order_s']:.2f} s: {', '.join([*parts, *row['why']])}")
     row = found["coast_down"]
     if row is not None and row["why"]:
         lines.append(f"no coast-down: {'; '.join(row['why'])}")
@@ -74,15 +79,19 @@ def _response(bag, recording: Recording, order: tuple[float, int, int]) -> dict:
     row = {"gear": int(gear), "t_order_s": float(t_order), "valve_delay_s": None, "t_pulse_s": None, "t_rise_s": None,
            "why": []}
     try:
+        clutch, *others = recording.transmission.engaged(gear)
+        if others:
+            raise RigError("the gear engages several clutches, and this is about one valve")
         t, (duty, setpoint) = bag.fields(COMMAND, ["duty", "setpoint"])
-        coil = duty[:, gear - 1] if duty[:, gear - 1].any() else setpoint[:, gear - 1]  # at level current no duty is sent
+        on_coil = duty[:, clutch.output]
+        coil = on_coil if on_coil.any() else setpoint[:, clutch.output]  # at level current no duty is sent
         on = t[(t >= t_order) & (coil > 0.0)]
         if not on.size:
             raise RigError("its coil got no pulse")
         times = recording.t0 + recording.period * np.arange(recording.rows)
         later = [other[0] for other in recording.orders if other[0] > t_order]
         part = (times >= t_order - BEFORE) & (times < min(later, default=np.inf))
-        found = valve_delay(times[part], 1.0 * (times[part] >= on[0] + SAMPLE), recording.channels[PRESSURE[gear]][part])
+        found = valve_delay(times[part], 1.0 * (times[part] >= on[0] + SAMPLE), recording.channels[clutch.pressure][part])
         row |= {key: found[key] for key in ("valve_delay_s", "t_pulse_s", "t_rise_s")}
     except RigError as error:
         row["why"].append(str(error))
@@ -97,12 +106,14 @@ def _coast_down(bag, recording: Recording, instruments: dict[str, Instrument]) -
     if not t.size or enable[-1]:
         return None
     times = recording.t0 + recording.period * np.arange(recording.rows)
-    w, after = recording.channels["n_wej"], times >= t[-1]
-    pressed = any(np.median(recording.channels[name][after]) > KISS[gear] for gear, name in PRESSURE.items() if after.any())
+    box = recording.transmission
+    w, after = recording.channels[box.input.speed], times >= t[-1]
+    pressed = any(np.median(recording.channels[clutch.pressure][after]) > clutch.kiss_pressure
+                  for clutch in box.clutches if after.any())
     if not after.any() or pressed or w[after][0] < STANDSTILL:
         return None
     try:
-        found = coast_down(times, w, recording.channels["M_wej"])
+        found = coast_down(times, w, recording.channels[box.input.torque])
     except RigError as error:
         return {"why": [str(error)]}
     return {**found, "errors": coast_down_uncertainty(found, instruments), "why": []}

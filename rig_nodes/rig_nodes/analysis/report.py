@@ -18,16 +18,16 @@ import numpy as np
 from ..bags import limits
 from ..bags.reader import NOTHING
 from ..errors import RigError, printable
+from ..transmission import NEUTRAL, Transmission, transmission_of
 from ..whole_file import write_whole
 from .annex_a import shifts_annex_a
 from .comparison import annex_lines, truth_lines
-from .energy import balance, energies_of
-from .metrics import RATIO, RPM, Inertias, Recording, shifts
+from .energy import balance, clutch_heat, energies_of
+from .metrics import RPM, Recording, shifts
 from .no_change import measured, measured_lines
 from .truth import states_of, truth_of
 from .uncertainty import Instrument, instruments_of, uncertainty
 
-GEAR = {0: "0", 1: "I", 2: "II"}
 REPORT_FILE = "report.json"
 RUN_KEYS = ("configuration", "seed", "versions", "lost", "ticks", "overruns", "lateness_ms", "end")
 CLUTCH_BENCH = "clutch_bench"  # kind in the configuration of its runs
@@ -71,28 +71,28 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
                           {"run": None, "shifts": []}) | {"bench": plain(found)}
     recording = None
     try:
-        inertias, instruments = inertias_of(run), instruments_of(run.get("configuration") or {})
+        box, instruments = transmission_of(run.get("configuration")), instruments_of(run.get("configuration") or {})
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise RigError(f"the configuration of the run does not say its gearbox and instruments ({type(error).__name__}: {error}); "
                        f"expected what `rig run` and `rig simulate` put into a bag") from None
     try:
-        recording = recording_of(bag)
+        recording = recording_of(bag, box)
     except RigError as error:
         problems.append(f"no shift metrics: {error}")
-    metrics = _metrics(recording, inertias, instruments, annex_a, problems, bag)
-    metrics["basis"] = basis_of(run.get("configuration"), inertias, instruments)
+    metrics = _metrics(recording, instruments, annex_a, problems, bag)
+    metrics["basis"] = basis_of(run.get("configuration"), box, instruments)
     rows = metrics["shifts"]
     energy = {"run": None, "shifts": [None] * len(rows)}
     try:
-        energies = energies_of(bag, inertias)
-        energy["run"] = balance(energies, *_whole(energies))
+        energies = energies_of(bag, box)
+        energy["run"] = balance(energies, *_whole(energies), box)
         for i, row in enumerate(rows):
             if window := _window(row):
-                energy["shifts"][i] = balance(energies, *window)
+                energy["shifts"][i] = balance(energies, *window, box)
     except RigError as error:
         problems.append(f"no energy balance: {error}")
     if truth:
-        metrics["truth"] = _truth(bag, rows)
+        metrics["truth"] = _truth(bag, rows, box)
     return _assembled(_run_data(bag, run), problems, metrics, energy)
 
 
@@ -121,46 +121,48 @@ def _run_data(bag, run: dict) -> dict:
 def report_of_recording(recording: Recording, annex_a: float | None = None, configuration: dict | None = None) -> dict:
     """The report of a recording that is no bag (a logger's CSV): as :func:`build_report`, without energy balance.
 
-    Inertias and instruments are those of ``configuration``, as a bag holds it, or the laboratory's; ``run`` knows
-    nothing. Raises RigError for a recording without an order.
+    Instruments are those of ``configuration``, as a bag holds it, or the laboratory's, and the recording's transmission
+    should be that of the same (transmission_of); ``run`` knows nothing. Raises RigError for a recording without an order.
     """
     if not recording.orders:
         raise RigError("the recording holds no order of a gear; give them with --orders, e.g. '3.845:I-II, 8.32:II-I'")
     problems: list[str] = []
-    inertias, instruments = inertias_of({"configuration": configuration}), instruments_of(configuration or {})
-    metrics = _metrics(recording, inertias, instruments, annex_a, problems)
-    metrics["basis"] = basis_of(configuration, inertias, instruments)
+    instruments = instruments_of(configuration or {})
+    metrics = _metrics(recording, instruments, annex_a, problems)
+    metrics["basis"] = basis_of(configuration, recording.transmission, instruments)
     energy = {"run": None, "shifts": [None] * len(metrics["shifts"])}
     return _assembled(dict.fromkeys(RUN_KEYS), problems, metrics, energy)
 
 
-def _metrics(recording: Recording | None, inertias: Inertias, instruments: dict[str, Instrument],
-             annex_a: float | None, problems: list[str], bag=None) -> dict:
+def _metrics(recording: Recording | None, instruments: dict[str, Instrument], annex_a: float | None, problems: list[str],
+             bag=None) -> dict:
     """Everything that comes from the logger's channels, and what of a run without a change of gear needs its commands."""
-    rows = [] if recording is None else shifts(recording, inertias)
-    found = {"shifts": rows, "uncertainty": [uncertainty(row, instruments, inertias, recording.period) for row in rows]}
+    rows = [] if recording is None else shifts(recording)
+    found = {"shifts": rows, "uncertainty": [uncertainty(row, instruments, recording.transmission, recording.period)
+                                             for row in rows]}
     if annex_a is not None and recording is not None:
         try:
-            found["annex_a"] = {"factor": annex_a, "shifts": shifts_annex_a(recording, inertias, a=annex_a, b=annex_a)}
+            found["annex_a"] = {"factor": annex_a, "shifts": shifts_annex_a(recording, a=annex_a, b=annex_a)}
         except RigError as error:
             problems.append(f"no results by Annex A: {error}")
-    if recording is not None and not any(row["from_gear"] in RATIO for row in rows):
+    if recording is not None and not any(recording.transmission.changes(row["from_gear"], row["to_gear"]) for row in rows):
         found["measured"] = measured(recording, instruments, bag)
     return found
 
 
-def basis_of(configuration: dict | None, inertias: Inertias, instruments: dict[str, Instrument]) -> dict:
+def basis_of(configuration: dict | None, box: Transmission, instruments: dict[str, Instrument]) -> dict:
     """With whose values a report was computed: ``rig`` (None: the thesis's values), SI."""
     rig = (configuration or {}).get("name", "without a name") if (configuration or {}).get("gearbox") else None
-    return {"rig": rig, "inertia_driving": inertias.driving, "inertia_driven": inertias.driven,
-            "ratios": {GEAR[gear]: ratio for gear, ratio in RATIO.items()},
-            "largest_errors": {name: instruments[name].error for name in ("torque", "p1", "p2", "speed")}}
+    pressures = [clutch.pressure for clutch in box.clutches]
+    return {"rig": rig, "inertia_driving": box.inertias.driving, "inertia_driven": box.inertias.driven,
+            "ratios": {box.names[gear]: ratio for gear, ratio in box.ratios.items()},
+            "largest_errors": {name: instruments[name].error for name in ("torque", *pressures, "speed")}}
 
 
-def _truth(bag, rows: list[dict]) -> list[dict | None]:
-    states = states_of(bag)
+def _truth(bag, rows: list[dict], box: Transmission) -> list[dict | None]:
+    states = states_of(bag, box)
     ends = [row["t_order_s"] for row in rows[1:]] + [None]
-    return [None if states is None else truth_of(states, row, end) for row, end in zip(rows, ends)]
+    return [None if states is None else truth_of(states, row, end, box) for row, end in zip(rows, ends)]
 
 
 def _assembled(run: dict, problems: list[str], metrics: dict, energy: dict) -> dict:
@@ -171,22 +173,22 @@ def _assembled(run: dict, problems: list[str], metrics: dict, energy: dict) -> d
     return plain({"run": run, "shifts": metrics["shifts"], "energy": energy, **rest})
 
 
-def inertias_of(run: dict) -> Inertias:
-    """The reduced inertias of the rig that ran; the laboratory's when the run does not say."""
-    gearbox = (run.get("configuration") or {}).get("gearbox")
-    return Inertias(float(gearbox["inertia_in"]), float(gearbox["inertia_out_z5"])) if gearbox else Inertias()
-
-
-def recording_of(bag) -> Recording:
-    """The bag's 10 kHz channels and, from the controller's events, its orders (gear 0 before the first)."""
+def recording_of(bag, transmission: Transmission | None = None) -> Recording:
+    """The bag's 10 kHz channels and its orders; transmission: of its rig, the laboratory's by default."""
     # rows that are missing become NaN: they spoil the shifts they lie in, not the others
     logger = bag.logger(fill=True)
-    orders, before = [], 0
-    for t, topic, name, _, value in bag.events():
+    return Recording(logger.t0, logger.period, logger.channels, orders_in(bag.events()),
+                     transmission or transmission_of())
+
+
+def orders_in(events) -> list[tuple[float, int, int]]:
+    """Orders among the events of a bag: (time [s], gear before, gear ordered), neutral before the first."""
+    orders, before = [], NEUTRAL
+    for t, topic, name, _, value in events:
         if topic == ORDERS_TOPIC and name == ORDER_EVENT:
             orders.append((t, before, int(value)))
             before = int(value)
-    return Recording(logger.t0, logger.period, logger.channels, orders)
+    return orders
 
 
 def _whole(energies) -> tuple[float, float]:
@@ -254,18 +256,19 @@ def format_report(report: dict) -> str:
         from .bench_report import bench_lines
 
         return _shown([*bench_lines(report["bench"]), "", *_run_lines(report["run"])])
+    box = shown_transmission(report)
     rows, errors = report["shifts"], report.get("uncertainty", [])
-    lines = _shift_table(rows, errors) if rows else [no_shift(report)]
+    lines = _shift_table(rows, errors, box) if rows else [no_shift(report)]
     for row in rows:
-        shift = f"{_gears(row)} at {row['t_order_s']:.2f} s"
+        shift = f"{_gears(row, box)} at {row['t_order_s']:.2f} s"
         lines += [f"  {shift} is not valid: {reason}" for reason in row["why"]]
-    lines += measured_lines(report["measured"]) if "measured" in report else []
-    names = [f"{_gears(row)} at {row['t_order_s']:.2f} s" for row in rows]
+    lines += measured_lines(report["measured"], box) if "measured" in report else []
+    names = [f"{_gears(row, box)} at {row['t_order_s']:.2f} s" for row in rows]
     if "annex_a" in report:
         lines += ["", *annex_lines(COLUMNS, names, rows, report["annex_a"])]
     if "truth" in report:
-        lines += ["", *truth_lines(names, rows, report["truth"])]
-    return _shown(lines + [""] + _energy_lines(report) + _basis_lines(report) + _run_lines(report["run"]))
+        lines += ["", *truth_lines(names, rows, report["truth"], box)]
+    return _shown(lines + [""] + _energy_lines(report, box) + _basis_lines(report) + _run_lines(report["run"]))
 
 
 def _shown(lines: list[str]) -> str:
@@ -282,16 +285,24 @@ def no_shift(report: dict) -> str:
     return f"no shift: {what} changes no gear while the input shaft turns"
 
 
-def _gears(row: dict) -> str:
-    return " -> ".join(GEAR.get(row[key], str(row[key])) for key in ("from_gear", "to_gear"))
+def shown_transmission(report: dict) -> Transmission:
+    """The transmission whose gears and clutches a report names."""
+    try:
+        return transmission_of(report["run"].get("configuration"))
+    except (KeyError, TypeError, ValueError, AttributeError):
+        return transmission_of()  # the run's record is not what a rig says of itself; gears and clutches are the same
 
 
-def _shift_table(rows: list[dict], errors: list[dict]) -> list[str]:
+def _gears(row: dict, box: Transmission) -> str:
+    return box.way(row["from_gear"], row["to_gear"])
+
+
+def _shift_table(rows: list[dict], errors: list[dict], box: Transmission) -> list[str]:
     table = [["shift"] + [heading for heading, *_ in COLUMNS] + ["valid"]]
     for i, row in enumerate(rows):
         cells = ["-" if row[key] is None else f"{row[key] * factor:.{digits}f}"
                  for _, key, factor, digits in COLUMNS]
-        table.append([_gears(row)] + cells + ["yes" if row["valid"] else "NO"])
+        table.append([_gears(row, box)] + cells + ["yes" if row["valid"] else "NO"])
         if i < len(errors) and errors[i]:
             table.append(["  +-"] + [f"{errors[i][key] * factor:.{digits}f}" if key in errors[i] else ""
                                      for _, key, factor, digits in COLUMNS] + [""])
@@ -300,17 +311,17 @@ def _shift_table(rows: list[dict], errors: list[dict]) -> list[str]:
                       for i, (cell, width) in enumerate(zip(line, widths))) for line in table]
 
 
-def _energy_lines(report: dict) -> list[str]:
+def _energy_lines(report: dict, box: Transmission) -> list[str]:
     lines = []
     for row, account in zip(report["shifts"], report["energy"]["shifts"]):
         if account is None:
             if _window(row) is None and report["energy"]["run"] is not None:
-                lines.append(f"energy {_gears(row)}: -, as no end of the shift was found")
+                lines.append(f"energy {_gears(row, box)}: -, as no end of the shift was found")
             continue
-        heat = account["heat_s1_j"] + account["heat_s2_j"]
+        heat = clutch_heat(account, box)
         share = account["residual_of_heat"]
         share = "no clutch heat" if share is None else f"{100.0 * share:+.2f} % of it"
-        gears = _gears(row) + ("" if row["valid"] else " (not valid)")
+        gears = _gears(row, box) + ("" if row["valid"] else " (not valid)")
         lines.append(f"energy {gears}: clutch heat {heat:.0f} J, "
                      f"unaccounted {account['residual_j']:+.2f} J ({share})")
     if lines and _bounded(report["run"]):
@@ -326,9 +337,9 @@ def _basis_lines(report: dict) -> list[str]:
     whose = "the thesis (tab. 7.1, 7.3.1)" if basis["rig"] is None else f"rig '{basis['rig']}'"
     errors = basis["largest_errors"]
     ratios = " and ".join(f"{ratio:.4f}" for ratio in basis["ratios"].values())
+    pressures = " and ".join(f"{error / 1e6:.3g}" for name, error in errors.items() if name not in ("torque", "speed"))
     return [f"computed with inertias ({basis['inertia_driving']:g} and {basis['inertia_driven']:g} kg m2) and instrument errors "
-            f"({errors['torque']:.3g} Nm, {errors['speed'] * RPM:.2g} rpm, {errors['p1'] / 1e6:.3g} and "
-            f"{errors['p2'] / 1e6:.3g} MPa) of {whose}, ratios {ratios} of tab. 3.1"]
+            f"({errors['torque']:.3g} Nm, {errors['speed'] * RPM:.2g} rpm, {pressures} MPa) of {whose}, ratios {ratios} of tab. 3.1"]
 
 
 def _bounded(run: dict) -> bool:

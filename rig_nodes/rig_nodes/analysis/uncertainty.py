@@ -12,11 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import pi
 
-from .metrics import RATIO, RPM, TORQUE_SPEED_MEAN, Inertias
+from ..clocks import ROW
+from ..transmission import Transmission, transmission_of
+from .metrics import RPM, TORQUE_SPEED_MEAN
 
-PERIOD = 1e-4  # s between two samples of the logger HMG 4000
-# MPa/s at which chapter 9's fits of the releasing pressures begin to fall: the times count from there
-FALL_RATE = {1: 13.028e6, 2: 11.788e6}
 STEEP_RISE = 45e-3  # s in which chapter 9's p2, and with it the torque, rises from contact to its end
 TORQUE_CLEAR = 10.0  # Nm that certainly are a rise of torque
 KISS_RATE = 0.5e6  # Pa/s at which a released clutch passes its kiss pressure
@@ -47,7 +46,8 @@ INSTRUMENTS = {
 
 
 def instruments_of(configuration: dict) -> dict[str, Instrument]:
-    """Torque meter, p1, p2 and encoder [SI] of a rig, from its configuration as its bag holds it.
+    """Torque meter, transducers of the clutches' pressures and encoder [SI] of a rig, from its configuration as its bag
+    holds it.
 
     Range, class and the encoder's step are the rig's, 0.01 Nm of reading those of tab. 7.1; nothing is wrong with true
     values (effects.transducers off). The table's where the configuration has no instruments.
@@ -55,10 +55,11 @@ def instruments_of(configuration: dict) -> dict[str, Instrument]:
     fitted = configuration.get("instruments")
     if fitted is None:
         return INSTRUMENTS
+    analog = ("torque", *(clutch.pressure for clutch in transmission_of(configuration).clutches))
     if not (configuration.get("effects") or {}).get("transducers", True):
-        return dict.fromkeys(("torque", "p1", "p2", "speed"), Instrument(0.0, 0.0))
+        return dict.fromkeys((*analog, "speed"), Instrument(0.0, 0.0))
     found = {name: Instrument(float(fitted[f"{name}_range"]), 100.0 * float(fitted[f"{name}_class"]),
-                              INSTRUMENTS[name].readability) for name in ("torque", "p1", "p2")}
+                              INSTRUMENTS[name].readability) for name in analog}
     return found | {"speed": Instrument(float(fitted["speed_range"]), 0.0, float(fitted["speed_step"]))}
 
 
@@ -67,12 +68,13 @@ def temperature_error(t_oil: float) -> float:
     return 0.3 + 0.005 * abs(t_oil)
 
 
-def uncertainty(row: dict, instruments: dict[str, Instrument] | None = None, inertias: Inertias = Inertias(),
-                period: float = PERIOD) -> dict[str, float]:
+def uncertainty(row: dict, instruments: dict[str, Instrument] | None = None, transmission: Transmission | None = None,
+                period: float = ROW) -> dict[str, float]:
     """Largest error of each metric of a row, under the metric's own key and in its unit; those that are None have none.
 
-    row: of metrics.shift_metrics. instruments: torque, p1, p2, speed; those of tab. 7.1 by default. These are bounds,
-    no standard deviations: all errors are taken at their largest and added (first order).
+    row: of metrics.shift_metrics. instruments: torque, speed and each clutch's pressure; those of tab. 7.1 by default, as
+    the transmission is the laboratory's. These are bounds, no standard deviations: all errors are taken at their largest
+    and added (first order); where several clutches are let go the largest counts.
 
     * n_wej, M_wyj, lowest speed: the instrument's own. k: both speeds, relative errors added. Peak: the torque meter's,
       and what a mean over 2 ms, or a slower logger's sample, takes off a torque that rises to it in 45 ms and then
@@ -85,6 +87,7 @@ def uncertainty(row: dict, instruments: dict[str, Instrument] | None = None, ine
       torque over the shift is taken as its peak, the output speed as its lowest.
     """
     use = INSTRUMENTS if instruments is None else instruments
+    box = transmission or transmission_of()
     torque, speed = use["torque"].error, use["speed"].error
     found = {"n_wej_rpm": speed * RPM, "m_wyj_nm": torque, "n_wyj_min_rpm": speed * RPM}
     if row["m_wej_max_nm"] is not None:
@@ -92,45 +95,45 @@ def uncertainty(row: dict, instruments: dict[str, Instrument] | None = None, ine
     w_in = None if row["n_wej_rpm"] is None else row["n_wej_rpm"] / RPM
     if row["k"] is not None:
         # the lowest speed may be 0
-        found["k"] = RATIO[1] * speed * RPM / row["n_wej_rpm"] * (1.0 + abs(row["n_wyj_min_rpm"]) / row["n_wej_rpm"])
+        ratio = box.slower_ratio(row["from_gear"], row["to_gear"])
+        found["k"] = ratio * speed * RPM / row["n_wej_rpm"] * (1.0 + abs(row["n_wyj_min_rpm"]) / row["n_wej_rpm"])
     if w_in:
-        found |= _times(row, use, w_in, period)
-        found |= _energies(row, found, torque, speed, w_in, inertias)
+        found |= _times(row, use, w_in, box, period)
+        found |= _energies(row, found, torque, speed, w_in, box)
     return {key: value for key, value in found.items() if row.get(key) is not None}
 
 
-def _times(row: dict, use: dict[str, Instrument], w_in: float, period: float) -> dict[str, float]:
+def _times(row: dict, use: dict[str, Instrument], w_in: float, box: Transmission, period: float) -> dict[str, float]:
     """Errors of the times; those that lack what they are estimated from are left out."""
     ends = period + 0.5 * TORQUE_SPEED_MEAN
     new, old = row["to_gear"], row["from_gear"]
-    found = {}
+    moved, found = box.shift(old, new), {}
     slip_end = None
     if row["t_p_s"]:
         # from neutral the slip of the new gear goes from 1 to 0
-        change = abs(1.0 - RATIO[new] / RATIO[old]) if old in RATIO else 1.0
-        resolution = use["speed"].error * (1.0 + RATIO[new]) / w_in
+        change = abs(1.0 - box.ratios[new] / box.ratios[old]) if old in box.ratios else 1.0
+        resolution = use["speed"].error * (1.0 + box.ratios[new]) / w_in
         slip_end = ends + resolution * row["t_p_s"] / change
         found["t_p_s"] = 2.0 * slip_end
         found["t_c_s"] = slip_end
-        falling = old if old in RATIO else new
-        found["t_dt_s"] = slip_end + ends + use[f"p{falling}"].error / FALL_RATE[falling]
+        found["t_dt_s"] = slip_end + ends + max(use[clutch.pressure].error / clutch.fall_rate
+                                                for clutch in moved.releasing or moved.engaging)
     if slip_end is not None and row["t_o_s"] is not None and row["m_wej_max_nm"]:
         found["t_o_s"] = slip_end + ends + use["torque"].error * row["t_o_s"] / row["m_wej_max_nm"]
-    if old in RATIO:
+    if old in box.ratios and moved.releasing:
         # the pressure rises steeply through the kiss point of the engaging clutch and falls slowly through the other
-        found["overlap_s"] = ends + use[f"p{old}"].error / KISS_RATE
+        found["overlap_s"] = ends + max(use[clutch.pressure].error for clutch in moved.releasing) / KISS_RATE
     return found
 
 
-def _energies(row: dict, errors: dict, torque: float, speed: float, w_in: float,
-              inertias: Inertias) -> dict[str, float]:
+def _energies(row: dict, errors: dict, torque: float, speed: float, w_in: float, box: Transmission) -> dict[str, float]:
     """Errors of both energy losses; empty where the row lacks what they need."""
     needed = ("m_wej_max_nm", "n_wyj_min_rpm", "t_dt_s", "m_wyj_nm")
     if any(row[key] is None for key in needed) or "t_dt_s" not in errors:
         return {}
-    w_out, m_in, m_out = w_in / RATIO[row["to_gear"]], row["m_wej_max_nm"], row["m_wyj_nm"]
+    w_out, m_in, m_out = w_in / box.ratios[row["to_gear"]], row["m_wej_max_nm"], row["m_wyj_nm"]
     rate = torque * (w_in + w_out) + speed * (m_in + abs(m_out))
-    ends = 2.0 * speed * (inertias.driving * w_in + inertias.driven * RATIO[2] ** 2 * w_out)
+    ends = 2.0 * speed * (box.inertias.driving * w_in + box.inertias.on_output * w_out)
     found = {}
     for key, span, error in (("e_loss_j", row["t_dt_s"], errors["t_dt_s"]),
                              ("e_loss_settled_j", row["t_dt_s"] + (row["t_o_s"] or 0.0),
@@ -142,7 +145,7 @@ def _energies(row: dict, errors: dict, torque: float, speed: float, w_in: float,
 
 
 def engagement_uncertainty(row: dict, instruments: dict[str, Instrument] | None = None,
-                           period: float = PERIOD) -> dict[str, float]:
+                           transmission: Transmission | None = None, period: float = ROW) -> dict[str, float]:
     """Largest errors of a row of engagement.engagement_metrics, as :func:`uncertainty`; only of what was found.
 
     Pressures have the transducer's; the kiss pressure also what the pressure grows while the torque rises by the torque
@@ -150,7 +153,9 @@ def engagement_uncertainty(row: dict, instruments: dict[str, Instrument] | None 
     the engagement also the transducer's error by the fill's slope, and both encoders' resolution by the slip's rate.
     """
     use = INSTRUMENTS if instruments is None else instruments
-    torque, speed, pressure = use["torque"].error, use["speed"].error, use[f"p{row['gear']}"].error
+    box = transmission or transmission_of()
+    torque, speed = use["torque"].error, use["speed"].error
+    pressure = max(use[clutch.pressure].error for clutch in box.engaged(row["gear"]))
     ends = period + 0.5 * TORQUE_SPEED_MEAN
     found = {"m_wej_mean_nm": torque, "p_rest": pressure, "p_end": pressure, "hold_pressure": pressure,
              "p_kiss": pressure}
@@ -159,7 +164,7 @@ def engagement_uncertainty(row: dict, instruments: dict[str, Instrument] | None 
     if row["growth_contact"] is not None:
         found["p_kiss"] += abs(row["growth_contact"]) * torque / TORQUE_CLEAR
     if row["engagement_s"] and row["fill_slope"]:
-        resolution = speed * (1.0 + RATIO[row["gear"]]) / row["n_wej_before"]
+        resolution = speed * (1.0 + box.ratios[row["gear"]]) / row["n_wej_before"]
         found["engagement_s"] = 2.0 * ends + pressure / abs(row["fill_slope"]) + resolution * row["engagement_s"]
     if row["hold_s"]:
         found["hold_s"] = 2.0 * ends

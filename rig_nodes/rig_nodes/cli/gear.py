@@ -8,7 +8,6 @@ from __future__ import annotations
 from .by_hand import add_domain, running_rig
 
 HELP = "order a gear of the rig that runs"
-GEARS = {"n": 0, "neutral": 0, "0": 0, "i": 1, "1": 1, "ii": 2, "2": 2}
 
 
 def add_arguments(parser) -> None:
@@ -20,9 +19,13 @@ def add_arguments(parser) -> None:
 def main(args) -> int:
     """0 when the gear is in; 1 when the controller refused it or the shift failed."""
     from ..errors import RigError
+    from ..transmission import transmission_of
 
-    if args.gear.lower() not in GEARS:
-        raise RigError(f"there is no gear '{args.gear}'; expected I, II or N (neutral)")
+    box = transmission_of()
+    gear = box.number(args.gear)
+    if gear is None:
+        driving = ", ".join(box.names[number] for number in box.ratios)
+        raise RigError(f"there is no gear '{args.gear}'; expected {driving} or N (neutral)")
     with running_rig(args) as rig:
-        print(rig.shift(GEARS[args.gear.lower()]))
+        print(rig.shift(gear))
     return 0

@@ -24,6 +24,7 @@ from ..config.units import quantity
 from ..errors import RigError
 from ..graph.result import end_of, facts_of, lost_messages, open_bag, run_part, what_was_lost
 from ..testbench.folders import parse_settings
+from ..transmission import transmission_of
 
 HELP = "print the shift metrics of a run and rewrite its report.json"
 METADATA = "metadata.yaml"
@@ -69,7 +70,6 @@ def _report_of_csv(args, annex: float | None) -> dict:
     if args.truth:
         raise RigError(f"{args.run}: a logger's CSV holds no states of a plant; --truth is for bags")
     period = None if args.period is None else quantity(args.period, "time", "--period")
-    orders = None if args.orders is None else parse_orders(args.orders)
     configuration = None
     if args.rig is not None or args.settings is not None:
         from ..testbench.configuration import load_gearbox_rig
@@ -77,7 +77,9 @@ def _report_of_csv(args, annex: float | None) -> dict:
         config = load_gearbox_rig(args.rig or "hydmag", parse_settings(args.settings or []),
                                   f"{args.run}: a recording of shifts")
         configuration = config.as_dict()
-    return report_of_recording(read_logger_csv(args.run, period, orders), annex, configuration)
+    box = transmission_of(configuration)
+    orders = None if args.orders is None else parse_orders(args.orders, box)
+    return report_of_recording(read_logger_csv(args.run, period, orders, box), annex, configuration)
 
 
 def _of_bag(args, annex: float | None) -> int:

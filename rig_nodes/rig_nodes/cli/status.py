@@ -8,7 +8,6 @@ from __future__ import annotations
 from .by_hand import add_domain, running_rig
 
 HELP = "show what the rig that runs does now"
-GEARS = ("neutral", "I", "II")
 
 
 def add_arguments(parser) -> None:
@@ -33,11 +32,12 @@ def main(args) -> int:
 
 def _tell(status: dict) -> None:
     from ..catalogue import catalogue
+    from ..transmission import transmission_of
 
     reason = f": {status['reason']}" if status["reason"] else ""
     print(f"rig in ROS domain {status['domain']}: {status['state'].lower()}{reason}, {status['time_s']:.1f} s")
     if "gear" in status:
-        print(f"  controller  gear {GEARS[status['gear']]}{', shifting' if status['shifting'] else ''}")
+        print(f"  controller  gear {transmission_of().names[status['gear']]}{', shifting' if status['shifting'] else ''}")
     for name, signal in status["signals"].items():
         like = catalogue().signal(name)
         print(f"  {name:<10}  {like.shown(signal['value']):>9.4g} {like.display_unit:<5} {like.text}")

@@ -17,7 +17,6 @@ from .what_to_run import delay
 HELP = "run a sequence for many values of its parameters, on all cores or a cluster"
 SHOWN = (("t_dt_s", "t_d ms", 1e3, 0), ("t_c_s", "t_c ms", 1e3, 0), ("m_wej_max_nm", "M_wej max Nm", 1.0, 1),
          ("k", "k", 1.0, 3), ("e_loss_j", "E_loss J", 1.0, 0))
-GEARS = {0: "0", 1: "I", 2: "II"}
 MOST_REASONS = 5
 OF_A_PLAN = ("vary", "method", "samples", "seed", "repeats", "settings", "parameters", "rig", "controller", "level",
              "delay")
@@ -165,6 +164,9 @@ def _what_came(entries) -> dict:
     """Ends, reasons and the metrics' spread of what is finished."""
     import numpy as np
 
+    from ..transmission import transmission_of
+
+    box = transmission_of()
     ends: dict[str, int] = {}
     reasons: dict[str, int] = {}
     values: dict[str, dict[str, list[float]]] = {}
@@ -176,9 +178,9 @@ def _what_came(entries) -> dict:
             reasons[reason] = reasons.get(reason, 0) + 1
         for row in entry["shifts"]:
             shifts, valid = shifts + 1, valid + row["valid"]
-            if not row["valid"] or not row["from_gear"]:
+            if not row["valid"] or not box.changes(row["from_gear"], row["to_gear"]):
                 continue
-            way = f"{GEARS[row['from_gear']]} -> {GEARS[row['to_gear']]}"
+            way = box.way(row["from_gear"], row["to_gear"])
             for key, *_ in SHOWN:
                 if row[key] is not None:
                     values.setdefault(way, {}).setdefault(key, []).append(row[key])

@@ -130,9 +130,9 @@ def _problem(args):
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_settings
     from ..config.names import unknown
+    from ..transmission import transmission_of
     from ..tune.problem import OBJECTIVES, Range
     from ..tune.run import Problem
-    from ..tune.space import WAYS
     from ..tune.uncertainty import read_spreads
 
     objectives = tuple(args.objectives.split(","))
@@ -141,12 +141,13 @@ def _problem(args):
             raise RigError(f"--objectives: {unknown('objective', name, OBJECTIVES)}")
     if len(objectives) < 2 or len(set(objectives)) < len(objectives):
         raise RigError("--objectives: expected two or more different ones")
+    ways = transmission_of().ways()
     for way in args.ways:
-        if way not in WAYS:
-            raise RigError(f"--ways: {unknown('way', way, WAYS)}")
+        if way not in ways:
+            raise RigError(f"--ways: {unknown('way', way, ways)}")
     speeds = _range("--speeds", args.speeds, "angular velocity")
-    ranges = {"I-II": Range(*speeds, *_range("--load-up", args.load_up, "torque")),
-              "II-I": Range(*speeds, *_range("--load-down", args.load_down, "torque"))}
+    up, down = _range("--load-up", args.load_up, "torque"), _range("--load-down", args.load_down, "torque")
+    ranges = {way: Range(*speeds, *(up if to > of else down)) for way, (of, to) in ways.items()}
     config = load_rig(args.rig, parse_settings(args.settings))
     if config.cut_out:
         raise RigError("rig tune searches on a whole rig; give it one without source: topic")
@@ -155,7 +156,7 @@ def _problem(args):
     bounds, oil = _bounds(args.bounds), _range("--oil", args.oil, "temperature")
     spreads = read_spreads(args.spreads) if args.spreads else {}
     rig = args.rig if not args.rig.endswith((".yaml", ".yml")) else str(Path(args.rig).absolute())
-    return Problem(rig, config, {way: ranges[way] for way in WAYS if way in args.ways}, objectives, bounds,
+    return Problem(rig, config, {way: ranges[way] for way in ways if way in args.ways}, objectives, bounds,
                    spreads, oil, args.rigs, args.judge_rigs, args.points, args.fresh, args.seed,
                    args.generations, args.shifts)
 

@@ -14,9 +14,8 @@ import time
 from collections import deque
 
 from ..alfa46.settings import Alfa46Config
-from ..analysis.metrics import KISS
 from ..errors import RigError
-from ..plant.gearbox import RATIO_I, RATIO_II
+from ..transmission import NEUTRAL, Transmission, transmission_of
 from . import can_database as frames
 from . import j1939
 from .free_running import FreeRunning, number, split_options, timeout_of
@@ -25,7 +24,6 @@ from .seam import ControllerInputs, ControllerOutputs, Status
 from .wire import commands, held_in, measured, values_of
 
 RPM = 30.0 / math.pi
-RATIOS = {1: RATIO_I, 2: RATIO_II}
 STANDSTILL = 10.0 / RPM  # rad/s, below which no slip and no ratio is told
 ENGAGED = 2.0  # % of slip below which a clutch counts as engaged
 OPTIONS = ("interface", "bitrate", "every", "port", "timeout", "address")
@@ -63,16 +61,16 @@ def receive(bus, seconds: float, fault):
         return None
 
 
-def slip_percent(gear: int, n_wej: float, n_wyj: float) -> float:
+def slip_percent(box: Transmission, gear: int, n_wej: float, n_wyj: float) -> float:
     """Slip of the clutch of a gear in % of the input speed, 0 to 100; 0 in neutral and at standstill. rad/s in.
 
     NaN where a speed is no finite number.
     """
     if not (math.isfinite(n_wej) and math.isfinite(n_wyj)):
         return math.nan
-    if gear not in RATIOS or n_wej < STANDSTILL:
+    if gear not in box.ratios or n_wej < STANDSTILL:
         return 0.0
-    return min(100.0 * abs(1.0 - RATIOS[gear] * n_wyj / n_wej), 100.0)
+    return min(100.0 * abs(box.slip(gear, n_wej, n_wyj)), 100.0)
 
 
 class Gearbox:
@@ -81,24 +79,27 @@ class Gearbox:
     ``gear``: the one engaged last, None while a transducer has no reading; ``engaged``: a clutch holds now.
     """
 
-    def __init__(self):
-        self.gear: int | None = 0
-        self._last, self.engaged = 0, False
+    def __init__(self, transmission: Transmission):
+        self.transmission = transmission
+        self.gear: int | None = NEUTRAL
+        self._last, self.engaged = NEUTRAL, False
 
     def see(self, inputs: ControllerInputs, shifting: bool) -> None:
         """A sample. The gear stays through a shift until the new clutch holds; neutral is when no clutch is pressed."""
-        pressures = {1: inputs.p1, 2: inputs.p2}
-        slips = {gear: slip_percent(gear, inputs.n_wej, inputs.n_wyj) for gear in pressures}
+        box = self.transmission
+        pressures = dict(zip(box.clutches, (inputs.p1, inputs.p2)))
+        slips = {gear: slip_percent(box, gear, inputs.n_wej, inputs.n_wyj) for gear in box.ratios}
         if not all(map(math.isfinite, (*pressures.values(), *slips.values()))):
             self.gear, self.engaged = None, False
             return
-        pressed = [gear for gear, pressure in pressures.items() if pressure > KISS[gear]]
+        pressed = [gear for gear in box.ratios
+                   if all(pressures[clutch] > clutch.kiss_pressure for clutch in box.engaged(gear))]
         holding = [gear for gear in pressed if slips[gear] < ENGAGED]
         self.engaged = bool(holding)
         if len(holding) == 1:
             self._last = holding[0]
         elif not pressed and not shifting:
-            self._last = 0
+            self._last = NEUTRAL
         self.gear = self._last
 
 
@@ -140,7 +141,7 @@ class CanBus(FreeRunning):
         self._contradictions: deque[float] = deque(maxlen=CONTRADICTIONS)  # time.monotonic() of the newest
         self._another = ""  # why the rig trips: another controller is at work
         self._requested: int | None = None
-        self._gearbox, self._shown = Gearbox(), None
+        self._gearbox, self._shown = Gearbox(transmission_of()), None
         self._node = None
         if address is not None:
             self._node = j1939.Node(address, self._put_group, {frames.GROUPS[frames.ETC1]: self._send_etc1,
@@ -196,7 +197,7 @@ class CanBus(FreeRunning):
         if self._shown is None:
             return
         n_wej, n_wyj, gearbox = self._shown.n_wej, self._shown.n_wyj, self._gearbox
-        slip = slip_percent(self.gear, n_wej, n_wyj)
+        slip = slip_percent(gearbox.transmission, self.gear, n_wej, n_wyj)
         if not self._was_here:
             shifting = j1939.NOT_AVAILABLE
         else:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 from ..errors import RigError
+from ..transmission import transmission_of
 from . import j1939
 from .seam import OUTPUTS
 from .wire import Wire, commands, measured
@@ -26,7 +27,6 @@ PRIORITIES = {ETC1: 3, ETC2: 6, STATE: 3, COMMAND_CURRENT: 3, COMMAND_DUTY: 3}
 AS_GROUP = "_J1939"  # behind the name of a controller's frame in its other form
 CYCLES = {REQUEST: 10, SHAFTS: 1, CURRENTS: 1, STATE: 1, COMMAND_CURRENT: 1, COMMAND_DUTY: 1, ETC1: 10, ETC2: 100}  # ms
 RIG, CONTROLLER = "RIG", "CONTROLLER"
-GEARS = {0: "neutral", 1: "I", 2: "II"}
 
 
 def need_cantools():
@@ -115,7 +115,7 @@ def _rig_messages() -> list:
     sample = _signal("sample", 0, 16, "Controller sample, low 16 bits; the controller sends it back.")
     return [
         _message(REQUEST, RIG, [
-            _signal("gear_request", 0, 8, "Gear ordered last; stays until the next order, or a trip, then 0.", choices=GEARS),
+            _signal("gear_request", 0, 8, "Gear ordered last; stays until the next order, or a trip, then 0.", choices=transmission_of().names),
             _signal("level", 8, 8, "Level of this run: which of the two commands is used.", choices={0: "duty", 1: "current"}),
         ], "Every 10 ms and when the order changes."),
         _message(SHAFTS, RIG, [_wire(wires[name], 16 * k) for k, name in enumerate(("n_wej", "n_wyj", "p1", "p2"))],
@@ -129,7 +129,7 @@ def _controller_messages(group: bool) -> list:
     """As plain frames, or as J1939 groups of whatever source address the controller has."""
     echo = "Sample that is answered, low 16 bits."
     state = _message(STATE, CONTROLLER, [
-        _signal("sample", 0, 16, echo), _signal("gear", 16, 8, "Gear taken last.", choices=GEARS),
+        _signal("sample", 0, 16, echo), _signal("gear", 16, 8, "Gear taken last.", choices=transmission_of().names),
         _signal("shifting", 24, 8, "1: a shift is still running."),
         _signal("flags", 32, 8, "Bit k: at level current, output k stays on at a setpoint of zero."),
         _signal("status", 40, 8, "0: an answer, 2: error, 3: fatal; the rig trips with the last two."),

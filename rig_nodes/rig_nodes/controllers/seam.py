@@ -18,10 +18,10 @@ from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config
 from ..catalogue import catalogue
 from ..config.names import unknown
 from ..errors import RigError
+from ..transmission import transmission_of
 
 OUTPUTS = len(OUTPUT_KEYS)
 LEVELS = ("duty", "current")
-GEARS = (0, 1, 2)
 NOTHING = (0.0,) * OUTPUTS
 
 
@@ -146,8 +146,9 @@ def checked(outputs: ControllerOutputs, info: ControllerInfo) -> tuple[tuple, tu
         for k, value in enumerate(setpoint):
             if not math.isfinite(value):
                 raise RigError(f"setpoint[{k}] is {value:g}, expected a finite current in A")
-    if gear not in GEARS:
-        raise RigError(f"gear is {gear!r}, expected 0 (neutral), 1 (I) or 2 (II)")
+    box = transmission_of()
+    if gear not in box.names:
+        raise RigError(f"gear is {gear!r}, expected {box.spoken}")
     try:
         bits = int(flags)
     except (TypeError, ValueError, OverflowError):

@@ -149,10 +149,10 @@ class RigModel:
             return
         self.rig.order_gear(request)
         if self._recording is not None:
-            from ..alfa46.controller import GEAR_NAMES
+            from ..transmission import transmission_of
 
-            self._recording.outputs.event("/alfa46/events", "shift_ordered", f"shift to {GEAR_NAMES[request]} ordered",
-                                          request)
+            gear = transmission_of(self.rig.config).names[request]
+            self._recording.outputs.event("/alfa46/events", "shift_ordered", f"shift to {gear} ordered", request)
 
     def _until_shift_end(self, samples: int) -> int:
         """So many samples, but only to the end of a running shift when another gear is asked for."""

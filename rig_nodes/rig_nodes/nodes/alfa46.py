@@ -21,17 +21,18 @@ from rclpy.node import Node
 from rig_msgs.action import Shift
 from rig_msgs.msg import ControllerSample, Measurement, RigState
 
-from ..alfa46.controller import GEAR_NAMES, refusal
+from ..alfa46.controller import refusal
 from ..bags.cdr import encoder
 from ..bags.definitions import installed
 from ..catalogue import catalogue
+from ..clocks import COMMAND_TIMEOUT, SAMPLE_NS
 from ..controllers import own_signals
 from ..controllers.load import level_line, load_controller
-from ..controllers.plug import REAL_TIME_TIMEOUT
 from ..controllers.seam import LEVELS, NOTHING, ControllerFailed
 from ..errors import RigError, printable
 from ..graph.link import ANSWER, ANSWERED, DISCARDED, FAILED, READY, SAMPLE, STATUS, LinkClosed
-from ..testbench.timed import SAMPLE_NS, RigStatus
+from ..testbench.timed import RigStatus
+from ..transmission import transmission_of
 from .action_server import GoalServer, finish
 from .alfa46_settings import BoxSettings
 from .device import publishers_of
@@ -41,9 +42,8 @@ from .process import RIG_OPTIONS, gearbox_rig_config, run
 from .qos import stream_profile
 from .realtime import MESSAGES, prefer, prefer_process, take_core
 from .settings import CHANGED
-from .shift_phase import ShiftPhase, slip
+from .shift_phase import ShiftPhase
 
-SILENCE = 0.1  # s without a sample after which the box says that it is silent too
 FEEDBACK_SAMPLES = 50  # 20 Hz
 OPTIONS = [
     *RIG_OPTIONS,
@@ -61,12 +61,13 @@ class Alfa46Node(Node):
     def __init__(self, config, process):
         """process.arguments.controller: specification of a plug, with @level when it must be told; None: the Alfa46."""
         super().__init__("alfa46")
-        self.config = config
+        self.config, self.transmission = config, transmission_of(config)
+        self.gears = self.transmission.names
         self.box = load_controller(process.arguments.controller, config.alfa46)
         self.box.say = teller(process, self.box)
         self.box.stopped = lambda: process.stopping
         if not process.descriptors():
-            self.box.pace(REAL_TIME_TIMEOUT, real_time=True)
+            self.box.pace(COMMAND_TIMEOUT, real_time=True)
         else:  # who computes in this very process is watched by the container, which can go on without it
             self.box.pace(None if self.box.in_process else process.arguments.step_timeout)
         own = catalogue().controller_topics.values() if self.box.signals or self.box.named_later else ()
@@ -94,7 +95,7 @@ class Alfa46Node(Node):
         self._server = GoalServer(self, Shift, "/alfa46/shift", self.on_goal, self.on_cancel, self.on_request)
         self.settings = BoxSettings(self, self.box, config.alfa46)
         self.box.named = self.on_named
-        self._watch = self.create_timer(SILENCE / 2, self.on_watch)
+        self._watch = self.create_timer(COMMAND_TIMEOUT / 2, self.on_watch)
         self._missing = Growing()
         self.diagnostics = Diagnostics(self, self.health, lambda: self._stamp)
 
@@ -214,9 +215,9 @@ class Alfa46Node(Node):
         """Say once when the samples stop; there is nothing to answer then."""
         if self._heard is None:
             return
-        quiet = time.monotonic() - self._heard > SILENCE
+        quiet = time.monotonic() - self._heard > COMMAND_TIMEOUT
         if quiet and not self._silent:
-            self.get_logger().warning(f"no sample for {SILENCE * 1e3:.0f} ms: no output until they come again")
+            self.get_logger().warning(f"no sample for {COMMAND_TIMEOUT * 1e3:.0f} ms: no output until they come again")
         elif self._silent and not quiet:
             self.get_logger().info("samples come again")
         self._silent = quiet
@@ -225,14 +226,14 @@ class Alfa46Node(Node):
         """The box's own, for /diagnostics."""
         def values() -> dict:
             return {"controller": self.box.name, "level": self.box.level, "answered": self.counts[COMMAND],
-                    "missed": self.missed, "shifts_refused": self.refused, "gear": GEAR_NAMES[self.box.gear],
+                    "missed": self.missed, "shifts_refused": self.refused, "gear": self.gears[self.box.gear],
                     "shifting": self.box.shifting}
 
         missing = self._missing(self.missed)
         if self._failed:
             return [Health("alfa46", ERROR, f"failed: {self._failed}", values)]
         if self._heard is None or self._silent:
-            text = "no sample has come yet" if self._heard is None else f"no sample for {SILENCE * 1e3:.0f} ms"
+            text = "no sample has come yet" if self._heard is None else f"no sample for {COMMAND_TIMEOUT * 1e3:.0f} ms"
             return [Health("alfa46", STALE, text, values)]
         if missing:
             return [Health("alfa46", WARN, "samples of the rig did not arrive", values)]
@@ -247,12 +248,12 @@ class Alfa46Node(Node):
         its reason.
         """
         gear = int(request.gear)
-        if gear not in GEAR_NAMES:
-            self._refuse(f"shift refused: {refusal(gear, self.box.gear, False)}", gear)
+        if gear not in self.gears:
+            self._refuse(f"shift refused: {refusal(gear, self.box.gear, False, self.transmission)}", gear)
             return GoalResponse.REJECT
         try:
             if self._phase is not None:
-                raise RigError(f"shift refused: a shift to {GEAR_NAMES[self._phase.new]} is still running; "
+                raise RigError(f"shift refused: a shift to {self.gears[self._phase.new]} is still running; "
                                "wait for its end")
             if self._last_sample is None:
                 raise RigError("shift refused: the rig does not run yet; wait for its first sample")
@@ -261,7 +262,7 @@ class Alfa46Node(Node):
                 old = self.box.gear
                 self.box.order(gear)
                 self._goal, self._t_order, self._ordered_at = None, None, self._last_sample
-                self._phase = ShiftPhase(self.config, old, gear)
+                self._phase = ShiftPhase(self.transmission, old, gear)
                 self._refusal = None
         except RigError as error:
             self._refusal = str(error)
@@ -305,7 +306,7 @@ class Alfa46Node(Node):
             if phase is None:
                 return
             why = "the rig was reset" if again else f"the rig is in its safe state: {reason}"
-            text = f"{why}; the shift to {GEAR_NAMES[phase.new]} was given up"
+            text = f"{why}; the shift to {self.gears[phase.new]} was given up"
             if goal is None:
                 self._refusal = text  # the goal of the order is on its way
         self.event("shift_aborted", text, float(phase.new))
@@ -324,12 +325,12 @@ class Alfa46Node(Node):
             if withdrawn:
                 self._phase = self._goal = None
         if not withdrawn:
-            text = (f"cancel refused: the shift to {GEAR_NAMES.get(gear, gear)} has begun and is carried to its end; "
+            text = (f"cancel refused: the shift to {self.gears.get(gear, gear)} has begun and is carried to its end; "
                     "order another gear then, or stop the rig with /rig/e_stop")
             self.get_logger().warning(text)
             self.event("cancel_refused", text, float(gear))
             return CancelResponse.REJECT
-        text = f"shift to {GEAR_NAMES[gear]} withdrawn before the controller took it"
+        text = f"shift to {self.gears[gear]} withdrawn before the controller took it"
         self.event("shift_withdrawn", text, float(gear))
         finish(goal, Shift.Result(success=False, message=text, gear=self.box.gear))
         return CancelResponse.ACCEPT
@@ -339,17 +340,17 @@ class Alfa46Node(Node):
         t, gear, goal = self._stamp * 1e-9, self._phase.new, self._goal
         if self._t_order is None:
             self._t_order = t
-            self.event("shift_ordered", f"shift to {GEAR_NAMES[gear]} ordered", float(gear))
+            self.event("shift_ordered", f"shift to {self.gears[gear]} ordered", float(gear))
         if goal is None:
             return
         if not self.box.shifting and self.box.gear == gear:
             self._phase = None
             self.event("shift_done", "the profiles of the shift have ended", float(gear))
-            message = f"gear {GEAR_NAMES[gear]} after {t - self._t_order:.3f} s"
+            message = f"gear {self.gears[gear]} after {t - self._t_order:.3f} s"
             finish(goal, Shift.Result(success=True, message=message, gear=gear, t_order=self._t_order, t_end=t))
         elif sample % FEEDBACK_SAMPLES == 0:
-            phase = self._phase.name(n_wej, n_wyj, p1, p2)
-            goal.publish_feedback(Shift.Feedback(phase=phase, slip=float(slip(gear, n_wej, n_wyj)),
+            phase = self._phase.name(n_wej, n_wyj, (p1, p2))
+            goal.publish_feedback(Shift.Feedback(phase=phase, slip=float(self._phase.slip(n_wej, n_wyj)),
                                                  setpoint=list(self._setpoint)))
 
     def event(self, name: str, text: str, value: float) -> None:

@@ -10,28 +10,26 @@ from __future__ import annotations
 
 from functools import partial
 
-from ..testbench.rig import COMMAND_TIMEOUT, Rig
+from ..clocks import COMMAND_TIMEOUT
+from ..testbench.rig import Rig
 from ..testbench.timed import RigStatus
+from ..transmission import transmission_of
 from .diagnostics import ERROR, OK, STALE, WARN, Growing, Health
 
 OLD = 0.5 * COMMAND_TIMEOUT  # s of a valve command that is a warning
 TOO_LOW = 0.9  # share of the relief setting below which the oil supply is a warning
 NEWEST = 200  # ticks of which the lateness is told, one second
-GEARS = ("no gear is engaged", "gear I is engaged", "gear II is engaged", "both clutches are locked")
 MODES = ("open", "slipping", "locked")
+LOCKED = MODES.index("locked")
 
 
-class RigHealth:
-    """Called: the health of rig, motor, gearbox, clutches, valves, oil supply, load pump, instruments."""
+class ContainerHealth:
+    """What the rigs of all kinds have: their state, and whether time is kept."""
 
-    def __init__(self, rig: Rig, clock, commands):
+    def __init__(self, rig, clock, commands):
         """clock: RealTime or Lockstep; commands: the rig's queue."""
         self.rig, self.clock, self.commands = rig, clock, commands
         self._overruns = Growing()
-
-    def __call__(self) -> list[Health]:
-        return [self.whole(), self.motor(), self.gearbox(), *(self.clutch(k) for k in (0, 1)),
-                *(self.valve(k) for k in (0, 1)), self.oil_supply(), self.load_pump(), self.instruments()]
 
     def whole(self) -> Health:
         """State with its reason, and whether time is kept."""
@@ -55,6 +53,25 @@ class RigHealth:
             values |= {"lateness_ms_p50": late[len(late) // 2] * 1e-6, "lateness_ms_max": late[-1] * 1e-6}
         return values
 
+    def instruments(self) -> Health:
+        """Whether the transducers have their noise."""
+        gauges = self.rig.gauges
+        says = "measures" if gauges.on else "measures without noise" if gauges.present else "shows true values"
+        return Health("instruments", OK, says)
+
+
+class RigHealth(ContainerHealth):
+    """Called: the health of rig, motor, gearbox, clutches, valves, oil supply, load pump, instruments."""
+
+    def __init__(self, rig: Rig, clock, commands):
+        super().__init__(rig, clock, commands)
+        self.transmission = transmission_of(rig.config)
+
+    def __call__(self) -> list[Health]:
+        each = range(len(self.transmission.clutches))
+        return [self.whole(), self.motor(), self.gearbox(), *map(self.clutch, each), *map(self.valve, each),
+                self.oil_supply(), self.load_pump(), self.instruments()]
+
     def motor(self) -> Health:
         """On, off or held without torque."""
         plant, settings = self.rig.plant[0], self.rig.settings[0]
@@ -69,14 +86,20 @@ class RigHealth:
 
     def gearbox(self) -> Health:
         """Which gear is engaged."""
-        return Health("gearbox", OK, GEARS[self.rig.locked_gear()], lambda: {
+        box = self.transmission
+        locked = tuple(clutch for k, clutch in enumerate(box.clutches) if self.rig.clutch_mode(k) == LOCKED)
+        gear = next((gear.name for gear in box.gears if gear.clutches and box.engaged(gear.number) == locked), None)
+        text = (f"gear {gear} is engaged" if gear else "no gear is engaged" if not locked else
+                f"{' and '.join(clutch.name for clutch in locked)} locked, which is no gear")
+        return Health("gearbox", OK, text, lambda: {
             "w_wej_rad_s": float(self.rig.v[0]), "w_wyj_rad_s": float(self.rig.v[1])})
 
     def clutch(self, k: int) -> Health:
         """Open, slipping or locked."""
-        return Health(f"clutch_s{k + 1}", OK, MODES[self.rig.clutch_mode(k)], lambda: {
+        clutch = self.transmission.clutches[k]
+        return Health(clutch.instance, OK, MODES[self.rig.clutch_mode(k)], lambda: {
             "torque_nm": self.rig.clutch_torque(k), "slip_rad_s": self.rig.slip(k),
-            "heat_j": self.rig.energy()[f"heat_s{k + 1}"]})
+            "heat_j": self.rig.energy()[clutch.heat]})
 
     def valve(self, k: int) -> Health:
         """Whether somebody drives it."""
@@ -87,7 +110,7 @@ class RigHealth:
                     "pressure_pa": float(rig.cylinders["line"][k])}
 
         age = rig.command_age
-        tell = partial(Health, f"valve_zr_p{k + 1}", values=partial(values, age))
+        tell = partial(Health, self.transmission.clutches[k].valve, values=partial(values, age))
         if rig.newest_command < 0:
             return tell(STALE, "no valve command has come yet")
         if age > COMMAND_TIMEOUT:
@@ -120,14 +143,8 @@ class RigHealth:
             "torque_nm": self.rig.load_torque(), "pressure_pa": float(self.rig.plant["load_pressure"][0]),
             "setting_pa": float(settings["load_pressure"])})
 
-    def instruments(self) -> Health:
-        """Whether the transducers have their noise."""
-        gauges = self.rig.gauges
-        says = "measures" if gauges.on else "measures without noise" if gauges.present else "shows true values"
-        return Health("instruments", OK, says)
 
-
-class BenchHealth(RigHealth):
+class BenchHealth(ContainerHealth):
     """Called: the health of the clutch bench's rig, motor, cylinder, pack and instruments."""
 
     def __call__(self) -> list[Health]:

@@ -17,11 +17,8 @@ from numba import njit
 from ..config.schema import choice, param
 from . import driveline_losses as losses
 from .driveline import Driveline, System
+from .wheels import INPUT, OUTPUT, REDUCTION, SIDES
 
-# tab. 3.2: teeth of the wheels on the two power paths
-Z1, Z2, Z3, Z4, Z5, Z7, Z8 = 34, 33, 47, 41, 40, 37, 41
-RATIO_I = Z3 / Z1 * Z8 / Z4  # w_wej / w_wyj with S1 closed, tab. 3.1: 47/34
-RATIO_II = Z8 / Z5  # with S2 closed, tab. 3.1: 41/40
 # elements of the driveline, in this order
 S1, S2, LOSS_IN, LOSS_OUT, LOAD = range(5)
 RPM = pi / 30.0
@@ -64,13 +61,13 @@ def build_driveline(gearbox: GearboxConfig):
     z5 (w_wyj / i58), (6.87)-(6.92). J_od is given on the z5 axis; on wk it is multiplied by (z8/z5)^2.
     """
     d = Driveline()
-    d.inertia("w0", gearbox.inertia_in)
-    d.inertia("wk", gearbox.inertia_out_z5 * RATIO_II**2)
-    d.clutch("S1", "w0", "wk", ca=Z1 / Z3, cb=Z8 / Z4)
-    d.clutch("S2", "w0", "wk", ca=1.0, cb=Z8 / Z5)
-    d.brake("loss_in", "w0")
-    d.brake("loss_out", "wk")
-    d.brake("load", "wk")
+    d.inertia(INPUT, gearbox.inertia_in)
+    d.inertia(OUTPUT, gearbox.inertia_out_z5 * REDUCTION**2)
+    for name, (driving, driven) in SIDES.items():
+        d.clutch(name, INPUT, OUTPUT, ca=driving, cb=driven)
+    d.brake("loss_in", INPUT)
+    d.brake("loss_out", OUTPUT)
+    d.brake("load", OUTPUT)
     return d.build()
 
 
@@ -80,7 +77,7 @@ def torque_losses(gearbox: GearboxConfig, system: System) -> np.ndarray:
     """
     out = np.zeros((2, losses.loss_width(*system.w.T.shape)))
     weights = out[:, losses.WEIGHTS:]
-    z5 = Z8 / Z5
+    z5 = REDUCTION
     out[0, :losses.OWN] = gearbox.loss_in_constant, gearbox.loss_in_share, gearbox.loss_in_square
     out[:, losses.OWN], out[:, losses.WAY], out[:, losses.FACTOR] = OWN, WAYS, 1.0
     out[0, losses.ON] = LOSS_IN
@@ -103,4 +100,4 @@ def loss_in(speed, gearbox):
 @njit(cache=True, error_model="numpy", forceinline=True)
 def loss_out(gearbox):
     """Loss torque on wk [Nm] whatever the load is, bearings and seals; given on the z5 axis as in Annex D."""
-    return max(0.0, gearbox.loss_out_constant) * (Z8 / Z5)
+    return max(0.0, gearbox.loss_out_constant) * REDUCTION

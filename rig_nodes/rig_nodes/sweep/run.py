@@ -21,7 +21,7 @@ from pathlib import Path
 
 from .. import __version__
 from ..analysis.metrics import Recording, shifts
-from ..analysis.report import build_report, inertias_of, plain, write_report
+from ..analysis.report import build_report, plain, write_report
 from ..bags.reader import Bag
 from ..compiled import sources_key
 from ..config.names import find_config
@@ -84,8 +84,7 @@ def run_member(setup: bytes, member: Member) -> dict:
         else:
             run = record(config, sequence, member.seed, controller=plug, delay=delay)
             end = run.end
-            metrics = (shifts(run.recording, inertias_of({"configuration": config.as_dict()}))
-                       if isinstance(run.recording, Recording) else [])
+            metrics = shifts(run.recording) if isinstance(run.recording, Recording) else []
     except RigError as error:
         if plug is not None:
             plug.close()  # of a run that did not begin: its process would stay with the worker

@@ -15,12 +15,12 @@ import time
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from ..alfa46.controller import GEAR_NAMES
 from ..catalogue import catalogue
 from ..controllers.load import level_line, load_controller
 from ..controllers.plug import Plug
 from ..controllers.seam import ControllerFailed, Status
 from ..errors import RigError
+from ..transmission import NEUTRAL, Clutch, Transmission, transmission_of
 from .configuration import RigConfig
 from .rig import SAMPLE_NS, Rig
 from .simulate import advance_with
@@ -28,6 +28,7 @@ from .simulate import advance_with
 PERIOD = SAMPLE_NS * 1e-9
 UP_AND_DOWN = {100: 1, 1600: 2, 4100: 1, 6600: 0}  # sample of the order: gear; on the bench of desk()
 DESK_SAMPLES = 8000
+LOCKED = 2  # mode of a clutch, as in rig_msgs/ClutchState
 SHIFT = 10.0  # s that a shift may take on the rig
 STORM = (1, 2, 0, 2, 1, 1, 0, 2, 2, 0, 1)
 SPEEDS = 157.0, 60.0  # rad/s of input and output shaft on the desk
@@ -37,6 +38,11 @@ NOT_BY_ITS_OWN_CLOCK = {
     "determinism": "when it looks at the wires is up to its clock, and with that the bits of its answers",
     "restart": "it is not started with a run but goes on from one to the next, so there is no first bit to compare",
 }
+
+
+def locked(rig: Rig, box: Transmission) -> tuple[Clutch, ...]:
+    """The clutches that are locked now."""
+    return tuple(clutch for k, clutch in enumerate(box.clutches) if rig.clutch_mode(k) == LOCKED)
 
 
 class Item(NamedTuple):
@@ -229,32 +235,34 @@ class Check:
 
     def _saturation(self):
         signals = catalogue().signals
-        names = ("n_wej", "n_wyj", "p1", "p2")
-        high = Wires((signals["I_zr_p1"].high,) * 3, *(signals[name].high for name in names))
+        box = transmission_of(self.config)
+        names = (box.input.speed, box.output.speed, *(clutch.pressure for clutch in box.clutches))
+        high = Wires((signals[box.clutches[0].current].high,) * 3, *(signals[name].high for name in names))
         low = Wires((-0.01,) * 3, *(signals[name].low for name in names))
         for end in (high, low):
             self._desk(range(3000), UP_AND_DOWN, lambda sample, wires, end=end: end)
         return True, "all transducers at either end of their range: every value stays in its range"
 
     def _both_gears(self):
-        plug = self._load()
+        plug, box = self._load(), transmission_of(self.config)
+        first, *others = box.ratios
         try:
             rig = Rig(self.config, controller="external", level=plug.level)
             rig.set_oil(4.0e6, True)
             text = []
-            for gear in (1, 2, 1, 0):
-                if gear == 1 and not text:
+            for gear in (first, *others, first, NEUTRAL):
+                if gear == first and not text:
                     rig.set_motor(30.0, True)
                 self._run(rig, plug, 0.3)
                 plug.order(gear)
                 began = rig.time
-                while (plug.gear, plug.shifting, rig.locked_gear()) != (gear, False, gear):
+                while (plug.gear, plug.shifting, locked(rig, box)) != (gear, False, box.engaged(gear)):
                     if rig.time - began > SHIFT:
-                        return False, (f"{SHIFT:g} s after the order of gear {GEAR_NAMES[gear]} it says gear "
-                                       f"{GEAR_NAMES[plug.gear]}{', shifting' if plug.shifting else ''}, and "
-                                       f"{('no clutch', 'S1', 'S2', 'S1 and S2')[rig.locked_gear()]} is locked")
+                        held = " and ".join(clutch.name for clutch in locked(rig, box)) or "no clutch"
+                        return False, (f"{SHIFT:g} s after the order of gear {box.names[gear]} it says gear "
+                                       f"{box.names[plug.gear]}{', shifting' if plug.shifting else ''}, and {held} is locked")
                     self._run(rig, plug, PERIOD)
-                text.append(f"{GEAR_NAMES[gear]} in {rig.time - began:.2f} s")
+                text.append(f"{box.names[gear]} in {rig.time - began:.2f} s")
             return True, f"on the rig: {', '.join(text)}"
         finally:
             self._close(plug)

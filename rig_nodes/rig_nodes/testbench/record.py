@@ -19,6 +19,7 @@ from ..analysis.metrics import Recording
 from ..catalogue import GEARBOX
 from ..controllers.plug import Plug
 from ..errors import RigError
+from ..transmission import transmission_of
 from .kinds import AnyConfig, AnyRig, states_of
 from .sequence import Sequence, SequenceFailed, SequenceRunner
 from .simulate import AFTER_TRIP, advance_with, rig_for, runner_on
@@ -229,7 +230,7 @@ def _record(config, sequence: Sequence, seed: int, period: float, truth: tuple[s
         end = {"state": "failed", "reason": str(failure)}
         rows.take(rig.sample - TICK_SAMPLES)  # as simulate, which publishes nothing more at this tick
     channels = rows.channels()
-    recording = (Recording(0.0, period, channels, listener.orders) if config.kind == GEARBOX
+    recording = (Recording(0.0, period, channels, listener.orders, transmission_of(config)) if config.kind == GEARBOX
                  else Logged(0.0, period, channels))
     on_rows = known.on_rows(recording.rows, rows.per_sample) if known else {}
     return Run(recording, end, listener.events, on_rows)

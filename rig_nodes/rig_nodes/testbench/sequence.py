@@ -22,9 +22,9 @@ from ..config.units import dimension_of, quantity, span
 from ..config.yaml_file import List, Map
 from ..errors import RigError, brief
 from ..plant.load_pump import LoadConfig, most_torque, relief_setting_for
+from ..transmission import transmission_of
 from .clutch_bench_configuration import KIND as CLUTCH_BENCH
 
-GEARS = {"neutral": 0, "I": 1, "II": 2}
 DEFAULT_TIMEOUT = 30.0
 LONGEST_TIME = 86_400.0  # s of one wait
 LONGEST = 10_000  # steps after unrolling repeats
@@ -319,10 +319,10 @@ def _setting(kind, choices, signal):
 
 def _shift(body, path, where, rig_kind):
     check_keys(path, body, ("to", "timeout"), ("to",), "shift", where)
-    gear = str(body["to"])
-    if gear not in GEARS:
-        raise RigError(f"{where}: shift.to is {brief(gear)}, expected {', '.join(GEARS)}")
-    return [Step("shift", f"shift to {gear}", where, GEARS[gear], timeout=_timeout(body, where, "shift"))]
+    gear, gears = str(body["to"]), transmission_of().numbers
+    if gear not in gears:
+        raise RigError(f"{where}: shift.to is {brief(gear)}, expected {', '.join(gears)}")
+    return [Step("shift", f"shift to {gear}", where, gears[gear], timeout=_timeout(body, where, "shift"))]
 
 
 def _controller(body, path, where, rig_kind):

@@ -12,18 +12,19 @@ from collections.abc import Callable
 from pathlib import Path
 
 from .. import __version__
-from ..alfa46.controller import GEAR_NAMES
 from ..bags.writer import BagWriter
 from ..catalogue import GEARBOX, catalogue
+from ..clocks import COMMAND_TIMEOUT
 from ..controllers.plug import SAID, Plug
 from ..controllers.seam import ControllerFailed
 from ..errors import RigError, ended_by
 from ..plant import kernel
+from ..transmission import transmission_of
 from .clutch_bench import ClutchBench
 from .clutch_bench_topics import COMMANDS
 from .kinds import AnyConfig, AnyRig, make_rig
 from .outputs import Outputs
-from .rig import COMMAND_TIMEOUT, Rig
+from .rig import Rig
 from .sequence import Sequence, SequenceFailed, SequenceRunner
 from .timed import TICK_SAMPLES, RigStatus
 
@@ -66,7 +67,8 @@ class LocalBench:
     def order_gear(self, gear: int) -> None:
         self._order(gear)
         self._ordered = gear
-        self.outputs.event("/alfa46/events", "shift_ordered", f"shift to {GEAR_NAMES[gear]} ordered", gear)
+        name = transmission_of(self.rig.config).names[gear]
+        self.outputs.event("/alfa46/events", "shift_ordered", f"shift to {name} ordered", gear)
 
     def shift_done(self) -> bool:
         done = not self.rig.shifting and self._ordered in (None, self.rig.gear)

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from ..alfa46.settings import OUTPUT_KEYS, POINTS, check_point
 from ..catalogue import GEARBOX
 from ..errors import RigError
-from ..plant.gearbox import RATIO_II
+from ..plant.wheels import REDUCTION
 
 Where = Callable[[tuple[str, ...]], str]  # opens a sentence about these keys, e.g. ("gearbox.inertia_in",)
 
@@ -31,9 +31,9 @@ def check_together(config, where: Where) -> None:
     gearbox = config.gearbox
     _not_above(where, "gearbox.inertia_in_gearbox", gearbox.inertia_in_gearbox, "gearbox.inertia_in",
                gearbox.inertia_in, "which counts it, in kg m2")
-    on_wk = gearbox.inertia_out_z5 * RATIO_II**2
+    on_wk = gearbox.inertia_out_z5 * REDUCTION**2
     _not_above(where, "gearbox.inertia_pump", gearbox.inertia_pump, "gearbox.inertia_out_z5", on_wk,
-               f"taken to wk by {RATIO_II:.4g}^2, which counts it, in kg m2")
+               f"taken to wk by {REDUCTION:.4g}^2, which counts it, in kg m2")
     limit = config.alfa46.values.current_limit
     for output, points in zip(OUTPUT_KEYS, config.alfa46.profiles, strict=True):
         names = [f"alfa46.{output}.{point}" for point in POINTS]

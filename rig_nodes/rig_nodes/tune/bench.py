@@ -16,32 +16,32 @@ import numpy as np
 
 from ..alfa46.settings import Alfa46Config
 from ..analysis.edges import odd_width, running_mean
-from ..analysis.metrics import BEFORE, KISS, NEEDED, PRESSURE, TORQUE_SPEED_MEAN, Recording, shift_metrics
+from ..analysis.metrics import BEFORE, TORQUE_SPEED_MEAN, Recording, shift_metrics
+from ..clocks import ROW, SAMPLE
 from ..errors import RigError
 from ..plant import kernel
 from ..plant.load_pump import relief_setting_for
 from ..testbench.configuration import RigConfig
 from ..testbench.rig import Rig
 from ..testbench.timed import Tripped
+from ..transmission import NEUTRAL, Transmission, transmission_of
 
 RPM = pi / 30.0
 OIL = 4e6  # Pa, as in all of the laboratory's tests
 LEAD = 0.25  # s at rest before the order
 AFTER = 0.25  # s recorded after the last point of both profiles
 LEAST_WINDOW, WINDOW = 0.9, 1.75  # s after the order; the longer one where the shift has not ended by then
-PERIOD = 1e-4  # s
-GEARS = {"I-II": (1, 2), "II-I": (2, 1)}
 JERK_MEAN = 20e-3  # s over which the output's speed is averaged before its second derivative is taken
 LOAD_WITHIN = 1.0  # Nm within which M_wyj is brought to the operating point's
 SPEED_WITHIN = 8.0 * RPM  # as in the sequence grid_point
 OPEN = 1.0  # of its kiss pressure: a released clutch has less when the shift is over
 # t_o is no objective, and a dip down to standstill is one
-NO_MATTER = ("M_wej did not settle", "M_wej had no time to settle", "the output stood still")
+NO_MATTER = ("did not settle at", "had no time to settle", "the output stood still")
 
 
 @dataclass(frozen=True)
 class Point:
-    """An operating point before a shift: way (I-II or II-I), speed of the input [rad/s], torque at the output [Nm]."""
+    """An operating point before a shift: way (Transmission.ways), speed of the input [rad/s], torque at the output [Nm]."""
 
     way: str
     n_wej: float
@@ -89,6 +89,8 @@ class Bench:
 
     def __init__(self, config: RigConfig):
         self.config = replace(config, effects=replace(config.effects, transducers=False))
+        self.transmission = transmission_of(self.config)
+        self.gears = self.transmission.ways()
         self._rig = Rig(self.config)
         self._new = self._rig.snapshot()
         self._standing: dict[int, tuple] = {}  # gear -> at standstill, oil on
@@ -117,15 +119,15 @@ class Bench:
         rig.restore(snapshot)
         rig.set_controller(settings)
         heat, ordered = self._heat(), rig.time
-        rig.order_gear(GEARS[point.way][1])
-        self._go(0.001)  # the order is taken, and says how long the profiles run
-        window = min(max(rig.shift_end / 1000.0 - ordered + AFTER, LEAST_WINDOW), WINDOW)
+        rig.order_gear(self.gears[point.way][1])
+        self._go(SAMPLE)  # the order is taken, and says how long the profiles run
+        window = min(max(rig.shift_end * SAMPLE - ordered + AFTER, LEAST_WINDOW), WINDOW)
         for until in (round(window, 3), WINDOW):  # what has not come to its end by then may still do
             self._go(until - (rig.time - ordered))
-            count = round((rig.time - ordered) / PERIOD)
-            rows = np.vstack((before, rig.rows_at(PERIOD, round(ordered / PERIOD), count)))
-            channels = {name: np.ascontiguousarray(rows[:, kernel.CHANNELS.index(name)]) for name in NEEDED}
-            shift = _measured(point, channels, self._heat() - heat)
+            count = round((rig.time - ordered) / ROW)
+            rows = np.vstack((before, rig.rows_at(ROW, round(ordered / ROW), count)))
+            channels = {name: np.ascontiguousarray(rows[:, kernel.CHANNELS.index(name)]) for name in self.transmission.channels}
+            shift = _measured(self.transmission, self.gears[point.way], channels, self._heat() - heat)
             if shift.valid or until == WINDOW:
                 break
         return shift
@@ -137,7 +139,7 @@ class Bench:
 
     def _heat(self) -> float:
         energy = self._rig.energy()
-        return energy["heat_s1"] + energy["heat_s2"]
+        return sum(energy[clutch.heat] for clutch in self.transmission.clutches)
 
     def _at(self, point: Point) -> tuple | NotHeld | Tripped:
         """The rig at rest in a point with its rows of the last BEFORE, or why it does not get there."""
@@ -156,7 +158,8 @@ class Bench:
             rig.set_controller(self.config.alfa46)
             rig.set_oil(OIL, True)
             self._go(0.5)
-            for order in (2, 0, 1) if gear == 1 else (1, 0, 2):
+            first = next(other for other in self.transmission.ratios if other != gear)
+            for order in (first, NEUTRAL, gear):
                 rig.order_gear(order)
                 self._go(1.5)
                 while rig.shifting:
@@ -166,37 +169,39 @@ class Bench:
 
     def _bring(self, point: Point) -> tuple:
         rig, torque = self._rig, point.m_wyj
-        rig.restore(self._standing_in(GEARS[point.way][0]))
+        rig.restore(self._standing_in(self.gears[point.way][0]))
         rig.set_controller(self.config.alfa46)
         rig.set_motor(point.n_wej, True)
         self._go(round(point.n_wej / self.config.motor.ramp + 1.0, 1))
         for _ in range(4):  # the load's torque depends on the speed, which it changes a little
-            setting = relief_setting_for(torque, rig.measurement("n_wyj"), self.config.load_pump)
+            setting = relief_setting_for(torque, rig.measurement(self.transmission.output.speed), self.config.load_pump)
             rig.set_load(min(setting, self.config.load_pump.pressure_limit), True)
             self._go(1.5)
-            speed, miss = rig.measurement("n_wej"), point.m_wyj - rig.measurement("M_wyj")
+            speed = rig.measurement(self.transmission.input.speed)
+            miss = point.m_wyj - rig.measurement(self.transmission.output.torque)
             if abs(miss) < LOAD_WITHIN and abs(speed - point.n_wej) < SPEED_WITHIN:
                 self._go(LEAD)
-                before = round(BEFORE / PERIOD)
-                return rig.snapshot(), rig.rows_at(PERIOD, round(rig.time / PERIOD) - before, before)
+                before = round(BEFORE / ROW)
+                return rig.snapshot(), rig.rows_at(ROW, round(rig.time / ROW) - before, before)
             torque += miss
         raise NotHeld(f"the rig does not hold {point.text()}: {speed / RPM:.0f} rpm, {point.m_wyj - miss:.0f} Nm")
 
 
-def _measured(point: Point, channels: dict[str, np.ndarray], heat: float) -> Shift:
-    start = round(BEFORE / PERIOD)
-    old, new = GEARS[point.way]
-    row = shift_metrics(Recording(0.0, PERIOD, channels), (BEFORE, old, new))
-    peak = float(running_mean(channels["M_wej"], odd_width(TORQUE_SPEED_MEAN, PERIOD))[start:].max())
-    before = float(channels["M_wej"][:start].mean())
-    slow = 10 * PERIOD
-    speed = running_mean(channels["n_wyj"][::10], odd_width(JERK_MEAN, slow))
+def _measured(box: Transmission, gears: tuple[int, int], channels: dict[str, np.ndarray], heat: float) -> Shift:
+    start = round(BEFORE / ROW)
+    row = shift_metrics(Recording(0.0, ROW, channels, transmission=box), (BEFORE, *gears))
+    torque = channels[box.input.torque]
+    peak = float(running_mean(torque, odd_width(TORQUE_SPEED_MEAN, ROW))[start:].max())
+    before = float(torque[:start].mean())
+    slow = 10 * ROW
+    speed = running_mean(channels[box.output.speed][::10], odd_width(JERK_MEAN, slow))
     edge = round(JERK_MEAN / slow)  # where the mean is taken over less
     jerk = float(np.abs(np.diff(speed, 2)[start // 10:-edge]).max() / slow**2)
-    why = "; ".join(reason for reason in row["why"] if not reason.startswith(NO_MATTER))
-    left = channels[PRESSURE[old]][-500:].mean()
-    if not why and left > OPEN * KISS[old]:
-        why = f"{PRESSURE[old]} is still at {left / 1e6:.2f} MPa at the end"
+    why = "; ".join(reason for reason in row["why"] if not any(part in reason for part in NO_MATTER))
+    for clutch in box.shift(*gears).releasing:
+        left = channels[clutch.pressure][-500:].mean()
+        if not why and left > OPEN * clutch.kiss_pressure:
+            why = f"{clutch.pressure} is still at {left / 1e6:.2f} MPa at the end"
     dip = None if row["k"] is None else max(0.0, 1.0 - row["k"])
     if not why and None in (row["t_c_s"], row["t_dt_s"], dip):
         why = "the shift has no end"

@@ -18,7 +18,8 @@ from ..testbench.campaign import Workers
 from ..testbench.configuration import RigConfig
 from ..testbench.record import record
 from ..testbench.sequence import load_sequence
-from .bench import GEARS, RPM, Bench, Point, Shift
+from ..transmission import transmission_of
+from .bench import RPM, Bench, Point, Shift
 from .problem import Ground, Task, excess, share
 
 ENGINE = 271.0  # Nm, the engine that the gearbox was made for (thesis 1, John Deere 4045TF280)
@@ -115,11 +116,12 @@ def _measured(config: RigConfig, item) -> dict | None:
     from dataclasses import replace
 
     settings, point, seed = item
-    up, down = (point.m_wyj, point.m_wyj) if point.way == "I-II" else (40.0, point.m_wyj)
+    gears = transmission_of(config).ways()[point.way]
+    up, down = (point.m_wyj, point.m_wyj) if gears[1] > gears[0] else (40.0, point.m_wyj)
     sequence = load_sequence("grid_point", {"speed": f"{point.n_wej / RPM!r} rpm", "load_up": f"{up!r} Nm",
                                             "load_down": f"{min(down, 240.0)!r} Nm"})
     run = record(replace(config, alfa46=settings), sequence, seed)
-    rows = [row for row in shifts(run.recording) if (row["from_gear"], row["to_gear"]) == GEARS[point.way]
+    rows = [row for row in shifts(run.recording) if (row["from_gear"], row["to_gear"]) == gears
             and row["n_wej_rpm"]]
     return rows[-1] if rows and rows[-1]["t_c_s"] is not None else None
 

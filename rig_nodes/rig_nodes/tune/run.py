@@ -25,13 +25,14 @@ from ..sweep.store import Journal
 from ..testbench.campaign import Workers
 from ..testbench.configuration import RigConfig
 from ..testbench.timed import Tripped
+from ..transmission import transmission_of
 from ..validation.pictures import write_pictures
 from ..whole_file import write_whole
 from . import folder as files
 from . import judge, scout, search
 from .bench import Bench, Point, Shift
 from .problem import Range, Task, held
-from .space import BEGIN, DELAY, settings, values_of
+from .space import BEGIN, delay_of, settings, values_of
 from .uncertainty import sampled_rigs
 
 LEAST = "least"  # the search for the smallest peak at the largest load of II-I
@@ -171,7 +172,7 @@ def _study(problem: Problem, name: str, way: str, points: list[Point], rigs: lis
     if name.startswith(SCOUT):
         task = problem.task(points[SCOUT_POINTS], rigs)
         return scout.Scout(name, way, config.alfa46, task, BEGIN[way], seed, known)
-    base = values_of(config.alfa46, way, config.wiring)
+    base = values_of(config.alfa46, way, transmission_of(config))
     if name == LEAST:
         points, _ = held(config, problem.ranges[way].heaviest(way))
         points = [point for point in points if point.m_wyj == max(other.m_wyj for other in points)]
@@ -242,7 +243,7 @@ def _judged_front(problem: Problem, study: search.Study, task: Task, workers: Wo
     front = study.front()
     if len(front) > CANDIDATES:
         front = [front[k] for k in np.unique(np.linspace(0, len(front) - 1, CANDIDATES).round().astype(int))]
-    candidates = [settings(study.base, study.way, entry["values"], problem.config.wiring) for entry in front]
+    candidates = [settings(study.base, study.way, entry["values"], transmission_of(problem.config)) for entry in front]
     rows = []
     for entry, verdict in zip(front, judge.verdicts(task, candidates, workers)):
         row = {"way": study.way, "dominates": verdict.dominates,
@@ -285,7 +286,7 @@ def _write_controllers(problem: Problem, folder: Path, chosen: dict) -> dict[str
         controller = problem.config.alfa46
         for way, of in chosen.items():
             if name in of:
-                controller = settings(controller, way, of[name], problem.config.wiring)
+                controller = settings(controller, way, of[name], transmission_of(problem.config))
         path = folder / f"{name}.yaml"
         write_whole(path, files.controller_yaml(controller, f"Alfa46, '{name}', found by rig tune"))
         write_whole(folder / f"rig_{name}.yaml", files.rig_yaml(
@@ -318,8 +319,8 @@ def _measured(problem: Problem, controllers: dict[str, Alfa46Config], workers: W
 def _largest_load(study: search.Study, config: RigConfig, base: Alfa46Config, workers: Workers) -> dict:
     """The least peak found at the largest load, and up to which load each speed stays within the engine's torque."""
     front = study.front()
-    best = front[0]["values"] if front else values_of(base, study.way, config.wiring)
-    found = judge.heavy(config, settings(base, study.way, best, config.wiring), base, list(study.task.points), workers)
+    best = front[0]["values"] if front else values_of(base, study.way, transmission_of(config))
+    found = judge.heavy(config, settings(base, study.way, best, transmission_of(config)), base, list(study.task.points), workers)
     return {"settings": best, "tried": len(study.entries), "speeds": [one.as_dict() for one in found]}
 
 
@@ -336,7 +337,7 @@ def text(summary: dict, objectives) -> str:
         for name, row in summary["chosen"][way].items():
             shares = ", ".join(f"{key} {row[f'{key}_mean']:.3f}" for key in objectives
                                if row[f"{key}_mean"] is not None)
-            lines.append(f"  {name:<9} mean there: {shares}; {DELAY[way]} {row['delay']} ms")
+            lines.append(f"  {name:<9} mean there: {shares}; {delay_of(transmission_of(), way)} {row['delay']} ms")
     lines.append("fresh rigs and points, that nothing was sought or chosen by (shares of the compared settings):")
     for number, verdict in enumerate(summary["verdicts"], 1):
         for name, ways in verdict.items():

@@ -15,9 +15,8 @@ import numpy as np
 from ..alfa46.settings import Alfa46Config, check_profile
 from ..errors import RigError
 from ..testbench.configuration import RigConfig
+from ..transmission import Clutch, Transmission, transmission_of
 
-WAYS = {"I-II": (1, 0), "II-I": (0, 1)}  # shift -> places of the engaging and of the releasing clutch
-DELAY = {"I-II": "t12", "II-I": "t21"}
 # name -> (lowest, highest); gaps are times between a point and the one before it. P1 to P3 are the engaging valve's,
 # P4 to P6 the releasing one's; the current of P3 is given, that of P6 is 0: the coil is off after it
 BOUNDS = {
@@ -38,6 +37,19 @@ LONGEST = 1500  # ms from the order to the last point of both profiles
 MS, MA = 1e-3, 1e-3
 
 
+def moved(transmission: Transmission, way: str) -> tuple[Clutch, Clutch]:
+    """The clutch that a shift engages and the one that it lets go; RigError where there are several or none."""
+    shift = transmission.shift(*transmission.ways()[way])
+    if len(shift.engaging) != 1 or len(shift.releasing) != 1:
+        raise RigError(f"the shift {way} does not move one clutch for another, and only such a one can be tuned")
+    return shift.engaging[0], shift.releasing[0]
+
+
+def delay_of(transmission: Transmission, way: str) -> str:
+    """Name of the box's delay of a shift, e.g. t12 of I to II."""
+    return "t{}{}".format(*transmission.ways()[way])
+
+
 @dataclass(frozen=True)
 class Rates:
     """What a coil can follow between two currents: rising with the supply, falling through its own resistance."""
@@ -47,8 +59,8 @@ class Rates:
     inductance: float  # H
 
     @classmethod
-    def of(cls, config: RigConfig, valve: int) -> Rates:
-        coil = (config.valve_zr_p1, config.valve_zr_p2)[valve]
+    def of(cls, config: RigConfig, clutch: Clutch) -> Rates:
+        coil = getattr(config, clutch.valve)
         supply = min(coil.coil_voltage, config.alfa46.values.supply_voltage)
         return cls(supply, coil.coil_resistance, coil.coil_inductance)
 
@@ -66,20 +78,20 @@ def whole(values: dict[str, int]) -> tuple[int, ...]:
     return tuple(int(values[name]) for name in BOUNDS)
 
 
-def values_of(config: Alfa46Config, way: str, wiring: tuple[int, int]) -> dict[str, int]:
+def values_of(config: Alfa46Config, way: str, transmission: Transmission) -> dict[str, int]:
     """The numbers of settings that are there, rounded to whole ms and mA."""
-    engaging, releasing = (config.profiles[wiring[place]] for place in WAYS[way])
+    engaging, releasing = (config.profiles[clutch.output] for clutch in moved(transmission, way))
     t, i = engaging[:, 0] / MS, engaging[:, 1] / MA
     u, j = releasing[:, 0] / MS, releasing[:, 1] / MA
     found = (t[0], i[0], t[1] - t[0], i[1], t[2] - t[1], u[3], j[3], u[4] - u[3], j[4], u[5] - u[4],
-             getattr(config.values, DELAY[way]) / MS)
+             getattr(config.values, delay_of(transmission, way)) / MS)
     return {name: int(round(float(value))) for name, value in zip(BOUNDS, found)}
 
 
-def settings(base: Alfa46Config, way: str, values: dict[str, int], wiring: tuple[int, int]) -> Alfa46Config:
+def settings(base: Alfa46Config, way: str, values: dict[str, int], transmission: Transmission) -> Alfa46Config:
     """The base with the numbers of one shift; the current of P3 and the other shift's points stay the base's."""
     profiles = base.profiles.copy()
-    engaging, releasing = (wiring[place] for place in WAYS[way])
+    engaging, releasing = (clutch.output for clutch in moved(transmission, way))
     v = values
     t1 = v["P1.time"]
     t2 = t1 + v["P2.gap"]
@@ -89,20 +101,21 @@ def settings(base: Alfa46Config, way: str, values: dict[str, int], wiring: tuple
     t5 = t4 + v["P5.gap"]
     profiles[releasing, 3:, 0] = np.array([t4, t5, t5 + v["P6.gap"]]) * MS
     profiles[releasing, 3:, 1] = np.array([v["P4.current"], v["P5.current"], 0]) * MA
-    return Alfa46Config(replace(base.values, **{DELAY[way]: v["delay"] * MS}), np.round(profiles, 9))
+    return Alfa46Config(replace(base.values, **{delay_of(transmission, way): v["delay"] * MS}), np.round(profiles, 9))
 
 
 def refused(base: RigConfig, way: str, values: dict[str, int]) -> float:
     """By how much [s] settings ask for more than the hardware gives, slopes and length together; 0: not at all."""
-    config = settings(base.alfa46, way, values, base.wiring)
-    engaging, releasing = WAYS[way]
+    box = transmission_of(base)
+    config = settings(base.alfa46, way, values, box)
+    engaging, releasing = moved(box, way)
     too_much = 0.0
-    up, hold = config.profiles[base.wiring[engaging]], config.profiles[base.wiring[releasing]]
+    up, hold = config.profiles[engaging.output], config.profiles[releasing.output]
     points = [(engaging, (0.0, 0.0), up[0]), (engaging, up[0], up[1]), (engaging, up[1], up[2]),
               (releasing, (0.0, hold[2, 1]), hold[3]), (releasing, hold[3], hold[4])]
-    for valve, a, b in points:
-        too_much += max(0.0, Rates.of(base, valve).shortest(a[1], b[1]) - (b[0] - a[0]))
-    delay = getattr(config.values, DELAY[way])
+    for clutch, a, b in points:
+        too_much += max(0.0, Rates.of(base, clutch).shortest(a[1], b[1]) - (b[0] - a[0]))
+    delay = getattr(config.values, delay_of(box, way))
     last = max(max(0.0, delay) + up[2, 0], max(0.0, -delay) + hold[5, 0])
     return too_much + max(0.0, last - LONGEST * MS)
 
@@ -111,5 +124,5 @@ def check(config: Alfa46Config) -> None:
     """RigError when the box would refuse the settings; whole ms and mA are what it takes."""
     for number, profile in enumerate(config.profiles):
         check_profile(profile, f"output_{number + 1}", config.values.current_limit)
-        if not np.allclose(np.round(profile / 1e-3), profile / 1e-3, atol=1e-6):
+        if not np.allclose(np.round(profile / MS), profile / MS, atol=1e-6):
             raise RigError(f"output_{number + 1}: the box takes whole ms and mA")

@@ -15,33 +15,33 @@ from functools import cache, partial
 import numpy as np
 
 from ..alfa46.settings import Alfa46Config
-from ..analysis.metrics import RATIO, Inertias, Recording, shift_metrics
+from ..analysis.metrics import Recording, shift_metrics
+from ..clocks import ROW, SAMPLE
 from ..plant import kernel
-from ..plant.clutch import Cylinder
 from ..plant.gearbox import RPM
 from ..plant.load_pump import relief_setting_for
 from ..testbench.configuration import RigConfig
 from ..testbench.rig import Rig
+from ..transmission import NEUTRAL, Clutch, Transmission, transmission_of
 from .derived import NO_DIP
 from .targets import Target, load_targets
 
 SUPPLY = 4e6  # Pa, 7.1.2
 SETTLE = 300  # samples in which the supply comes up
-MS = 1e-3
 PULSES = 4e-3  # A: what the ripple of the coil's pulses and the noise in the loop add to a current that stands
 FIRST_RISE = 10e3  # Pa: about what the laboratory could see of a first rise
 FALLEN = 2.2e6  # Pa: the fall has begun when it is passed (22 bar, Annex A)
 CURVES = {  # of a clutch: row of the rising and of the falling pressure in chapter 9
-    1: ("ch9_pressure_down_p1", "ch9_pressure_up_p1"), 2: ("ch9_pressure_up_p2", "ch9_pressure_down_p2"),
+    "S1": ("ch9_pressure_down_p1", "ch9_pressure_up_p1"), "S2": ("ch9_pressure_up_p2", "ch9_pressure_down_p2"),
 }
 # Start of a fall after the order: Annex D gives both pressures of a change one time, so the falling one starts with the
 # rising one. For II to I that is before ZR-P2 is switched off: there only early counts.
-FALL_STARTS = {1: (0.3306, 0.01), 2: (0.22, 0.05)}  # s, and what counts as one tolerance
-DELAYS = {1: "valve_delay_zr_p1", 2: "valve_delay_zr_p2"}
+FALL_STARTS = {"S1": (0.3306, 0.01), "S2": (0.22, 0.05)}  # s, and what counts as one tolerance
+DELAYS = {"S1": "valve_delay_zr_p1", "S2": "valve_delay_zr_p2"}
 PEAK_TOLERANCE = 6.5  # Nm: largest error of a shift's peak by (7.1)
 TIME_TOLERANCE = 0.01  # s: of a time from the laboratory's program (9.2.2)
 UNSHIFTED = 10.0  # tolerances that a shift which does not end counts
-KISSES = {1: "kiss_pressure_s1", 2: "kiss_pressure_s2"}
+KISSES = {"S1": "kiss_pressure_s1", "S2": "kiss_pressure_s2"}
 
 
 # ---- what the rig does, without its transducers
@@ -53,8 +53,14 @@ def _go(rig: Rig, samples: int) -> None:
     rig.check_runs()
 
 
-def pressures(config: RigConfig, clutch: int) -> tuple[np.ndarray, np.ndarray]:
-    """Pressure [Pa] of clutch 1 or 2 each millisecond, engaged and then released, from each order on.
+def alone(box: Transmission, name: str) -> tuple[Clutch, int]:
+    """A clutch by its name, and the gear that engages it alone."""
+    gear = next(gear for gear in box.gears if gear.clutches == (name,))
+    return box.engaged(gear.number)[0], gear.number
+
+
+def pressures(config: RigConfig, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Pressure [Pa] of a clutch each millisecond, engaged and then released, from each order on.
 
     At the settings of the rig's controller, shafts at rest, true values; the second time, because a piston that has
     never moved lies deeper than its seals let it return.
@@ -63,32 +69,24 @@ def pressures(config: RigConfig, clutch: int) -> tuple[np.ndarray, np.ndarray]:
     rig.set_oil(SUPPLY, True)
     _go(rig, SETTLE)
     rig.take_rows(10 * SETTLE)
-    column, found = (kernel.P_1, kernel.P_2)[clutch - 1], []
-    for gear, samples in ((clutch, 1000), (0, 1300)) * 2:
+    clutch, own = alone(transmission_of(config), name)
+    column, found = kernel.CHANNELS.index(clutch.pressure), []
+    for gear, samples in ((own, 1000), (NEUTRAL, 1300)) * 2:
         rig.order_gear(gear)
         _go(rig, samples)
         found.append(rig.take_rows(10 * samples)[1][::10, column].copy())
     return found[2], found[3]
 
 
-def with_cracking(config: RigConfig, clutch: int, more: float) -> RigConfig:
+def with_cracking(config: RigConfig, clutch: Clutch, more: float) -> RigConfig:
     """The rig with that much more cracking current [A] of a clutch's valve."""
-    name = f"valve_zr_p{clutch}"
-    valve = getattr(config, name)
-    return replace(config, **{name: replace(valve, cracking_current=valve.cracking_current + more)})
-
-
-def kiss_pressure(cylinder: Cylinder) -> float:
-    """Pressure [Pa] at which the rising piston meets the plates: springs and seals at the clearance."""
-    resist = cylinder.spring_preload + cylinder.spring_rate * cylinder.clearance + cylinder.seal_friction
-    slope, square = cylinder.piston_area, cylinder.force_per_pressure_squared
-    share = 1.0 - cylinder.seal_friction_share
-    return 2.0 * resist / share / (slope + np.sqrt(slope * slope + 4.0 * square * resist / share))
+    valve = getattr(config, clutch.valve)
+    return replace(config, **{clutch.valve: replace(valve, cracking_current=valve.cracking_current + more)})
 
 
 def first_true(values: np.ndarray, missing: float) -> float:
     """Time [s] of the first True of values each millisecond; ``missing`` where there is none."""
-    return float(np.argmax(values)) * MS if values.any() else missing
+    return float(np.argmax(values)) * SAMPLE if values.any() else missing
 
 
 def on_curve(target: Target, t: np.ndarray) -> np.ndarray:
@@ -106,8 +104,8 @@ def distances(target: Target, p: np.ndarray, start: float) -> np.ndarray:
 
     p: each millisecond since the order; after its end the last one stays.
     """
-    t = np.arange(0.0, target.pieces[-1][1], MS)
-    return np.interp(start + t, MS * np.arange(len(p)), p) - on_curve(target, t)
+    t = np.arange(0.0, target.pieces[-1][1], SAMPLE)
+    return np.interp(start + t, SAMPLE * np.arange(len(p)), p) - on_curve(target, t)
 
 
 def fall_begins(target: Target, p: np.ndarray) -> float:
@@ -135,18 +133,20 @@ class Miss:
         return self.parts or (self.tolerances,)
 
 
-def hydraulic_misses(config: RigConfig, targets: dict[str, Target], clutch: int) -> list[Miss]:
+def hydraulic_misses(config: RigConfig, targets: dict[str, Target], name: str) -> list[Miss]:
     """The rows of valve response, kiss point and chapter 9's pressures of one clutch."""
-    rise, fall = pressures(config, clutch)
-    early, _ = pressures(with_cracking(config, clutch, -PULSES), clutch)
-    rising, falling = (targets[name] for name in CURVES[clutch])
-    delay, kiss = targets[DELAYS[clutch]], targets[KISSES[clutch]]
-    first, fallen = first_true(rise > rise[0] + FIRST_RISE, len(rise) * MS), fall_begins(falling, fall)
-    sees = first_true(early > early[0] + FIRST_RISE, len(early) * MS)  # the release before may not be over
-    meets = kiss_pressure(config.clutch_s1 if clutch == 1 else config.clutch_s2)
+    box = transmission_of(config)
+    clutch, gear = alone(box, name)
+    rise, fall = pressures(config, name)
+    early, _ = pressures(with_cracking(config, clutch, -PULSES), name)
+    rising, falling = (targets[row] for row in CURVES[name])
+    delay, kiss = targets[DELAYS[name]], targets[KISSES[name]]
+    first, fallen = first_true(rise > rise[0] + FIRST_RISE, len(rise) * SAMPLE), fall_begins(falling, fall)
+    sees = first_true(early > early[0] + FIRST_RISE, len(early) * SAMPLE)  # the release before may not be over
+    meets = clutch.kiss_pressure
     delays = config.alfa46.values
-    order_to_off = max(0.0, -(delays.t12 if clutch == 1 else delays.t21))
-    due, tolerance = FALL_STARTS[clutch]
+    order_to_off = max(0.0, -(delays.t12 if gear == min(box.ratios) else delays.t21))
+    due, tolerance = FALL_STARTS[name]
     out = [Miss(delay.id, sees, (sees - delay.printed[0]) / delay.tolerance),
            Miss(kiss.id, meets, (meets - kiss.printed[0]) / kiss.tolerance),
            Miss(f"{falling.id}: start", fallen + order_to_off, (fallen + order_to_off - due) / tolerance)]
@@ -210,22 +210,23 @@ def shift(config: RigConfig, to: int, t12: float | None = None, speed: float = 5
     rig = Rig(config)
     rig.set_oil(SUPPLY, True)
     _go(rig, SETTLE)
-    for gear in (to, 3 - to):  # a piston that has never moved lies deeper than its seals let it return
+    box = transmission_of(config)
+    of = next(gear for gear in box.ratios if gear != to)
+    for gear in (to, of):  # a piston that has never moved lies deeper than its seals let it return
         rig.order_gear(gear)
         _go(rig, 1600)
     rig.set_motor(speed, True)
     _go(rig, max(1500, 1000 + round(1000.0 * speed / config.motor.ramp)))
-    output = speed / RATIO[set_in or 3 - to]
+    output = speed / box.ratios[set_in or of]
     rig.set_load(relief_setting_for(load, output, config.load_pump), True)
     _go(rig, 1500)
     order, before, after = rig.sample, 150, 1700
     rig.order_gear(to)
     _go(rig, after)
-    rows = rig.rows_at(1e-4, 10 * (order - before), 10 * (before + after) - 9)
+    rows = rig.rows_at(ROW, 10 * (order - before), 10 * (before + after) - 9)
     channels = {name: rows[:, k] for k, name in enumerate(kernel.CHANNELS)}
-    gearbox = config.gearbox
-    return shift_metrics(Recording((order - before) * MS, 1e-4, channels), (order * MS, 3 - to, to),
-                         inertias=Inertias(gearbox.inertia_in, gearbox.inertia_out_z5))
+    recording = Recording((order - before) * SAMPLE, ROW, channels, transmission=box)
+    return shift_metrics(recording, (order * SAMPLE, of, to))
 
 
 def clutch_s2_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
@@ -233,7 +234,7 @@ def clutch_s2_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss
     S2 catches an output that nothing else drives: only that says how far p2 shoots over.
     """
     target, peak = targets["delay_up_peak_upper"], shift(config, 2, -0.1)["m_wej_max_nm"]
-    return [*hydraulic_misses(config, targets, 2), Miss(target.id, peak, max(0.0, peak - target.high) / PEAK_TOLERANCE)]
+    return [*hydraulic_misses(config, targets, "S2"), Miss(target.id, peak, max(0.0, peak - target.high) / PEAK_TOLERANCE)]
 
 
 def release_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
@@ -292,7 +293,7 @@ def s1_releases(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
 
 
 ROWS: dict[str, Callable] = {  # of each stage
-    "losses": loss_misses, "clutch_s1": partial(hydraulic_misses, clutch=1),
+    "losses": loss_misses, "clutch_s1": partial(hydraulic_misses, name="S1"),
     "clutch_s2": clutch_s2_misses, "release": release_misses,
 }
 

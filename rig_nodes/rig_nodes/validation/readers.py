@@ -16,12 +16,13 @@ import numpy as np
 from ..analysis.coast_down import coast_down as fit_coast_down
 from ..analysis.edges import first_true, odd_width, ramp_start, running_mean
 from ..analysis.engagement import engagement_metrics
-from ..analysis.metrics import KISS, PRESSURE, PRESSURE_MEAN, Recording, shifts
+from ..analysis.metrics import PRESSURE_MEAN, Recording, shifts
 from ..analysis.valve_response import valve_delay
+from ..clocks import SAMPLE
 from ..errors import RigError
+from ..transmission import Clutch, transmission_of
 from .records import Record
 
-GEARS = {"I-II": (1, 2), "II-I": (2, 1)}
 SHIFT_KEYS = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "m_wej_max_nm", "k", "e_loss_j", "e_loss_settled_j")
 SHIFT_VALUES = (*SHIFT_KEYS, "n_wyj_min_rpm", "e_loss_release_j", "speed_delay_s", "peak_share")
 STEADY_AFTER, STEADY_FOR = 0.5, 0.1  # s after M_wej has settled; s, as Annex A takes the settled torque
@@ -43,7 +44,7 @@ def failed(procedure: str, conditions: dict, reason: str) -> list[Record]:
               "profile_series": tuple(ENGAGEMENT),
               "clutch_bench": ("m_eks", "k_kor", "k_kor_error", "m_rest_nm"),
               "spring_bench": ("spring_force_n", "cylinder_force_n", "cylinder_start_mpa")}.get(procedure, SHIFT_VALUES)
-    places = [{**conditions, "shift": shift} for shift in GEARS] if procedure == "delay_series" else [conditions]
+    places = [{**conditions, "shift": shift} for shift in transmission_of().ways()] if procedure == "delay_series" else [conditions]
     records = [Record(procedure, place, dict.fromkeys(values), dict.fromkeys(values, reason)) for place in places]
     if procedure == "coast_down":
         records.append(Record(procedure, {"side": "driving"}, {"inertia": None}, {"inertia": reason}))
@@ -56,13 +57,14 @@ def failed(procedure: str, conditions: dict, reason: str) -> list[Record]:
 def delay_series(conditions: dict, run) -> list[list[Record]]:
     """Each I-II and each II-I of one run is a repeat of its own."""
     found = {shift: [_shift(conditions, "delay_series", shift, row) for row in _rows(run.recording, shift)]
-             for shift in GEARS}
-    for record, row in zip(found["II-I"], _rows(run.recording, "II-I")):
+             for shift in run.recording.transmission.ways()}
+    up, down = found
+    for record, row in zip(found[down], _rows(run.recording, down)):
         record += _rise_class("delay_series", record[0].conditions, run.recording, row)
     count = min(map(len, found.values()))
     if not count:
-        raise NotMeasured("the shifts I-II-I did not take place")
-    return [found["I-II"][i] + found["II-I"][i] for i in range(count)]
+        raise NotMeasured(f"the shifts {up} and {down} did not take place")
+    return [found[up][i] + found[down][i] for i in range(count)]
 
 
 def grid_up(conditions: dict, run) -> list[list[Record]]:
@@ -93,13 +95,15 @@ def _grid(procedure: str, conditions: dict, run) -> list[list[Record]]:
         records = _shift(conditions, procedure, shift, row)
         records += _torques(procedure, conditions, run.recording, row)
         if conditions["m_wyj"] > 0.0:  # the laboratory's curves are of loaded shifts
-            records += [trace for gear in (1, 2) for trace in _trace(procedure, conditions, run.recording, row, gear)]
+            records += [trace for clutch in run.recording.transmission.clutches
+                        for trace in _trace(procedure, conditions, run.recording, row, clutch)]
         repeats.append(records)
     return repeats
 
 
 def _rows(recording: Recording, shift: str) -> list[dict]:
-    return [row for row in shifts(recording) if (row["from_gear"], row["to_gear"]) == GEARS[shift]]
+    gears = recording.transmission.ways()[shift]
+    return [row for row in shifts(recording) if (row["from_gear"], row["to_gear"]) == gears]
 
 
 def _shift(conditions: dict, procedure: str, shift: str, row: dict) -> list[Record]:
@@ -121,12 +125,12 @@ def _less(one, other):
 
 def _torques(procedure: str, conditions: dict, recording: Recording, row: dict) -> list[Record]:
     """m_wej_max_nm of the shift, and the larger of the steady torques before and after it (phase "before")."""
-    steady = None
+    steady, torque = None, recording.transmission.input.torque
     if row["t_c_s"] is not None and row["t_o_s"] is not None:
         after = row["t_order_s"] + row["t_c_s"] + row["t_o_s"] + STEADY_AFTER
-        means = [_mean(recording, "M_wej", row["t_order_s"] - STEADY_FOR), _mean(recording, "M_wej", after)]
+        means = [_mean(recording, torque, row["t_order_s"] - STEADY_FOR), _mean(recording, torque, after)]
         steady = None if None in means else max(means)
-    why = {"m_wej_max_nm": "; ".join(row["why"]) or "M_wej was not recorded long enough after the shift"}
+    why = {"m_wej_max_nm": "; ".join(row["why"]) or f"{torque} was not recorded long enough after the shift"}
     return [Record(procedure, {**conditions, "phase": phase}, {"m_wej_max_nm": value}, {} if value is not None else why)
             for phase, value in (("shift", row["m_wej_max_nm"]), ("before", steady))]
 
@@ -137,27 +141,28 @@ def _mean(recording: Recording, name: str, since: float) -> float | None:
     return float(np.mean(part)) if len(part) >= 0.9 * STEADY_FOR / recording.period else None
 
 
-def _trace(procedure: str, conditions: dict, recording: Recording, row: dict, gear: int) -> list[Record]:
+def _trace(procedure: str, conditions: dict, recording: Recording, row: dict, clutch: Clutch) -> list[Record]:
     """The pressure of one clutch over the time since its own fall or rise began."""
-    name, quantity = PRESSURE[gear], f"{PRESSURE[gear]}_mpa"
-    falling = gear == row["from_gear"]
+    name, quantity = clutch.pressure, f"{clutch.pressure}_mpa"
+    falling = clutch in recording.transmission.shift(row["from_gear"], row["to_gear"]).releasing
     smooth = running_mean(recording.channels[name], odd_width(PRESSURE_MEAN, recording.period))
     if falling:
         start = None if row["t_dt_s"] is None else row["t_order_s"] + row["t_c_s"] - row["t_dt_s"]
         why = "; ".join(row["why"])
     else:
-        start = rise_start(recording, smooth, gear, row["t_order_s"])
+        start = rise_start(recording, smooth, clutch, row["t_order_s"])
         why = f"{name} did not rise"
     if start is None:
         return [Record(procedure, {**conditions, "time": 0.0}, {quantity: None}, {quantity: why})]
-    last = LONG_TRACE if falling and gear == 2 else TRACE
+    # the curve of p2 falling ends later than the others
+    last = LONG_TRACE if falling and row["to_gear"] < row["from_gear"] else TRACE
     times = np.arange(0.0, last + 0.5 * TRACE_STEP, TRACE_STEP)
     rows = np.rint((start + times - recording.t0) / recording.period).astype(int)
     return [Record(procedure, {**conditions, "time": round(float(t), 6)}, {quantity: float(smooth[at])})
             for t, at in zip(times, rows) if at < smooth.size]
 
 
-def rise_start(recording: Recording, smooth: np.ndarray, gear: int, t_order: float) -> float | None:
+def rise_start(recording: Recording, smooth: np.ndarray, clutch: Clutch, t_order: float) -> float | None:
     """When the pressure of an engaging clutch begins to rise after an order [s], None where it does not.
 
     As the fall in analysis.metrics: the last passing of a level just above the rest before the kiss pressure is
@@ -166,16 +171,16 @@ def rise_start(recording: Recording, smooth: np.ndarray, gear: int, t_order: flo
     order = int(np.ceil((t_order - recording.t0) / recording.period))
     before = smooth[max(0, order - 1000): order]
     rest, noise = float(np.median(before)), float(np.std(before))
-    rise = max(KISS[gear] - rest, 0.1 * KISS[gear])
+    rise = max(clutch.kiss_pressure - rest, 0.1 * clutch.kiss_pressure)
     moved = smooth - rest
     far = first_true(moved >= rise, order)
     if far is None:
         return None
-    level = min(max(4.0 * noise, 0.02 * KISS[gear]), 0.4 * rise)
+    level = min(max(4.0 * noise, 0.02 * clutch.kiss_pressure), 0.4 * rise)
     below = np.flatnonzero(moved[order:far] < level)
     at = order + (int(below[-1]) + 1 if below.size else 0)
     reach = int(round(20e-3 / recording.period))
-    raw = recording.channels[PRESSURE[gear]] - rest
+    raw = recording.channels[clutch.pressure] - rest
     return recording.t0 + ramp_start(raw, moved, at, 0.1 * rise, reach) * recording.period
 
 
@@ -192,8 +197,8 @@ def _rise_class(procedure: str, conditions: dict, recording: Recording, row: dic
 
 def profile_series(conditions: dict, run) -> list[list[Record]]:
     """Each engagement of the series' clutch from neutral is a repeat."""
-    gear = {"S1": 1, "S2": 2}[conditions["clutch"]]
-    orders = run.recording.orders
+    box, orders = run.recording.transmission, run.recording.orders
+    gear = next(gear.number for gear in box.gears if gear.clutches == (conditions["clutch"],))
     ends = [order[0] for order in orders[1:]] + [None]
     found = [(order, end) for order, end in zip(orders, ends) if order[1] == 0 and order[2] == gear]
     rows = [row for row in (engagement_metrics(run.recording, *one) for one in found)
@@ -217,23 +222,24 @@ def _engagement(conditions: dict, recording: Recording, row: dict) -> list[Recor
                record({"phase": "after contact"}, {"pressure_rise": row["growth_contact"]})]
     if row["fill_start_s"] is None:
         return records + [record({"time": 0.0}, {"pressure_rise": None})]
-    smooth = running_mean(recording.channels[PRESSURE[row["gear"]]], odd_width(PRESSURE_MEAN, recording.period))
+    clutch, = recording.transmission.engaged(row["gear"])
+    smooth = running_mean(recording.channels[clutch.pressure], odd_width(PRESSURE_MEAN, recording.period))
     first, last = (int(round((row["t_order_s"] + row[key] - recording.t0) / recording.period))
                    for key in ("fill_start_s", "fill_end_s"))
-    step = max(1, int(round(1e-3 / recording.period)))
+    step = max(1, int(round(SAMPLE / recording.period)))
     return records + [record({"time": i * recording.period}, {"pressure_rise": float(smooth[i])})
                       for i in range(first, last + 1, step)]
 
 
 def valve_response(conditions: dict, run) -> list[list[Record]]:
     """The delay from coil voltage and pressure."""
-    number = {"ZR-P1": 1, "ZR-P2": 2}[conditions["valve"]]
     channels, recording = run.recording.channels, run.recording
-    coil = f"U_zr_p{number}"
+    clutch = next(one for one in recording.transmission.clutches if one.valve_name == conditions["valve"])
+    coil = clutch.voltage
     if coil not in channels:
         raise NotMeasured(f"the recording has no coil voltage {coil}, only the mean of its pulses")
     t = recording.t0 + recording.period * np.arange(recording.rows)
-    delay = valve_delay(t, channels[coil], channels[f"p{number}"])["valve_delay_s"]
+    delay = valve_delay(t, channels[coil], channels[clutch.pressure])["valve_delay_s"]
     return [[Record("valve_response", conditions, {"valve_delay_s": delay})]]
 
 
@@ -241,8 +247,9 @@ def coast_down(conditions: dict, run) -> list[list[Record]]:
     """Tangent, torque and inertia, and the speed over the time since the drive was cut off."""
     recording = run.recording
     t = recording.t0 + recording.period * np.arange(recording.rows)
-    w = recording.channels["n_wej"]
-    fit = fit_coast_down(t, w, recording.channels["M_wej"])
+    into = recording.transmission.input
+    w = recording.channels[into.speed]
+    fit = fit_coast_down(t, w, recording.channels[into.torque])
     records = [Record("coast_down", conditions, {key: fit[key] for key in
                                                  ("coast_down_tangent_s", "coast_down_m_wej_nm")}),
                Record("coast_down", {"side": "driving"}, {"inertia": fit["inertia"]})]

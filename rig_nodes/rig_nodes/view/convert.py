@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .. import __version__
-from ..analysis.report import ORDER_EVENT, ORDERS_TOPIC, REPORT_FILE, build_report, is_of, read_report
+from ..analysis.report import REPORT_FILE, build_report, is_of, orders_in, read_report
 from ..bags.index import BagIndex
 from ..bags.reader import Bag, nothing_in, recovered
 from ..catalogue import Signal, catalogue, kind_of_topics
@@ -91,7 +91,7 @@ def save_bare_layout(run: str | Path, window: tuple[float, float] | None, path: 
     names, own = _names(index, small)
     if tab == "controller" and not own:
         raise RigError(f"{run}: its controller names no signals of its own; --tab can be shifts, run or other")
-    shifts = layout.choose(layout.shifts_of(_orders(small.events())))
+    shifts = layout.choose(layout.shifts_of(orders_in(small.events())))
     tab = tab or ("shifts" if shifts and not window else "run")
     layout.blueprint(set(names), shifts, window, tab, own).save(APPLICATION, path)
 
@@ -142,7 +142,7 @@ def _write(index: BagIndex, path: Path, key: str, window) -> list[str]:
     small = _small(index)
     names, own = _names(index, small)
     events = small.events()
-    shifts = layout.shifts_of(_orders(events))
+    shifts = layout.shifts_of(orders_in(events))
     rec = rr.RecordingStream(APPLICATION, recording_id=key, send_properties=False)  # no wall clock
     rec.save(path, default_blueprint=layout.blueprint(set(names), layout.choose(shifts), window, own=own))
     rec.send_recording_name(index.path.stem)
@@ -184,16 +184,6 @@ def _names(index: BagIndex, small: Bag) -> tuple[list[str], tuple[str, ...]]:
     own = small.columns(OWN_TOPIC) if index.counts.get(OWN_TOPIC) else []
     return [name for name, signal in _known(index).items()
             if name in logged or index.counts.get(signal.topic) and small.has_field(name)], tuple(own)
-
-
-def _orders(events) -> list[tuple[float, int, int]]:
-    """Orders of the shift controller: (t [s], gear before, gear after); neutral before the first."""
-    orders, before = [], 0
-    for t, topic, name, _, value in events:
-        if topic == ORDERS_TOPIC and name == ORDER_EVENT:
-            orders.append((t, before, int(value)))
-            before = int(value)
-    return orders
 
 
 def _check_window(window, curves: Curves) -> None:

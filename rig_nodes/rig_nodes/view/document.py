@@ -9,8 +9,10 @@ Used by view.convert; keys, headings and units are those of the report (analysis
 from __future__ import annotations
 
 from ..analysis.bench_report import bench_lines
+from ..analysis.energy import clutch_heat
 from ..analysis.no_change import measured_lines
-from ..analysis.report import COLUMNS, GEAR, no_shift
+from ..analysis.report import COLUMNS, no_shift, shown_transmission
+from ..transmission import Transmission
 
 WIDEST = 4  # shifts side by side before the table is turned
 
@@ -20,7 +22,7 @@ def report_document(report: dict, problems: list[str]) -> str:
 
     problems: sentences on what is wrong with the bag, shown first.
     """
-    run = report["run"]
+    run, box = report["run"], shown_transmission(report)
     parts = [f"# {run.get('sequence') or 'Run'}"]
     if run.get("description"):
         parts.append(str(run["description"]))
@@ -28,27 +30,27 @@ def report_document(report: dict, problems: list[str]) -> str:
     if "bench" in report:
         parts += ["## Results", "```\n" + "\n".join(bench_lines(report["bench"])) + "\n```"]
     else:
-        parts += ["## Shifts", _shift_table(report["shifts"]) if report["shifts"] else no_shift(report)]
-        parts += measured_lines(report["measured"]) if "measured" in report else []
-    parts += [f"{_title(row)} is not valid: {reason}"
+        parts += ["## Shifts", _shift_table(report["shifts"], box) if report["shifts"] else no_shift(report)]
+        parts += measured_lines(report["measured"], box) if "measured" in report else []
+    parts += [f"{_title(row, box)} is not valid: {reason}"
               for row in report["shifts"] for reason in row.get("why", [])]
     end = run.get("end")
     reason = (end.get("reason") if isinstance(end, dict) else end) or "unknown"
-    parts += ["## Run", f"End: {reason}", _table([["", "value"], *_run_rows(report)])]
+    parts += ["## Run", f"End: {reason}", _table([["", "value"], *_run_rows(report, box)])]
     return "\n\n".join(parts) + "\n"
 
 
-def _shift_table(rows: list[dict]) -> str:
+def _shift_table(rows: list[dict], box: Transmission) -> str:
     table = [["shift", *(heading for heading, *_ in COLUMNS), "valid"]]
     for row in rows:
         cells = [_number(row.get(key), factor, digits) for _, key, factor, digits in COLUMNS]
-        table.append([_title(row), *cells, "yes" if row.get("valid") else "**no**"])
+        table.append([_title(row, box), *cells, "yes" if row.get("valid") else "**no**"])
     if len(rows) <= WIDEST:
         table = [list(line) for line in zip(*table)]
     return _table(table)
 
 
-def _run_rows(report: dict) -> list[list[str]]:
+def _run_rows(report: dict, box: Transmission) -> list[list[str]]:
     run = report["run"]
     rows = [["messages lost", "unknown" if run.get("lost") is None else str(run["lost"])]]
     if run.get("recorded_from_s"):
@@ -59,16 +61,15 @@ def _run_rows(report: dict) -> list[list[str]]:
         rows.append(["overruns", f"{run.get('overruns')} of {run.get('ticks')} ticks"])
     for row, account in zip(report["shifts"], report.get("energy", {}).get("shifts", [])):
         if account:
-            heat = account["heat_s1_j"] + account["heat_s2_j"]
-            rows.append([f"heat {_title(row)} J", _number(heat, 1.0, 0)])
+            rows.append([f"heat {_title(row, box)} J", _number(clutch_heat(account, box), 1.0, 0)])
     rig = (run.get("configuration") or {}).get("name", "unknown")
     rows += [["rig", str(rig)], ["seed", str(run.get("seed"))]]
     rows += [[name, str(version)] for name, version in (run.get("versions") or {}).items()]
     return rows
 
 
-def _title(row: dict) -> str:
-    return " → ".join(GEAR.get(row[key], str(row[key])) for key in ("from_gear", "to_gear"))
+def _title(row: dict, box: Transmission) -> str:
+    return box.way(row["from_gear"], row["to_gear"], " → ")
 
 
 def _number(value, factor: float, digits: int) -> str:

@@ -1,0 +1,14 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""How time is cut, the same for every rig: controller sample, graph tick, logger row, and the age that trips.
+
+Used by whoever counts time in them; docs/architecture.md says what each is for.
+"""
+
+SAMPLE_NS = 1_000_000  # controller sample; commands apply on its boundaries
+SAMPLE = 1e-3  # s, the same
+TICK_SAMPLES = 5  # controller samples per graph tick
+ROW_NS = 100_000  # row of the 10 kHz logger
+ROW = 1e-4  # s, the same
+COMMAND_TIMEOUT = 0.1  # s: a command older than this, simulated or, in real time, of wall clock, counts as silence

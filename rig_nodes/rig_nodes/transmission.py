@@ -1,0 +1,278 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The transmission of a rig as data: shafts, gears, clutches, and the signals and devices that belong to each.
+
+Made from the rig's configuration by :func:`transmission_of`, and nowhere else; analysis, views, controllers, sequences
+and the tuner take gears, clutches, pressures and ratios from it and know none by name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from types import SimpleNamespace
+
+import numpy as np
+
+from .plant import wheels
+from .plant.kiss_point import kiss_pressure
+
+NEUTRAL = 0  # number of the gear in which nothing is driven
+
+
+@dataclass(frozen=True)
+class Shaft:
+    """A shaft with transducers: its name and the signals of its speed and of the torque in it."""
+
+    name: str
+    speed: str
+    torque: str
+
+
+@dataclass(frozen=True)
+class Clutch:
+    """A clutch or brake that gears are engaged with.
+
+    instance, valve: devices of the rig, as their parts and nodes are named; valve_name: what people call the valve;
+    output: of the controller, counted from 0, that drives the valve; pressure, current, setpoint: signals of its oil, of
+    its valve's coil and of what the controller asks for there. kiss_pressure [Pa, gauge]: where the clutch begins to
+    carry; fall_rate [Pa/s]: how fast its pressure falls when it is let go, which errors of times are estimated with.
+    """
+
+    name: str
+    instance: str
+    valve: str
+    valve_name: str
+    output: int
+    pressure: str
+    current: str
+    setpoint: str
+    kiss_pressure: float
+    fall_rate: float
+
+    @property
+    def key(self) -> str:
+        """How the names of its signals and energies begin, e.g. ``s1``."""
+        return self.name.lower()
+
+    @property
+    def heat(self) -> str:
+        """Name of its heat among the energies."""
+        return f"heat_{self.key}"
+
+    @property
+    def state(self) -> str:
+        """Topic of its state."""
+        return f"/{self.instance}/state"
+
+    def signal(self, what: str) -> str:
+        """Its signal of torque, capacity, slip, mode, clamp or piston."""
+        return f"{self.key}_{what}"
+
+    @property
+    def voltage(self) -> str:
+        """Row of the voltage on its valve's coil, which recordings of the rig have and no transducer shows."""
+        return f"U_{self.valve.removeprefix('valve_')}"
+
+    def valve_signal(self, what: str) -> str:
+        """Its valve's signal of duty or flow."""
+        return f"{self.valve.removeprefix('valve_')}_{what}"
+
+
+@dataclass(frozen=True)
+class Gear:
+    """A gear: number 0 is neutral, the others count up from the slowest output; clutches: names of those engaged.
+
+    ratio: input over output speed; None in neutral.
+    """
+
+    number: int
+    name: str
+    clutches: tuple[str, ...] = ()
+    ratio: float | None = None
+
+    @property
+    def short(self) -> str:
+        """For tables: neutral is 0."""
+        return self.name if self.number else "0"
+
+
+@dataclass(frozen=True)
+class Inertias:
+    """Reduced inertias of the energy equation (6.108).
+
+    driving: on the input shaft, motor included [kg m2]; driven: of the output side, load included [kg m2], on an axis
+    that turns ``reduction`` times as fast as the output shaft. The energy equation uses the whole inertias beside work
+    that is measured at the torque meters: motor and load pump lie outside them, so while the input speed has not
+    recovered its loss counts the motor's own kinetic energy too. The heat itself stands in the report's energy balance.
+    """
+
+    driving: float
+    driven: float
+    reduction: float = 1.0
+
+    @property
+    def on_output(self) -> float:
+        """The driven inertia on the output shaft [kg m2]."""
+        return self.driven * self.reduction**2
+
+    def kinetic(self, w_in, w_out):
+        """Kinetic energy [J] at these speeds of input and output shaft [rad/s]."""
+        return 0.5 * self.driving * w_in**2 + 0.5 * self.on_output * w_out**2
+
+
+@dataclass(frozen=True)
+class Shift:
+    """A change of gear: which clutches it lets go, which it engages, in the order of the transmission."""
+
+    from_gear: int
+    to_gear: int
+    releasing: tuple[Clutch, ...]
+    engaging: tuple[Clutch, ...]
+
+
+@dataclass(frozen=True)
+class Transmission:
+    """Shafts, clutches and gears of a rig; gears in order of their numbers, neutral first."""
+
+    input: Shaft
+    output: Shaft
+    clutches: tuple[Clutch, ...]
+    gears: tuple[Gear, ...]
+    inertias: Inertias
+
+    @cached_property
+    def ratios(self) -> dict[int, float]:
+        """Number of each gear that drives -> input over output speed."""
+        return {gear.number: gear.ratio for gear in self.gears if gear.ratio is not None}
+
+    @cached_property
+    def names(self) -> dict[int, str]:
+        """Number -> name of every gear."""
+        return {gear.number: gear.name for gear in self.gears}
+
+    @cached_property
+    def numbers(self) -> dict[str, int]:
+        """Name -> number of every gear."""
+        return {gear.name: gear.number for gear in self.gears}
+
+    @cached_property
+    def channels(self) -> tuple[str, ...]:
+        """Signals of both shafts and all clutches' pressures, which shift metrics are computed from."""
+        return (self.input.torque, self.input.speed, self.output.torque, self.output.speed,
+                *(clutch.pressure for clutch in self.clutches))
+
+    @property
+    def spoken(self) -> str:
+        """The gears for a sentence on what may be ordered, e.g. ``0 (neutral), 1 (I) or 2 (II)``."""
+        *first, last = (f"{gear.number} ({gear.name})" for gear in self.gears)
+        return f"{', '.join(first)} or {last}"
+
+    def short(self, number: int) -> str:
+        """Name of a gear in tables; of one that there is not its number."""
+        return next((gear.short for gear in self.gears if gear.number == number), str(number))
+
+    def way(self, from_gear: int, to_gear: int, arrow: str = " -> ") -> str:
+        """A change of gear in tables, e.g. ``I -> II``."""
+        return self.short(from_gear) + arrow + self.short(to_gear)
+
+    def number(self, text: str) -> int | None:
+        """The gear that somebody means by its name or number, in either case; N or 0 is neutral; None: there is none."""
+        said = text.strip().lower()
+        return next((gear.number for gear in self.gears
+                     if said in (gear.name.lower(), str(gear.number)) or (gear.number == NEUTRAL and said == "n")), None)
+
+    def engaged(self, gear: int) -> tuple[Clutch, ...]:
+        """The clutches that are engaged in a gear; none in neutral and in a gear that there is not."""
+        held = next((one.clutches for one in self.gears if one.number == gear), ())
+        return tuple(clutch for clutch in self.clutches if clutch.name in held)
+
+    def shift(self, from_gear: int, to_gear: int) -> Shift:
+        """What a change from one gear to another does; a clutch of both gears stays engaged and is neither."""
+        old, new = self.engaged(from_gear), self.engaged(to_gear)
+        return Shift(from_gear, to_gear, tuple(clutch for clutch in old if clutch not in new),
+                     tuple(clutch for clutch in new if clutch not in old))
+
+    def changes(self, from_gear: int, to_gear: int) -> bool:
+        """An order changes from one gear that drives to another: no engagement from neutral, no way back to it."""
+        return from_gear != to_gear and from_gear in self.ratios and to_gear in self.ratios
+
+    def slower_ratio(self, one: int, other: int) -> float:
+        """Ratio of that of two gears that drive in which the output is slower, which (7.3) and (7.4) both use."""
+        return max(self.ratios[one], self.ratios[other])
+
+    def ways(self) -> dict[str, tuple[int, int]]:
+        """The changes to the next gear up and down by name, e.g. ``I-II`` -> (1, 2)."""
+        driving = [gear for gear in self.gears if gear.ratio is not None]
+        pairs = [pair for a, b in zip(driving, driving[1:]) for pair in ((a, b), (b, a))]
+        return {f"{a.name}-{b.name}": (a.number, b.number) for a, b in pairs}
+
+    def slip(self, gear: int, w_in, w_out):
+        """Slip of a gear that drives as a share of the input speed, (6.85); speeds [rad/s], numbers or arrays."""
+        return 1.0 - w_out * self.ratios[gear] / w_in
+
+
+def ratio_of(rows: Iterable[Iterable[float]], at_input: int, at_output: int) -> float:
+    """Speed of the input over that of the output where none of these joints slips.
+
+    rows: of each joint that is held, its slip by the speeds of the bodies; at_input, at_output: which bodies. ValueError
+    where they leave that ratio open or let the output stand.
+    """
+    slips = np.array([list(row) for row in rows], float)
+    others = np.delete(slips, at_output, axis=1)
+    if np.linalg.matrix_rank(others) < others.shape[1]:
+        raise ValueError("the joints that are held leave a ratio open")
+    speeds, *_ = np.linalg.lstsq(others, -slips[:, at_output], rcond=None)
+    if not np.allclose(others @ speeds, -slips[:, at_output]):
+        raise ValueError("the joints that are held let nothing turn")
+    return float(speeds[at_input - (at_input > at_output)])
+
+
+# What the laboratory printed of its clutches: kiss pressure [Pa] by 7.3.2, and how fast chapter 9's fits of the releasing
+# pressures begin to fall [Pa/s], from where the times count
+_PRINTED = {"S1": (0.17e6, 13.028e6), "S2": (0.36e6, 11.788e6)}
+_THESIS = {"inertia_in": 0.709, "inertia_out_z5": 0.1273}  # kg m2, 7.3.1
+_GEARS = ((NEUTRAL, "neutral", ()), (1, "I", ("S1",)), (2, "II", ("S2",)))
+
+
+@lru_cache(maxsize=1)
+def _gears() -> tuple[Gear, ...]:
+    """The gears with the ratios of their wheels, thesis tab. 3.1: 47/34 and 41/40."""
+    found = []
+    for number, name, held in _GEARS:
+        rows = [(driving, -driven) for driving, driven in map(wheels.SIDES.get, held)]
+        found.append(Gear(number, name, held, ratio_of(rows, 0, 1) if held else None))
+    return tuple(found)
+
+
+def transmission_of(config=None) -> Transmission:
+    """The transmission of a rig with the gearbox.
+
+    config: a RigConfig, or its record as a bag and a report hold it (RigConfig.as_dict). Of parts that a record does not
+    hold, or without a configuration, the values are those that the laboratory printed. Raises KeyError, TypeError or
+    ValueError for a record that is none.
+    """
+    if config is None:
+        return _laboratory()
+    return _made(config if isinstance(config, Mapping) else config.as_dict())
+
+
+@lru_cache(maxsize=1)
+def _laboratory() -> Transmission:
+    return _made({})
+
+
+def _made(record: Mapping) -> Transmission:
+    gearbox, wiring = record.get("gearbox") or _THESIS, record.get("wiring") or (0, 1)
+    clutches = []
+    for number, (name, (kiss, fall)) in enumerate(_PRINTED.items(), 1):
+        cylinder = record.get(f"clutch_s{number}")
+        clutches.append(Clutch(
+            name, f"clutch_s{number}", f"valve_zr_p{number}", f"ZR-P{number}", int(wiring[number - 1]), f"p{number}",
+            f"I_zr_p{number}", f"I_set_zr_p{number}",
+            kiss_pressure(SimpleNamespace(**cylinder)) if cylinder else kiss, fall))
+    return Transmission(
+        Shaft(wheels.INPUT, "n_wej", "M_wej"), Shaft(wheels.OUTPUT, "n_wyj", "M_wyj"), tuple(clutches), _gears(),
+        Inertias(float(gearbox["inertia_in"]), float(gearbox["inertia_out_z5"]), wheels.REDUCTION))
