@@ -1,0 +1,95 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The transmission as data: its ratios by the wheels, its signals and devices as the rest of the rig names them."""
+
+from __future__ import annotations
+
+import pytest
+
+from rig_nodes.alfa46.controller import Alfa46
+from rig_nodes.alfa46.settings import Alfa46Config
+from rig_nodes.catalogue import catalogue
+from rig_nodes.errors import RigError
+from rig_nodes.plant.gearbox import build_driveline
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.rig import Rig
+from rig_nodes.transmission import Clutch, Gear, Transmission, ratio_of, transmission_of
+
+
+@pytest.fixture(scope="module")
+def config():
+    return load_rig()
+
+
+def test_ratios_are_those_of_tab_3_1_and_of_the_driveline(config):
+    box, system = transmission_of(config), build_driveline(config.gearbox)
+    assert box.ratios == {1: pytest.approx(47 / 34), 2: pytest.approx(41 / 40)}
+    for number, ratio in box.ratios.items():
+        clutch, = box.engaged(number)
+        slip = system.w[system.elements.index(clutch.name)]
+        assert slip[system.bodies.index(box.input.name)] * ratio + slip[system.bodies.index(box.output.name)] == (
+            pytest.approx(0.0, abs=1e-12)), "where the gear's clutch does not slip the speeds have its ratio"
+
+
+def test_the_ratio_of_a_planetary_set_follows_from_what_is_held():
+    """Sun 30, ring 70 teeth; bodies sun (input), ring, carrier (output)."""
+    willis = (30.0, 70.0, -100.0)
+    brake_on_ring, sun_to_ring = (0.0, 1.0, 0.0), (1.0, -1.0, 0.0)
+    assert ratio_of([willis, brake_on_ring], 0, 2) == pytest.approx(100 / 30)
+    assert ratio_of([willis, sun_to_ring], 0, 2) == pytest.approx(1.0)
+    with pytest.raises(ValueError, match="leave a ratio open"):
+        ratio_of([willis], 0, 2)
+    with pytest.raises(ValueError, match="let nothing turn"):
+        ratio_of([willis, brake_on_ring, sun_to_ring], 0, 2)
+
+
+def test_every_signal_and_device_of_it_is_one_of_the_rig(config):
+    box, signals, topics = transmission_of(config), catalogue().signals, catalogue().topics
+    for clutch in box.clutches:
+        names = [clutch.pressure, clutch.current, clutch.setpoint, *map(clutch.signal, (
+            "torque", "capacity", "slip", "mode", "clamp", "piston")), *map(clutch.valve_signal, ("duty", "flow"))]
+        assert [name for name in names if name not in signals] == []
+        assert signals[clutch.signal("torque")].topic == clutch.state and clutch.state in topics
+        assert hasattr(config, clutch.instance) and hasattr(config, clutch.valve)
+        assert config.wiring[box.clutches.index(clutch)] == clutch.output
+    assert set(box.channels) <= {signal.name for signal in catalogue().logger_channels()}
+    assert catalogue().signal("gear_ordered").states == box.names
+    energies = Rig(config).energy()
+    assert all(clutch.heat in energies for clutch in box.clutches)
+    assert all(clutch.voltage in Rig(config).channels for clutch in box.clutches)
+
+
+def test_it_is_the_same_from_a_rig_and_from_its_record(config):
+    assert transmission_of(config) == transmission_of(config.as_dict())
+    swapped = transmission_of(load_rig("hydmag", {"wiring": "swapped"}))
+    assert [clutch.output for clutch in swapped.clutches] == [1, 0]
+
+
+def test_gears_are_meant_by_name_or_number():
+    box = transmission_of()
+    assert [box.number(text) for text in ("N", "n", "neutral", "0", "I", "i", "1", "II", "2")] == [0] * 4 + [1] * 3 + [2] * 2
+    assert box.number("III") is None and box.number("") is None
+    assert box.way(0, 2) == "0 -> II" and box.way(2, 7) == "II -> 7"
+    assert [box.changes(*way) for way in ((1, 2), (2, 1), (0, 1), (2, 0), (1, 1))] == [True, True, False, False, False]
+
+
+def with_gears(count: int) -> Transmission:
+    box = transmission_of()
+    more = [Clutch(f"S{k}", f"clutch_s{k}", f"valve_{k}", f"V{k}", k - 1, f"p{k}", f"I{k}", f"I_set{k}", 0.2e6, 1e7)
+            for k in range(3, count + 1)]
+    gears = [Gear(k, "I" * k, (f"S{k}",), 1.0 / k) for k in range(3, count + 1)]
+    return Transmission(box.input, box.output, (*box.clutches, *more), (*box.gears, *gears), box.inertias)
+
+
+def test_the_box_takes_the_gears_that_there_are_and_has_three_outputs(config):
+    settings = Alfa46Config(config.alfa46.values, config.alfa46.profiles[[0, 1, 0]])  # the third is not set on this rig
+    three = Alfa46(settings, with_gears(3))
+    three.order(3)
+    for sample in range(700):
+        _, setpoint = three.step(sample, [0.0] * 3)
+    assert three.gear == 3 and setpoint[2] > 0.0 and not setpoint[:2].any()
+    with pytest.raises(RigError, match=r"there is no gear 3; order 0 \(neutral\), 1 \(I\) or 2 \(II\)"):
+        Alfa46(config.alfa46).order(3)
+    with pytest.raises(RigError, match="gear IIII has no output; the box drives one of 3 in each gear"):
+        Alfa46(config.alfa46, with_gears(4)).order(4)
