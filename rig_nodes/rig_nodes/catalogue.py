@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import lru_cache
 
+from .clocks import COMMAND_TIMEOUT
 from .config import load_yaml, package_file
 from .errors import RigError
 
@@ -27,7 +28,7 @@ class Offer:
 
 # Nodes publish with these (nodes.qos) and bags say them (bags.metadata). A command's deadline is the age at which the
 # rig trips. The last one is for topics of users' own nodes only.
-QOS = {"measurement": Offer(), "command": Offer(deadline_ms=100), "setting": Offer(), "latched": Offer(latched=True),
+QOS = {"measurement": Offer(), "command": Offer(deadline_ms=round(1e3 * COMMAND_TIMEOUT)), "setting": Offer(), "latched": Offer(latched=True),
        "best_effort": Offer(reliable=False)}
 
 

@@ -15,7 +15,7 @@ from ..plant.gearbox import RPM
 from ..testbench.configuration import load_rig
 from ..testbench.record import CHUNK, Rows
 from ..testbench.rig import Rig
-from ..testbench.timed import SAMPLE_NS
+from ..clocks import SAMPLE_NS
 
 # variant -> settings of the rig and whether the logger's rows are kept, as ``record`` does; the first is the usual one
 VARIANTS = {

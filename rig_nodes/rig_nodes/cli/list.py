@@ -112,6 +112,7 @@ _ROWS = {**{kind: _files(kind) for kind in ("sequences", "procedures", "rigs", "
 def markdown() -> str:
     """docs/signals.md: every topic and every signal of the catalogue."""
     from ..catalogue import catalogue
+    from ..clocks import COMMAND_TIMEOUT
 
     def table(rows):
         head = list(rows[0])
@@ -143,7 +144,8 @@ def markdown() -> str:
         "Actions: `/alfa46/shift` (`rig_msgs/action/Shift`), `/sequencer/run` (`rig_msgs/action/RunSequence`). "
         "Services: `/rig/e_stop`, `/rig/reset` and `/rig/end` (`std_srvs/srv/Trigger`), `/alfa46/set_profile` "
         "(`rig_msgs/srv/SetProfile`).", "",
-        "Quality of service: all are reliable with depth 1000. command offers a deadline of 100 ms, and the rig "
+        "Quality of service: all are reliable with depth 1000. command offers a deadline of "
+        f"{COMMAND_TIMEOUT * 1e3:.0f} ms, and the rig "
         "asks for none; setting is sent on change; latched is transient local and sent once.", "",
         "Setpoints (`rig_msgs/msg/Setpoint`) carry their value in this unit and must keep to this range; every message "
         "needs `enable: true` as well, for one without it switches the device off ([ros2.md](ros2.md)):", "",

@@ -17,11 +17,11 @@ from abc import abstractmethod
 from urllib.parse import parse_qsl
 
 from ..alfa46.settings import Alfa46Config
+from ..clocks import COMMAND_TIMEOUT
 from ..errors import RigError
 from .plug import TOLD, Plug, Waiting, chosen_level
 from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status
 
-OLD = 0.1  # s without a command after which the rig trips (testbench.rig.COMMAND_TIMEOUT)
 LONGEST = 10.0  # s that it may be told to be
 MASTER = 1.0  # s of silence after which another one may command, or the timeout when that is longer
 LATE = 2e-2  # s behind real time from which on the clock is set anew instead of hurrying after it
@@ -52,7 +52,7 @@ def number(options: dict[str, str], key: str, default: float, name: str, low: fl
 
 def timeout_of(options: dict[str, str], name: str) -> float:
     """The option timeout [s]; RigError when it is none."""
-    return number(options, "timeout", OLD, name, OLD, LONGEST)
+    return number(options, "timeout", COMMAND_TIMEOUT, name, COMMAND_TIMEOUT, LONGEST)
 
 
 class FreeRunning(Plug):
@@ -63,7 +63,7 @@ class FreeRunning(Plug):
 
     own_clock, level_from = True, TOLD
 
-    def __init__(self, name: str, config: Alfa46Config, level: str | None, place: str, timeout: float = OLD):
+    def __init__(self, name: str, config: Alfa46Config, level: str | None, place: str, timeout: float = COMMAND_TIMEOUT):
         super().__init__(name, config, chosen_level(level, LEVELS[::-1], name))
         self.place, self.timeout = place, timeout  # where the controller is expected, in words
         self.faults: dict[str, int] = {}  # what came and was not used -> how often
@@ -135,7 +135,7 @@ class FreeRunning(Plug):
         self._send(inputs)
         if self._newest is None:
             self._silence()
-            if self._held is not None and self._discarded * self.info.period <= self.timeout - OLD:
+            if self._held is not None and self._discarded * self.info.period <= self.timeout - COMMAND_TIMEOUT:
                 return self._held
             return ControllerOutputs(status=Status.DISCARD)
         answer, self._newest = self._newest, None

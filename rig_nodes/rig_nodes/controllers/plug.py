@@ -35,7 +35,6 @@ from .seam import (
 
 LOG = logging.getLogger("rig_nodes.controllers")
 STEP_TIMEOUT = 5.0  # s of wall clock for one sample when simulated time waits
-REAL_TIME_TIMEOUT = 0.1  # s of wall clock for one sample in real time
 SETTLE = 1.0  # s of wall clock for the right controller to come beside one that cannot be used
 
 

@@ -54,7 +54,8 @@ class Recording:
         """End the bag and write report.json beside it."""
         from ..analysis.report import build_report, write_report
         from ..bags.reader import Bag
-        from ..testbench.timed import TICK_SAMPLES, RigStatus
+        from ..clocks import TICK_SAMPLES
+        from ..testbench.timed import RigStatus
 
         self._bag.__exit__(None, None, None)
         tripped = self.rig.status == RigStatus.TRIPPED

@@ -19,10 +19,10 @@ from rclpy.node import Node
 from ..bags.cdr import encoder
 from ..bags.definitions import installed
 from ..catalogue import catalogue
+from ..clocks import SAMPLE_NS
 from ..errors import RigError
 from ..plant.cut import CUTTABLE, OtherSide, Port, check_device
 from ..testbench.cuts import topic_of
-from ..testbench.timed import SAMPLE_NS
 from .message_class import message_class
 from .process import RIG_OPTIONS, gearbox_rig_config, run
 from .qos import publisher_profile, recorder_profile

@@ -20,7 +20,8 @@ from ..controllers.seam import ControllerFailed, Status
 from ..graph.link import ANSWER, ANSWERED, DISCARDED, NOT_AT_ALL, PATIENCE, READY, SAMPLE, STATUS, Link, LinkClosed
 from ..plant import kernel
 from ..testbench.rig import Rig
-from ..testbench.timed import SAMPLE_NS, TICK_SAMPLES, RigStatus
+from ..clocks import SAMPLE_NS, TICK_SAMPLES
+from ..testbench.timed import RigStatus
 from ..testbench.topics import COMMAND
 from ..testbench.simulate import give_answer
 from .realtime import take_core

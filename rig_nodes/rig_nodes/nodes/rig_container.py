@@ -27,7 +27,8 @@ from ..testbench.outputs import SCALAR_SAMPLES, Outputs
 from ..testbench.rig import Rig
 from ..testbench.sequence import BY_HAND
 from ..testbench.simulate import check_delay, run_record
-from ..testbench.timed import SAMPLE_NS, TICK_SAMPLES, RigStatus
+from ..clocks import SAMPLE_NS, TICK_SAMPLES
+from ..testbench.timed import RigStatus
 from .clutch import Clutch
 from .clutch_bench import bench_nodes
 from .commands import Commands

@@ -22,7 +22,7 @@ from ..graph.link import LinkClosed
 from ..plant.load_pump import relief_setting_for
 from ..testbench.kinds import PACE
 from ..testbench.sequence import SequenceFailed, SequenceRunner, load_sequence
-from ..testbench.timed import SAMPLE_NS, TICK_SAMPLES
+from ..clocks import SAMPLE_NS, TICK_SAMPLES
 from .action_server import GoalServer, finish
 from .clutch_bench import receivers
 from .diagnostics import OK, WARN, Diagnostics, Health

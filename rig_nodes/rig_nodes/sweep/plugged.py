@@ -13,16 +13,16 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
+from ..clocks import COMMAND_TIMEOUT, SAMPLE
 from ..controllers.load import KINDS, level_line, load_controller, split_level
 from ..controllers.plug import Plug
 from ..errors import RigError
-from ..testbench.rig import COMMAND_TIMEOUT, check_level
+from ..testbench.rig import check_level
 from ..testbench.simulate import check_controller
-from ..testbench.timed import SAMPLE_NS
 
 # those that the rig starts for itself; the others are one program, which cannot drive several members at a time
 STARTED = ("python", "c", "simulink", "fmu")
-MOST_DELAY = round(0.5 * COMMAND_TIMEOUT * 1e9 / SAMPLE_NS)  # samples: that of simulate's --delay
+MOST_DELAY = round(0.5 * COMMAND_TIMEOUT / SAMPLE)  # samples: that of simulate's --delay
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from ..plant import clutch_bench as kernel
 from .clutch_bench import ClutchBench
-from .timed import TICK_SAMPLES
+from ..clocks import TICK_SAMPLES
 
 MEASURED = {  # topic of a transducer -> its logger column
     "/hydraulic_motor/m_e": kernel.M_E, "/hydraulic_motor/n": kernel.N, "/hydraulic_motor/p_sh": kernel.P_SH,

@@ -16,6 +16,7 @@ from pathlib import Path
 from ..alfa46 import law
 from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, read_alfa46
 from ..catalogue import GEARBOX
+from ..clocks import SAMPLE
 from ..config.names import beside, find_config, unknown_value, with_bases
 from ..config.schema import build, changed, check_keys, field_value, param, where_of
 from ..config.units import quantity
@@ -79,10 +80,9 @@ class InstrumentsConfig:
 class CutConfig:
     """The tick for which both sides of a cut hold what the other one gave."""
 
-    tick: float = param("time", 1e-3, 1e-2)
+    tick: float = param("time", SAMPLE, 1e-2)
 
 
-SAMPLE = 1e-3  # s: a cut's tick is a whole number of controller samples
 SOURCES = ("plant", "topic")
 PARTS = {
     "motor": MotorConfig, "gearbox": GearboxConfig, "plate_pack": PlatePack, "clutch_s1": Cylinder,

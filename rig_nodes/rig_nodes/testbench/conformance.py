@@ -16,16 +16,17 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from ..catalogue import catalogue
+from ..clocks import SAMPLE
 from ..controllers.load import level_line, load_controller
 from ..controllers.plug import Plug
 from ..controllers.seam import ControllerFailed, Status
 from ..errors import RigError
 from ..transmission import NEUTRAL, Clutch, Transmission, transmission_of
 from .configuration import RigConfig
-from .rig import SAMPLE_NS, Rig
+from .rig import Rig
 from .simulate import advance_with
 
-PERIOD = SAMPLE_NS * 1e-9
+PERIOD = SAMPLE
 UP_AND_DOWN = {100: 1, 1600: 2, 4100: 1, 6600: 0}  # sample of the order: gear; on the bench of desk()
 DESK_SAMPLES = 8000
 LOCKED = 2  # mode of a clutch, as in rig_msgs/ClutchState

@@ -11,11 +11,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from ..clocks import COMMAND_TIMEOUT, SAMPLE
 from ..errors import RigError
 from ..plant.cut import LOAD, MOTOR, NOTHING, VALVES, Answer, OtherSide, Port, drained
 
-SAMPLE_S = 1e-3  # controller sample
-SILENCE = 0.1  # s without an answer that trip the rig
 
 
 def topic_of(device: str, end: str) -> str:
@@ -30,7 +29,7 @@ class Cuts:
         """embedded: the rig's own other sides answer; else answers come by :meth:`answer`."""
         config = rig.config
         self.devices, self.embedded = config.cut_out, embedded
-        self.samples = round(config.cut.tick / SAMPLE_S)
+        self.samples = round(config.cut.tick / SAMPLE)
         self._rig = rig
         self._sides = {device: OtherSide(device, config) for device in self.devices if embedded}
         self._newest = {device: (-1, NOTHING) for device in self.devices}  # sample answered, answer
@@ -77,7 +76,7 @@ class Cuts:
         """The port of a device now."""
         rig = self._rig
         settings = rig.settings[0]
-        tick, safe = self.samples * SAMPLE_S, bool(settings["safe"] > 0.0)
+        tick, safe = self.samples * SAMPLE, bool(settings["safe"] > 0.0)
         if device == MOTOR:
             return Port(tick, speed=float(rig.v[0]), setpoint=float(settings["motor_speed"]),
                         enable=bool(settings["motor_on"] > 0.0), safe=safe)
@@ -125,11 +124,11 @@ class Cuts:
         """The sentence on a device whose newest answer is too old, None when there is none."""
         for device in self.devices:
             if self._is_silent(device):
-                return f"{device}: no answer on {topic_of(device, 'answer')} for {SILENCE * 1e3:.0f} ms"
+                return f"{device}: no answer on {topic_of(device, 'answer')} for {COMMAND_TIMEOUT * 1e3:.0f} ms"
         return None
 
     def _is_silent(self, device: str) -> bool:
-        return self._rig.sample - max(self._newest[device][0], self._since) > round(SILENCE / SAMPLE_S)
+        return self._rig.sample - max(self._newest[device][0], self._since) > round(COMMAND_TIMEOUT / SAMPLE)
 
     def _stand_in(self, device: str) -> Answer:
         """What acts for a silent device: no torque, and the way to the tank open."""

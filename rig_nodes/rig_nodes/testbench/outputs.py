@@ -13,11 +13,11 @@ from collections.abc import Callable, Iterator
 
 from ..bags.cdr import encoder
 from ..catalogue import catalogue
+from ..clocks import ROW, ROW_NS, SAMPLE, SAMPLE_NS, TICK_SAMPLES
 from ..controllers import own_signals
 from ..controllers.plug import Plug
 from .cuts import topic_of
 from .kinds import AnyRig, states_of
-from .timed import SAMPLE_NS, TICK_SAMPLES
 from .topics import COMMAND, SCALAR_SAMPLES, Heard
 
 ROWS_PER_TICK = 50
@@ -54,7 +54,7 @@ class Outputs:
     def signals_row(self, sample: int, values) -> None:
         """Queue the controller's own signals at its answer to a sample; they go out in blocks."""
         for first, rows in self._own_blocks.add(sample, values):
-            fields = first, SAMPLE_NS * 1e-9, *rows.shape, rows.ravel()
+            fields = first, SAMPLE, *rows.shape, rows.ravel()
             self._queued.append((own_signals.BLOCK, first * SAMPLE_NS, *fields))
 
     def setpoint(self, topic: str, value: float, enable: bool) -> None:
@@ -69,10 +69,10 @@ class Outputs:
             yield self._message("/rig/run_info", now, json.dumps(self._run_info, sort_keys=True))
             names = rig.logger_names
             units = [catalogue().signal(name).unit for name in names]
-            yield self._message("/instruments/channels", now, names, units, 1e-4)
+            yield self._message("/instruments/channels", now, names, units, ROW)
             if self._own:
                 names, units = list(self._own), list(self._own.values())
-                yield self._message(own_signals.CHANNELS, now, names, units, SAMPLE_NS * 1e-9)
+                yield self._message(own_signals.CHANNELS, now, names, units, SAMPLE)
         answered = rig.newest_command
         if self.commands and answered > self._answered:
             self._answered = answered
@@ -92,7 +92,7 @@ class Outputs:
             if sample > 0:
                 first, rows = rig.take_rows(ROWS_PER_TICK)
                 self.states.turn(rows)
-                yield self._message(BLOCK, first * 100_000, first, 1e-4, *rows.shape, rows.ravel())
+                yield self._message(BLOCK, first * ROW_NS, first, ROW, *rows.shape, rows.ravel())
         if sample % SCALAR_SAMPLES == 0:
             row = rig.row()
             for topic, column in self.states.measured.items():

@@ -14,6 +14,7 @@ from functools import lru_cache
 from itertools import product
 from pathlib import Path
 
+from ..clocks import ROW
 from ..config import load_yaml
 from ..config.conditions import CONDITIONS
 from ..config.names import beside, find_config, unknown
@@ -22,7 +23,7 @@ from ..config.units import quantity
 from ..errors import RigError, brief
 from .configuration import load_rig, with_overrides
 from .kinds import AnyConfig
-from .record import LOGGER_PERIOD, Run, record
+from .record import Run, record
 from .sequence import Sequence, filled, load_sequence
 
 MOST_REPEATS = 100
@@ -86,7 +87,7 @@ def load_procedure(name: str | Path) -> Procedure:
     if not isinstance(repeats, int) or isinstance(repeats, bool) or not 1 <= repeats <= MOST_REPEATS:
         raise RigError(f"{where_of(path, node, 'repeats')}: repeats is {brief(repeats)}, expected a whole number from 1 to "
                        f"{MOST_REPEATS}")
-    period = LOGGER_PERIOD
+    period = ROW
     if "period" in node:
         period = quantity(node["period"], "time", f"{where_of(path, node, 'period')}: period")
     blocks = node["series"]

@@ -17,16 +17,16 @@ import numpy as np
 from ..analysis.logged import Logged
 from ..analysis.metrics import Recording
 from ..catalogue import GEARBOX
+from ..clocks import ROW, SAMPLE, SAMPLE_NS, TICK_SAMPLES
 from ..controllers.plug import Plug
 from ..errors import RigError
 from ..transmission import transmission_of
 from .kinds import AnyConfig, AnyRig, states_of
 from .sequence import Sequence, SequenceFailed, SequenceRunner
 from .simulate import AFTER_TRIP, advance_with, rig_for, runner_on
-from .timed import SAMPLE_NS, TICK_SAMPLES, RigStatus
+from .timed import RigStatus
 from .topics import COMMAND, SCALAR_SAMPLES, Heard
 
-LOGGER_PERIOD = 1e-4  # s, 10 kHz
 CHUNK = 500  # controller samples between two looks into the ring of rows, which holds at least 1.9 s
 FIRST_ROWS = 200_000  # for which there is room at first: 20 s at 10 kHz
 KEPT_MEMORY = 1 << 28  # bytes that are freed and yet kept for the next run
@@ -159,8 +159,8 @@ class Rows:
 
     def __init__(self, rig: AnyRig, period: float):
         self.rig, self.period = rig, period
-        self.per_sample = round(SAMPLE_NS * 1e-9 / period)
-        if abs(self.per_sample * period - SAMPLE_NS * 1e-9) > 1e-12 or self.per_sample < 1:
+        self.per_sample = round(SAMPLE / period)
+        if abs(self.per_sample * period - SAMPLE) > 1e-12 or self.per_sample < 1:
             raise RigError(f"rows every {period * 1e6:g} us do not fit into samples of 1000 us; take e.g. 100 us or "
                            "8 us")
         count = rig.rows_in_ring(period, 0, 0).shape[1]  # refuses a period that is no whole number of steps
@@ -197,7 +197,7 @@ def record(config: AnyConfig, sequence: Sequence, seed: int = 1, rows_per_second
     A sequence that fails keeps what was recorded until then. RigError when rows and steps do not fit.
     """
     if period is None:
-        period = LOGGER_PERIOD if rows_per_second is None else 1.0 / rows_per_second
+        period = ROW if rows_per_second is None else 1.0 / rows_per_second
     try:
         return _record(config, sequence, seed, period, truth, controller, delay)
     finally:

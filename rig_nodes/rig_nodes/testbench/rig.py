@@ -19,6 +19,7 @@ from ..alfa46 import law
 from ..alfa46.controller import refusal
 from ..alfa46.settings import Alfa46Config
 from ..catalogue import catalogue
+from ..clocks import COMMAND_TIMEOUT, SAMPLE_NS
 from ..config.schema import fill, limits
 from ..controllers.seam import LEVELS, NOTHING
 from ..errors import RigError
@@ -31,7 +32,7 @@ from ..plant.outcome import WHOLE
 from .configuration import PARTS, RigConfig
 from .cuts import Cuts
 from .gauges import Gauges
-from .timed import SAMPLE_NS, RigStatus, Timed, check_range, places
+from .timed import RigStatus, Timed, check_range, places
 
 
 def _told(place: str) -> str:
@@ -53,7 +54,6 @@ def _told(place: str) -> str:
 PLACES = places(kernel.WORLD)
 FINITE = PLACES.index("driveline.mode[0]")
 PLACES = [_told(place) for place in PLACES[:FINITE + kernel.ELEMENTS]]
-COMMAND_TIMEOUT = 0.1  # s: a valve command older than this trips the rig
 UNMOVED = 1e6  # kg m2 on w0 where n_wej is to stay, whatever happens; in no torque and no energy that is told
 SETPOINTS = {"motor_speed": "n_wej", "load_pressure": "p_po", "oil_pressure": "p_p"}  # and whose range they keep to
 

@@ -26,7 +26,8 @@ from .kinds import AnyConfig, AnyRig, make_rig
 from .outputs import Outputs
 from .rig import Rig
 from .sequence import Sequence, SequenceFailed, SequenceRunner
-from .timed import TICK_SAMPLES, RigStatus
+from ..clocks import TICK_SAMPLES
+from .timed import RigStatus
 
 LONGEST_RUN = 24 * 3600.0  # s of simulated time
 AFTER_TRIP = 100  # samples recorded after a trip, so that the bag shows the safe state

@@ -16,12 +16,11 @@ from enum import IntEnum
 import numpy as np
 
 from ..catalogue import Catalogue, Signal
+from ..clocks import ROW, SAMPLE, SAMPLE_NS
 from ..config.schema import param
 from ..errors import RigError
 from ..plant.outcome import NOT_SETTLED
 
-SAMPLE_NS = 1_000_000  # controller sample; commands apply on its boundaries
-TICK_SAMPLES = 5  # controller samples per graph tick
 LOG_ROWS = 20_000  # ring of logger rows, 2 s at 10 kHz
 
 
@@ -81,12 +80,12 @@ class Timed(ABC):
         catalogue: of this kind of rig; its logger's columns are the first of ``channels``.
         """
         self.step_ns, self.step, self.sample = SAMPLE_NS, step, 0
-        steps = SAMPLE_NS * 1e-9 / step
+        steps = SAMPLE / step
         if abs(steps - round(steps)) > 1e-9:
             raise RigError(f"the plant's step of {step * 1e6:g} us does not divide the controller's "
                            "sample of 1000 us; choose e.g. 100 us or 50 us")
         self._steps_per_sample = round(steps)
-        self._logger_stride = round(1e-4 / step)
+        self._logger_stride = round(ROW / step)
         self._drained = 0  # logger rows handed out
         self.reason, self.stopped_by_person = "", False
         self.logger_names = [s.name for s in catalogue.logger_channels()]
@@ -111,7 +110,7 @@ class Timed(ABC):
 
         values: those that came out, of which the first that is no finite number is named by its place in ``names``.
         """
-        when = f"between {self.time - SAMPLE_NS * 1e-9:.3f} s and {self.time:.3f} s"
+        when = f"between {self.time - SAMPLE:.3f} s and {self.time:.3f} s"
         if how == NOT_SETTLED:
             self.trip(f"{when} the friction of clutches and brakes did not settle within a step; a value of the rig is "
                       "far from any real one, or its step too long")
@@ -154,11 +153,11 @@ class Timed(ABC):
     @property
     def time(self) -> float:
         """Simulated time since the start [s]."""
-        return self.sample * (SAMPLE_NS * 1e-9)
+        return self.sample * SAMPLE
 
     def advance(self, seconds: float) -> None:
         """Advance by a whole number of controller samples (1 ms); RigError otherwise."""
-        samples = seconds / (SAMPLE_NS * 1e-9)
+        samples = seconds / SAMPLE
         if abs(samples - round(samples)) > 1e-6 or samples < 0:
             raise RigError(f"cannot advance by {seconds} s: expected a whole number of milliseconds")
         self.advance_samples(round(samples))
@@ -181,7 +180,7 @@ class Timed(ABC):
     def take_rows(self, rows: int) -> tuple[int, np.ndarray]:
         """(index of the first, the next ``rows`` 10 kHz logger rows); RigError when they are not there any more."""
         first = self._drained
-        values = self.rows_at(1e-4, first, rows)[:, :len(self.logger_names)]
+        values = self.rows_at(ROW, first, rows)[:, :len(self.logger_names)]
         self._drained += rows
         return first, values
 

@@ -13,10 +13,10 @@ import math
 from ..bags.cdr import Form
 from ..bags.definitions import installed
 from ..catalogue import catalogue
+from ..clocks import ROW, TICK_SAMPLES
 from ..controllers.seam import LEVELS
 from ..plant import kernel
 from .rig import Rig
-from .timed import TICK_SAMPLES
 
 SCALAR_SAMPLES = 10  # controller samples between scalars (100 Hz)
 MEASURED = {  # topic of a transducer -> its logger column
@@ -89,7 +89,7 @@ class States:
         As a counter of the encoders would, without wrapping; fsum, so that no order of summing shows in the bag.
         """
         for shaft, column in enumerate(SPEEDS):
-            self._angles[shaft] += 1e-4 * math.fsum(rows[:, column].tolist())
+            self._angles[shaft] += ROW * math.fsum(rows[:, column].tolist())
 
     def each_sample(self) -> list[tuple]:
         """(topic, its fields) of what goes out with every sample: what the controller sees."""
