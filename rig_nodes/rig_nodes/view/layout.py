@@ -13,6 +13,7 @@ import uuid
 from dataclasses import dataclass
 
 from ..catalogue import GEARBOX, Signal, catalogue
+from ..transmission import transmission_of
 
 TIMELINE = "t"
 BEFORE, AFTER = 0.2, 1.5  # s around the order of a shift: profiles, torque peak and the torque settling again
@@ -20,23 +21,45 @@ BEFORE, AFTER = 0.2, 1.5  # s around the order of a shift: profiles, torque peak
 LEGEND = 0.3  # of a window, shown after it: there the legend covers nothing that matters
 
 # One hue per place of measurement, apart for the colour-blind and on dark and light ground alike:
-# input shaft green, output shaft pink, clutch S1 blue, clutch S2 orange. Bright is measured, pale is what was
-# asked for or could be transmitted.
-INPUT, OUTPUT, S1, S2 = (0x12, 0xB8, 0x86), (0xE0, 0x7A, 0xC0), (0x2F, 0x95, 0xF5), (0xF5, 0x84, 0x1F)
+# input shaft green, output shaft pink, the first clutch blue, the second orange, a third violet. Bright is measured, pale
+# is what was asked for or could be transmitted.
+INPUT, OUTPUT, S1, S2, S3 = (0x12, 0xB8, 0x86), (0xE0, 0x7A, 0xC0), (0x2F, 0x95, 0xF5), (0xF5, 0x84, 0x1F), (0x8E, 0x6B, 0xE8)
 INPUT_PALE, OUTPUT_PALE = (0x8C, 0xD9, 0xC0), (0xEF, 0xBE, 0xE0)
-S1_PALE, S2_PALE = (0x9B, 0xCB, 0xF8), (0xF8, 0xC4, 0x94)
-PALE = (INPUT_PALE, OUTPUT_PALE, S1_PALE, S2_PALE)
+S1_PALE, S2_PALE, S3_PALE = (0x9B, 0xCB, 0xF8), (0xF8, 0xC4, 0x94), (0xC9, 0xB8, 0xF4)
+HUES = ((S1, S1_PALE), (S2, S2_PALE), (S3, S3_PALE))  # bright and pale, of clutches and of gears, each in their order
+PALE = (INPUT_PALE, OUTPUT_PALE, *(pale for _, pale in HUES))
 SUPPLY, OTHER = (0xD8, 0xD0, 0x48), (0x9A, 0xA0, 0xA8)
 
+BOX = transmission_of()
+CLUTCHES = BOX.clutches
+
+
+def hues(place: int) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
+    """Bright and pale of the clutch or gear at a place; further ones begin anew."""
+    return HUES[place % len(HUES)]
+
+
+def _of_clutches() -> dict[str, tuple[int, int, int]]:
+    found = {}
+    for place, clutch in enumerate(CLUTCHES):
+        bright, pale = hues(place)
+        found |= dict.fromkeys((clutch.pressure, clutch.current, *map(clutch.signal, ("torque", "slip", "clamp", "piston")),
+                                *map(clutch.valve_signal, ("duty", "flow"))), bright)
+        found |= {clutch.setpoint: pale, clutch.signal("capacity"): pale}
+    return found
+
+
+def each(*signals) -> tuple[str, ...]:
+    """Signals of the first clutch, then those of the next; each is what a clutch is asked for."""
+    return tuple(of(clutch) for clutch in CLUTCHES for of in signals)
+
+
 COLOURS = {
-    "M_wej": INPUT, "n_wej": INPUT, "motor_torque": INPUT_PALE, "motor_speed_setpoint": INPUT_PALE,
+    BOX.input.torque: INPUT, BOX.input.speed: INPUT, "motor_torque": INPUT_PALE, "motor_speed_setpoint": INPUT_PALE,
     "motor_work": INPUT, "loss_in": INPUT,
-    "M_wyj": OUTPUT, "n_wyj": OUTPUT, "load_torque": OUTPUT_PALE, "load_work": OUTPUT, "loss_out": OUTPUT,
-    "p_po": OUTPUT, "relief_setting": OUTPUT_PALE,
-    "p1": S1, "I_zr_p1": S1, "I_set_zr_p1": S1_PALE, "s1_torque": S1, "s1_capacity": S1_PALE, "s1_slip": S1,
-    "s1_clamp": S1, "s1_piston": S1, "zr_p1_duty": S1, "zr_p1_flow": S1,
-    "p2": S2, "I_zr_p2": S2, "I_set_zr_p2": S2_PALE, "s2_torque": S2, "s2_capacity": S2_PALE, "s2_slip": S2,
-    "s2_clamp": S2, "s2_piston": S2, "zr_p2_duty": S2, "zr_p2_flow": S2,
+    BOX.output.torque: OUTPUT, BOX.output.speed: OUTPUT, "load_torque": OUTPUT_PALE, "load_work": OUTPUT,
+    "loss_out": OUTPUT, "p_po": OUTPUT, "relief_setting": OUTPUT_PALE,
+    **_of_clutches(),
     "p_p": SUPPLY, "T_oil": SUPPLY,
     # the clutch bench: what turns green, what clamps blue
     "M_e": INPUT, "n": INPUT, "p_sh": INPUT, "motor_sh_torque": INPUT_PALE, "motor_sh_setpoint": INPUT_PALE,
@@ -44,35 +67,37 @@ COLOURS = {
     "p_z": S1, "s": S1, "pack_clamp": S1, "F_ps": S2, "pack_torque": S2, "pack_capacity": S1_PALE, "pack_slip": S1,
     "pack_heat": S1, "cylinder_setting": S1_PALE, "T_emp": SUPPLY,
 }
-# Clutches go from grey over yellow to the hue of their gear: S1 carries gear I, S2 gear II.
+# Clutches go from grey over yellow to their hue, which is that of the gear at the same place.
 IDLE, WAITING, ALARM = (0x55, 0x5B, 0x63), (0xC9, 0xB4, 0x2B), (0xD6, 0x45, 0x50)
 STATE_COLOURS = {
     "none": IDLE, "neutral": IDLE, "open": IDLE, "starting": IDLE, "slipping": WAITING, "tie-up": ALARM,
-    "I": S1, "II": S2, "ready": WAITING, "running": INPUT, "tripped": ALARM,
+    "ready": WAITING, "running": INPUT, "tripped": ALARM,
+    **{BOX.names[gear]: hues(place)[0] for place, gear in enumerate(BOX.ratios)},
 }
-LOCKED = {"s1_mode": S1, "s2_mode": S2, "pack_mode": S1}
+LOCKED = {**{clutch.signal("mode"): hues(place)[0] for place, clutch in enumerate(CLUTCHES)}, "pack_mode": S1}
 
-SHIFT_STATES = ("gear_ordered", "gear", "s1_mode", "s2_mode")
+SHIFT_STATES = ("gear_ordered", "gear", *(clutch.signal("mode") for clutch in CLUTCHES))
 STATES = ("rig_state", *SHIFT_STATES)
+PRESSURES, SLIPS = each(lambda clutch: clutch.pressure), each(lambda clutch: clutch.signal("slip"))
 # title of a plot and its signals; all signals of one plot share their display unit
 SHIFT_PLOTS = (
-    ("Coil current", ("I_zr_p1", "I_set_zr_p1", "I_zr_p2", "I_set_zr_p2")),
-    ("Clutch pressure", ("p1", "p2")),
-    ("Shaft torque", ("M_wej", "M_wyj")),
-    ("Clutch torque", ("s1_torque", "s1_capacity", "s2_torque", "s2_capacity")),
-    ("Speed", ("n_wej", "n_wyj", "s1_slip", "s2_slip")),
+    ("Coil current", each(lambda clutch: clutch.current, lambda clutch: clutch.setpoint)),
+    ("Clutch pressure", PRESSURES),
+    ("Shaft torque", (BOX.input.torque, BOX.output.torque)),
+    ("Clutch torque", each(lambda clutch: clutch.signal("torque"), lambda clutch: clutch.signal("capacity"))),
+    ("Speed", (BOX.input.speed, BOX.output.speed, *SLIPS)),
 )
 RUN_LEFT = (
     SHIFT_PLOTS[0],
-    ("Clutch and supply pressure", ("p1", "p2", "p_p")),
-    ("Piston position", ("s1_piston", "s2_piston")),
-    ("Oil flow to the clutches", ("zr_p1_flow", "zr_p2_flow")),
+    ("Clutch and supply pressure", (*PRESSURES, "p_p")),
+    ("Piston position", each(lambda clutch: clutch.signal("piston"))),
+    ("Oil flow to the clutches", each(lambda clutch: clutch.valve_signal("flow"))),
 )
 RUN_RIGHT = (
-    ("Shaft, motor and load torque", ("M_wej", "M_wyj", "motor_torque", "load_torque")),
+    ("Shaft, motor and load torque", (BOX.input.torque, BOX.output.torque, "motor_torque", "load_torque")),
     SHIFT_PLOTS[3],
-    ("Shaft speed", ("n_wej", "n_wyj", "motor_speed_setpoint")),
-    ("Slip", ("s1_slip", "s2_slip")),
+    ("Shaft speed", (BOX.input.speed, BOX.output.speed, "motor_speed_setpoint")),
+    ("Slip", SLIPS),
 )
 
 # of a run of the clutch bench, which has none of the others
@@ -116,7 +141,7 @@ class Shift:
     @property
     def title(self) -> str:
         """What people call it, e.g. ``I → II at 3.835 s``."""
-        names = catalogue().signal("gear_ordered").states
+        names = BOX.names
         return f"{names.get(self.before, '?')} → {names.get(self.after, '?')} at {self.order:.3f} s"
 
 
@@ -143,7 +168,7 @@ def choose(shifts: list[Shift]) -> list[Shift]:
 
     Engaging from neutral is chosen only when there is nothing else.
     """
-    under_way = [s for s in shifts if s.before and s.after] or shifts
+    under_way = [s for s in shifts if BOX.changes(s.before, s.after)] or shifts
     first = {}
     for shift in under_way:
         first.setdefault(shift.after > shift.before, shift)

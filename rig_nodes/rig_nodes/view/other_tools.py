@@ -18,7 +18,7 @@ from ..catalogue import Signal, catalogue
 from ..whole_file import write_whole
 from . import layout
 
-STATE_HUES = (layout.INPUT, layout.OUTPUT, layout.OTHER, layout.S1, layout.S2)  # curves have one colour each
+STATE_HUES = (layout.INPUT, layout.OUTPUT, layout.OTHER, *(bright for bright, _ in layout.HUES))  # curves have one colour each
 
 
 def tabs() -> list[tuple[str, list[list[tuple[str, list[str]]]]]]:
