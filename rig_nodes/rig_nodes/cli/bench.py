@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 import sys
-import time
+
+from .progress import ProgressLine
 
 HELP = "measure how fast the rig computes on this machine"
 PARTS = ("kernel", "demo", "graph", "controllers", "scaling", "peers")
@@ -19,27 +20,6 @@ def add_arguments(parser) -> None:
     parser.add_argument("--json", metavar="FILE", help="write the numbers as JSON; - for stdout, without tables")
     parser.add_argument("--write-docs", action="store_true",
                         help="write docs/performance.md of the checkout (all parts)")
-
-
-class Progress:
-    """A line on stderr of what is measured now; into a file one line for each part."""
-
-    def __init__(self, parts: list[str]):
-        self.parts, self.start, self.live = parts, time.monotonic(), sys.stderr.isatty()
-
-    def begin(self, part: str) -> None:
-        self.head = f"[{self.parts.index(part) + 1}/{len(self.parts)}] {part}"
-        if not self.live:
-            print(f"{self.head}, {time.monotonic() - self.start:.0f} s so far", file=sys.stderr, flush=True)
-
-    def tell(self, text: str) -> None:
-        if self.live:
-            line = f"{self.head}: {text}, {time.monotonic() - self.start:.0f} s"
-            print(f"\r{line[:110]:<110}", end="", file=sys.stderr, flush=True)
-
-    def end(self) -> None:
-        if self.live:
-            print(f"\r{'':<110}\r", end="", file=sys.stderr, flush=True)
 
 
 def main(args) -> int:
@@ -55,19 +35,20 @@ def main(args) -> int:
     from .written import check_json, write_json
 
     check_json(args.json)
-    progress, results = Progress(parts), {"machine": machine()}
+    line, results = ProgressLine(), {"machine": machine()}
     text = args.json != "-"
     if text:
         print(machine_line(results["machine"]), flush=True)
     try:
-        for part in parts:
-            progress.begin(part)
-            results[part] = _measure(part, args.repeats, progress.tell)
-            progress.end()
+        for number, part in enumerate(parts):
+            head = f"[{number + 1}/{len(parts)}] {part}"
+            results[part] = _measure(part, args.repeats, lambda said, head=head, number=number: line.tell(
+                number, f"{head}: {said}"))
+            line.leave()
             if text:
                 print("\n".join(["", TITLES[part], "", *lines(part, results[part])]), flush=True)
     finally:
-        progress.end()
+        line.leave()
     if args.json:
         write_json(args.json, results)
     if args.write_docs:

@@ -7,6 +7,8 @@ import argparse
 import sys
 from dataclasses import asdict
 
+from .progress import ProgressLine
+
 HELP = "find the rig's unknown parameters on the laboratory's rows"
 
 
@@ -47,11 +49,13 @@ def main(args: argparse.Namespace) -> int:
             raise RigError(f"--stages: {unknown('stage', stage, ROWS)}")
     parameters = {f"{stage}.{name}": p for stage, those in c.load_stages().items() for name, p in those.items()}
 
+    line = ProgressLine()
+
     def progress(stage: str, turn: int, cost: float) -> None:
-        print(f"\r{stage}: generation {turn}, misses cost {cost:.3f}   ", end="", file=sys.stderr, flush=True)
+        line.tell(turn, f"{stage}: generation {turn}, misses cost {cost:.3f}")
 
     def pair(stage: str, one: str, other: str) -> None:
-        print(f"\r{stage}: {one} against {other}                    ", end="", file=sys.stderr, flush=True)
+        line.tell(0.0, f"{stage}: {one} against {other}")
 
     def plain(miss) -> dict:
         return {"row": miss.row, "value": miss.value, "tolerances": miss.tolerances}
@@ -66,7 +70,7 @@ def main(args: argparse.Namespace) -> int:
         what, code = ended_by(stop)
         print(f"\nrig: {what}; nothing was changed", file=sys.stderr)
         return code
-    print(file=sys.stderr)
+    line.leave()
     print(f"{'parameter':24} {'value':>12} {'spread':>12}  (SI)")
     for name, value in found.values.items():
         print(f"{name:24} {value:12.5g} {found.spread[name]:12.3g}  {', '.join(parameters[name].of)}")

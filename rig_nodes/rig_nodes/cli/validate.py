@@ -11,6 +11,8 @@ import sys
 import time
 from pathlib import Path
 
+from .progress import ProgressLine
+
 HELP = "hold the rig against everything that the laboratory printed"
 STARTING = 2.0  # what starting the processes costs, in the sizes of validation.programme
 
@@ -29,24 +31,17 @@ def add_arguments(parser) -> None:
                         help="change one value of the rig (may be repeated)")
 
 
-class Progress:
-    """One line for each procedure on stderr, with the time that is left; on a terminal it is kept up to date."""
+def _progress(runs: dict[str, tuple[int, float]]):
+    """Called as programme.validate does. runs: of each procedure, how many there are and how long one takes."""
+    line = ProgressLine(STARTING + sum(count * size for count, size in runs.values()))
+    done = STARTING
 
-    def __init__(self, runs: dict[str, tuple[int, float]]):
-        self.sizes = {name: size for name, (_, size) in runs.items()}
-        self.left = sum(count * size for count, size in runs.values())
-        self.done, self.start = STARTING, time.monotonic()
-        self.live = sys.stderr.isatty()
+    def progress(procedure: str, count: int, of: int) -> None:
+        nonlocal done
+        done += runs[procedure][1]
+        line.tell(done, f"{procedure:<15} {count:>3} of {of} runs", count == of)
 
-    def __call__(self, procedure: str, done: int, of: int) -> None:
-        self.done, self.left = self.done + self.sizes[procedure], self.left - self.sizes[procedure]
-        gone = time.monotonic() - self.start
-        left = gone / self.done * max(self.left, 0.0)
-        text = f"{procedure:<15} {done:>3} of {of} runs, {gone:.0f} s, about {left:.0f} s left"
-        if self.live:
-            print(f"\r{text:<79}", end="\n" if done == of else "", file=sys.stderr, flush=True)
-        elif done == of:
-            print(text, file=sys.stderr, flush=True)
+    return progress
 
 
 def main(args) -> int:
@@ -83,7 +78,7 @@ def main(args) -> int:
     drawn = []
     # rows for information alone need no processes
     with Workers(args.jobs) if procedures else contextlib.nullcontext() as workers:
-        result = programme.validate(targets, workers, args.rig, settings, Progress(runs))
+        result = programme.validate(targets, workers, args.rig, settings, _progress(runs))
         if args.pictures and procedures:
             drawn = time_courses.time_courses(procedures, workers, args.rig, settings)
     print(f"{sum(count for count, _ in runs.values())} runs with their metrics in {time.monotonic() - began:.1f} s",

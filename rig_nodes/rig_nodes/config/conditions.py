@@ -6,10 +6,13 @@
 A series of a procedure is run under some of them, and a target names those that its records must have.
 """
 
+from ..transmission import transmission_of
+
 # what a condition takes: a dimension, the words it knows, or whole numbers
 CONDITIONS = {
-    "shift": ("I-II", "II-I"), "n_wej": "angular velocity", "n_wyj": "angular velocity", "m_wyj": "torque",
-    "t12": "time", "t21": "time", "series": int, "valve": ("ZR-P1", "ZR-P2"), "clutch": ("S1", "S2"),
+    "shift": tuple(transmission_of().ways()), "n_wej": "angular velocity", "n_wyj": "angular velocity", "m_wyj": "torque",
+    "t12": "time", "t21": "time", "series": int, "valve": tuple(clutch.valve_name for clutch in transmission_of().clutches),
+    "clutch": tuple(clutch.name for clutch in transmission_of().clutches),
     "side": ("driving", "driven"), "phase": ("before", "shift", "fill", "after contact"),
     "source": ("measured", "simulated"), "ring": ("80x115", "80x101.9", "65x115", "46x88.9", "50x76"),
     "thickness": "length", "surfaces": int, "model": ("thesis", "osinski", "traditional"),

@@ -19,8 +19,10 @@ from .friction import closed, drag
 from .friction.geometry import PackGeometry
 from .valve import held_flow, port_flow
 
-
 LOWEST = -1e4  # Pa: to which the tank's pressure may be missed by the order of the integration
+# models of chapter 6 that a configuration may name
+FRICTION_MODELS = ("thesis", "traditional", "osinski", "newcomb", "chen")
+DRAG_MODELS = ("kitabayashi", "davis", "pahlovy", "peng_yuan", "iqbal")
 
 
 @dataclass(frozen=True)
@@ -61,8 +63,8 @@ class Cylinder:
     line_volume: float = param("volume", 1e-7, 1e-2)
     chamber_volume: float = param("volume", 1e-7, 1e-2)
     feed_area: float = param("area", 1e-8, 1e-2)
-    friction_model: str = choice("thesis", "traditional", "osinski", "newcomb", "chen")
-    drag_model: str = choice("kitabayashi", "davis", "pahlovy", "peng_yuan", "iqbal")
+    friction_model: str = choice(*FRICTION_MODELS)
+    drag_model: str = choice(*DRAG_MODELS)
     friction_correction: float = param("ratio", 0.1, 10.0)
     rest_torque: float = param("torque", 0.0, 500.0)
     rest_sliding: float = param("ratio", 0.0, 1.0)

@@ -14,7 +14,7 @@ from pathlib import Path
 from ..config.names import unknown_value
 from ..config.schema import build, changed, check_keys, choice, field_value, param, switch, where_of
 from ..errors import RigError, brief
-from ..plant.clutch import PlatePack
+from ..plant.clutch import DRAG_MODELS, FRICTION_MODELS, PlatePack
 from ..plant.hydraulic_motor import BenchShaft, HydraulicMotorConfig
 from ..plant.oil_supply import OilSupplyConfig
 from ..plant.press_cylinder import PressCylinder
@@ -27,8 +27,8 @@ KIND = "clutch_bench"
 class PackModel:
     """What makes the torque of the clamped pack: a model of chapter 6, k_kor and M_rest of (6.56)."""
 
-    friction_model: str = choice("thesis", "traditional", "osinski", "newcomb", "chen")
-    drag_model: str = choice("kitabayashi", "davis", "pahlovy", "peng_yuan", "iqbal")
+    friction_model: str = choice(*FRICTION_MODELS)
+    drag_model: str = choice(*DRAG_MODELS)
     friction_correction: float = param("ratio", 0.1, 10.0)
     rest_torque: float = param("torque", 0.0, 500.0)
 

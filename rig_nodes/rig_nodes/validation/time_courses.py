@@ -20,15 +20,17 @@ from ..analysis.metrics import Recording
 from ..testbench.campaign import Workers
 from ..testbench.procedure import load_procedure, run_repeat
 from ..testbench.record import Run
+from ..transmission import transmission_of
 from .figures import Figure, Series
 
 MEAN, STEP = 1e-3, 2e-3  # s: mean over as much, one point each
 BEFORE, AFTER = 0.1, 1.2  # s around the order
+BOX = transmission_of()
 CHANNELS = {  # part of a figure -> (axis with unit, factor from SI, channels)
-    "torque": ("torque [Nm]", 1.0, ("M_wej", "M_wyj")),
-    "speed": ("speed [rpm]", 30.0 / pi, ("n_wej", "n_wyj")),
-    "pressure": ("pressure [MPa]", 1e-6, ("p1", "p2")),
-    "current": ("coil current [mA]", 1e3, ("I_zr_p1", "I_zr_p2")),
+    "torque": ("torque [Nm]", 1.0, (BOX.input.torque, BOX.output.torque)),
+    "speed": ("speed [rpm]", 30.0 / pi, (BOX.input.speed, BOX.output.speed)),
+    "pressure": ("pressure [MPa]", 1e-6, tuple(clutch.pressure for clutch in BOX.clutches)),
+    "current": ("coil current [mA]", 1e3, tuple(clutch.current for clutch in BOX.clutches)),
 }
 SHIFT = ("torque", "speed", "pressure")
 
@@ -45,7 +47,7 @@ class Course:
     parts: tuple[str, ...] = SHIFT
 
 
-UP, DOWN = (1, 2), (2, 1)
+UP, DOWN = BOX.ways().values()
 COURSES = (
     Course("7_9", "Fig. 7.9, 7.10: response of ZR-P2", "valve_response", "ZR-P2", (0, 2), ("pressure", "current")),
     Course("7_12", "Fig. 7.12, 7.13: response of ZR-P1", "valve_response", "ZR-P1", (0, 1), ("pressure", "current")),
