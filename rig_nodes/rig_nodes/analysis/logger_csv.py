@@ -60,24 +60,27 @@ def read_logger_csv(path: str | Path, period: float | None = None, orders: list[
 def parse_orders(text: str, transmission: Transmission | None = None) -> list[tuple[float, int, int]]:
     """Orders from the command line, ``"3.845:I-II, 8.32:II-I"``: time in the recording [s], gear before, gear ordered.
 
-    Gears are named as people name them (Transmission.number), 0 is neutral; the laboratory's by default. Raises RigError with an example.
+    Gears are named as people name them (Transmission.number), 0 is neutral; the laboratory's by default. Raises RigError
+    with an example.
     """
     box, orders = transmission or transmission_of(), []
+    first, second = list(box.ways())[:2]
+    example = f"'3.845:{first}, 8.32:{second}'"
     for part in filter(str.strip, re.split(r"[,;]", text)):
         match = _ORDER.match(part)
         gears = [None] if match is None else [box.number(match[2]), box.number(match[3])]
         if None in gears:
             raise RigError(f"--orders: '{part.strip()}' is no order; write the time in s and the gears, e.g. "
-                           "'3.845:I-II, 8.32:II-I' (0 is neutral)")
+                           f"{example} (0 is neutral)")
         order = float(match[1]), gears[0], gears[1]
         if order[1] == order[2]:
             raise RigError(f"--orders: '{part.strip()}' orders the gear that is in; write another after the '-', e.g. "
-                           "'3.845:I-II'")
+                           f"'3.845:{first}'")
         if any(order[0] == other[0] for other in orders):
             raise RigError(f"--orders: two orders at {order[0]:g} s; only one gear can be ordered at a time")
         orders.append(order)
     if not orders:
-        raise RigError("--orders is empty; write e.g. '3.845:I-II, 8.32:II-I'")
+        raise RigError(f"--orders is empty; write e.g. {example}")
     return sorted(orders)
 
 

@@ -18,7 +18,7 @@ HELP = "find valve profiles and delays for an operating range: a front of trade-
 
 
 def add_arguments(parser) -> None:
-    parser.add_argument("--ways", nargs="+", default=["I-II", "II-I"], metavar="WAY", help="I-II, II-I (default: both)")
+    parser.add_argument("--ways", nargs="+", metavar="WAY", help="e.g. I-II (default: every shift to the next gear)")
     parser.add_argument("--speeds", default="1000 rpm .. 2000 rpm", metavar="RANGE",
                         help="of the input shaft (default \"1000 rpm .. 2000 rpm\", the thesis's)")
     parser.add_argument("--load-up", default="40 Nm .. 120 Nm", metavar="RANGE",
@@ -142,7 +142,8 @@ def _problem(args):
     if len(objectives) < 2 or len(set(objectives)) < len(objectives):
         raise RigError("--objectives: expected two or more different ones")
     ways = transmission_of().ways()
-    for way in args.ways:
+    wanted = args.ways or list(ways)
+    for way in wanted:
         if way not in ways:
             raise RigError(f"--ways: {unknown('way', way, ways)}")
     speeds = _range("--speeds", args.speeds, "angular velocity")
@@ -156,7 +157,7 @@ def _problem(args):
     bounds, oil = _bounds(args.bounds), _range("--oil", args.oil, "temperature")
     spreads = read_spreads(args.spreads) if args.spreads else {}
     rig = args.rig if not args.rig.endswith((".yaml", ".yml")) else str(Path(args.rig).absolute())
-    return Problem(rig, config, {way: ranges[way] for way in ways if way in args.ways}, objectives, bounds,
+    return Problem(rig, config, {way: ranges[way] for way in ways if way in wanted}, objectives, bounds,
                    spreads, oil, args.rigs, args.judge_rigs, args.points, args.fresh, args.seed,
                    args.generations, args.shifts)
 

@@ -20,6 +20,7 @@ from ..errors import RigError
 from ..testbench.campaign import Workers, run_campaign
 from ..testbench.procedure import Series, load_procedure
 from ..testbench.record import Run
+from ..transmission import transmission_of
 from . import bench_records, readers
 from .derived import derive
 from .evaluate import Row, evaluate
@@ -102,7 +103,7 @@ def needed(targets: Iterable[Target]) -> tuple[str, ...]:
             wanted.update(GRIDS)  # what the simulation is compared with
         if target.procedure in GRIDS:
             shifts = {shift for side in (target.conditions, target.of, target.to) for shift in side.get("shift", ())}
-            wanted.update(grid for grid, shift in zip(GRIDS, ("I-II", "II-I")) if shift in shifts)
+            wanted.update(grid for grid, shift in zip(GRIDS, transmission_of().ways()) if shift in shifts)
     return tuple(name for name in PROCEDURES if name in wanted)
 
 
