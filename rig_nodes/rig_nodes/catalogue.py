@@ -28,8 +28,8 @@ class Offer:
 
 # Nodes publish with these (nodes.qos) and bags say them (bags.metadata). A command's deadline is the age at which the
 # rig trips. The last one is for topics of users' own nodes only.
-QOS = {"measurement": Offer(), "command": Offer(deadline_ms=round(1e3 * COMMAND_TIMEOUT)), "setting": Offer(), "latched": Offer(latched=True),
-       "best_effort": Offer(reliable=False)}
+QOS = {"measurement": Offer(), "command": Offer(deadline_ms=round(1e3 * COMMAND_TIMEOUT)), "setting": Offer(),
+       "latched": Offer(latched=True), "best_effort": Offer(reliable=False)}
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,8 @@ def refusal(gear: int, current_gear: int, shifting: bool, transmission: Transmis
 class Alfa46:
     """The shift controller. Samples are counted by the rig; times are samples times the sample period.
 
-    transmission: whose gears can be ordered, the laboratory's by default; gear 1 moves output 1, gear 2 output 2 and so on.
+    transmission: whose gears can be ordered, the laboratory's by default; gear 1 moves output 1, gear 2 output 2 and so
+    on.
     """
 
     def __init__(self, config: Alfa46Config, transmission: Transmission | None = None):

@@ -40,7 +40,8 @@ def shifts_annex_a(recording: Recording, **factors) -> list[dict]:
 
 
 def shift_metrics_annex_a(recording: Recording, order: tuple[float, int, int], next_order_time: float | None = None,
-                          n_wej: float | None = None, a: float = FACTOR_A, b: float = FACTOR_B, c: float = RISE_C) -> dict:
+                          n_wej: float | None = None, a: float = FACTOR_A, b: float = FACTOR_B,
+                          c: float = RISE_C) -> dict:
     """The metrics of one shift by Annex A, under the keys of :data:`metrics.KEYS`.
 
     recording, order, next_order_time: as in metrics.shift_metrics, of a transmission of two gears that share no clutch;
@@ -142,8 +143,8 @@ class _Program:
             at = first_true(met, -(-self.order // BLOCK))
             if at is not None:
                 return at * BLOCK + BLOCK - 1
-        self.why.append(f"{self.old_name} has no {falls} falling means in a row from above {high:g} bar to below {low:g} bar "
-                        f"{later} ms later")
+        self.why.append(f"{self.old_name} has no {falls} falling means in a row from above {high:g} bar to below "
+                        f"{low:g} bar {later} ms later")
         return None
 
     def slip(self, gear: int) -> np.ndarray:
@@ -209,7 +210,7 @@ class _Program:
         return None if rise is None else (end - rise) * PERIOD + (VALVE_DELAY_UP if self.up else VALVE_DELAY_DOWN)
 
     def rise_up(self, start: int, end: int, c: float) -> int | None:
-        """Of p2 in I to II: backwards from the slip end: below 3 bar, then five samples in a row at most c above the rest."""
+        """Of p2 in I to II, backwards from the slip end: below 3 bar, then five samples in a row at most c above rest."""
         p2 = self.new_p
         rest = float(np.mean(p2[start - REST_BEFORE + 1 : start - REST_BEFORE + 1 + REST_FOR]))
         low = np.flatnonzero(p2[: end + 1] <= OPEN)

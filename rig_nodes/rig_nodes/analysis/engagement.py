@@ -119,8 +119,8 @@ class _Engagement:
             return None
         engaging = box.shift(from_gear, gear).engaging
         if len(engaging) != 1:
-            why.append(f"gear {box.names[gear]} engages {' and '.join(clutch.name for clutch in engaging)}, and this is "
-                       "about an engagement of one clutch")
+            names = " and ".join(clutch.name for clutch in engaging)
+            why.append(f"gear {box.names[gear]} engages {names}, and this is about an engagement of one clutch")
             return None
         pressure = engaging[0].pressure
         at = int(np.ceil((t_order - recording.t0) / recording.period - 1e-6))
@@ -139,7 +139,8 @@ class _Engagement:
             # as the valves' response: hum on a level stretch would hide it
             t = recording.period * np.arange(last - first)
             raw[pressure] = without_hum(t, raw[pressure], at - first)[0]
-        return cls(box, engaging[0], int(gear), recording.period, at - first, raw, smoothed(box, raw, recording.period), why)
+        smooth = smoothed(box, raw, recording.period)
+        return cls(box, engaging[0], int(gear), recording.period, at - first, raw, smooth, why)
 
     def samples(self, seconds: float) -> int:
         return max(1, int(round(seconds / self.period)))

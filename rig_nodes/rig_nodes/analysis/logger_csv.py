@@ -36,9 +36,9 @@ def read_logger_csv(path: str | Path, period: float | None = None, orders: list[
     Separator ";", tab or ","; decimal point, or with the first two also a comma; lines that begin with # before the
     header are passed over. A column is named as in the signal catalogue and has its unit in brackets (any unit of
     config.units of that quantity, rpm also as 1/min); those of the transmission (by default the
-    laboratory's: M_wej, n_wej, M_wyj, n_wyj, p1, p2) must be there, pressures gauge; columns that the catalogue does not know are passed over. Times from a column "t [s]" (time, czas), which
-    must grow in equal steps, or from ``period`` [s]. Orders from a column gear_ordered [-] (numbers of gears; each change is
-    one, from the gear before) or from ``orders``, as Recording has them, which win. Raises RigError in one sentence.
+    laboratory's: M_wej, n_wej, M_wyj, n_wyj, p1, p2) must be there, pressures gauge; columns that the catalogue does not
+    know are passed over. Times from a column "t [s]" (time, czas), which must grow in equal steps, or from ``period``
+    [s]. Orders from a column gear_ordered [-] (numbers of gears; each change is one, from the gear before) or from ``orders``, as Recording has them, which win. Raises RigError in one sentence.
     """
     path, box = Path(path), transmission or transmission_of()
     header, lines, number, separator = _lines(path)
@@ -48,8 +48,8 @@ def read_logger_csv(path: str | Path, period: float | None = None, orders: list[
     columns = {name: table[:, i] * factors[i] for i, name in enumerate(names) if name}
     missing = [name for name in box.channels if name not in columns]
     if missing:
-        raise RigError(f"{path}: has no column {', '.join(missing)}; the analysis needs {', '.join(box.channels)}, each with "
-                       "its unit, e.g. 'M_wej [Nm]'")
+        raise RigError(f"{path}: has no column {', '.join(missing)}; the analysis needs {', '.join(box.channels)}, each "
+                       "with its unit, e.g. 'M_wej [Nm]'")
     t0, period = _time(path, columns.pop("t", None), period, number)
     ordered = columns.pop("gear_ordered", None)
     if orders is None:
@@ -60,8 +60,8 @@ def read_logger_csv(path: str | Path, period: float | None = None, orders: list[
 def parse_orders(text: str, transmission: Transmission | None = None) -> list[tuple[float, int, int]]:
     """Orders from the command line, ``"3.845:I-II, 8.32:II-I"``: time in the recording [s], gear before, gear ordered.
 
-    Gears are named as people name them (Transmission.number), 0 is neutral; the laboratory's by default. Raises RigError
-    with an example.
+    Gears are named as people name them (Transmission.number), 0 is neutral; the laboratory's by default. Raises
+    RigError with an example.
     """
     box, orders = transmission or transmission_of(), []
     first, second = list(box.ways())[:2]

@@ -62,7 +62,8 @@ class Recording(Logged):
 
     As Logged (rad/s, Nm, Pa gauge, A); orders: (time [s], gear before, gear ordered), 0 is neutral. The
     order's time is when the controller accepted it, whichever valve is switched first. transmission: what was shifted,
-    the laboratory's by default. Raises RigError when a channel of the shift metrics is missing or the shapes do not fit.
+    the laboratory's by default. Raises RigError when a channel of the shift metrics is missing or the shapes do not
+    fit.
     """
 
     orders: list[tuple[float, int, int]] = field(default_factory=list)
@@ -352,7 +353,7 @@ class _Shift:
         """
         tail = slice(-self.samples(SETTLED_FOR), None)
         mean = {name: float(np.mean(values[tail])) for name, values in self.raw.items()}
-        w_in, w_out, torque = (mean[name] for name in (self.box.input.speed, self.box.output.speed, self.box.output.torque))
+        w_in, w_out, torque = mean[self.box.input.speed], mean[self.box.output.speed], mean[self.box.output.torque]
         slip = w_in - self.box.ratios[self.new] * w_out
         if w_in < STANDSTILL or slip < SLIP_OLD_GEAR * w_in:
             return
@@ -363,12 +364,13 @@ class _Shift:
         speed = self.smooth[self.box.output.speed][tail]
         growth = float(speed[-1] - speed[0]) / ((speed.size - 1) * self.period)
         carried = torque + self.box.inertias.on_output * growth
-        asked = "" if self.old is None else f", {self.before(self.box.output.torque):.0f} Nm were asked before the order"
+        before = self.before(self.box.output.torque)
+        asked = "" if self.old is None else f", {before:.0f} Nm were asked before the order"
         names, pressed = ([form(clutch) for clutch in self.shift.engaging] for form in (
             lambda clutch: clutch.name, lambda clutch: f"{mean[clutch.pressure] / 1e6:.2f}"))
         several = len(names) > 1
-        self.why.append(f"clutch{'es' if several else ''} {' and '.join(names)} still slip{'' if several else 's'} at the "
-                        f"end by {slip * RPM:.0f} rpm of the input: {'they carry' if several else 'it carries'} "
+        what = f"clutches {' and '.join(names)} still slip" if several else f"clutch {names[0]} still slips"
+        self.why.append(f"{what} at the end by {slip * RPM:.0f} rpm of the input: {'they carry' if several else 'it carries'} "
                         f"{carried:.0f} Nm to the output at {' and '.join(pressed)} MPa{asked}")
 
     def speed_departure(self, old_slip: float | None) -> float | None:
@@ -436,8 +438,8 @@ class _Shift:
     def pressed(self, clutches: tuple[Clutch, ...]) -> np.ndarray:
         """Where all of some clutches carry more than their kiss pressure, from the order on."""
         width = odd_width(KISS_MEAN, self.period)
-        return np.logical_and.reduce([running_mean(self.raw[clutch.pressure], width)[self.order :] > clutch.kiss_pressure
-                                      for clutch in clutches])
+        smooth = [running_mean(self.raw[clutch.pressure], width)[self.order :] for clutch in clutches]
+        return np.logical_and.reduce([p > clutch.kiss_pressure for p, clutch in zip(smooth, clutches)])
 
     def overlap(self) -> float | None:
         """Time in which both the releasing and the engaging clutches carry more than their kiss pressure [s]; negative:
@@ -455,5 +457,5 @@ class _Shift:
 def smoothed(box: Transmission, raw: dict[str, np.ndarray], period: float) -> dict[str, np.ndarray]:
     """The channels of shift metrics through their filters (module docstring)."""
     pressures = {clutch.pressure for clutch in box.clutches}
-    widths = {name: odd_width(PRESSURE_MEAN if name in pressures else TORQUE_SPEED_MEAN, period) for name in box.channels}
-    return {name: running_mean(raw[name], width) for name, width in widths.items()}
+    lengths = {name: PRESSURE_MEAN if name in pressures else TORQUE_SPEED_MEAN for name in box.channels}
+    return {name: running_mean(raw[name], odd_width(length, period)) for name, length in lengths.items()}

@@ -91,7 +91,8 @@ def _response(bag, recording: Recording, order: tuple[float, int, int]) -> dict:
         times = recording.t0 + recording.period * np.arange(recording.rows)
         later = [other[0] for other in recording.orders if other[0] > t_order]
         part = (times >= t_order - BEFORE) & (times < min(later, default=np.inf))
-        found = valve_delay(times[part], 1.0 * (times[part] >= on[0] + SAMPLE), recording.channels[clutch.pressure][part])
+        pulses = 1.0 * (times[part] >= on[0] + SAMPLE)
+        found = valve_delay(times[part], pulses, recording.channels[clutch.pressure][part])
         row |= {key: found[key] for key in ("valve_delay_s", "t_pulse_s", "t_rise_s")}
     except RigError as error:
         row["why"].append(str(error))

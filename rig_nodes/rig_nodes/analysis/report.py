@@ -122,7 +122,8 @@ def report_of_recording(recording: Recording, annex_a: float | None = None, conf
     """The report of a recording that is no bag (a logger's CSV): as :func:`build_report`, without energy balance.
 
     Instruments are those of ``configuration``, as a bag holds it, or the laboratory's, and the recording's transmission
-    should be that of the same (transmission_of); ``run`` knows nothing. Raises RigError for a recording without an order.
+    should be that of the same (transmission_of); ``run`` knows nothing. Raises RigError for a recording without an
+    order.
     """
     if not recording.orders:
         raise RigError("the recording holds no order of a gear; give them with --orders, e.g. '3.845:I-II, 8.32:II-I'")
@@ -134,8 +135,8 @@ def report_of_recording(recording: Recording, annex_a: float | None = None, conf
     return _assembled(dict.fromkeys(RUN_KEYS), problems, metrics, energy)
 
 
-def _metrics(recording: Recording | None, instruments: dict[str, Instrument], annex_a: float | None, problems: list[str],
-             bag=None) -> dict:
+def _metrics(recording: Recording | None, instruments: dict[str, Instrument], annex_a: float | None,
+             problems: list[str], bag=None) -> dict:
     """Everything that comes from the logger's channels, and what of a run without a change of gear needs its commands."""
     rows = [] if recording is None else shifts(recording)
     found = {"shifts": rows, "uncertainty": [uncertainty(row, instruments, recording.transmission, recording.period)
@@ -145,7 +146,8 @@ def _metrics(recording: Recording | None, instruments: dict[str, Instrument], an
             found["annex_a"] = {"factor": annex_a, "shifts": shifts_annex_a(recording, a=annex_a, b=annex_a)}
         except RigError as error:
             problems.append(f"no results by Annex A: {error}")
-    if recording is not None and not any(recording.transmission.changes(row["from_gear"], row["to_gear"]) for row in rows):
+    if recording is not None and not any(
+            recording.transmission.changes(row["from_gear"], row["to_gear"]) for row in rows):
         found["measured"] = measured(recording, instruments, bag)
     return found
 
@@ -339,7 +341,8 @@ def _basis_lines(report: dict) -> list[str]:
     ratios = " and ".join(f"{ratio:.4f}" for ratio in basis["ratios"].values())
     pressures = " and ".join(f"{error / 1e6:.3g}" for name, error in errors.items() if name not in ("torque", "speed"))
     return [f"computed with inertias ({basis['inertia_driving']:g} and {basis['inertia_driven']:g} kg m2) and instrument errors "
-            f"({errors['torque']:.3g} Nm, {errors['speed'] * RPM:.2g} rpm, {pressures} MPa) of {whose}, ratios {ratios} of tab. 3.1"]
+            f"({errors['torque']:.3g} Nm, {errors['speed'] * RPM:.2g} rpm, {pressures} MPa) of {whose}, ratios {ratios} "
+            "of tab. 3.1"]
 
 
 def _bounded(run: dict) -> bool:

@@ -41,8 +41,8 @@ def truth_of(states: States, row: dict, next_order_time: float | None = None,
              transmission: Transmission | None = None) -> dict | None:
     """What the plant says of one shift; None where it does not cover the shift or it never locked.
 
-    row: of metrics.shift_metrics. t_lock_s: from the order to the first state in which all engaging clutches have locked
-    (up to 5 ms late; the laboratory's slip threshold may come before it or after). m_wej_max_nm, n_wyj_min_rpm, k: peak
+    row: of metrics.shift_metrics. t_lock_s: from the order to the first state in which all engaging clutches have
+    locked (up to 5 ms late; the laboratory's slip threshold may come before it or after). m_wej_max_nm, n_wyj_min_rpm, k: peak
     torque in the input shaft, lowest output speed and k in the window of the measured t_dt that ends there, from the
     order without one; extremes of 200 Hz, so that a peak of a few ms may be higher. heat_<clutch>_j and
     torque_<clutch>_max_nm: of every clutch, from the order to the settled torque or, without one, to the lock-up; the
@@ -51,7 +51,8 @@ def truth_of(states: States, row: dict, next_order_time: float | None = None,
     box, order = transmission or transmission_of(), row["t_order_s"]
     until = np.inf if next_order_time is None else next_order_time
     gearbox = states[GEARBOX]
-    locks = [_lock(states[clutch.state], order, until) for clutch in box.shift(row["from_gear"], row["to_gear"]).engaging]
+    engaging = box.shift(row["from_gear"], row["to_gear"]).engaging
+    locks = [_lock(states[clutch.state], order, until) for clutch in engaging]
     before = (gearbox["t"] >= order - BEFORE) & (gearbox["t"] < order)
     if not locks or None in locks or not before.any():
         return None

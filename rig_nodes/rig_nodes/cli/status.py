@@ -37,7 +37,8 @@ def _tell(status: dict) -> None:
     reason = f": {status['reason']}" if status["reason"] else ""
     print(f"rig in ROS domain {status['domain']}: {status['state'].lower()}{reason}, {status['time_s']:.1f} s")
     if "gear" in status:
-        print(f"  controller  gear {transmission_of().names[status['gear']]}{', shifting' if status['shifting'] else ''}")
+        gear = transmission_of().names[status["gear"]]
+        print(f"  controller  gear {gear}{', shifting' if status['shifting'] else ''}")
     for name, signal in status["signals"].items():
         like = catalogue().signal(name)
         print(f"  {name:<10}  {like.shown(signal['value']):>9.4g} {like.display_unit:<5} {like.text}")

@@ -10,8 +10,9 @@ from ..transmission import transmission_of
 
 # what a condition takes: a dimension, the words it knows, or whole numbers
 CONDITIONS = {
-    "shift": tuple(transmission_of().ways()), "n_wej": "angular velocity", "n_wyj": "angular velocity", "m_wyj": "torque",
-    "t12": "time", "t21": "time", "series": int, "valve": tuple(clutch.valve_name for clutch in transmission_of().clutches),
+    "shift": tuple(transmission_of().ways()), "n_wej": "angular velocity", "n_wyj": "angular velocity",
+    "m_wyj": "torque", "t12": "time", "t21": "time", "series": int,
+    "valve": tuple(clutch.valve_name for clutch in transmission_of().clutches),
     "clutch": tuple(clutch.name for clutch in transmission_of().clutches),
     "side": ("driving", "driven"), "phase": ("before", "shift", "fill", "after contact"),
     "source": ("measured", "simulated"), "ring": ("80x115", "80x101.9", "65x115", "46x88.9", "50x76"),

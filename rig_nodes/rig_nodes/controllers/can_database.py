@@ -115,7 +115,8 @@ def _rig_messages() -> list:
     sample = _signal("sample", 0, 16, "Controller sample, low 16 bits; the controller sends it back.")
     return [
         _message(REQUEST, RIG, [
-            _signal("gear_request", 0, 8, "Gear ordered last; stays until the next order, or a trip, then 0.", choices=transmission_of().names),
+            _signal("gear_request", 0, 8, "Gear ordered last; stays until the next order, or a trip, then 0.",
+                    choices=transmission_of().names),
             _signal("level", 8, 8, "Level of this run: which of the two commands is used.", choices={0: "duty", 1: "current"}),
         ], "Every 10 ms and when the order changes."),
         _message(SHAFTS, RIG, [_wire(wires[name], 16 * k) for k, name in enumerate(("n_wej", "n_wyj", "p1", "p2"))],

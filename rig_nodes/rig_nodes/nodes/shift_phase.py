@@ -35,7 +35,7 @@ class ShiftPhase:
         return self.transmission.slip(gear, n_wej, n_wyj)
 
     def name(self, n_wej: float, n_wyj: float, pressures: Sequence[float]) -> str:
-        """fill, torque phase, inertia phase, locked or release. Speeds [rad/s], pressures of all clutches [Pa, gauge]."""
+        """fill, torque phase, inertia phase, locked or release. Speeds [rad/s], pressures of all clutches [Pa gauge]."""
         if self.new == NEUTRAL:
             return "release"
         if any(pressures[k] < kiss for k, kiss in self._kisses):

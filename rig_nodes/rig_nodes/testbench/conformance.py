@@ -261,7 +261,8 @@ class Check:
                     if rig.time - began > SHIFT:
                         held = " and ".join(clutch.name for clutch in locked(rig, box)) or "no clutch"
                         return False, (f"{SHIFT:g} s after the order of gear {box.names[gear]} it says gear "
-                                       f"{box.names[plug.gear]}{', shifting' if plug.shifting else ''}, and {held} is locked")
+                                       f"{box.names[plug.gear]}{', shifting' if plug.shifting else ''}, and {held} "
+                                       "is locked")
                     self._run(rig, plug, PERIOD)
                 text.append(f"{box.names[gear]} in {rig.time - began:.2f} s")
             return True, f"on the rig: {', '.join(text)}"

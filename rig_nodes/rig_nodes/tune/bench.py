@@ -41,7 +41,9 @@ NO_MATTER = ("did not settle at", "had no time to settle", "the output stood sti
 
 @dataclass(frozen=True)
 class Point:
-    """An operating point before a shift: way (Transmission.ways), speed of the input [rad/s], torque at the output [Nm]."""
+    """An operating point before a shift: way (Transmission.ways), speed of the input [rad/s], torque at the
+    output [Nm].
+    """
 
     way: str
     n_wej: float
@@ -126,7 +128,8 @@ class Bench:
             self._go(until - (rig.time - ordered))
             count = round((rig.time - ordered) / ROW)
             rows = np.vstack((before, rig.rows_at(ROW, round(ordered / ROW), count)))
-            channels = {name: np.ascontiguousarray(rows[:, kernel.CHANNELS.index(name)]) for name in self.transmission.channels}
+            channels = {name: np.ascontiguousarray(rows[:, kernel.CHANNELS.index(name)])
+                        for name in self.transmission.channels}
             shift = _measured(self.transmission, self.gears[point.way], channels, self._heat() - heat)
             if shift.valid or until == WINDOW:
                 break

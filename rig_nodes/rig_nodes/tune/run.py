@@ -320,7 +320,8 @@ def _largest_load(study: search.Study, config: RigConfig, base: Alfa46Config, wo
     """The least peak found at the largest load, and up to which load each speed stays within the engine's torque."""
     front = study.front()
     best = front[0]["values"] if front else values_of(base, study.way, transmission_of(config))
-    found = judge.heavy(config, settings(base, study.way, best, transmission_of(config)), base, list(study.task.points), workers)
+    sought = settings(base, study.way, best, transmission_of(config))
+    found = judge.heavy(config, sought, base, list(study.task.points), workers)
     return {"settings": best, "tried": len(study.entries), "speeds": [one.as_dict() for one in found]}
 
 

@@ -234,7 +234,8 @@ def clutch_s2_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss
     S2 catches an output that nothing else drives: only that says how far p2 shoots over.
     """
     target, peak = targets["delay_up_peak_upper"], shift(config, 2, -0.1)["m_wej_max_nm"]
-    return [*hydraulic_misses(config, targets, "S2"), Miss(target.id, peak, max(0.0, peak - target.high) / PEAK_TOLERANCE)]
+    return [*hydraulic_misses(config, targets, "S2"),
+            Miss(target.id, peak, max(0.0, peak - target.high) / PEAK_TOLERANCE)]
 
 
 def release_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:

@@ -44,7 +44,9 @@ def failed(procedure: str, conditions: dict, reason: str) -> list[Record]:
               "profile_series": tuple(ENGAGEMENT),
               "clutch_bench": ("m_eks", "k_kor", "k_kor_error", "m_rest_nm"),
               "spring_bench": ("spring_force_n", "cylinder_force_n", "cylinder_start_mpa")}.get(procedure, SHIFT_VALUES)
-    places = [{**conditions, "shift": shift} for shift in transmission_of().ways()] if procedure == "delay_series" else [conditions]
+    places = [conditions]
+    if procedure == "delay_series":
+        places = [{**conditions, "shift": shift} for shift in transmission_of().ways()]
     records = [Record(procedure, place, dict.fromkeys(values), dict.fromkeys(values, reason)) for place in places]
     if procedure == "coast_down":
         records.append(Record(procedure, {"side": "driving"}, {"inertia": None}, {"inertia": reason}))

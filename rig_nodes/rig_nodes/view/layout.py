@@ -21,9 +21,10 @@ BEFORE, AFTER = 0.2, 1.5  # s around the order of a shift: profiles, torque peak
 LEGEND = 0.3  # of a window, shown after it: there the legend covers nothing that matters
 
 # One hue per place of measurement, apart for the colour-blind and on dark and light ground alike:
-# input shaft green, output shaft pink, the first clutch blue, the second orange, a third violet. Bright is measured, pale
-# is what was asked for or could be transmitted.
-INPUT, OUTPUT, S1, S2, S3 = (0x12, 0xB8, 0x86), (0xE0, 0x7A, 0xC0), (0x2F, 0x95, 0xF5), (0xF5, 0x84, 0x1F), (0x8E, 0x6B, 0xE8)
+# input shaft green, output shaft pink, the first clutch blue, the second orange, a third violet. Bright is measured,
+# pale is what was asked for or could be transmitted.
+INPUT, OUTPUT = (0x12, 0xB8, 0x86), (0xE0, 0x7A, 0xC0)
+S1, S2, S3 = (0x2F, 0x95, 0xF5), (0xF5, 0x84, 0x1F), (0x8E, 0x6B, 0xE8)
 INPUT_PALE, OUTPUT_PALE = (0x8C, 0xD9, 0xC0), (0xEF, 0xBE, 0xE0)
 S1_PALE, S2_PALE, S3_PALE = (0x9B, 0xCB, 0xF8), (0xF8, 0xC4, 0x94), (0xC9, 0xB8, 0xF4)
 HUES = ((S1, S1_PALE), (S2, S2_PALE), (S3, S3_PALE))  # bright and pale, of clutches and of gears, each in their order
@@ -43,8 +44,9 @@ def _of_clutches() -> dict[str, tuple[int, int, int]]:
     found = {}
     for place, clutch in enumerate(CLUTCHES):
         bright, pale = hues(place)
-        found |= dict.fromkeys((clutch.pressure, clutch.current, *map(clutch.signal, ("torque", "slip", "clamp", "piston")),
-                                *map(clutch.valve_signal, ("duty", "flow"))), bright)
+        measured = (*map(clutch.signal, ("torque", "slip", "clamp", "piston")),
+                    *map(clutch.valve_signal, ("duty", "flow")))
+        found |= dict.fromkeys((clutch.pressure, clutch.current, *measured), bright)
         found |= {clutch.setpoint: pale, clutch.signal("capacity"): pale}
     return found
 

@@ -18,7 +18,8 @@ from ..catalogue import Signal, catalogue
 from ..whole_file import write_whole
 from . import layout
 
-STATE_HUES = (layout.INPUT, layout.OUTPUT, layout.OTHER, *(bright for bright, _ in layout.HUES))  # curves have one colour each
+# curves have one colour each
+STATE_HUES = (layout.INPUT, layout.OUTPUT, layout.OTHER, *(bright for bright, _ in layout.HUES))
 
 
 def tabs() -> list[tuple[str, list[list[tuple[str, list[str]]]]]]:
