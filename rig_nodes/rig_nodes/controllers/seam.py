@@ -147,7 +147,7 @@ def checked(outputs: ControllerOutputs, info: ControllerInfo) -> tuple[tuple, tu
             if not math.isfinite(value):
                 raise RigError(f"setpoint[{k}] is {value:g}, expected a finite current in A")
     box = transmission_of()
-    if gear not in box.names:
+    if gear not in tuple(box.names):  # whatever a controller gives as its gear, which need not be hashable
         raise RigError(f"gear is {gear!r}, expected {box.spoken}")
     try:
         bits = int(flags)
