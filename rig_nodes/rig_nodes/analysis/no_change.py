@@ -13,9 +13,9 @@ import numpy as np
 
 from ..clocks import SAMPLE
 from ..errors import RigError
+from ..transmission import Transmission
 from .coast_down import coast_down
 from .engagement import engagement_metrics
-from ..transmission import Transmission
 from .metrics import RPM, STANDSTILL, Recording, orders_of, stands
 from .uncertainty import Instrument, coast_down_uncertainty, engagement_uncertainty
 from .valve_response import valve_delay

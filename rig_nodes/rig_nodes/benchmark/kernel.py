@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import time
 
+from ..clocks import SAMPLE_NS
 from ..plant.gearbox import RPM
 from ..testbench.configuration import load_rig
 from ..testbench.record import CHUNK, Rows
 from ..testbench.rig import Rig
-from ..clocks import SAMPLE_NS
 
 # variant -> settings of the rig and whether the logger's rows are kept, as ``record`` does; the first is the usual one
 VARIANTS = {

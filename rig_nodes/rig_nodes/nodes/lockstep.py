@@ -15,15 +15,15 @@ import struct
 import time
 from collections.abc import Callable
 
+from ..clocks import SAMPLE_NS, TICK_SAMPLES
 from ..controllers.plug import Answer
 from ..controllers.seam import ControllerFailed, Status
 from ..graph.link import ANSWER, ANSWERED, DISCARDED, NOT_AT_ALL, PATIENCE, READY, SAMPLE, STATUS, Link, LinkClosed
 from ..plant import kernel
 from ..testbench.rig import Rig
-from ..clocks import SAMPLE_NS, TICK_SAMPLES
+from ..testbench.simulate import give_answer
 from ..testbench.timed import RigStatus
 from ..testbench.topics import COMMAND
-from ..testbench.simulate import give_answer
 from .realtime import take_core
 
 GRACE = 0.5  # s more for the sentence of whoever waits for a controller further away

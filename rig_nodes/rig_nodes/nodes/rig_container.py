@@ -18,6 +18,7 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from ..catalogue import GEARBOX
+from ..clocks import SAMPLE_NS, TICK_SAMPLES
 from ..errors import RigError, printable
 from ..graph.domain import announce, from_environment
 from ..graph.dropping import parse_drop
@@ -27,7 +28,6 @@ from ..testbench.outputs import SCALAR_SAMPLES, Outputs
 from ..testbench.rig import Rig
 from ..testbench.sequence import BY_HAND
 from ..testbench.simulate import check_delay, run_record
-from ..clocks import SAMPLE_NS, TICK_SAMPLES
 from ..testbench.timed import RigStatus
 from .clutch import Clutch
 from .clutch_bench import bench_nodes

@@ -17,12 +17,12 @@ from rig_msgs.action import RunSequence
 
 from ..bags.definitions import installed
 from ..catalogue import GEARBOX, catalogue
+from ..clocks import SAMPLE_NS, TICK_SAMPLES
 from ..errors import RigError
 from ..graph.link import LinkClosed
 from ..plant.load_pump import relief_setting_for
 from ..testbench.kinds import PACE
 from ..testbench.sequence import SequenceFailed, SequenceRunner, load_sequence
-from ..clocks import SAMPLE_NS, TICK_SAMPLES
 from .action_server import GoalServer, finish
 from .clutch_bench import receivers
 from .diagnostics import OK, WARN, Diagnostics, Health

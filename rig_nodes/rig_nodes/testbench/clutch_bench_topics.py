@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
+from ..clocks import TICK_SAMPLES
 from ..plant import clutch_bench as kernel
 from .clutch_bench import ClutchBench
-from ..clocks import TICK_SAMPLES
 
 MEASURED = {  # topic of a transducer -> its logger column
     "/hydraulic_motor/m_e": kernel.M_E, "/hydraulic_motor/n": kernel.N, "/hydraulic_motor/p_sh": kernel.P_SH,

@@ -15,6 +15,7 @@ from .. import __version__
 from ..bags.writer import BagWriter
 from ..catalogue import GEARBOX, catalogue
 from ..clocks import COMMAND_TIMEOUT
+from ..clocks import TICK_SAMPLES
 from ..controllers.plug import SAID, Plug
 from ..controllers.seam import ControllerFailed
 from ..errors import RigError, ended_by
@@ -26,7 +27,6 @@ from .kinds import AnyConfig, AnyRig, make_rig
 from .outputs import Outputs
 from .rig import Rig
 from .sequence import Sequence, SequenceFailed, SequenceRunner
-from ..clocks import TICK_SAMPLES
 from .timed import RigStatus
 
 LONGEST_RUN = 24 * 3600.0  # s of simulated time
