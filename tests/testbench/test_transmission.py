@@ -11,6 +11,7 @@ from rig_nodes.alfa46.controller import Alfa46
 from rig_nodes.alfa46.settings import Alfa46Config
 from rig_nodes.catalogue import catalogue
 from rig_nodes.errors import RigError
+from rig_nodes.nodes.shift_phase import ShiftPhase
 from rig_nodes.plant.gearbox import build_driveline
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
@@ -64,6 +65,28 @@ def test_it_is_the_same_from_a_rig_and_from_its_record(config):
     assert transmission_of(config) == transmission_of(config.as_dict())
     swapped = transmission_of(load_rig("hydmag", {"wiring": "swapped"}))
     assert [clutch.output for clutch in swapped.clutches] == [1, 0]
+
+
+def test_the_kiss_pressure_is_that_of_the_cylinder(config):
+    softer = load_rig("hydmag", {"clutch_s1.spring_preload": "100 N"})
+    one, other = (transmission_of(rig).clutches for rig in (config, softer))
+    lost = (config.clutch_s1.spring_preload - 100.0) / (1.0 - config.clutch_s1.seal_friction_share)
+    assert one[0].kiss_pressure - other[0].kiss_pressure == pytest.approx(lost / config.clutch_s1.piston_area, rel=0.03)
+    assert one[1].kiss_pressure == other[1].kiss_pressure
+    # the thesis prints 0.17 and 0.36 MPa, where the torque clearly rises
+    assert [clutch.kiss_pressure for clutch in one] == [pytest.approx(0.17e6, abs=25e3), pytest.approx(0.36e6, abs=25e3)]
+
+
+def test_the_phases_of_a_shift_are_told_by_the_clutch_that_it_engages(config):
+    box = transmission_of(config)
+    up, w = ShiftPhase(box, 1, 2), 150.0
+    kiss = box.clutches[1].kiss_pressure
+    assert up.name(w, w / box.ratios[1], (2e6, 0.9 * kiss)) == "fill"
+    assert up.name(w, w / box.ratios[1], (2e6, 1.1 * kiss)) == "torque phase"
+    assert up.name(w, 0.9 * w / box.ratios[2], (0.0, 2e6)) == "inertia phase"
+    assert up.name(w, w / box.ratios[2], (0.0, 2e6)) == "locked"
+    assert ShiftPhase(box, 2, 0).name(w, w, (0.0, 2e6)) == "release"
+    assert up.slip(w, 0.9 * w / box.ratios[2]) == pytest.approx(0.1) and up.slip(0.5, 0.1) == 0.0
 
 
 def test_gears_are_meant_by_name_or_number():
