@@ -55,7 +55,7 @@ def test_a_drive_that_is_switched_off_with_a_clutch_closed_is_no_coast_down():
 
 
 def test_an_engagement_is_shown_where_no_gear_is_changed():
-    orders = [(t, "/alfa46/events", "shift_ordered", "", gear) for t, gear in ((0.3, 1.0), (1.0, 2.0))]
+    orders = [(t, "/controller/events", "shift_ordered", "", gear) for t, gear in ((0.3, 1.0), (1.0, 2.0))]
     assert "measured" not in build_report(FakeBag(Shift().recording(1), events=orders), {})
     found = build_report(FakeBag(Shift().recording(1), events=orders[:1]), {})
     row, = found["measured"]["engagements"]

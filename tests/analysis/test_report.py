@@ -36,9 +36,9 @@ def state_messages(length=3.0):
 
 def bag(events=None, **kwargs):
     events = events if events is not None else [
-        (0.2, "/alfa46/events", "shift_ordered", "gear I ordered", 1.0),
+        (0.2, "/controller/events", "shift_ordered", "gear I ordered", 1.0),
         (0.5, "/sequencer/events", "step", "step 2", 2.0),
-        (1.0, "/alfa46/events", "shift_ordered", "gear II ordered", 2.0)]
+        (1.0, "/controller/events", "shift_ordered", "gear II ordered", 2.0)]
     return FakeBag(Shift().recording(1), state_messages(), events=events, **kwargs)
 
 
@@ -149,7 +149,7 @@ def test_annex_a_of_another_sample_rate_is_a_problem_not_a_crash():
 
 def test_bad_shift_is_named_under_the_table():
     case = dataclasses.replace(Shift(), depart=5.0, end=6.0)  # the output stays in gear I
-    orders = [(t, "/alfa46/events", "shift_ordered", "", gear) for t, gear in ((0.3, 1.0), (1.0, 2.0))]
+    orders = [(t, "/controller/events", "shift_ordered", "", gear) for t, gear in ((0.3, 1.0), (1.0, 2.0))]
     report = build_report(FakeBag(case.recording(), state_messages(), events=orders), RUN)
     assert not report["shifts"][1]["valid"]
     text = format_report(report)
@@ -178,7 +178,7 @@ def test_damaged_bag_still_gives_a_report():
 
 
 def test_order_after_the_last_state_has_no_balance_but_the_others_have():
-    late = bag(events=[(t, "/alfa46/events", "shift_ordered", "", gear)
+    late = bag(events=[(t, "/controller/events", "shift_ordered", "", gear)
                        for t, gear in ((0.5, 1.0), (1.0, 2.0), (7.0, 1.0))])
     report = build_report(late, RUN)
     assert report["energy"]["shifts"][1]["motor_work_j"] > 0.0

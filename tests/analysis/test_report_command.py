@@ -35,7 +35,7 @@ class RunBag(FakeBag):
 
     def __init__(self, path):
         self.opened.append(str(path))
-        super().__init__(Shift().recording(1), events=[(1.0, "/alfa46/events", "shift_ordered", "", 2.0)])
+        super().__init__(Shift().recording(1), events=[(1.0, "/controller/events", "shift_ordered", "", 2.0)])
 
     def run_info(self):
         return {"configuration": {"rig": "hydmag"}, "seed": 7}

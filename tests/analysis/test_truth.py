@@ -79,7 +79,7 @@ def test_on_the_sample_bag_truth_and_transducers_agree():
 
 
 def test_a_bag_without_states_says_so():
-    events = [(0.5, "/alfa46/events", "shift_ordered", "", 1.0), (1.0, "/alfa46/events", "shift_ordered", "", 2.0)]
+    events = [(0.5, "/controller/events", "shift_ordered", "", 1.0), (1.0, "/controller/events", "shift_ordered", "", 2.0)]
     report = build_report(FakeBag(Shift().recording(), events=events), {}, truth=True)
     assert report["truth"] == [None, None]
     assert "holds no states of a plant" in format_report(report)

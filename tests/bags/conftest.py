@@ -39,11 +39,13 @@ def _messages(seconds, start_seq):
 
     columns = catalogue().logger_channels()
     yield one("/rig/run_info", 0, '{"seed": 7, "rig": "hydmag"}')
+    yield one("/instruments/controller_record", 0, "0123456789abcdef", ["a", "b", "c"], ["", "", ""], list("wxyz"), ["1"] * 4, [0, 1],
+              ["neutral", "I"])
     yield one("/instruments/channels", 0, [c.name for c in columns], [c.unit for c in columns], 1.0e-4)
     for ms in range(round(seconds * 1000)):
         ns = ms * 1_000_000
-        yield one("/instruments/controller", ns, ms, (0.1, 0.2, 0.0), 157.0, 74.0, 2.0e6, float(ms))
-        yield one("/alfa46/command", ns, ms, (0.1, 0.2, 0.3), (0.4, ms * 1e-3, 0.6), 1, ms % 2 == 1, 0, 0)
+        yield one("/instruments/controller", ns, ms, (0.1, 0.2, 0.0), (157.0, 74.0, 2.0e6, float(ms)))
+        yield one("/controller/command", ns, ms, 1, ms % 2 == 1, 0, 0, (0.1, 0.2, 0.3), (0.4, ms * 1e-3, 0.6))
         if ms % 5 == 0:
             block = np.arange(ms * 10, ms * 10 + ROWS)[:, None] + np.arange(len(columns)) * 0.1
             yield one("/instruments/hmg4000", ns, ms * 10, 1.0e-4, ROWS, len(columns), block)
@@ -59,7 +61,7 @@ def _messages(seconds, start_seq):
                 "header": {"stamp": ns, "frame_id": "rig"}, "name": ["w0", "wk"], "position": [],
                 "velocity": [157.0, 74.0], "effort": []})
         if ms == 120:
-            yield one("/alfa46/events", ns, "shift_ordered", "Gear I to gear II ordered.", 2.0)
+            yield one("/controller/events", ns, "shift_ordered", "Gear I to gear II ordered.", 2.0)
             yield one("/sequencer/events", ns, "step", "Step 3: shift.", 3.0)
 
 

@@ -76,7 +76,7 @@ def test_it_agrees_with_the_bag_read_as_a_whole(run):
     assert found == bag.timeline() and not damage
     with BagIndex(run) as index:
         assert (index.counts, index.types) == (bag.counts, bag.types)
-        some = index.bag(["/alfa46/events", "/sequencer/events", "/rig/run_info"])
+        some = index.bag(["/controller/events", "/sequencer/events", "/rig/run_info"])
         assert some.events() == bag.events() and some.run_info() == bag.run_info()
 
 

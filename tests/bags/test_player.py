@@ -177,7 +177,7 @@ def test_the_timeline_of_a_bag_is_by_time_and_within_a_time_as_written(tmp_path,
     write_run(tmp_path)
     written = sorted(((ns, topic, data) for topic, ns, data in messages(0.35)), key=lambda row: row[0])
     assert Bag(tmp_path).timeline() == written
-    some = ["/rig/state", "/alfa46/command"]
+    some = ["/rig/state", "/controller/command"]
     assert Bag(tmp_path).timeline(some) == [row for row in written if row[1] in some]
 
 

@@ -17,7 +17,7 @@ from rig_nodes.cli.main import main
 from rig_nodes.errors import BagError, RigError
 
 LOGGER = "/instruments/hmg4000"
-COMMAND = "/alfa46/command"
+COMMAND = "/controller/command"
 
 
 def test_counts_and_types_are_those_written(run, write_run, tmp_path):
@@ -62,7 +62,7 @@ def test_logger_joins_the_blocks(run):
 
 def test_events_and_run_info(run):
     bag = Bag(run)
-    assert bag.events() == [(0.12, "/alfa46/events", "shift_ordered", "Gear I to gear II ordered.", 2.0),
+    assert bag.events() == [(0.12, "/controller/events", "shift_ordered", "Gear I to gear II ordered.", 2.0),
                             (0.12, "/sequencer/events", "step", "Step 3: shift.", 3.0)]
     assert bag.run_info() == {"seed": 7, "rig": "hydmag"}
 
@@ -79,7 +79,7 @@ def test_dropped_messages_are_counted(write_run, run, tmp_path):
     bag = Bag(tmp_path)
     assert bag.gaps() == {COMMAND: 3, "/motor/state": 1}
     assert sorted(p for p in bag.check() if "lost" in p) == [
-        "/alfa46/command lost 3 of 350 messages", "/motor/state lost 1 of 70 messages"]
+        "/controller/command lost 3 of 350 messages", "/motor/state lost 1 of 70 messages"]
     assert missing(Bag(run).counts, bag) == {COMMAND: 3, "/motor/state": 1}
 
 
@@ -153,6 +153,7 @@ def test_a_bag_is_read_by_the_definitions_it_carries(tmp_path):
     text = "builtin_interfaces/Time stamp\nuint64 seq\nfloat64 speed\nfloat32 torque\n"
     text += "=" * 80 + "\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
     payload = encoder("rig_msgs/msg/Measurement").encode(3_000_000_000, 0, 99.5) + b"\x00\x00\x20\x41"
+    payload = payload[:12] + payload[20:]  # a bare stamp, as messages had before
     with open(tmp_path / "old.mcap", "wb") as file:
         writer = Writer(file, use_chunking=False)
         writer.start("ros2", "other")
@@ -176,7 +177,7 @@ def test_what_is_not_there_is_said(run, tmp_path):
     BagWriter(tmp_path, "run").close()
     with pytest.raises(BagError, match="has no topic /motor/n_wej; it holds none"):
         Bag(tmp_path).series("n_wej")
-    for topic, sentence in (("/alfa46/signals", "the run's controller names no signals of its own"),
+    for topic, sentence in (("/controller/signals", "the run's controller names no signals of its own"),
                             ("/motor/logger", "has no topic /motor/logger")):
         with pytest.raises(BagError, match=sentence):
             Bag(run).logger(topic)

@@ -101,7 +101,7 @@ def test_metadata_is_rosbag2s_with_counts_hashes_and_quality_of_service(run, mes
     assert (qos.durability, qos.depth) == (QosDurability.TRANSIENT_LOCAL, 1000)
     (qos,) = connections["/motor/state"].ext.offered_qos_profiles
     assert (qos.reliability, qos.history, qos.depth) == (QosReliability.RELIABLE, QosHistory.KEEP_LAST, 1000)
-    (qos,) = connections["/alfa46/command"].ext.offered_qos_profiles
+    (qos,) = connections["/controller/command"].ext.offered_qos_profiles
     assert (qos.deadline.sec, qos.deadline.nsec) == (0, 100_000_000)
 
 
@@ -142,7 +142,7 @@ def test_misuse_is_refused_and_the_bag_goes_on(tmp_path):
     writer.write("/motor/n_wej", MEASUREMENT, measurement(0, 0), 0)
     with pytest.raises(RigError, match="/motor/n_wej holds rig_msgs/msg/Measurement"):
         writer.write("/motor/n_wej", "rig_msgs/msg/Setpoint", measurement(0, 1), 0)
-    with pytest.raises(RigError, match="/motor/n_wej: 27 bytes are no .*Measurement, which has 28"):
+    with pytest.raises(RigError, match="/motor/n_wej: 35 bytes are no .*Measurement, which has 36"):
         writer.write("/motor/n_wej", MEASUREMENT, measurement(0, 1)[:-1], 0)
     with pytest.raises(RigError, match="is there already"):
         BagWriter(tmp_path, "run")

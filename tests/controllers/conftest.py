@@ -21,15 +21,16 @@ from rig_nodes.graph.domain import allocate, use_own_transports
 from rig_nodes.testbench.configuration import load_rig
 
 CONTROLLERS = Path(rig_nodes.__file__).parent / "controllers"
-INCLUDE, ALFA46_C = CONTROLLERS / "include", CONTROLLERS / "examples" / "alfa46.c"
+INCLUDE, EXAMPLES = CONTROLLERS / "include", CONTROLLERS / "examples"
+ALFA46_C = EXAMPLES / "alfa46.c"
 SIMULINK_FOLDER = CONTROLLERS / "examples" / "simulink"
 SIMULINK = f"simulink:{SIMULINK_FOLDER}"
 PYTHON, C = "python:rig_nodes.controllers.examples.alfa46:Alfa46", f"c:{ALFA46_C}"
-STRICT = ("-O2", "-ffp-contract=off", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", f"-I{INCLUDE}")
+STRICT = ("-O2", "-ffp-contract=off", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", f"-I{INCLUDE}", f"-I{EXAMPLES}")
 SANITIZE = ("-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 
 C_FRAME = """
-#include "rig_controller.h"
+#include "rig_record.h"
 const rig_controller_abi_info *rig_controller_abi(void) { RIG_CONTROLLER_DESCRIBE(RIG_LEVEL_DUTY); }
 int rig_controller_create(rig_controller_info *info, void **instance) {
   (void)info; *instance = 0; return RIG_OK;
@@ -61,7 +62,7 @@ def python_controller(tmp_path, config):
             f"    def step(self, inputs):\n{body}\n"
             "    def terminate(self):\n        open(__file__ + '.ended', 'a').write('x')\n"
         )
-        return load_controller(f"python:{path}:Mine", config.alfa46, level)
+        return load_controller(f"python:{path}:Mine", config, level)
 
     return make
 
@@ -80,6 +81,7 @@ def build(tmp_path):
                 "-fPIC",
                 "-shared",
                 f"-I{INCLUDE}",
+                f"-I{EXAMPLES}",
                 *flags,
                 "-o",
                 stem.with_suffix(".so"),
@@ -104,7 +106,7 @@ def free_udp_port():
 
 def ask(plug, sample=0, current=(0.0, 0.0, 0.0)):
     """One step at standstill."""
-    return plug.step(sample, current, 0.0, 0.0, 0.0, 0.0)
+    return plug.step(sample, current, [0.0, 0.0, 0.0, 0.0])
 
 
 @pytest.fixture(scope="module")

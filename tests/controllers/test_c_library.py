@@ -13,11 +13,11 @@ import pytest
 from rig_nodes.controllers import ControllerFailed, Status, load_controller
 from rig_nodes.errors import RigError
 
-from .conftest import ALFA46_C, C_FRAME, INCLUDE, SANITIZE, SIMULINK_FOLDER, STRICT, ask
+from .conftest import ALFA46_C, C_FRAME, EXAMPLES, INCLUDE, SANITIZE, SIMULINK_FOLDER, STRICT, ask
 
 
 def load(config, path, level=None):
-    return load_controller(f"c:{path}", config.alfa46, level)
+    return load_controller(f"c:{path}", config, level)
 
 
 def frame(step):
@@ -29,12 +29,12 @@ def test_a_library_answers_and_is_asked_in_its_own_units(build, config):
         config,
         build(
             frame("""
-        out->command[0] = in->current[1]; out->command[1] = in->n_wej / 1000.0;
-        out->command[2] = in->p2 / 1e7;
+        out->command[0] = in->current[1]; out->command[1] = rig_measured_of(in)->n_wej / 1000.0;
+        out->command[2] = rig_measured_of(in)->p2 / 1e7;
         out->setpoint[2] = in->time; out->gear = in->gear_request; out->shifting = in->sample == 7;
         out->flags = 5;
         if (in->size != sizeof *in || out->size != sizeof *out) return RIG_ERROR;
-        if (in->p1 != 1e5 || in->n_wyj != 50.0) return RIG_ERROR;
+        if (rig_measured_of(in)->p1 != 1e5 || rig_measured_of(in)->n_wyj != 50.0) return RIG_ERROR;
     """),
             "-Wall",
             "-Wextra",
@@ -42,10 +42,10 @@ def test_a_library_answers_and_is_asked_in_its_own_units(build, config):
         ),
     )
     plug.order(2)
-    answer = plug.step(7, [0.0, 0.5, 0.0], 100.0, 50.0, 1e5, 1e6)
+    answer = plug.step(7, [0.0, 0.5, 0.0], [100.0, 50.0, 1e5, 1e6])
     assert answer == ((0.5, 0.1, 0.1), (0.0, 0.0, 0.007))
     assert (plug.gear, plug.shifting, plug.flags) == (2, True, 5)
-    assert plug.step(8, [0.0, 0.5, 0.0], 100.0, 50.0, 1e5, 1e6) is not None and not plug.shifting
+    assert plug.step(8, [0.0, 0.5, 0.0], [100.0, 50.0, 1e5, 1e6]) is not None and not plug.shifting
     plug.close()
 
 
@@ -79,15 +79,15 @@ def test_discard_is_no_answer(build, config):
 def test_another_abi_is_named_found_and_wanted(build, config):
     text = frame("").replace(
         "RIG_CONTROLLER_DESCRIBE(RIG_LEVEL_DUTY);",
-        "static rig_controller_abi_info d = {7, 1, 0, 0, 0, 0}; return &d;",
+        "static rig_controller_abi_info d = {7, 1, 0, 0, 0, 0, 0}; return &d;",
     )
-    with pytest.raises(RigError, match="made for ABI 7 of rig_controller.h, this rig has ABI 1"):
+    with pytest.raises(RigError, match="made for ABI 7 of rig_controller.h, this rig has ABI 2; compile it again with this rig's header and rig_record.h"):
         load(config, build(text))
 
 
 def test_structs_of_another_size_are_refused(build, config):
     text = "#pragma pack(1)\n" + frame("")
-    with pytest.raises(RigError, match=r"library's info struct has 16\d bytes, this rig's 168"):
+    with pytest.raises(RigError, match=r"library's info struct has 20\d bytes, this rig's 216"):
         load(config, build(text))
 
 
@@ -173,6 +173,7 @@ def test_the_header_is_usable_from_cpp(tmp_path):
             "-Wextra",
             "-Werror",
             f"-I{INCLUDE}",
+            f"-I{EXAMPLES}",
             "-fPIC",
             "-shared",
             "-o",
@@ -189,10 +190,11 @@ def test_the_header_is_usable_from_cpp(tmp_path):
 
 # shifts through all gears and levels, refuses what it must, and gives everything back
 DRIVER = r"""
-#include "rig_controller.h"
+#include "rig_record.h"
 #include <stdio.h>
 #include <string.h>
 static rig_parameter given[64];
+static const rig_gear gears[] = {{0, "neutral"}, {1, "I"}, {2, "II"}};
 static char names[64][32];
 static uint32_t count;
 static void give(const char *name, double value) {
@@ -210,8 +212,9 @@ int main(void) {
     snprintf(name, sizeof name, "output_%d.P%d.current", k, n); give(name, n < 4 ? 0.2 * n : 0.2 * (6 - n));
   }
   for (uint32_t level = RIG_LEVEL_DUTY; level <= RIG_LEVEL_CURRENT; level++) {
-    rig_controller_info info = {sizeof info, level, 1e-3, 1.0, given, count, ""};
-    rig_controller_inputs in = {sizeof in, 0, 0, 0, {0, 0, 0}, 0, 0, 0, 0};
+    rig_controller_info info = {sizeof info, level, 1e-3, 1.0, given, count, "", RIG_CONTROLLER_RECORD, NULL, NULL, gears, 0, 0, 3};
+    double current[RIG_OUTPUTS] = {0}, measured[RIG_TRANSDUCERS] = {0}, command[RIG_OUTPUTS], setpoint[RIG_OUTPUTS];
+    rig_controller_inputs in = {sizeof in, 0, 0, 0, current, measured};
     void *box = NULL;
     double sum = 0;
     if (rig_controller_abi()->abi != RIG_CONTROLLER_ABI) return 6;
@@ -220,11 +223,13 @@ int main(void) {
       rig_controller_outputs out;
       memset(&out, 0, sizeof out);
       out.size = sizeof out;
+      out.command = command;
+      out.setpoint = setpoint;
       in.gear_request = (uint32_t)(in.sample / 700 % 3);
       if (rig_controller_step(box, &in, &out) != RIG_OK) return 2;
-      for (int k = 0; k < 3; k++) { in.current[k] = out.setpoint[k]; sum += out.command[k]; }
+      for (int k = 0; k < 3; k++) { current[k] = out.setpoint[k]; sum += out.command[k]; }
     }
-    rig_controller_outputs out = {sizeof out, 0, 0, 0, {0, 0, 0}, {0, 0, 0}, ""};
+    rig_controller_outputs out = {sizeof out, 0, 0, 0, command, setpoint, ""};
     in.gear_request = 4000000000u;
     if (rig_controller_step(box, &in, &out) != RIG_ERROR || !out.message[0]) return 3;
     rig_controller_destroy(box);
@@ -264,10 +269,11 @@ def model(tmp_path, shim, period=""):
                                     "void small_initialize(void) { rtY.steps = 0; }\nvoid small_terminate(void) {}\n"
                                     "void small_step(void) { rtY.y = rtU.u; rtY.steps += 1; }\n")
     (folder / "ert_main.c").write_text("int main(void) { return not_for_a_library; }\n")
+    shutil.copy(EXAMPLES / "rig_record.h", folder)
     (folder / "rig_shim.c").write_text(
-        f'#include "small.h"\n#define RIG_MODEL small\n#define RIG_LEVELS RIG_LEVEL_DUTY\n{period}\n'
+        f'#include "small.h"\n#include "rig_record.h"\n#define RIG_MODEL small\n#define RIG_LEVELS RIG_LEVEL_DUTY\n{period}\n'
         '#include "rig_simulink.h"\n'
-        "static void rig_inputs(const rig_controller_inputs *in) { rtU.u = in->n_wej / 1000.0; }\n"
+        "static void rig_inputs(const rig_controller_inputs *in) { rtU.u = rig_measured_of(in)->n_wej / 1000.0; }\n"
         "static void rig_outputs(rig_controller_outputs *out) {\n"
         "  out->command[0] = rtY.y; out->setpoint[0] = rtY.steps; }\n"
         f"static void rig_parameters(void) {{ {shim} }}\n")
@@ -275,8 +281,8 @@ def model(tmp_path, shim, period=""):
 
 
 def answers(config, folder, samples):
-    plug = load_controller(f"simulink:{folder}", config.alfa46)
-    out = [plug.step(k, (0.0, 0.0, 0.0), 125.0 * k, 0.0, 0.0, 0.0) for k in range(samples)]
+    plug = load_controller(f"simulink:{folder}", config)
+    out = [plug.step(k, (0.0, 0.0, 0.0), [125.0 * k, 0.0, 0.0, 0.0]) for k in range(samples)]
     plug.close()
     return [(answer.command[0], answer.setpoint[0]) for answer in out]  # eighths, so exact
 
@@ -301,14 +307,14 @@ def test_a_slower_model_is_stepped_at_its_own_period(tmp_path, config):
 )
 def test_a_model_that_does_not_fit_is_refused(tmp_path, config, shim, period, sentence):
     with pytest.raises(RigError, match=sentence):
-        load_controller(f"simulink:{model(tmp_path, shim, period)}", config.alfa46)
+        load_controller(f"simulink:{model(tmp_path, shim, period)}", config)
 
 
 def test_folders_without_a_model_are_refused(tmp_path, config):
     with pytest.raises(RigError, match="no such folder"):
-        load_controller("simulink:nowhere", config.alfa46)
+        load_controller("simulink:nowhere", config)
     with pytest.raises(RigError, match="the folder has no rig_shim.c or rig_shim.cpp; './rig controller new simulink DIR'"):
-        load_controller(f"simulink:{tmp_path}", config.alfa46)
+        load_controller(f"simulink:{tmp_path}", config)
 
 
 CLASS_H = """
@@ -336,6 +342,7 @@ void small::terminate() {}
 """
 CLASS_SHIM = """
 #include "small.h"
+#include "rig_record.h"
 static small model;
 #define RIG_MODEL small
 #define RIG_LEVELS RIG_LEVEL_DUTY
@@ -346,7 +353,7 @@ static small model;
 #define RIG_SIGNALS "steps"
 #define RIG_SETTINGS {"gain", 2.0}
 #include "rig_simulink.h"
-static void rig_inputs(const rig_controller_inputs *in) { model.small_U.u = in->n_wej / 1000.0 + 0.0 * rig_wanted[0]; }
+static void rig_inputs(const rig_controller_inputs *in) { model.small_U.u = rig_measured_of(in)->n_wej / 1000.0 + 0.0 * rig_wanted[0]; }
 static void rig_outputs(rig_controller_outputs *out) {
   out->command[0] = model.small_Y.y; out->setpoint[0] = model.small_Y.steps; }
 static void rig_parameters(void) {}
@@ -365,6 +372,7 @@ def generated_cpp(folder):
              # C that is no C++: the name of a variable
              "slprj/grt/_sharedutils/shared_utils.c": '#include "shared_utils.h"\n'
                                                       "double shared_half(double class) { return class / 2.0; }\n"}
+    shutil.copy(EXAMPLES / "rig_record.h", folder)
     for name, text in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text)
@@ -372,8 +380,8 @@ def generated_cpp(folder):
 
 def test_cpp_class_code_in_its_folders_is_taken(tmp_path, config):
     generated_cpp(tmp_path)
-    plug = load_controller(f"simulink:{tmp_path}", config.alfa46)
-    answer = [plug.step(k, (0.0, 0.0, 0.0), 125.0 * k, 0.0, 0.0, 0.0, [0.0]) for k in range(3)][-1]
+    plug = load_controller(f"simulink:{tmp_path}", config)
+    answer = [plug.step(k, (0.0, 0.0, 0.0), [125.0 * k, 0.0, 0.0, 0.0], [0.0]) for k in range(3)][-1]
     assert (answer.command[0], answer.setpoint[0], plug.signal_values) == (0.25, 3.0, (3.0,))
     assert dict(plug.settings) == {"gain": 2.0} and plug.wants == ("M_wej",)
     plug.close()
@@ -383,7 +391,7 @@ def test_two_shims_are_refused(tmp_path, config):
     generated_cpp(tmp_path)
     (tmp_path / "slprj" / "rig_shim.c").write_text("")
     with pytest.raises(RigError, match="the folder has 2 shims, expected one: rig_shim.cpp, slprj/rig_shim.c$"):
-        load_controller(f"simulink:{tmp_path}", config.alfa46)
+        load_controller(f"simulink:{tmp_path}", config)
 
 
 RT_MODEL_H = """
@@ -415,15 +423,16 @@ def test_the_rt_model_form_of_the_page_is_taken(tmp_path, config):
     page = (Path(__file__).parents[2] / "docs" / "controllers.md").read_text(encoding="utf-8")
     (shim,) = [block for block in re.findall(r"```c\n(.*?)```", page, re.S) if "RT_MODEL_your_model_T" in block]
     shim = shim.replace("your_model", "small")
+    shutil.copy(EXAMPLES / "rig_record.h", tmp_path)
     (tmp_path / "small.h").write_text(RT_MODEL_H)
     (tmp_path / "small.c").write_text(RT_MODEL_C)
     (tmp_path / "rig_shim.c").write_text(shim)
-    plug = load_controller(f"simulink:{tmp_path}", config.alfa46)
+    plug = load_controller(f"simulink:{tmp_path}", config)
     for k in range(3):
-        answer = plug.step(k, (0.0, 0.0, 0.0), 125.0 * k, 0.0, 0.0, 0.0)
+        answer = plug.step(k, (0.0, 0.0, 0.0), [125.0 * k, 0.0, 0.0, 0.0])
     assert answer.command[0] == 0.25
     with pytest.raises(ControllerFailed, match="status error: overrun"):
-        plug.step(3, (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
+        plug.step(3, (0.0, 0.0, 0.0), [0.0, 0.0, 0.0, 0.0])
 
 
 def test_the_example_in_generated_form_compiles_without_a_warning(tmp_path):

@@ -64,23 +64,23 @@ def test_the_bus_is_on_loopback_and_on_no_other_network():
 @pytest.mark.parametrize("channel", ["127.0.0.1", "ff15::1", "nowhere"])
 def test_a_channel_that_is_no_group_is_refused(config, channel):
     with pytest.raises(RigError, match=f"the bus {channel} cannot be opened with the interface udp_multicast: ") as refusal:
-        load_controller(f"can:{channel}?interface=udp_multicast", config.alfa46)
+        load_controller(f"can:{channel}?interface=udp_multicast", config)
     assert "\n" not in str(refusal.value)
 
 
 def test_foreign_packets_are_counted_and_named_once(config):
     """The plug and the example controller, both on the bus that a stranger shouts on, go on with their work."""
     bus, stop, said = open_bus(GROUP, "udp_multicast", "test", port=PORT), threading.Event(), []
-    controller = CanController(bus, config.alfa46)
+    controller = CanController(bus, config)
     thread = threading.Thread(target=controller.run, args=(stop,), daemon=True)
     thread.start()
-    plug = load_controller(f"can:{GROUP}?interface=udp_multicast&port={PORT}", config.alfa46)
+    plug = load_controller(f"can:{GROUP}?interface=udp_multicast&port={PORT}", config)
     plug.say = said.append
     try:
         shout()
         plug.wait(10)
         shout()
-        answered = sum(plug.step(sample, [0.0] * 3, 0.0, 0.0, 0.0, 0.0) is not None for sample in range(200))
+        answered = sum(plug.step(sample, [0.0] * 3, [0.0, 0.0, 0.0, 0.0]) is not None for sample in range(200))
     finally:
         stop.set()
         thread.join()
@@ -153,7 +153,7 @@ def answer_of(bus):
 def test_a_second_program_on_the_bus_is_refused_and_named(config):
     """Two programs on one bus that answer at once: the first one is the master, the other's commands are not used."""
     first, second = (open_bus(GROUP, "udp_multicast", "test", port=PORT) for _ in range(2))
-    plug, said = load_controller(f"can:{GROUP}?interface=udp_multicast&port={PORT}", config.alfa46), []
+    plug, said = load_controller(f"can:{GROUP}?interface=udp_multicast&port={PORT}", config), []
     plug.say = said.append
     try:
         for sample in range(20):
@@ -161,7 +161,7 @@ def test_a_second_program_on_the_bus_is_refused_and_named(config):
                 state = struct.pack("<HBBBB", sample, gear, 0, 0, 0).ljust(8, b"\0")
                 for number, data in ((0x200, state), (0x201, struct.pack("<4H", sample, command, 0, 0))):
                     bus.send(can.Message(arbitration_id=number, data=data, is_extended_id=False, is_fd=False))
-            answer = plug.step(sample, [0.0] * 3, 0.0, 0.0, 0.0, 0.0)
+            answer = plug.step(sample, [0.0] * 3, [0.0, 0.0, 0.0, 0.0])
             if sample:
                 assert answer.command == pytest.approx((0.2, 0.0, 0.0)) and plug.gear == 1
     finally:

@@ -50,7 +50,7 @@ def test_the_safe_state_forgets_what_is_on_its_way(config):
 
 
 def commands(folder):
-    return Bag(folder).canonical_hash()["/alfa46/command"]
+    return Bag(folder).canonical_hash()["/controller/command"]
 
 
 def test_built_in_and_plug_agree_at_every_delay_and_delays_differ(tmp_path, capsys):
@@ -92,7 +92,7 @@ def test_the_level_current_is_late_by_the_same(config):
     """The loop itself keeps its sample; the setpoint comes later by the difference."""
     seen = {}
     for delay in (1, 4):
-        plug = load_controller(f"{PYTHON}@current", config.alfa46)
+        plug = load_controller(f"{PYTHON}@current", config)
         rig = Rig(config, controller="external", level="current", delay=delay)
         plug.order(1)
         on = []

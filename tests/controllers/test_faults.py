@@ -93,8 +93,8 @@ def other_machine(build, _tmp_path):
 @pytest.mark.parametrize(("made", "sentence"), [
     (missing, "the library does not export rig_controller_destroy; see rig_controller.h"),
     (lacking, "the library cannot be loaded: {}: undefined symbol: model_step"),
-    (other_abi, "the library was made for ABI 7 of rig_controller.h, this rig has ABI 1; compile it again with this "
-                "rig's header"),
+    (other_abi, "the library was made for ABI 7 of rig_controller.h, this rig has ABI 2; compile it again with this "
+                "rig's header and rig_record.h"),
     (other_machine, "the library is for aarch64, 64 bits; this machine is x86_64, 64 bits"),
 ])
 def test_a_library_that_does_not_fit_is_refused(made, sentence, simulate, build, tmp_path):
@@ -105,7 +105,7 @@ def test_a_library_that_does_not_fit_is_refused(made, sentence, simulate, build,
 
 
 def test_an_fmu_without_a_binary_for_this_platform_is_refused(simulate, config, tmp_path):
-    build_controller_fmu([ALFA46_C], tmp_path / "whole.fmu", config.alfa46)
+    build_controller_fmu([ALFA46_C], tmp_path / "whole.fmu", config)
     path = tmp_path / "other.fmu"
     with zipfile.ZipFile(tmp_path / "whole.fmu") as old, zipfile.ZipFile(path, "w") as new:
         for name in old.namelist():
@@ -202,11 +202,11 @@ class Leaving(ModbusController):
 
 def can_with_short_frames(config, _port):
     bus = Shortening(open_bus("shortening", "virtual", "test"))
-    return "can:shortening?interface=virtual", CanController(bus, config.alfa46), bus.shutdown
+    return "can:shortening?interface=virtual", CanController(bus, config), bus.shutdown
 
 
 def modbus_that_leaves(config, port):
-    return f"modbus:{port}", Leaving(port, config.alfa46), lambda: None
+    return f"modbus:{port}", Leaving(port, config), lambda: None
 
 
 @pytest.mark.parametrize(("made", "told"), [

@@ -28,6 +28,7 @@ from rig_nodes.controllers.can_database import dbc_text
 from rig_nodes.controllers.examples.alfa46 import Alfa46
 from rig_nodes.controllers.examples.can_alfa46 import CanController
 from rig_nodes.controllers.examples.modbus_alfa46 import ModbusController
+from rig_nodes.controllers.record import record_of
 from rig_nodes.controllers.registers import csv_text, markdown_text, register_map
 from rig_nodes.controllers.wire import measured
 from rig_nodes.errors import RigError
@@ -83,7 +84,7 @@ def example(config):
     made = []
 
     def start(kind, place=None):
-        made.append(Example(kind, config.alfa46, place))
+        made.append(Example(kind, config, place))
         return made[-1]
 
     yield start
@@ -148,7 +149,7 @@ def late(exact, tmp_path_factory):
     def get(*delays):
         if delays not in known:
             globals()["Late"] = type("Late", (Delayed,), {"delays": delays})
-            plug = load_controller(f"python:{__name__}:Late", exact.alfa46)
+            plug = load_controller(f"python:{__name__}:Late", exact)
             known[delays], gap = run_with(exact, tmp_path_factory.mktemp("late"), plug)
             assert gap == 1
         return known[delays]
@@ -167,7 +168,7 @@ def test_every_metric_is_as_the_stated_delay_makes_it(exact, example, late, tmp_
     spec = "ros:free?timing=free" if kind == "ros" else example(kind).spec
     for attempt in range(3):
         began = time.monotonic()
-        found, gap = run_with(exact, tmp_path / f"run{attempt}", here(spec, exact.alfa46))
+        found, gap = run_with(exact, tmp_path / f"run{attempt}", here(spec, exact))
         assert time.monotonic() - began > 2.5, "2.586 s of the sequence take as long"
         if gap <= LATEST:
             break
@@ -193,7 +194,7 @@ def test_each_sample_of_delay_lets_the_clutch_close_a_millisecond_later(late):
 @pytest.mark.parametrize("kind", ["virtual", "modbus"])
 def test_either_level_and_either_gear(config, example, kind):
     """At level duty the current loop is closed over the wire: the coil comes near its setpoint all the same."""
-    plug = here(example(kind).spec, config.alfa46, "duty")
+    plug = here(example(kind).spec, config, "duty")
     rig = Rig(config, controller="external", level="duty")
     rig.set_oil(4e6, True)
     plug.order(2)
@@ -220,7 +221,7 @@ def test_what_cannot_be_asked_of_a_clock_of_its_own_says_why(config, example, mo
 @pytest.mark.parametrize("kind", ["virtual", "modbus"])
 def test_of_a_controller_that_disappears_nothing_is_held_after_100_ms(config, example, kind):
     controller = example(kind)
-    plug = here(controller.spec, config.alfa46)
+    plug = here(controller.spec, config)
     rig = Rig(config, controller="external", level="current")
     plug.order(1)
     for _ in range(600):
@@ -254,7 +255,7 @@ def test_of_a_controller_that_disappears_nothing_is_held_after_100_ms(config, ex
 
 @pytest.mark.parametrize("spec", ["can:nobody?interface=virtual", "modbus:{port}"])
 def test_waiting_is_visible_and_ends(config, spec):
-    plug, said = load_controller(spec.format(port=free_port()), config.alfa46), []
+    plug, said = load_controller(spec.format(port=free_port()), config), []
     plug.say = said.append
     with pytest.raises(RigError, match="no command came on .* within 1.2 s$") as refusal:
         plug.wait(1.2)
@@ -263,7 +264,7 @@ def test_waiting_is_visible_and_ends(config, spec):
 
 
 def test_a_virtual_bus_says_at_once_that_nobody_outside_can_join(config):
-    plug, said = load_controller("can:nobody?interface=virtual", config.alfa46), []
+    plug, said = load_controller("can:nobody?interface=virtual", config), []
     plug.say = said.append
     plug.pace(5.0)
     plug.close()
@@ -282,7 +283,7 @@ def test_frames_of_wrong_length_are_counted_and_said_and_never_used(config):
 
     thread = threading.Thread(target=shout, daemon=True)
     thread.start()
-    plug = load_controller("can:short?interface=virtual", config.alfa46)
+    plug = load_controller("can:short?interface=virtual", config)
     plug.say = said.append
     try:
         with pytest.raises(RigError, match=r"no command came .*; not used: frame CONTROL_COMMAND_CURRENT \(0x201\) "
@@ -314,7 +315,7 @@ def test_what_the_bus_says_is_checked_like_any_answer(config, state, command, se
 
     thread = threading.Thread(target=speak, daemon=True)
     thread.start()
-    plug = here("can:spoken?interface=virtual", config.alfa46)
+    plug = here("can:spoken?interface=virtual", config)
     rig = Rig(config, controller="external", level="current")
     try:
         while rig.status != RigStatus.TRIPPED and rig.sample < 500:
@@ -333,7 +334,7 @@ def test_what_the_bus_says_is_checked_like_any_answer(config, state, command, se
 def test_a_counter_that_jumps_back_begins_the_law_anew(config, last, next_one, anew):
     """The end of a run at 40 s too, from where 0 is as far ahead as back in the 16 bits of the counter."""
     bus = open_bus("jumps", "virtual", "test")
-    controller, laws = CanController(bus, config.alfa46), []
+    controller, laws = CanController(bus, config), []
     names = ("n_wej", "n_wyj", "p1", "p2", "current_1", "current_2", "current_3", "gear_request")
     try:
         for sample in (last, next_one):
@@ -359,7 +360,7 @@ def test_two_controllers_on_one_bus_trip_the_rig(config, example):
 
     thread = threading.Thread(target=answer, daemon=True)
     thread.start()
-    plug = here(controller.spec, config.alfa46)
+    plug = here(controller.spec, config)
     rig = Rig(config, controller="external", level="current")
     try:
         for _ in range(200):
@@ -389,7 +390,7 @@ def test_two_controllers_on_one_bus_trip_the_rig(config, example):
 ])
 def test_specifications_that_do_not_fit_are_refused(config, spec, sentence):
     with pytest.raises(RigError, match=sentence) as refusal:
-        load_controller(spec, config.alfa46)
+        load_controller(spec, config)
     assert "\n" not in str(refusal.value)
 
 
@@ -398,7 +399,7 @@ def test_a_port_that_is_taken_is_said(config):
         other.bind(("127.0.0.1", 0))
         other.listen()
         with pytest.raises(RigError, match=f"no server on 127.0.0.1:{other.getsockname()[1]}: "):
-            load_controller(f"modbus:{other.getsockname()[1]}", config.alfa46)
+            load_controller(f"modbus:{other.getsockname()[1]}", config)
 
 
 # ---- what is on the wires
@@ -407,7 +408,7 @@ def test_a_port_that_is_taken_is_said(config):
 def test_the_bus_carries_j1939_by_the_standards_scaling(config):
     """By hand: 1500 rpm are 12000 x 0.125 rpm, 1000 rpm 8000; gear I with ratio 47/34: slip 7.84 % = 20 x 0.4 %."""
     listener, bus = (can.Bus(channel="j1939", interface="virtual") for _ in range(2))
-    plug = load_controller("can:j1939?interface=virtual", config.alfa46)
+    plug = load_controller("can:j1939?interface=virtual", config)
     state = bytes([0, 0, 1, 1, 0, 0, 0, 0])  # gear 1, shifting
     for _ in range(2):
         for number, data in ((0x200, state), (0x201, bytes(8))):
@@ -417,7 +418,7 @@ def test_the_bus_carries_j1939_by_the_standards_scaling(config):
         bus.send(can.Message(arbitration_id=number, data=data, is_extended_id=False))
     plug.order(1)
     for sample in (99, 100):
-        plug.step(sample, [0.1, 0.0, 0.0], 1500 * RPM, 1000 * RPM, 1e6, 0.0)
+        plug.step(sample, [0.1, 0.0, 0.0], [1500 * RPM, 1000 * RPM, 1e6, 0.0])
     frames = {}
     while frame := listener.recv(0.0):
         frames[frame.arbitration_id] = frame
@@ -437,8 +438,8 @@ def test_the_bus_carries_j1939_by_the_standards_scaling(config):
 @pytest.mark.parametrize(("value", "raw"), [
     (1500 * RPM, 15000), (-0.26 * RPM, -3), (1e9, 32767), (-1e9, -32767), (float("nan"), -32768), (float("inf"), 32767),
 ])
-def test_a_measurement_is_the_nearest_number_of_the_wire(value, raw):
-    n_wej = next(wire for wire in measured() if wire.name == "n_wej")
+def test_a_measurement_is_the_nearest_number_of_the_wire(config, value, raw):
+    n_wej = next(wire for wire in measured(record_of(config)) if wire.name == "n_wej")
     assert n_wej.encode(value) == raw
     if abs(raw) < 32767:
         assert n_wej.decode(raw) == pytest.approx(value, abs=0.05 * RPM)
@@ -446,9 +447,9 @@ def test_a_measurement_is_the_nearest_number_of_the_wire(value, raw):
 
 def test_what_is_no_number_reaches_the_bus_as_such(config):
     bus = open_bus("nan", "virtual", "test")
-    plug = load_controller("can:nan?interface=virtual", config.alfa46)
+    plug = load_controller("can:nan?interface=virtual", config)
     plug.gear = 1
-    plug.step(0, [0.0] * 3, float("nan"), float("inf"), 0.0, 0.0)
+    plug.step(0, [0.0] * 3, [float("nan"), float("inf"), 0.0, 0.0])
     frames = {}
     while frame := bus.recv(0.0):
         frames[frame.arbitration_id] = bytes(frame.data)
@@ -458,28 +459,28 @@ def test_what_is_no_number_reaches_the_bus_as_such(config):
     bus.shutdown()
 
 
-def test_the_dbc_is_what_the_plug_speaks(tmp_path):
+def test_the_dbc_is_what_the_plug_speaks(config, tmp_path):
     assert main(["export", "dbc", "-o", str(tmp_path / "rig.dbc")]) == 0
     read = cantools.database.load_file(tmp_path / "rig.dbc")
-    assert (tmp_path / "rig.dbc").read_bytes().decode() == dbc_text()
+    assert (tmp_path / "rig.dbc").read_bytes().decode() == dbc_text(record_of(config))
     assert {m.name: m.frame_id for m in read.messages} == {
-        "RIG_REQUEST": 0x100, "RIG_SHAFTS": 0x101, "RIG_CURRENTS": 0x102, "CONTROL_STATE": 0x200,
+        "RIG_REQUEST": 0x100, "RIG_MEASURED": 0x101, "RIG_CURRENTS": 0x102, "CONTROL_STATE": 0x200,
         "CONTROL_COMMAND_CURRENT": 0x201, "CONTROL_COMMAND_DUTY": 0x202, "ETC1": 0x0CF00203, "ETC2": 0x18F00503,
         "CONTROL_STATE_J1939": 0x0CFF10FE, "CONTROL_COMMAND_CURRENT_J1939": 0x0CFF11FE,
         "CONTROL_COMMAND_DUTY_J1939": 0x0CFF12FE}
-    shafts = read.decode_message("RIG_SHAFTS", struct.pack("<4h", 15000, -10, 500, 500))
+    shafts = read.decode_message("RIG_MEASURED", struct.pack("<4h", 15000, -10, 500, 500))
     assert shafts == pytest.approx({"n_wej": 1500.0, "n_wyj": -1.0, "p1": 1.0, "p2": 0.5})
-    assert {s.name: s.unit for s in read.get_message_by_name("RIG_SHAFTS").signals} == {
+    assert {s.name: s.unit for s in read.get_message_by_name("RIG_MEASURED").signals} == {
         "n_wej": "rpm", "n_wyj": "rpm", "p1": "MPa", "p2": "MPa"}
 
 
-def test_the_register_map_is_that_of_the_page_and_of_the_export(tmp_path):
+def test_the_register_map_is_that_of_the_page_and_of_the_export(config, tmp_path):
     assert main(["export", "registers", "-o", str(tmp_path / "map.csv")]) == 0
     rows = list(csv.DictReader(io.StringIO((tmp_path / "map.csv").read_text())))
     addresses = [*range(11), *range(32, 40)]
-    assert [int(row["address"]) for row in rows] == [row.address for row in register_map()] == addresses
-    assert (tmp_path / "map.csv").read_text() == csv_text()
-    assert markdown_text() in (DOCS / "modbus.md").read_text(encoding="utf-8")
+    assert [int(row["address"]) for row in rows] == [row.address for row in register_map(record_of(config))] == addresses
+    assert (tmp_path / "map.csv").read_text() == csv_text(record_of(config))
+    assert markdown_text(record_of(config)) in (DOCS / "modbus.md").read_text(encoding="utf-8")
 
 
 def test_registers_are_read_and_written_as_the_map_says(config):
@@ -502,12 +503,12 @@ def test_registers_are_read_and_written_as_the_map_says(config):
     done, read = threading.Event(), threading.Event()
     thread = threading.Thread(target=be_a_plc, daemon=True)
     thread.start()
-    plug = here(f"modbus:{port}", config.alfa46)
+    plug = here(f"modbus:{port}", config)
     plug.order(2)
-    assert plug.step(0x12345, [0.1, -0.001, 0.0], 1500 * RPM, 1000 * RPM, 1e6, 5e5) is None
+    assert plug.step(0x12345, [0.1, -0.001, 0.0], [1500 * RPM, 1000 * RPM, 1e6, 5e5]) is None
     done.set()
     assert read.wait(5)
-    answer = plug.step(0x12346, [0.0] * 3, 0.0, 0.0, 0.0, 0.0)
+    answer = plug.step(0x12346, [0.0] * 3, [0.0, 0.0, 0.0, 0.0])
     assert answer.command == pytest.approx((0.4, 0.0, 0.0)) and (plug.gear, plug.shifting) == (1, True)
     assert told["read"] == [1, 0x2345, 2, 1, 2000, 0x10000 - 20, 0, 15000, 10000, 500, 500]
     assert told["refused"]

@@ -19,7 +19,9 @@ from rig_nodes.controllers import load_controller
 from rig_nodes.controllers.can_bus import open_bus
 from rig_nodes.controllers.can_database import dbc_text
 from rig_nodes.controllers.examples.can_alfa46 import CanController
+from rig_nodes.controllers.record import record_of
 from rig_nodes.errors import RigError
+from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.simulate import advance_with
 from rig_nodes.testbench.timed import RigStatus
@@ -51,7 +53,7 @@ class Bus:
         return frames
 
     def step(self, sample, n_wej=0.0, n_wyj=0.0, p1=0.0, p2=0.0):
-        self.plug.step(sample, [0.0] * 3, n_wej, n_wyj, p1, p2)
+        self.plug.step(sample, [0.0] * 3, [n_wej, n_wyj, p1, p2])
 
     def message(self, pgn):
         """Data of the newest message of a group."""
@@ -70,7 +72,7 @@ def make(config):
     made = []
 
     def start(options=""):
-        made.append(Bus(config.alfa46, options))
+        made.append(Bus(config, options))
         return made[-1]
 
     yield start
@@ -87,9 +89,9 @@ def test_the_current_gear_is_what_the_clutches_hold(config):
     bus = open_bus("j1939-gears", "virtual", "test")
     ears = open_bus("j1939-gears", "virtual", "test")
     stop = threading.Event()
-    thread = threading.Thread(target=CanController(bus, config.alfa46).run, args=(stop,), daemon=True)
+    thread = threading.Thread(target=CanController(bus, config).run, args=(stop,), daemon=True)
     thread.start()
-    plug = load_controller("can:j1939-gears?interface=virtual", config.alfa46)
+    plug = load_controller("can:j1939-gears?interface=virtual", config)
     rig, seen, locked_at = Rig(config, controller="external", level="current"), [], {}
     try:
         plug.wait(10)
@@ -227,7 +229,7 @@ def test_a_node_of_a_dynamic_address_waits_a_quarter_of_a_second(make):
 @pytest.mark.parametrize("value", ["254", "-1", "three", ""])
 def test_an_address_that_is_none_is_refused(config, value):
     with pytest.raises(RigError, match=f"option address is '{value}', expected 0 to 253"):
-        load_controller(f"can:x?interface=virtual&address={value}", config.alfa46)
+        load_controller(f"can:x?interface=virtual&address={value}", config)
 
 
 # ---- commands as J1939 groups, and one master
@@ -241,7 +243,7 @@ def test_commands_are_taken_from_one_source_address(make):
     for sample in range(1, 20):
         bus.answer(sample, source=0x22, gear=2, command=40000)
         bus.answer(sample, source=0x21, gear=1, command=10000)
-        answer = bus.plug.step(sample, [0.0] * 3, 0.0, 0.0, 0.0, 0.0)
+        answer = bus.plug.step(sample, [0.0] * 3, [0.0, 0.0, 0.0, 0.0])
         assert answer.command == pytest.approx((0.2, 0.0, 0.0)) and bus.plug.gear == 1
     assert [text for text in bus.said if "refused" in text] == [
         f"{bus.spec}: a command of J1939 address 34 is refused: J1939 address 33 commands, until it leaves or has been "
@@ -249,7 +251,7 @@ def test_commands_are_taken_from_one_source_address(make):
     assert sum(bus.plug.faults.values()) == 38
     bus.plug._mastered -= 1.0  # a second later
     bus.answer(20, source=0x22, gear=2, command=20000)
-    assert bus.plug.step(20, [0.0] * 3, 0.0, 0.0, 0.0, 0.0).command == pytest.approx((0.4, 0.0, 0.0))
+    assert bus.plug.step(20, [0.0] * 3, [0.0, 0.0, 0.0, 0.0]).command == pytest.approx((0.4, 0.0, 0.0))
 
 
 def test_a_program_on_plain_frames_is_refused_beside_a_source_address(make):
@@ -265,7 +267,7 @@ def test_a_program_on_plain_frames_is_refused_beside_a_source_address(make):
 
 
 def test_the_dbc_says_what_j1939_tools_look_for():
-    read = cantools.database.load_string(dbc_text(), "dbc")
+    read = cantools.database.load_string(dbc_text(record_of(load_rig("hydmag"))), "dbc")
     assert read.dbc.attributes["ProtocolType"].value == "J1939"
     assert read.dbc.attribute_definitions["VFrameFormat"].choices[3] == "J1939PG"
     groups = {message.name: message for message in read.messages if message.protocol == "j1939"}

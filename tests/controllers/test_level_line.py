@@ -60,7 +60,7 @@ def test_the_built_in_one_says_it_too_in_runs_and_procedures(box, capsys):
     line = "controller alfa46 at level duty, as the controller says"
     assert main(["simulate", "short.yaml", "--out", "run"]) == 0
     assert capsys.readouterr().out.splitlines()[0] == line
-    assert level_line(load_controller(None, load_rig("hydmag").alfa46)) == line
+    assert level_line(load_controller(None, load_rig("hydmag"))) == line
     assert json.loads(open("run/report.json").read())["run"]["controller"]["level_from"] == "as the controller says"
     assert main(["procedure", "valve_response", "--series", "ZR-P1", "--out", "series"]) == 0
     assert capsys.readouterr().out.splitlines()[0] == line

@@ -36,7 +36,7 @@ class Server:
         return client
 
     def step(self, sample):
-        return self.plug.step(sample, [0.0] * 3, 0.0, 0.0, 0.0, 0.0)
+        return self.plug.step(sample, [0.0] * 3, [0.0, 0.0, 0.0, 0.0])
 
     def end(self):
         for client in self._clients:
@@ -49,7 +49,7 @@ def make(config):
     made = []
 
     def start(options=""):
-        made.append(Server(config.alfa46, options))
+        made.append(Server(config, options))
         return made[-1]
 
     yield start
@@ -157,7 +157,7 @@ def on_modbus(settings, port):
 @pytest.mark.parametrize("made", [on_can, on_modbus])
 def test_a_slow_controller_is_waited_for_as_long_as_it_was_told(config, made):
     """One command at the first sample and none after it: with timeout=0.3 the rig holds it and trips at 300 ms."""
-    plug, end = made(config.alfa46, free_port())
+    plug, end = made(config, free_port())
     plug.said = []
     plug.say = plug.said.append
     rig = Rig(config, controller="external", level="current")
@@ -176,4 +176,4 @@ def test_a_slow_controller_is_waited_for_as_long_as_it_was_told(config, made):
 @pytest.mark.parametrize("value", ["0.05", "11", "soon", "nan", ""])
 def test_a_timeout_that_is_none_is_refused(config, spec, value):
     with pytest.raises(RigError, match=rf"option timeout is '{value}', expected 0.1 to 10$"):
-        load_controller(spec.format(port=free_port(), value=value), config.alfa46)
+        load_controller(spec.format(port=free_port(), value=value), config)

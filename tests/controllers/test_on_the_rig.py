@@ -129,7 +129,7 @@ def test_silence_ends_in_the_safe_state_at_level_current_too(config):
 
 @pytest.mark.parametrize("spec", ["alfa46", f"{PYTHON}@current"])
 def test_after_a_reset_a_clutch_is_clamped_only_when_it_is_ordered_anew(config, spec):
-    plug = load_controller(spec, config.alfa46)
+    plug = load_controller(spec, config)
     rig = Rig(config, controller="external", level=plug.level)
     rig.set_oil(4e6, True)
 
@@ -234,7 +234,7 @@ def test_an_answer_acts_one_sample_later(config, python_controller):
 def test_a_controller_that_fails_trips_the_rig_and_the_bag_is_whole(
     config, sequence, failing, tmp_path, what, reason
 ):
-    plug = load_controller(failing(what), config.alfa46)
+    plug = load_controller(failing(what), config)
     run = simulate(config, load_sequence(sequence), tmp_path / "run", controller=plug)
     assert run["end"]["state"] == "tripped" and re.search(reason, run["end"]["reason"])
     bag = Bag(tmp_path / "run")
@@ -249,7 +249,7 @@ def test_a_controller_that_fails_trips_the_rig_and_the_bag_is_whole(
 
 
 def test_a_controller_that_never_answers_trips_the_rig(config, sequence, failing, tmp_path):
-    plug = load_controller(failing("return ControllerOutputs(status=Status.DISCARD)", 0), config.alfa46)
+    plug = load_controller(failing("return ControllerOutputs(status=Status.DISCARD)", 0), config)
     run = simulate(config, load_sequence(sequence), tmp_path / "run", controller=plug)
     assert "has not answered any of the first 101 samples" in run["end"]["reason"]
     assert run["duration_s"] < 0.3
@@ -377,6 +377,6 @@ def test_the_first_shift_page_works_as_it_is_written(kind, page, count, tmp_path
 
 
 def test_the_cost_of_each_plug_is_measured(config):
-    for cost in controllers_table(config.alfa46, steps=100):
+    for cost in controllers_table(config, steps=100):
         assert cost.missing or 1.0 < cost.median_us <= cost.p99_us
     assert len(format_table([cost]).splitlines()) == 2

@@ -50,7 +50,7 @@ def is_gone(pid, seconds=5.0):
     ],
 )
 def test_a_library_that_breaks_down_is_fatal_and_the_rig_lives(build, config, step, sentence):
-    plug = load_controller(f"c:{build(frame(f'if (in->sample == 3) {{ {step} }}'))}", config.alfa46)
+    plug = load_controller(f"c:{build(frame(f'if (in->sample == 3) {{ {step} }}'))}", config)
     plug.pace(0.2)
     rig = Rig(config, controller="external")
     for _ in range(3):
@@ -82,12 +82,12 @@ def test_a_library_that_breaks_down_is_fatal_and_the_rig_lives(build, config, st
 )
 def test_a_library_that_breaks_down_before_its_first_step_is_refused(build, config, text, sentence):
     with pytest.raises(RigError, match=sentence) as refusal:
-        load_controller(f"c:{build(text)}", config.alfa46)
+        load_controller(f"c:{build(text)}", config)
     assert refusal.value.exit_code == 2 and "\n" not in str(refusal.value)
 
 
 def test_in_real_time_a_tenth_of_a_second_is_the_end(build, config):
-    plug = load_controller(f"c:{build(frame(ENDLESS))}", config.alfa46)
+    plug = load_controller(f"c:{build(frame(ENDLESS))}", config)
     plug.pace(0.1, real_time=True)
     with pytest.raises(ControllerFailed, match="no answer for 100 ms$"):
         ask(plug)
@@ -95,7 +95,7 @@ def test_in_real_time_a_tenth_of_a_second_is_the_end(build, config):
 
 def test_a_library_that_does_not_end_is_ended(build, config):
     text = frame("").replace("(void)instance; }", f"(void)instance; {ENDLESS} }}")
-    plug = load_controller(f"c:{build(text)}", config.alfa46)
+    plug = load_controller(f"c:{build(text)}", config)
     ask(plug)
     plug.close()
     assert is_gone(plug.process_id, 0.0)
@@ -109,7 +109,7 @@ def test_destroy_is_called_at_an_orderly_end_and_never_after_fatal(build, config
     )
     library = build(text)
     for samples, destroyed in ((2, False), (1, True)):
-        plug = load_controller(f"c:{library}", config.alfa46)
+        plug = load_controller(f"c:{library}", config)
         try:
             for sample in range(samples):
                 ask(plug, sample)
@@ -123,9 +123,9 @@ def test_arithmetic_that_a_library_changes_is_its_own(build, config):
     """As -ffast-math does with many compilers: tiny numbers become zero, in that process."""
     flush = ("#include <xmmintrin.h>\n__attribute__((constructor)) static void flush(void) "
              "{ _mm_setcsr(_mm_getcsr() | 0x8040); }\n")
-    plug = load_controller(f"c:{build(frame('out->command[0] = in->n_wej / 2.0 > 0.0;', flush))}", config.alfa46)
+    plug = load_controller(f"c:{build(frame('out->command[0] = rig_measured_of(in)->n_wej / 2.0 > 0.0;', flush))}", config)
     tiny = sys.float_info.min
-    assert plug.step(0, (0.0, 0.0, 0.0), tiny, 0.0, 0.0, 0.0).command[0] == 0.0
+    assert plug.step(0, (0.0, 0.0, 0.0), [tiny, 0.0, 0.0, 0.0]).command[0] == 0.0
     assert tiny / 2.0 > 0.0
     plug.close()
 
@@ -135,9 +135,9 @@ def test_nothing_stays_behind_when_the_rig_is_killed(build, step):
     code = (
         "import os, sys; from rig_nodes.controllers import load_controller\n"
         "from rig_nodes.testbench.configuration import load_rig\n"
-        f"plug = load_controller('c:{build(frame(step))}', load_rig('hydmag').alfa46)\n"
+        f"plug = load_controller('c:{build(frame(step))}', load_rig('hydmag'))\n"
         "print(plug.process_id, flush=True)\nplug.pace(None)\n"
-        "plug.step(0, (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)\nprint('answered', flush=True)\nsys.stdin.read()"
+        "plug.step(0, (0.0, 0.0, 0.0), [0.0, 0.0, 0.0, 0.0])\nprint('answered', flush=True)\nsys.stdin.read()"
     )
     rig = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     host = int(rig.stdout.readline())
@@ -151,7 +151,7 @@ def test_nothing_stays_behind_when_the_rig_is_killed(build, step):
 def test_two_plugs_of_one_library_share_nothing(build, config):
     """As generated code with globals needs it."""
     library = build(frame("static int count; out->gear = (uint32_t)(count++ % 3);"))
-    one, other = (load_controller(f"c:{library}", config.alfa46) for _ in range(2))
+    one, other = (load_controller(f"c:{library}", config) for _ in range(2))
     for sample in range(2):
         ask(one, sample)
     ask(other)
@@ -197,7 +197,7 @@ def test_memory_written_beside_what_was_handed_over_trips_the_rig(build, config,
     text = "#include <string.h>\n" + framed(step)
     for name in ("WANTED", "SIGNALS", "SET"):
         text = text.replace(f"{name} }}", f"static int calls; if (++calls > 3) {{ {what} }} }}" if name == where else "}")
-    plug = load_controller(f"c:{build(text, '-w')}", config.alfa46)
+    plug = load_controller(f"c:{build(text, '-w')}", config)
     rig = Rig(config, controller="external")
     for _ in range(3):
         advance_with(rig, plug)
@@ -212,7 +212,7 @@ def test_memory_written_beside_what_was_handed_over_trips_the_rig(build, config,
 def test_memory_written_behind_the_info_of_create_is_refused(build, config):
     text = frame("").replace("(void)info;", "((char *)(info + 1))[0] = 7;")
     with pytest.raises(RigError, match="the library wrote 1 byte behind info of rig_controller_create; that memory is"):
-        load_controller(f"c:{build(text)}", config.alfa46)
+        load_controller(f"c:{build(text)}", config)
 
 
 # ---- the end
@@ -235,7 +235,7 @@ def breaking_at_its_end(what):
 
 @pytest.mark.parametrize(("what", "sentence"), ENDS)
 def test_a_library_that_breaks_down_at_its_end_is_told(build, config, what, sentence):
-    plug = load_controller(f"c:{build(breaking_at_its_end(what))}", config.alfa46)
+    plug = load_controller(f"c:{build(breaking_at_its_end(what))}", config)
     ask(plug)
     plug.close()
     assert re.fullmatch(sentence, plug.end_fault), plug.end_fault
@@ -243,7 +243,7 @@ def test_a_library_that_breaks_down_at_its_end_is_told(build, config, what, sent
 
 
 def test_an_orderly_end_is_none_to_tell_of(build, config):
-    plug = load_controller(f"c:{build(frame(''))}", config.alfa46)
+    plug = load_controller(f"c:{build(frame(''))}", config)
     ask(plug)
     plug.close()
     assert plug.end_fault == ""
@@ -287,7 +287,7 @@ def with_children(build, path, then=""):
 def test_children_of_a_library_end_with_it(build, config, tmp_path, end):
     """Of their own session and without a parent too."""
     then = {"in order": "", "crash": "abort();", "fatal": "", "endless loop": ENDLESS}[end]
-    plug = load_controller(f"c:{with_children(build, tmp_path / 'pids', then)}", config.alfa46)
+    plug = load_controller(f"c:{with_children(build, tmp_path / 'pids', then)}", config)
     plug.pace(5.0 if end != "endless loop" else 0.5)
     try:
         ask(plug)
@@ -305,8 +305,8 @@ def test_children_of_a_library_end_when_the_rig_is_killed(build, tmp_path):
     code = (
         "import sys; from rig_nodes.controllers import load_controller\n"
         "from rig_nodes.testbench.configuration import load_rig\n"
-        f"plug = load_controller('c:{with_children(build, tmp_path / 'pids')}', load_rig('hydmag').alfa46)\n"
-        "plug.step(0, (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)\nprint('answered', flush=True)\nsys.stdin.read()"
+        f"plug = load_controller('c:{with_children(build, tmp_path / 'pids')}', load_rig('hydmag'))\n"
+        "plug.step(0, (0.0, 0.0, 0.0), [0.0, 0.0, 0.0, 0.0])\nprint('answered', flush=True)\nsys.stdin.read()"
     )
     rig = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert rig.stdout.readline() == "answered\n"
@@ -318,7 +318,7 @@ def test_children_of_a_library_end_when_the_rig_is_killed(build, tmp_path):
 
 
 def test_a_crash_leaves_no_core_file(build, config):
-    plug = load_controller(f"c:{build(frame(''))}", config.alfa46)
+    plug = load_controller(f"c:{build(frame(''))}", config)
     with open(f"/proc/{plug.process_id}/limits", encoding="utf-8") as limits:
         assert re.search(r"^Max core file size +0 +0 ", limits.read(), re.M)
     plug.close()

@@ -48,7 +48,7 @@ def run(tmp_path, config):
     def go(text=SEQUENCE, spec=None):
         (tmp_path / "mine.py").write_text(HOLDING)
         (tmp_path / "sequence.yaml").write_text(text)
-        plug = load_controller(spec or f"python:{tmp_path / 'mine.py'}:Mine", config.alfa46)
+        plug = load_controller(spec or f"python:{tmp_path / 'mine.py'}:Mine", config)
         end = simulate(config, load_sequence(tmp_path / "sequence.yaml"), tmp_path / "run", controller=plug)["end"]
         return end, Bag(tmp_path / "run")
     return go

@@ -35,13 +35,13 @@ def test_they_are_in_the_bag_by_name(config, tmp_path):
     (tmp_path / "mine.py").write_text(COUNTING)
     hashes = []
     for name in ("one", "other"):
-        plug = load_controller(f"python:{tmp_path / 'mine.py'}:Mine", config.alfa46)
+        plug = load_controller(f"python:{tmp_path / 'mine.py'}:Mine", config)
         run = simulate(config, load_sequence("sample"), tmp_path / name, controller=plug)
         assert run["end"]["state"] == "ended"
         hashes.append(Bag(tmp_path / name).canonical_hash())
     assert hashes[0] == hashes[1]
     bag = Bag(tmp_path / "one")
-    rows = bag.logger("/alfa46/signals")
+    rows = bag.logger("/controller/signals")
     assert list(rows.channels) == ["count", "slip"] and rows.period == 1e-3
     count, slip = rows.channels.values()
     whole = np.arange(len(count), dtype=float)
@@ -53,8 +53,8 @@ def test_they_are_in_the_bag_by_name(config, tmp_path):
 
 
 def test_without_them_the_bag_has_no_such_topic(config, tmp_path):
-    simulate(config, load_sequence("sample"), tmp_path / "run", controller=load_controller(PYTHON, config.alfa46))
-    assert not {"/alfa46/signals", "/alfa46/channels"} & set(Bag(tmp_path / "run").canonical_hash())
+    simulate(config, load_sequence("sample"), tmp_path / "run", controller=load_controller(PYTHON, config))
+    assert not {"/controller/signals", "/controller/channels"} & set(Bag(tmp_path / "run").canonical_hash())
 
 
 def test_blocks_are_five_samples_and_holes_are_none():
@@ -83,7 +83,7 @@ def test_a_signal_without_its_value_is_an_error(python_controller, given):
 
 
 C_SIGNALS = C_FRAME.replace("STEP", "now = (double)in->sample; if (in->sample == 2) return RIG_DISCARD;").replace(
-    '#include "rig_controller.h"', '#include "rig_controller.h"\nstatic double now;') + """
+    '#include "rig_record.h"', '#include "rig_record.h"\nstatic double now;') + """
 const char *const *rig_controller_signals(void) {
   static const char *const names[] = {"number", "half_of_it", 0};
   return names;
@@ -98,7 +98,7 @@ void rig_controller_signal_values(void *instance, double *values, uint32_t count
 
 
 def test_a_library_names_its_own_too(build, config):
-    plug = load_controller(f"c:{build(C_SIGNALS + VALUES, '-Wall', '-Wextra', '-Werror')}", config.alfa46)
+    plug = load_controller(f"c:{build(C_SIGNALS + VALUES, '-Wall', '-Wextra', '-Werror')}", config)
     assert plug.signals == {"number": "-", "half_of_it": "-"}
     seen = []
     for sample in range(4):
@@ -110,4 +110,4 @@ def test_a_library_names_its_own_too(build, config):
 
 def test_names_without_values_are_refused(build, config):
     with pytest.raises(RigError, match="does not export rig_controller_signal_values"):
-        load_controller(f"c:{build(C_SIGNALS)}", config.alfa46)
+        load_controller(f"c:{build(C_SIGNALS)}", config)

@@ -132,7 +132,7 @@ def udp_python(folder, _config, port):
 
 
 def fmu(folder, config, _port):
-    build_controller_fmu([folder / "mine.c"], folder / "mine.fmu", config.alfa46, flags=["-Werror"])
+    build_controller_fmu([folder / "mine.c"], folder / "mine.fmu", config, flags=["-Werror"])
     assert validate_fmu(str(folder / "mine.fmu")) == []
     return f"fmu:{folder / 'mine.fmu'}", None
 
@@ -144,7 +144,7 @@ def test_it_gets_what_it_wants_is_set_and_recorded(made, config, tmp_path, free_
     spec, command = made(tmp_path, config, free_udp_port)
     program = command and subprocess.Popen(command)
     try:
-        plug = load_controller(spec, config.alfa46)
+        plug = load_controller(spec, config)
         plug.wait(20.0)
         assert set(plug.wants) == {"p_p", "M_wej"} and dict(plug.settings) == {"held": 0.25, "other": 1.0}
         run = simulate(config, load_sequence(tmp_path / "sequence.yaml"), tmp_path / "run", controller=plug)
@@ -157,7 +157,7 @@ def test_it_gets_what_it_wants_is_set_and_recorded(made, config, tmp_path, free_
     t, asked = bag.series("I_set_zr_p1")
     changes = [(round(t[k], 3), asked[k]) for k in np.flatnonzero(np.diff(asked, prepend=-1.0))]
     assert changes == [(0.0, 0.25), (0.105, 0.5)], "the sequence looks every 5 ms"
-    own = bag.logger("/alfa46/signals").channels
+    own = bag.logger("/controller/signals").channels
     assert set(own) == {"twice", "held_now"} and np.array_equal(own["held_now"], asked[:len(own["held_now"])])
     pressure = own["twice"] / 2.0
     assert 3.8e6 < pressure[-1] < 4.2e6 and pressure[0] < 1e6, "the supply's pressure as it is measured"

@@ -18,7 +18,7 @@ def test_it_gets_what_the_wires_carry(python_controller):
         "self.seen = inputs\nreturn Out([0.25, 0.5, 1.0], [0.1, 0.2, 0.0], inputs.gear_request, True)"
     )
     plug.order(2)
-    answer = plug.step(12, [0.1, 0.2, 0.0], 157.0, 100.0, 1e5, 2e5)
+    answer = plug.step(12, [0.1, 0.2, 0.0], [157.0, 100.0, 1e5, 2e5])
     assert answer.command == (0.25, 0.5, 1.0) and answer.setpoint == (0.1, 0.2, 0.0)
     assert (plug.gear, plug.shifting, plug.level) == (2, True, "duty")
     seen = plug._user.seen
@@ -58,7 +58,7 @@ def test_at_level_current_the_setpoint_shown_is_the_command(python_controller):
 )
 def test_the_level_is_chosen_by_the_user_else_by_the_class(python_controller, config, suffix, level, found):
     name = python_controller("return Out()", BOTH).name
-    assert load_controller(name + suffix, config.alfa46, level).level == found
+    assert load_controller(name + suffix, config, level).level == found
 
 
 @pytest.mark.parametrize(
@@ -178,7 +178,7 @@ def test_code_that_does_not_fit_is_refused_before_the_run(tmp_path, config, text
     path = tmp_path / "mine.py"
     path.write_text(text)
     with pytest.raises(RigError, match=sentence) as refusal:
-        load_controller(f"python:{path}:{name}", config.alfa46)
+        load_controller(f"python:{path}:{name}", config)
     assert refusal.value.exit_code == 2 and "\n" not in str(refusal.value)
 
 
@@ -200,7 +200,7 @@ def test_code_that_does_not_fit_is_refused_before_the_run(tmp_path, config, text
 )
 def test_specifications_that_mean_nothing_are_refused(config, spec, level, sentence):
     with pytest.raises(RigError, match=sentence):
-        load_controller(spec, config.alfa46, level)
+        load_controller(spec, config, level)
 
 
 def test_a_level_that_the_class_does_not_know_is_refused(python_controller):
@@ -215,7 +215,7 @@ def test_the_file_finds_its_neighbours(tmp_path, config):
         "class Mine:\n    def initialize(self, info): pass\n    def terminate(self): pass\n"
         "    def step(self, inputs): return ControllerOutputs([ramps_of_mine.LEVEL] * 3)\n"
     )
-    assert ask(load_controller(f"python:{tmp_path / 'mine.py'}:Mine", config.alfa46)).command == (
+    assert ask(load_controller(f"python:{tmp_path / 'mine.py'}:Mine", config)).command == (
         0.5,
         0.5,
         0.5,

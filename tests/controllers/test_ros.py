@@ -48,7 +48,7 @@ def example(ros_program):
 def plug(config, ros_domain):
     """A plug whose sentences are kept, on topics of its own."""
     name = f"mine_{next(NUMBERS)}"
-    made = load_controller(f"ros:{name}", config.alfa46)
+    made = load_controller(f"ros:{name}", config)
     made.topics_name, made.said = name, []
     made.say = made.said.append
     yield made
@@ -111,7 +111,7 @@ def thread(ros_domain):
 
 @pytest.mark.parametrize("level", ["duty", "current"])
 def test_the_currents_are_those_of_the_thesis(example, level):
-    plug = load_controller(f"ros:{example}", load_rig("hydmag", SETTINGS).alfa46, level)
+    plug = load_controller(f"ros:{example}", load_rig("hydmag", SETTINGS), level)
     plug.wait(20.0)
     currents_are_those_of_the_thesis(plug)
 
@@ -135,11 +135,11 @@ def test_what_it_asks_for_reaches_it_and_what_it_records_comes_back(config, thre
     user.out = SimpleNamespace(command=[0, 0, 0], setpoint=None, gear=0, shifting=False, flags=0,
                                signals={"slip": 1.5, "state": 2})
     thread(user, "asking")
-    plug = load_controller("ros:asking?wants=M_wej,p_p&settings=gain:2.0&signals=slip:rad/s,state", config.alfa46)
+    plug = load_controller("ros:asking?wants=M_wej,p_p&settings=gain:2.0&signals=slip:rad/s,state", config)
     plug.wait(20.0)
     plug.order(2)
     plug.set_value("gain", 3.5)
-    plug.step(7, (0.1, 0.2, 0.3), 1.0, 2.0, 3.0, 4.0, [55.0, 4e6])
+    plug.step(7, (0.1, 0.2, 0.3), [1.0, 2.0, 3.0, 4.0], [55.0, 4e6])
     (seen,) = user.steps
     assert (seen.sample, seen.time, seen.gear_request, seen.current) == (7, 0.007, 2, (0.1, 0.2, 0.3))
     assert (seen.n_wej, seen.n_wyj, seen.p1, seen.p2) == (1.0, 2.0, 3.0, 4.0)
@@ -149,18 +149,18 @@ def test_what_it_asks_for_reaches_it_and_what_it_records_comes_back(config, thre
     assert (user.info.period, user.info.level, user.info.command_high) == (1e-3, "duty", 1.0)
     user.out.signals = {"slip": 1.5}
     with pytest.raises(ControllerFailed, match="sample 8: status error: KeyError: 'state'"):
-        plug.step(8, (0.1, 0.2, 0.3), 1.0, 2.0, 3.0, 4.0, [55.0, 4e6])
+        plug.step(8, (0.1, 0.2, 0.3), [1.0, 2.0, 3.0, 4.0], [55.0, 4e6])
 
 
 @pytest.mark.parametrize("others", [{}, {"a": 1.5}, {"a": 1.5, "b": -2.5}])
 @pytest.mark.parametrize("settings", [{}, {"c": 3.5}])
 def test_the_bytes_are_those_of_the_messages(others, settings):
     """The rig packs and unpacks by hand; here by the definitions of the messages."""
-    inputs = ControllerInputs(2**40, 0.25, 2, (1.0, 2.0, 3.0), 4.0, 5.0, 6.0, 7.0, others, settings)
+    inputs = ControllerInputs(2**40, 0.25, 2, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0, 7.0), others, settings)
     data = pack_step(3, 4, 2**33, inputs)
     assert data == cdr.encode_any("rig_msgs/msg/ControllerStep", ControllerStep(
-        session=3, controller=4, seq=2**33, sample=2**40, time=0.25, current=[1.0, 2.0, 3.0], n_wej=4.0, n_wyj=5.0,
-        p1=6.0, p2=7.0, gear_request=2, others=list(others.values()), settings=list(settings.values())))
+        session=3, controller=4, seq=2**33, sample=2**40, time=0.25, current=[1.0, 2.0, 3.0],
+        measured=[4.0, 5.0, 6.0, 7.0], gear_request=2, others=list(others.values()), settings=list(settings.values())))
     answer = ControllerAnswer(session=5, controller=6, seq=7, status=2, gear=1, shifting=True, flags=3,
                               command=[0.5] * 3, setpoint=list(others.values()), signals=list(settings.values()),
                               message="nie ma prędkości")
@@ -219,7 +219,7 @@ def test_a_controller_that_stands_still_is_waited_for_or_overdue(plug, ros_progr
     process = ros_program(plug.topics_name)
     plug.wait(20.0)
     plug.pace(None)
-    other = load_controller("alfa46", config.alfa46)
+    other = load_controller("alfa46", config)
     for controller in (plug, other):
         controller.order(1)
     for sample in range(300):
@@ -229,7 +229,7 @@ def test_a_controller_that_stands_still_is_waited_for_or_overdue(plug, ros_progr
             # goes on when the rig has said that it waits
             plug.say = lambda text: (said.append(text), process.send_signal(signal.SIGCONT))
         current = (0.001 * sample, 0.0, 0.0)
-        assert plug.step(sample, current, 1.0, 2.0, 3.0, 4.0) == other.step(sample, current, 1.0, 2.0, 3.0, 4.0)
+        assert plug.step(sample, current, [1.0, 2.0, 3.0, 4.0]) == other.step(sample, current, [1.0, 2.0, 3.0, 4.0])
     assert len(said) == 1 and re.match(r"waiting for controller on ROS topic /\S+/answer in domain \d+, 1 s", said[0])
     plug.pace(0.3)
     process.send_signal(signal.SIGSTOP)
@@ -270,7 +270,7 @@ def test_a_controller_of_another_level_is_not_used_and_the_end_of_a_run_reaches_
     user, wrong = Steady(), Steady()
     thread(wrong, plug.topics_name, ("current",))
     with pytest.raises(RigError, match="one has come and is not used: this run is at level duty") as refusal:
-        first = load_controller(plug.name, config.alfa46)
+        first = load_controller(plug.name, config)
         first.say = plug.said.append
         first.wait(20.0)  # in vain: said after a second
     assert refusal.value.exit_code == 1
@@ -328,7 +328,7 @@ def test_a_node_says_what_it_needs_and_serves_on_when_its_end_of_a_run_fails(plu
         plug.wait(1.0)
     for gain in (3.0, 4.0):
         user.over.clear()
-        run = load_controller(f"{plug.name}?settings=gain:{gain}", config.alfa46)
+        run = load_controller(f"{plug.name}?settings=gain:{gain}", config)
         run.wait(20.0)
         assert ask(run).command == (0.5, 0.0, 0.0) and user.steps[0].settings == {"gain": gain}
         run.close()
@@ -395,19 +395,19 @@ def test_answers_to_other_steps_and_bytes_that_are_none_are_not_used(plug, threa
 ])
 def test_what_is_no_specification_is_refused(config, spec, why):
     with pytest.raises(RigError, match=re.escape(why)):
-        load_controller(spec, config.alfa46)
+        load_controller(spec, config)
 
 
 def test_one_rig_has_the_topics(plug, config, ros_domain):
     plug.pace(1.0)
     with pytest.raises(RigError, match=f"another rig uses these topics in ROS domain {ros_domain}"):
-        load_controller(plug.name, config.alfa46).pace(1.0)
+        load_controller(plug.name, config).pace(1.0)
 
 
 def test_a_domain_that_is_none_is_refused(config, ros_domain, monkeypatch):
     monkeypatch.setenv("ROS_DOMAIN_ID", "lab")
     with pytest.raises(RigError, match="ROS_DOMAIN_ID is 'lab', expected a number from 0 to 232"):
-        load_controller("ros:", config.alfa46).pace(1.0)
+        load_controller("ros:", config).pace(1.0)
 
 
 # ---- by its own clock
@@ -416,7 +416,7 @@ def test_a_domain_that_is_none_is_refused(config, ros_domain, monkeypatch):
 def test_free_running_nobody_waits_and_silence_is_the_safe_state(config, ros_program, ros_domain):
     """What the delay does to a shift is measured in test_free_running.py."""
     process = ros_program("dying")
-    plug, said = load_controller("ros:dying?timing=free", config.alfa46), []
+    plug, said = load_controller("ros:dying?timing=free", config), []
     plug.say = said.append
     plug.wait(20.0)
     here = f"controller on ROS topic /dying/answer in domain {ros_domain} is here"

@@ -14,13 +14,14 @@ from rig_msgs.msg import ControllerReady
 from rig_nodes.controllers import load_controller
 from rig_nodes.testbench.configuration import load_rig
 
-from .conftest import ALFA46_C, CONTROLLERS, INCLUDE
+from .conftest import ALFA46_C, CONTROLLERS, EXAMPLES, INCLUDE
 from .test_parity import C
 
 STRICT = ("-std=c++17", "-O1", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror")
 # reads what a rig would send, writes what the box says
 MAIN = r"""
 #include "rig_ros_box.hpp"
+#include "rig_record.h"
 
 template <typename T> T get() {
   T value{};
@@ -32,6 +33,14 @@ int main() {
   rig_ros::Box box;
   rig_msgs::msg::ControllerStart start;
   start.session = 5;
+  start.record.outputs = {"output_1", "output_2", "output_3"};
+  start.record.gears = {0, 1, 2};
+  start.record.gear_names = {"neutral", "I", "II"};
+  start.record.id = "another";
+  const auto refused = box.start(start);
+  if (refused->state != rig_msgs::msg::ControllerReady::REFUSES ||
+      refused->message.find("of another rig, this one's is another; write rig_record.h anew") == std::string::npos) return 7;
+  start.record.id = RIG_CONTROLLER_RECORD;
   start.level = get<uint8_t>();
   start.period = 1e-3;
   start.command_high = get<double>();
@@ -50,7 +59,9 @@ int main() {
     step.sample = get<uint64_t>();
     step.time = 1e-3 * static_cast<double>(step.sample);
     step.gear_request = get<uint8_t>();
+    step.current.resize(3);
     for (double &value : step.current) value = get<double>();
+    step.measured.assign(4, 0.0);
     const auto *answer = box.step(step);
     const auto first = *answer;
     if (*box.step(step) != first) return 4;  // the same again: computed once
@@ -85,7 +96,7 @@ def includes(*packages):
 
 @pytest.fixture(scope="module")
 def messages():
-    return includes("rig_msgs", "builtin_interfaces", "rosidl_runtime_cpp", "rosidl_runtime_c",
+    return includes("rig_msgs", "std_msgs", "builtin_interfaces", "rosidl_runtime_cpp", "rosidl_runtime_c",
                     "rosidl_typesupport_interface", "rcutils")
 
 
@@ -96,7 +107,7 @@ def box(messages, tmp_path_factory):
     (folder / "main.cpp").write_text(MAIN)
     law = ["cc", "-std=c99", "-O1", "-ffp-contract=off", f"-I{INCLUDE}", "-c", ALFA46_C, "-o", folder / "law.o"]
     subprocess.run(law, check=True)
-    command = ["c++", *STRICT, f"-I{INCLUDE}", *messages, folder / "main.cpp", folder / "law.o", "-lm"]
+    command = ["c++", *STRICT, f"-I{INCLUDE}", f"-I{EXAMPLES}", *messages, folder / "main.cpp", folder / "law.o", "-lm"]
     sanitized = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     if subprocess.run([*command, *sanitized, "-o", folder / "box"], capture_output=True).returncode:
         subprocess.run([*command, "-o", folder / "box"], check=True)
@@ -105,7 +116,7 @@ def box(messages, tmp_path_factory):
 
 @pytest.mark.parametrize("level", ["duty", "current"])
 def test_the_law_behind_the_messages_gives_the_bits_of_the_built_in_one(box, level):
-    plug = load_controller("alfa46", load_rig("hydmag").alfa46, level)
+    plug = load_controller("alfa46", load_rig("hydmag"), level)
     samples, orders = 1500, {10: 1, 900: 2}
     data = struct.pack("<BdI", ("duty", "current").index(level), plug.info.command_high, len(plug.info.parameters))
     data += b"".join(struct.pack("<48sd", name.encode(), value) for name, value in plug.info.parameters.items())
@@ -117,7 +128,7 @@ def test_the_law_behind_the_messages_gives_the_bits_of_the_built_in_one(box, lev
             plug.order(gear)
         current = (0.0004 * sample, 0.1, 0.0)
         data += struct.pack("<QB3d", sample, gear, *current)
-        answer = plug.step(sample, current, 1.0, 2.0, 3.0, 4.0)
+        answer = plug.step(sample, current, [1.0, 2.0, 3.0, 4.0])
         expected.append([*answer.command, *answer.setpoint, plug.gear, plug.shifting, plug.flags])
     done = subprocess.run([box], input=data, capture_output=True)
     assert (done.returncode, done.stderr) == (0, b"")
@@ -138,6 +149,7 @@ int main() {
   Start start;
   const auto tell = [&] {
     start.session += 1;
+    start.record.id = "any";
     const auto said = box.start(start);
     std::printf("%d %s\n", said->state, said->message.c_str());
   };
@@ -156,6 +168,8 @@ int main() {
   rig_msgs::msg::ControllerStep step;
   step.session = start.session;
   step.seq = 1;
+  step.current = {0.0, 0.0, 0.0};
+  step.measured = {0.0, 0.0, 0.0, 0.0};
   step.others = {1.0, 2.0, 4e6};
   step.settings = {0.5, 0.25};
   const auto *answer = box.step(step);

@@ -41,7 +41,7 @@ MILLISECONDS = np.arange(10_000)
     ],
 )
 def test_the_currents_are_those_of_the_thesis(spec):
-    currents_are_those_of_the_thesis(load_controller(spec, load_rig("hydmag", SETTINGS).alfa46))
+    currents_are_those_of_the_thesis(load_controller(spec, load_rig("hydmag", SETTINGS)))
 
 
 def currents_are_those_of_the_thesis(plug):
@@ -50,7 +50,7 @@ def currents_are_those_of_the_thesis(plug):
     for ms in MILLISECONDS:
         if ms in ORDERS:
             plug.order(ORDERS[ms])
-        seen.append(plug.step(int(ms), (0.3, 0.3, 0.0), 0.0, 0.0, 0.0, 0.0).setpoint)
+        seen.append(plug.step(int(ms), (0.3, 0.3, 0.0), [0.0, 0.0, 0.0, 0.0]).setpoint)
     plug.close()
     seen = np.array(seen) * 1e3
     for column, knots in ((0, OUTPUT_1), (1, OUTPUT_2)):

@@ -40,9 +40,9 @@ from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import advance_with, simulate
 from rig_nodes.testbench.timed import RigStatus
 
-from .conftest import ALFA46_C, C_FRAME, CONTROLLERS, INCLUDE, SANITIZE, STRICT, ask
+from .conftest import ALFA46_C, C_FRAME, CONTROLLERS, EXAMPLES, INCLUDE, SANITIZE, STRICT, ask
 
-ZERO = ((0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
+ZERO = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
 
 
 @pytest.fixture
@@ -115,7 +115,7 @@ class Steady:
 
 @pytest.fixture
 def plug(port, config):
-    made = load_controller(f"udp:{port}", config.alfa46)
+    made = load_controller(f"udp:{port}", config)
     made.said = []
     made.say = made.said.append
     yield made
@@ -137,7 +137,7 @@ def built_in(config, tmp_path_factory):
 def test_every_topic_is_that_of_the_built_in_controller(config, port, program, built_in, tmp_path, language, first):
     if first == "controller":
         program(language)
-    plug = load_controller(f"udp:{port}", config.alfa46)
+    plug = load_controller(f"udp:{port}", config)
     if first == "rig":
         program(language)
     plug.wait(20.0)
@@ -186,14 +186,14 @@ def test_lost_doubled_and_late_frames_change_nothing(config, port, plug, thread)
     proxy.start()
     client = thread(Alfa46(), proxy.port)
     plug.wait(20.0)
-    other = load_controller("alfa46", config.alfa46)
+    other = load_controller("alfa46", config)
     for sample in range(1500):
         if sample == 10:
             plug.order(1)
             other.order(1)
         current = (0.0001 * sample, 0.0, 0.0)
-        mine = plug.step(sample, current, 1.0, 2.0, 3.0, 4.0)
-        assert mine == other.step(sample, current, 1.0, 2.0, 3.0, 4.0), sample
+        mine = plug.step(sample, current, [1.0, 2.0, 3.0, 4.0])
+        assert mine == other.step(sample, current, [1.0, 2.0, 3.0, 4.0]), sample
     assert proxy.lost > 50
     plug.close()
     client.thread.join(10.0)
@@ -208,7 +208,7 @@ def test_it_gets_what_every_controller_gets(plug, thread, config):
     thread(user)
     plug.wait(20.0)
     plug.order(2)
-    assert plug.step(7, (0.1, 0.2, 0.3), 1.0, 2.0, 3.0, 4.0).command == (0.5, 0.0, 0.0)
+    assert plug.step(7, (0.1, 0.2, 0.3), [1.0, 2.0, 3.0, 4.0]).command == (0.5, 0.0, 0.0)
     assert plug.gear == 2 and user.steps == [7]
     assert dict(user.info.parameters) == plug.info.parameters
     assert (user.info.period, user.info.level, user.info.command_high) == (1e-3, "duty", 1.0)
@@ -350,7 +350,7 @@ def test_a_controller_of_another_level_is_sent_away(plug, port):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.settimeout(5.0)
         other.connect(("127.0.0.1", port))
-        other.send(pack(HELLO, 0, 0, 2, 0))
+        other.send(pack(HELLO, 0, 0, 2, 0, ""))
         with pytest.raises(RigError, match="one has come and is not used: this run is at level duty") as refusal:
             plug.wait(20.0)  # in vain: said after a second
         assert refusal.value.exit_code == 1
@@ -422,7 +422,7 @@ def test_one_rig_has_one_controller(plug, thread, port):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.settimeout(5.0)
         other.connect(("127.0.0.1", port))
-        other.send(pack(HELLO, 0, 0, 3, 0))
+        other.send(pack(HELLO, 0, 0, 3, 0, ""))
         assert ask(plug, 1) is not None
         ask(plug, 2)
         kind, _, _, (why,) = unpack(other.recv(2048))
@@ -435,10 +435,8 @@ def test_one_rig_has_one_controller(plug, thread, port):
     [
         (b"hello", "5 bytes are less than a header"),
         (b"x" * 40, "does not begin with RIG1"),
-        (pack(HELLO, 0, 0, 1, 0)[:-1], "kind 1 has 31 bytes and says 32, expected 32"),
-        (pack(HELLO, 0, 0, 1, 0)[:4] + b"\x01\x00" + pack(HELLO, 0, 0, 1, 0)[6:],
-         "version 1 of the protocol, expected 2"),
-        (pack(HELLO, 0, 0, 1, 0)[:6] + b"\x0a\x00" + pack(HELLO, 0, 0, 1, 0)[8:], "no kind 10"),
+        (pack(HELLO, 0, 0, 1, 0, "")[:-1], "kind 1 has 47 bytes and says 48, expected 48"),
+        (pack(HELLO, 0, 0, 1, 0, "")[:6] + b"\x0a\x00" + pack(HELLO, 0, 0, 1, 0, "")[8:], "no kind 10"),
     ],
 )
 def test_what_is_no_frame_is_ignored_and_said(plug, thread, port, data, why):
@@ -450,6 +448,27 @@ def test_what_is_no_frame_is_ignored_and_said(plug, thread, port, data, why):
     plug.wait(20.0)
     assert ask(plug).command == (0.5, 0.0, 0.0)
     assert any(why in told for told in plug.said)
+    plug.close()
+
+
+def frame_of_version(version):
+    hello = pack(HELLO, 0, 0, 1, 0, "")
+    return hello[:4] + version.to_bytes(2, "little") + hello[6:]
+
+
+@pytest.mark.parametrize(("data", "sentence"), [
+    (frame_of_version(2), "it speaks version 2 of the protocol, this side speaks 3: both need the rig_udp.py or rig_udp.h of the "
+                          "same rig"),
+    (pack(HELLO, 0, 0, 1, 0, "0123456789abcdef"), "it was made for the record 0123456789abcdef of another rig, this one's is .*; "
+     "write rig_record.h anew with ./rig export record --rig hydmag -o rig_record.h, and compile it again"),
+])
+def test_a_controller_of_another_version_or_record_is_sent_away(plug, port, data, sentence):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        for _ in range(3):
+            other.sendto(data, ("127.0.0.1", port))
+        with pytest.raises(RigError, match=f"one has come and is not used: {sentence}"):
+            plug.wait(20.0)
+    assert sum("sent away" in told for told in plug.said) == 1
     plug.close()
 
 
@@ -467,10 +486,10 @@ def test_an_answer_that_no_valve_can_be_given_is_an_error(plug, thread):
 
 def test_a_port_that_is_taken_or_none_is_refused(plug, port, config):
     with pytest.raises(RigError, match="the port cannot be taken .*is another rig running"):
-        load_controller(f"udp:{port}", config.alfa46)
+        load_controller(f"udp:{port}", config)
     for spec in ("udp:here", "udp:0", "udp:65536"):
         with pytest.raises(RigError, match="expected udp:PORT"):
-            load_controller(spec, config.alfa46)
+            load_controller(spec, config)
 
 
 def test_the_frames_are_those_of_the_c_header(tmp_path):
@@ -482,11 +501,11 @@ int main(void) {
   rig_udp_frame f; memset(&f, 0, sizeof f); (void)rig_udp_serve;
   for (unsigned kind = RIG_HELLO; kind <= RIG_OWN; kind++) printf("%u ", rig_udp_size(kind));
   rig_udp_client c; memset(&c, 0, sizeof c); c.session = 7; c.socket = 1;
-  f.body.answer.command[2] = 0.25; f.body.answer.setpoint[0] = 0.5; f.body.answer.gear = 2; f.body.answer.flags = 5;
+  f.body.answer.more[2] = 0.25; f.body.answer.more[3] = 0.5; f.body.answer.gear = 2; f.body.answer.flags = 5;
   strcpy(f.body.answer.message, "no speed");
   printf("\n"); fflush(stdout);
   f.header.magic = RIG_UDP_MAGIC; f.header.version = RIG_UDP_VERSION; f.header.kind = RIG_ANSWER; f.header.session = 7;
-  f.header.frame = 9; f.header.size = rig_udp_size(RIG_ANSWER) + 16; f.body.answer.more[1] = 0.125;
+  f.header.frame = 9; f.header.size = rig_udp_size(RIG_ANSWER) + 64; f.body.answer.more[7] = 0.125;
   fwrite(&f, 1, f.header.size, stdout);
   return 0;
 }
@@ -497,7 +516,7 @@ int main(void) {
     sizes, data = subprocess.run([tmp_path / "sizes"], capture_output=True, check=True).stdout.split(b"\n", 1)
     assert list(map(int, sizes.split())) == [HEADER.size + BODIES[kind].size for kind in (HELLO, INFO, 3, 4, READY,
                                                                                            SAMPLE, ANSWER, BYE, OWN)]
-    assert data == pack(ANSWER, 7, 9, 0.0, 0.0, 0.25, 0.5, 0.0, 0.0, 0, 2, 0, 5, "no speed", more=(0.0, 0.125))
+    assert data == pack(ANSWER, 7, 9, 0, 2, 0, 5, "no speed", more=(0.0, 0.0, 0.25, 0.5, 0.0, 0.0, 0.0, 0.125))
 
 
 def test_the_page_says_the_kinds_and_their_bytes():
@@ -512,7 +531,7 @@ def test_the_c_example_is_clean_under_the_sanitizers(tmp_path, port, config):
     subprocess.run(["cc", "-std=gnu99", *SANITIZE, f"-I{INCLUDE}", "-o", program, source, ALFA46_C, "-lm"], check=True)
     process = subprocess.Popen([program, "127.0.0.1", str(port)], stderr=subprocess.PIPE, text=True)
     for gears in ((1, 2), (2,)):  # two runs of one program
-        plug = load_controller(f"udp:{port}", config.alfa46)
+        plug = load_controller(f"udp:{port}", config)
         plug.wait(20.0)
         for sample, gear in enumerate(gears):
             plug.order(gear)
@@ -529,7 +548,7 @@ def test_a_c_program_whose_controller_refuses_says_why_and_fails(tmp_path, port,
     refusing = C_FRAME.replace("(void)info;", 'strcpy(info->message, "no t12"); return RIG_ERROR;').replace("STEP", "")
     (tmp_path / "mine.c").write_text("#include <string.h>\n" + refusing)
     sources = [CONTROLLERS / "examples" / "udp_main.c", tmp_path / "mine.c"]
-    subprocess.run(["cc", "-std=gnu99", f"-I{INCLUDE}", "-o", tmp_path / "mine", *sources], check=True)
+    subprocess.run(["cc", "-std=gnu99", f"-I{INCLUDE}", f"-I{EXAMPLES}", "-o", tmp_path / "mine", *sources], check=True)
     process = subprocess.Popen([tmp_path / "mine", "127.0.0.1", str(port)], stderr=subprocess.PIPE, text=True)
     with pytest.raises(RigError, match="one has come and is not used: it refuses: no t12"):
         plug.wait(20.0)

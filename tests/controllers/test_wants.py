@@ -13,7 +13,7 @@ from rig_nodes.testbench.simulate import advance_with
 from .conftest import C_FRAME
 
 C_WANTS = C_FRAME.replace("STEP", "out->setpoint[0] = seen[0]; out->setpoint[1] = seen[1];").replace(
-    '#include "rig_controller.h"', '#include "rig_controller.h"\nstatic double seen[2];') + """
+    '#include "rig_record.h"', '#include "rig_record.h"\nstatic double seen[2];') + """
 const char *const *rig_controller_wants(void) {
   static const char *const names[] = {"p_p", "T_oil", 0};
   return names;
@@ -52,7 +52,7 @@ def test_a_class_gets_what_it_wants(config, python_controller):
 
 
 def test_a_library_gets_what_it_wants(config, build):
-    plug = load_controller(f"c:{build(C_WANTS, '-Wall', '-Wextra', '-Werror')}", config.alfa46)
+    plug = load_controller(f"c:{build(C_WANTS, '-Wall', '-Wextra', '-Werror')}", config)
     assert plug.wants == ("p_p", "T_oil")
     check(seen_on_the_rig(config, plug))
 
@@ -60,7 +60,7 @@ def test_a_library_gets_what_it_wants(config, build):
 def test_half_of_the_pair_is_refused(config, build):
     text = C_FRAME.replace("STEP", "") + "const char *const *rig_controller_wants(void) { return 0; }\n"
     with pytest.raises(RigError, match="does not export rig_controller_wanted"):
-        load_controller(f"c:{build(text)}", config.alfa46)
+        load_controller(f"c:{build(text)}", config)
 
 
 @pytest.mark.parametrize(
@@ -83,8 +83,8 @@ def test_an_installed_package_brings_a_controller_by_name(tmp_path, config, monk
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: boxes\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text("[rig_nodes.controllers]\nmy_box = rig_nodes.controllers.examples.alfa46:Alfa46\n")
     monkeypatch.syspath_prepend(str(tmp_path))
-    plug = load_controller("python:my_box@current", config.alfa46)
+    plug = load_controller("python:my_box@current", config)
     assert (plug.name, plug.level) == ("python:my_box", "current")
     plug.close()
     with pytest.raises(RigError, match="entry point of the group rig_nodes.controllers 'your_box'; .*my_box"):
-        load_controller("python:your_box", config.alfa46)
+        load_controller("python:your_box", config)

@@ -28,7 +28,7 @@ def controller_fmu(tmp_path_factory):
     """Path of the reference controller as an FMU of each version."""
     folder = tmp_path_factory.mktemp("controller")
     for fmi in (2, 3):
-        build_controller_fmu([INCLUDE.parent / "examples" / "alfa46.c"], folder / f"{fmi}.fmu", load_rig().alfa46, fmi)
+        build_controller_fmu([INCLUDE.parent / "examples" / "alfa46.c"], folder / f"{fmi}.fmu", load_rig(), fmi)
     return lambda fmi: folder / f"{fmi}.fmu"
 
 

@@ -138,7 +138,7 @@ def test_a_sequence_driven_through_fmi_has_the_metrics_of_simulate(sequence, rig
         for key, value in other.items():
             assert one[key] == pytest.approx(value, abs=1e-6), key
     hashes = [Bag(tmp_path / name).canonical_hash() for name in ("fmu", "simulate")]
-    told = {"/rig/run_info", "/alfa46/events", "/sequencer/events", "all"}  # what was said of the run differs
+    told = {"/rig/run_info", "/controller/events", "/sequencer/events", "all"}  # what was said of the run differs
     assert {topic for topic in hashes[1] if hashes[0].get(topic) != hashes[1][topic]} == told
 
 

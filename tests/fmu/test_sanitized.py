@@ -11,7 +11,8 @@ from pathlib import Path
 
 from rig_nodes import fmu
 from rig_nodes.controllers.c_library import INCLUDE
-from rig_nodes.fmu.build import SOURCES, controller_defines, controller_variables, fmpy_headers
+from rig_nodes.controllers.record import record_of
+from rig_nodes.fmu.build import SOURCES, controller_defines, controller_variables, fmpy_headers, record_text
 from rig_nodes.fmu.description import c_header
 from rig_nodes.fmu.rig_variables import rig_variables
 from rig_nodes.testbench.configuration import load_rig
@@ -40,8 +41,8 @@ def drive(program, folder):
 
 
 def test_the_controller(tmp_path):
-    variables = controller_variables(load_rig().alfa46, ("duty", "current"))
-    header = c_header(2, variables, "{1}", controller_defines(variables))
+    variables, record = controller_variables(load_rig(), ("duty", "current")), record_of(load_rig())
+    header = c_header(2, variables, "{1}", controller_defines(record, variables)) + record_text(record)
     program = build(tmp_path, header, [SOURCES / "controller_model.c", ALFA46_C])
     assert "wrong 3: the GUID or instantiation token is not that" in drive(program, tmp_path)
 

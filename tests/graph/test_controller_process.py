@@ -17,7 +17,7 @@ from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
 
-NOT_THE_PLANTS = {"/alfa46/events", "all"}
+NOT_THE_PLANTS = {"/controller/events", "all"}
 BREAKING = """
 #include "rig_controller.h"
 const rig_controller_abi_info *rig_controller_abi(void) { RIG_CONTROLLER_DESCRIBE(RIG_LEVEL_DUTY); }
@@ -118,12 +118,12 @@ def test_a_controller_gets_what_it_wants_and_the_settings_that_it_names_as_its_o
     assert code == 0, output
     if arguments:
         assert other_topics(tmp_path, spec=spec, sequence=sequence) == set()
-    own = Bag(run.folder).logger("/alfa46/signals", fill=True).channels
+    own = Bag(run.folder).logger("/controller/signals", fill=True).channels
     assert list(own) == ["p_supply", "torque"]
     # in real time samples may be missing
     assert np.nanmin(own["p_supply"]) < 1e6 and 3.9e6 < own["p_supply"][-1] < 4.2e6
     assert np.nanmax(own["torque"]) > 5.0, "the motor speeds up its shaft"
-    shown = [message.setpoint[2] for _, message in Bag(run.folder).messages("/alfa46/command")]
+    shown = [message.setpoint[2] for _, message in Bag(run.folder).messages("/controller/command")]
     assert (shown[0], shown[-1]) == (0.25, 0.5)
 
 
@@ -131,7 +131,7 @@ def other_topics(folder, spec="alfa46", sequence=SHORT):
     """Topics whose content is not that of `simulate` with the same controller."""
     config = load_rig()
     simulate(config, load_sequence(sequence), folder / "simulated",
-             controller=load_controller(spec, config.alfa46))
+             controller=load_controller(spec, config))
     expected, found = (Bag(folder / name).canonical_hash() for name in ("simulated", "run"))
     return {topic for topic in expected if found.get(topic) != expected[topic]} - NOT_THE_PLANTS
 
@@ -200,8 +200,8 @@ def test_udp_in_lockstep_gives_the_same_bits_and_waiting_is_seen(tmp_path, port)
     assert code == 0, output
     assert other_topics(tmp_path, spec=same, sequence=tmp_path / "sequence.yaml") == set()
     bag = Bag(run.folder)
-    assert 3.9e6 < bag.logger("/alfa46/signals").channels["p_supply"][-1] < 4.2e6
-    shown = [message.setpoint[2] for _, message in bag.messages("/alfa46/command")]
+    assert 3.9e6 < bag.logger("/controller/signals").channels["p_supply"][-1] < 4.2e6
+    shown = [message.setpoint[2] for _, message in bag.messages("/controller/command")]
     assert (shown[0], shown[-1]) == (0.25, 0.5)
 
 
@@ -217,5 +217,5 @@ def test_a_killed_udp_controller_in_real_time_is_the_safe_state(tmp_path, port):
     code, output = run.end()
     assert code == 1 and "older than 100 ms" in output
     bag = Bag(run.folder)
-    assert 3.9e6 < np.nanmax(bag.logger("/alfa46/signals", fill=True).channels["p_supply"]) < 4.2e6
+    assert 3.9e6 < np.nanmax(bag.logger("/controller/signals", fill=True).channels["p_supply"]) < 4.2e6
     assert next(m.command_age for _, m in bag.messages("/valve_zr_p1/state") if m.safe) <= 0.107

@@ -22,7 +22,7 @@ from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
 
-NOT_THE_PLANTS = {"/alfa46/events", "/diagnostics", "/parameter_events", "/rosout", "all"}
+NOT_THE_PLANTS = {"/controller/events", "/diagnostics", "/parameter_events", "/rosout", "all"}
 GATE = "import sys; from rig_nodes.nodes import rig_container as c; c.GATE_TIMEOUT = 2.0; sys.exit(c.main())"
 
 

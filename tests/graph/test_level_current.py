@@ -56,7 +56,7 @@ def test_a_sequence_runs_at_level_current_and_the_gains_are_the_rigs(tmp_path):
     assert lost_messages(bag, facts) == {}
     shift, = build_report(bag, bag.run_info())["shifts"]
     assert (shift["from_gear"], shift["to_gear"], shift["valid"]) == (1, 2, True)
-    commands = [message for _, message in bag.messages("/alfa46/command")]
+    commands = [message for _, message in bag.messages("/controller/command")]
     assert {message.level for message in commands} == {ValveCommand.LEVEL_CURRENT}
     assert not any(np.any(message.duty) for message in commands)
     t, wanted = bag.series("I_set_zr_p1")
@@ -74,7 +74,7 @@ def test_a_node_of_the_users_own_sends_setpoints(tmp_path):
         states, events, coil = (user.listen(t) for t in ("/rig/state", "/rig/events", "/valve_zr_p1/current"))
         valve = user.listen("/valve_zr_p1/state")
         profile = QoSProfile(depth=1)
-        publisher = user.publisher("/alfa46/command", profile)
+        publisher = user.publisher("/controller/command", profile)
         send = {"level": ValveCommand.LEVEL_CURRENT}
 
         def on_sample(sample):

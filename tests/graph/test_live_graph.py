@@ -79,7 +79,7 @@ def test_torque_is_read_without_gaps_and_in_time(user):
     user.until(lambda: len(torque) >= 50, "50 readings")
     seqs = [message.seq for message in torque]
     assert seqs == list(range(seqs[0], seqs[0] + len(seqs)))
-    stamps = [message.stamp.sec + message.stamp.nanosec * 1e-9 for message in torque]
+    stamps = [message.header.stamp.sec + message.header.stamp.nanosec * 1e-9 for message in torque]
     assert all(abs(b - a - 0.01) < 1e-9 for a, b in zip(stamps, stamps[1:]))
 
 
@@ -104,7 +104,7 @@ def test_an_unknown_sequence_is_refused_with_the_known_ones(user, still):
 
 
 def test_a_shift_gives_feedback_and_result_and_refuses_another(user, still):
-    events, commands = user.listen("/alfa46/events"), user.listen("/alfa46/command")
+    events, commands = user.listen("/controller/events"), user.listen("/controller/command")
     before = user.until(lambda: commands and commands[-1], "a valve command").gear
     new = 1 if before != 1 else 2
     goal = user.order(Shift, "/alfa46/shift", Shift.Goal(gear=new))
@@ -120,7 +120,7 @@ def test_a_shift_gives_feedback_and_result_and_refuses_another(user, still):
     user.until(lambda: len(events) >= 3, "the events of the shift")
     assert [(event.name, event.value) for event in events] == [
         ("shift_ordered", new), ("shift_refused", 0.0), ("shift_done", new)]
-    assert events[0].stamp.sec + events[0].stamp.nanosec * 1e-9 == pytest.approx(result.t_order)
+    assert events[0].header.stamp.sec + events[0].header.stamp.nanosec * 1e-9 == pytest.approx(result.t_order)
     same = user.order(Shift, "/alfa46/shift", Shift.Goal(gear=new)).result()
     assert not same.success and "already" in same.message
 
@@ -160,7 +160,7 @@ def test_a_wrong_setpoint_is_refused_and_the_old_one_stays(user, still, value):
 def test_nan_in_a_valve_command_is_refused_and_the_controller_stays_in_charge(user, still):
     events, valve = user.listen("/rig/events"), user.listen("/valve_zr_p1/state")
     profile = QoSProfile(depth=1)
-    publisher = user.publisher("/alfa46/command", profile)
+    publisher = user.publisher("/controller/command", profile)
     wrong = ValveCommand(sample=1, duty=[math.nan, 0.0, 0.0], setpoint=[0.0] * 3)
 
     def refused() -> bool:
@@ -216,7 +216,7 @@ def test_nothing_of_all_this_is_lost(graph, user):
     assert set(facts) == {"recorder", "container", "alfa46", "sequencer"}
     assert lost_messages(bag, facts) == {} and facts["recorder"]["overflow"] == {}
     counted = [topic for topic, ros_type in bag.types.items() if ros_type.startswith("rig_msgs/")]
-    foreign = {"/motor/command", "/alfa46/command"}  # this file published there too, without sequence numbers
+    foreign = {"/motor/command", "/controller/command"}  # this file published there too, without sequence numbers
     assert {topic: count for topic, count in bag.gaps().items() if topic not in foreign} == {}
     assert len(counted) >= 25
     assert bag.logger().rows == facts["container"]["ticks"] * 50

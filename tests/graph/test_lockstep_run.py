@@ -21,7 +21,7 @@ from rig_nodes.testbench.simulate import simulate
 
 EXAMPLES = Path(rig_nodes.controllers.__file__).parent / "examples"
 # orders of the sequencer reach the box over ROS: when it says so is its own affair
-NOT_THE_PLANTS = {"/alfa46/events", "all"}
+NOT_THE_PLANTS = {"/controller/events", "all"}
 
 
 PYTHON = f"python:{EXAMPLES / 'alfa46.py'}:Alfa46"
@@ -35,7 +35,7 @@ def simulated(tmp_path_factory):
     def get(level, delay):
         if (level, delay) not in hashes:
             config, folder = load_rig(), tmp_path_factory.mktemp("simulated")
-            plug = load_controller("alfa46", config.alfa46, level) if (level, delay) != ("duty", 1) else None
+            plug = load_controller("alfa46", config, level) if (level, delay) != ("duty", 1) else None
             simulate(config, load_sequence(SHORT), folder, controller=plug, delay=delay)
             hashes[level, delay] = Bag(folder).canonical_hash()
         return hashes[level, delay]
@@ -77,7 +77,7 @@ def test_a_controller_that_dies_in_lockstep_trips_at_once(tmp_path):
     trip, = [t for t, _, name, text, _ in bag.events() if name == "rig_tripped" and "process has ended" in text]
     age = next(m.command_age for _, m in bag.messages("/valve_zr_p1/state") if m.safe)
     assert age <= 0.007, "nothing is held from a dead controller"  # two samples, then up to a tick to the message
-    newest = max(m.stamp.sec + m.stamp.nanosec * 1e-9 for _, m in bag.messages("/alfa46/command"))
+    newest = max(m.header.stamp.sec + m.header.stamp.nanosec * 1e-9 for _, m in bag.messages("/controller/command"))
     assert trip - newest < 0.05, "the recorder had all but the last moment of what it said"
 
 

@@ -47,7 +47,7 @@ def graph(request, tmp_path_factory):
 @pytest.fixture(scope="module")
 def user(graph):
     client = Client(graph.domain)
-    client.events = {topic: client.listen(topic) for topic in ("/alfa46/events", "/sequencer/events")}
+    client.events = {topic: client.listen(topic) for topic in ("/controller/events", "/sequencer/events")}
     client.states = client.listen("/rig/state")
     client.until(lambda: client.states and client.states[-1].state == RigState.READY, "a rig that is ready")
     yield client
@@ -100,7 +100,7 @@ def test_a_shift_that_has_begun_is_carried_to_its_end(user):
     user.until(lambda: goal.feedback, "feedback of the shift")
     answer = goal.cancel()
     assert answer.return_code == CancelGoal.Response.ERROR_REJECTED and not answer.goals_canceling
-    event = told(user, "/alfa46/events", "cancel_refused")
+    event = told(user, "/controller/events", "cancel_refused")
     assert "the shift to I has begun and is carried to its end" in event.text and event.value == 1.0
     result = goal.result()
     assert result.success and result.gear == 1 and goal.status == GoalStatus.STATUS_SUCCEEDED
@@ -118,10 +118,10 @@ def test_an_order_that_the_controller_has_not_seen_is_withdrawn(graph, user):
         os.kill(container, signal.SIGCONT)
     assert goal.status == GoalStatus.STATUS_CANCELED and not result.success and result.gear == 1
     assert result.message == "shift to II withdrawn before the controller took it"
-    assert told(user, "/alfa46/events", "shift_withdrawn").text == result.message
+    assert told(user, "/controller/events", "shift_withdrawn").text == result.message
     seen = len(user.states)
     user.until(lambda: len(user.states) > seen + 40, "the rig going on")
-    commands = user.listen("/alfa46/command")
+    commands = user.listen("/controller/command")
     user.until(lambda: commands, "a valve command")
     assert commands[-1].gear == 1 and not commands[-1].shifting
     assert user.order(Shift, "/alfa46/shift", Shift.Goal(gear=0)).result().success, "the next order is taken"
@@ -135,7 +135,7 @@ def test_a_sequence_cancelled_in_a_shift_leaves_the_shift_to_its_end(user, tmp_p
     assert len(goal.cancel().goals_canceling) == 1
     result = goal.result()
     assert result.steps_done == 0 and result.message.endswith("as they are set, the shift goes on to its end")
-    commands = user.listen("/alfa46/command")
+    commands = user.listen("/controller/command")
     user.until(lambda: commands and commands[-1].gear == 1 and not commands[-1].shifting, "the end of the shift")
     assert user.states[-1].state == RigState.READY, "the motor was never ordered"
     # the end of that shift is not the end of the next one that a sequence orders
@@ -151,7 +151,7 @@ def test_a_setpoint_that_the_rig_refuses_fails_the_sequence_at_once(user, tmp_pa
     assert goal.status == GoalStatus.STATUS_ABORTED and result.steps_done == 0
     assert "much.yaml:3: load torque 500 Nm asks" in result.message and "expected 0 to 4e+07 Pa" in result.message
     step, failed = (told(user, "/sequencer/events", name) for name in ("step", "sequence_failed"))
-    assert failed.stamp == step.stamp and failed.text == result.message
+    assert failed.header.stamp == step.header.stamp and failed.text == result.message
 
 
 def test_an_emergency_stop_takes_every_order_back(user):
@@ -189,7 +189,7 @@ def test_an_emergency_stop_takes_every_order_back(user):
     result = running.result()
     assert running.status == GoalStatus.STATUS_ABORTED and not result.success and result.gear == 0
     assert result.message == "the rig is in its safe state: emergency stop; the shift to II was given up"
-    assert told(user, "/alfa46/events", "shift_aborted").text == result.message
+    assert told(user, "/controller/events", "shift_aborted").text == result.message
     refused = order(1)
     assert refused.result().message == (
         "shift refused: the rig is in its safe state (emergency stop); call /rig/reset first")

@@ -43,7 +43,7 @@ def bag(request, tmp_path_factory):
         hidden = user.node.create_publisher(String, "/user/_hidden", 10)
         heard(user, note)
         heard(user, fast)
-        user.sent = (states[-1].stamp.sec + states[-1].stamp.nanosec * 1e-9, [*range(50, 55)])
+        user.sent = (states[-1].header.stamp.sec + states[-1].header.stamp.nanosec * 1e-9, [*range(50, 55)])
         for number in user.sent[1]:
             fast.publish(UInt64(data=number))
         later = user.node.create_publisher(Float64, "/user/later", 10)  # appears when the others are recorded

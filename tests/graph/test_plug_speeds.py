@@ -29,7 +29,7 @@ from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
 
 EXAMPLES = Path(rig_nodes.__file__).parent / "controllers" / "examples"
-NOT_THE_PLANTS = {"/alfa46/events", "all"}
+NOT_THE_PLANTS = {"/controller/events", "all"}
 SEQUENCE = """
 description: gear I, nothing else
 ready: {timeout: 30 s}
@@ -107,7 +107,7 @@ def check(folder, sequence, expected, plug, speed, stop=0.0):
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     if plug == "fmu":
-        build_controller_fmu([EXAMPLES / "alfa46.c"], folder / "alfa46.fmu", load_rig().alfa46)
+        build_controller_fmu([EXAMPLES / "alfa46.c"], folder / "alfa46.fmu", load_rig())
     with allocate() as domain, program_of(plug, port, domain):
         run = RigRun(folder / "run", "--speed", speed, "--step-timeout", "none", "--controller",
                      spec.format(port=port, folder=folder), sequence=sequence,

@@ -45,8 +45,8 @@ def refused(user, text) -> str:
 
 
 def test_one_valve_command_without_a_deadline_is_heard_and_refused_with_the_reason(user):
-    user.publisher("/alfa46/command", PLAIN).publish(ValveCommand(sample=1, duty=[0.5, 0.0, 0.0], setpoint=[0.0] * 3))
-    text = refused(user, "/alfa46/command: valve command for sample 1 refused")
+    user.publisher("/controller/command", PLAIN).publish(ValveCommand(sample=1, duty=[0.5, 0.0, 0.0], setpoint=[0.0] * 3))
+    text = refused(user, "/controller/command: valve command for sample 1 refused")
     assert "expected one after" in text
     assert "2 nodes send it, and the first answer to a sample counts" in text
 
@@ -57,7 +57,7 @@ def test_orders_in_the_safe_state_are_refused_with_its_reason(user):
     user.publisher("/motor/command").publish(Setpoint(value=300.0 * RPM, enable=True))
     assert refused(user, "/motor/command") == (
         "/motor/command: refused: the rig is in its safe state (emergency stop); call /rig/reset first")
-    publisher = user.publisher("/alfa46/command", PLAIN)
+    publisher = user.publisher("/controller/command", PLAIN)
 
     def asks():
         publisher.publish(ValveCommand(sample=user.states[-1].tick * 5 + 4, gear=1, duty=[0.5, 0.0, 0.0],
@@ -95,7 +95,7 @@ def test_all_of_it_stands_in_the_bag(graph, user):
     assert run["unreadable"] == {"/sequencer/events": 2, "/load_pump/command": 1}
     assert run["stamps_ahead"] == {"/motor/command": 1}, "it stands in the bag at the time at which it came"
     assert max(time for time, *_ in bag.timeline()) * 1e-9 == pytest.approx(facts["container"]["time_s"], abs=0.01)
-    commands = [message.sample for _, message in bag.messages("/alfa46/command")]
+    commands = [message.sample for _, message in bag.messages("/controller/command")]
     assert commands.count(1) >= 1
     texts = [text for *_, name, text, _ in bag.events() if name == "command_refused"]
     for text in ("sample 1 refused", "/motor/command: refused: the rig is in its safe state", "does not act", "12 bytes"):

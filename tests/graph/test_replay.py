@@ -183,7 +183,7 @@ def test_pause_step_and_resume_by_service(domain, user):
     for number in (1, 2, 3):
         assert user.call(Trigger, "/rig_replay/step").success
         user.until(lambda: len(samples) == number, f"step {number}")
-    stamps = [message.stamp.nanosec for message in samples]
+    stamps = [message.header.stamp.nanosec for message in samples]
     assert stamps == [500_000_000, 505_000_000, 510_000_000]
     user.until(lambda: clock[-1].clock.nanosec == stamps[-1], "the clock of the step")
     told = len(clock)

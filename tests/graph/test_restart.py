@@ -53,13 +53,13 @@ def test_a_killed_process_is_started_again(tmp_path, victim, controller):
     graph = Graph(tmp_path / "run", controller=controller)
     user = Client(graph.domain)
     try:
-        states, commands = user.listen("/rig/state"), user.listen("/alfa46/command")
+        states, commands = user.listen("/rig/state"), user.listen("/controller/command")
         shifting(user, commands)
         others = {name: child.pid for name, child in graph.supervisor.children.items() if name != victim}
-        before = seconds(user.until(lambda: states and states[-1], "a state").stamp)
+        before = seconds(user.until(lambda: states and states[-1], "a state").header.stamp)
         graph.supervisor.children[victim].process.send_signal(signal.SIGKILL)
         tripped = user.until(lambda: next((s for s in states if s.state == TRIPPED), None), "the safe state")
-        assert seconds(tripped.stamp) - before < 0.1 + 0.02, "20 ms to see a state and send the signal"
+        assert seconds(tripped.header.stamp) - before < 0.1 + 0.02, "20 ms to see a state and send the signal"
         assert tripped.reason == f"{victim} killed by signal 9 (SIGKILL)"
 
         user.until(lambda: graph.supervisor.children[victim].life == 2, "its second life")
@@ -81,8 +81,8 @@ def test_a_killed_process_is_started_again(tmp_path, victim, controller):
     assert [(r["process"], r["how"]) for r in part["restarts"]] == [(victim, "killed by signal 9 (SIGKILL)")]
     times = bag.series("n_wej")[0]
     if victim == "recorder":
-        stop = times[times < seconds(tripped.stamp)].max()
-        assert seconds(tripped.stamp) - stop < 0.2, "what a killed recorder had not written"
+        stop = times[times < seconds(tripped.header.stamp)].max()
+        assert seconds(tripped.header.stamp) - stop < 0.2, "what a killed recorder had not written"
         assert part["lost"] > 0 and bag.gaps(), "what nobody recorded is counted"
     else:
         assert part["lost"] == 0 and bag.check() == []

@@ -55,7 +55,7 @@ def test_a_killed_controller_brings_the_safe_state_within_100_ms(tmp_path):
     assert "alfa46 killed by signal 9" in reason
     assert reason in output.splitlines()[-1]
     bag = Bag(run.folder)
-    last_command = [message.sample for _, message in bag.messages("/alfa46/command")][-1] * 1e-3
+    last_command = [message.sample for _, message in bag.messages("/controller/command")][-1] * 1e-3
     tripped = [t for t, _, name, *_ in bag.events() if name == "rig_tripped"]
     assert len(tripped) == 1 and tripped[0] - last_command < 0.105
     _, state = list(bag.messages("/rig/state"))[-1]

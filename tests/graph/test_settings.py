@@ -33,7 +33,7 @@ PROFILE_1 = load_rig().alfa46.profiles[0]
 
 
 def seconds(message) -> float:
-    return message.stamp.sec + message.stamp.nanosec * 1e-9
+    return message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
 
 
 class User(Client):
@@ -42,7 +42,7 @@ class User(Client):
     def __init__(self, domain):
         super().__init__(domain)
         self.accepted, self._nodes, self._topics = [], {}, {}
-        self.events = {topic: self.heard(topic) for topic in ("/alfa46/events", "/rig/events")}
+        self.events = {topic: self.heard(topic) for topic in ("/controller/events", "/rig/events")}
 
     def heard(self, topic) -> list:
         if topic not in self._topics:
@@ -66,7 +66,7 @@ class User(Client):
 
     def set(self, node, **values) -> float:
         """Set values that are right; returns when it was done [s], by the event that says so."""
-        topic = "/alfa46/events" if node == "alfa46" else "/rig/events"
+        topic = "/controller/events" if node == "alfa46" else "/rig/events"
         events, states = self.events[topic], self.heard("/rig/state")
         seen = len(events)
         result = self.ask(node, **values)
@@ -163,10 +163,10 @@ def test_noise_is_set_per_channel_and_switched_off_and_on(user):
 
 
 def test_the_box_takes_gains_hold_current_and_delays(user):
-    commands = user.heard("/alfa46/command")
+    commands = user.heard("/controller/command")
     assert user.shift(1).success
     currents = [*PROFILE_1[:2, 1], 0.6, *PROFILE_1[3:, 1]]
-    user.acted("/alfa46/command", user.set("alfa46", output_1__currents=currents), lambda m: m.setpoint[0] == 0.6)
+    user.acted("/controller/command", user.set("alfa46", output_1__currents=currents), lambda m: m.setpoint[0] == 0.6)
     later = [0.4, 0.8, 50.0, *PROFILE_1[3:, 0]]
     when = user.set("alfa46", output_1__times=later)
     user.until(lambda: seconds(commands[-1]) > when + 0.1, "the gear being held")
@@ -295,10 +295,10 @@ def test_all_of_it_stands_in_the_bag(graph, user):
 
 
 def test_a_controller_of_ones_own_refuses_settings_while_it_runs():
-    config = load_rig().alfa46
+    config = load_rig()
     plug = load_controller("python:rig_nodes.controllers.examples.alfa46:Alfa46", config)
     with pytest.raises(RigError, match="reads its settings when it starts"):
-        plug.check_change(config)
+        plug.check_change(config.alfa46)
     plug.close()
 
 

@@ -94,7 +94,7 @@ def test_a_process_takes_the_rig_of_its_sequence_unless_it_is_told_another(rig, 
     assert rig_config(SimpleNamespace(rig=rig, sequence=sequence, settings=[])).name == name
 
 
-OF_A_DEVICE, OF_A_CONTROLLER = {"/motor/cut/port", "/motor/cut/answer"}, {"/alfa46/signals", "/alfa46/channels"}
+OF_A_DEVICE, OF_A_CONTROLLER = {"/motor/cut/port", "/motor/cut/answer"}, {"/controller/signals", "/controller/channels"}
 
 
 @pytest.mark.parametrize("rig, settings, controller, more", [

@@ -204,7 +204,7 @@ def test_ports_and_answers_are_in_the_bag_one_a_tick(tmp_path):
     assert [m.sample for m in ports] == list(range(0, 5 * len(ports), 5))
     assert [m.sample for m in answers] == [m.sample for m in ports[:len(answers)]]
     assert len(ports) - len(answers) <= 1
-    torque = {m.stamp.sec * 1000 + m.stamp.nanosec // 1_000_000: m.torque
+    torque = {m.header.stamp.sec * 1000 + m.header.stamp.nanosec // 1_000_000: m.torque
               for _, m in bag.messages("/motor/state")}
     # the answer to a sample acts from the next tick on, and is seen in the state at the end of it
     assert max(torque.values()) > 10.0

@@ -100,7 +100,7 @@ def current_follows_the_setpoint(on, off):
 
 def test_without_the_current_loop_setpoints_act_alike_from_inside_and_outside_and_a_duty_is_refused(noiseless):
     config = noiseless(load_rig("hydmag", {"effects.current_loop": "off"}))
-    inside, box = Rig(config), load_controller("alfa46@current", config.alfa46)
+    inside, box = Rig(config), load_controller("alfa46@current", config)
     outside = Rig(config, controller="external", level=None)
     for rig in (inside, outside):
         rig.set_oil(4e6, True)

@@ -300,10 +300,10 @@ def test_refused_commands_are_one_event_per_reason_and_second_however_they_mix(t
 
     for sample in range(2500):
         outputs.rig.time_ns = sample * 1_000_000
-        commands.put("/alfa46/command", refuse, sample, f"duty must be 0 to 1, found [{sample * 0.5:g}, nan, 0.0]")
-        commands.put("/alfa46/command", lambda: None)  # a good one in between
+        commands.put("/controller/command", refuse, sample, f"duty must be 0 to 1, found [{sample * 0.5:g}, nan, 0.0]")
+        commands.put("/controller/command", lambda: None)  # a good one in between
         if sample == 1200:
-            commands.put("/alfa46/command", refuse, sample, "level 7 is neither")
+            commands.put("/controller/command", refuse, sample, "level 7 is neither")
         commands.apply()
     said = [(t, text.partition(" more")[0], value) for t, text, value in outputs.events]
     assert [t for t, *_ in said] == pytest.approx([0.0, 1.0, 1.2, 2.0])
@@ -314,7 +314,7 @@ def test_refused_commands_are_one_event_per_reason_and_second_however_they_mix(t
     assert outputs.events[-1][2] == 499 and sum(value for *_, value in outputs.events) == 2501
     outputs.rig.time_ns = 6_000_000_000
     commands.apply()
-    assert len(outputs.events) == 5 and commands.refused["/alfa46/command"] == 2501
+    assert len(outputs.events) == 5 and commands.refused["/controller/command"] == 2501
 
 
 HOSTILE = "\x1b[2J\x9b31m\u202e\r\nrig: all is well"

@@ -314,4 +314,4 @@ def test_a_run_neither_waits_for_its_live_view_nor_ends_with_it(tmp_path):
 
 def test_every_signal_is_on_a_live_topic():
     assert {signal.topic for signal in catalogue().signals.values()} <= {topic.name for topic in live_topics()}
-    assert {"/rig/events", "/alfa46/events", "/sequencer/events"} <= {topic.name for topic in live_topics()}
+    assert {"/rig/events", "/controller/events", "/sequencer/events"} <= {topic.name for topic in live_topics()}

@@ -22,14 +22,14 @@ PLOTTED = re.compile(r"(?:float|int|uint)\d+|bool")
 
 @pytest.fixture(scope="module")
 def fields():
-    """Topic -> name -> (type, number of elements or None) of the fields, from the schemas in the sample bag."""
+    """Topic -> name -> (type, number of elements or None, empty for a list) of the fields, from the schemas in the sample bag."""
     bag, found = Bag(SAMPLE), {}
     for topic in bag.counts:
         _, text, _ = bag.channel(topic)
         top = text.split("=" * 80)[0]
         rows = [line.split("#")[0].split() for line in top.splitlines()]
-        found[topic] = {row[1]: re.fullmatch(r"([\w/]+)(?:\[(\d+)\])?", row[0]).groups()
-                        for row in rows if len(row) == 2 and "=" not in row[1] and "[]" not in row[0]}
+        found[topic] = {row[1]: re.fullmatch(r"([\w/]+)(?:\[(\d*)\])?", row[0]).groups()
+                        for row in rows if len(row) == 2 and "=" not in row[1]}
     return found
 
 
@@ -38,7 +38,7 @@ def signal_at(fields, topic, field):
     name, index = re.fullmatch(r"(\w+)(?:\[(\d+)\])?", field).groups()
     kind, count = fields[topic][name]
     assert PLOTTED.fullmatch(kind), f"{topic} {field} is a {kind}"
-    assert (index is None) == (count is None) and (index is None or int(index) < int(count))
+    assert (index is None) == (count is None) and (index is None or not count or int(index) < int(count))
     return next(s.name for s in catalogue().signals.values() if (s.topic, s.field) == (topic, field))
 
 

@@ -72,7 +72,7 @@ def test_states_change_when_the_bag_says_so(shown, recorded, name):
 
 def test_events_are_logged_with_their_time(shown, recorded):
     logged = []
-    for node in ("alfa46", "rig", "sequencer"):
+    for node in ("controller", "rig", "sequencer"):
         logged += zip(*shown.rows(f"/events/{node}", "TextLog:text"))
     for t, topic, _, text, _ in Bag(recorded).events():
         assert (round(t * 1e9), f"{t:.3f} s  {topic.split('/')[1]}: {text}") in logged
@@ -184,7 +184,7 @@ def test_a_run_without_logger_is_drawn_from_the_transducers(without, recorded, r
 
 
 def test_missing_topics_leave_no_empty_plot(without, read_rrd):
-    view = make_view(without("/clutch_s1/state", "/clutch_s2/state", "/alfa46/events"))
+    view = make_view(without("/clutch_s1/state", "/clutch_s2/state", "/controller/events"))
     assert any("s1_torque" in note and "s2_piston" in note for note in view.notes)
     rrd = read_rrd(view.path)
     drawn = {entity for contents in rrd.views().values() for entity in contents if entity.startswith("/")}
@@ -250,9 +250,9 @@ class Mine(Alfa46):
 def test_what_a_controller_names_as_its_own_is_shown(tmp_path, read_rrd):
     (tmp_path / "mine.py").write_text(OWN)
     config = load_rig()
-    plug = load_controller(f"python:{tmp_path / 'mine.py'}:Mine", config.alfa46)
+    plug = load_controller(f"python:{tmp_path / 'mine.py'}:Mine", config)
     simulate(config, load_sequence("sample"), tmp_path / "run", controller=plug)
-    logger = Bag(tmp_path / "run").logger("/alfa46/signals")
+    logger = Bag(tmp_path / "run").logger("/controller/signals")
     times, curve = read_rrd(make_view(tmp_path / "run").path).rows("/controller/slip", "Scalars:scalars")
     np.testing.assert_array_equal(times, np.round(logger.time() * 1e9))
     np.testing.assert_array_equal(curve, logger.channels["slip"])

@@ -20,7 +20,7 @@ from .metrics import RPM, STANDSTILL, Recording, orders_of, stands
 from .uncertainty import Instrument, coast_down_uncertainty, engagement_uncertainty
 from .valve_response import valve_delay
 
-COMMAND, MOTOR = "/alfa46/command", "/motor/command"
+COMMAND, MOTOR = "/controller/command", "/motor/command"
 BEFORE = 0.5  # s before the order in which rest and hum of the pressure are looked for
 
 

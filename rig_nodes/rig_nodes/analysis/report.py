@@ -31,7 +31,7 @@ from .uncertainty import Instrument, instruments_of, uncertainty
 REPORT_FILE = "report.json"
 RUN_KEYS = ("configuration", "seed", "versions", "lost", "ticks", "overruns", "lateness_ms", "end")
 CLUTCH_BENCH = "clutch_bench"  # kind in the configuration of its runs
-ORDERS_TOPIC, ORDER_EVENT = "/alfa46/events", "shift_ordered"
+ORDERS_TOPIC, ORDER_EVENT = "/controller/events", "shift_ordered"
 
 # column of the terminal table: heading, key of a shift, factor to the people's unit, digits
 COLUMNS = (("n_wej rpm", "n_wej_rpm", 1.0, 0), ("M_wyj Nm", "m_wyj_nm", 1.0, 1), ("t_d ms", "t_dt_s", 1e3, 0),

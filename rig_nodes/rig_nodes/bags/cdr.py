@@ -17,21 +17,22 @@ import numpy as np
 from .definitions import TIME, Definition, Node, installed
 
 HEADER = b"\x00\x01\x00\x00"
-_STAMP_SEQ = struct.Struct("<iIQ")
+_FRAMELESS = b"\x01\x00\x00\x00\x00"  # an empty frame_id, in a message's bytes 12 to 16
+_STAMP_SEQ = struct.Struct("<iI8xQ")
 _STAMP = struct.Struct("<iI")
 _LENGTH = struct.Struct("<I")
 _SECOND = 1_000_000_000
 
 
 class Encoder:
-    """Encoder of one message type of the rig's own form (``stamp``, ``seq``, then values).
+    """Encoder of one message type of the rig's own form (``header``, ``seq``, then values), with an empty frame_id.
 
     The part of fixed layout is one precompiled struct: a transducer's message costs about a microsecond.
     """
 
     def __init__(self, definition: Definition):
         if not definition.counted:
-            raise TypeError(f"{definition.name} does not start with stamp and seq; encode it with encode_any")
+            raise TypeError(f"{definition.name} does not start with header and seq; encode it with encode_any")
         self.name = definition.name
         self._fields = definition.tree.fields[2:]
         leaves = definition.leaves
@@ -42,6 +43,9 @@ class Encoder:
         self._arrays = any(self._counts)
         self._booleans = [i for i, (_, node) in enumerate(self._fixed_fields) if node.name == "bool"]
         self._tail, self._count = definition.tail, len(self._fields)
+        # lists of real numbers that are few: struct is faster with them than an array is made
+        self._lists = bool(self._tail) and definition.name not in _BLOCKS and all(
+            node.kind == "sequence" and not node.count and node.item.name == "float64" for _, node in self._tail)
         if not (self._tail or self._arrays or self._booleans):
             self.encode = self._numbers_only
 
@@ -62,12 +66,20 @@ class Encoder:
                 raise TypeError(f"{self.name}.{self._fields[i][0]} is a bool, got {fixed[i]!r}")
         try:
             flat = self._flat(fixed) if self._arrays else fixed
-            data = self._pack(HEADER, stamp_ns // _SECOND, stamp_ns % _SECOND, seq, *flat)
+            data = self._pack(HEADER, stamp_ns // _SECOND, stamp_ns % _SECOND, 1, 0, seq, *flat)
         except (struct.error, TypeError, OverflowError):
             self._explain(stamp_ns, seq, fixed)
             raise
         if not self._tail:
             return data
+        if self._lists:
+            try:
+                for value in values[len(fixed):]:
+                    count = len(value)
+                    data += _list_struct(len(data) % 8, count).pack(count, *value)
+                return data
+            except (struct.error, TypeError):
+                data = self._pack(HEADER, stamp_ns // _SECOND, stamp_ns % _SECOND, 1, 0, seq, *flat)  # which says what is wrong
         out = bytearray(data)
         for (name, node), value in zip(self._tail, values[len(fixed):]):
             _write(out, node, value, f"{self.name}.{name}")
@@ -76,7 +88,7 @@ class Encoder:
     def _numbers_only(self, stamp_ns: int, seq: int, *values) -> bytes:
         """:meth:`encode` for most of a run's messages."""
         try:
-            return self._pack(HEADER, stamp_ns // _SECOND, stamp_ns % _SECOND, seq, *values)
+            return self._pack(HEADER, stamp_ns // _SECOND, stamp_ns % _SECOND, 1, 0, seq, *values)
         except (struct.error, TypeError, OverflowError):
             return Encoder.encode(self, stamp_ns, seq, *values)  # which says what is wrong
 
@@ -98,6 +110,17 @@ class Encoder:
         _number(Node("number", "uint64"), seq, f"{self.name}.seq")
         for (name, node), value in zip(self._fixed_fields, values):
             _write(bytearray(HEADER), node, value, f"{self.name}.{name}")
+
+
+_BLOCKS = ("rig_msgs/msg/SampleBlock",)  # whose list is an array already
+
+
+@lru_cache(maxsize=256)
+def _list_struct(end: int, count: int) -> struct.Struct:
+    """Length and numbers of a float64[] behind bytes that end there, modulo 8."""
+    gap = -end % 4
+    behind = -(end + gap) % 8 if count else 0  # numbers lie on multiples of 8 behind the encapsulation's 4 bytes
+    return struct.Struct(f"<{gap}xI{behind}x{count}d")
 
 
 def _struct_format(leaves) -> str:
@@ -170,12 +193,21 @@ def exact(definition: Definition, data: bytes) -> bytes:
 
     Raises ValueError when the bytes are no such message.
     """
+    if definition.counted and data[12:17] != _FRAMELESS and len(data) >= definition.size:
+        out = bytearray(HEADER)
+        _write(out, definition.tree, decode_as(definition, data), definition.name)
+        return bytes(out)
     if definition.fixed:
         if definition.size <= len(data) < definition.size + 4:
             return data[:definition.size]
         raise ValueError(f"{len(data)} bytes are no {definition.name}, which has {definition.size}")
     if len(data) < definition.size:
         raise ValueError(f"{len(data)} bytes are no {definition.name}, which begins with {definition.size}")
+    if definition.lists:
+        end = definition.end_of(data)
+        if end is None or len(data) >= end + 4:
+            raise ValueError(f"{len(data)} bytes are no {definition.name} by the lengths of its lists")
+        return data[:end]
     if definition.tree.ends_aligned:
         return data
     out = bytearray(HEADER)
@@ -183,10 +215,50 @@ def exact(definition: Definition, data: bytes) -> bytes:
     return bytes(out)
 
 
+def frameless(definition: Definition, data: bytes) -> bytes:
+    """A message of the rig's own form with an empty frame_id, as the rig sends it; ValueError for bytes that are none."""
+    if data[12:17] == _FRAMELESS:
+        return data
+    message = decode_as(definition, data)
+    message.header.frame_id = ""
+    out = bytearray(HEADER)
+    _write(out, definition.tree, message, definition.name)
+    return bytes(out)
+
+
+class Fields:
+    """Takes encoded messages of one installed type of the rig's own form apart: a numpy record of all that is a number.
+
+    Lists of numbers are in it, where nothing else follows them; of strings and what is behind one nothing is.
+    """
+
+    def __init__(self, ros_type: str):
+        self._definition = installed(ros_type)
+        self._plain, self._sized = self._definition.dtype(), None
+        self._lists = [name for name, _ in self._definition.tail] if self._definition.lists else []
+
+    def of(self, data: bytes) -> np.void:
+        """The fields of a message; ValueError for bytes that are none."""
+        if len(data) < self._plain.itemsize or data[1] != 1:  # 1: little-endian, as every DDS on this host sends
+            raise ValueError(f"{len(data)} bytes are no {self._definition.name}")
+        data = frameless(self._definition, data)
+        if not self._lists:
+            return np.frombuffer(data, self._plain, 1)[0]
+        sized = self._sized
+        if sized is not None and len(data) >= sized.itemsize:
+            record = np.frombuffer(data, sized, 1)[0]
+            if all(record[f"{name}#"] == len(record[name]) for name in self._lists):
+                return record
+        self._sized = self._definition.sized(data)
+        if self._sized is None:
+            raise ValueError(f"{len(data)} bytes are no {self._definition.name}")
+        return np.frombuffer(data, self._sized, 1)[0]
+
+
 def stamp_and_seq(data: bytes) -> tuple[int, int]:
     """Simulated time [ns] and sequence number of an encoded message of the rig's own form."""
-    if len(data) < 20 or data[:2] != HEADER[:2]:
-        raise ValueError(f"{len(data)} bytes are too few or not little-endian CDR; expected stamp and seq")
+    if len(data) < 28 or data[:2] != HEADER[:2]:
+        raise ValueError(f"{len(data)} bytes are too few or not little-endian CDR; expected header and seq")
     seconds, nanoseconds, seq = _STAMP_SEQ.unpack_from(data, 4)
     return seconds * _SECOND + nanoseconds, seq
 

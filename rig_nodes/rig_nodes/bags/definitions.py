@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 import struct
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +27,7 @@ CODES = {
     "bool": "?", "byte": "B", "char": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H",
     "int32": "i", "uint32": "I", "int64": "q", "uint64": "Q", "float32": "f", "float64": "d",
 }
-TIME = "builtin_interfaces/msg/Time"
+TIME, HEADER = "builtin_interfaces/msg/Time", "std_msgs/msg/Header"
 _TYPE = re.compile(r"[A-Za-z]\w{0,199}(/msg)?/[A-Za-z]\w{0,199}", re.ASCII)
 
 
@@ -107,9 +107,50 @@ class Definition:
 
     @property
     def counted(self) -> bool:
-        """True for a message of the rig's own form: it starts with ``stamp`` and ``seq``."""
-        head = [(name, node.name) for name, node in self.tree.fields[:2]]
-        return head == [("stamp", TIME), ("seq", "uint64")]
+        """True for a message of the rig's own form: it starts with ``header`` and ``seq``."""
+        return _counted(self.tree)
+
+    def sized(self, data: bytes) -> np.dtype | None:
+        """As :meth:`dtype` with the lists of the tail as long as in a message, where all of it are lists of numbers.
+
+        A list's length stands in the record as ``name#``. None where the tail is something else or the message too short.
+        """
+        if (end := self.end_of(data)) is None:
+            return None
+        own, places = self.dtype(), self._places(data)
+        names = [part for (name, _), _ in zip(self.tail, places) for part in (f"{name}#", name)]
+        formats = [part for (name, node), (_, _, count) in zip(self.tail, places)
+                   for part in ("<u4", (_numpy_format(Leaf(name, node.item, 0, 0)), (count,)))]
+        offsets = [part for at, first, _ in places for part in (at, first)]
+        return np.dtype({"names": [*own.names, *names], "formats": [own[name] for name in own.names] + formats,
+                         "offsets": [own.fields[name][1] for name in own.names] + offsets, "itemsize": end})
+
+    @cached_property
+    def lists(self) -> bool:
+        """True when the tail is lists of numbers and nothing else."""
+        return bool(self.tail) and all(node.kind == "sequence" and node.item.kind == "number" for _, node in self.tail)
+
+    def end_of(self, data: bytes) -> int | None:
+        """Bytes of a message by its lists' own lengths; None where it is shorter, or of no such type (:attr:`lists`)."""
+        places = self._places(data)
+        if not places:
+            return None
+        _, first, count = places[-1]
+        end = first + self.tail[-1][1].item.size * count
+        return end if end <= len(data) else None
+
+    def _places(self, data: bytes) -> list[tuple[int, int, int]]:
+        """Of each list of the tail: where its length and its first number are, and how many it has; as far as they are."""
+        places, end = [], self.size
+        for _, node in self.tail if self.lists else ():
+            at = end + -end % 4
+            if len(data) < at + 4:
+                return []
+            count = int.from_bytes(data[at:at + 4], "little")
+            first = at + 4 + (-at % node.item.size if count else 0)
+            end = first + node.item.size * count
+            places.append((at, first, count))
+        return places
 
     def dtype(self) -> np.dtype:
         """numpy record of the leaves; its item size is ``size``, so that joined messages can be viewed."""
@@ -264,10 +305,20 @@ def _node(description, types) -> Node:
 
 
 def _lay_out(tree: Node) -> tuple[tuple[Leaf, ...], tuple[tuple[str, Node], ...], int]:
-    """Leaves and tail of a message, and the offset where the leaves end."""
+    """Leaves and tail of a message, and the offset where the leaves end.
+
+    In a message of the rig's own form frame_id counts as empty, so that what is behind it has its place: cdr.frameless
+    makes it so.
+    """
     leaves: list[Leaf] = []
-    position = 0
-    for index, (name, node) in enumerate(tree.fields):
+    position, first = 0, 0
+    if _counted(tree):
+        for path, code, size in (("stamp.sec", "int32", 4), ("stamp.nanosec", "uint32", 4), ("frame_id#", "uint32", 4),
+                                 ("frame_id", "uint8", 1)):
+            leaves.append(Leaf(path, Node("number", code), 0, position))
+            position += size
+        first = 1
+    for index, (name, node) in enumerate(tree.fields[first:], first):
         flat = _flatten(name, node)
         if flat is None:
             return tuple(leaves), tree.fields[index:], position
@@ -276,6 +327,10 @@ def _lay_out(tree: Node) -> tuple[tuple[Leaf, ...], tuple[tuple[str, Node], ...]
             leaves.append(Leaf(path, number, count, position))
             position += number.size * (count or 1)
     return tuple(leaves), (), position
+
+
+def _counted(tree: Node) -> bool:
+    return [(name, node.name) for name, node in tree.fields[:2]] == [("header", HEADER), ("seq", "uint64")]
 
 
 def _flatten(path: str, node: Node) -> list[tuple[str, Node, int]] | None:

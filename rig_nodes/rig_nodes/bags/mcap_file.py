@@ -25,6 +25,7 @@ import zstandard
 
 from ..errors import BagError
 from . import limits
+from .old_form import Convert, form_of_today, topic_of_today
 
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = 1, 2, 3, 4, 5, 6, 7, 8
@@ -53,10 +54,11 @@ class Stream:
     times: array = field(default_factory=lambda: array("q"))
     payloads: list[bytes] = field(default_factory=list)
     places: array = field(default_factory=lambda: array("Q"))
+    convert: Convert | None = None  # brings a message of the file into the form of ``text``; None: it has it
 
     def emptied(self) -> Stream:
         """The same channel without messages."""
-        return Stream(self.topic, self.ros_type, self.encoding, self.text, self.metadata)
+        return Stream(self.topic, self.ros_type, self.encoding, self.text, self.metadata, convert=self.convert)
 
 
 @dataclass
@@ -276,7 +278,8 @@ class Records:
                         raise Damage(f"a message of {stream.topic} has the log time {log_time} ns, expected 0 to {last},",
                                      at)
                     stream.times.append(log_time)
-                    stream.payloads.append(content[start + 22:position])
+                    data = content[start + 22:position]
+                    stream.payloads.append(data if stream.convert is None else stream.convert(data))
                     stream.places.append(next_place())
                 elif opcode == SCHEMA:
                     self._schema(content, start, position, at)
@@ -314,7 +317,8 @@ class Records:
         if schema not in self.schemas:
             raise Damage(f"topic {topic} names a message definition that is not there", at)
         name, language, definition = self.schemas[schema]
-        new = Stream(topic, name, f"{encoding}/{language}", definition, _metadata(content, position, end))
+        topic, (definition, convert) = topic_of_today(topic), form_of_today(name, definition)
+        new = Stream(topic, name, f"{encoding}/{language}", definition, _metadata(content, position, end), convert=convert)
         known = self.contents.streams.setdefault(number, new)
         if known is not new and (known.topic, known.ros_type, known.encoding) != (topic, name, new.encoding):
             raise Damage(f"channel {number} is given twice, as {known.topic} of {known.ros_type} and as {topic} of {name},",

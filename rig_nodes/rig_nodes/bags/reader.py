@@ -26,12 +26,14 @@ from ..catalogue import catalogue
 from ..config import load_yaml
 from ..errors import BagError, RigError
 from . import limits
-from .cdr import decode_as, exact
+from .cdr import decode_as, exact, frameless
 from .definitions import Definition, parse
 from .mcap_file import Contents, Stream, by_topic, read_mcap, read_pieces
+from .old_form import topic_of_today
 
-_HEAD = np.dtype({"names": ["sec", "nanosec", "seq"], "formats": ["<i4", "<u4", "<u8"], "offsets": [4, 8, 12],
-                  "itemsize": 20})
+_HEAD = np.dtype({"names": ["sec", "nanosec", "seq"], "formats": ["<i4", "<u4", "<u8"], "offsets": [4, 8, 20],
+                  "itemsize": 28})
+_STAMP = np.dtype({"names": ["sec", "nanosec"], "formats": ["<i4", "<u4"], "offsets": [4, 8], "itemsize": 12})
 NOTHING = "nothing was recorded: the run was stopped before its time began"
 OWN = "rig_nodes "  # how the name of the program begins that wrote a bag of ours
 ENCODING = "cdr/ros2msg"
@@ -102,6 +104,7 @@ class Bag:
         self.counts: dict[str, int] = {topic: len(s.times) for topic, s in self._streams.items()}
         self.types: dict[str, str] = {topic: s.ros_type for topic, s in self._streams.items()}
         self._definitions: dict[str, Definition] = {}
+        self._plain: dict[str, list[bytes]] = {}
 
     @property
     def recovered(self) -> str:
@@ -406,11 +409,23 @@ class Bag:
 
     def _joined(self, stream: Stream, size: int) -> bytes:
         """The first ``size`` bytes of all messages; BagError when one is shorter."""
-        joined = b"".join([data[:size] for data in stream.payloads])
+        joined = b"".join([data[:size] for data in self._payloads(stream)])
         if len(joined) != size * len(stream.payloads):
             raise BagError(f"{self.path}: a message of {stream.topic} is shorter than the {size} bytes "
                            f"that {stream.ros_type} has")
         return joined
+
+    def _payloads(self, stream: Stream) -> list[bytes]:
+        """The messages, of the rig's own form with an empty frame_id; users may send another."""
+        if not self._counted(stream):
+            return stream.payloads
+        if stream.topic not in self._plain:
+            definition = self._definition(stream)
+            try:
+                self._plain[stream.topic] = [frameless(definition, data) for data in stream.payloads]
+            except ValueError as error:
+                raise BagError(f"{self.path}: a message of {stream.topic} cannot be decoded: {error}") from None
+        return self._plain[stream.topic]
 
     def _times(self, stream: Stream) -> np.ndarray:
         """Times [ns] of all messages in the run's own time, which is the log time of our recorder only."""
@@ -420,13 +435,20 @@ class Bag:
 
     def _heads(self, stream: Stream) -> np.ndarray:
         """Stamp and sequence number of all messages; on topics that are not counted only the stamp."""
-        return np.frombuffer(self._joined(stream, _HEAD.itemsize), _HEAD)
+        head = _HEAD if self._counted(stream) else _STAMP
+        return np.frombuffer(self._joined(stream, head.itemsize), head)
 
     def _field(self, stream: Stream, name: str) -> np.ndarray:
         """One top-level field of all messages: 1-D, or 2-D for an array."""
         definition = self._definition(stream)
         if any(leaf.path == name for leaf in definition.leaves):
             return np.frombuffer(self._joined(stream, definition.size), definition.dtype())[name]
+        if stream.payloads and (sized := definition.sized(self._payloads(stream)[0])) is not None and name in sized.names:
+            lists = [name for name, _ in definition.tail]
+            if all(len(data) >= sized.itemsize for data in self._payloads(stream)):
+                rows = np.frombuffer(self._joined(stream, sized.itemsize), sized)
+                if all((rows[f"{one}#"] == rows[f"{one}#"][0]).all() for one in lists):
+                    return rows[name]
         return np.array([getattr(message, name) for _, message in self.messages(stream.topic)])
 
     def _blocks(self, topic: str) -> tuple[np.ndarray, list[np.ndarray]]:
@@ -439,7 +461,7 @@ class Bag:
         length_at = definition.size + -(definition.size - 4) % 4
         at = length_at + 4 + -length_at % 8
         values = []
-        for count, data in zip((head["rows"].astype(np.int64) * head["channels"]).tolist(), stream.payloads):
+        for count, data in zip((head["rows"].astype(np.int64) * head["channels"]).tolist(), self._payloads(stream)):
             if count == 0 or len(data) < at + 8 * count or _LENGTH.unpack_from(data, length_at)[0] != count:
                 raise BagError(f"{self.path}: a block of {topic} does not hold the {count} values "
                                f"that its head says")
@@ -489,7 +511,7 @@ def _compare(metadata: Path, counts: dict[str, int]) -> list[str]:
     if metadata.stat().st_size > limits.YAML:
         return [f"{metadata}: is of {metadata.stat().st_size} bytes, larger than the {limits.YAML} that are read"]
     try:
-        told = {entry["topic_metadata"]["name"]: entry["message_count"] for entry in
+        told = {topic_of_today(entry["topic_metadata"]["name"]): entry["message_count"] for entry in
                 load_yaml(metadata)["rosbag2_bagfile_information"]["topics_with_message_count"]}
     except RigError as error:
         return [str(error)]

@@ -106,7 +106,7 @@ class BagWriter:
             self._guard(self._writer.flush)
             self._interval = interval
         count = self.counts[topic]
-        sequence = _SEQUENCE.unpack_from(data, 12)[0] if known.counted else count
+        sequence = _SEQUENCE.unpack_from(data, 20)[0] if known.counted else count
         try:
             self._writer.add_message(known.channel, log_time_ns, data, sequence)
         except OSError as error:

@@ -30,6 +30,7 @@ def add_arguments(parser) -> None:
     new = verbs.add_parser("new", help="write a template that shifts", allow_abbrev=False)
     new.add_argument("kind", choices=sorted(KINDS), help="what it is: " + ", ".join(KINDS))
     new.add_argument("folder", metavar="DIR", help="new or empty folder for it")
+    new.add_argument("--rig", default="hydmag", metavar="NAME", help="rig or .yaml file that it is for (default: hydmag)")
 
 
 def main(args) -> int:
@@ -63,9 +64,12 @@ def check(args) -> int:
 
 def new(args) -> int:
     """Write the template, print what to do with it."""
+    from ..controllers.record import record_of
     from ..controllers.templates import write_template
+    from ..testbench.configuration import load_gearbox_rig
 
-    files, commands = write_template(args.kind, args.folder)
+    record = record_of(load_gearbox_rig(args.rig, None, "controller new"))
+    files, commands = write_template(args.kind, args.folder, record)
     print("\n".join(f"wrote {path}" for path in files))
     print("next:")
     print("\n".join(f"    {command}" for command in commands))

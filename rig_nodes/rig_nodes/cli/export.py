@@ -1,23 +1,26 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``rig export WHAT``: files for other tools: the rig or a controller as an FMU, the CAN database, the register map."""
+"""``rig export WHAT``: files for other tools: the rig or a controller as an FMU, the CAN database, the register map,
+rig_record.h."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 INTERMIXED = True  # files may stand before and behind options
-HELP = "write an FMU, the CAN database or the Modbus registers"
-DEFAULTS = {"fmu": "{rig}.fmu", "controller-fmu": "{source}.fmu", "dbc": "rig.dbc", "registers": "registers.csv"}
+HELP = "write an FMU, the CAN database, the Modbus registers or rig_record.h"
+DEFAULTS = {"fmu": "{rig}.fmu", "controller-fmu": "{source}.fmu", "dbc": "rig.dbc", "registers": "registers.csv",
+            "record": "rig_record.h"}
 # endings of what is written; a file with the first one may be written over, it is most likely an older export
-SUFFIXES = {"fmu": (".fmu",), "controller-fmu": (".fmu",), "dbc": (".dbc",), "registers": (".csv", ".md")}
+SUFFIXES = {"fmu": (".fmu",), "controller-fmu": (".fmu",), "dbc": (".dbc",), "registers": (".csv", ".md"),
+            "record": (".h",)}
 
 
 def add_arguments(parser) -> None:
     """The arguments of the verb."""
     parser.add_argument("what", choices=DEFAULTS, help="fmu: the rig; controller-fmu: a controller in C or C++; dbc: for "
-                                                       "CAN; registers: for Modbus, .csv or .md")
+                                                       "CAN; registers: for Modbus, .csv or .md; record: for C and C++")
     parser.add_argument("sources", nargs="*", default=[], metavar="FILE.c",
                         help="of controller-fmu: C and C++ files for rig_controller.h")
     parser.add_argument("-I", "--include", action="append", default=[], metavar="FOLDER",
@@ -81,21 +84,38 @@ def _controller_fmu(args, target: Path, settings: dict[str, str]) -> None:
     from ..testbench.configuration import load_gearbox_rig
 
     config = load_gearbox_rig(args.rig, settings, "export controller-fmu")
-    build_controller_fmu(args.sources, target, config.alfa46, args.fmi, [f"-I{folder}" for folder in args.include])
+    build_controller_fmu(args.sources, target, config, args.fmi, [f"-I{folder}" for folder in args.include])
 
 
 def _dbc(args, target: Path, settings: dict[str, str]) -> None:
     from ..controllers.can_database import dbc_text
     from ..whole_file import write_whole
 
-    write_whole(target, dbc_text())
+    write_whole(target, dbc_text(_record(args, settings)))
 
 
 def _registers(args, target: Path, settings: dict[str, str]) -> None:
     from ..controllers.registers import csv_text, markdown_text
     from ..whole_file import write_whole
 
-    write_whole(target, markdown_text() if target.suffix.lower() == ".md" else csv_text())
+    text = markdown_text if target.suffix.lower() == ".md" else csv_text
+    write_whole(target, text(_record(args, settings)))
 
 
-_WRITERS = {"fmu": _fmu, "controller-fmu": _controller_fmu, "dbc": _dbc, "registers": _registers}
+def _record_header(args, target: Path, settings: dict[str, str]) -> None:
+    from ..controllers.record_header import header_text
+    from ..whole_file import write_whole
+
+    write_whole(target, header_text(_record(args, settings)))
+
+
+def _record(args, settings: dict[str, str]):
+    """The record of the rig's controller."""
+    from ..controllers.record import record_of
+    from ..testbench.configuration import load_gearbox_rig
+
+    return record_of(load_gearbox_rig(args.rig, settings, f"export {args.what}"))
+
+
+_WRITERS = {"fmu": _fmu, "controller-fmu": _controller_fmu, "dbc": _dbc, "registers": _registers,
+            "record": _record_header}

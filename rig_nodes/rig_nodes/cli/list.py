@@ -134,8 +134,8 @@ def markdown() -> str:
         "Made from the catalogue (`rig_nodes/rig_nodes/config/signals.yaml`) by `./rig list signals --markdown`; "
         "a test keeps it in step.", "",
         "Units travel in SI, temperatures in degC; \"shown\" is what plots and reports use, and the range is given in it. Pressures are "
-        "gauge. Every message of `rig_msgs` here starts with `stamp` (simulated time) and `seq` (counted per topic "
-        "from 0).", "",
+        "gauge. Every message of `rig_msgs` here starts with `header` (its stamp is simulated time, its frame_id empty) and "
+        "`seq` (counted per topic from 0).", "",
         "## Topics", "", *table(_rows_of(catalogue().topics)), "",
         "Only in a run with `source: topic` for the device ([cuts.md](cuts.md)), once a tick of the cut:", "",
         *table(_rows_of(catalogue().cut_topics)), "",

@@ -78,7 +78,7 @@ def run(args) -> int:
         check_delay(args.delay, args.speed)
         # without the current loop the Alfa46 hands over what simulate takes from it: its setpoints
         level = args.level or (None if args.controller or config.effects.current_loop else "current")
-        controller = load_controller(args.controller, config.alfa46, level)
+        controller = load_controller(args.controller, config, level)
         controller.close()
         check_level(config, controller.level)
         print(level_line(controller), flush=True)

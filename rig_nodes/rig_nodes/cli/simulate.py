@@ -56,7 +56,7 @@ def main(args) -> int:
     controller = None
     if args.controller or args.level or args.delay != 1:
         check_controller(config)
-        controller = load_controller(args.controller, config.alfa46, args.level)
+        controller = load_controller(args.controller, config, args.level)
         check_level(config, controller.level)
         print(level_line(controller), flush=True)
         controller.say = lambda text: print(f"            {printable(text)}", flush=True)

@@ -16,11 +16,13 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from ..alfa46.settings import Alfa46Config
 from .load import load_controller
 from .udp_frames import PORT
+
+if TYPE_CHECKING:
+    from ..testbench.configuration import RigConfig
 
 EXAMPLES = Path(__file__).parent / "examples"
 INCLUDE = Path(__file__).parent / "include"
@@ -47,7 +49,7 @@ class Case(NamedTuple):
     spec: str
     needs: str = ""
     program: Callable[[Path, int], list[str]] | None = None
-    build: Callable[[Path, Alfa46Config], None] | None = None
+    build: Callable[[Path, RigConfig], None] | None = None
 
 
 def _c_program(folder: Path, port: int) -> list[str]:
@@ -66,7 +68,7 @@ def _ros_program(_folder: Path, port: int) -> list[str]:
     return [sys.executable, "-m", "rig_nodes.controllers.examples.alfa46_ros", f"bench{port}"]
 
 
-def _fmu(folder: Path, config: Alfa46Config) -> None:
+def _fmu(folder: Path, config: RigConfig) -> None:
     from ..fmu.build import build_controller_fmu
 
     build_controller_fmu([EXAMPLES / "alfa46.c"], folder / "alfa46.fmu", config)
@@ -84,7 +86,7 @@ CASES = (
 )
 
 
-def measure(case: Case, config: Alfa46Config, steps: int = STEPS) -> Cost:
+def measure(case: Case, config: RigConfig, steps: int = STEPS) -> Cost:
     """The cost of one plug; with a reason in place of numbers when what it needs is not installed."""
     if case.needs and not shutil.which(case.needs):
         return Cost(case.name, float("nan"), float("nan"), f"{case.needs} is not installed")
@@ -100,7 +102,7 @@ def measure(case: Case, config: Alfa46Config, steps: int = STEPS) -> Cost:
             took = []
             for sample in range(WARM_UP + steps):
                 began = time.perf_counter()
-                plug.step(sample, (0.3, 0.1, 0.0), 150.0, 60.0, 1.0e6, 1.0e5)
+                plug.step(sample, (0.3, 0.1, 0.0), (150.0, 60.0, 1.0e6, 1.0e5))
                 took.append(time.perf_counter() - began)
             plug.close()
         finally:
@@ -117,7 +119,7 @@ def _free_port() -> int:
         return free.getsockname()[1]
 
 
-def controllers_table(config: Alfa46Config, steps: int = STEPS) -> list[Cost]:
+def controllers_table(config: RigConfig, steps: int = STEPS) -> list[Cost]:
     """The cost of every plug, in the order of docs/controllers.md."""
     return [measure(case, config, steps) for case in CASES]
 

@@ -22,7 +22,7 @@ import signal
 import socket
 import sys
 
-OUTPUTS, TEXT, OK = 3, 128, 0
+ABI, TEXT, OK = 2, 128, 0
 FUNCTIONS = ("rig_controller_abi", "rig_controller_create", "rig_controller_step", "rig_controller_destroy")
 # optional, both of a pair or none: function that names, function that brings or takes the values
 PAIRS = {"wants": ("rig_controller_wants", "rig_controller_wanted"),
@@ -37,16 +37,20 @@ GUARD = bytes([0xA5]) * 4096  # before, between and behind what a library is giv
 # what a library is given, for people
 INFO, PARAMETERS = "info of rig_controller_create", "parameters of rig_controller_create"
 IN, OUT = "in of rig_controller_step", "out of rig_controller_step"
+CURRENT, MEASURED = "current of rig_controller_step", "measured of rig_controller_step"
+COMMAND, SETPOINT = "command of rig_controller_step", "setpoint of rig_controller_step"
 WANTED, SET, VALUES = (f"values of {PAIRS[key][1]}" for key in ("wants", "settings", "signals"))
-THREE = ct.c_double * OUTPUTS
+NUMBERS = ct.POINTER(ct.c_double)
+GIVEN = 24  # bytes of rig_controller_inputs before its pointers: what comes with each sample
+POINTERS = slice(16, 32)  # of rig_controller_outputs
 
 
 class AbiInfo(ct.Structure):
     """rig_controller_abi_info"""
 
     _fields_ = [
-        (name, ct.c_uint32)
-        for name in ("abi", "levels", "info_size", "parameter_size", "inputs_size", "outputs_size")
+        *((name, ct.c_uint32) for name in ("abi", "levels", "info_size", "parameter_size", "inputs_size", "outputs_size")),
+        ("record", ct.c_char_p),  # not before ABI 2
     ]
 
 
@@ -54,6 +58,18 @@ class Parameter(ct.Structure):
     """rig_parameter"""
 
     _fields_ = [("name", ct.c_char_p), ("value", ct.c_double)]
+
+
+class Transducer(ct.Structure):
+    """rig_transducer"""
+
+    _fields_ = [("name", ct.c_char_p), ("unit", ct.c_char_p)]
+
+
+class Gear(ct.Structure):
+    """rig_gear"""
+
+    _fields_ = [("number", ct.c_uint32), ("name", ct.c_char_p)]
 
 
 class Info(ct.Structure):
@@ -67,6 +83,13 @@ class Info(ct.Structure):
         ("parameters", ct.POINTER(Parameter)),
         ("parameter_count", ct.c_uint32),
         ("message", ct.c_char * TEXT),
+        ("record", ct.c_char_p),
+        ("outputs", ct.POINTER(ct.c_char_p)),
+        ("transducers", ct.POINTER(Transducer)),
+        ("gears", ct.POINTER(Gear)),
+        ("output_count", ct.c_uint32),
+        ("transducer_count", ct.c_uint32),
+        ("gear_count", ct.c_uint32),
     ]
 
 
@@ -78,11 +101,8 @@ class Inputs(ct.Structure):
         ("gear_request", ct.c_uint32),
         ("sample", ct.c_uint64),
         ("time", ct.c_double),
-        ("current", THREE),
-        ("n_wej", ct.c_double),
-        ("n_wyj", ct.c_double),
-        ("p1", ct.c_double),
-        ("p2", ct.c_double),
+        ("current", NUMBERS),
+        ("measured", NUMBERS),
     ]
 
 
@@ -94,16 +114,10 @@ class Outputs(ct.Structure):
         ("flags", ct.c_uint32),
         ("gear", ct.c_uint32),
         ("shifting", ct.c_uint32),
-        ("command", THREE),
-        ("setpoint", THREE),
+        ("command", NUMBERS),
+        ("setpoint", NUMBERS),
         ("message", ct.c_char * TEXT),
     ]
-
-
-class Answer(ct.Structure):
-    """What goes back for a sample: what step returned, and its outputs."""
-
-    _fields_ = [("status", ct.c_int64), ("outputs", Outputs)]
 
 
 class Guarded:
@@ -162,7 +176,11 @@ def describe(path: str) -> tuple[ct.CDLL | None, dict]:
     pointer = library.rig_controller_abi()
     if not pointer:
         return None, {"abi": None}
-    found = {"abi": {name: getattr(pointer.contents, name) for name, _ in AbiInfo._fields_}}
+    told = pointer.contents
+    found = {"abi": {name: getattr(told, name) for name, kind in AbiInfo._fields_ if kind is ct.c_uint32}}
+    if told.abi != ABI:
+        return None, found
+    found["abi"]["record"] = (told.record or b"").decode("utf-8", "replace")
     for key, (names, values) in PAIRS.items():
         found[key] = []
         if not hasattr(library, names):
@@ -185,7 +203,7 @@ def describe(path: str) -> tuple[ct.CDLL | None, dict]:
 
 
 def create(library: ct.CDLL, order: dict) -> tuple[ct.c_void_p, dict]:
-    """(the instance, status and message) for the level, period and parameters of the order."""
+    """(the instance, status and message) for the level, period, parameters and record of the order."""
     given, instance = order["parameters"], ct.c_void_p()
     memory = Guarded({INFO: ct.sizeof(Info), PARAMETERS: ct.sizeof(Parameter) * len(given)})
     parameters = (Parameter * len(given)).from_buffer(memory.views[PARAMETERS])
@@ -194,6 +212,12 @@ def create(library: ct.CDLL, order: dict) -> tuple[ct.c_void_p, dict]:
     info = Info.from_buffer(memory.views[INFO])
     info.size, info.level, info.period = ct.sizeof(Info), order["level"], order["period"]
     info.command_high, info.parameters, info.parameter_count = order["command_high"], parameters, len(parameters)
+    outputs, transducers, gears = order["outputs"], order["transducers"], order["gears"]
+    info.record = order["record"].encode()
+    info.outputs = (ct.c_char_p * len(outputs))(*map(str.encode, outputs))
+    info.transducers = (Transducer * len(transducers))(*((name.encode(), unit.encode()) for name, unit in transducers))
+    info.gears = (Gear * len(gears))(*((number, name.encode()) for number, name in gears))
+    info.output_count, info.transducer_count, info.gear_count = len(outputs), len(transducers), len(gears)
     status = library.rig_controller_create(ct.byref(info), ct.byref(instance))
     return instance, {"status": status, "message": info.message.decode("utf-8", "replace"),
                       "damage": memory.damage()}
@@ -206,21 +230,31 @@ def serve(line: socket.socket, path: str) -> None:
     order = line.recv(1 << 20)
     if library is None or not order:
         return
-    instance, created = create(library, json.loads(order))
+    order = json.loads(order)
+    instance, created = create(library, order)
     line.send(json.dumps(created).encode())
     if created["status"] != OK or created["damage"]:
         return
     wants, signals, settings = (len(description[key]) for key in ("wants", "signals", "settings"))
     bring, take, give = (getattr(library, PAIRS[key][1], None) for key in ("wants", "signals", "settings"))
-    memory = Guarded({IN: ct.sizeof(Inputs), WANTED: 8 * wants, SET: 8 * settings, OUT: ct.sizeof(Outputs),
+    outputs_8, transducers_8 = 8 * len(order["outputs"]), 8 * len(order["transducers"])
+    memory = Guarded({IN: ct.sizeof(Inputs), CURRENT: outputs_8, MEASURED: transducers_8, WANTED: 8 * wants,
+                      SET: 8 * settings, OUT: ct.sizeof(Outputs), COMMAND: outputs_8, SETPOINT: outputs_8,
                       VALUES: 8 * signals})
     views, status, damage = memory.views, ct.c_int64(), memory.damage
-    frame = [views[name] for name in (IN, WANTED, SET) if views[name]]
+    frame = [views[IN][:GIVEN], *(views[name] for name in (CURRENT, MEASURED, WANTED, SET) if views[name])]
     size = sum(map(len, frame))
     inputs, outputs = Inputs.from_buffer(views[IN]), Outputs.from_buffer(views[OUT])
+    for place, name, view in ((inputs, "current", CURRENT), (inputs, "measured", MEASURED), (outputs, "command", COMMAND),
+                              (outputs, "setpoint", SETPOINT)):
+        if views[view]:
+            setattr(place, name, ct.cast((ct.c_double * (len(views[view]) // 8)).from_buffer(views[view]), NUMBERS))
+    outputs.size = ct.sizeof(Outputs)
+    out, command, setpoint = views[OUT], views[COMMAND], views[SETPOINT]
+    nothing, zeros, pointers, kept = bytes(out), bytes(outputs_8), bytes(out[POINTERS]), out[POINTERS]
     wanted, given, own = ((ct.c_double * count).from_buffer(views[name])
                           for name, count in ((WANTED, wants), (SET, settings), (VALUES, signals)))
-    reply = [status, outputs, own] if signals else [status, outputs]
+    reply = [status, out, command, setpoint, own] if signals else [status, out, command, setpoint]
     step, arguments = library.rig_controller_step, (instance, ct.byref(inputs), ct.byref(outputs))
     receive, send = line.recvmsg_into, line.sendmsg
     while (count := receive(frame)[0]) == size:
@@ -228,14 +262,16 @@ def serve(line: socket.socket, path: str) -> None:
             bring(instance, wanted, wants)
         if settings:
             give(instance, given, settings)
-        ct.memset(ct.byref(outputs), 0, ct.sizeof(Outputs))
-        outputs.size = ct.sizeof(Outputs)
+        out[:], command[:], setpoint[:] = nothing, zeros, zeros
         status.value = step(*arguments)
         if signals:
             ct.memset(ct.byref(own), 0, ct.sizeof(own))
             if status.value == OK:
                 take(instance, own, signals)
-        if text := damage():
+        text = damage()
+        if not text and kept != pointers:
+            text = "the library moved command or setpoint to an array of its own; the numbers go where they point"
+        if text:
             line.send(text.encode())
             return
         send(reply)

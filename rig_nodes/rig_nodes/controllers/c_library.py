@@ -22,18 +22,22 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from ..alfa46.settings import Alfa46Config
 from ..errors import RigError, no_file
 from ..graph.link import Link, LinkClosed, pair
-from .c_host import END, END_ALL, Info, Inputs, Outputs, Parameter
-from .c_host import Answer as HostAnswer
+from .c_host import ABI, END, END_ALL, TEXT, Info, Inputs, Outputs, Parameter
 from .own_signals import checked_settings, checked_signals
 from .plug import SAID, Plug, chosen_level
+from .record import ControllerRecord, record_of
+from .record_header import NAME, header_text
 from .seam import ControllerInputs, ControllerOutputs, Status, checked_wants
 
+if TYPE_CHECKING:
+    from ..testbench.configuration import RigConfig
+
 INCLUDE, HOST = Path(__file__).parent / "include", Path(__file__).parent / "c_host.py"
-ABI = 1
+IN_SIZE = ct.sizeof(Inputs)
 LEVEL_BITS = {"duty": 1, "current": 2}
 LOAD_TIMEOUT = 30.0  # s of wall clock for loading and for create
 CORE = ct.CDLL(None).sched_getcpu
@@ -194,7 +198,7 @@ class Host:
             self._guard.wait()
 
 
-def _check_description(found: dict, name: str) -> int:
+def _check_description(found: dict, name: str, record: ControllerRecord) -> int:
     """The library's level bits; RigError when the library, as its host describes it, does not fit."""
     if "error" in found:
         raise RigError(f"controller {name}: the library cannot be loaded: {found['error']}")
@@ -208,7 +212,7 @@ def _check_description(found: dict, name: str) -> int:
     if abi["abi"] != ABI:
         raise RigError(
             f"controller {name}: the library was made for ABI {abi['abi']} of rig_controller.h, this rig has "
-            f"ABI {ABI}; compile it again with this rig's header"
+            f"ABI {ABI}; compile it again with this rig's header and rig_record.h"
         )
     for struct_name, structure in (
         ("info", Info),
@@ -222,6 +226,8 @@ def _check_description(found: dict, name: str) -> int:
                 f"controller {name}: the library's {struct_name} struct has {size} bytes, this rig's "
                 f"{ct.sizeof(structure)}; compile it without packing, with this rig's header"
             )
+    if abi["record"] not in ("", record.id):
+        raise RigError(f"controller {name}: the library was {record.made_for_another(abi['record'])}, and compile it again")
     return abi["levels"]
 
 
@@ -233,9 +239,9 @@ class CLibrary(Plug):
 
     prefix, level_from = "c", SAID
 
-    def __init__(self, rest: str, config: Alfa46Config, level: str | None = None):
+    def __init__(self, rest: str, config: RigConfig, level: str | None = None):
         """rest: FILE.so, FILE.c or FILE.cpp."""
-        name, self._host = f"{self.prefix}:{rest}", None
+        name, self._host, self._made_for = f"{self.prefix}:{rest}", None, record_of(config)
         try:
             bits = self._load(rest, name)
             levels = tuple(key for key, bit in LEVEL_BITS.items() if bits & bit)
@@ -249,7 +255,6 @@ class CLibrary(Plug):
             if self._host is not None:
                 self._host.kill()
             raise
-        self._inputs = Inputs(size=ct.sizeof(Inputs))
 
     def _load(self, rest: str, name: str) -> int:
         """Start the host with the library; its level bits."""
@@ -260,25 +265,35 @@ class CLibrary(Plug):
             return self._start(path, name)
         with tempfile.TemporaryDirectory(prefix="rig-controller-") as folder:
             built = Path(folder) / f"{path.stem}.so"
-            compile_library([path], built, name)
+            compile_library([path], built, name, (self._record_beside(folder),))
             return self._start(built, name)
+
+    def _record_beside(self, folder: str) -> str:
+        """The compiler's option for a rig_record.h of this rig, for sources that bring none."""
+        (Path(folder) / NAME).write_text(header_text(self._made_for), encoding="utf-8")
+        return f"-I{folder}"
 
     def _start(self, library: Path, name: str) -> int:
         check_elf(library, name)
         self._host = Host(library, name)
         found = self._hear(name, "while it was loaded")
-        bits = _check_description(found, name)
+        bits = _check_description(found, name, self._made_for)
         self._host.process = found["process"]
         self.wants = checked_wants(found["wants"], name)
         self.signals = checked_signals(found["signals"], name)
         self.settings = checked_settings(dict(found["settings"]), name)
-        self._behind = struct.Struct(f"={len(self.wants) + len(self.settings)}d")
-        self._own_values = struct.Struct(f"={len(self.signals)}d")
+        outputs, transducers = len(self._made_for.outputs), len(self._made_for.transducers)
+        # size, gear_request, sample, time; currents, transducers, what it wants, its settings
+        self._sample = struct.Struct(f"=IIQd{outputs + transducers + len(self.wants) + len(self.settings)}d")
+        # status, size, flags, gear, shifting, two pointers, message; commands, setpoints, its signals
+        self._reply = struct.Struct(f"=q4I16x{TEXT}s{2 * outputs + len(self.signals)}d")
+        self._outputs = outputs
         return bits
 
     def _create(self) -> None:
         info = {"level": LEVEL_BITS[self.level], "period": self.info.period, "command_high": self.info.command_high,
-                "parameters": dict(self.info.parameters)}
+                "parameters": dict(self.info.parameters), "record": self.rig_record.id, "outputs": self.info.outputs,
+                "transducers": list(self.info.transducers.items()), "gears": list(self.info.gears.items())}
         with contextlib.suppress(LinkClosed):
             self._host.send(json.dumps(info).encode())
         created = self._hear(self.name, "in rig_controller_create")
@@ -301,33 +316,23 @@ class CLibrary(Plug):
         return json.loads(data)
 
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
-        given = self._inputs
-        given.gear_request, given.sample, given.time = inputs.gear_request, inputs.sample, inputs.time
-        given.current[:] = inputs.current
-        given.n_wej, given.n_wyj, given.p1, given.p2 = inputs.n_wej, inputs.n_wyj, inputs.p1, inputs.p2
         try:
-            frame = given
-            if self._behind.size:
-                frame = bytes(given) + self._behind.pack(*inputs.others.values(), *inputs.settings.values())
-            data = self._host.ask(frame, self.step_timeout)
+            data = self._host.ask(
+                self._sample.pack(IN_SIZE, inputs.gear_request, inputs.sample, inputs.time, *inputs.current,
+                                  *inputs.measured, *inputs.others.values(), *inputs.settings.values()),
+                self.step_timeout)
         except LinkClosed as gone:
             self._fail(Status.FATAL, inputs.sample, str(gone))
         if data is None:
             self._overdue(inputs.sample)
-        if len(data) != ct.sizeof(HostAnswer) + self._own_values.size:
+        if len(data) != self._reply.size:
             self._fail(Status.FATAL, inputs.sample, data.decode())
-        answer = HostAnswer.from_buffer_copy(data)
-        out, status = answer.outputs, answer.status
-        return ControllerOutputs(
-            out.command[:],
-            out.setpoint[:],
-            out.gear,
-            bool(out.shifting),
-            out.flags,
-            status,
-            out.message.decode("utf-8", "replace") if status != Status.OK else "",
-            dict(zip(self.signals, self._own_values.unpack_from(data, ct.sizeof(HostAnswer)), strict=True)),
-        )
+        status, _, flags, gear, shifting, message, *values = self._reply.unpack(data)
+        count, text = self._outputs, ""
+        if status != Status.OK:
+            text = message.partition(b"\0")[0].decode("utf-8", "replace")
+        return ControllerOutputs(values[:count], values[count:2 * count], gear, bool(shifting), flags, status, text,
+                                 dict(zip(self.signals, values[2 * count:], strict=True)))
 
     @property
     def process_id(self) -> int:

@@ -12,19 +12,22 @@ import logging
 import math
 import time
 from collections import deque
+from typing import TYPE_CHECKING
 
-from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
-from ..transmission import NEUTRAL, Transmission, transmission_of
+from ..transmission import NEUTRAL
 from . import can_database as frames
 from . import j1939
 from .free_running import FreeRunning, number, split_options, timeout_of
 from .plug import said
+from .record import STANDSTILL, ControllerRecord
 from .seam import ControllerInputs, ControllerOutputs, Status
-from .wire import commands, held_in, measured, values_of
+from .wire import commands, currents, held_in, measured
+
+if TYPE_CHECKING:
+    from ..testbench.configuration import RigConfig
 
 RPM = 30.0 / math.pi
-STANDSTILL = 10.0 / RPM  # rad/s, below which no slip and no ratio is told
 ENGAGED = 2.0  # % of slip below which a clutch counts as engaged
 OPTIONS = ("interface", "bitrate", "every", "port", "timeout", "address")
 NO_ADDRESS = "none"  # value of address: plain frames only
@@ -61,16 +64,9 @@ def receive(bus, seconds: float, fault):
         return None
 
 
-def slip_percent(box: Transmission, gear: int, n_wej: float, n_wyj: float) -> float:
-    """Slip of the clutch of a gear in % of the input speed, 0 to 100; 0 in neutral and at standstill. rad/s in.
-
-    NaN where a speed is no finite number.
-    """
-    if not (math.isfinite(n_wej) and math.isfinite(n_wyj)):
-        return math.nan
-    if gear not in box.ratios or n_wej < STANDSTILL:
-        return 0.0
-    return min(100.0 * abs(box.slip(gear, n_wej, n_wyj)), 100.0)
+def percent(slip: float) -> float:
+    """A slip as a share of the input speed in %, 0 to 100; NaN stays NaN."""
+    return slip if math.isnan(slip) else min(100.0 * abs(slip), 100.0)
 
 
 class Gearbox:
@@ -79,21 +75,20 @@ class Gearbox:
     ``gear``: the one engaged last, None while a transducer has no reading; ``engaged``: a clutch holds now.
     """
 
-    def __init__(self, transmission: Transmission):
-        self.transmission = transmission
+    def __init__(self, record: ControllerRecord):
         self.gear: int | None = NEUTRAL
-        self._last, self.engaged = NEUTRAL, False
+        self._last, self.engaged, self._record = NEUTRAL, False, record
+        self._held = {gear.number: [(record.reader(name), kiss) for name, kiss in gear.presses] for gear in record.gears
+                      if gear.ratio is not None}
 
     def see(self, inputs: ControllerInputs, shifting: bool) -> None:
         """A sample. The gear stays through a shift until the new clutch holds; neutral is when no clutch is pressed."""
-        box = self.transmission
-        pressures = dict(zip(box.clutches, (inputs.p1, inputs.p2)))
-        slips = {gear: slip_percent(box, gear, inputs.n_wej, inputs.n_wyj) for gear in box.ratios}
-        if not all(map(math.isfinite, (*pressures.values(), *slips.values()))):
+        pressures = {gear: [(reader(inputs.measured), kiss) for reader, kiss in held] for gear, held in self._held.items()}
+        slips = {gear: percent(self._record.slip(gear, inputs.measured)) for gear in self._held}
+        if not all(map(math.isfinite, (*(p for held in pressures.values() for p, _ in held), *slips.values()))):
             self.gear, self.engaged = None, False
             return
-        pressed = [gear for gear in box.ratios
-                   if all(pressures[clutch] > clutch.kiss_pressure for clutch in box.engaged(gear))]
+        pressed = [gear for gear, held in pressures.items() if all(pressure > kiss for pressure, kiss in held)]
         holding = [gear for gear in pressed if slips[gear] < ENGAGED]
         self.engaged = bool(holding)
         if len(holding) == 1:
@@ -110,7 +105,7 @@ class CanBus(FreeRunning):
     default 1), port of udp_multicast, timeout [s], address (the rig's J1939 source address, or none).
     """
 
-    def __init__(self, rest: str, config: Alfa46Config, level: str | None = None):
+    def __init__(self, rest: str, config: RigConfig, level: str | None = None):
         name = f"can:{rest}"
         channel, options = split_options(rest, name, OPTIONS)
         interface = options.get("interface", "socketcan")
@@ -129,10 +124,11 @@ class CanBus(FreeRunning):
         import can
 
         self._message = can.Message
-        database = frames.database()
+        record = self.rig_record
+        database = frames.database(record)
         self._by_name = {message.name: message for message in database.messages}
-        self._wires = measured()
-        self._commands = commands(self.level)
+        self._measured, self._currents = measured(record), currents(record)
+        self._commands = commands(record, self.level)
         command = frames.COMMAND_CURRENT if self.level == "current" else frames.COMMAND_DUTY
         self._expected = {frames.FRAME_IDS[n]: self._by_name[n] for n in (frames.STATE, command)}
         self._expected_groups = {frames.GROUPS[n]: self._by_name[n] for n in (frames.STATE, command)}
@@ -141,7 +137,7 @@ class CanBus(FreeRunning):
         self._contradictions: deque[float] = deque(maxlen=CONTRADICTIONS)  # time.monotonic() of the newest
         self._another = ""  # why the rig trips: another controller is at work
         self._requested: int | None = None
-        self._gearbox, self._shown = Gearbox(transmission_of()), None
+        self._gearbox, self._shown = Gearbox(record), None
         self._node = None
         if address is not None:
             self._node = j1939.Node(address, self._put_group, {frames.GROUPS[frames.ETC1]: self._send_etc1,
@@ -179,10 +175,8 @@ class CanBus(FreeRunning):
             self._requested = request
             self._put(frames.REQUEST, {"gear_request": request, "level": int(self.level == "current")})
         if sample % self._every == 0:
-            raw = {wire.name: wire.encode(value) for wire, value in zip(self._wires, values_of(inputs), strict=True)}
-            self._put(frames.SHAFTS, {name: raw[name] for name in ("n_wej", "n_wyj", "p1", "p2")})
-            self._put(frames.CURRENTS, {"sample": sample & 0xFFFF,
-                                        **{f"current_{k}": raw[f"current_{k}"] for k in (1, 2, 3)}})
+            self._put(frames.MEASURED, _raw(self._measured, inputs.measured))
+            self._put(frames.CURRENTS, {"sample": sample & 0xFFFF, **_raw(self._currents, inputs.current)})
         self._gearbox.see(inputs, self.shifting)
         self._shown = inputs
         if self._node is None or not self._node.may_send:
@@ -196,28 +190,30 @@ class CanBus(FreeRunning):
         """ETC1 with the newest sample; nothing before the first."""
         if self._shown is None:
             return
-        n_wej, n_wyj, gearbox = self._shown.n_wej, self._shown.n_wyj, self._gearbox
-        slip = slip_percent(gearbox.transmission, self.gear, n_wej, n_wyj)
+        gearbox, measured_now = self._gearbox, self._shown.measured
+        n_in, n_out = self.rig_record.speeds(measured_now)
+        slip = percent(self.rig_record.slip(self.gear, measured_now))
         if not self._was_here:
             shifting = j1939.NOT_AVAILABLE
         else:
             shifting = j1939.ERROR if self._told_silence else int(self.shifting)
         self._put(frames.ETC1, {
             "TransDrivelineEngaged": j1939.ERROR if gearbox.gear is None else int(gearbox.engaged),
-            "TransShiftInProcess": shifting, "TransOutputShaftSpeed": _two_bytes(n_wyj * RPM / 0.125),
+            "TransShiftInProcess": shifting, "TransOutputShaftSpeed": _two_bytes(n_out * RPM / 0.125),
             "PercentClutchSlip": round(slip / 0.4) if math.isfinite(slip) else j1939.ERROR_1,
-            "TransInputShaftSpeed": _two_bytes(n_wej * RPM / 0.125)})
+            "TransInputShaftSpeed": _two_bytes(n_in * RPM / 0.125)})
 
     def _send_etc2(self) -> None:
         """ETC2 with the newest sample; nothing before the first."""
         if self._shown is None:
             return
-        n_wej, n_wyj, gear = self._shown.n_wej, self._shown.n_wyj, self._gearbox.gear
+        gear = self._gearbox.gear
+        n_in, n_out = self.rig_record.speeds(self._shown.measured)
         ratio = j1939.NONE_2  # at standstill there is none
-        if not math.isfinite(n_wej) or not math.isfinite(n_wyj):
+        if not math.isfinite(n_in) or not math.isfinite(n_out):
             ratio = j1939.ERROR_2
-        elif n_wyj > STANDSTILL:
-            ratio = _two_bytes(n_wej / n_wyj / 0.001)
+        elif n_out > STANDSTILL:
+            ratio = _two_bytes(n_in / n_out / 0.001)
         self._put(frames.ETC2, {"TransSelectedGear": self._shown.gear_request + 125, "TransActualGearRatio": ratio,
                                 "TransCurrentGear": j1939.ERROR_1 if gear is None else gear + 125})
 
@@ -268,7 +264,7 @@ class CanBus(FreeRunning):
             return
         command = [wire.decode(raw[wire.name]) for wire in self._commands]
         state, self._state = self._state, None
-        self.heard(ControllerOutputs(held_in(command, self.info), None, state["gear"], bool(state["shifting"]),
+        self.heard(ControllerOutputs(held_in(command, self.info, self._commands), None, state["gear"], bool(state["shifting"]),
                                      state["flags"], state["status"], "the controller says so on the bus"))
 
     def _compare(self, name: str, raw: dict) -> None:
@@ -293,6 +289,11 @@ class CanBus(FreeRunning):
 
     def _end(self) -> None:
         self._bus.shutdown()
+
+
+def _raw(wires: list, values) -> dict[str, int]:
+    """Raw number by the name of its wire."""
+    return {wire.name: wire.encode(value) for wire, value in zip(wires, values, strict=True)}
 
 
 def _two_bytes(value: float) -> int:

@@ -1,32 +1,31 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The CAN database of the rig, made from the signal catalogue: what the plug sends and takes, and J1939 ETC1 / ETC2.
+"""The CAN database of a rig, made from its record: what the plug sends and takes, and J1939 ETC1 / ETC2.
 
 Used by the plug (can_bus.py), by `rig export dbc` and by the example controller. cantools is imported when it is asked for.
 """
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 from ..errors import RigError
-from ..transmission import transmission_of
 from . import j1939
-from .seam import OUTPUTS
-from .wire import Wire, commands, measured
+from .record import ControllerRecord
+from .wire import Wire, commands, currents, measured
 
-REQUEST, SHAFTS, CURRENTS = "RIG_REQUEST", "RIG_SHAFTS", "RIG_CURRENTS"
+REQUEST, MEASURED, CURRENTS = "RIG_REQUEST", "RIG_MEASURED", "RIG_CURRENTS"
 STATE, COMMAND_CURRENT, COMMAND_DUTY = "CONTROL_STATE", "CONTROL_COMMAND_CURRENT", "CONTROL_COMMAND_DUTY"
 ETC1, ETC2 = "ETC1", "ETC2"
-FRAME_IDS = {REQUEST: 0x100, SHAFTS: 0x101, CURRENTS: 0x102, STATE: 0x200, COMMAND_CURRENT: 0x201, COMMAND_DUTY: 0x202}
+FRAME_IDS = {REQUEST: 0x100, MEASURED: 0x101, CURRENTS: 0x102, STATE: 0x200, COMMAND_CURRENT: 0x201, COMMAND_DUTY: 0x202}
 ADDRESS = 3  # J1939 source address of the rig: transmission
 # J1939-71: ETC1 and ETC2; J1939-21: proprietary B, for a controller that sends its frames as J1939 groups
 GROUPS = {ETC1: 61442, ETC2: 61445, STATE: 65296, COMMAND_CURRENT: 65297, COMMAND_DUTY: 65298}
 PRIORITIES = {ETC1: 3, ETC2: 6, STATE: 3, COMMAND_CURRENT: 3, COMMAND_DUTY: 3}
 AS_GROUP = "_J1939"  # behind the name of a controller's frame in its other form
-CYCLES = {REQUEST: 10, SHAFTS: 1, CURRENTS: 1, STATE: 1, COMMAND_CURRENT: 1, COMMAND_DUTY: 1, ETC1: 10, ETC2: 100}  # ms
+CYCLES = {REQUEST: 10, MEASURED: 1, CURRENTS: 1, STATE: 1, COMMAND_CURRENT: 1, COMMAND_DUTY: 1, ETC1: 10, ETC2: 100}  # ms
 RIG, CONTROLLER = "RIG", "CONTROLLER"
+# how many of them a frame of 8 bytes has room for, beside the sample's number; a rig with more does without CAN
+MOST_MEASURED, MOST_OUTPUTS = 4, 3
 
 
 def need_cantools():
@@ -39,23 +38,26 @@ def need_cantools():
     return cantools
 
 
-@lru_cache(maxsize=1)
-def database():
-    """cantools' database of all messages."""
+def database(record: ControllerRecord):
+    """cantools' database of all messages; RigError when a frame has no room for the record."""
     need_cantools()
+    if len(record.outputs) > MOST_OUTPUTS or len(record.transducers) > MOST_MEASURED:
+        raise RigError(f"this rig's record has {len(record.outputs)} outputs and {len(record.transducers)} transducers, the "
+                       f"CAN frames have room for {MOST_OUTPUTS} and {MOST_MEASURED}; bring the controller over UDP or as a "
+                       "ROS 2 node")
     from cantools.database.can import Database, Node
 
-    controller = [message for extended in (False, True) for message in _controller_messages(extended)]
-    database = Database(messages=[*_rig_messages(), *controller, *_j1939_messages()], version="1",
+    controller = [message for extended in (False, True) for message in _controller_messages(record, extended)]
+    database = Database(messages=[*_rig_messages(record), *controller, *_j1939_messages()], version="1",
                         nodes=[Node(RIG, "The virtual test rig"), Node(CONTROLLER, "Your shift controller")],
                         dbc_specifics=_specifics({"ProtocolType": "J1939"}))
     database.refresh()
     return database
 
 
-def dbc_text() -> str:
+def dbc_text(record: ControllerRecord) -> str:
     """The database as a DBC file."""
-    return database().as_dbc_string()
+    return database(record).as_dbc_string()
 
 
 def _definitions() -> dict:
@@ -110,27 +112,26 @@ def _message(name: str, sender: str, signals: list, text: str, group: bool = Fal
                    is_extended_frame=group, **more)
 
 
-def _rig_messages() -> list:
-    wires = {wire.name: wire for wire in measured()}
+def _rig_messages(record: ControllerRecord) -> list:
     sample = _signal("sample", 0, 16, "Controller sample, low 16 bits; the controller sends it back.")
     return [
         _message(REQUEST, RIG, [
             _signal("gear_request", 0, 8, "Gear ordered last; stays until the next order, or a trip, then 0.",
-                    choices=transmission_of().names),
+                    choices=record.gear_names),
             _signal("level", 8, 8, "Level of this run: which of the two commands is used.", choices={0: "duty", 1: "current"}),
         ], "Every 10 ms and when the order changes."),
-        _message(SHAFTS, RIG, [_wire(wires[name], 16 * k) for k, name in enumerate(("n_wej", "n_wyj", "p1", "p2"))],
-                 "Speeds of both shafts and pressures of both clutches."),
-        _message(CURRENTS, RIG, [sample, *(_wire(wires[f"current_{k}"], 16 * k) for k in range(1, OUTPUTS + 1))],
+        _message(MEASURED, RIG, [_wire(wire, 16 * k) for k, wire in enumerate(measured(record))],
+                 "What the controller's transducers show."),
+        _message(CURRENTS, RIG, [sample, *(_wire(wire, 16 * k) for k, wire in enumerate(currents(record), 1))],
                  "Coil currents; the last message of a sample."),
     ]
 
 
-def _controller_messages(group: bool) -> list:
+def _controller_messages(record: ControllerRecord, group: bool) -> list:
     """As plain frames, or as J1939 groups of whatever source address the controller has."""
     echo = "Sample that is answered, low 16 bits."
     state = _message(STATE, CONTROLLER, [
-        _signal("sample", 0, 16, echo), _signal("gear", 16, 8, "Gear taken last.", choices=transmission_of().names),
+        _signal("sample", 0, 16, echo), _signal("gear", 16, 8, "Gear taken last.", choices=record.gear_names),
         _signal("shifting", 24, 8, "1: a shift is still running."),
         _signal("flags", 32, 8, "Bit k: at level current, output k stays on at a setpoint of zero."),
         _signal("status", 40, 8, "0: an answer, 2: error, 3: fatal; the rig trips with the last two."),
@@ -138,7 +139,7 @@ def _controller_messages(group: bool) -> list:
     out = [state]
     for name, level in ((COMMAND_CURRENT, "current"), (COMMAND_DUTY, "duty")):
         out.append(_message(name, CONTROLLER, [
-            _signal("sample", 0, 16, echo), *(_wire(wire, 16 * k) for k, wire in enumerate(commands(level), 1))],
+            _signal("sample", 0, 16, echo), *(_wire(wire, 16 * k) for k, wire in enumerate(commands(record, level), 1))],
             f"Completes an answer at level {level}.", group, j1939.NULL))
     return out
 

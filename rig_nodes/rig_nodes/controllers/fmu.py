@@ -17,20 +17,23 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
-from typing import IO, NoReturn
+from typing import TYPE_CHECKING, IO, NoReturn
 
-from ..alfa46.settings import Alfa46Config
 from ..errors import RigError, no_file, printable
 from ..graph.link import Link, LinkClosed, pair
 from .c_library import CORE
 from .own_signals import checked_settings, checked_signals
 from .plug import DEFAULT, SAID, Plug, chosen_level
+from .record import record_of
 from .seam import ControllerInputs, ControllerOutputs, Status, checked_wants
+
+if TYPE_CHECKING:
+    from ..testbench.configuration import RigConfig
 
 # behind a sample: transducers asked for, its own settings; behind an answer: its own signals, or for a status other
 # than ok a sentence
-SAMPLE = struct.Struct("<QI7d")  # sample, gear_request, currents (3), n_wej, n_wyj, p1, p2
-ANSWER = struct.Struct("<IIII6d")  # status, gear, shifting, flags, command (3), setpoint (3)
+SAMPLE = "<QI{}d"  # sample, gear_request, currents, transducers
+ANSWER = "<IIII{}d"  # status, gear, shifting, flags, commands, setpoints
 LOAD_TIMEOUT = 60.0  # s of wall clock for loading and for the initialization
 END_PATIENCE = 2.0  # s of wall clock for the end of the process
 MESSAGE = 4096  # bytes of a message or of a line that are shown
@@ -39,15 +42,20 @@ MESSAGE = 4096  # bytes of a message or of a line that are shown
 class ControllerFmu(Plug):
     """A controller FMU; variables are found by the names of the seam (docs/fmu.md)."""
 
-    def __init__(self, file: str, config: Alfa46Config, level: str | None = None):
+    def __init__(self, file: str, config: RigConfig, level: str | None = None):
         name = f"fmu:{file}"
         if not Path(file).is_file():
             raise RigError(f"controller {name}: {no_file(file)}")
         ours, theirs = pair()
         environment = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[2])}
         said = os.memfd_create("said")
+        record = record_of(config)
+        outputs, names = len(record.outputs), list(record.names)
+        self._sample, self._told = struct.Struct(SAMPLE.format(outputs + len(names))), struct.Struct(ANSWER.format(2 * outputs))
+        self._outputs = outputs
         command = [sys.executable, "-P", "-m", "rig_nodes.controllers.fmu_process", file, str(theirs.fileno()), str(said),
-                   str(os.getpid())]
+                   str(os.getpid()), json.dumps({"outputs": outputs, "transducers": names, "record": record.number, "rig": record.rig, "valves": [
+                       k for k, output in enumerate(record.outputs, 1) if output.valve]})]
         with theirs:
             self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
                                              stderr=subprocess.STDOUT, pass_fds=[theirs.fileno(), said], env=environment)
@@ -114,19 +122,18 @@ class ControllerFmu(Plug):
             with contextlib.suppress(ProcessLookupError):  # it has gone: receive() says so
                 os.sched_setaffinity(self.process_id, {core})
         try:
-            self._link.send(SAMPLE.pack(inputs.sample, inputs.gear_request, *inputs.current, inputs.n_wej, inputs.n_wyj,
-                                        inputs.p1, inputs.p2)
+            self._link.send(self._sample.pack(inputs.sample, inputs.gear_request, *inputs.current, *inputs.measured)
                             + self._behind.pack(*inputs.others.values(), *inputs.settings.values()))
             data = self._link.receive(self.step_timeout)
         except LinkClosed:
             self._fail(Status.FATAL, inputs.sample, self._how_it_ended())
         if data is None:
             self._overdue(inputs.sample)
-        status, gear, shifting, flags, *values = ANSWER.unpack_from(data)
+        status, gear, shifting, flags, *values = self._told.unpack_from(data)
         if status != Status.OK:
-            return ControllerOutputs(status=status, message=data[ANSWER.size:].decode("utf-8", "replace"))
-        own = dict(zip(self.signals, self._own_values.unpack_from(data, ANSWER.size), strict=True))
-        return ControllerOutputs(values[:3], values[3:], gear, bool(shifting), flags, signals=own)
+            return ControllerOutputs(status=status, message=data[self._told.size:].decode("utf-8", "replace"))
+        own = dict(zip(self.signals, self._own_values.unpack_from(data, self._told.size), strict=True))
+        return ControllerOutputs(values[:self._outputs], values[self._outputs:], gear, bool(shifting), flags, signals=own)
 
     def _abandon(self) -> None:
         """End the process without a call into the FMU."""

@@ -19,44 +19,58 @@ from ..errors import RigError
 from ..fmu.importer import Fmu, FmuFailed
 from .fmu import ANSWER, SAMPLE
 from .own_signals import MOST, NAME
-from .seam import OUTPUTS, Status
+from .seam import Status
 
 FRAME = 1 << 20  # longest message
 PR_SET_PDEATHSIG = 1
-NUMBERS = range(1, OUTPUTS + 1)
-COMMANDS, SETPOINTS = [f"command_{k}" for k in NUMBERS], [f"setpoint_{k}" for k in NUMBERS]
-INPUTS = ["gear_request", *(f"current_{k}" for k in NUMBERS), "n_wej", "n_wyj", "p1", "p2"]
-OUTPUT_NAMES = [*COMMANDS, *SETPOINTS, "gear", "shifting", "flags", "status"]
 LEVELS = ("duty", "current")
 UNITS = {"A": ("current", 1.0), "mA": ("current", 1e-3), "1": ("duty", 1.0), "-": ("duty", 1.0), "%": ("duty", 0.01)}
 NUMBER_TYPES = ("Real", "Float64", "Float32", "Integer", "Int32", "Enumeration", "Boolean")
 STATUS = {"discard": Status.DISCARD, "error": Status.ERROR, "fatal": Status.FATAL}
 
 
-def check_variables(fmu: Fmu) -> list[str]:
+class Names:
+    """The variables of the seam for a rig's record, by what they are."""
+
+    def __init__(self, outputs: int, transducers: list[str], valves: list[int], record: int, rig: str):
+        """outputs: how many; valves: numbers of those that drive one, whose commands the FMU must have; record: its number."""
+        self.record, self.rig = record, rig
+        numbers = range(1, outputs + 1)
+        self.commands, self.setpoints = [f"command_{k}" for k in numbers], [f"setpoint_{k}" for k in numbers]
+        self.inputs = ["gear_request", *(f"current_{k}" for k in numbers), *transducers]
+        self.outputs = [*self.commands, *self.setpoints, "gear", "shifting", "flags", "status"]
+        self.needed = ["gear_request", *(f"command_{k}" for k in valves), "gear", "shifting"]
+        self.sample = struct.Struct(SAMPLE.format(outputs + len(transducers)))
+        self.answer = struct.Struct(ANSWER.format(2 * outputs))
+
+
+def check_variables(fmu: Fmu, names: Names) -> list[str]:
     """The seam's inputs that the FMU has; RigError when a variable lacks or has the wrong causality."""
     there = fmu.variables
-    for name in ("gear_request", "command_1", "command_2", "gear", "shifting"):
+    if "rig_record" in there and there["rig_record"].start != str(names.record):
+        raise RigError("the FMU was made for the record of another rig; make it anew with ./rig export controller-fmu FILE.c "
+                       f"--rig {names.rig}")
+    for name in names.needed:
         if name not in there:
             raise RigError(f"the FMU has no variable {name}; it has {', '.join(there)}")
-    for wanted, names in (("input", INPUTS), ("output", OUTPUT_NAMES)):
-        for name in names:
+    for wanted, known in (("input", names.inputs), ("output", names.outputs)):
+        for name in known:
             if name in there and there[name].causality != wanted:
                 raise RigError(f"the FMU's variable {name} has causality {there[name].causality}, expected {wanted}")
-    return [name for name in INPUTS if name in there]
+    return [name for name in names.inputs if name in there]
 
 
-def wants_of(fmu: Fmu) -> list[str]:
+def wants_of(fmu: Fmu, names: Names) -> list[str]:
     """Further transducers: the FMU's other inputs that are named like one."""
     known = {signal.name for signal in catalogue().signals.values() if signal.field == "value"}
-    return [name for name, v in fmu.variables.items() if v.causality == "input" and name in known - set(INPUTS)]
+    return [name for name, v in fmu.variables.items() if v.causality == "input" and name in known - set(names.inputs)]
 
 
-def signals_of(fmu: Fmu) -> dict[str, str]:
+def signals_of(fmu: Fmu, names: Names) -> dict[str, str]:
     """Its own signals, to be recorded: unit by name of its other outputs that are numbers, the first ones."""
-    names = [name for name, v in fmu.variables.items() if v.causality == "output" and name not in OUTPUT_NAMES
-             and v.type in NUMBER_TYPES and NAME.fullmatch(name)]
-    return {name: fmu.variables[name].unit or "-" for name in names[:MOST]}
+    own = [name for name, v in fmu.variables.items() if v.causality == "output" and name not in names.outputs
+           and v.type in NUMBER_TYPES and NAME.fullmatch(name)]
+    return {name: fmu.variables[name].unit or "-" for name in own[:MOST]}
 
 
 def settings_of(fmu: Fmu) -> dict[str, float]:
@@ -83,11 +97,11 @@ def meaning_of(fmu: Fmu, name: str) -> tuple[str, float]:
     raise RigError(f"the FMU's output {name} is in {unit}; expected A (level current), or 1 or % (level duty)")
 
 
-def levels_of(fmu: Fmu) -> tuple[list[str], str]:
+def levels_of(fmu: Fmu, names: Names) -> tuple[list[str], str]:
     """The levels that the FMU knows, the likelier one first, and what of it says so: its parameter level, else the unit of
     its commands; empty where nothing does.
     """
-    commands = [name for name in COMMANDS if name in fmu.variables]
+    commands = [name for name in names.commands if name in fmu.variables]
     said = {name: meaning_of(fmu, name)[0] for name in commands}
     if len(set(said.values())) > 1:
         found = ", ".join(f"{name} {f'at level {level}' if level else 'without one'}" for name, level in said.items())
@@ -116,26 +130,26 @@ def start_values(fmu: Fmu, level: str, parameters: dict[str, float]) -> dict[str
             if name in fmu.variables and fmu.variables[name].causality == "parameter"}
 
 
-def answer_samples(link: socket.socket, fmu: Fmu, period: float, settings: list[str]) -> None:
+def answer_samples(link: socket.socket, fmu: Fmu, names: Names, period: float, settings: list[str]) -> None:
     """One communication step for each sample, until the link closes. settings: names of those that come with it."""
-    inputs = check_variables(fmu)
-    write, places = fmu.writer(inputs), [INPUTS.index(name) for name in inputs]
-    told = [name for name in OUTPUT_NAMES if name in fmu.variables]
+    inputs = check_variables(fmu, names)
+    write, places = fmu.writer(inputs), [names.inputs.index(name) for name in inputs]
+    told = [name for name in names.outputs if name in fmu.variables]
     read, first, done = fmu.reader(told), None, 0
-    wants, signals = wants_of(fmu), list(signals_of(fmu))
+    wants, signals = wants_of(fmu, names), list(signals_of(fmu, names))
     write_others, read_own, write_settings = fmu.writer(wants), fmu.reader(signals), fmu.writer(settings)
-    others, own, tuned = (struct.Struct(f"<{len(names)}d") for names in (wants, signals, settings))
+    others, own, tuned = (struct.Struct(f"<{len(own)}d") for own in (wants, signals, settings))
     newest = tuple(settings_of(fmu)[name] for name in settings)  # as the FMU has them
-    factors = {name: meaning_of(fmu, name)[1] for name in (*COMMANDS, *SETPOINTS) if name in told}
+    factors = {name: meaning_of(fmu, name)[1] for name in (*names.commands, *names.setpoints) if name in told}
     while data := link.recv(FRAME):
-        sample, request, *values = SAMPLE.unpack_from(data)
+        sample, request, *values = names.sample.unpack_from(data)
         given = [request, *values]
         first = sample if first is None else first
         fmu.forget()
         try:
             write([given[k] for k in places])
-            write_others(others.unpack_from(data, SAMPLE.size))
-            now = tuned.unpack_from(data, SAMPLE.size + others.size)
+            write_others(others.unpack_from(data, names.sample.size))
+            now = tuned.unpack_from(data, names.sample.size + others.size)
             if now != newest:
                 write_settings(now)
                 newest = now
@@ -146,18 +160,20 @@ def answer_samples(link: socket.socket, fmu: Fmu, period: float, settings: list[
             own_values = own.pack(*read_own())
         except FmuFailed as failure:
             status = STATUS.get(failure.status, Status.ERROR)
-            link.send(ANSWER.pack(status, 0, 0, 0, *[0.0] * 6) + str(failure).encode())
+            link.send(names.answer.pack(status, 0, 0, 0, *[0.0] * 2 * len(names.commands)) + str(failure).encode())
             continue
-        command, setpoint = ([factors[name] * found[name] if name in found else 0.0 for name in names]
-                             for names in (COMMANDS, SETPOINTS))
+        command, setpoint = ([factors[name] * found[name] if name in found else 0.0 for name in one]
+                             for one in (names.commands, names.setpoints))
         gear, shifting, flags = (max(0, int(found.get(name, 0))) for name in ("gear", "shifting", "flags"))
         status = Status.DISCARD if found.get("status") == Status.DISCARD else Status.OK
-        link.send(ANSWER.pack(status, gear, shifting, flags, *command, *setpoint) + own_values)
+        link.send(names.answer.pack(status, gear, shifting, flags, *command, *setpoint) + own_values)
 
 
 def main() -> int:
-    """Arguments: the FMU's file, the descriptors of the socket and of the file for its newest message, the rig's process."""
-    file, (descriptor, said, parent) = sys.argv[1], map(int, sys.argv[2:])
+    """Arguments: the FMU's file, the descriptors of the socket and of the file for its newest message, the rig's process,
+    the rig's record.
+    """
+    file, (descriptor, said, parent), record = sys.argv[1], map(int, sys.argv[2:5]), json.loads(sys.argv[5])
     # an FMU that computes without end must not outlive the rig
     ct.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
     if os.getppid() != parent:
@@ -166,30 +182,30 @@ def main() -> int:
         signal.signal(number, signal.SIG_IGN)  # a person's Ctrl-C is the rig's to obey: it ends this process in order
     with socket.socket(fileno=descriptor) as link, contextlib.suppress(BrokenPipeError, ConnectionResetError):
         try:
-            serve(link, file, said)
+            serve(link, file, said, Names(**record))
         except RigError as error:
             link.send(json.dumps({"error": str(error).removeprefix(f"{file}: ")}).encode())
     return 0
 
 
-def serve(link: socket.socket, file: str, said: int) -> None:
+def serve(link: socket.socket, file: str, said: int, names: Names) -> None:
     """Everything from the FMU's loading to its end; RigError before the first sample."""
     def keep(text: str) -> None:  # where the rig finds it when the FMU crashes
         os.ftruncate(said, 0)
         os.pwrite(said, text.encode(), 0)
 
     with Fmu(file, "controller", keep) as fmu:
-        check_variables(fmu)
-        levels, level_from = levels_of(fmu)
-        link.send(json.dumps({"levels": levels, "level_from": level_from, "wants": wants_of(fmu), "signals": signals_of(fmu),
-                              "settings": settings_of(fmu)}).encode())
+        check_variables(fmu, names)
+        levels, level_from = levels_of(fmu, names)
+        link.send(json.dumps({"levels": levels, "level_from": level_from, "wants": wants_of(fmu, names),
+                              "signals": signals_of(fmu, names), "settings": settings_of(fmu)}).encode())
         start = link.recv(FRAME)
         if not start:
             return
         order = json.loads(start)
         fmu.initialize(**start_values(fmu, order["level"], order["parameters"]))
         link.send(b"{}")
-        answer_samples(link, fmu, order["period"], order["settings"])
+        answer_samples(link, fmu, names, order["period"], order["settings"])
         fmu.terminate()
 
 

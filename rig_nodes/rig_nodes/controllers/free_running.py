@@ -14,13 +14,16 @@ from __future__ import annotations
 import math
 import time
 from abc import abstractmethod
+from typing import TYPE_CHECKING
 from urllib.parse import parse_qsl
 
-from ..alfa46.settings import Alfa46Config
 from ..clocks import COMMAND_TIMEOUT
 from ..errors import RigError
 from .plug import TOLD, Plug, Waiting, chosen_level
 from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status
+
+if TYPE_CHECKING:
+    from ..testbench.configuration import RigConfig
 
 LONGEST = 10.0  # s that it may be told to be
 MASTER = 1.0  # s of silence after which another one may command, or the timeout when that is longer
@@ -63,7 +66,7 @@ class FreeRunning(Plug):
 
     own_clock, level_from = True, TOLD
 
-    def __init__(self, name: str, config: Alfa46Config, level: str | None, place: str, timeout: float = COMMAND_TIMEOUT):
+    def __init__(self, name: str, config: RigConfig, level: str | None, place: str, timeout: float = COMMAND_TIMEOUT):
         super().__init__(name, config, chosen_level(level, LEVELS[::-1], name))
         self.place, self.timeout = place, timeout  # where the controller is expected, in words
         self.faults: dict[str, int] = {}  # what came and was not used -> how often
@@ -104,7 +107,8 @@ class FreeRunning(Plug):
 
     def wait(self, patience: float | None = None) -> None:
         waiting = Waiting(f"waiting for controller on {self.place}", self.say)
-        idle = ControllerInputs(0, 0.0, 0, (0.0,) * 3, 0.0, 0.0, 0.0, 0.0)
+        record = self.rig_record
+        idle = record.inputs(0, 0.0, 0, (0.0,) * len(record.outputs), (0.0,) * len(record.transducers))
         self.refused = ""
         while self._newest is None:
             if self.stopped():

@@ -10,13 +10,15 @@ from __future__ import annotations
 
 import importlib
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from ..alfa46.settings import Alfa46Config
 from ..config.names import unknown
 from ..errors import RigError, printable
 from .plug import DEFAULT, GIVEN, SAID, BuiltIn, Plug
 from .seam import LEVELS
+
+if TYPE_CHECKING:
+    from ..testbench.configuration import RigConfig
 
 
 class Kind(NamedTuple):
@@ -74,8 +76,8 @@ def _meant(text: str) -> str | None:
     return OF_A_FILE[path.suffix].format(text) if path.suffix in OF_A_FILE else None
 
 
-def load_controller(spec: str | None, config: Alfa46Config, level: str | None = None) -> Plug:
-    """The plug of a specification (None: the built-in Alfa46), initialised with the rig's alfa46 settings.
+def load_controller(spec: str | None, config: RigConfig, level: str | None = None) -> Plug:
+    """The plug of a specification (None: the built-in Alfa46) for a rig, initialised with its alfa46 settings.
 
     ``level`` or a trailing "@duty" / "@current" chooses the level when the controller knows both; without, it
     is the controller's first; ``level_from`` of the plug says which it was. RigError, one sentence, for everything that
@@ -98,7 +100,7 @@ def level_line(plug: Plug) -> str:
     return text
 
 
-def _loaded(text: str, config: Alfa46Config, level: str | None) -> Plug:
+def _loaded(text: str, config: RigConfig, level: str | None) -> Plug:
     name, _, rest = text.partition(":")
     if text == "alfa46":
         return BuiltIn(config, level)

@@ -14,20 +14,23 @@ import logging
 import threading
 import time
 from collections import deque
+from typing import TYPE_CHECKING
 
-from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
 from . import registers
 from .free_running import FreeRunning, split_options, timeout_of
 from .plug import said
 from .seam import ControllerInputs, ControllerOutputs
-from .wire import commands, held_in, measured, values_of
+from .wire import commands, held_in, values_of
+from .wire import given as given_wires
+
+if TYPE_CHECKING:
+    from ..testbench.configuration import RigConfig
 
 OPTIONS = ("host", "timeout")
 READING, WRITING = (3, 4, 23), (6, 16, 23)  # function codes; 23 does both
 CODE, NO_CODE = 7, 0x80  # place of the function code in a request; code of an exception to none
 ILLEGAL_FUNCTION, BUSY = 1, 6  # exceptions; "server device busy": another client is the master
-WRITTEN = 4 + len(registers.STATE)  # registers of a command
 START = 10.0  # s that the server may take to listen
 
 
@@ -37,14 +40,15 @@ class Modbus(FreeRunning):
     Options: host (address to listen on, default 127.0.0.1), timeout [s].
     """
 
-    def __init__(self, rest: str, config: Alfa46Config, level: str | None = None):
+    def __init__(self, rest: str, config: RigConfig, level: str | None = None):
         name = f"modbus:{rest}"
         port, options = split_options(rest, name, OPTIONS)
         host = options.get("host", "127.0.0.1")
         if not port.isdigit() or not 1 <= int(port) <= 65535:
             raise RigError(f"controller {name}: '{port}' is no port; expected modbus:PORT, e.g. modbus:5020")
         super().__init__(name, config, level, f"Modbus TCP {host}:{port}", timeout_of(options, name))
-        self._wires, self._commands = measured(), commands(self.level)
+        self._wires, self._commands = given_wires(self.rig_record), commands(self.rig_record, self.level)
+        self._own_registers = 1 + len(self._commands) + len(registers.STATE)  # of a command
         self._shown = [0] * registers.COMMAND_BASE
         self._written: list[int] | None = None
         self._heartbeat: int | None = None
@@ -68,7 +72,7 @@ class Modbus(FreeRunning):
         self._loop, problem, ready = asyncio.new_event_loop(), [], threading.Event()
         device = SimDevice(0, [
             SimData(0, values=[0] * len(self._read_registers()), datatype=DataType.REGISTERS, readonly=True),
-            SimData(registers.COMMAND_BASE, values=[0] * WRITTEN, datatype=DataType.REGISTERS)], action=self._access)
+            SimData(registers.COMMAND_BASE, values=[0] * self._own_registers, datatype=DataType.REGISTERS)], action=self._access)
 
         plug = self
 
@@ -146,9 +150,8 @@ class Modbus(FreeRunning):
             return BUSY
         return 0
 
-    @staticmethod
-    def _read_registers() -> list[registers.Register]:
-        return [row for row in registers.register_map() if row.access == "read"]
+    def _read_registers(self) -> list[registers.Register]:
+        return [row for row in registers.register_map(self.rig_record) if row.access == "read"]
 
     async def _access(self, function: int, first: int, address: int, count: int, current: list[int],
                       values: list | None):
@@ -158,7 +161,7 @@ class Modbus(FreeRunning):
             return None
         self.commands_now(self._asking)
         place = address - registers.COMMAND_BASE
-        whole = list(current[registers.COMMAND_BASE - first:registers.COMMAND_BASE - first + WRITTEN])
+        whole = list(current[registers.COMMAND_BASE - first:registers.COMMAND_BASE - first + self._own_registers])
         whole[place:place + count] = [int(value) for value in values]
         if place == 0 or whole[registers.HEARTBEAT] != self._heartbeat:
             with self._bell:
@@ -192,9 +195,10 @@ class Modbus(FreeRunning):
         if written[registers.HEARTBEAT] == self._heartbeat:
             return
         self._heartbeat = written[registers.HEARTBEAT]
-        gear, shifting, flags, status = written[4:]
-        command = [wire.decode(value) for wire, value in zip(self._commands, written[1:4], strict=True)]
-        self.heard(ControllerOutputs(held_in(command, self.info), None, gear, bool(shifting), flags, status,
+        first = 1 + len(self._commands)
+        gear, shifting, flags, status = written[first:]
+        command = [wire.decode(value) for wire, value in zip(self._commands, written[1:first], strict=True)]
+        self.heard(ControllerOutputs(held_in(command, self.info, self._commands), None, gear, bool(shifting), flags, status,
                                      "the controller says so in register status"))
 
     def _end(self) -> None:

@@ -18,7 +18,7 @@ from ..errors import RigError
 ROWS = 5  # samples of a block: one graph tick
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 MOST = 64
-BLOCK, CHANNELS = "/alfa46/signals", "/alfa46/channels"
+BLOCK, CHANNELS = "/controller/signals", "/controller/channels"
 
 
 def checked_signals(given, name: str) -> dict[str, str]:

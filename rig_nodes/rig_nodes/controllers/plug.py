@@ -14,7 +14,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import NamedTuple, NoReturn
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from ..alfa46.law import NEUTRAL
 from ..alfa46.settings import OUTPUT_KEYS, Alfa46Config
 from ..config.names import unknown
 from ..errors import RigError
+from .record import controller_info, record_of
 from .seam import (
     LEVELS,
     ControllerFailed,
@@ -30,8 +31,10 @@ from .seam import (
     ControllerOutputs,
     Status,
     checked,
-    controller_info,
 )
+
+if TYPE_CHECKING:
+    from ..testbench.configuration import RigConfig
 
 LOG = logging.getLogger("rig_nodes.controllers")
 STEP_TIMEOUT = 5.0  # s of wall clock for one sample when simulated time waits
@@ -39,10 +42,10 @@ SETTLE = 1.0  # s of wall clock for the right controller to come beside one that
 
 
 class Answer(NamedTuple):
-    """The answer to a sample: command (3,) (duty, or setpoint [A] at level current) and setpoint (3,) [A]."""
+    """The answer to a sample: command (outputs,) (duty, or setpoint [A] at level current), setpoint (outputs,) [A]."""
 
-    command: tuple[float, float, float]
-    setpoint: tuple[float, float, float]
+    command: tuple[float, ...]
+    setpoint: tuple[float, ...]
 
 
 def said(error: BaseException) -> str:
@@ -108,9 +111,11 @@ class Plug(ABC):
     process_id: int | None = None  # of a process that works for the plug
     end_fault = ""  # what went wrong when the controller was ended in order
 
-    def __init__(self, name: str, config: Alfa46Config, level: str):
+    def __init__(self, name: str, config: RigConfig, level: str):
         self.name, self.level = name, level
-        self.info = controller_info(config, level)
+        self.rig_record = record_of(config)
+        self.info = controller_info(self.rig_record, config.alfa46, level)
+        self._inputs = self.rig_record.inputs
         self.gear, self.shifting, self.flags = 0, False, 0
         self.say: Callable[[str], None] = LOG.info  # to people: what is waited for, who came and went
         self.named: Callable[[], None] = lambda: None
@@ -176,8 +181,8 @@ class Plug(ABC):
         self._before = self._request = NEUTRAL
         self._ordered = True
 
-    def step(self, sample: int, current, n_wej: float, n_wyj: float, p1: float, p2: float, others=()) -> Answer | None:
-        """One sample: coil currents (3,) [A], speeds [rad/s], pressures [Pa gauge] in, the answer out.
+    def step(self, sample: int, current, measured, others=()) -> Answer | None:
+        """One sample: coil currents (outputs,) [A] and transducers of the rig's record [SI] in, the answer out.
 
         ``others``: SI values of ``wants``, in its order.
 
@@ -188,18 +193,8 @@ class Plug(ABC):
             raise ControllerFailed(
                 f"controller {self.name} has ended and cannot be asked again", Status.FATAL
             )
-        inputs = ControllerInputs(
-            sample,
-            sample * self.info.period,
-            self._request,
-            tuple(map(float, current)),
-            float(n_wej),
-            float(n_wyj),
-            float(p1),
-            float(p2),
-            dict(zip(self.wants, others, strict=True)),
-            self.settings,
-        )
+        inputs = self._inputs(sample, sample * self.info.period, self._request, tuple(map(float, current)),
+                              tuple(map(float, measured)), dict(zip(self.wants, others, strict=True)), self.settings)
         self._ordered = False
         outputs = self._answer(inputs)
         try:
@@ -302,12 +297,12 @@ class BuiltIn(Plug):
 
     level_from = SAID
 
-    def __init__(self, config: Alfa46Config, level: str | None = None):
+    def __init__(self, config: RigConfig, level: str | None = None):
         super().__init__("alfa46", config, chosen_level(level, LEVELS, "alfa46"))
-        Alfa46.load(config)
-        self._box = Alfa46(config)
+        Alfa46.load(config.alfa46)
+        self._box = Alfa46(config.alfa46)
         self._changed: Alfa46Config | None = None  # taken before the order of the same sample
-        self._newest = config
+        self._newest = config.alfa46
 
     def check_change(self, config: Alfa46Config) -> None:
         """Profiles of outputs that a running or ordered shift moves stay as they are until its end."""

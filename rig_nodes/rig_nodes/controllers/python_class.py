@@ -17,13 +17,16 @@ import sys
 import threading
 import traceback
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from ..alfa46.settings import Alfa46Config
 from ..config.names import unknown
 from ..errors import RigError, no_file
 from .own_signals import checked_settings, checked_signals
 from .plug import DEFAULT, LOG, SAID, Plug, chosen_level, said
 from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status, checked_wants
+
+if TYPE_CHECKING:
+    from ..testbench.configuration import RigConfig
 
 GROUP = "rig_nodes.controllers"  # of entry points in an installed package's metadata
 METHODS = ("initialize", "step", "terminate")
@@ -114,7 +117,7 @@ class PythonClass(Plug):
 
     in_process = True
 
-    def __init__(self, rest: str, config: Alfa46Config, level: str | None = None):
+    def __init__(self, rest: str, config: RigConfig, level: str | None = None):
         """rest: FILE.py:CLASS, MODULE:CLASS or the NAME of an entry point of GROUP."""
         source, sign, class_name = rest.rpartition(":")
         if not sign and not rest.endswith(".py"):

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The Modbus register map of the seam, made from the signal catalogue; the rig is the server.
+"""The Modbus register map of a rig's record; the rig is the server.
 
 Used by the plug (modbus.py), by `rig export registers` and by the example client.
 """
@@ -12,7 +12,9 @@ import csv
 import io
 from dataclasses import dataclass
 
-from .wire import Wire, commands, measured
+from ..errors import RigError
+from .record import ControllerRecord
+from .wire import Wire, commands, given
 
 
 @dataclass(frozen=True)
@@ -29,17 +31,20 @@ class Register:
 
 
 COMMAND_BASE = 32
-HEARTBEAT, STATE = 0, ("gear", "shifting", "flags", "status")  # places behind COMMAND_BASE: heartbeat, 3 commands, state
+HEARTBEAT, STATE = 0, ("gear", "shifting", "flags", "status")  # heartbeat, commands, then this state, from COMMAND_BASE on
 
 
-def register_map() -> list[Register]:
-    """All registers, by address."""
+def register_map(record: ControllerRecord) -> list[Register]:
+    """All registers, by address; RigError when the record has more numbers than there are registers to read."""
     out = [Register(0, "sample_high", "read", "", None, False, "Controller sample since time 0, upper 16 bits."),
            Register(1, "sample_low", "read", "", None, False, "Its lower 16 bits."),
-           Register(2, "gear_request", "read", "", None, False, "Gear ordered last: 0 neutral, 1 (I), 2 (II)."),
+           Register(2, "gear_request", "read", "", None, False, f"Gear ordered last: {record.gears_told}."),
            Register(3, "level", "read", "", None, False, "Level of this run: 0 duty, 1 current.")]
-    out += [_wired(len(out) + k, wire, "read") for k, wire in enumerate(measured())]
-    current, duty = commands("current"), commands("duty")
+    out += [_wired(len(out) + k, wire, "read") for k, wire in enumerate(given(record))]
+    if len(out) > COMMAND_BASE:
+        raise RigError(f"this rig's record takes {len(out)} registers to read, Modbus has {COMMAND_BASE} for them; bring the "
+                       "controller over UDP or as a ROS 2 node")
+    current, duty = commands(record, "current"), commands(record, "duty")
     out.append(Register(COMMAND_BASE, "heartbeat", "write", "", None, False,
                         "Any other number than before: what is written with it is a new command."))
     for k, (one, other) in enumerate(zip(current, duty, strict=True), 1):
@@ -49,7 +54,7 @@ def register_map() -> list[Register]:
     texts = ("Gear taken last.", "1: a shift is still running.",
              "Bit k: at level current, output k stays on at a setpoint of zero.",
              "0: an answer, 2: error, 3: fatal; the rig trips with the last two.")
-    return out + [Register(COMMAND_BASE + 4 + k, name, "write", "", None, False, text)
+    return out + [Register(COMMAND_BASE + 1 + len(current) + k, name, "write", "", None, False, text)
                   for k, (name, text) in enumerate(zip(STATE, texts, strict=True))]
 
 
@@ -57,19 +62,19 @@ def _wired(address: int, wire: Wire, access: str) -> Register:
     return Register(address, wire.name, access, wire.unit, wire.step, wire.raw[0] < 0, wire.text)
 
 
-def csv_text() -> str:
+def csv_text(record: ControllerRecord) -> str:
     """The map as CSV with one head line."""
     file = io.StringIO()
     table = csv.writer(file, lineterminator="\n")
     table.writerow(("address", "name", "access", "type", "unit", "count", "meaning"))
-    for row in register_map():
+    for row in register_map(record):
         table.writerow((row.address, row.name, row.access, "int16" if row.signed else "uint16", row.unit,
                         "1" if row.step is None else f"{row.step:g}", row.text))
     return file.getvalue()
 
 
-def markdown_text() -> str:
+def markdown_text(record: ControllerRecord) -> str:
     """The map as a table for docs/modbus.md."""
-    rows = list(csv.reader(io.StringIO(csv_text())))
+    rows = list(csv.reader(io.StringIO(csv_text(record))))
     lines = ["| " + " | ".join(row) + " |" for row in rows]
     return "\n".join([lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]]) + "\n"

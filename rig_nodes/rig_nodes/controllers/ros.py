@@ -13,16 +13,21 @@ import re
 import select
 import time
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
+from rig_msgs.msg import ControllerRecord as ControllerRecordMessage
 from rig_msgs.msg import ControllerStart
 
-from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
 from .free_running import FreeRunning, split_options
 from .own_signals import checked_settings, checked_signals
 from .plug import TOLD, Plug, Waiting, chosen_level
+from .record import ControllerRecord
 from .ros_topics import Answered, NoAnswer, Topics, pack_step
 from .seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs, Status, checked_wants
+
+if TYPE_CHECKING:
+    from ..testbench.configuration import RigConfig
 
 TOKEN = "[A-Za-z](_?[A-Za-z0-9])*_?"  # ROS 2 takes no two underscores one after the other
 NAME = re.compile(f"{TOKEN}(/{TOKEN})*")
@@ -34,7 +39,7 @@ FAREWELL = 0.5  # s of wall clock that the last words to a controller may take
 GLANCE = 0.0005  # s of wall clock for an answer in real time while the controller is away
 
 
-def ros_controller(rest: str, config: Alfa46Config, level: str | None = None) -> Plug:
+def ros_controller(rest: str, config: RigConfig, level: str | None = None) -> Plug:
     """ros:NAME?timing=free&wants=M_wej,p_p&settings=gain:2.0&signals=slip:rad/s,state; all of it may be left out."""
     spec = f"ros:{rest}"
     name, options = split_options(rest, spec, OPTIONS)
@@ -126,7 +131,7 @@ class _OtherSide:
             session=self.session, over=over, level=LEVELS.index(info.level), period=info.period,
             command_high=info.command_high, parameter_names=list(info.parameters),
             parameter_values=list(info.parameters.values()), wants=list(plug.wants), settings=list(plug.settings),
-            signals=list(plug.signals), message=message)
+            signals=list(plug.signals), record=record_message(plug.rig_record), message=message)
 
     def forget(self) -> None:
         """The controller that was at work is not any more."""
@@ -219,7 +224,7 @@ class _OtherSide:
 class RosNode(Plug):
     """One step out, its answer in; simulated time waits."""
 
-    def __init__(self, name: str, config: Alfa46Config, level: str):
+    def __init__(self, name: str, config: RigConfig, level: str):
         super().__init__(name, config, level)
         self.other_side: _OtherSide | None = None
         self._away = True  # nobody answered the newest sample
@@ -318,7 +323,7 @@ class RosNode(Plug):
 class FreeRosNode(FreeRunning):
     """Steps go out, the newest answer is used once; nobody waits."""
 
-    def __init__(self, name: str, config: Alfa46Config, level: str | None):
+    def __init__(self, name: str, config: RigConfig, level: str | None):
         super().__init__(name, config, level, place="")  # told when the domain is known
         self.other_side: _OtherSide | None = None
 
@@ -365,6 +370,14 @@ class FreeRosNode(FreeRunning):
 
     def _end(self) -> None:
         self.other_side.close("the run is over")
+
+
+def record_message(record: ControllerRecord) -> ControllerRecordMessage:
+    """A record as a message, without time and number."""
+    return ControllerRecordMessage(
+        id=record.id, outputs=[output.name for output in record.outputs], valves=[output.valve for output in record.outputs],
+        transducers=list(record.names), units=[signal.unit for signal in record.transducers],
+        gears=list(record.gear_names), gear_names=list(record.gear_names.values()))
 
 
 def outputs_of(answered, plug: Plug) -> ControllerOutputs:

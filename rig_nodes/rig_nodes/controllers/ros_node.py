@@ -81,7 +81,9 @@ class ControllerNode(Node):
         try:
             self.controller.initialize(SimpleNamespace(
                 period=start.period, level=level, command_high=start.command_high,
-                parameters=dict(zip(start.parameter_names, start.parameter_values))))
+                parameters=dict(zip(start.parameter_names, start.parameter_values)), outputs=tuple(start.record.outputs),
+                transducers=dict(zip(start.record.transducers, start.record.units)),
+                gears=dict(zip(start.record.gears, start.record.gear_names)), record=start.record.id))
         except Exception as error:
             self.get_logger().error(f"initialize failed:\n{traceback.format_exc()}")
             self.tell(ControllerReady.REFUSES, f"initialize failed: {type(error).__name__}: {error}")
@@ -115,13 +117,14 @@ class ControllerNode(Node):
         try:
             out = self.controller.step(SimpleNamespace(
                 sample=step.sample, time=step.time, gear_request=step.gear_request,
-                current=tuple(step.current.tolist()), n_wej=step.n_wej, n_wyj=step.n_wyj, p1=step.p1, p2=step.p2,
+                current=tuple(step.current), measured=tuple(step.measured),
+                **dict(zip(self.start.record.transducers, step.measured)),
                 others=dict(zip(self.start.wants, step.others)),
                 settings=dict(zip(self.start.settings, step.settings))))
             answer.status, answer.message = int(getattr(out, "status", 0)), str(getattr(out, "message", ""))
             answer.gear, answer.shifting, answer.flags = int(out.gear), bool(out.shifting), int(out.flags)
             # messages do not check types: what is no float would go out as another number
-            answer.command = [float(value) for value in out.command]
+            answer.command = [float(value) for value in out.command or [0.0] * len(step.current)]
             answer.setpoint = [float(value) for value in out.setpoint or ()]
             answer.signals = [float(out.signals[name]) for name in self.start.signals]
         except Exception as error:

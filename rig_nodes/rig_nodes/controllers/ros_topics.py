@@ -35,8 +35,8 @@ LASTING = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability
 FROM_MANY = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 ENCAPSULATION = b"\x00\x01\x00\x00"  # of little-endian CDR
-# session, controller, seq, sample, time, current (3), n_wej, n_wyj, p1, p2, gear request; two lists follow
-STEP = struct.Struct("<4s2I2Qd3d4dB3x")
+# session, controller, seq, sample, time, gear request; four lists follow
+STEP = struct.Struct("<4s2I2QdB3x")
 # session, controller, seq, status, gear, shifting, flags; three lists and the message follow
 ANSWER = struct.Struct("<2IQ4B")
 COUNT = struct.Struct("<I")
@@ -64,10 +64,10 @@ class Answered(NamedTuple):
 
 def pack_step(session: int, controller: int, seq: int, inputs: ControllerInputs) -> bytes:
     """The bytes of a ControllerStep."""
-    data = STEP.pack(ENCAPSULATION, session, controller, seq, inputs.sample, inputs.time, *inputs.current, inputs.n_wej,
-                     inputs.n_wyj, inputs.p1, inputs.p2, inputs.gear_request)
-    return data + _list(inputs.others.values(), len(data)) + (
-        _list(inputs.settings.values(), len(data) + 4 + 8 * len(inputs.others)))
+    data = STEP.pack(ENCAPSULATION, session, controller, seq, inputs.sample, inputs.time, inputs.gear_request)
+    for values in (inputs.current, inputs.measured, inputs.others.values(), inputs.settings.values()):
+        data += _list(values, len(data))
+    return data
 
 
 def _list(values, at: int) -> bytes:

@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The seam: the one record that goes into a shift controller, the one that comes out, and its checks.
+"""The seam: what goes into a shift controller for a sample, what comes out, and its checks.
 
-Used by every plug; user classes may import it too. Names and units are those of rig_msgs/ControllerSample and
-rig_msgs/ValveCommand.
+Used by every plug; user classes may import it too. How many outputs, which transducers and which gears there are is the
+rig's own and stands in its record (record.py).
 """
 
 from __future__ import annotations
@@ -18,11 +18,8 @@ from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config
 from ..catalogue import catalogue
 from ..config.names import unknown
 from ..errors import RigError
-from ..transmission import transmission_of
 
-OUTPUTS = len(OUTPUT_KEYS)
 LEVELS = ("duty", "current")
-NOTHING = (0.0,) * OUTPUTS
 
 
 class Status(IntEnum):
@@ -50,24 +47,25 @@ class ControllerInfo:
 
     period: float  # s between samples
     level: str  # "duty" or "current": what its command means
-    command_high: (
-        float  # the largest command: 1 at level duty, the valves' current limit [A] at level current
-    )
-    parameters: Mapping[str, float] = field(default_factory=dict)  # flat names, SI
+    command_high: float  # the largest command: 1 at level duty, the valves' current limit [A] at level current
+    parameters: Mapping[str, float]  # flat names, SI
+    outputs: tuple[str, ...]  # names of the controller's outputs, in the order of current and command
+    transducers: Mapping[str, str]  # unit by name, in the order of measured
+    gears: Mapping[int, str]  # name by number
 
 
 @dataclass(frozen=True, slots=True)
 class ControllerInputs:
-    """One controller sample: what the wires carry, quantised and noisy."""
+    """One controller sample: what the wires carry, quantised and noisy.
+
+    A rig's own type of it (ControllerRecord.inputs) has each transducer as an attribute of its name too.
+    """
 
     sample: int  # index since time 0
     time: float  # sample x period [s]
-    gear_request: int  # gear ordered last: 0 neutral, 1 (I), 2 (II); stays until the next order or a trip, then 0
-    current: tuple[float, float, float]  # measured coil currents of the three outputs [A]
-    n_wej: float  # speed of the input shaft [rad/s]
-    n_wyj: float  # speed of the output shaft [rad/s]
-    p1: float  # pressure of clutch S1 [Pa, gauge]
-    p2: float  # pressure of clutch S2 [Pa, gauge]
+    gear_request: int  # number of the gear ordered last; stays until the next order or a trip, then 0 (neutral)
+    current: tuple[float, ...]  # measured coil currents of the outputs [A]
+    measured: tuple[float, ...]  # the transducers of the rig's record, SI
     others: Mapping[str, float] = field(default_factory=dict)  # the transducers that the controller asked for, SI
     settings: Mapping[str, float] = field(default_factory=dict)  # the controller's own, as they are set now
 
@@ -76,10 +74,8 @@ class ControllerInputs:
 class ControllerOutputs:
     """The answer to one sample; it acts from the next sample on."""
 
-    command: Sequence[float] = NOTHING  # duty 0..1, or current setpoint [A], as the level says
-    setpoint: Sequence[float] | None = (
-        None  # current asked for [A], for display; at level current the command
-    )
+    command: Sequence[float] | None = None  # duty 0..1, or current setpoint [A], as the level says; None: 0 everywhere
+    setpoint: Sequence[float] | None = None  # current asked for [A], for display; at level current the command
     gear: int = 0  # gear taken last
     shifting: bool = False  # a shift is still running
     flags: int = 0  # bit k: at level current, output k stays on at a setpoint of zero
@@ -97,13 +93,6 @@ def flat_parameters(config: Alfa46Config) -> dict[str, float]:
     return out
 
 
-def controller_info(config: Alfa46Config, level: str) -> ControllerInfo:
-    """What a controller of this rig is told at a level."""
-    values = config.values
-    high = values.current_limit if level == "current" else 1.0
-    return ControllerInfo(values.sample_time, level, high, flat_parameters(config))
-
-
 def checked_wants(names, name: str) -> tuple[str, ...]:
     """Transducers that a controller asks for beside those that all get; RigError unless each is in the catalogue."""
     known = [signal.name for signal in catalogue().signals.values() if signal.field == "value"]
@@ -115,13 +104,15 @@ def checked_wants(names, name: str) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _three(values, name: str) -> tuple[float, float, float]:
+def _numbers(values, name: str, count: int) -> tuple[float, ...]:
+    if values is None:
+        return (0.0,) * count
     try:
         out = tuple(map(float, values))
     except (TypeError, ValueError):
-        raise RigError(f"{name} is {values!r}, expected {OUTPUTS} numbers") from None
-    if len(out) != OUTPUTS:
-        raise RigError(f"{name} has {len(out)} numbers, expected {OUTPUTS}")
+        raise RigError(f"{name} is {values!r}, expected {count} numbers") from None
+    if len(out) != count:
+        raise RigError(f"{name} has {len(out)} numbers, expected {count}")
     return out
 
 
@@ -134,7 +125,8 @@ def checked(outputs: ControllerOutputs, info: ControllerInfo) -> tuple[tuple, tu
         raise RigError(
             f"step returned {type(outputs).__name__} without '{error.name}', expected ControllerOutputs"
         ) from None
-    command = _three(command, "command")
+    count = len(info.outputs)
+    command = _numbers(command, "command", count)
     for k, value in enumerate(command):
         if not 0.0 <= value <= info.command_high:
             unit = " A" if info.level == "current" else ""
@@ -142,17 +134,17 @@ def checked(outputs: ControllerOutputs, info: ControllerInfo) -> tuple[tuple, tu
     if info.level == "current":
         setpoint = command
     else:
-        setpoint = NOTHING if setpoint is None else _three(setpoint, "setpoint")
+        setpoint = _numbers(setpoint, "setpoint", count)
         for k, value in enumerate(setpoint):
             if not math.isfinite(value):
                 raise RigError(f"setpoint[{k}] is {value:g}, expected a finite current in A")
-    box = transmission_of()
-    if gear not in tuple(box.names):  # whatever a controller gives as its gear, which need not be hashable
-        raise RigError(f"gear is {gear!r}, expected {box.spoken}")
+    if gear not in tuple(info.gears):
+        told = " or ".join(f"{number} ({name})" for number, name in info.gears.items())
+        raise RigError(f"gear is {gear!r}, expected {told}")
     try:
         bits = int(flags)
     except (TypeError, ValueError, OverflowError):
         bits = -1
-    if not 0 <= bits < 1 << OUTPUTS:
-        raise RigError(f"flags is {flags!r}, expected 0 to {(1 << OUTPUTS) - 1}: one bit for each output")
+    if not 0 <= bits < 1 << count:
+        raise RigError(f"flags is {flags!r}, expected 0 to {(1 << count) - 1}: one bit for each output")
     return command, setpoint, int(gear), bool(shifting), bits

@@ -42,5 +42,5 @@ class SimulinkModel(CLibrary):
         headers = dict.fromkeys(path.parent for path in files if path.suffix in HEADERS)
         with tempfile.TemporaryDirectory(prefix="rig-controller-") as built:
             library = Path(built) / "model.so"
-            compile_library(sources, library, name, tuple(f"-I{place}" for place in (folder, *headers)))
+            compile_library(sources, library, name, (*(f"-I{place}" for place in (folder, *headers)), self._record_beside(built)))
             return self._start(library, name)

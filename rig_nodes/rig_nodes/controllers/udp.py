@@ -13,8 +13,8 @@ import os
 import select
 import socket
 import time
+from typing import TYPE_CHECKING
 
-from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
 from .own_signals import MOST, checked_settings, checked_signals
 from .plug import TOLD, Plug, Waiting, chosen_level
@@ -26,19 +26,23 @@ from .udp_frames import (
     HELLO,
     INFO,
     LONGEST,
+    NAME,
     OWN,
-    PARAMETER,
     READY,
     SAMPLE,
     SETTING,
     SIGNAL,
     WANT,
     NoFrame,
+    OtherVersion,
     pack,
     text,
     unpack,
 )
 from .udp_frames import LEVELS as LEVEL_BITS
+
+if TYPE_CHECKING:
+    from ..testbench.configuration import RigConfig
 
 LOOPBACK = "127.0.0.1"
 RESEND = 0.02  # s of wall clock without an answer after which a sample is sent again
@@ -51,7 +55,7 @@ class Udp(Plug):
 
     named_later, level_from = True, TOLD
 
-    def __init__(self, rest: str, config: Alfa46Config, level: str | None = None):
+    def __init__(self, rest: str, config: RigConfig, level: str | None = None):
         address, _, port = rest.rpartition(":")
         name = f"udp:{rest}"
         if not (port.isdecimal() and 0 < int(port) < 65536):
@@ -66,7 +70,11 @@ class Udp(Plug):
             raise RigError(f"controller {name}: the port cannot be taken ({error.strerror}); is another rig running, "
                            "or is the address none of this machine?") from None
         self._socket.setsockopt(socket.IPPROTO_IP, IP_RECVERR, 1)
-        self._parameters = list(self.info.parameters.items())
+        info = self.info
+        self._names_told = (  # value, name, unit; the rig's lists in the order of udp_frames
+            [(value, key, "") for key, value in info.parameters.items()], [(0.0, key, "") for key in info.outputs],
+            [(0.0, key, unit) for key, unit in info.transducers.items()],
+            [(float(number), key, "") for number, key in info.gears.items()])
         self._session = int.from_bytes(os.urandom(4), "little") or 1
         self._peer = None  # address of the controller, once it is ready
         self._coming, self._names, self._count = None, {}, 0  # who is getting ready; its own names by index, of so many
@@ -110,16 +118,18 @@ class Udp(Plug):
             except ConnectionRefusedError:
                 self._see_who_has_gone()
                 continue
+            except OtherVersion as error:
+                self._send_away(peer, str(error))
+                continue
             except NoFrame as error:
                 self.say(f"{self.name}: a frame was ignored: {error}")
                 continue
             if kind == HELLO:
-                self._greet(session, peer, values[0])
+                self._greet(session, peer, values[0], text(values[2]))
             elif session != self._session:
                 self._send(BYE, peer, session=session, values=["another run; say HELLO"])
-            elif kind == ASK and values[0] < len(self._parameters):
-                name, value = self._parameters[values[0]]
-                self._send(PARAMETER, peer, values=[values[0], len(self._parameters), value, name])
+            elif kind == ASK and values[1] < len(self._names_told) and values[0] < len(self._names_told[values[1]]):
+                self._send(NAME, peer, values=[values[0], values[1], *self._names_told[values[1]][values[0]]])
             elif kind == READY and peer != self._peer and self._away:
                 self._coming, self._count = peer, values[0]
                 self._names = {}
@@ -138,20 +148,23 @@ class Udp(Plug):
             elif kind == ANSWER and peer == self._peer and frame == self._frame:
                 return values
 
-    def _greet(self, session: int, peer, levels: int) -> None:
+    def _greet(self, session: int, peer, levels: int, record: str) -> None:
         if session == self._session and peer == self._peer:
             return  # it only asks whether the rig is still there
         why = self._refused.get(peer, "")
         if not levels & LEVEL_BITS[self.level]:
             known = " and ".join(name for name, bit in LEVEL_BITS.items() if levels & bit) or "none"
             why = f"this run is at level {self.level}, the controller's is {known}; choose with --level"
+        elif record not in ("", self.rig_record.id):
+            why = f"it was {self.rig_record.made_for_another(record)}, and compile it again"
         elif self._peer not in (None, peer) and not self._away:
             why = "another controller is at work"
         if why:
             self._send_away(peer, why)
             return
         high, level = self.info.command_high, LEVEL_BITS[self.level]
-        self._send(INFO, peer, values=[level, len(self._parameters), self.info.period, high])
+        self._send(INFO, peer, values=[level, 0, *map(len, self._names_told), self.info.period, high,
+                                       self.rig_record.id])
 
     def _send_away(self, peer, why: str) -> None:
         self._send(BYE, peer, session=0, values=[why])
@@ -233,9 +246,10 @@ class Udp(Plug):
             raise ControllerFailed(f"controller {self.name}, sample {inputs.sample}: {gone}", Status.FATAL) from None
         if values is None:
             return ControllerOutputs(status=Status.DISCARD)
-        status, gear, shifting, flags, message, *own = values[6:]
-        return ControllerOutputs(values[:3], values[3:6], gear, bool(shifting), flags, status, text(message),
-                                 dict(zip(self.signals, own, strict=False)))
+        status, gear, shifting, flags, message, *numbers = values
+        count = len(self.info.outputs)
+        return ControllerOutputs(numbers[:count], numbers[count:2 * count], gear, bool(shifting), flags, status, text(message),
+                                 dict(zip(self.signals, numbers[2 * count:], strict=False)))
 
     def _exchange(self, inputs: ControllerInputs) -> tuple | None:
         """The values of the answer; None in real time while there is none."""
@@ -265,9 +279,8 @@ class Udp(Plug):
                 waiting.tell()
 
     def _sample(self, inputs: ControllerInputs) -> bytes:
-        return pack(SAMPLE, self._session, self._frame, inputs.sample, inputs.time, *inputs.current, inputs.n_wej,
-                    inputs.n_wyj, inputs.p1, inputs.p2, inputs.gear_request, 0,
-                    more=[*inputs.others.values(), *self.settings.values()])
+        return pack(SAMPLE, self._session, self._frame, inputs.sample, inputs.time, inputs.gear_request, 0,
+                    more=[*inputs.current, *inputs.measured, *inputs.others.values(), *self.settings.values()])
 
     def _no_answer(self, sample: int) -> None:
         if self.real_time:

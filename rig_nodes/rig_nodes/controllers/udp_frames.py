@@ -14,24 +14,27 @@ import sys
 import time
 import types
 
-MAGIC, VERSION, PORT = 0x31474952, 2, 9002  # "RIG1"
-HELLO, INFO, ASK, PARAMETER, READY, SAMPLE, ANSWER, BYE, OWN = range(1, 10)
+MAGIC, VERSION, PORT = 0x31474952, 3, 9002  # "RIG1"
+HELLO, INFO, ASK, NAME, READY, SAMPLE, ANSWER, BYE, OWN = range(1, 10)
+SETTINGS, OUTPUTS, TRANSDUCERS, GEARS = range(4)  # lists of the rig's: what the name in a NAME is
 WANT, SIGNAL, SETTING = range(1, 4)  # what the name in an OWN is
 HEADER = struct.Struct("<IHHIIII")  # magic, version, kind, session, frame, size of the whole frame, 0
 BODIES = {
-    HELLO: struct.Struct("<II"),  # levels, 0
-    INFO: struct.Struct("<IIdd"),  # level, number of parameters, period, command_high
-    ASK: struct.Struct("<II"),  # index of a parameter, or of the rig's from the controller's own names; 0
-    PARAMETER: struct.Struct("<IId48s"),  # index, number of parameters, value, name
+    HELLO: struct.Struct("<II16s"),  # levels, 0, record that the controller was made for; empty: any
+    INFO: struct.Struct("<II4Idd16s"),  # level, 0, length of each of the rig's lists, period, command_high, record
+    ASK: struct.Struct("<II"),  # index in one of the rig's lists, which list; from the rig: in the controller's own names, 0
+    # index, list, value (of a setting) or number (of a gear), name, unit (of a transducer)
+    NAME: struct.Struct("<IId48s16s"),
     READY: struct.Struct("<II"),  # number of the controller's own names, 0
-    SAMPLE: struct.Struct("<Qd3ddddd2I"),  # sample, time, current (3), n_wej, n_wyj, p1, p2, gear request, 0
-    ANSWER: struct.Struct("<3d3d4I128s"),  # command (3), setpoint (3), status, gear, shifting, flags, message
+    SAMPLE: struct.Struct("<Qd2I"),  # sample, time, gear request, 0
+    ANSWER: struct.Struct("<4I128s"),  # status, gear, shifting, flags, message
     BYE: struct.Struct("<128s"),  # message
     OWN: struct.Struct("<IId48s16s"),  # index, WANT, SIGNAL or SETTING, a setting's first value, name, unit
 }
-LONGER = (SAMPLE, ANSWER)  # may have further numbers (f64) behind their body: wanted and settings, or signals
-MOST = 128  # of them
-TEXTS = {PARAMETER: (48,), OWN: (48, 16)}  # bytes of the text fields; of other kinds 128
+# have numbers (f64) behind their body: currents, transducers, wanted and settings; or commands, setpoints and signals
+LONGER = (SAMPLE, ANSWER)
+MOST = 224  # of them
+TEXTS = {HELLO: (17,), INFO: (17,), NAME: (48, 16), OWN: (48, 16)}  # bytes of the text fields; of other kinds 128
 LEVELS = {"duty": 1, "current": 2}
 LONGEST = 2048  # bytes of any frame
 AGAIN = 0.2  # s between two HELLOs of a controller that waits for a rig
@@ -40,6 +43,10 @@ KEEP_ALIVE = 0.5  # s without a frame of the rig after which the controller says
 
 class NoFrame(ValueError):
     """Bytes that are no frame of this protocol and version."""
+
+
+class OtherVersion(NoFrame):
+    """A frame of another version of the protocol."""
 
 
 def pack(kind, session, frame, *values, more=()):
@@ -59,7 +66,8 @@ def unpack(data):
     if magic != MAGIC:
         raise NoFrame("it does not begin with RIG1")
     if version != VERSION:
-        raise NoFrame(f"it is of version {version} of the protocol, expected {VERSION}")
+        raise OtherVersion(f"it speaks version {version} of the protocol, this side speaks {VERSION}: both need the "
+                           "rig_udp.py or rig_udp.h of the same rig")
     if kind not in BODIES:
         raise NoFrame(f"there is no kind {kind}")
     end = HEADER.size + BODIES[kind].size
@@ -88,6 +96,7 @@ class Client:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.connect(self.rig)
         self.session, self.running, self.last, self.answer = 0, False, 0, b""
+        self.outputs, self.transducers = [], []  # of the rig
         self.told = ""  # what the rig said last: said again by it every second, here once
         self.wants = tuple(getattr(controller, "wants", ()))
         signals = getattr(controller, "signals", ())
@@ -116,7 +125,7 @@ class Client:
             except ConnectionRefusedError:
                 time.sleep(min(0.1, max(0.0, until - time.monotonic())))
             except NoFrame as error:
-                print(f"frame ignored: {error}", file=sys.stderr)
+                self.tell(f"a frame that is ignored: {error}")
         return None
 
     def serve(self, once=False):
@@ -137,13 +146,13 @@ class Client:
     def run(self):
         """One look for the next frame; True at the end of a run."""
         if not self.running:
-            self.send(HELLO, self.levels, 0)
+            self.send(HELLO, self.levels, 0, "")
         came = self.receive(KEEP_ALIVE if self.running and self.last else AGAIN)
         if came is None:
             if self.running and not self.last:  # until the first sample nobody knows whether it was heard
                 self.send(READY, len(self.own), 0)
             elif self.running:  # is the rig still there, and the same one?
-                self.send(HELLO, self.levels, 0)
+                self.send(HELLO, self.levels, 0, "")
             return False
         kind, session, frame, values = came
         if kind == INFO and session != self.session:
@@ -170,39 +179,42 @@ class Client:
             self.told = words
             print(f"the rig says: {words}", file=sys.stderr)
 
-    def begin(self, session, level, count, period, command_high):
-        """A rig is there: fetch its parameters, start the controller, say that it is ready."""
+    def begin(self, session, level, _, settings, outputs, transducers, gears, period, command_high, record):
+        """A rig is there: fetch its names, start the controller, say that it is ready."""
         if self.running:
             self.end()
         self.session = session
-        parameters = {}
-        for index in range(count):
-            name, value = self.parameter(index)
-            if name is None:
+        lists = []
+        for what, count in ((SETTINGS, settings), (OUTPUTS, outputs), (TRANSDUCERS, transducers), (GEARS, gears)):
+            lists.append([self.name(index, what) for index in range(count)])
+            if None in lists[-1]:
                 self.session = 0
                 return
-            parameters[name] = value
+        self.outputs, self.transducers = ([name for _, name, _ in lists[what]] for what in (OUTPUTS, TRANSDUCERS))
         level = {number: name for name, number in LEVELS.items()}[level]
         try:
             self.controller.initialize(types.SimpleNamespace(
-                period=period, level=level, command_high=command_high, parameters=parameters))
+                period=period, level=level, command_high=command_high,
+                parameters={name: value for value, name, _ in lists[SETTINGS]}, outputs=tuple(self.outputs),
+                transducers={name: unit for _, name, unit in lists[TRANSDUCERS]},
+                gears={int(number): name for number, name, _ in lists[GEARS]}, record=text(record)))
         except Exception as error:
             self.send(BYE, f"initialize failed: {type(error).__name__}: {error}")
             raise
         self.running, self.last, self.answer, self.told = True, 0, b"", ""
         self.send(READY, len(self.own), 0)
 
-    def parameter(self, index):
-        """(name, value) of one of the rig's parameters, asked for again when the answer is lost."""
+    def name(self, index, what):
+        """(value, name, unit) of one of the rig's names, asked for again when the answer is lost; None without one."""
         for _ in range(50):
-            self.send(ASK, index, 0)
+            self.send(ASK, index, what)
             came = self.receive(0.02)
             while came is not None:
                 kind, session, _, values = came
-                if kind == PARAMETER and session == self.session and values[0] == index:
-                    return text(values[3]), values[2]
+                if kind == NAME and session == self.session and values[:2] == (index, what):
+                    return values[2], text(values[3]), text(values[4])
                 came = self.receive(0.02)
-        return None, None
+        return None
 
     def step(self, frame, values):
         """A sample: compute once, and send the same answer again when the sample comes again."""
@@ -211,18 +223,21 @@ class Client:
             return
         if frame < self.last:
             return
-        sample, at, *rest = values
-        others, settings = rest[9:9 + len(self.wants)], rest[9 + len(self.wants):]
+        sample, at, gear_request, _, *rest = values
+        current, measured, others, settings = (
+            [rest.pop(0) for _ in names] for names in (self.outputs, self.transducers, self.wants, self.settings))
         out = self.controller.step(types.SimpleNamespace(
-            sample=sample, time=at, current=tuple(rest[:3]), n_wej=rest[3], n_wyj=rest[4], p1=rest[5], p2=rest[6],
-            gear_request=rest[7], others=dict(zip(self.wants, others)), settings=dict(zip(self.settings, settings))))
-        setpoint = (0.0, 0.0, 0.0) if out.setpoint is None else out.setpoint
+            sample=sample, time=at, current=tuple(current), measured=tuple(measured), gear_request=gear_request,
+            others=dict(zip(self.wants, others)), settings=dict(zip(self.settings, settings)),
+            **dict(zip(self.transducers, measured))))
+        nothing = (0.0,) * len(self.outputs)
+        command, setpoint = (nothing if given is None else given for given in (out.command, out.setpoint))
         own = getattr(out, "signals", None) or {}
         self.last = frame
-        self.answer = pack(ANSWER, self.session, frame, *map(float, out.command), *map(float, setpoint),
-                           int(getattr(out, "status", 0)), int(out.gear), int(out.shifting), int(out.flags),
-                           str(getattr(out, "message", "")),
-                           more=[float(own[name]) for name in self.signals if name in own])
+        self.answer = pack(ANSWER, self.session, frame, int(getattr(out, "status", 0)), int(out.gear), int(out.shifting),
+                           int(out.flags), str(getattr(out, "message", "")),
+                           more=[*map(float, command), *map(float, setpoint),
+                                 *(float(own[name]) for name in self.signals if name in own)])
         self.socket.send(self.answer)
 
     def end(self):

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The seam's numbers as whole numbers on a wire: 16 bits each, resolution from the signal catalogue's ranges.
+"""The numbers of a rig's record as whole numbers on a wire: 16 bits each, resolution from the signals' ranges.
 
 Used by the CAN database and the Modbus register map, so that both carry the same numbers.
 """
@@ -9,10 +9,11 @@ Used by the CAN database and the Modbus register map, so that both carry the sam
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from ..catalogue import catalogue
-from .seam import OUTPUTS, ControllerInputs, ControllerInfo
+from ..catalogue import Signal
+from .record import ControllerRecord
+from .seam import ControllerInfo, ControllerInputs
 
 SIGNED, UNSIGNED = (-32767, 32767), (0, 65535)
 NO_NUMBER = -32768  # raw value of a measurement that is none
@@ -52,36 +53,46 @@ def step_for(high: float, steps: int) -> float:
     return next(round(power * digit, 12) for digit in (1.0, 2.0, 5.0, 10.0) if power * digit * steps >= high)
 
 
-def _measured(name: str, signal_name: str) -> Wire:
-    signal = catalogue().signals[signal_name]
+def _measured(name: str, signal: Signal) -> Wire:
     return Wire(name, signal.display_unit, step_for(signal.shown(signal.high), SIGNED[1]), signal.scale, SIGNED,
                 f"{signal.text.rstrip('.')}; {signal.sign}.")
 
 
-def measured() -> list[Wire]:
-    """current_1 to current_3, n_wej, n_wyj, p1, p2: what a controller is given."""
-    currents = [_measured(f"current_{k}", f"I_zr_p{k}") for k in (1, 2)]
-    spare = Wire("current_3", currents[0].unit, currents[0].step, currents[0].scale, SIGNED,
-                 "Coil current of the third output, not connected.")
-    return [*currents, spare, *(_measured(name, name) for name in ("n_wej", "n_wyj", "p1", "p2"))]
+def currents(record: ControllerRecord) -> list[Wire]:
+    """current_1 and on: the coil currents of the outputs."""
+    out = []
+    for k, output in enumerate(record.outputs, 1):
+        wire = _measured(f"current_{k}", output.current)
+        out.append(wire if output.valve else replace(wire, text=f"Coil current of output {k}, not connected."))
+    return out
 
 
-def commands(level: str) -> list[Wire]:
-    """command_1 to command_3 at a level: current setpoints, or duties."""
-    signal = catalogue().signals["I_set_zr_p1" if level == "current" else "zr_p1_duty"]
+def measured(record: ControllerRecord) -> list[Wire]:
+    """The transducers, by their names."""
+    return [_measured(signal.name, signal) for signal in record.transducers]
+
+
+def given(record: ControllerRecord) -> list[Wire]:
+    """All that a controller is given as real numbers: currents, then transducers."""
+    return [*currents(record), *measured(record)]
+
+
+def commands(record: ControllerRecord, level: str) -> list[Wire]:
+    """command_1 and on, at a level: current setpoints, or duties."""
+    signal = record.like[level]
     step = step_for(signal.shown(signal.high), UNSIGNED[1])
     what = "Current setpoint" if level == "current" else "Duty"
     return [Wire(f"command_{k}", signal.display_unit, step, signal.scale, UNSIGNED, f"{what} of output {k}.")
-            for k in range(1, OUTPUTS + 1)]
+            for k in range(1, len(record.outputs) + 1)]
 
 
 def values_of(inputs: ControllerInputs) -> tuple[float, ...]:
-    """The values of :func:`measured`, in its order."""
-    return (*inputs.current, inputs.n_wej, inputs.n_wyj, inputs.p1, inputs.p2)
+    """The values of :func:`given`, in its order."""
+    return (*inputs.current, *inputs.measured)
 
 
-def held_in(values: list[float], info: ControllerInfo) -> list[float]:
-    """Commands that a half step of resolution lifted above the largest one, set to it."""
-    step = commands(info.level)[0]
+def held_in(values: list[float], info: ControllerInfo, wires: list[Wire]) -> list[float]:
+    """Commands, as these wires carry them, that a half step of resolution lifted above the largest one, set to it."""
+    step = wires[0]
     slack = 0.5 * step.step / step.scale
     return [info.command_high if info.command_high < value <= info.command_high + slack else value for value in values]

@@ -22,12 +22,14 @@ from pathlib import Path
 from types import MappingProxyType
 
 from .. import __version__
-from ..alfa46.settings import Alfa46Config
 from ..catalogue import catalogue
 from ..controllers.c_library import COMPILERS, INCLUDE, LEVEL_BITS, CLibrary
-from ..controllers.seam import OUTPUTS, flat_parameters
+from ..controllers.record import ControllerRecord, record_of
+from ..controllers.record_header import NAME, header_text
+from ..controllers.seam import flat_parameters
 from ..errors import RigError, no_file, printable
 from ..whole_file import write_whole
+from ..testbench.configuration import RigConfig, load_gearbox_rig
 from .description import Variable, c_header, model_description, token_of
 from .rig_variables import rig_variables
 
@@ -87,12 +89,12 @@ def _run(command: list[str]) -> None:
 
 def write_fmu(target: Path, fmi: int, identifier: str, text: str, variables: Sequence[Variable],
               sources: Sequence[Path], defines: dict[str, int], resources: dict[str, str],
-              flags: Sequence[str] = ()) -> None:
-    """Compile and zip an FMU into ``target``, which is replaced only by a whole one."""
+              flags: Sequence[str] = (), more: str = "") -> None:
+    """Compile and zip an FMU into ``target``, which is replaced only by a whole one. more: C text for variables.h."""
     if fmi not in PLATFORMS:
         raise RigError(f"FMI {fmi} is asked for; expected 2 or 3")
     token = token_of(identifier, variables, str(fmi))
-    header = c_header(fmi, variables, token, defines)
+    header = c_header(fmi, variables, token, defines) + more
     xml = model_description(fmi, identifier, text, variables, token, __version__, tool=bool(resources))
     if not target.parent.is_dir():
         raise RigError(f"{target}: there is no folder {target.parent}")
@@ -118,8 +120,6 @@ def build_rig_fmu(target: str | Path, rig: str = "hydmag", overrides: dict[str, 
     rig, overrides: as testbench.configuration.load_rig takes them, with the gearbox; the rig's file must stay where it
     is. The FMU starts this interpreter with this package (docs/fmu.md).
     """
-    from ..testbench.configuration import load_gearbox_rig
-
     config = load_gearbox_rig(rig, overrides, "export fmu")
     if config.cut_out:
         raise RigError(f"{', '.join(config.cut_out)} is cut out of this rig; a rig as an FMU has all devices inside")
@@ -134,35 +134,34 @@ def build_rig_fmu(target: str | Path, rig: str = "hydmag", overrides: dict[str, 
               [SOURCES / "rig_process.c"], {}, resources, ["-Werror"])
 
 
-def controller_variables(config: Alfa46Config, levels: tuple[str, ...], wants: Sequence[str] = (),
+def controller_variables(config: RigConfig, levels: tuple[str, ...], wants: Sequence[str] = (),
                          signals: Mapping[str, str] = MappingProxyType({}),
                          settings: Mapping[str, float] = MappingProxyType({})) -> list[Variable]:
     """The seam as variables of an FMU: the rig's settings as parameters, the sample in, the answer out.
 
     wants, signals, settings: as a plug has them, the controller's own.
     """
-    limit = float(config.values.current_limit)
+    limit = float(config.alfa46.values.current_limit)
     level = Variable("level", "integer", "parameter", "What command means: 0 duty, 1 current setpoint [A]",
                      ("duty", "current").index(levels[0]), low=0 if "duty" in levels else 1, high=len(levels) - 1
                      if "duty" in levels else 1)
-    out = [level]
-    for name, value in flat_parameters(config).items():
+    record = record_of(config)
+    out = [level, Variable("rig_record", "integer", "parameter", f"Record {record.id} of the rig {record.rig}; it cannot be "
+                           "changed", record.number, low=record.number, high=record.number)]
+    for name, value in flat_parameters(config.alfa46).items():
         unit = "s" if name.endswith(".time") or name in ("t12", "t21", "sample_time", "derivative_time") else (
             "A" if name.endswith(".current") or name == "current_limit" else "")
         out.append(Variable(name, "real", "parameter", f"Setting {name} of the Alfa46 [SI]", value, unit))
     out += [Variable(name, "real", "parameter", "Setting of the controller's own", value, tunable=True)
             for name, value in settings.items()]
-    outputs = range(1, OUTPUTS + 1)
-    out.append(Variable("gear_request", "integer", "input", "Gear ordered last: 0 neutral, 1 (I), 2 (II)", 0,
-                        low=0, high=2))
+    outputs = range(1, len(record.outputs) + 1)
+    out.append(Variable("gear_request", "integer", "input", f"Gear ordered last: {record.gears_told}", 0,
+                        low=min(record.gear_names), high=max(record.gear_names)))
     out += [Variable(f"current_{k}", "real", "input", f"Measured coil current of output {k}", 0.0, "A")
             for k in outputs]
-    out += [Variable("n_wej", "real", "input", "Speed of the input shaft", 0.0, "rad/s"),
-            Variable("n_wyj", "real", "input", "Speed of the output shaft", 0.0, "rad/s"),
-            Variable("p1", "real", "input", "Pressure of clutch S1, gauge", 0.0, "Pa"),
-            Variable("p2", "real", "input", "Pressure of clutch S2, gauge", 0.0, "Pa")]
     known = catalogue().signals
-    out += [Variable(name, "real", "input", known[name].text, 0.0, known[name].unit) for name in wants]
+    transducers = [*record.transducers, *(known[name] for name in wants)]
+    out += [Variable(signal.name, "real", "input", signal.text, 0.0, signal.unit) for signal in transducers]
     text = f"duty 0 to 1, or current setpoint 0 to {limit:g} A, as level says"
     out += [Variable(f"command_{k}", "real", "output", f"Command of output {k}: {text}") for k in outputs]
     out += [Variable(f"setpoint_{k}", "real", "output", f"Current that output {k} asks for", unit="A") for k in outputs]
@@ -174,17 +173,32 @@ def controller_variables(config: Alfa46Config, levels: tuple[str, ...], wants: S
               for name, unit in signals.items())]
 
 
-def controller_defines(variables: Sequence[Variable], wants: int = 0, signals: int = 0,
+def controller_defines(record: ControllerRecord, variables: Sequence[Variable], wants: int = 0, signals: int = 0,
                        settings: int = 0) -> dict[str, int]:
     """Where c/controller_model.c finds the values of :func:`controller_variables`, and how many are its own."""
     names = [v.name for v in variables]
     first = names.index("gear_request")
-    return {"MODEL_LEVEL": 0, "MODEL_LIMIT": names.index("current_limit"), "MODEL_INPUTS": first,
-            "MODEL_OUTPUTS": names.index("command_1"), "MODEL_TUNABLE": first - settings,
+    return {"MODEL_LEVEL": 0, "MODEL_RECORD": 1, "MODEL_VALVES": len(record.outputs),
+            "MODEL_TRANSDUCERS": len(record.transducers), "MODEL_LIMIT": names.index("current_limit"), "MODEL_INPUTS": first,
+            "MODEL_OUTPUTS": names.index("command_1"),  "MODEL_TUNABLE": first - settings,
             "MODEL_WANTS": wants, "MODEL_SIGNALS": signals, "MODEL_SETTINGS": settings}
 
 
-def build_controller_fmu(sources: Sequence[str | Path], target: str | Path, config: Alfa46Config, fmi: int = 2,
+def record_text(record: ControllerRecord) -> str:
+    """The record by name, as c/controller_model.c tells it to the controller."""
+    def text(word: str) -> str:
+        return json.dumps(word)
+
+    outputs = ", ".join(text(output.name) for output in record.outputs)
+    transducers = ", ".join(f"{{{text(signal.name)}, {text(signal.unit)}}}" for signal in record.transducers)
+    gears = ", ".join(f"{{{gear.number}, {text(gear.name)}}}" for gear in record.gears)
+    return (f'#define MODEL_ID {text(record.id)}\n#ifdef RIG_CONTROLLER_H\n'
+            f"static const char *const MODEL_VALVE_NAMES[] = {{{outputs}}};\n"
+            f"static const rig_transducer MODEL_TRANSDUCER_LIST[] = {{{transducers}}};\n"
+            f"static const rig_gear MODEL_GEARS[] = {{{gears}}};\n#endif\n")
+
+
+def build_controller_fmu(sources: Sequence[str | Path], target: str | Path, config: RigConfig, fmi: int = 2,
                          flags: Sequence[str] = ()) -> None:
     """C and C++ files with the functions of rig_controller.h as a co-simulation FMU; RigError when they do not fit.
 
@@ -197,29 +211,33 @@ def build_controller_fmu(sources: Sequence[str | Path], target: str | Path, conf
         if path.suffix not in COMPILERS:
             raise RigError(f"{path}: expected a source file that ends in {', '.join(COMPILERS)}")
     target, identifier = Path(target), _identifier(Path(target).stem)
-    model = [SOURCES / "controller_model.c", *files]
+    model, record = [SOURCES / "controller_model.c", *files], record_of(config)
+    more = record_text(record)
     with tempfile.TemporaryDirectory(prefix="rig-fmu-") as folder:
+        Path(folder, NAME).write_text(header_text(record), encoding="utf-8")
+        flags = [*flags, f"-I{folder}"]  # for sources that bring no rig_record.h
         probe = Path(folder, f"{identifier}.so")  # of its own, to ask which levels the controller knows
         variables = controller_variables(config, ("duty", "current"))
-        compile_model(fmi, c_header(fmi, variables, "", controller_defines(variables)), model, probe, flags)
-        found = _Described(probe, str(files[0]))
-    levels = tuple(name for name, bit in LEVEL_BITS.items() if found.bits & bit)
-    if not levels:
-        raise RigError(f"{files[0]}: its levels are {found.bits}, expected 1 (duty), 2 (current) or 3 (both)")
-    own = found.wants, found.signals, found.settings
-    variables = controller_variables(config, levels, *own)
-    names = [v.name for v in variables]
-    if twice := next((name for name in names if names.count(name) > 1), None):
-        raise RigError(f"{files[0]}: its own '{twice}' is the name of another variable of the FMU; rename it")
-    write_fmu(target, fmi, identifier, "A shift controller for the HydmAG gearbox", variables, model,
-              controller_defines(variables, *map(len, own)), {}, flags)
+        header = c_header(fmi, variables, "", controller_defines(record, variables)) + more
+        compile_model(fmi, header, model, probe, flags)
+        found = _Described(probe, str(files[0]), record)
+        levels = tuple(name for name, bit in LEVEL_BITS.items() if found.bits & bit)
+        if not levels:
+            raise RigError(f"{files[0]}: its levels are {found.bits}, expected 1 (duty), 2 (current) or 3 (both)")
+        own = found.wants, found.signals, found.settings
+        variables = controller_variables(config, levels, *own)
+        names = [v.name for v in variables]
+        if twice := next((name for name in names if names.count(name) > 1), None):
+            raise RigError(f"{files[0]}: its own '{twice}' is the name of another variable of the FMU; rename it")
+        write_fmu(target, fmi, identifier, "A shift controller for the HydmAG gearbox", variables, model,
+                  controller_defines(record, variables, *map(len, own)), {}, flags, more)
 
 
 class _Described(CLibrary):
     """A library of rig_controller.h, to see that it loads, its levels (``bits``) and what it names its own."""
 
-    def __init__(self, library: Path, name: str):
-        self._host = None
+    def __init__(self, library: Path, name: str, record: ControllerRecord):
+        self._host, self._made_for = None, record
         try:
             self.bits = self._load(str(library), name)
         finally:

@@ -153,7 +153,7 @@ class RigModel:
             from ..transmission import transmission_of
 
             gear = transmission_of(self.rig.config).names[request]
-            self._recording.outputs.event("/alfa46/events", "shift_ordered", f"shift to {gear} ordered", request)
+            self._recording.outputs.event("/controller/events", "shift_ordered", f"shift to {gear} ordered", request)
 
     def _until_shift_end(self, samples: int) -> int:
         """So many samples, but only to the end of a running shift when another gear is asked for."""

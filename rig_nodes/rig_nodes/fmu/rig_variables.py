@@ -15,6 +15,7 @@ import numpy as np
 
 from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config
 from ..catalogue import catalogue
+from ..controllers.record import record_of
 from ..config.units import SI, with_article
 from ..errors import RigError
 from ..testbench.configuration import PARTS, RigConfig
@@ -29,7 +30,6 @@ UNITS = {"-": "1", "Nm": "N.m", "1/Nm": "1/(N.m)", "kg m2": "kg.m2", "Nm s/rad":
 OTHER_UNITS = {"displacement": "m3/rad", "pressure per current": "Pa/A", "cubic stiffness": "N/m3", "wear rate": "m/J",
                "force per pressure squared": "N/Pa2"}
 CONTROLLERS = ("embedded", "duty", "current")  # values of the parameter controller
-OUTPUTS = 3  # of the shift controller
 TRUE = {  # what each transducer would show without error, from the rig
     "M_wej": lambda rig: rig.plant[0]["m_wej"], "n_wej": lambda rig: rig.v[0], "M_wyj": lambda rig: rig.plant[0]["m_wyj"],
     "n_wyj": lambda rig: rig.v[1], "p1": lambda rig: rig.cylinders["line"][0], "p2": lambda rig: rig.cylinders["line"][1],
@@ -42,7 +42,7 @@ TRUE = {  # what each transducer would show without error, from the rig
 def rig_variables(config: RigConfig) -> list[Variable]:
     """All of them: parameters, inputs, outputs."""
     parameters = _parameters(config)
-    return [*parameters, *_inputs(config), *_outputs([v.name for v in parameters])]
+    return [*parameters, *_inputs(config), *_outputs(config, [v.name for v in parameters])]
 
 
 def _parameters(config: RigConfig) -> list[Variable]:
@@ -75,27 +75,28 @@ def _fields(config: RigConfig) -> dict:
 
 
 def _inputs(config: RigConfig) -> list[Variable]:
-    out = []
+    out, record = [], record_of(config)
+    outputs = len(record.outputs)
     for name, text in (("motor_speed", "Speed setpoint of the drive"), ("load_pressure", "Relief setting of the load, gauge"),
                        ("oil_pressure", "Relief setting of the clutch oil supply, gauge")):
         signal = catalogue().signals[SETPOINTS[name]]
         enable = name.partition("_")[0] + "_enable"
         out += [Variable(name, "real", "input", text, 0.0, signal.unit, (signal.display_unit, signal.scale), signal.low,
                          signal.high), Variable(enable, "boolean", "input", f"{text}: on", False)]
-    out.append(Variable("gear_request", "integer", "input", "Gear ordered of the embedded Alfa46: 0 neutral, 1 (I), 2 (II); "
+    out.append(Variable("gear_request", "integer", "input", f"Gear ordered of the embedded Alfa46: {record.gears_told}; "
                         "one that comes while a shift runs is taken at its end", 0, low=0, high=2))
     out += [Variable(f"command_{k}", "real", "input", f"Command of controller output {k}: duty 0 to 1, or current setpoint "
                      f"0 to {config.alfa46.values.current_limit:g} A, as the parameter controller says", 0.0)
-            for k in range(1, OUTPUTS + 1)]
+            for k in range(1, outputs + 1)]
     return [*out, Variable("command_gear", "integer", "input", "Gear that your controller has taken", 0, low=0, high=2),
             Variable("command_shifting", "boolean", "input", "Your controller's shift is still running", False),
             Variable("command_flags", "integer", "input", "Bit k: at controller = 2, output k stays on at a setpoint of zero",
-                     0, low=0, high=2**OUTPUTS - 1)]
+                     0, low=0, high=2**outputs - 1)]
 
 
-def _outputs(parameters: Sequence[str]) -> list[Variable]:
+def _outputs(config: RigConfig, parameters: Sequence[str]) -> list[Variable]:
     """The rig begins at rest: only its transducers and the oil's temperature show parameters at the initialization."""
-    out, temperature = [], "oil_supply.temperature"
+    out, temperature, outputs = [], "oil_supply.temperature", len(record_of(config).outputs)
     transducers = tuple(name for name in parameters if name in ("seed", "effects.transducers")
                         or name.startswith("instruments."))
     for signal in catalogue().signals.values():
@@ -115,7 +116,7 @@ def _outputs(parameters: Sequence[str]) -> list[Variable]:
                             initial_by=(temperature,) if name == "T_oil" else ()))
     currents = (Variable(f"current_{k}", "real", "output", f"Measured coil current at controller output {k}", unit="A",
                          initial_by=transducers)
-                for k in range(1, OUTPUTS + 1))
+                for k in range(1, outputs + 1))
     return [*out, *currents, Variable("shifting", "boolean", "output", "A profile of the controller runs"),
             Variable("sample", "integer", "output", "Controller samples of 1 ms since the start"),
             Variable("reason", "string", "output", "Why the rig tripped; empty while it has not")]
@@ -186,12 +187,13 @@ class Reader:
         self._states.refresh()
         for topic, told in self._states.topics.items():
             fields[topic] = told()
-        fields[COMMAND] = self._states.command() if rig.level else (0, np.zeros(OUTPUTS), np.zeros(OUTPUTS), 0, False, 0, 0)
+        fields[COMMAND] = self._states.command() if rig.level else (0, 0, False, 0, 0, rig.duty, rig.setpoint)
         for place, name in self._others:
             numbers[place] = self._heard.reading(name)
         for place, true in self._true:
             numbers[place] = true(rig)
-        numbers[self._currents:self._currents + OUTPUTS] = rig.coil_currents()
+        currents = rig.coil_currents()
+        numbers[self._currents:self._currents + len(currents)] = currents
         numbers[self.values.place["shifting"]] = rig.shifting
         numbers[self.values.place["sample"]] = rig.sample
         self.values.set_text("reason", rig.reason)

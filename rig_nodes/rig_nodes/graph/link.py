@@ -18,8 +18,6 @@ import time
 from ..errors import RigError
 
 FRAME = 1 << 20  # longest message
-SAMPLE = struct.Struct("<Q7d")  # sample, coil currents (3), n_wej, n_wyj, p1, p2; then what the controller wants
-ANSWER = struct.Struct("<QB6dBBB")  # sample, kind, command (3), setpoint (3), gear, shifting, flags
 ANSWERED, DISCARDED, FAILED = range(3)  # kind of an answer; the sentence of a failure follows
 TIMEVAL = struct.Struct("@ll")  # s, us
 STATUS = b"status "  # in place of a sample: what the rig does now, a testbench.timed.RigStatus; the reason follows
@@ -27,6 +25,23 @@ READY = b"ready "  # first word of the controller; the level of its commands fol
 SPIN = 300e-6  # s; to sleep and be woken takes 50 us, for each of 1000 samples of a simulated second
 NOT_AT_ALL = 0.0  # as a timeout: take what is there
 PATIENCE = 30.0  # s that sequencer and recorder may take for one exchange
+
+
+class Frames:
+    """The messages of a sample and of its answer, for a controller with so many outputs, transducers and wants.
+
+    sample: number, coil currents, transducers, what the controller wants; answer: number, kind, commands, setpoints,
+    gear, shifting, flags, and for FAILED a sentence behind it.
+    """
+
+    def __init__(self, outputs: int, transducers: int, wants: int):
+        self.outputs, self.measured = outputs, outputs + transducers  # where in a sample commands and transducers end
+        self.sample = struct.Struct(f"<Q{outputs + transducers + wants}d")
+        self.answer = struct.Struct(f"<QB{2 * outputs}dBBB")
+
+    def none(self, sample: int, kind: int) -> bytes:
+        """An answer without numbers."""
+        return self.answer.pack(sample, kind, *(0.0,) * (2 * self.outputs), 0, 0, 0)
 
 
 class LinkClosed(RigError):

@@ -15,22 +15,20 @@ import time
 from collections.abc import Callable
 from functools import partial
 
-import numpy as np
 from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
 from rig_msgs.action import Shift
 from rig_msgs.msg import ControllerSample, Measurement, RigState
 
 from ..alfa46.controller import refusal
-from ..bags.cdr import encoder
-from ..bags.definitions import installed
+from ..bags.cdr import Fields, encoder
 from ..catalogue import catalogue
 from ..clocks import COMMAND_TIMEOUT, SAMPLE_NS
 from ..controllers import own_signals
 from ..controllers.load import level_line, load_controller
-from ..controllers.seam import LEVELS, NOTHING, ControllerFailed
+from ..controllers.seam import LEVELS, ControllerFailed
 from ..errors import RigError, printable
-from ..graph.link import ANSWER, ANSWERED, DISCARDED, FAILED, READY, SAMPLE, STATUS, LinkClosed
+from ..graph.link import ANSWERED, DISCARDED, FAILED, READY, STATUS, Frames, LinkClosed
 from ..testbench.timed import RigStatus
 from ..transmission import transmission_of
 from .action_server import GoalServer, finish
@@ -51,20 +49,23 @@ OPTIONS = [
     ("--step-timeout", {"type": float, "help": "s that the controller may take for one sample in lockstep"}),
     ("--come-timeout", {"type": float, "help": "s that a program of its own may take to come, in lockstep"}),
 ]
-SAMPLES, COMMAND, EVENTS = "/instruments/controller", "/alfa46/command", "/alfa46/events"
+SAMPLES, COMMAND, EVENTS = "/instruments/controller", "/controller/command", "/controller/events"
 STATE = "/rig/state"
 
 
 class Alfa46Node(Node):
-    """Publishes /alfa46/*, serves /alfa46/shift and what can be set."""
+    """Publishes /controller/*, serves /alfa46/shift and what can be set."""
 
     def __init__(self, config, process):
         """process.arguments.controller: specification of a plug, with @level when it must be told; None: the Alfa46."""
         super().__init__("alfa46")
         self.config, self.transmission = config, transmission_of(config)
         self.gears = self.transmission.names
-        self.box = load_controller(process.arguments.controller, config.alfa46)
+        self.box = load_controller(process.arguments.controller, config)
+        self._pressures = [self.box.rig_record.reader(clutch.pressure) for clutch in self.transmission.clutches]
         self.box.say = teller(process, self.box)
+        self._nothing = (0.0,) * len(self.box.rig_record.outputs)
+        self.frames: Frames | None = None  # in lockstep, once it is known what the controller wants
         self.box.stopped = lambda: process.stopping
         if not process.descriptors():
             self.box.pace(COMMAND_TIMEOUT, real_time=True)
@@ -80,7 +81,7 @@ class Alfa46Node(Node):
         self.refused = 0
         self._encode_command = encoder("rig_msgs/msg/ValveCommand").encode
         self._encode_event = encoder("rig_msgs/msg/Event").encode
-        self._layout = installed("rig_msgs/msg/ControllerSample").dtype()
+        self._fields = Fields("rig_msgs/msg/ControllerSample")
         self._last_sample = None
         self._heard_values: dict[str, float] = {}
         self._stamp = 0
@@ -131,15 +132,15 @@ class Alfa46Node(Node):
 
     def on_sample(self, data: bytes) -> None:
         """One sample in, one command out, in real time."""
-        record = np.frombuffer(data, self._layout, 1)[0]
-        wires = (float(record["n_wej"]), float(record["n_wyj"]), float(record["p1"]), float(record["p2"]))
+        record = self._fields.of(data)
+        measured = record["measured"].tolist()
         sample = int(record["sample"])
         try:
             # in real time from the transducers' own topics, the newest value of each
             others = [self._heard_values.get(name) for name in self.box.wants]
             if None in others:
                 return
-            self.tell(sample, self.ask(sample, record["current"], *wires, others), *wires)
+            self.tell(sample, self.ask(sample, record["current"], measured, others), measured)
         except ControllerFailed as failure:
             self.fail(failure)
 
@@ -149,19 +150,21 @@ class Alfa46Node(Node):
             status, reason = frame[len(STATUS)], frame[len(STATUS) + 1:]
             self.hear_status(status, reason.decode())
             return
-        sample, *values = SAMPLE.unpack_from(frame)
+        frames = self.frames
+        sample, *values = frames.sample.unpack_from(frame)
+        measured = values[frames.outputs:frames.measured]
         try:
-            answer = self.ask(sample, values[:3], *values[3:], np.frombuffer(frame, "<f8", offset=SAMPLE.size).tolist())
+            answer = self.ask(sample, values[:frames.outputs], measured, values[frames.measured:])
         except ControllerFailed as failure:
-            reply(ANSWER.pack(sample, FAILED, *[0.0] * 6, 0, 0, 0) + str(failure).encode())
+            reply(frames.none(sample, FAILED) + str(failure).encode())
             self.fail(failure)
             return
         if answer is None:
-            reply(ANSWER.pack(sample, DISCARDED, *[0.0] * 6, 0, 0, 0))
+            reply(frames.none(sample, DISCARDED))
         else:
-            reply(ANSWER.pack(sample, ANSWERED, *answer.command, *answer.setpoint, self.box.gear, self.box.shifting,
-                              self.box.flags))
-        self.tell(sample, answer, *values[3:])
+            reply(frames.answer.pack(sample, ANSWERED, *answer.command, *answer.setpoint, self.box.gear, self.box.shifting,
+                                     self.box.flags))
+        self.tell(sample, answer, measured)
 
     def ask(self, sample: int, *wires):
         """The controller's answer to a sample; None when it discards it."""
@@ -178,19 +181,19 @@ class Alfa46Node(Node):
             self.event(CHANGED, text, value)
         return answer
 
-    def tell(self, sample: int, answer, n_wej: float, n_wyj: float, p1: float, p2: float) -> None:
+    def tell(self, sample: int, answer, measured) -> None:
         """Publish an answer, and what it means for a running shift."""
         box = self.box
         if answer is not None:
             self._setpoint = answer.setpoint
-            duty, flags = (NOTHING, box.flags) if box.level == "current" else (answer.command, 0)
+            duty, flags = (self._nothing, box.flags) if box.level == "current" else (answer.command, 0)
             self.publish(COMMAND, self._encode_command(
-                self._stamp, self.first_seq + self.counts[COMMAND], sample, duty, answer.setpoint, box.gear,
-                box.shifting, LEVELS.index(box.level), flags))
+                self._stamp, self.first_seq + self.counts[COMMAND], sample, box.gear, box.shifting, LEVELS.index(box.level),
+                flags, duty, answer.setpoint))
             if box.signals:
                 self.tell_own(sample)
         if self._phase is not None and sample > self._ordered_at:
-            self.follow_shift(sample, n_wej, n_wyj, p1, p2)
+            self.follow_shift(sample, measured)
 
     def tell_own(self, sample: int) -> None:
         """Publish the controller's own signals, a block at a time; their names come first of all."""
@@ -335,7 +338,7 @@ class Alfa46Node(Node):
         finish(goal, Shift.Result(success=False, message=text, gear=self.box.gear))
         return CancelResponse.ACCEPT
 
-    def follow_shift(self, sample: int, n_wej: float, n_wyj: float, p1: float, p2: float) -> None:
+    def follow_shift(self, sample: int, measured) -> None:
         """Events, feedback and result of the running shift, after the controller has taken a sample."""
         t, gear, goal = self._stamp * 1e-9, self._phase.new, self._goal
         if self._t_order is None:
@@ -349,8 +352,9 @@ class Alfa46Node(Node):
             message = f"gear {self.gears[gear]} after {t - self._t_order:.3f} s"
             finish(goal, Shift.Result(success=True, message=message, gear=gear, t_order=self._t_order, t_end=t))
         elif sample % FEEDBACK_SAMPLES == 0:
-            phase = self._phase.name(n_wej, n_wyj, (p1, p2))
-            goal.publish_feedback(Shift.Feedback(phase=phase, slip=float(self._phase.slip(n_wej, n_wyj)),
+            n_in, n_out = self.box.rig_record.speeds(measured)
+            phase = self._phase.name(n_in, n_out, [pressure(measured) for pressure in self._pressures])
+            goal.publish_feedback(Shift.Feedback(phase=phase, slip=float(self._phase.slip(n_in, n_out)),
                                                  setpoint=list(self._setpoint)))
 
     def event(self, name: str, text: str, value: float) -> None:
@@ -419,6 +423,8 @@ def answer_in_lockstep(process, node: Alfa46Node, link) -> None:
     thread = threading.Thread(target=serve, name="ros", daemon=True)
     thread.start()
     take_core(1)
+    record = node.box.rig_record
+    node.frames = Frames(len(record.outputs), len(record.transducers), len(node.box.wants))
     try:
         link.send(READY + " ".join([node.box.level, *node.box.wants]).encode())
         while not process.stopping:

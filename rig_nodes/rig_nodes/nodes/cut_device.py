@@ -13,11 +13,9 @@ import os
 import sys
 import time
 
-import numpy as np
 from rclpy.node import Node
 
 from ..bags.cdr import encoder
-from ..bags.definitions import installed
 from ..catalogue import catalogue
 from ..clocks import SAMPLE_NS
 from ..errors import RigError
@@ -43,7 +41,7 @@ class CutDevice(Node):
         self.answered, self.missed = 0, 0
         port, answer = (catalogue().cut_topics[topic_of(device, end)] for end in ("port", "answer"))
         self._port, self._answer = port, answer
-        self._layout = installed(port.ros_type).dtype()
+        self._fields = Fields(port.ros_type)
         self._encode = encoder(answer.ros_type).encode
         self.publisher = self.create_publisher(message_class(answer.ros_type), answer.name,
                                                publisher_profile(answer.qos))
@@ -78,7 +76,7 @@ class CutDevice(Node):
 
     def on_port(self, data: bytes) -> None:
         """One port in, one answer out."""
-        record = np.frombuffer(data, self._layout, 1)[0]
+        record = self._fields.of(data)
         sample, port = int(record["sample"]), Port(*(record[name].item() for name in Port._fields))
         self.heard = time.monotonic()
         if self._last is None or sample < self._last:  # another rig, or the same one from its start

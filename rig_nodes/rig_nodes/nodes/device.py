@@ -8,10 +8,9 @@ Used by every node of the rig container; none of them holds physics, and callbac
 
 from __future__ import annotations
 
-import numpy as np
 from rclpy.node import Node
 
-from ..bags.definitions import installed
+from ..bags.cdr import Fields
 from ..catalogue import GEARBOX, Topic, catalogue
 from ..errors import RigError
 from ..testbench.timed import RigStatus
@@ -35,16 +34,18 @@ def receive(node: Node, topic: Topic, callback, profile=None, refuse=None) -> ob
     profile: by default that of the receiver whom the topic is meant for; refuse: gets topic and sentence for bytes that
     are no such message.
     """
-    layout = installed(topic.ros_type).dtype()
+    fields = Fields(topic.ros_type)
 
     def on_bytes(data: bytes) -> None:
-        if len(data) >= layout.itemsize and data[1] == 1:  # 1: little-endian, as every DDS on this host sends
-            callback(np.frombuffer(data, layout, 1)[0])
-        else:
+        try:
+            message = fields.of(data)
+        except ValueError:
             why = f"{len(data)} bytes are no {topic.type}"
             node.get_logger().warning(f"{topic.name}: {why}")
             if refuse is not None:
                 refuse(topic.name, why)
+            return
+        callback(message)
 
     return node.create_subscription(message_class(topic.ros_type), topic.name, on_bytes,
                                     profile or receiver_profile(topic.qos), raw=True)

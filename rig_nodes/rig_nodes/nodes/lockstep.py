@@ -11,15 +11,14 @@ from __future__ import annotations
 
 import gc
 import math
-import struct
 import time
 from collections.abc import Callable
 
 from ..clocks import SAMPLE_NS, TICK_SAMPLES
 from ..controllers.plug import Answer
+from ..controllers.record import ControllerRecord, record_of
 from ..controllers.seam import ControllerFailed, Status
-from ..graph.link import ANSWER, ANSWERED, DISCARDED, NOT_AT_ALL, PATIENCE, READY, SAMPLE, STATUS, Link, LinkClosed
-from ..plant import kernel
+from ..graph.link import ANSWERED, DISCARDED, NOT_AT_ALL, PATIENCE, READY, STATUS, Frames, Link, LinkClosed
 from ..testbench.rig import Rig
 from ..testbench.simulate import give_answer
 from ..testbench.timed import RigStatus
@@ -36,14 +35,14 @@ class RemoteController:
 
     name = "alfa46"
 
-    def __init__(self, link: Link, step_timeout: float | None, stopping: Callable[[], bool]):
+    def __init__(self, link: Link, record: ControllerRecord, step_timeout: float | None, stopping: Callable[[], bool]):
         """step_timeout: s for one sample; the process that knows its controller better may say so first.
 
         ``stopping``: true when the run is to end, and with it any wait.
         """
         self.level, self.wants = "", []  # as the process says when it is ready
         self.gear, self.shifting, self.flags = 0, False, 0
-        self._link, self._limit, self._stopping = link, step_timeout, stopping
+        self._link, self._record, self._limit, self._stopping = link, record, step_timeout, stopping
         self._timeout = None if step_timeout is None else step_timeout + GRACE
 
     def wait(self) -> bool:
@@ -55,7 +54,7 @@ class RemoteController:
         if hello is None:
             return False
         self.level, *self.wants = hello.removeprefix(READY).decode().split()
-        self._others = struct.Struct(f"<{len(self.wants)}d")
+        self._frames = Frames(len(self._record.outputs), len(self._record.transducers), len(self.wants))
         return True
 
     def _receive(self, seconds: float | None) -> bytes | None:
@@ -73,10 +72,10 @@ class RemoteController:
         except LinkClosed:
             pass  # answer() will say so
 
-    def ask(self, sample: int, current, n_wej, n_wyj, p1, p2, others) -> None:
+    def ask(self, sample: int, current, measured, others) -> None:
         """Hand over one sample; the answer is waited for by :meth:`answer`."""
         try:
-            self._link.send(SAMPLE.pack(sample, *current, n_wej, n_wyj, p1, p2) + self._others.pack(*others))
+            self._link.send(self._frames.sample.pack(sample, *current, *measured, *others))
         except LinkClosed:
             pass  # answer() will say so
 
@@ -91,14 +90,14 @@ class RemoteController:
         if data is None:
             raise ControllerFailed(f"the shift controller took more than {self._limit:g} s for one sample "
                                    "(--step-timeout)", Status.FATAL)
-        _, kind, *numbers = ANSWER.unpack_from(data)
+        _, kind, *numbers = self._frames.answer.unpack_from(data)
         if kind == ANSWERED:
             *values, self.gear, shifting, self.flags = numbers
             self.shifting = bool(shifting)
-            return Answer(tuple(values[:3]), tuple(values[3:]))
+            return Answer(tuple(values[:self._frames.outputs]), tuple(values[self._frames.outputs:]))
         if kind == DISCARDED:
             return None
-        raise ControllerFailed(data[ANSWER.size:].decode(), Status.ERROR)
+        raise ControllerFailed(data[self._frames.answer.size:].decode(), Status.ERROR)
 
 
 class Lockstep:
@@ -108,7 +107,7 @@ class Lockstep:
                  stopping: Callable[[], bool]):
         self.rig, self.outputs, self.commands = rig, outputs, commands
         self.speed, self.overruns, self.real_time_priority = speed, 0, False
-        self.controller = RemoteController(links["alfa46"], step_timeout, stopping)
+        self.controller = RemoteController(links["alfa46"], record_of(rig.config), step_timeout, stopping)
         self._sequencer = links["sequencer"]
         self._done = False
         self._needed: list[str] = []
@@ -160,10 +159,10 @@ class Lockstep:
 
     def _sample(self, publish) -> None:
         """One sample: the controller works on it while the messages go out and the plant moves on."""
-        rig, row = self.rig, self.rig.row()
+        rig = self.rig
         sample = rig.sample
-        self.controller.ask(sample, rig.coil_currents(), row[kernel.N_WEJ], row[kernel.N_WYJ], row[kernel.P_1],
-                            row[kernel.P_2], [rig.measurement(name) for name in self.controller.wants])
+        self.controller.ask(sample, rig.coil_currents().tolist(), rig.wired(),
+                            [rig.measurement(name) for name in self.controller.wants])
         publish()
         if rig.delay > 0:
             rig.advance_samples(1)

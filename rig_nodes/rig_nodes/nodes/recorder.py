@@ -38,7 +38,6 @@ WAITING = 200_000  # messages between callbacks and writer, about 40 s of the ri
 AHEAD_NS = 1_000_000_000  # ns that a stamp may be ahead of the rig's own time
 IDLE, IDLE_WITH_PUBLISHERS = 0.05, 1.0  # s without a message that mean: everything is in
 LONGEST_DRAIN = 5.0  # s that a user's node, which goes on sending, can put off the end
-BLOCKS = "rig_msgs/msg/SampleBlock"  # what a block holds is checked by its reader: to decode each one costs too much
 OPTIONS = [
     ("--out", {"type": Path, "required": True, "help": "folder of the bag"}),
     ("--name", {"required": True, "help": "name of the bag; its file is NAME_0.mcap"}),
@@ -198,7 +197,7 @@ class Recorder(Node):
         definition = self._definitions[ros_type]
         try:
             data = cdr.exact(definition, data)
-            if definition.tree.ends_aligned and not definition.fixed and ros_type != BLOCKS:
+            if definition.tree.ends_aligned and not definition.fixed and not definition.lists:  # whose lengths are seen
                 cdr.decode_as(definition, data)
             stamp = cdr.stamp(data)
         except ValueError:

@@ -14,11 +14,11 @@ from ..errors import RigError
 from .device import Device, receive
 from .qos import COMMANDS
 
-VALVE_COMMAND = "/alfa46/command"
+VALVE_COMMAND = "/controller/command"
 
 
 class RigNode(Device):
-    """Publishes /rig/*, takes /alfa46/command where there are valves, serves /rig/e_stop and /rig/reset."""
+    """Publishes /rig/*, takes /controller/command where there are valves, serves /rig/e_stop and /rig/reset."""
 
     def __init__(self, rig, commands, valve_commands: bool):
         """valve_commands: they come by the topic. In lockstep they come through the controller's link and are only to

@@ -42,7 +42,7 @@ STATUS = 2.0  # s for all that a status tells; what has not come by then, as a r
 ROS_OWN = ("use_sim_time", "start_type_description_service")  # parameters of every node
 SWITCH = {"on": True, "true": True, "off": False, "false": False}
 STATES = {value: name for name, value in vars(RigState).items() if name.isupper() and isinstance(value, int)}
-RUN_INFO, STATE, COMMAND, DIAGNOSTICS = "/rig/run_info", "/rig/state", "/alfa46/command", "/diagnostics"
+RUN_INFO, STATE, COMMAND, DIAGNOSTICS = "/rig/run_info", "/rig/state", "/controller/command", "/diagnostics"
 
 
 class RefusedByRig(RigError):
@@ -268,7 +268,7 @@ class RunningRig:
         recorder = health.get("recorder")
         counts = {} if recorder is None else {value.key: value.value for value in recorder.values}
         told = {
-            "domain": self.number, "time_s": state.stamp.sec + state.stamp.nanosec * 1e-9,
+            "domain": self.number, "time_s": state.header.stamp.sec + state.header.stamp.nanosec * 1e-9,
             "state": STATES[state.state], "reason": state.reason,
             "signals": {signal.name: {"value": heard[signal.topic].value, "unit": signal.unit}
                         for signal in signals if signal.topic in heard},

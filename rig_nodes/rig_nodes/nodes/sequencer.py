@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import sys
 
-import numpy as np
 from rclpy.action import CancelResponse
 from rclpy.node import Node
 from rig_msgs.action import RunSequence
 
-from ..bags.definitions import installed
+from ..bags.cdr import stamp
 from ..catalogue import GEARBOX, catalogue
 from ..clocks import SAMPLE_NS, TICK_SAMPLES
 from ..errors import RigError
@@ -51,7 +50,6 @@ class Sequencer(Node):
         self.link = process.links().get("container")  # of a run in lockstep
         self.bench = RosBench(self, self.link is not None) if config.kind == GEARBOX else RosClutchBench(self)
         self._samples = catalogue(config.kind).topics[PACE[config.kind]]
-        self._layout = installed(self._samples.ros_type).dtype()
         self._tick = -1
         self._runner, self._goal, self._steps_told = None, None, 0
         self._cancelled = False  # the goal, to be ended with the next tick
@@ -89,8 +87,7 @@ class Sequencer(Node):
 
     def on_sample(self, data: bytes) -> None:
         """Every graph tick: go on with the sequence."""
-        record = np.frombuffer(data, self._layout, 1)[0]
-        stamp_ns = int(record["stamp.sec"]) * 1_000_000_000 + int(record["stamp.nanosec"])
+        stamp_ns = stamp(data)
         tick = stamp_ns // (TICK_SAMPLES * SAMPLE_NS)
         if tick <= self._tick:
             return

@@ -45,7 +45,7 @@ class Plugged:
 
     def load(self, config) -> Plug:
         """A new one for a member with this configuration."""
-        return load_controller(self.spec, config.alfa46, self.level)
+        return load_controller(self.spec, config, self.level)
 
     def digest(self) -> str | None:
         """Hash of the controller's own files: a changed one is another one; None for the built-in one."""

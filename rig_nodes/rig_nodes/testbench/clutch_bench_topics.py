@@ -38,6 +38,10 @@ class BenchStates:
     def turn(self, rows) -> None:
         """No message says the angle of a shaft."""
 
+    def once(self) -> list[tuple]:
+        """No controller, no record of one."""
+        return []
+
     def each_sample(self) -> list[tuple]:
         """(topic, its fields) of what goes out with every sample: nothing, there is no controller to tell."""
         return []

@@ -15,10 +15,10 @@ import time
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from ..catalogue import catalogue
 from ..clocks import SAMPLE
 from ..controllers.load import level_line, load_controller
 from ..controllers.plug import Plug
+from ..controllers.record import ControllerRecord, record_of
 from ..controllers.seam import ControllerFailed, Status
 from ..errors import RigError
 from ..transmission import NEUTRAL, Clutch, Transmission, transmission_of
@@ -33,6 +33,7 @@ LOCKED = 2  # mode of a clutch, as in rig_msgs/ClutchState
 SHIFT = 10.0  # s that a shift may take on the rig
 STORM = (1, 2, 0, 2, 1, 1, 0, 2, 2, 0, 1)
 SPEEDS = 157.0, 60.0  # rad/s of input and output shaft on the desk
+PRESSURE = 3.0e6  # Pa of a clutch on the desk for each ampere of its valve
 # what cannot be asked of a controller with a clock of its own (CAN, Modbus), and why
 NOT_BY_ITS_OWN_CLOCK = {
     "timing": "the rig keeps to real time and never waits for it, so a step takes no time of its own",
@@ -65,13 +66,31 @@ class Seen(NamedTuple):
 
 
 class Wires(NamedTuple):
-    """What the desk's wires carry: coil currents (3,) [A], speeds [rad/s], pressures [Pa gauge]."""
+    """What the desk's wires carry: coil currents (outputs,) [A], transducers of the record [SI]."""
 
-    current: tuple[float, float, float]
-    n_wej: float
-    n_wyj: float
-    p1: float
-    p2: float
+    current: tuple[float, ...]
+    measured: tuple[float, ...]
+
+
+class Desk:
+    """Stands in for the rig at the wires: shafts that turn steadily, pressures that follow the currents of their valves."""
+
+    def __init__(self, record: ControllerRecord):
+        steady = {record.input_speed: SPEEDS[0], record.output_speed: SPEEDS[1]}
+        self._outputs = {output.pressure: k for k, output in enumerate(record.outputs) if output.pressure}
+        self._rest = [(name, steady.get(name, 0.0)) for name in record.names]
+        self.current = [0.0] * len(record.outputs)
+
+    def wires(self) -> Wires:
+        """As they are now."""
+        measured = (PRESSURE * self.current[self._outputs[name]] if name in self._outputs else rest
+                    for name, rest in self._rest)
+        return Wires(tuple(self.current), tuple(measured))
+
+    def follow(self, setpoint) -> None:
+        """A sample later, with what the controller asks for [A]."""
+        for k, wanted in enumerate(setpoint):
+            self.current[k] += 0.05 * (wanted - self.current[k])
 
 
 def desk(plug: Plug, samples, orders: dict[int, int], change: Callable[[int, Wires], Wires] | None = None,
@@ -80,14 +99,14 @@ def desk(plug: Plug, samples, orders: dict[int, int], change: Callable[[int, Wir
 
     ``orders``: gear by number of the sample; one that the seam refuses is left out. ``took`` gets seconds per step.
     """
-    current, out = [0.0, 0.0, 0.0], []
+    stand_in, out = Desk(plug.rig_record), []
     for sample in samples:
         if sample in orders:
             try:
                 plug.order(orders[sample])
             except RigError:
                 pass  # as on the rig: the shift before is still running
-        wires = Wires(tuple(current), *SPEEDS, 3.0e6 * current[0], 3.0e6 * current[1])
+        wires = stand_in.wires()
         if change is not None:
             wires = change(sample, wires)
         began = time.perf_counter()
@@ -96,8 +115,7 @@ def desk(plug: Plug, samples, orders: dict[int, int], change: Callable[[int, Wir
             took.append(time.perf_counter() - began)
         out.append(Seen(answer and answer.command, answer and answer.setpoint, plug.gear, plug.shifting, plug.flags))
         if answer is not None:
-            for k, wanted in enumerate(answer.setpoint):
-                current[k] += 0.05 * (wanted - current[k])
+            stand_in.follow(answer.setpoint)
     return out
 
 
@@ -108,6 +126,7 @@ class Check:
                  come_timeout: float | None = 20.0, say: Callable[[str], None] = lambda text: None):
         """come_timeout: s of wall clock for a controller of its own program to come, for each item; None: for ever."""
         self.spec, self.config, self.level, self.step_timeout, self.say = spec, config, level, step_timeout, say
+        self._record = record_of(config)
         self._come_timeout = come_timeout
         self._first: list[Seen] = []
         self._ended: list[str] = []  # of each controller that was ended, what went wrong with that
@@ -138,7 +157,7 @@ class Check:
             yield Item(name, ok, text)
 
     def _load(self) -> Plug:
-        plug = load_controller(self.spec, self.config.alfa46, self.level)
+        plug = load_controller(self.spec, self.config, self.level)
         plug.say = self.say
         plug.pace(self.step_timeout)
         try:
@@ -225,7 +244,9 @@ class Check:
 
     def _nan(self):
         def broken(sample, wires):
-            return Wires((math.nan,) * 3, math.nan, math.nan, math.nan, math.nan) if 1700 <= sample < 1750 else wires
+            if not 1700 <= sample < 1750:
+                return wires
+            return Wires((math.nan,) * len(wires.current), (math.nan,) * len(wires.measured))
 
         try:
             self._desk(range(3000), UP_AND_DOWN, broken)
@@ -235,11 +256,9 @@ class Check:
         return True, "measurements that are no numbers for 50 samples do not spoil what it returns"
 
     def _saturation(self):
-        signals = catalogue().signals
-        box = transmission_of(self.config)
-        names = (box.input.speed, box.output.speed, *(clutch.pressure for clutch in box.clutches))
-        high = Wires((signals[box.clutches[0].current].high,) * 3, *(signals[name].high for name in names))
-        low = Wires((-0.01,) * 3, *(signals[name].low for name in names))
+        outputs, transducers = self._record.outputs, self._record.transducers
+        high = Wires(tuple(output.current.high for output in outputs), tuple(signal.high for signal in transducers))
+        low = Wires((-0.01,) * len(outputs), tuple(signal.low for signal in transducers))
         for end in (high, low):
             self._desk(range(3000), UP_AND_DOWN, lambda sample, wires, end=end: end)
         return True, "all transducers at either end of their range: every value stays in its range"

@@ -27,7 +27,7 @@ BLOCK = "/instruments/hmg4000"
 class Outputs:
     """Messages due at each sample boundary; keeps the sequence numbers.
 
-    ``commands``: /alfa46/command too, where no node of the controller's publishes it (default: an embedded one's).
+    ``commands``: /controller/command too, where no node of the controller's publishes it (default: an embedded one's).
     ``controller``: plug whose own signals go out too.
     """
 
@@ -70,6 +70,8 @@ class Outputs:
             names = rig.logger_names
             units = [catalogue().signal(name).unit for name in names]
             yield self._message("/instruments/channels", now, names, units, ROW)
+            for topic, fields in self.states.once():
+                yield self._message(topic, now, *fields)
             if self._own:
                 names, units = list(self._own), list(self._own.values())
                 yield self._message(own_signals.CHANNELS, now, names, units, SAMPLE)

@@ -21,7 +21,8 @@ from ..alfa46.settings import Alfa46Config
 from ..catalogue import catalogue
 from ..clocks import COMMAND_TIMEOUT, SAMPLE_NS
 from ..config.schema import fill, limits
-from ..controllers.seam import LEVELS, NOTHING
+from ..controllers.record import record_of
+from ..controllers.seam import LEVELS
 from ..errors import RigError
 from ..instruments import transducers
 from ..plant import clutch, driveline_algebra, kernel
@@ -54,6 +55,7 @@ def _told(place: str) -> str:
 PLACES = places(kernel.WORLD)
 FINITE = PLACES.index("driveline.mode[0]")
 PLACES = [_told(place) for place in PLACES[:FINITE + kernel.ELEMENTS]]
+NOTHING = (0.0,) * law.OUTPUTS  # a command that asks for no output
 UNMOVED = 1e6  # kg m2 on w0 where n_wej is to stay, whatever happens; in no torque and no energy that is told
 SETPOINTS = {"motor_speed": "n_wej", "load_pressure": "p_po", "oil_pressure": "p_p"}  # and whose range they keep to
 
@@ -95,6 +97,7 @@ class Rig(Timed):
         self._drive = (kernel.BY_LAW if self.embedded else
                        kernel.BY_SETPOINT if level == "current" else kernel.BY_DUTY)
         self.channels = kernel.CHANNELS
+        self._wired = [self.channels.index(name) for name in record_of(config).names]
         self.count_steps(config.kernel.step, catalogue())
         self._build()
         self.cuts = Cuts(self, devices == "embedded")
@@ -440,6 +443,10 @@ class Rig(Timed):
         out = np.zeros(law.OUTPUTS)
         out[self._wiring] = self.row()[kernel.I_1:kernel.I_1 + kernel.VALVES]
         return out
+
+    def wired(self) -> list[float]:
+        """The controller's transducers, in the order of its record, SI."""
+        return self.row()[self._wired].tolist()
 
     def clutch_mode(self, k: int) -> int:
         """0 open, 1 slipping, 2 locked, as in rig_msgs/ClutchState."""

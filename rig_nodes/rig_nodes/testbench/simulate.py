@@ -19,7 +19,6 @@ from ..clocks import TICK_SAMPLES
 from ..controllers.plug import SAID, Plug
 from ..controllers.seam import ControllerFailed
 from ..errors import RigError, ended_by
-from ..plant import kernel
 from ..transmission import transmission_of
 from .clutch_bench import ClutchBench
 from .clutch_bench_topics import COMMANDS
@@ -69,13 +68,13 @@ class LocalBench:
         self._order(gear)
         self._ordered = gear
         name = transmission_of(self.rig.config).names[gear]
-        self.outputs.event("/alfa46/events", "shift_ordered", f"shift to {name} ordered", gear)
+        self.outputs.event("/controller/events", "shift_ordered", f"shift to {name} ordered", gear)
 
     def shift_done(self) -> bool:
         done = not self.rig.shifting and self._ordered in (None, self.rig.gear)
         if done and self._ordered is not None:
             self._ordered = None
-            self.outputs.event("/alfa46/events", "shift_done", "the profiles of the shift have ended", self.rig.gear)
+            self.outputs.event("/controller/events", "shift_done", "the profiles of the shift have ended", self.rig.gear)
         return done
 
     def controller_says(self) -> tuple[int, bool]:
@@ -85,7 +84,7 @@ class LocalBench:
         if self._controller is None:
             raise RigError(f"controller alfa46 has no setting '{name}'; it has none of its own")
         self._controller.set_value(name, value)
-        self.outputs.event("/alfa46/events", "setting_changed", f"alfa46.controller.{name} = {value:.6g}", value)
+        self.outputs.event("/controller/events", "setting_changed", f"alfa46.controller.{name} = {value:.6g}", value)
 
     def controller_set(self) -> bool:
         return True
@@ -156,9 +155,8 @@ def runner_on(rig: AnyRig, outputs, config: AnyConfig, sequence: Sequence,
 
 def ask_controller(rig: Rig, controller: Plug):
     """The plug's answer to the newest sample, from what the wires carry; None when it discards the sample."""
-    row = rig.row()
-    return controller.step(rig.sample, rig.coil_currents(), row[kernel.N_WEJ], row[kernel.N_WYJ],
-                           row[kernel.P_1], row[kernel.P_2], [rig.measurement(name) for name in controller.wants])
+    return controller.step(rig.sample, rig.coil_currents(), rig.wired(),
+                           [rig.measurement(name) for name in controller.wants])
 
 
 def give_answer(rig: Rig, controller: Plug, sample: int, answer) -> None:

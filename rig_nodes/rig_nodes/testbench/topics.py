@@ -14,6 +14,7 @@ from ..bags.cdr import Form
 from ..bags.definitions import installed
 from ..catalogue import catalogue
 from ..clocks import ROW, TICK_SAMPLES
+from ..controllers.record import record_of
 from ..controllers.seam import LEVELS
 from ..plant import kernel
 from .rig import Rig
@@ -25,7 +26,7 @@ MEASURED = {  # topic of a transducer -> its logger column
     "/clutch_s2/p2": kernel.P_2, "/valve_zr_p1/current": kernel.I_1, "/valve_zr_p2/current": kernel.I_2,
     "/oil_supply/p_p": kernel.P_P, "/oil_supply/t_oil": kernel.T_OIL,
 }
-COMMAND = "/alfa46/command"
+COMMAND = "/controller/command"
 SPEEDS = (kernel.N_WEJ, kernel.N_WYJ)  # of w0 and wk
 ATMOSPHERE = 101_325.0  # Pa, for the mirrors in absolute pressure
 
@@ -93,9 +94,8 @@ class States:
 
     def each_sample(self) -> list[tuple]:
         """(topic, its fields) of what goes out with every sample: what the controller sees."""
-        rig, row = self.rig, self.rig.row()
-        return [("/instruments/controller", (rig.sample, rig.coil_currents().tolist(), float(row[kernel.N_WEJ]),
-                                             float(row[kernel.N_WYJ]), float(row[kernel.P_1]), float(row[kernel.P_2])))]
+        rig = self.rig
+        return [("/instruments/controller", (rig.sample, rig.coil_currents().tolist(), rig.wired()))]
 
     def mirrors(self) -> list[tuple]:
         """(topic, form, its values from a logger row) of the standard messages for other tools.
@@ -119,8 +119,16 @@ class States:
     def command(self) -> tuple:
         """Fields of the newest valve command, whose topic comes with every sample."""
         rig = self.rig
-        return (rig.newest_command, rig.duty.tolist(), rig.setpoint.tolist(), rig.gear, rig.shifting,
-                LEVELS.index(rig.level), rig.flags)
+        return (rig.newest_command, rig.gear, rig.shifting, LEVELS.index(rig.level), rig.flags, rig.duty.tolist(),
+                rig.setpoint.tolist())
+
+    def once(self) -> list[tuple]:
+        """(topic, its fields) of what goes out once, when time begins: what the controller's numbers are."""
+        record = record_of(self.rig.config)
+        return [("/instruments/controller_record", (
+            record.id, [output.name for output in record.outputs], [output.valve for output in record.outputs],
+            list(record.names), [signal.unit for signal in record.transducers], list(record.gear_names),
+            list(record.gear_names.values())))]
 
     def _motor(self):
         rig, plant = self.rig, self.rig.plant[0]

@@ -17,7 +17,7 @@ from ..catalogue import Signal, catalogue
 from ..errors import RigError
 from . import layout
 
-LOGGER_TOPIC, OWN_TOPIC = "/instruments/hmg4000", "/alfa46/signals"
+LOGGER_TOPIC, OWN_TOPIC = "/instruments/hmg4000", "/controller/signals"
 
 
 def times(rr, t: np.ndarray):

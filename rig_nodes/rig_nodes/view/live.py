@@ -18,6 +18,7 @@ import tempfile
 import threading
 import time
 from collections import deque
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -256,7 +257,8 @@ class _Shown:
     def __init__(self, topic: Topic):
         self.topic = topic
         self._signals = catalogue().on_topic(topic.name)
-        self._dtype = installed(topic.ros_type).dtype()
+        self._definition = installed(topic.ros_type)
+        self._dtype = self._definition.dtype()
         self._last: int | None = None  # number of the newest message
         self._states: dict[str, int] = {}
 
@@ -270,7 +272,11 @@ class _Shown:
     def send(self, rr, rec, messages: list[bytes], newest: float) -> tuple[int, int]:
         """Send one block; returns how many messages are missing before or in it and how many unreadable."""
         size = self._dtype.itemsize
-        sound = [data for data in messages if len(data) >= size and data[:2] == cdr.HEADER[:2]]
+        sound = []
+        for data in messages:
+            if len(data) >= size and data[:2] == cdr.HEADER[:2]:
+                with suppress(ValueError):  # which counts as unreadable
+                    sound.append(cdr.frameless(self._definition, data))
         if not sound:
             return 0, len(messages)
         rows = np.frombuffer(b"".join(data[:size] for data in sound), self._dtype)
@@ -304,7 +310,7 @@ class _Shown:
     def _send_events(self, rr, rec, t: np.ndarray, events: list) -> None:
         texts, levels = zip(*(event_row(at, self.topic.name, event.name, event.text)
                               for at, event in zip(t, events)))
-        rec.send_columns(f"events/{self.topic.node}", [times(rr, t)],
+        rec.send_columns(f"events/{self.topic.name.split('/')[1]}", [times(rr, t)],
                          rr.TextLog.columns(text=texts, level=levels))
 
     def _missing(self, numbers: np.ndarray) -> int:

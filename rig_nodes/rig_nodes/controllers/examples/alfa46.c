@@ -10,7 +10,7 @@
  *
  * It gives the same bits as the built-in controller, at both levels, when built like that.
  */
-#include "rig_controller.h"
+#include "rig_record.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -18,7 +18,7 @@
 #include <string.h>
 
 enum { OFF, ON, FALLING };
-enum { OUTPUTS = RIG_CONTROLLER_OUTPUTS, POINTS = 6 };
+enum { OUTPUTS = RIG_OUTPUTS, POINTS = 6 };
 
 typedef struct {
   double time[POINTS], current[POINTS]; /* P1-P6 [s], [A] */

@@ -16,7 +16,8 @@ from rig_nodes.controllers.can_bus import open_bus, receive
 from rig_nodes.controllers.can_database import database
 from rig_nodes.controllers.examples.alfa46 import Alfa46
 from rig_nodes.controllers.examples.command import parser, run
-from rig_nodes.controllers.seam import ControllerInputs, controller_info
+from rig_nodes.controllers.record import controller_info, record_of
+from rig_nodes.controllers.wire import currents, measured
 from rig_nodes.testbench.configuration import load_gearbox_rig
 
 LEVELS = ("duty", "current")
@@ -27,12 +28,15 @@ GAP = 1000  # samples: what is further ahead of the last one is a counter that h
 class CanController:
     """Takes the rig's frames and answers each sample."""
 
-    def __init__(self, bus, settings):
+    def __init__(self, bus, config):
         import can
 
-        self.bus, self.settings, self.frame = bus, settings, can.Message
-        self.messages = {message.frame_id: message for message in database().messages}
-        self.names = {message.name: message for message in database().messages}
+        self.bus, self.config, self.frame = bus, config, can.Message
+        self.record = record_of(config)
+        messages = database(self.record).messages
+        self.messages = {message.frame_id: message for message in messages}
+        self.names = {message.name: message for message in messages}
+        self.currents, self.measured = currents(self.record), measured(self.record)
         self.told = {}  # signal -> its newest value
         self.unread = {}  # what came and could not be read -> how often
         self.law = self.sample = None
@@ -47,7 +51,7 @@ class CanController:
             if len(frame.data) != message.length or message.senders != ["RIG"]:
                 continue
             self.told.update(message.decode(bytes(frame.data), decode_choices=False))
-            if message.name == "RIG_CURRENTS" and "level" in self.told and "n_wej" in self.told:
+            if message.name == "RIG_CURRENTS" and "level" in self.told and self.measured[0].name in self.told:
                 self.answer()
 
     def fault(self, text):
@@ -62,13 +66,11 @@ class CanController:
         ahead = 0 if self.sample is None else (told["sample"] - self.sample) & 0xFFFF
         if self.law is None or ahead > GAP:
             self.law = Alfa46()
-            self.law.initialize(controller_info(self.settings, LEVELS[told["level"]]))
+            self.law.initialize(controller_info(self.record, self.config.alfa46, LEVELS[told["level"]]))
             self.sample, ahead = told["sample"], 0
         self.sample += ahead
-        current = tuple(told[f"current_{k}"] / 1e3 for k in (1, 2, 3))
-        out = self.law.step(ControllerInputs(self.sample, self.sample * PERIOD, told["gear_request"], current,
-                                             told["n_wej"] * 0.104719755, told["n_wyj"] * 0.104719755, told["p1"] * 1e6,
-                                             told["p2"] * 1e6))
+        given = [tuple(told[wire.name] / wire.scale for wire in wires) for wires in (self.currents, self.measured)]
+        out = self.law.step(self.record.inputs(self.sample, self.sample * PERIOD, told["gear_request"], *given))
         counter = told["sample"]
         self.send("CONTROL_STATE", {"sample": counter, "gear": out.gear, "shifting": int(out.shifting),
                                     "flags": out.flags, "status": 0})
@@ -89,11 +91,11 @@ def main():
     given.add_argument("--interface", default="socketcan")
     given.add_argument("--rig", default="hydmag", help="whose Alfa46 settings are used")
     arguments = given.parse_args()
-    settings = load_gearbox_rig(arguments.rig, None, "this example").alfa46
+    config = load_gearbox_rig(arguments.rig, None, "this example")
     bus = open_bus(arguments.channel, arguments.interface, "this example")
     print(f"answering on CAN {arguments.interface} {arguments.channel}, until Ctrl-C", flush=True)
     try:
-        CanController(bus, settings).run(threading.Event())
+        CanController(bus, config).run(threading.Event())
     finally:
         bus.shutdown()
 

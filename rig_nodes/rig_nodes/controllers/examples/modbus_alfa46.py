@@ -15,22 +15,23 @@ import threading
 
 from rig_nodes.controllers.examples.alfa46 import Alfa46
 from rig_nodes.controllers.examples.command import address, parser, port, run
+from rig_nodes.controllers.record import controller_info, record_of
 from rig_nodes.controllers.registers import COMMAND_BASE, register_map
-from rig_nodes.controllers.seam import ControllerInputs, controller_info
-from rig_nodes.controllers.wire import commands, measured
+from rig_nodes.controllers.wire import commands, given
 from rig_nodes.testbench.configuration import load_gearbox_rig
 
 LEVELS = ("duty", "current")
 PERIOD = 1e-3  # s of a sample
-READ = len([row for row in register_map() if row.access == "read"])
 
 
 class ModbusController:
     """Reads a sample and writes the answer to the one before, in one request (function 23) after the other."""
 
-    def __init__(self, port, settings, host="127.0.0.1"):
-        self.host, self.port, self.settings = host, port, settings
-        self.wires = measured()
+    def __init__(self, port, config, host="127.0.0.1"):
+        self.host, self.port, self.config = host, port, config
+        self.record = record_of(config)
+        self.wires, self.outputs = given(self.record), len(self.record.outputs)
+        self.read = len([row for row in register_map(self.record) if row.access == "read"])
         self.law, self.sample, self.heartbeat = None, -1, 0
 
     def run(self, stop):
@@ -51,9 +52,9 @@ class ModbusController:
 
     def serve(self, client, stop):
         """Requests until the rig goes."""
-        written = [1, *[0] * 7]
+        written = [1, *[0] * (self.outputs + 4)]
         while not stop.is_set():
-            answer = client.readwrite_registers(read_address=0, read_count=READ, write_address=COMMAND_BASE,
+            answer = client.readwrite_registers(read_address=0, read_count=self.read, write_address=COMMAND_BASE,
                                                 values=written)
             if answer.isError():
                 return
@@ -69,13 +70,15 @@ class ModbusController:
             return None
         if self.law is None or sample < self.sample or sample == 0:
             self.law = Alfa46()
-            self.law.initialize(controller_info(self.settings, LEVELS[told[3]]))
+            self.law.initialize(controller_info(self.record, self.config.alfa46, LEVELS[told[3]]))
         self.sample = sample
         values = [wire.decode(raw - 0x10000 if raw > 0x7FFF else raw)
                   for wire, raw in zip(self.wires, told[4:], strict=True)]
-        out = self.law.step(ControllerInputs(sample, sample * PERIOD, told[2], tuple(values[:3]), *values[3:]))
+        current, measured = tuple(values[:self.outputs]), tuple(values[self.outputs:])
+        out = self.law.step(self.record.inputs(sample, sample * PERIOD, told[2], current, measured))
         self.heartbeat = self.heartbeat % 0xFFFF + 1
-        raw = [wire.encode(value) for wire, value in zip(commands(LEVELS[told[3]]), out.command, strict=True)]
+        wires = commands(self.record, LEVELS[told[3]])
+        raw = [wire.encode(value) for wire, value in zip(wires, out.command, strict=True)]
         return [self.heartbeat, *raw, out.gear, int(out.shifting), out.flags, 0]
 
 
@@ -86,10 +89,10 @@ def main():
     given.add_argument("--host", type=address, default="127.0.0.1")
     given.add_argument("--rig", default="hydmag", help="whose Alfa46 settings are used")
     arguments = given.parse_args()
-    settings = load_gearbox_rig(arguments.rig, None, "this example").alfa46
+    config = load_gearbox_rig(arguments.rig, None, "this example")
     logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # that the rig is not there yet is no news
     print(f"answering the rig at {arguments.host}:{arguments.port}, until Ctrl-C", flush=True)
-    ModbusController(arguments.port, settings, arguments.host).run(threading.Event())
+    ModbusController(arguments.port, config, arguments.host).run(threading.Event())
 
 
 if __name__ == "__main__":

@@ -3,7 +3,9 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* Shift controllers for the virtual rig as C shared libraries: the one public header, C99, usable from C++.
+/* Shift controllers for the virtual rig as C shared libraries: what is the same for every rig, C99, usable from C++.
+ * rig_record.h, which `./rig controller new` and `./rig export record` write, has the names of one rig's outputs,
+ * transducers and gears; a library that includes it says so (RIG_CONTROLLER_DESCRIBE) and runs on such a rig only.
  *
  * A library exports the four functions below. The rig calls them from one thread only: abi once, create once,
  * step once per controller sample in order, destroy once. All values are SI; speeds in rad/s, pressures in Pa
@@ -20,10 +22,10 @@
 extern "C" {
 #endif
 
-#define RIG_CONTROLLER_ABI 1u     /* raised with every change of this file that old libraries would not survive; new
+#define RIG_CONTROLLER_ABI 2u     /* raised with every change of this file that old libraries would not survive; new
                                    * optional functions are none: an older rig does not call them */
-#define RIG_CONTROLLER_OUTPUTS 3  /* valves a controller can drive */
 #define RIG_CONTROLLER_TEXT 128   /* bytes of a message, its closing zero included */
+#define RIG_CONTROLLER_RECORD NULL /* made for any rig, by the names in rig_controller_info; rig_record.h changes it */
 
 /* What the command means; a library names the levels that it can work at by or-ing them. */
 #define RIG_LEVEL_DUTY 1u         /* command: duty of the coil, 0 to 1; the controller closes the current loop */
@@ -42,6 +44,7 @@ typedef struct rig_controller_abi_info {
   uint32_t parameter_size;
   uint32_t inputs_size;
   uint32_t outputs_size;
+  const char *record;             /* RIG_CONTROLLER_RECORD that it was compiled with */
 } rig_controller_abi_info;
 
 typedef struct rig_parameter {
@@ -49,36 +52,50 @@ typedef struct rig_parameter {
   double value;                   /* SI */
 } rig_parameter;
 
+typedef struct rig_transducer {
+  const char *name;               /* e.g. "n_wej" */
+  const char *unit;               /* e.g. "rad/s" */
+} rig_transducer;
+
+typedef struct rig_gear {
+  uint32_t number;
+  const char *name;               /* e.g. "neutral" */
+} rig_gear;
+
 typedef struct rig_controller_info {
   uint32_t size;                  /* sizeof(rig_controller_info) of the rig */
   uint32_t level;                 /* the one level of this run */
   double period;                  /* time between samples [s] */
   double command_high;            /* largest command: 1, or the valves' current limit [A] */
-  const rig_parameter *parameters;/* valid during create only */
+  const rig_parameter *parameters;/* valid during create only, as all that is pointed to here */
   uint32_t parameter_count;
   char message[RIG_CONTROLLER_TEXT]; /* create may write here why it failed */
+  const char *record;             /* of the rig */
+  const char *const *outputs;     /* their names, in the order of current, command and setpoint */
+  const rig_transducer *transducers; /* in the order of measured */
+  const rig_gear *gears;          /* that may be ordered */
+  uint32_t output_count;
+  uint32_t transducer_count;
+  uint32_t gear_count;
 } rig_controller_info;
 
 typedef struct rig_controller_inputs {
   uint32_t size;                  /* sizeof(rig_controller_inputs) of the rig */
-  uint32_t gear_request;          /* gear ordered last: 0 neutral, 1, 2; stays until the next order or a trip, then 0 */
+  uint32_t gear_request;          /* gear ordered last; stays until the next order or a trip, then 0 (neutral) */
   uint64_t sample;                /* index since time 0 */
   double time;                    /* sample x period [s] */
-  double current[RIG_CONTROLLER_OUTPUTS]; /* measured coil currents [A] */
-  double n_wej;                   /* speed of the input shaft [rad/s] */
-  double n_wyj;                   /* speed of the output shaft [rad/s] */
-  double p1;                      /* pressure of clutch S1 [Pa, gauge] */
-  double p2;                      /* pressure of clutch S2 [Pa, gauge] */
+  const double *current;          /* measured coil currents, one for each output [A] */
+  const double *measured;         /* the rig's transducers; rig_measured_of of rig_record.h has them by name */
 } rig_controller_inputs;
 
-/* All zero, but for size, when step is called; message too. */
+/* All numbers are zero, but for size, when step is called; message too. command and setpoint stay where they point. */
 typedef struct rig_controller_outputs {
   uint32_t size;                  /* sizeof(rig_controller_outputs) of the rig */
   uint32_t flags;                 /* bit k: at level current, output k stays on at a setpoint of zero */
   uint32_t gear;                  /* gear taken last */
   uint32_t shifting;              /* not 0: a shift is still running */
-  double command[RIG_CONTROLLER_OUTPUTS];
-  double setpoint[RIG_CONTROLLER_OUTPUTS]; /* current asked for [A], for display; not read at level current */
+  double *command;                /* write one for each output here */
+  double *setpoint;               /* current asked for, one for each output [A], for display; not read at level current */
   char message[RIG_CONTROLLER_TEXT]; /* why the status is not RIG_OK */
 } rig_controller_outputs;
 
@@ -95,7 +112,8 @@ typedef struct rig_controller_outputs {
   static const rig_controller_abi_info description = {                                \
       RIG_CONTROLLER_ABI,                         (uint32_t)(levels_),                \
       (uint32_t)sizeof(rig_controller_info),      (uint32_t)sizeof(rig_parameter),    \
-      (uint32_t)sizeof(rig_controller_inputs),    (uint32_t)sizeof(rig_controller_outputs)}; \
+      (uint32_t)sizeof(rig_controller_inputs),    (uint32_t)sizeof(rig_controller_outputs), \
+      RIG_CONTROLLER_RECORD};                                                         \
   return &description
 
 /* What the library was made for; the pointer stays valid. */

@@ -77,6 +77,11 @@ class Box {
       return ready(ControllerReady::REFUSES, std::string("this run is at level ") +
                                                  (level == RIG_LEVEL_CURRENT ? "current" : "duty") +
                                                  ", which the controller does not know; choose with --level");
+    const char *const made_for = rig_controller_abi()->record;
+    if (made_for && start.record.id != made_for)
+      return ready(ControllerReady::REFUSES,
+                   std::string("it was made for the record ") + made_for + " of another rig, this one's is " + start.record.id +
+                       "; write rig_record.h anew with ./rig export record -o rig_record.h, and compile it again");
     std::string why = lacking(wants_, start_.wants, "wants=");
     if (why.empty()) why = lacking(settings_, start_.settings, "settings=", ":VALUE");
     if (why.empty()) why = lacking(signals_, start_.signals, "signals=");
@@ -87,10 +92,28 @@ class Box {
     std::vector<rig_parameter> parameters;
     for (size_t k = 0; k < std::min(start_.parameter_names.size(), start_.parameter_values.size()); ++k)
       parameters.push_back({start_.parameter_names[k].c_str(), start_.parameter_values[k]});
-    rig_controller_info info = {sizeof info,           level,
-                                start.period,          start.command_high,
-                                parameters.data(),     static_cast<uint32_t>(parameters.size()),
-                                ""};
+    std::vector<const char *> outputs;
+    for (const std::string &name : start_.record.outputs) outputs.push_back(name.c_str());
+    std::vector<rig_transducer> transducers;
+    for (size_t k = 0; k < std::min(start_.record.transducers.size(), start_.record.units.size()); ++k)
+      transducers.push_back({start_.record.transducers[k].c_str(), start_.record.units[k].c_str()});
+    std::vector<rig_gear> gears;
+    for (size_t k = 0; k < std::min(start_.record.gears.size(), start_.record.gear_names.size()); ++k)
+      gears.push_back({start_.record.gears[k], start_.record.gear_names[k].c_str()});
+    rig_controller_info info = {};
+    info.record = start_.record.id.c_str();
+    info.outputs = outputs.data();
+    info.transducers = transducers.data();
+    info.gears = gears.data();
+    info.output_count = static_cast<uint32_t>(outputs.size());
+    info.transducer_count = static_cast<uint32_t>(transducers.size());
+    info.gear_count = static_cast<uint32_t>(gears.size());
+    info.size = sizeof info;
+    info.level = level;
+    info.period = start.period;
+    info.command_high = start.command_high;
+    info.parameters = parameters.data();
+    info.parameter_count = static_cast<uint32_t>(parameters.size());
     if (rig_controller_create(&info, &instance_) != RIG_OK)
       return ready(ControllerReady::REFUSES, std::string("create failed: ") + info.message);
     running_ = true;
@@ -152,11 +175,8 @@ class Box {
     in.gear_request = step.gear_request;
     in.sample = step.sample;
     in.time = step.time;
-    std::copy(step.current.begin(), step.current.end(), in.current);
-    in.n_wej = step.n_wej;
-    in.n_wyj = step.n_wyj;
-    in.p1 = step.p1;
-    in.p2 = step.p2;
+    in.current = step.current.data();
+    in.measured = step.measured.data();
     if (!wants_.empty()) {
       const auto values = picked(wants_, start_.wants, step.others);
       rig_controller_wanted(instance_, values.data(), static_cast<uint32_t>(values.size()));
@@ -166,7 +186,11 @@ class Box {
       rig_controller_set(instance_, values.data(), static_cast<uint32_t>(values.size()));
     }
     rig_controller_outputs out = {};
+    answer_.command.assign(step.current.size(), 0.0);
+    answer_.setpoint.assign(step.current.size(), 0.0);
     out.size = sizeof out;
+    out.command = answer_.command.data();
+    out.setpoint = answer_.setpoint.data();
     const int status = rig_controller_step(instance_, &in, &out);
     answer_.session = step.session;
     answer_.controller = number_;
@@ -175,8 +199,6 @@ class Box {
     answer_.gear = static_cast<uint8_t>(std::min(out.gear, 255u));
     answer_.shifting = out.shifting != 0;
     answer_.flags = static_cast<uint8_t>(std::min(out.flags, 255u));
-    answer_.command.assign(out.command, out.command + RIG_CONTROLLER_OUTPUTS);
-    answer_.setpoint.assign(out.setpoint, out.setpoint + RIG_CONTROLLER_OUTPUTS);
     out.message[RIG_CONTROLLER_TEXT - 1] = '\0';
     answer_.message = out.message;
     answer_.signals.clear();

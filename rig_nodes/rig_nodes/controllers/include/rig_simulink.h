@@ -10,6 +10,7 @@
  * (`./rig controller new simulink DIR` makes one):
  *
  *   #include "my_model.h"
+ *   #include "rig_record.h"
  *   #define RIG_MODEL my_model
  *   #define RIG_LEVELS RIG_LEVEL_CURRENT
  *   #include "rig_simulink.h"
@@ -70,6 +71,7 @@ static void rig_parameters(void);
 static struct {
   rig_controller_info *info; /* during create only */
   uint32_t level;            /* RIG_LEVEL_... of this run */
+  uint32_t highest;          /* number of a gear */
   unsigned long every, count;/* samples per step of the model, samples since the last */
   int created;
 } rig_shim;
@@ -150,6 +152,9 @@ int rig_controller_create(rig_controller_info *info, void **instance) {
 #endif
   rig_shim.count = 0;
   rig_shim.level = info->level;
+  rig_shim.highest = 0;
+  for (uint32_t k = 0; k < info->gear_count; k++)
+    if (info->gears[k].number > rig_shim.highest) rig_shim.highest = info->gears[k].number;
   rig_shim.info = info;
   rig_parameters();
   rig_shim.info = NULL;
@@ -169,7 +174,7 @@ int rig_controller_step(void *instance, const rig_controller_inputs *inputs, rig
   const char *error;
   (void)instance;
   if (inputs->size != sizeof *inputs || outputs->size != sizeof *outputs) return RIG_FATAL;
-  if (inputs->gear_request > 2) {
+  if (inputs->gear_request > rig_shim.highest) {
     snprintf(outputs->message, sizeof outputs->message, "there is no gear %u", (unsigned)inputs->gear_request);
     return RIG_ERROR;
   }

@@ -30,10 +30,13 @@
 #endif
 
 #define RIG_UDP_MAGIC 0x31474952u /* "RIG1" */
-#define RIG_UDP_VERSION 2u
+#define RIG_UDP_VERSION 3u
 #define RIG_UDP_PORT 9002
-#define RIG_UDP_MOST 128 /* numbers behind a sample or an answer */
-enum { RIG_HELLO = 1, RIG_INFO, RIG_ASK, RIG_PARAMETER, RIG_READY, RIG_SAMPLE, RIG_ANSWER, RIG_BYE, RIG_OWN };
+#define RIG_UDP_MOST 224 /* numbers behind a sample or an answer */
+#define RIG_UDP_NAMES 256 /* entries of one of the rig's lists */
+enum { RIG_HELLO = 1, RIG_INFO, RIG_ASK, RIG_NAME, RIG_READY, RIG_SAMPLE, RIG_ANSWER, RIG_BYE, RIG_OWN };
+/* the rig's lists: what the name in a NAME is */
+enum { RIG_LIST_SETTINGS, RIG_LIST_OUTPUTS, RIG_LIST_TRANSDUCERS, RIG_LIST_GEARS, RIG_LISTS };
 enum { RIG_WANT = 1, RIG_SIGNAL, RIG_SETTING }; /* what the name in an OWN is */
 enum { RIG_UDP_AGAIN = 200, RIG_UDP_KEEP_ALIVE = 500, RIG_UDP_RESEND = 20, RIG_UDP_TRIES = 50 }; /* ms; times */
 
@@ -47,23 +50,22 @@ typedef struct {
 typedef struct {
   rig_udp_header header;
   union {
-    struct { uint32_t levels, reserved; } hello;
-    struct { uint32_t level, count; double period, command_high; } info;
-    struct { uint32_t index, reserved; } ask;
-    struct { uint32_t index, count; double value; char name[48]; } parameter;
+    struct { uint32_t levels, reserved; char record[16]; } hello;
+    struct { uint32_t level, reserved, count[RIG_LISTS]; double period, command_high; char record[16]; } info;
+    struct { uint32_t index, list; } ask;
+    struct { uint32_t index, list; double value; char name[48], unit[16]; } name;
     struct { uint32_t count, reserved; } ready;
     struct { uint32_t index, what; double first; char name[48], unit[16]; } own;
     struct {
       uint64_t sample;
-      double time, current[3], n_wej, n_wyj, p1, p2;
+      double time;
       uint32_t gear_request, reserved;
-      double more[RIG_UDP_MOST]; /* what the controller wants, then its settings */
+      double more[RIG_UDP_MOST]; /* currents, transducers, what the controller wants, its settings */
     } sample;
     struct {
-      double command[3], setpoint[3];
       uint32_t status, gear, shifting, flags;
       char message[RIG_CONTROLLER_TEXT];
-      double more[RIG_UDP_MOST]; /* its own signals */
+      double more[RIG_UDP_MOST]; /* commands, setpoints, its own signals */
     } answer;
     struct { char message[RIG_CONTROLLER_TEXT]; } bye;
   } body;
@@ -80,6 +82,7 @@ extern void rig_controller_set(void *instance, const double *values, uint32_t co
 typedef struct {
   int socket, running, refused;
   uint32_t wants, signals, settings; /* how many the controller has */
+  uint32_t outputs, transducers;     /* how many the rig has */
   uint32_t session, last;
   rig_udp_frame answer;
   void *instance;
@@ -91,7 +94,7 @@ typedef struct {
 static volatile sig_atomic_t rig_udp_stop;
 
 static uint32_t rig_udp_size(unsigned kind) {
-  static const uint32_t body[] = {0, 8, 24, 8, 64, 8, 80, 192, RIG_CONTROLLER_TEXT, 80};
+  static const uint32_t body[] = {0, 24, 56, 8, 80, 8, 24, 16 + RIG_CONTROLLER_TEXT, RIG_CONTROLLER_TEXT, 80};
   return kind >= RIG_HELLO && kind <= RIG_OWN ? (uint32_t)sizeof(rig_udp_header) + body[kind] : 0u;
 }
 
@@ -101,15 +104,17 @@ static void rig_udp_send(rig_udp_client *client, rig_udp_frame *frame, unsigned 
   frame->header.kind = (uint16_t)kind;
   frame->header.session = client->session;
   frame->header.frame = number;
-  frame->header.size = rig_udp_size(kind) + (kind == RIG_ANSWER ? 8u * client->signals : 0u);
+  frame->header.size = rig_udp_size(kind) + (kind == RIG_ANSWER ? 8u * (2u * client->outputs + client->signals) : 0u);
   frame->header.reserved = 0;
   if (send(client->socket, frame, frame->header.size, 0) < 0) return; /* no rig there yet: it is asked again */
 }
 
 static void rig_udp_hello(rig_udp_client *client) {
+  const char *record = rig_controller_abi()->record;
   rig_udp_frame frame;
   memset(&frame, 0, sizeof frame);
   frame.body.hello.levels = rig_controller_abi()->levels;
+  if (record) memcpy(frame.body.hello.record, record, strlen(record) < 16 ? strlen(record) : 16);
   rig_udp_send(client, &frame, RIG_HELLO, 0);
 }
 
@@ -126,9 +131,12 @@ static int rig_udp_receive(rig_udp_client *client, rig_udp_frame *frame, int ms)
     if (size >= (ssize_t)sizeof frame->header && frame->header.magic == RIG_UDP_MAGIC &&
         frame->header.version == RIG_UDP_VERSION && (uint32_t)size == frame->header.size &&
         frame->header.size == rig_udp_size(frame->header.kind) +
-                                  (frame->header.kind == RIG_SAMPLE ? 8u * (client->wants + client->settings) : 0u))
+                                  (frame->header.kind == RIG_SAMPLE
+                                       ? 8u * (client->outputs + client->transducers + client->wants + client->settings)
+                                       : 0u))
       return 1;
-    fprintf(stderr, "frame of %ld bytes ignored: none of version %u of the protocol\n", (long)size, RIG_UDP_VERSION);
+    fprintf(stderr, "frame of %ld bytes ignored: none of version %u of the protocol; the rig's rig_udp.h must be this one\n",
+            (long)size, RIG_UDP_VERSION);
   }
   return 0;
 }
@@ -181,39 +189,83 @@ static void rig_udp_ready(rig_udp_client *client) {
   rig_udp_send(client, &frame, RIG_READY, 0);
 }
 
-/* Asks for one parameter until it is there; 0 when the rig has gone. */
-static int rig_udp_parameter(rig_udp_client *client, uint32_t index, rig_udp_frame *frame) {
+/* Asks for one of the rig's names until it is there; 0 when the rig has gone. */
+static int rig_udp_name(rig_udp_client *client, uint32_t list, uint32_t index, rig_udp_frame *frame) {
   for (int tries = 0; tries < RIG_UDP_TRIES && !rig_udp_stop; tries++) {
     rig_udp_frame ask;
     memset(&ask, 0, sizeof ask);
     ask.body.ask.index = index;
+    ask.body.ask.list = list;
     rig_udp_send(client, &ask, RIG_ASK, 0);
     while (rig_udp_receive(client, frame, RIG_UDP_RESEND))
-      if (frame->header.kind == RIG_PARAMETER && frame->header.session == client->session &&
-          frame->body.parameter.index == index)
+      if (frame->header.kind == RIG_NAME && frame->header.session == client->session &&
+          frame->body.name.index == index && frame->body.name.list == list)
         return 1;
   }
   return 0;
 }
 
-/* A rig is there: fetch its parameters, create the controller, say that it is ready. */
-static void rig_udp_begin(rig_udp_client *client, const rig_udp_frame *first) {
-  const uint32_t count = first->body.info.count < 1000 ? first->body.info.count : 1000;
+/* The rig's lists by name, during create. */
+typedef struct {
+  char name[RIG_LISTS][RIG_UDP_NAMES][48], unit[RIG_UDP_NAMES][17], record[17];
+  rig_parameter parameters[RIG_UDP_NAMES];
+  const char *outputs[RIG_UDP_NAMES];
+  rig_transducer transducers[RIG_UDP_NAMES];
+  rig_gear gears[RIG_UDP_NAMES];
+} rig_udp_names;
+
+/* Fetches all lists; 0 when the rig has gone. */
+static int rig_udp_fetch(rig_udp_client *client, const uint32_t *count, rig_udp_names *names) {
   rig_udp_frame frame;
-  rig_parameter *parameters = (rig_parameter *)calloc(count + 1u, sizeof *parameters);
-  char (*names)[48] = (char (*)[48])calloc(count + 1u, sizeof *names);
-  uint32_t k = 0;
+  for (uint32_t list = 0; list < RIG_LISTS; list++) {
+    for (uint32_t k = 0; k < count[list]; k++) {
+      char *name = names->name[list][k];
+      if (!rig_udp_name(client, list, k, &frame)) return 0;
+      memcpy(name, frame.body.name.name, 47);
+      memcpy(names->unit[k], frame.body.name.unit, 16);
+      if (list == RIG_LIST_SETTINGS) {
+        names->parameters[k].name = name;
+        names->parameters[k].value = frame.body.name.value;
+      } else if (list == RIG_LIST_OUTPUTS) {
+        names->outputs[k] = name;
+      } else if (list == RIG_LIST_TRANSDUCERS) {
+        names->transducers[k].name = name;
+        names->transducers[k].unit = names->unit[k];
+      } else {
+        names->gears[k].number = (uint32_t)frame.body.name.value;
+        names->gears[k].name = name;
+      }
+    }
+  }
+  return 1;
+}
+
+/* A rig is there: fetch its names, create the controller, say that it is ready. */
+static void rig_udp_begin(rig_udp_client *client, const rig_udp_frame *first) {
+  rig_udp_names *names = (rig_udp_names *)calloc(1, sizeof *names);
+  uint32_t count[RIG_LISTS];
+  rig_udp_frame frame;
+  for (int k = 0; k < RIG_LISTS; k++)
+    count[k] = first->body.info.count[k] < RIG_UDP_NAMES ? first->body.info.count[k] : RIG_UDP_NAMES;
   rig_udp_end(client);
   client->session = first->header.session;
-  while (parameters && names && k < count && rig_udp_parameter(client, k, &frame)) {
-    memcpy(names[k], frame.body.parameter.name, sizeof names[k] - 1);
-    parameters[k].name = names[k];
-    parameters[k].value = frame.body.parameter.value;
-    k++;
-  }
-  if (k == count) {
-    rig_controller_info info = {sizeof info, first->body.info.level, first->body.info.period,
-                                first->body.info.command_high, parameters, count, ""};
+  if (names && rig_udp_fetch(client, count, names)) {
+    rig_controller_info info;
+    memset(&info, 0, sizeof info);
+    info.size = sizeof info;
+    info.level = first->body.info.level;
+    info.period = first->body.info.period;
+    info.command_high = first->body.info.command_high;
+    info.parameters = names->parameters;
+    info.parameter_count = count[RIG_LIST_SETTINGS];
+    memcpy(names->record, first->body.info.record, 16);
+    info.record = names->record;
+    info.outputs = names->outputs;
+    info.transducers = names->transducers;
+    info.gears = names->gears;
+    info.output_count = client->outputs = count[RIG_LIST_OUTPUTS];
+    info.transducer_count = client->transducers = count[RIG_LIST_TRANSDUCERS];
+    info.gear_count = count[RIG_LIST_GEARS];
     if (rig_controller_create(&info, &client->instance) == RIG_OK) {
       client->running = 1;
       client->last = 0;
@@ -231,7 +283,6 @@ static void rig_udp_begin(rig_udp_client *client, const rig_udp_frame *first) {
   } else {
     client->session = 0;
   }
-  free(parameters);
   free(names);
 }
 
@@ -239,6 +290,7 @@ static void rig_udp_step(rig_udp_client *client, const rig_udp_frame *frame) {
   rig_controller_inputs *in = &client->inputs;
   rig_controller_outputs out;
   rig_udp_frame *answer = &client->answer;
+  const double *more = frame->body.sample.more;
   int status;
   if (frame->header.frame < client->last) return;
   if (frame->header.frame > client->last) {
@@ -248,20 +300,17 @@ static void rig_udp_step(rig_udp_client *client, const rig_udp_frame *frame) {
     in->gear_request = frame->body.sample.gear_request;
     in->sample = frame->body.sample.sample;
     in->time = frame->body.sample.time;
-    memcpy(in->current, frame->body.sample.current, sizeof in->current);
-    in->n_wej = frame->body.sample.n_wej;
-    in->n_wyj = frame->body.sample.n_wyj;
-    in->p1 = frame->body.sample.p1;
-    in->p2 = frame->body.sample.p2;
-    if (client->wants) rig_controller_wanted(client->instance, frame->body.sample.more, client->wants);
-    if (client->settings)
-      rig_controller_set(client->instance, frame->body.sample.more + client->wants, client->settings);
-    status = rig_controller_step(client->instance, in, &out);
+    in->current = more;
+    in->measured = more += client->outputs;
+    more += client->transducers;
+    if (client->wants) rig_controller_wanted(client->instance, more, client->wants);
+    if (client->settings) rig_controller_set(client->instance, more + client->wants, client->settings);
     memset(answer, 0, sizeof *answer);
+    out.command = answer->body.answer.more;
+    out.setpoint = out.command + client->outputs;
+    status = rig_controller_step(client->instance, in, &out);
     if (client->signals && status == RIG_OK)
-      rig_controller_signal_values(client->instance, answer->body.answer.more, client->signals);
-    memcpy(answer->body.answer.command, out.command, sizeof out.command);
-    memcpy(answer->body.answer.setpoint, out.setpoint, sizeof out.setpoint);
+      rig_controller_signal_values(client->instance, answer->body.answer.more + 2 * client->outputs, client->signals);
     answer->body.answer.status = (uint32_t)status;
     answer->body.answer.gear = out.gear;
     answer->body.answer.shifting = out.shifting;

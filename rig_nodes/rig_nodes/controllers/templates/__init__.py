@@ -13,17 +13,23 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ...errors import RigError
+from ..record import ControllerRecord
+from ..record_header import NAME, header_text
 
 HERE = Path(__file__).parent
 INCLUDE, EXAMPLES = HERE.parent / "include", HERE.parent / "examples"
 
 
 class Kind(NamedTuple):
-    """files: from elsewhere, by the name that they get; commands: what to do next, with {dir} for the folder."""
+    """files: from elsewhere, by the name that they get; commands: what to do next, with {dir} for the folder.
+
+    record: with rig_record.h of the rig.
+    """
 
     folder: str
     files: dict[str, Path]
     commands: tuple[str, ...]
+    record: bool = False
 
 
 END = "kill %%  # ends the program in the background, which goes on from run to run"
@@ -31,17 +37,17 @@ LAW = {"my_law.py": HERE / "law_python" / "my_law.py"}
 HEADER = {"rig_controller.h": INCLUDE / "rig_controller.h"}
 KINDS = {
     "python": Kind("python", {}, ("./rig simulate demo --controller python:{dir}/my_controller.py:MyController",)),
-    "c": Kind("c", HEADER, ("./rig simulate demo --controller c:{dir}/my_controller.c",)),
-    "cpp": Kind("cpp", HEADER, ("./rig simulate demo --controller c:{dir}/my_controller.cpp",)),
+    "c": Kind("c", HEADER, ("./rig simulate demo --controller c:{dir}/my_controller.c",), record=True),
+    "cpp": Kind("cpp", HEADER, ("./rig simulate demo --controller c:{dir}/my_controller.cpp",), record=True),
     "simulink": Kind("simulink", HEADER | {"rig_simulink.h": INCLUDE / "rig_simulink.h",
                                            "rtwtypes.h": EXAMPLES / "simulink" / "rtwtypes.h"},
-                     ("./rig simulate demo --controller simulink:{dir}",)),
+                     ("./rig simulate demo --controller simulink:{dir}",), record=True),
     "udp-c": Kind("c", HEADER | {"rig_udp.h": INCLUDE / "rig_udp.h", "main.c": EXAMPLES / "udp_main.c"}, (
         "cc -std=gnu99 -O2 -ffp-contract=off -o {dir}/my_controller {dir}/main.c {dir}/my_controller.c -lm",
         "{dir}/my_controller &",
         "./rig simulate demo --controller udp:9002 --level current",
         END,
-    )),
+    ), record=True),
     "udp-python": Kind("udp_python", LAW | {"rig_udp.py": HERE.parent / "udp_frames.py"}, (
         "python3 {dir}/my_controller.py &",
         "./rig simulate demo --controller udp:9002 --level current",
@@ -50,7 +56,7 @@ KINDS = {
     "fmu": Kind("c", HEADER, (
         "./rig export controller-fmu {dir}/my_controller.c -o {dir}/my_controller.fmu",
         "./rig simulate demo --controller fmu:{dir}/my_controller.fmu",
-    )),
+    ), record=True),
     "can": Kind("can", {}, (
         "./rig export dbc -o {dir}/rig.dbc",
         ".venv/bin/python {dir}/my_tcu.py &",
@@ -74,12 +80,12 @@ KINDS = {
         "ros2 run my_controller my_controller &",
         "./rig simulate demo --controller ros: --level current",
         END,
-    )),
+    ), record=True),
 }
 
 
-def write_template(kind: str, folder: str) -> tuple[list[Path], list[str]]:
-    """(files written, commands to try them) for one of KINDS; RigError when the folder is not new or empty."""
+def write_template(kind: str, folder: str, record: ControllerRecord) -> tuple[list[Path], list[str]]:
+    """(files written, commands to try them) for one of KINDS and the record of a rig; RigError when the folder is not new or empty."""
     chosen, target = KINDS[kind], Path(folder)
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise RigError(f"{folder}: it exists and is not an empty folder; choose a new name")
@@ -92,4 +98,7 @@ def write_template(kind: str, folder: str) -> tuple[list[Path], list[str]]:
     for name, source in (sources | chosen.files).items():
         shutil.copyfile(source, target / name)
         written.append(target / name)
+    if chosen.record:
+        (target / NAME).write_text(header_text(record), encoding="utf-8")
+        written.append(target / NAME)
     return written, [command.format(dir=folder) for command in chosen.commands]

@@ -7,12 +7,14 @@
  *
  * Its step from t to t + 1 ms answers the sample at t: an importer that hands the answer to the rig at t + 1 ms has the
  * seam's one sample of delay. variables.h tells where the seam's values lie: MODEL_LEVEL, MODEL_LIMIT (current_limit),
- * MODEL_INPUTS (first of gear_request, current_1..3, n_wej, n_wyj, p1, p2, then MODEL_WANTS further transducers),
- * MODEL_OUTPUTS (first of command_1..3, setpoint_1..3, gear, shifting, flags, status, then MODEL_SIGNALS signals of the
- * controller's own) and MODEL_TUNABLE (first of MODEL_SETTINGS settings of its own).
+ * MODEL_RECORD (rig_record), MODEL_INPUTS (first of gear_request, MODEL_VALVES currents, MODEL_TRANSDUCERS of the rig's
+ * record, then MODEL_WANTS further transducers), MODEL_OUTPUTS (first of as many commands and setpoints, gear, shifting,
+ * flags, status, then MODEL_SIGNALS signals of the controller's own) and MODEL_TUNABLE (first of MODEL_SETTINGS settings of
+ * its own); and by name MODEL_ID, MODEL_VALVE_NAMES, MODEL_TRANSDUCER_LIST and MODEL_GEARS.
  */
-#include "model.h"
 #include "rig_controller.h"
+
+#include "model.h" /* behind it, for what variables.h has of its types */
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -23,7 +25,7 @@ extern void rig_controller_wanted(void *instance, const double *values, uint32_t
 extern void rig_controller_signal_values(void *instance, double *values, uint32_t count) __attribute__((weak));
 extern void rig_controller_set(void *instance, const double *values, uint32_t count) __attribute__((weak));
 
-enum { TOLD = 10 }; /* outputs of the seam */
+enum { GEAR = 2 * MODEL_VALVES, SHIFTING, FLAGS, STATUS, TOLD }; /* places behind MODEL_OUTPUTS; TOLD: how many */
 
 struct model {
   model_values *values;
@@ -56,7 +58,7 @@ int model_initialize(model *m) {
   int status;
   end(m);
   for (unsigned k = 0; k < MODEL_COUNT; k++) {
-    if (MODEL_KINDS[k] != 'p' || k == MODEL_LEVEL) continue;
+    if (MODEL_KINDS[k] != 'p' || k == MODEL_LEVEL || k == MODEL_RECORD) continue;
     parameters[count].name = MODEL_NAMES[k];
     parameters[count++].value = number[k];
   }
@@ -67,6 +69,13 @@ int model_initialize(model *m) {
   info.command_high = info.level == RIG_LEVEL_CURRENT ? number[MODEL_LIMIT] : 1.0;
   info.parameters = parameters;
   info.parameter_count = count;
+  info.record = MODEL_ID;
+  info.outputs = MODEL_VALVE_NAMES;
+  info.transducers = MODEL_TRANSDUCER_LIST;
+  info.gears = MODEL_GEARS;
+  info.output_count = MODEL_VALVES;
+  info.transducer_count = MODEL_TRANSDUCERS;
+  info.gear_count = sizeof MODEL_GEARS / sizeof *MODEL_GEARS;
   if (!(rig_controller_abi()->levels & info.level)) {
     m->say(m->importer, MODEL_ERROR, "the controller does not know the level that is asked for");
     return MODEL_ERROR;
@@ -89,6 +98,7 @@ int model_step(model *m, unsigned long sample, unsigned samples, unsigned *done)
   double *told = number + MODEL_OUTPUTS;
   rig_controller_inputs in;
   rig_controller_outputs out;
+  double command[MODEL_VALVES], setpoint[MODEL_VALVES];
   for (unsigned n = 0; n < samples; n++) {
     int status;
     memset(&in, 0, sizeof in);
@@ -98,15 +108,16 @@ int model_step(model *m, unsigned long sample, unsigned samples, unsigned *done)
     in.gear_request = (uint32_t)given[0];
     in.sample = sample + n;
     in.time = (double)in.sample * MODEL_SAMPLE;
-    memcpy(in.current, given + 1, sizeof in.current);
-    in.n_wej = given[4];
-    in.n_wyj = given[5];
-    in.p1 = given[6];
-    in.p2 = given[7];
-    if (MODEL_WANTS) rig_controller_wanted(m->controller, given + 8, MODEL_WANTS);
+    in.current = given + 1;
+    in.measured = given + 1 + MODEL_VALVES;
+    memset(command, 0, sizeof command);
+    memset(setpoint, 0, sizeof setpoint);
+    out.command = command;
+    out.setpoint = setpoint;
+    if (MODEL_WANTS) rig_controller_wanted(m->controller, given + 1 + MODEL_VALVES + MODEL_TRANSDUCERS, MODEL_WANTS);
     if (MODEL_SETTINGS) rig_controller_set(m->controller, number + MODEL_TUNABLE, MODEL_SETTINGS);
     status = rig_controller_step(m->controller, &in, &out);
-    told[9] = status == RIG_DISCARD; /* fmi2Discard would mean that time stands still */
+    told[STATUS] = status == RIG_DISCARD; /* fmi2Discard would mean that time stands still */
     out.message[sizeof out.message - 1] = 0;
     if (status == RIG_DISCARD) {
       if (out.message[0]) m->say(m->importer, MODEL_WARNING, out.message);
@@ -118,11 +129,11 @@ int model_step(model *m, unsigned long sample, unsigned samples, unsigned *done)
       m->say(m->importer, status, out.message[0] ? out.message : "the controller gave no reason");
       return status;
     }
-    memcpy(told, out.command, sizeof out.command);
-    memcpy(told + 3, out.setpoint, sizeof out.setpoint);
-    told[6] = out.gear;
-    told[7] = out.shifting != 0;
-    told[8] = out.flags;
+    memcpy(told, command, sizeof command);
+    memcpy(told + MODEL_VALVES, setpoint, sizeof setpoint);
+    told[GEAR] = out.gear;
+    told[SHIFTING] = out.shifting != 0;
+    told[FLAGS] = out.flags;
     if (MODEL_SIGNALS) rig_controller_signal_values(m->controller, told + TOLD, MODEL_SIGNALS);
   }
   *done = samples;

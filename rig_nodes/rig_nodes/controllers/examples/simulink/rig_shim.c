@@ -5,6 +5,7 @@
 
 /* Which input of the rig is which of the model's, and the same for outputs and parameters (rig_simulink.h). */
 #include "alfa46.h"
+#include "rig_record.h"
 
 #define RIG_MODEL alfa46
 #define RIG_LEVELS (RIG_LEVEL_DUTY | RIG_LEVEL_CURRENT)

@@ -8,7 +8,7 @@
  * The old clutch is held until the new one is filled, then let go; the new one gets a plateau, then a ramp. Change it.
  * It has a process of its own, so statics are as good as a structure behind `instance`.
  */
-#include "rig_controller.h"
+#include "rig_record.h"
 
 static const double FILL = 0.30, PLATEAU = 0.22, SLOPE = 1.2, HELD = 0.74; /* s, A, A/s, A */
 static const double OVERLAP = 0.25, RELEASE = 0.13; /* s in which both are on; A of the old one then */
@@ -30,7 +30,7 @@ int rig_controller_create(rig_controller_info *info, void **instance) {
 int rig_controller_step(void *instance, const rig_controller_inputs *in, rig_controller_outputs *out) {
   double elapsed;
   (void)instance;
-  if (in->gear_request > 2) return RIG_ERROR;
+  if (in->gear_request > RIG_OUTPUTS) return RIG_ERROR;
   if (in->gear_request != gear) {
     old = gear;
     gear = in->gear_request;

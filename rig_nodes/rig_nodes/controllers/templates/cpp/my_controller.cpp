@@ -4,7 +4,7 @@
 // A shift controller of your own: current setpoints in steps of 1 ms, from what the wires carry.
 //
 // The old clutch is held until the new one is filled, then let go; the new one gets a plateau, then a ramp. Change it.
-#include "rig_controller.h"
+#include "rig_record.h"
 
 #include <algorithm>
 #include <cstdio>
@@ -51,7 +51,7 @@ int rig_controller_create(rig_controller_info *info, void **instance) {
 
 // No exception may leave it: C has none.
 int rig_controller_step(void *instance, const rig_controller_inputs *in, rig_controller_outputs *out) {
-  if (in->gear_request > 2) return RIG_ERROR;
+  if (in->gear_request > RIG_OUTPUTS) return RIG_ERROR;
   try {
     static_cast<MyController *>(instance)->step(*in, *out);
     return RIG_OK;

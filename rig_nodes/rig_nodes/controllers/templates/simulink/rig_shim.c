@@ -7,6 +7,7 @@
  * there is: slower models, error status, functions of another form.
  */
 #include "my_model.h"
+#include "rig_record.h"
 
 #define RIG_MODEL my_model
 #define RIG_LEVELS RIG_LEVEL_CURRENT
@@ -15,7 +16,7 @@
 static void rig_inputs(const rig_controller_inputs *in) {
   rtU.time = in->time;
   rtU.gear_request = (uint8_T)in->gear_request;
-  rtU.n_wej = in->n_wej;
+  rtU.n_wej = rig_measured_of(in)->n_wej;
 }
 
 static void rig_outputs(rig_controller_outputs *out) {

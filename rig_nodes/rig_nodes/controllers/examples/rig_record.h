@@ -1,0 +1,34 @@
+/*
+ * Copyright 2026 Virtual rig maintainers
+ * SPDX-License-Identifier: Apache-2.0
+ */
+
+/* The outputs, transducers and gears of the rig hydmag by name, for rig_controller.h.
+ *
+ * Made by ./rig export record --rig hydmag; make it anew rather than change it: a controller that is
+ * compiled with it is taken by a rig with the same names, units and order only.
+ */
+#ifndef RIG_RECORD_H
+#define RIG_RECORD_H
+
+#include "rig_controller.h"
+
+#undef RIG_CONTROLLER_RECORD
+#define RIG_CONTROLLER_RECORD "71936010db1197cd"
+
+enum { RIG_OUTPUTS = 3, RIG_TRANSDUCERS = 4 };
+enum { RIG_OUTPUT_1 = 0, RIG_OUTPUT_2 = 1, RIG_OUTPUT_3 = 2 }; /* places in current, command and setpoint */
+enum { RIG_GEAR_NEUTRAL = 0, RIG_GEAR_I = 1, RIG_GEAR_II = 2 };
+
+typedef struct rig_measured {
+  double n_wej; /* Speed of the input shaft w0 [rad/s]; positive in the driving direction */
+  double n_wyj; /* Speed of the output shaft wk [rad/s]; positive in the driving direction */
+  double p1; /* Pressure between valve ZR-P1 and clutch S1 [Pa]; gauge, positive above ambient */
+  double p2; /* Pressure between valve ZR-P2 and clutch S2 [Pa]; gauge, positive above ambient */
+} rig_measured;
+
+static inline const rig_measured *rig_measured_of(const rig_controller_inputs *in) {
+  return (const rig_measured *)in->measured;
+}
+
+#endif

@@ -1,0 +1,169 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The controller's record of a rig: its outputs, the transducers that it sees and the gears that it may be asked for.
+
+Everything that carries samples and answers is made from it: types, structs, frames, messages, FMU variables, CAN, Modbus.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from operator import itemgetter
+from types import MappingProxyType
+
+from ..alfa46.settings import OUTPUT_KEYS, Alfa46Config
+from ..catalogue import Signal, catalogue
+from ..errors import RigError
+from ..transmission import transmission_of
+from .seam import ControllerInfo, ControllerInputs, flat_parameters
+
+STANDSTILL = 10.0 * math.pi / 30.0  # rad/s of the input shaft, below which no slip is told
+
+
+@dataclass(frozen=True)
+class Output:
+    """One output of the controller.
+
+    valve: the device that it drives, empty where none is connected; current: the signal of its coil current, of another
+    output's where none is connected; pressure: the signal of the clutch that its valve presses.
+    """
+
+    name: str
+    valve: str
+    current: Signal
+    pressure: str = ""
+
+
+@dataclass(frozen=True)
+class Gear:
+    """One gear that can be ordered. ratio: input over output speed, None where no clutch holds.
+
+    presses: transducer of each clutch that holds it, and what that shows from where its plates touch [Pa, gauge].
+    """
+
+    number: int
+    name: str
+    ratio: float | None = None
+    presses: tuple[tuple[str, float], ...] = ()
+
+
+@dataclass(frozen=True)
+class ControllerRecord:
+    """What goes between one rig and its shift controller, in this order.
+
+    rig: its name, for people;
+    transducers: entries of the signal catalogue; like: by level, the signal whose unit and range a command has;
+    input_speed, output_speed: transducers of the shafts that ``Gear.ratio`` is between.
+    """
+
+    rig: str
+    outputs: tuple[Output, ...]
+    transducers: tuple[Signal, ...]
+    gears: tuple[Gear, ...]
+    like: Mapping[str, Signal]
+    input_speed: str
+    output_speed: str
+
+    def __post_init__(self):
+        for name in self.names:
+            if not name.isidentifier() or name in ControllerInputs.__slots__:
+                raise RigError(f"transducer '{name}' cannot be one of the controller's: its name is no identifier or is "
+                               "that of another part of a sample")
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Of the transducers."""
+        return tuple(signal.name for signal in self.transducers)
+
+    @cached_property
+    def id(self) -> str:
+        """16 hexadecimal digits, equal for records with equal names, units and order; which valve is where is no part."""
+        parts = ([output.name for output in self.outputs], [(signal.name, signal.unit) for signal in self.transducers],
+                 [(gear.number, gear.name) for gear in self.gears])
+        return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
+
+    @property
+    def number(self) -> int:
+        """The first 28 bits of the id, for what takes no text."""
+        return int(self.id[:7], 16)
+
+    @cached_property
+    def gear_names(self) -> dict[int, str]:
+        """Name by number."""
+        return {gear.number: gear.name for gear in self.gears}
+
+    @cached_property
+    def gears_told(self) -> str:
+        """The gears for people: "0 (neutral), 1 (I), 2 (II)"."""
+        return ", ".join(f"{number} ({name})" for number, name in self.gear_names.items())
+
+    @cached_property
+    def inputs(self) -> type[ControllerInputs]:
+        """The type of this rig's samples: ControllerInputs with an attribute for each transducer, by its name."""
+        readings = {signal.name: property(lambda given, place=place: given.measured[place],
+                                          doc=f"{signal.text} [{signal.unit}]")
+                    for place, signal in enumerate(self.transducers)}
+        return type("ControllerInputs", (ControllerInputs,), {"__slots__": (), **readings})
+
+    def made_for_another(self, record: str) -> str:
+        """That something was made for the record of this id, and what to do, as a piece of a sentence."""
+        return (f"made for the record {record} of another rig, this one's is {self.id}; write rig_record.h anew with "
+                f"./rig export record --rig {self.rig} -o rig_record.h")
+
+    def reader(self, name: str):
+        """A function that takes a transducer's value out of ``measured``."""
+        return itemgetter(self.names.index(name))
+
+    @cached_property
+    def _speeds(self):
+        return self.reader(self.input_speed), self.reader(self.output_speed)
+
+    def speeds(self, measured: Sequence[float]) -> tuple[float, float]:
+        """Of the input and of the output shaft [rad/s]."""
+        first, second = self._speeds
+        return first(measured), second(measured)
+
+    def slip(self, number: int, measured: Sequence[float]) -> float:
+        """Slip of the clutch of a gear as a share of the input speed; 0 without a clutch and at standstill.
+
+        NaN where a speed is no finite number.
+        """
+        n_in, n_out = self.speeds(measured)
+        if not (math.isfinite(n_in) and math.isfinite(n_out)):
+            return math.nan
+        ratio = next((gear.ratio for gear in self.gears if gear.number == number), None)
+        if ratio is None or n_in < STANDSTILL:
+            return 0.0
+        return 1.0 - ratio * n_out / n_in
+
+
+def controller_info(record: ControllerRecord, config: Alfa46Config, level: str) -> ControllerInfo:
+    """What a controller is told at a level before its first sample."""
+    values = config.values
+    high = values.current_limit if level == "current" else 1.0
+    return ControllerInfo(values.sample_time, level, high, flat_parameters(config),
+                          tuple(output.name for output in record.outputs),
+                          {signal.name: signal.unit for signal in record.transducers}, record.gear_names)
+
+
+def record_of(config) -> ControllerRecord:
+    """The record of a rig of testbench.configuration: the one place that knows where it is described."""
+    signals, box = catalogue().signals, transmission_of(config)
+    first = box.clutches[0]
+    by_output, outputs = {clutch.output: clutch for clutch in box.clutches}, []
+    for k, name in enumerate(OUTPUT_KEYS):
+        clutch = by_output.get(k)
+        outputs.append(Output(name, clutch.valve, signals[clutch.current], clutch.pressure) if clutch else
+                       Output(name, "", signals[first.current]))
+    gears = tuple(Gear(gear.number, gear.name, gear.ratio, tuple((clutch.pressure, clutch.kiss_pressure)
+                                                                 for clutch in box.engaged(gear.number))) for gear in box.gears)
+    seen = box.input.speed, box.output.speed, *(clutch.pressure for clutch in box.clutches)
+    like = {"duty": signals[first.valve_signal("duty")], "current": signals[first.setpoint]}
+    return ControllerRecord(config.name, tuple(outputs), tuple(signals[name] for name in seen), gears, MappingProxyType(like),
+                            *seen[:2])
