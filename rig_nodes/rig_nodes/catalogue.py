@@ -123,6 +123,11 @@ class Catalogue:
         """The topics of setpoints, each with the signal whose unit and range its value has."""
         return {topic: self.signals[topic.like] for topic in self.topics.values() if topic.like}
 
+    def measured(self) -> dict[str, str]:
+        """Topic of each transducer's messages -> its signal."""
+        return {signal.topic: name for name, signal in self.signals.items()
+                if signal.topic in self.topics and self.topics[signal.topic].type == "Measurement"}
+
     def on_topic(self, topic: str) -> list[Signal]:
         """The signals that travel in one topic."""
         return [s for s in self.signals.values() if s.topic == topic]

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from .errors import RigError
 
-_SOURCES = ("plant", "plant/friction", "alfa46", "instruments")
+_SOURCES = ("engine", "parts", "plant", "plant/friction", "alfa46", "instruments")
 
 
 def cache_root() -> Path:

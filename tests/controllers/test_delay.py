@@ -21,7 +21,7 @@ def test_a_duty_acts_so_many_samples_after_the_measurement(config, python_contro
     rig, acted = Rig(config, controller="external", delay=delay), []
     for _ in range(10):
         advance_with(rig, plug)
-        acted.append(float(rig.valves["duty"][0]))
+        acted.append(float(rig.valves[0]["duty"]))
     assert acted == [1.0 if sample == 2 + delay else 0.0 for sample in range(10)]
 
 
@@ -30,7 +30,7 @@ def test_what_is_on_its_way_acts_however_time_is_cut(config):
         rig = Rig(config, controller="external", delay=4)
         rig.advance_samples(1)
         rig.set_duty(0, [0.5, 0.0, 0.0], [0.0] * 3, 1, False)
-        assert rig.gear == 1 and rig.valves["pending"][0] == 0.0
+        assert rig.gear == 1 and rig.valves[0]["pending"] == 0.0
         for part in parts:
             rig.advance_samples(part)
         return rig
@@ -98,6 +98,6 @@ def test_the_level_current_is_late_by_the_same(config):
         on = []
         for _ in range(30):
             advance_with(rig, plug)
-            on.append(float(rig.valves["duty"][0]) > 0.0)
+            on.append(float(rig.valves[0]["duty"]) > 0.0)
         seen[delay] = on.index(True)
     assert seen[4] - seen[1] == 3

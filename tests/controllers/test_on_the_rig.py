@@ -119,7 +119,7 @@ def test_silence_ends_in_the_safe_state_at_level_current_too(config):
     rig.advance(0.11)
     assert rig.status == RigStatus.TRIPPED and "older than 100 ms" in rig.reason
     rig.advance(0.2)
-    assert rig.valves["duty"].tolist() == [0.0, 0.0] and rig.measurement("I_zr_p1") < 0.005
+    assert [float(valve["duty"]) for valve in rig.valves] == [0.0, 0.0] and rig.measurement("I_zr_p1") < 0.005
     rig.reset()
     rig.advance(0.05)
     assert rig.status == RigStatus.STARTING and rig.measurement("I_zr_p1") < 0.005, (
@@ -157,7 +157,7 @@ def test_after_a_reset_a_clutch_is_clamped_only_when_it_is_ordered_anew(config, 
     moved(5)
     rig.reset()
     moved(3000)
-    assert rig.status == RigStatus.READY and rig.cylinders["static"].tolist() == [0.0, 0.0] and not plug.shifting
+    assert rig.status == RigStatus.READY and [float(clutch["static"]) for clutch in rig.clutches] == [0.0, 0.0] and not plug.shifting
     plug.close()
 
 
@@ -208,7 +208,7 @@ def test_an_answer_acts_one_sample_later(config, python_controller):
     rig, acted = Rig(config, controller="external"), []
     for _ in range(5):
         advance_with(rig, plug)
-        acted.append(float(rig.valves["duty"][0]))
+        acted.append(float(rig.valves[0]["duty"]))
     assert acted == [0.0, 0.0, 0.0, 1.0, 0.0], "what answers sample 2 acts from sample 3 to sample 4"
 
 

@@ -154,8 +154,8 @@ def test_a_controller_stepped_beside_the_rig_has_one_sample_of_delay(fmu2, contr
         rig.set_command(level, sample, answer, answer, 1, True, 0)
         fmu2.step(sample * 1e-3, 1e-3)
         fmu2.set(command_1=answer[0], command_gear=1, command_shifting=True)
-    assert fmu2.get("I_zr_p1", "true.I_zr_p1") == [rig.measurement("I_zr_p1"), rig.valves["current"][0]]
-    assert rig.valves["current"][0] > 0.05
+    assert fmu2.get("I_zr_p1", "true.I_zr_p1") == [rig.measurement("I_zr_p1"), rig.valves[0]["current"]]
+    assert rig.valves[0]["current"] > 0.05
 
 
 def test_parameters_reach_the_rig(fmu):
@@ -297,7 +297,7 @@ from rig_nodes.testbench.rig import Rig
 advance = Rig._advance
 def spoiled(rig, samples):
     if rig.sample >= 200:
-        rig.cylinders["heat"][1] = np.nan
+        rig.clutches[1]["heat"] = np.nan
     return advance(rig, samples)
 Rig._advance = spoiled
 sys.argv = sys.argv[sys.argv.index("rig_nodes.fmu.rig_process"):]

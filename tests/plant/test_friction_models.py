@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from rig_nodes.errors import RigError
-from rig_nodes.plant import clutch
+from rig_nodes.parts import plates
 from rig_nodes.plant.friction import bench, closed, comparison, drag
 from rig_nodes.plant.friction.geometry import PackGeometry
 from rig_nodes.testbench.configuration import load_rig
@@ -194,11 +194,11 @@ def test_impossible_values_are_refused():
 
 def test_the_rig_uses_these_models_and_refuses_in_one_sentence():
     pack = load_rig("hydmag").plate_pack
-    assert clutch.torque_per_force(pack, 0.3) == closed.thesis(GEARBOX, 1.0, 0.3, 0.12)
-    drag_at_10 = clutch.drag_factor(pack) * 0.08 * 10.0 / 1e-4
+    assert plates.torque_per_force(pack, 0.3) == closed.thesis(GEARBOX, 1.0, 0.3, 0.12)
+    drag_at_10 = plates.drag_factor(pack) * 0.08 * 10.0 / 1e-4
     assert drag_at_10 == pytest.approx(drag.kitabayashi(GEARBOX, 10.0, 0.08, 1e-4))
     with pytest.raises(RigError, match="plate_pack: surfaces is 12.5"):
-        clutch.torque_per_force(replace(pack, surfaces=12.5), 0.3)
+        plates.torque_per_force(replace(pack, surfaces=12.5), 0.3)
 
 
 # ---- drag: one surface at 100 rad/s with the parameters of fig. 6.5, computed in mm and mPa s

@@ -14,10 +14,10 @@ import rig_nodes.compiled
 
 
 @pytest.mark.parametrize("first", ["rig_nodes.alfa46.law", "rig_nodes.testbench.configuration", "rig_nodes.instruments.noise",
-                                   "rig_nodes.plant.kernel", "numba"])
+                                   "rig_nodes.engine.loop", "numba"])
 def test_every_way_in_leads_to_the_keyed_folder(first):
-    code = (f"import {first}; from rig_nodes.plant import kernel; from rig_nodes.alfa46 import law; "
-            "print(kernel.advance._cache.cache_path); print(law.law_step._cache.cache_path)")
+    code = (f"import {first}; from rig_nodes.engine import loop; from rig_nodes.alfa46 import law; "
+            "print(loop.advance._cache.cache_path); print(law.law_step._cache.cache_path)")
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     folder = str(rig_nodes.compiled.cache_root() / rig_nodes.compiled.cache_key())
     assert all(path.startswith(folder) for path in out), out

@@ -10,7 +10,11 @@ import numpy as np
 import pytest
 
 from rig_nodes.config.schema import fill, record_dtype
-from rig_nodes.plant import clutch, gearbox, load_pump, motor, valve
+from rig_nodes.parts import dc_motor as motor
+from rig_nodes.parts import load_pump, plates
+from rig_nodes.parts import proportional_valve as valve
+from rig_nodes.parts import wet_clutch as clutch
+from rig_nodes.parts.gear_loss import GearLossConfig, loss_by_speed
 from rig_nodes.testbench.configuration import load_rig
 
 
@@ -28,17 +32,17 @@ def config():
 @pytest.mark.parametrize("friction, torque", [(0.17, 0.0478), (0.30, 0.0682)])
 def test_torque_per_force_of_the_gearbox_pack(config, friction, torque):
     """(6.54), (6.55) for 12 surfaces; without spline friction it is n mu r_m with r_m = 31.95 mm (6.5)."""
-    assert clutch.torque_per_force(config.plate_pack, friction) == pytest.approx(torque, abs=5e-5)
+    assert plates.torque_per_force(config.plate_pack, friction) == pytest.approx(torque, abs=5e-5)
     plain = 12 * friction * 0.031948
-    assert clutch.torque_per_force(config.plate_pack, friction) < plain
-    assert clutch.torque_per_force(config.plate_pack, friction, releasing=True) > plain
+    assert plates.torque_per_force(config.plate_pack, friction) < plain
+    assert plates.torque_per_force(config.plate_pack, friction, releasing=True) > plain
 
 
 def test_capacity_is_held_while_the_plates_stick_on_their_splines():
     # engaging 0.05 Nm/N, releasing 0.10 Nm/N: rises with the clamp, stays down to half of it, then follows
     torque, seen = 0.0, []
     for clamp in (0.0, 1000.0, 2000.0, 1500.0, 1000.0, 800.0, 0.0):
-        torque = clutch.held_torque(torque, clamp, 0.05, 0.10)
+        torque = plates.held_torque(torque, clamp, 0.05, 0.10)
         seen.append(torque)
     assert seen == pytest.approx([0.0, 50.0, 100.0, 100.0, 100.0, 80.0, 0.0])
 
@@ -51,7 +55,7 @@ def test_an_unclamped_pack_has_to_be_torn_loose_until_the_piston_has_gone_back(c
            (1.7e-3, 0.0, 0.75), (1.9e-3, 0.0, 0.75), (1.4e-3, 0.0, 0.5), (0.8e-3, 0.0, 0.0), (1.9e-3, 0.0, 0.0))
     share = 0.0
     for piston, clamp, expected in way:
-        share = clutch.rest_share(share, piston, clamp, c)
+        share = plates.rest_share(share, piston, clamp, c)
         assert share == pytest.approx(expected), f"piston at {piston * 1e3} mm"
 
 
@@ -124,39 +128,39 @@ def test_pulses_are_on_for_their_duty():
     # one surface after the other has mu r_m F, 12 of them; k_os(12) = 1 - 0.03 x 10
     ("traditional", 12 * 0.17 * 0.031948), ("osinski", 0.7 * 12 * 0.17 * 0.031948)])
 def test_models_without_splines_follow_their_clamp_force(config, model, by_hand):
-    assert clutch.torque_per_force(config.plate_pack, 0.17, model=model) == pytest.approx(by_hand, rel=1e-4)
-    assert clutch.torque_per_force(config.plate_pack, 0.17, True, model) == pytest.approx(by_hand, rel=1e-4)
+    assert plates.torque_per_force(config.plate_pack, 0.17, model=model) == pytest.approx(by_hand, rel=1e-4)
+    assert plates.torque_per_force(config.plate_pack, 0.17, True, model) == pytest.approx(by_hand, rel=1e-4)
 
 
 @pytest.mark.parametrize("model", ["newcomb", "chen"])
 def test_models_with_splines_but_no_reading_of_the_release_follow_their_clamp_force(config, model):
     """Splines at rest rub with more than 0.12, which is a matter of the thesis's model only."""
-    engaging = clutch.torque_per_force(config.plate_pack, 0.30, model=model)
+    engaging = plates.torque_per_force(config.plate_pack, 0.30, model=model)
     assert config.plate_pack.friction_spline_static > config.plate_pack.friction_spline
-    assert clutch.torque_per_force(config.plate_pack, 0.30, True, model) == engaging
+    assert plates.torque_per_force(config.plate_pack, 0.30, True, model) == engaging
 
 
 def test_plates_heat_cool_and_wear(config):
     c = record(config.clutch_s1, dataclasses.replace(
         config.plate_pack, heat_capacity=200.0, cooling=50.0, friction_per_kelvin=-1e-3, friction_temperature=40.0,
         wear_rate=1e-15, wear_per_kelvin=0.01))
-    hot, wear = clutch.plates_after(40.0, 0.0, 1000.0, 40.0, *clutch.plates_cooling(1e-3, c), c)
+    hot, wear = plates.plates_after(40.0, 0.0, 1000.0, 40.0, *plates.plates_cooling(1e-3, c), c)
     # 200 J/K over 50 W/K are 4 s: of 5 K that come evenly within 1 ms half of 1/4000 has gone again
     assert hot == pytest.approx(45.0 - 5.0 / 8000.0, abs=1e-6) and wear == pytest.approx(1e-12)
-    assert clutch.friction_factor(hot, c) == pytest.approx(0.995, rel=1e-6)
-    cooler, more = clutch.plates_after(hot, wear, 0.0, 40.0, *clutch.plates_cooling(0.1, c), c)
+    assert plates.friction_factor(hot, c) == pytest.approx(0.995, rel=1e-6)
+    cooler, more = plates.plates_after(hot, wear, 0.0, 40.0, *plates.plates_cooling(0.1, c), c)
     assert cooler == pytest.approx(40.0 + (hot - 40.0) * math.exp(-0.1 / 4.0)) and more == wear
-    later = clutch.plates_after(50.0, 0.0, 1000.0, 50.0, *clutch.plates_cooling(1e-3, c), c)
+    later = plates.plates_after(50.0, 0.0, 1000.0, 50.0, *plates.plates_cooling(1e-3, c), c)
     assert later[1] == pytest.approx(1.1e-12), "hot plates wear faster"
 
 
 def test_orifice_limits_the_filling_flow(config):
     v = record(config.valve_zr_p1)
-    flow, slope = valve.port_flow(1.0, 0.2e6, 4e6, 870.0, v)
+    flow, slope = valve.port_flow(1.0, 0.2e6, 4e6, valve.orifice_speed(870.0), v)
     assert flow == pytest.approx(config.valve_zr_p1.orifice_area * math.sqrt(2 * 3.8e6 / 870), rel=1e-6)
     assert slope < 0.0
-    assert valve.port_flow(1.0, 5e6, 4e6, 870.0, v)[0] == 0.0, "no flow back into the supply"
-    assert valve.port_flow(-1.0, 1e6, 4e6, 870.0, v)[0] == pytest.approx(
+    assert valve.port_flow(1.0, 5e6, 4e6, valve.orifice_speed(870.0), v)[0] == 0.0, "no flow back into the supply"
+    assert valve.port_flow(-1.0, 1e6, 4e6, valve.orifice_speed(870.0), v)[0] == pytest.approx(
         -config.valve_zr_p1.drain_area * math.sqrt(2e6 / 870), rel=1e-4)
 
 
@@ -210,16 +214,14 @@ def test_load_is_what_the_relief_valve_makes_of_the_speed(config):
     assert load_pump.torque_capacity(pressure, pump) == pytest.approx(80.0, rel=1e-6)
 
 
-def test_the_loss_by_speed_runs_down_along_the_printed_parabola(config):
+def test_the_loss_by_speed_runs_down_along_the_printed_parabola():
     """(7.7): w = 0.5735 t2 - 11.736 t + 49.274, so dw/dt is -11.736 rad/s2 at first, -7.148 rad/s2 after 4 s at 11.506
     rad/s; the torques are those times 0.709 kg m2, and 3.522 Nm where the parabola ends, at 4.967 rad/s2."""
-    only = dataclasses.replace(config.gearbox, loss_in_at_rest=3.522, loss_in_at_470=8.321, loss_in_constant=0.0,
-                               loss_in_share=0.0, loss_in_square=0.0)
-    loss = record(only)
-    assert gearbox.loss_in(49.274, loss) == pytest.approx(0.709 * 11.736, rel=1e-3)
-    assert gearbox.loss_in(11.506, loss) == pytest.approx(0.709 * 7.148, rel=2e-3)
-    assert gearbox.loss_in(0.0, loss) == pytest.approx(3.522)
-    assert gearbox.loss_in(209.4, loss) > gearbox.loss_in(157.1, loss) + 1.0, "more at more speed (7.4.2.2)"
+    loss = record(GearLossConfig(by_speed=0.0, at_rest=3.522, at_470=8.321, drag=0.0, constant=0.0, share=0.0, square=0.0))
+    assert loss_by_speed(49.274, loss) == pytest.approx(0.709 * 11.736, rel=1e-3)
+    assert loss_by_speed(11.506, loss) == pytest.approx(0.709 * 7.148, rel=2e-3)
+    assert loss_by_speed(0.0, loss) == pytest.approx(3.522)
+    assert loss_by_speed(209.4, loss) > loss_by_speed(157.1, loss) + 1.0, "more at more speed (7.4.2.2)"
 
 
 def test_drive_without_permission_has_no_torque(config):

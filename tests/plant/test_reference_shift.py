@@ -11,8 +11,7 @@ import pytest
 import reference_shift
 
 from rig_nodes.analysis.metrics import Recording, shift_metrics
-from rig_nodes.plant import kernel
-from rig_nodes.plant.load_pump import relief_setting_for
+from rig_nodes.parts.load_pump import relief_setting_for
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.transmission import transmission_of
@@ -44,17 +43,15 @@ def locked(rig):
 
 def state_of(rig):
     """The rig's present state, as the reference has it."""
-    valves, cylinders, plant = rig.valves, rig.cylinders, rig.plant[0]
-    y = [*rig.v, plant["motor_torque"], plant["motor_integral"], plant["load_pressure"], plant["supply"]]
-    for k in range(2):
-        y += [valves["spool"][k], *(cylinders[name][k] for name in (
-            "line", "chamber", "piston", "held", "rest", "temperature", "wear"))]
+    y = [*rig.v, rig.motor["torque"], rig.motor["integral"], rig.load["pressure"], rig.oil["pressure"]]
+    for k, (valve, clutch) in enumerate(zip(rig.valves, rig.clutches)):
+        y += [valve["spool"], rig.line_pressure(k), *(clutch[name] for name in (
+            "chamber", "piston", "held", "rest", "temperature", "wear"))]
     modes = [reference_shift.STUCK if stuck else int(math.copysign(1, rig.slip(k)))
              for k, stuck in enumerate(locked(rig))]
-    settings = rig.settings[0]
     return reference_shift.Start(
-        np.array(y), list(valves["current"]), list(valves["magnet"]), modes, plant["motor_setpoint"],
-        settings["load_pressure"], settings["oil_pressure"])
+        np.array(y), *([valve[name] for valve in rig.valves] for name in ("current", "magnet")), modes,
+        rig.motor["setpoint"], rig.load["setting"], rig.oil["setting"])
 
 
 class RigShift:
@@ -80,8 +77,8 @@ class RigShift:
             rows.append(rig.rows_at(1e-4, 10 * rig.sample - 9, 10))
             self.locked.append(locked(rig))
         rows = np.concatenate(rows)
-        self.duty = rows[10 * BEFORE + 1::10, [kernel.U_1, kernel.U_2]]
-        self.channels = rows[:, [kernel.CHANNELS.index(name) for name in reference_shift.CHANNELS]]
+        self.duty = rows[10 * BEFORE + 1::10, [rig.channels.index(name) for name in ("U_zr_p1", "U_zr_p2")]]
+        self.channels = rows[:, [rig.channels.index(name) for name in reference_shift.CHANNELS]]
 
     def metrics(self, channels):
         """Shift metrics of the channels from the order on, after those before it."""

@@ -87,8 +87,8 @@ def test_no_pressure_falls_below_the_tank_when_a_wide_drain_shuts():
 
 
 @pytest.mark.parametrize("name, spoil, said", [
-    ("hydmag", lambda rig: rig.cylinders["wear"].__setitem__(0, np.inf), "clutch_s1: "),
-    ("clutch_bench", lambda rig: rig.state.__setitem__("temperature", np.nan), " became nan ")])
+    ("hydmag", lambda rig: rig.clutches[0].__setitem__("wear", np.inf), "clutch_s1: "),
+    ("clutch_bench", lambda rig: rig.pack.__setitem__("temperature", np.nan), "clutch_pack: temperature became nan ")])
 def test_a_value_that_is_no_number_is_a_trip_that_names_it_and_is_in_no_row(name, spoil, said):
     rig = make_rig(load_rig(name))
     rig.advance(0.02)
@@ -103,15 +103,15 @@ def test_a_value_that_is_no_number_is_a_trip_that_names_it_and_is_in_no_row(name
 
 
 def test_a_recorded_run_ends_with_that_trip(monkeypatch):
-    advance, seen = Rig._advance, []
+    move, seen = Rig.move, []
 
     def spoiled(rig, samples):
         if rig.sample > 300 and not seen:
             seen.append(rig.sample)
-            rig.cylinders["heat"][1] = np.nan
-        return advance(rig, samples)
+            rig.clutches[1]["heat"] = np.nan
+        return move(rig, samples)
 
-    monkeypatch.setattr(Rig, "_advance", spoiled)
+    monkeypatch.setattr(Rig, "move", spoiled)
     run = record(load_rig("hydmag"), load_sequence("sample"))
     assert run.end["state"] == "tripped" and "is no finite number" in run.end["reason"]
     assert all(np.isfinite(x).all() for x in run.recording.channels.values())

@@ -13,12 +13,10 @@ from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.list import WHAT, markdown
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
-from rig_nodes.plant import clutch_bench
-from rig_nodes.plant.kernel import CHANNELS
-from rig_nodes.testbench import clutch_bench_topics
+from rig_nodes.testbench import bench_plan, clutch_bench_topics
 from rig_nodes.testbench.clutch_bench import check_bench_setpoint
+from rig_nodes.testbench.gearbox_plan import CHANNELS
 from rig_nodes.testbench.rig import check_setpoint
-from rig_nodes.testbench.topics import MEASURED
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -32,16 +30,14 @@ def test_every_signal_is_a_field_of_its_topics_message(name):
 
 
 def test_the_logger_and_the_transducers_carry_the_kernels_channels():
-    assert [s.name for s in catalogue().logger_channels()] == list(CHANNELS[:9])
-    for topic, column in MEASURED.items():
-        assert [s.name for s in catalogue().on_topic(topic)] == [CHANNELS[column]]
+    assert [s.name for s in catalogue().logger_channels()] == list(CHANNELS)[:9]
+    assert set(catalogue().measured().values()) == set(list(CHANNELS)[:11])
 
 
 def test_the_clutch_benchs_logger_and_transducers_carry_its_kernels_channels():
     bench = catalogue("clutch_bench")
-    assert [s.name for s in bench.logger_channels()] == list(clutch_bench.CHANNELS)
-    for topic, column in clutch_bench_topics.MEASURED.items():
-        assert [s.name for s in bench.on_topic(topic)] == [clutch_bench.CHANNELS[column]]
+    assert [s.name for s in bench.logger_channels()] == list(bench_plan.CHANNELS)
+    assert set(bench.measured().values()) == set(bench_plan.CHANNELS)
     with pytest.raises(RigError, match="no rig of kind 'brake_bench'; known are gearbox, clutch_bench"):
         catalogue("brake_bench")
 

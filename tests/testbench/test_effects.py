@@ -11,7 +11,6 @@ import pytest
 
 from rig_nodes.controllers import load_controller
 from rig_nodes.errors import RigError
-from rig_nodes.plant import kernel
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.simulate import advance_with
@@ -56,16 +55,17 @@ class Shift:
         rows, alone, self.modes = [], [], ([], [])
         for _ in range(1500):
             rig.advance_samples(1)
-            cylinders = [rig.cylinders[name].copy() for name in CHANNELS[2:]]
-            rows.append([rig.valves["current"].copy(), rig.setpoint[[0, 1]], *cylinders])
-            alone.append((rig.v[0], rig.plant["m_wej"][0], rig.plant["loss_out"][0]))
+            clutches = [[rig.line_pressure(k) if name == "line" else float(rig.clutches[k][name]) for k in range(2)]
+                        for name in CHANNELS[2:]]
+            rows.append([[float(valve["current"]) for valve in rig.valves], rig.setpoint[[0, 1]], *clutches])
+            alone.append((rig.v[0], rig.true("M_wej"), rig.device("loss_out")["torque"]))
             for k in range(2):
                 if self.modes[k][-1:] != [rig.clutch_mode(k)]:
                     self.modes[k].append(rig.clutch_mode(k))
         for name, values in zip(CHANNELS, np.moveaxis(np.array(rows), 1, 0), strict=True):
             setattr(self, name, values)
         self.n_wej, self.m_wej, self.loss_out = np.array(alone).T
-        self.ripple = np.ptp(rig.rows_at(1e-4, 10 * rig.sample - 19, 20)[:, kernel.I_2])
+        self.ripple = np.ptp(rig.rows_at(1e-4, 10 * rig.sample - 19, 20)[:, rig.channels.index("I_zr_p2")])
         self.energy = rig.energy()
 
 
@@ -113,8 +113,8 @@ def test_without_the_current_loop_setpoints_act_alike_from_inside_and_outside_an
     for _ in range(400):
         inside.advance_samples(1)
         advance_with(outside, box)
-    assert inside.valves["current"][0] > 0.2 and inside.measurement("p1") > 1e6
-    assert outside.valves["current"][0] == inside.valves["current"][0]
+    assert inside.valves[0]["current"] > 0.2 and inside.measurement("p1") > 1e6
+    assert outside.valves[0]["current"] == inside.valves[0]["current"]
     assert outside.measurement("p1") == inside.measurement("p1")
 
 

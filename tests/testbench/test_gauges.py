@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from rig_nodes.errors import RigError
-from rig_nodes.plant import kernel
 from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.gearbox_plan import CHANNELS
 from rig_nodes.testbench.rig import Rig
 
 RPM = math.pi / 30
@@ -32,7 +32,7 @@ def rows(rig, seconds: float) -> np.ndarray:
 
 
 def column(values, name: str) -> np.ndarray:
-    return values[:, kernel.CHANNELS.index(name)]
+    return values[:, list(CHANNELS).index(name)]
 
 
 def only(seed=1, **parts) -> Rig:
@@ -53,9 +53,9 @@ def turned(rig, rpm: float = 1500.0) -> Rig:
 
 
 def truth(rig) -> dict:
-    return {"M_wej": rig.plant["m_wej"][0], "n_wej": rig.v[0], "M_wyj": rig.plant["m_wyj"][0], "n_wyj": rig.v[1],
-            "p1": rig.cylinders["line"][0], "p2": rig.cylinders["line"][1], "p_po": rig.plant["load_pressure"][0],
-            "I_zr_p1": rig.valves["current"][0], "p_p": rig.plant["supply"][0], "T_oil": 40.0}
+    return {"M_wej": rig.true("M_wej"), "n_wej": rig.v[0], "M_wyj": rig.true("M_wyj"), "n_wyj": rig.v[1],
+            "p1": rig.line_pressure(0), "p2": rig.line_pressure(1), "p_po": rig.load["pressure"],
+            "I_zr_p1": rig.valves[0]["current"], "p_p": rig.oil["pressure"], "T_oil": 40.0}
 
 
 def test_without_transducers_every_channel_shows_the_truth():
@@ -94,8 +94,8 @@ def test_a_class_error_has_a_gain_as_well_as_an_offset():
         rig = only(seed, p1_class="0.25 %")
         offset = rig.measurement("p1")
         turned(rig)
-        grown = rig.measurement("p1") - rig.cylinders["line"][0] - offset
-        assert 0.0 < abs(grown) <= 0.00125 * rig.cylinders["line"][0]
+        grown = rig.measurement("p1") - rig.line_pressure(0) - offset
+        assert 0.0 < abs(grown) <= 0.00125 * rig.line_pressure(0)
 
 
 def test_hum_is_on_torques_and_pressures_with_the_amplitude_that_is_set():
@@ -131,7 +131,7 @@ def test_the_coil_induces_its_pulses_in_its_own_pressure_though_the_plant_takes_
     zero = rig.measurement("p1")
     induced = pulses(rig) - zero
     assert induced == pytest.approx(np.tile([1e4] * 5 + [-1e4] * 5, 20), abs=1e-3)
-    assert set(np.round(rig.valves["on"], 12)) == {0.5, 0.0}, "the plant's own coil has the mean"
+    assert set(np.round([valve["on"] for valve in rig.valves], 12)) == {0.5, 0.0}, "the plant's own coil has the mean"
 
 
 def test_an_encoder_shows_whole_rpm_around_the_true_speed():
@@ -166,7 +166,7 @@ def test_transducers_change_nothing_of_the_plant_but_what_the_current_loop_reads
     with_them, without = (turned(only(**parts)) for parts in (
         {"p1_class": "0.25 %", "torque_class": "0.2 %", "torque_hum": "0.1 Nm", "speed_step": "1 rpm",
          "anti_alias": "1 kHz", "p1_pickup": "20 kPa"}, {}))
-    assert np.array_equal(with_them.v, without.v) and np.array_equal(with_them.cylinders, without.cylinders)
+    assert np.array_equal(with_them.v, without.v) and with_them.clutches == without.clutches
 
 
 def test_a_gate_that_is_no_whole_number_of_rows_is_refused():

@@ -32,7 +32,7 @@ def spoil(monkeypatch):
                 advance(rig, after - rig.sample)
                 samples -= after - rig.sample
             if rig.sample >= after and only(rig):
-                rig.cylinders["heat"][1] = np.nan
+                rig.clutches[1]["heat"] = np.nan
             advance(rig, samples)
 
         monkeypatch.setattr(Rig, "advance_samples", advance_spoiled)

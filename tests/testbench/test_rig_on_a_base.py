@@ -44,7 +44,7 @@ def test_prescribed_pressures_follow_the_printed_curves_from_the_order_on():
     rig = Rig(load_rig("chapter9"))
     rig.advance(0.1)
     rig.order_gear(2)
-    line = rig.cylinders["line"]
+    line = rig.world.record["oil"]["pressure"][0, 1:]  # of both clutches
     rig.advance(0.2)
     assert line[1] == pytest.approx(1.3297e6 * 0.2, rel=0.01) and line[0] == 0.0
     rig.advance(1.0)
@@ -54,7 +54,7 @@ def test_prescribed_pressures_follow_the_printed_curves_from_the_order_on():
     assert line[1] == pytest.approx((2.3 - 1.1788 + 0.18322) * 1e6, rel=0.01)
     # Annex D: 123.55 p^2 + 2454.4 p - 242.45 N less 657 N at the kiss point
     p = line[1] * 1e-6
-    assert rig.cylinders["clamp"][1] == pytest.approx(123.55 * p * p + 2454.4 * p - 242.45 - 657.0, rel=1e-6)
+    assert rig.clutches[1]["clamp"] == pytest.approx(123.55 * p * p + 2454.4 * p - 242.45 - 657.0, rel=1e-6)
 
 
 def shift_up(rig):
@@ -80,8 +80,8 @@ def test_a_constant_input_speed_stays_and_bounds_the_output_whatever_the_shift_a
     assert driving == pytest.approx([100.0] * 600, abs=0.01)
     assert min(driven) == pytest.approx(driven[0], rel=1e-4) and max(driven) == pytest.approx(driven[-1], rel=1e-4)
     # the motor's torque is what the gearbox takes at 100 rad/s, the open S1's drag included, and its work is that of it
-    torque, before = float(rig.plant["motor_torque"][0]), rig.energy()["motor"]
-    assert torque == pytest.approx(float(rig.plant["m_wej"][0]) + rig.cylinders["drag"][0] * 34 / 47 * rig.slip(0), abs=1e-3)
+    torque, before = float(rig.motor["torque"]), rig.energy()["motor"]
+    assert torque == pytest.approx(float(rig.true("M_wej")) + rig.clutches[0]["drag"] * 34 / 47 * rig.slip(0), abs=1e-3)
     rig.advance(0.1)
     assert rig.energy()["motor"] - before == pytest.approx(torque * 100.0 * 0.1, rel=1e-3) and torque > 50.0
     path = tmp_path / "rig.yaml"

@@ -12,8 +12,8 @@ from rig_nodes.alfa46.settings import Alfa46Config
 from rig_nodes.catalogue import catalogue
 from rig_nodes.errors import RigError
 from rig_nodes.nodes.shift_phase import ShiftPhase
-from rig_nodes.plant.gearbox import build_driveline
 from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.gearbox_plan import plan_of
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.transmission import Clutch, Gear, Transmission, ratio_of, transmission_of
 
@@ -24,11 +24,11 @@ def config():
 
 
 def test_ratios_are_those_of_tab_3_1_and_of_the_driveline(config):
-    box, system = transmission_of(config), build_driveline(config.gearbox)
+    box, (_, system) = transmission_of(config), plan_of(config)
     assert box.ratios == {1: pytest.approx(47 / 34), 2: pytest.approx(41 / 40)}
     for number, ratio in box.ratios.items():
         clutch, = box.engaged(number)
-        slip = system.w[system.elements.index(clutch.name)]
+        slip = system.w[system.elements.index(clutch.instance)]
         assert slip[system.bodies.index(box.input.name)] * ratio + slip[system.bodies.index(box.output.name)] == (
             pytest.approx(0.0, abs=1e-12)), "where the gear's clutch does not slip the speeds have its ratio"
 

@@ -16,7 +16,7 @@ from rig_nodes.testbench.workers import Workers
 
 def loaded(_item):
     """(own parent, is the plant there before anything asks for it) of the process that works."""
-    return os.getppid(), "rig_nodes.plant.kernel" in sys.modules
+    return os.getppid(), "rig_nodes.engine.loop" in sys.modules
 
 
 def test_they_are_forked_from_one_server_that_has_the_plant():

@@ -3,7 +3,7 @@
 
 """The law of the Alfa46 box, compiled: six-point current profiles, shift delays, PID on the coil current.
 
-Called by plant.kernel (embedded controller) and by alfa46.controller (a process of its own) alike, once per sample.
+Called by the engine (embedded controller) and by alfa46.controller (a process of its own) alike, once per sample.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from __future__ import annotations
 import time
 
 from ..clocks import SAMPLE_NS
-from ..plant.gearbox import RPM
+from ..parts.gear_loss import RPM
 from ..testbench.configuration import load_rig
 from ..testbench.record import CHUNK, Rows
 from ..testbench.rig import Rig

@@ -16,10 +16,9 @@ from pathlib import Path
 
 from ..catalogue import catalogue
 from ..errors import RigError, printable
-from ..plant.load_pump import LoadConfig
+from ..parts.load_pump import LoadConfig
 from ..testbench.configuration import load_rig
 from ..testbench.sequence import Sequence, SequenceRunner, load_sequence
-from ..testbench.topics import MEASURED
 from .importer import Fmu
 
 TICK = 5  # ms between two looks of a sequence
@@ -32,14 +31,16 @@ class FmuBench:
     def __init__(self, fmu: Fmu):
         self.fmu = fmu
         self.names = list(catalogue().signals)
+        measured = catalogue().measured().values()
+        self._states = [name not in measured for name in self.names]
         self._read = fmu.reader(self.names)
         self._told: dict[str, float] = {}
         self._gear: int | None = None
 
     def hear(self, ms: int) -> None:
         """Take the outputs as a listener on the rig's topics would: transducers at 100 Hz, states at 200 Hz."""
-        for name, value in zip(self.names, self._read(), strict=True):
-            if ms % SCALAR == 0 or catalogue().signals[name].topic not in MEASURED:
+        for name, value, state in zip(self.names, self._read(), self._states, strict=True):
+            if ms % SCALAR == 0 or state:
                 self._told[name] = float(value)
 
     def ready(self) -> bool:

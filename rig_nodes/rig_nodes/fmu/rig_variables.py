@@ -21,7 +21,7 @@ from ..errors import RigError
 from ..testbench.configuration import PARTS, RigConfig
 from ..testbench.rig import SETPOINTS, Rig
 from ..testbench.together import check_together
-from ..testbench.topics import COMMAND, MEASURED, Heard, States
+from ..testbench.topics import COMMAND, Heard, States
 from .description import Variable
 
 # units of the configuration as FMI writes them, and of dimensions that have no unit of factor 1 there
@@ -30,13 +30,6 @@ UNITS = {"-": "1", "Nm": "N.m", "1/Nm": "1/(N.m)", "kg m2": "kg.m2", "Nm s/rad":
 OTHER_UNITS = {"displacement": "m3/rad", "pressure per current": "Pa/A", "cubic stiffness": "N/m3", "wear rate": "m/J",
                "force per pressure squared": "N/Pa2"}
 CONTROLLERS = ("embedded", "duty", "current")  # values of the parameter controller
-TRUE = {  # what each transducer would show without error, from the rig
-    "M_wej": lambda rig: rig.plant[0]["m_wej"], "n_wej": lambda rig: rig.v[0], "M_wyj": lambda rig: rig.plant[0]["m_wyj"],
-    "n_wyj": lambda rig: rig.v[1], "p1": lambda rig: rig.cylinders["line"][0], "p2": lambda rig: rig.cylinders["line"][1],
-    "p_po": lambda rig: rig.plant["load_pressure"][0], "I_zr_p1": lambda rig: rig.valves["current"][0],
-    "I_zr_p2": lambda rig: rig.valves["current"][1], "p_p": lambda rig: rig.plant["supply"][0],
-    "T_oil": lambda rig: rig.config.oil_supply.temperature,
-}
 
 
 def rig_variables(config: RigConfig) -> list[Variable]:
@@ -100,7 +93,7 @@ def _outputs(config: RigConfig, parameters: Sequence[str]) -> list[Variable]:
     transducers = tuple(name for name in parameters if name in ("seed", "effects.transducers")
                         or name.startswith("instruments."))
     for signal in catalogue().signals.values():
-        by = (*transducers, temperature) if signal.name == "T_oil" else transducers if signal.topic in MEASURED else ()
+        by = (*transducers, temperature) if signal.name == "T_oil" else transducers if signal.topic in catalogue().measured() else ()
         states = ", ".join(f"{key} {word}" for key, word in signal.states.items())
         text = f"{signal.text} {f'({states})' if states else signal.sign}"
         if signal.quantity == "state":
@@ -109,7 +102,7 @@ def _outputs(config: RigConfig, parameters: Sequence[str]) -> list[Variable]:
         else:
             out.append(Variable(signal.name, "real", "output", text, unit=UNITS.get(signal.unit, signal.unit),
                                 display=(signal.display_unit, signal.scale), initial_by=by))
-    for name in TRUE:
+    for name in catalogue().measured().values():
         signal = catalogue().signals[name]
         out.append(Variable(f"true.{name}", "real", "output", f"{signal.text} Without the transducer.", unit=signal.unit,
                             display=(signal.display_unit, signal.scale),
@@ -174,9 +167,11 @@ class Reader:
         self._states, self._heard = States(rig), Heard()
         signals = catalogue().signals
         first = values.place[next(iter(signals))]
-        self._measured = [(first + k, MEASURED[s.topic]) for k, s in enumerate(signals.values()) if s.topic in MEASURED]
-        self._others = [(first + k, name) for k, (name, s) in enumerate(signals.items()) if s.topic not in MEASURED]
-        self._true = [(values.place[f"true.{name}"], true) for name, true in TRUE.items()]
+        measured = self._states.measured
+        self._measured = [(first + k, measured[s.topic]) for k, s in enumerate(signals.values()) if s.topic in measured]
+        self._others = [(first + k, name) for k, (name, s) in enumerate(signals.items()) if s.topic not in measured]
+        self._true = [(values.place[f"true.{name}"], rig.world.source[rig.channels.index(name)])
+                      for name in catalogue().measured().values()]
         self._currents = values.place["current_1"]
 
     def read(self) -> None:
@@ -191,7 +186,7 @@ class Reader:
         for place, name in self._others:
             numbers[place] = self._heard.reading(name)
         for place, true in self._true:
-            numbers[place] = true(rig)
+            numbers[place] = rig.world.numbers[true]
         currents = rig.coil_currents()
         numbers[self._currents:self._currents + len(currents)] = currents
         numbers[self.values.place["shifting"]] = rig.shifting

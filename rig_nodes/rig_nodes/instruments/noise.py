@@ -3,7 +3,7 @@
 
 """Counter-based noise: the same (seed, channel, sample) gives the same number, whatever was drawn before.
 
-Called by plant.kernel and testbench.gauges; it is what makes a run independent of how it is cut into pieces.
+Called by the engine and testbench.gauges; it is what makes a run independent of how it is cut into pieces.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 
 """What lies between a true value and a logger row: analog transducer, encoder, mains, the logger's converter.
 
-Compiled parts are called by plant.kernel for each channel and row; testbench.gauges fills the table that they read.
+Compiled parts are called by the engine for each channel and row; testbench.gauges fills the table that they read.
 """
 
 from __future__ import annotations
@@ -24,16 +24,26 @@ NOISE, LOW, HIGH, QUANTUM, GAIN, OFFSET, KEEP, HUM, PICKUP, STEP, TURN = range(1
 ROWS = 11
 HARMONICS = {1: 1.0, 3: 0.3, 5: 0.15}  # of the mains and their shares of the first, assumed: a supply with rectifier
 SQRT2 = sqrt(2.0)
-# all channels of a logger side by side, for :func:`show`: as wide as two vectors of the processor. table: as above;
-# white: noise of the analog channels; keys: of the noise; state: of the low passes; angle: of the encoders, in counts;
-# counted: their counters a gate ago, then now; fineness: steps of the converter per unit; induced: voltage of the coils
-# less its mean; mains: hum; row: true values, then what is shown; pickup, noisy > 0: somebody has some
-LANES = 16
-SHOWN = np.dtype([
-    ("table", "f8", (ROWS, LANES)), ("white", "f8", (LANES,)), ("keys", "u8", (LANES,)), ("state", "f8", (LANES,)),
-    ("angle", "f8", (LANES,)), ("counted", "f8", (LANES,)), ("fineness", "f8", (LANES,)), ("induced", "f8", (LANES,)),
-    ("row", "f8", (LANES,)), ("mains", "f8"), ("pickup", "f8"), ("noisy", "f8"),
-])
+WIDTH = 8  # of a vector of the processor: the lanes of a logger are a multiple of it
+
+
+def shown_dtype(channels: int, untouched: int, encoders: int) -> np.dtype:
+    """All channels of a logger side by side, for :func:`show`.
+
+    table: as above; white: noise of the analog channels; keys: of the noise; state: of the low passes; angle: of the
+    encoders, in counts; counted: their counters a gate ago, then now; fineness: steps of the converter per unit; induced:
+    voltage of the coils less its mean; mains: hum; row: true values, then what is shown; encoder: channels that are
+    encoders; source: place of each channel's true value in the world; untouched: values of the last channels, which no
+    transducer shows, and where they are; pickup, noisy > 0: somebody has some; present > 0: there are transducers.
+    """
+    lanes = -(-max(channels, 1) // WIDTH) * WIDTH
+    return np.dtype([
+        ("table", "f8", (ROWS, lanes)), ("white", "f8", (lanes,)), ("keys", "u8", (lanes,)), ("state", "f8", (lanes,)),
+        ("angle", "f8", (lanes,)), ("counted", "f8", (lanes,)), ("fineness", "f8", (lanes,)),
+        ("induced", "f8", (lanes,)), ("row", "f8", (lanes,)), ("mains", "f8"), ("pickup", "f8"), ("noisy", "f8"),
+        ("present", "f8"), ("encoder", "i8", (encoders,)), ("source", "i8", (channels,)),
+        ("untouched", "f8", (untouched,)), ("untouched_source", "i8", (untouched,)),
+    ])
 
 
 def mains(step: float, frequency: float, phase: float) -> np.ndarray:
@@ -87,9 +97,9 @@ def logged(value, c, table):
 
 @njit(cache=True, error_model="numpy")
 def take(shown, table, keys, state):
-    """Copy the arrays of testbench.gauges, at most LANES channels, into a record of SHOWN."""
+    """Copy the arrays of testbench.gauges, into a record of :func:`shown_dtype`."""
     shown.pickup = shown.noisy = 0.0
-    for c in range(table.shape[1]):
+    for c in range(shown.source.shape[0]):
         for i in range(ROWS):
             shown.table[i, c] = table[i, c]
         shown.keys[c] = keys[c]
@@ -105,13 +115,13 @@ def take(shown, table, keys, state):
 @njit(cache=True, error_model="numpy")
 def give(shown, state):
     """Copy what transducers remember back into the array of testbench.gauges."""
-    for c in range(state.shape[0]):
+    for c in range(shown.source.shape[0]):
         state[c] = shown.angle[c] if shown.table[STEP, c] > 0.0 else shown.state[c]
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def encode(shown, c, index):
-    """:func:`encoder` on a channel of a record of SHOWN, if it has one."""
+    """:func:`encoder` on a channel of a record of :func:`shown_dtype`, if it has one."""
     table = shown.table
     if table[STEP, c] > 0.0:
         speed = shown.row[c]
@@ -125,21 +135,21 @@ def encode(shown, c, index):
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def show(shown, index):
-    """True values in a record of SHOWN as analog transducers and the converter show them, all channels at once.
+    """True values in a record of :func:`shown_dtype` as analog transducers and the converter show them, all channels at once.
 
     The same as :func:`analog`, noise and :func:`logged` one by one, without a branch.
     """
     table, row, state = shown.table, shown.row, shown.state
-    for c in range(LANES):
+    for c in range(row.shape[0]):
         disturbance = table[HUM, c] * shown.mains + table[PICKUP, c] * shown.induced[c]
         value = table[GAIN, c] * row[c] + table[OFFSET, c] + disturbance
         value = value + table[KEEP, c] * (state[c] - value)
         state[c] = value
         row[c] = value
     if shown.noisy > 0.0:
-        for c in range(LANES):
+        for c in range(row.shape[0]):
             row[c] += shown.white[c] * noise_at(shown.keys[c], index)
-    for c in range(LANES):
+    for c in range(row.shape[0]):
         value = min(max(row[c], table[LOW, c]), table[HIGH, c])
         quantum = table[QUANTUM, c]
         steps = np.rint(value * shown.fineness[c]) * quantum + 0.0  # no zero with a sign

@@ -16,5 +16,5 @@ class LoadPump(Device):
         self.on_setpoint("/load_pump/command", rig.set_load)
         signal = catalogue().signal("p_po")
         self.settings = DeviceSettings(self, commands, setpoint_knobs(
-            rig, ("load_pressure", "load_on"), rig.set_load, "relief_pressure",
+            rig.load, "setting", rig.set_load, "relief_pressure",
             "Setting of the relief valve in the pump's pressure line, gauge", signal.unit, (signal.low, signal.high)))

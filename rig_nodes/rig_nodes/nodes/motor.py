@@ -23,5 +23,5 @@ class Motor(Device):
 
         signal = catalogue().signal("n_wej")
         self.settings = DeviceSettings(self, commands, setpoint_knobs(
-            rig, ("motor_speed", "motor_on"), rig.set_motor, "speed", "Speed that the drive is asked for", signal.unit,
+            rig.motor, "target", rig.set_motor, "speed", "Speed that the drive is asked for", signal.unit,
             (signal.low, signal.high), why_not))

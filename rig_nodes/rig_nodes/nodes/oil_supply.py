@@ -17,7 +17,7 @@ class OilSupply(Device):
         self.on_setpoint("/oil_supply/command", rig.set_oil)
         signal = catalogue().signal("p_p")
         knobs = setpoint_knobs(
-            rig, ("oil_pressure", "oil_on"), rig.set_oil, "pressure",
+            rig.oil, "setting", rig.set_oil, "pressure",
             "Setting of the relief valve of the clutch oil supply, gauge", signal.unit, (signal.low, signal.high))
 
         def temperature() -> float:

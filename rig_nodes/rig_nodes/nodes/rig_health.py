@@ -74,15 +74,15 @@ class RigHealth(ContainerHealth):
 
     def motor(self) -> Health:
         """On, off or held without torque."""
-        plant, settings = self.rig.plant[0], self.rig.settings[0]
+        motor = self.rig.motor
 
         def values() -> dict:
-            return {"speed_rad_s": float(self.rig.v[0]), "setpoint_rad_s": float(settings["motor_speed"]),
-                    "torque_nm": float(plant["motor_torque"])}
+            return {"speed_rad_s": float(self.rig.v[0]), "setpoint_rad_s": float(motor["target"]),
+                    "torque_nm": float(motor["torque"])}
 
         if self.rig.status == RigStatus.TRIPPED:
             return Health("motor", WARN, "without torque: the rig is in its safe state", values)
-        return Health("motor", OK, "on" if settings["motor_on"] > 0.0 else "off", values)
+        return Health("motor", OK, "on" if motor["enabled"] > 0.0 else "off", values)
 
     def gearbox(self) -> Health:
         """Which gear is engaged."""
@@ -107,7 +107,7 @@ class RigHealth(ContainerHealth):
 
         def values(age: float) -> dict:
             return {"command_age_ms": age * 1e3, "duty": float(valve["duty"]), "current_a": float(valve["current"]),
-                    "pressure_pa": float(rig.cylinders["line"][k])}
+                    "pressure_pa": rig.line_pressure(k)}
 
         age = rig.command_age
         tell = partial(Health, self.transmission.clutches[k].valve, values=partial(values, age))
@@ -126,11 +126,11 @@ class RigHealth(ContainerHealth):
 
     def oil_supply(self) -> Health:
         """Whether it has the pressure it is set to."""
-        pressure, settings = float(self.rig.plant["supply"][0]), self.rig.settings[0]
-        setting = float(settings["oil_pressure"])
+        oil = self.rig.oil
+        pressure, setting = float(oil["pressure"]), float(oil["setting"])
         tell = partial(Health, "oil_supply", values=lambda: {
             "pressure_pa": pressure, "setting_pa": setting, "temperature_degc": self.rig.config.oil_supply.temperature})
-        if settings["oil_on"] <= 0.0:
+        if oil["enabled"] <= 0.0:
             return tell(OK, "off")
         if pressure < TOO_LOW * setting:
             return tell(WARN, "on, but the pressure is more than 10 % below its setting")
@@ -138,10 +138,10 @@ class RigHealth(ContainerHealth):
 
     def load_pump(self) -> Health:
         """Whether it loads the output shaft."""
-        settings = self.rig.settings[0]
-        return Health("load_pump", OK, "on" if settings["load_on"] > 0.0 else "off", lambda: {
-            "torque_nm": self.rig.load_torque(), "pressure_pa": float(self.rig.plant["load_pressure"][0]),
-            "setting_pa": float(settings["load_pressure"])})
+        load = self.rig.load
+        return Health("load_pump", OK, "on" if load["enabled"] > 0.0 else "off", lambda: {
+            "torque_nm": self.rig.load_torque(), "pressure_pa": float(load["pressure"]),
+            "setting_pa": float(load["setting"])})
 
 
 class BenchHealth(ContainerHealth):
@@ -152,22 +152,22 @@ class BenchHealth(ContainerHealth):
 
     def motor(self) -> Health:
         """On, off or held without oil."""
-        state, settings = self.rig.state[0], self.rig.settings[0]
+        motor = self.rig.motor
 
         def values() -> dict:
-            return {"speed_rad_s": float(self.rig.v[0]), "setpoint_rad_s": float(settings["motor_speed"]),
-                    "pressure_pa": float(state["motor_pressure"]), "zp2_pa": float(state["relief"])}
+            return {"speed_rad_s": float(self.rig.v[0]), "setpoint_rad_s": float(motor["target"]),
+                    "pressure_pa": float(motor["pressure"]), "zp2_pa": float(motor["relief"])}
 
         if self.rig.status == RigStatus.TRIPPED:
             return Health("hydraulic_motor", WARN, "without oil: the rig is in its safe state", values)
-        return Health("hydraulic_motor", OK, "on" if settings["motor_on"] > 0.0 else "off", values)
+        return Health("hydraulic_motor", OK, "on" if motor["enabled"] > 0.0 else "off", values)
 
     def cylinder(self) -> Health:
         """Whether it clamps."""
-        state = self.rig.state[0]
-        text = "presses" if state["force"] > 0.0 else "is back"
+        press = self.rig.press
+        text = "presses" if press["force"] > 0.0 else "is back"
         return Health("cylinder", OK, text, lambda: {
-            "pressure_pa": float(state["p_z"]), "travel_m": float(state["travel"]), "force_n": float(state["force"])})
+            "pressure_pa": float(press["pressure"]), "travel_m": float(press["travel"]), "force_n": float(press["force"])})
 
     def pack(self) -> Health:
         """Open, slipping or locked."""

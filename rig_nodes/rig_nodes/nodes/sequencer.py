@@ -19,7 +19,7 @@ from ..catalogue import GEARBOX, catalogue
 from ..clocks import SAMPLE_NS, TICK_SAMPLES
 from ..errors import RigError
 from ..graph.link import LinkClosed
-from ..plant.load_pump import relief_setting_for
+from ..parts.load_pump import relief_setting_for
 from ..testbench.kinds import PACE
 from ..testbench.sequence import SequenceFailed, SequenceRunner, load_sequence
 from .action_server import GoalServer, finish

@@ -190,17 +190,18 @@ class DeviceSettings(Settings):
                 self.follow(stale)
 
 
-def setpoint_knobs(rig, keys: tuple[str, str], apply, name: str, text: str, unit: str, bounds,
+def setpoint_knobs(device, key: str, apply, name: str, text: str, unit: str, bounds,
                    why_not=lambda value: None) -> list[Knob]:
     """The two knobs of a device with a setpoint and a switch.
 
-    keys: of both in ``rig.settings``; apply(value, enable): the rig's command, which sets both; why_not(enable).
+    device: its states, with the setpoint under ``key``; apply(value, enable): the rig's command, which sets both;
+    why_not(enable).
     """
     def value() -> float:
-        return float(rig.settings[keys[0]][0])
+        return float(device[key])
 
     def enabled() -> bool:
-        return bool(rig.settings[keys[1]][0] > 0.0)
+        return bool(device["enabled"] > 0.0)
 
     return [
         Knob(Setting(name, text, value(), unit, bounds), value, lambda new: apply(new, enabled())),

@@ -17,9 +17,9 @@ from numba import njit
 from ..config.schema import fill, record_dtype
 from ..config.names import unknown
 from ..errors import RigError
-from . import load_pump as load_model
-from . import motor as motor_model
-from . import valve as valve_model
+from ..parts import dc_motor as motor_model
+from ..parts import load_pump as load_model
+from ..parts import proportional_valve as valve_model
 
 MOTOR, LOAD = "motor", "load_pump"
 VALVES = ("valve_zr_p1", "valve_zr_p2")
@@ -110,7 +110,7 @@ def load_tick(side, speed, setting, enabled, steps, h, load):
 
 
 @njit(cache=True)
-def valve_tick(side, old_current, new_current, pressure, supply, density, steps, h, valve):
+def valve_tick(side, old_current, new_current, pressure, supply, speed_by_root, steps, h, valve):
     """A valve over ``steps`` of h [s] at a held port pressure [Pa] while its current changes evenly.
 
     Leaves its mean flow and the mean slope of its orifice's flow by port pressure.
@@ -121,7 +121,7 @@ def valve_tick(side, old_current, new_current, pressure, supply, density, steps,
         side.magnet = valve_model.magnet_pressure(side.magnet, current, valve)
         side.spool = valve_model.spool_position(side.spool, side.magnet, pressure, h, valve)
         side.share = valve_model.opening(side.spool, valve)
-        flow, slope = valve_model.port_flow(side.share, pressure, supply, density, valve)
+        flow, slope = valve_model.port_flow(side.share, pressure, supply, speed_by_root, valve)
         side.mean += flow / steps
         side.slope += slope / steps
     side.work += pressure * side.mean * steps * h
@@ -150,7 +150,8 @@ class OtherSide:
                 f"cut.tick is {config.cut.tick * 1e3:g} ms: the motor's speed loop (speed_gain over inertia_in, {turns:.0f} "
                 f"1/s) swings behind answers that are so late; give at most {1e3 * LOOP / turns:.1f} ms, or the motor a "
                 "smaller speed_gain")
-        self._h, self._density = config.kernel.step, config.oil_supply.density
+        self._h = config.kernel.step
+        self._speed_by_root = valve_model.orifice_speed(config.oil_supply.density)
         self._values = _record(getattr(config, device))
         kind = MOTOR_SIDE if device == MOTOR else LOAD_SIDE if device == LOAD else VALVE_SIDE
         self._side, self._ahead = np.zeros(1, kind)[0], np.zeros(1, kind)
@@ -198,7 +199,7 @@ class OtherSide:
         elif self.device == LOAD:
             load_tick(side, port.speed, port.setpoint, port.enable, steps, self._h, self._values)
         else:
-            valve_tick(side, port.current, current, port.pressure, port.supply, self._density, steps, self._h,
+            valve_tick(side, port.current, current, port.pressure, port.supply, self._speed_by_root, steps, self._h,
                        self._values)
 
     def _slope(self, side, port: Port) -> float:
@@ -219,5 +220,6 @@ class OtherSide:
 def drained(pressure: float, config, device: str) -> Answer:
     """The answer of a valve without current whose spool has come to rest: what stands in for a silent one."""
     values = _record(getattr(config, device))
-    flow, slope = valve_model.port_flow(-1.0, pressure, 0.0, config.oil_supply.density, values)
+    flow, slope = valve_model.port_flow(-1.0, pressure, 0.0, valve_model.orifice_speed(config.oil_supply.density),
+                                        values)
     return Answer(flow=flow, flow_slope=slope, pressure=pressure)

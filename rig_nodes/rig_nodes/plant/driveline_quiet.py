@@ -3,7 +3,7 @@
 
 """One step of a driveline of two speeds in which nothing happens: most steps of a rig, at a fraction of the cost.
 
-Called by plant.kernel before plant/driveline_kernel.py, which does what this one leaves.
+Called by the engine before plant/driveline_kernel.py, which does what this one leaves.
 """
 
 from numba import njit

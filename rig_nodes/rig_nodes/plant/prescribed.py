@@ -3,7 +3,7 @@
 
 """Clutch pressures that are prescribed, not made by valves and cylinders: chapter 9's own simulation.
 
-Read by testbench.configuration from a rig's YAML, used by testbench.rig to fill the kernel's tables.
+Read by testbench.configuration from a rig's YAML, used by testbench.gearbox_plan.
 """
 
 from __future__ import annotations
@@ -12,23 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..config.schema import build, check_keys, param, where_of
+from ..config.schema import build, check_keys, where_of
 from ..errors import RigError, brief
+from ..parts.curve_clutch import Force
 
 CLUTCHES = ("clutch_s1", "clutch_s2")
 WAYS = ("engaging", "releasing")
 OUTPUT_SPEEDS = ("bounded", "free")
 MPA = 1e6
-
-
-@dataclass(frozen=True)
-class Force:
-    """Force on the plates: square p^2 + linear p + offset (Annex D) less the springs' at the kiss point."""
-
-    force_square: float = param("force per pressure squared", 0.0, 1e-6)
-    force_linear: float = param("area", 0.0, 1.0)
-    force_offset: float = param("force", -1e5, 1e5)
-    contact_force: float = param("force", 0.0, 1e5)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 
 """The teeth of the gearbox's wheels (thesis tab. 3.2), and where its clutches sit on them.
 
-Used by plant.gearbox, which builds the driveline, and by transmission, which takes the ratios of the gears from it.
+Used by testbench.gearbox_plan, which builds the driveline, and by transmission, which takes the ratios of the gears from it.
 """
 
 Z1, Z2, Z3, Z4, Z5, Z7, Z8 = 34, 33, 47, 41, 40, 37, 41

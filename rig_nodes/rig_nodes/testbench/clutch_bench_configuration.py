@@ -12,25 +12,24 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from ..config.names import unknown_value
-from ..config.schema import build, changed, check_keys, choice, field_value, param, switch, where_of
+from ..config.schema import build, changed, check_keys, field_value, param, switch, where_of
 from ..errors import RigError, brief
-from ..plant.clutch import DRAG_MODELS, FRICTION_MODELS, PlatePack
-from ..plant.hydraulic_motor import BenchShaft, HydraulicMotorConfig
-from ..plant.oil_supply import OilSupplyConfig
-from ..plant.press_cylinder import PressCylinder
+from ..parts.hydraulic_motor import HydraulicMotorConfig
+from ..parts.oil_supply import OilSupplyConfig
+from ..parts.plates import PackFriction, PlatePack
+from ..parts.press_cylinder import PressCylinder
 from .timed import KernelConfig
 
 KIND = "clutch_bench"
 
 
 @dataclass(frozen=True)
-class PackModel:
-    """What makes the torque of the clamped pack: a model of chapter 6, k_kor and M_rest of (6.56)."""
+class BenchShaft:
+    """Torque meter, which joins motor and shaft (fig. 8.4), and the shaft with the inner plates."""
 
-    friction_model: str = choice(*FRICTION_MODELS)
-    drag_model: str = choice(*DRAG_MODELS)
-    friction_correction: float = param("ratio", 0.1, 10.0)
-    rest_torque: float = param("torque", 0.0, 500.0)
+    inertia: float = param("inertia", 1e-4, 10.0)
+    meter_stiffness: float = param("torque per angle", 1e2, 1e7)
+    meter_damping: float = param("torque per speed", 0.0, 1e4)
 
 
 @dataclass(frozen=True)
@@ -78,7 +77,7 @@ class BenchEffects:
 
 PARTS = {
     "hydraulic_motor": HydraulicMotorConfig, "shaft": BenchShaft, "oil_supply": OilSupplyConfig,
-    "cylinder": PressCylinder, "plate_pack": PlatePack, "pack": PackModel, "instruments": BenchInstruments,
+    "cylinder": PressCylinder, "plate_pack": PlatePack, "pack": PackFriction, "instruments": BenchInstruments,
     "effects": BenchEffects,
 }
 
@@ -94,7 +93,7 @@ class ClutchBenchConfig:
     oil_supply: OilSupplyConfig
     cylinder: PressCylinder
     plate_pack: PlatePack
-    pack: PackModel
+    pack: PackFriction
     instruments: BenchInstruments
     effects: BenchEffects
 

@@ -6,14 +6,9 @@
 from __future__ import annotations
 
 from ..clocks import TICK_SAMPLES
-from ..plant import clutch_bench as kernel
 from .clutch_bench import ClutchBench
+from .topics import measured_columns
 
-MEASURED = {  # topic of a transducer -> its logger column
-    "/hydraulic_motor/m_e": kernel.M_E, "/hydraulic_motor/n": kernel.N, "/hydraulic_motor/p_sh": kernel.P_SH,
-    "/cylinder/p_z": kernel.P_Z, "/cylinder/s": kernel.S, "/cylinder/f_ps": kernel.F_PS,
-    "/clutch_pack/t_emp": kernel.T_EMP,
-}
 COMMANDS = {  # device of a sequence's step -> topic of its setpoint
     "motor": "/hydraulic_motor/command", "relief": "/valve_zp2/command", "cylinder": "/cylinder/command",
     "press": "/testing_machine/command",
@@ -23,10 +18,9 @@ COMMANDS = {  # device of a sequence's step -> topic of its setpoint
 class BenchStates:
     """Fields of the state topics, from the bench as it is; :meth:`refresh` before each tick's."""
 
-    measured = MEASURED
-
     def __init__(self, rig: ClutchBench):
         self.rig, self.overruns = rig, 0  # overruns: set by whoever keeps time
+        self.measured = measured_columns(rig)
         self._energy: dict[str, float] = {}  # of this tick
         self.topics = {"/hydraulic_motor/state": self._motor, "/cylinder/state": self._cylinder,
                        "/clutch_pack/state": self._pack, "/rig/state": self._rig_state}
@@ -51,21 +45,21 @@ class BenchStates:
         return []
 
     def _motor(self):
-        rig, settings = self.rig, self.rig.settings[0]
-        torque = rig.config.hydraulic_motor.displacement * float(rig.state["motor_pressure"][0])
-        return (float(rig.v[kernel.MOTOR]), float(settings["motor_speed"]), torque, self._energy["motor"],
-                bool(settings["motor_on"] > 0.0))
+        rig, motor = self.rig, self.rig.motor
+        torque = rig.config.hydraulic_motor.displacement * float(motor["pressure"])
+        return (rig.true("motor.speed"), float(motor["target"]), torque, self._energy["motor"],
+                bool(motor["enabled"] > 0.0))
 
     def _cylinder(self):
-        rig, settings = self.rig, self.rig.settings[0]
-        return (float(rig.state["p_z"][0]), float(settings["cylinder_pressure"]), 0.0,
-                rig.config.oil_supply.temperature, bool(settings["cylinder_on"] > 0.0))
+        press = self.rig.press
+        return (float(press["pressure"]), float(press["setting"]), 0.0, self.rig.config.oil_supply.temperature,
+                bool(press["enabled"] > 0.0))
 
     def _pack(self):
-        rig, state = self.rig, self.rig.state[0]
-        slip = float(rig.v[kernel.SHAFT])
-        return (rig.clutch_mode(), rig.clutch_torque(), float(state["drag"]) * slip, float(state["kinetic"]),
-                float(state["static"]), slip, float(state["clamp"]), float(state["p_z"]), float(state["travel"]),
+        rig, pack, press = self.rig, self.rig.pack, self.rig.press
+        slip = rig.true("shaft.speed")
+        return (rig.clutch_mode(), rig.clutch_torque(), float(pack["drag"]) * slip, float(pack["kinetic"]),
+                float(pack["static"]), slip, float(pack["clamp"]), float(press["pressure"]), float(press["travel"]),
                 self._energy["heat"])
 
     def _rig_state(self):

@@ -34,9 +34,9 @@ class Cuts:
         self._sides = {device: OtherSide(device, config) for device in self.devices if embedded}
         self._newest = {device: (-1, NOTHING) for device in self.devices}  # sample answered, answer
         self._since = 0  # sample from which silence counts
-        rig.held["motor"], rig.held["load"] = MOTOR in self.devices, LOAD in self.devices
-        for k, device in enumerate(VALVES):
-            rig.valves["cut"][k] = device in self.devices
+        rig.motor["held"], rig.load["held"] = MOTOR in self.devices, LOAD in self.devices
+        for valve, device in zip(rig.valves, VALVES):
+            valve["cut"] = device in self.devices
 
     # ---- time
 
@@ -57,10 +57,10 @@ class Cuts:
         for device in self.devices:
             answer = self._stand_in(device) if self._is_silent(device) else self._newest[device][1]
             if device == MOTOR:
-                rig.held["motor_torque"], rig.held["motor_setpoint"] = answer.torque, answer.setpoint
+                rig.motor["held_torque"], rig.motor["held_setpoint"] = answer.torque, answer.setpoint
             elif device == LOAD:
-                rig.held["load_capacity"] = max(0.0, answer.torque)
-                rig.held["load_pressure"] = answer.pressure
+                rig.load["held_capacity"] = max(0.0, answer.torque)
+                rig.load["held_pressure"] = answer.pressure
             else:
                 valve = rig.valves[VALVES.index(device)]
                 valve["cut_flow"], valve["cut_slope"] = answer.flow, answer.flow_slope
@@ -75,17 +75,16 @@ class Cuts:
     def port(self, device: str) -> Port:
         """The port of a device now."""
         rig = self._rig
-        settings = rig.settings[0]
-        tick, safe = self.samples * SAMPLE, bool(settings["safe"] > 0.0)
+        tick, safe = self.samples * SAMPLE, rig.safe
         if device == MOTOR:
-            return Port(tick, speed=float(rig.v[0]), setpoint=float(settings["motor_speed"]),
-                        enable=bool(settings["motor_on"] > 0.0), safe=safe)
+            return Port(tick, speed=float(rig.v[0]), setpoint=float(rig.motor["target"]),
+                        enable=bool(rig.motor["enabled"] > 0.0), safe=safe)
         if device == LOAD:
-            return Port(tick, speed=float(rig.v[1]), setpoint=float(settings["load_pressure"]),
-                        enable=bool(settings["load_on"] > 0.0), safe=safe)
+            return Port(tick, speed=float(rig.v[1]), setpoint=float(rig.load["setting"]),
+                        enable=bool(rig.load["enabled"] > 0.0), safe=safe)
         k = VALVES.index(device)
-        return Port(tick, pressure=float(rig.cylinders["line"][k]), supply=float(rig.plant["supply"][0]),
-                    current=float(rig.valves["current"][k]), setpoint=rig.coil_duty(k), enable=not safe,
+        return Port(tick, pressure=rig.line_pressure(k), supply=float(rig.oil["pressure"]),
+                    current=float(rig.valves[k]["current"]), setpoint=rig.coil_duty(k), enable=not safe,
                     safe=safe)
 
     # ---- answers
@@ -111,7 +110,7 @@ class Cuts:
         """Energy over a cut since time 0 as the plant counts it [J], signed as ``Answer.work``."""
         energy = self._rig.energy()
         if device in VALVES:
-            return float(self._rig.valves["work"][VALVES.index(device)])
+            return float(self._rig.valves[VALVES.index(device)]["work"])
         return energy["motor" if device == MOTOR else "load"]
 
     # ---- silence
@@ -134,4 +133,4 @@ class Cuts:
         """What acts for a silent device: no torque, and the way to the tank open."""
         if device not in VALVES:
             return NOTHING
-        return drained(float(self._rig.cylinders["line"][VALVES.index(device)]), self._rig.config, device)
+        return drained(self._rig.line_pressure(VALVES.index(device)), self._rig.config, device)

@@ -3,7 +3,7 @@
 
 """The transducers' table: errors, disturbances, range and resolution of each channel, and the noise as it is set live.
 
-Owned by testbench.rig; the kernel reads ``arrays``, which are changed in place.
+Owned by testbench.timed; the engine reads ``arrays``, which are changed in place.
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ from ..config.schema import limits
 from ..errors import RigError
 from ..instruments import transducers as parts
 from ..instruments.noise import channel_key, uniform
-from ..plant import kernel
-from .configuration import InstrumentsConfig
+from .instruments_configuration import InstrumentsConfig
 
 # what each channel is measured with: the first word of the fields of InstrumentsConfig
 KINDS = {
@@ -34,14 +33,14 @@ NO_TRANSDUCER = {parts.GAIN: 1.0, parts.LOW: -math.inf, parts.HIGH: math.inf}  #
 
 
 class Gauges:
-    """``arrays``: what kernel.measure reads, table (rows of instruments.transducers, channels), keys of the noise
+    """``arrays``: what the engine reads, table (rows of instruments.transducers, channels), keys of the noise
     (channels,), hum by row, state (channels,) and counts (rows of a gate, channels).
 
     ``on`` False: every channel shows its true value. ``seed`` draws the class errors, the phase of the mains and the
     places of the encoders' discs, beside the noise; ``step`` [s] is the time of a row.
     """
 
-    def __init__(self, config, seed: int, step: float, on: bool = True, channels: tuple[str, ...] = kernel.CHANNELS,
+    def __init__(self, config, seed: int, step: float, on: bool, channels: tuple[str, ...],
                  kinds: dict[str, str] | None = None):
         """config: an InstrumentsConfig, or for other channels one whose fields begin with their ``kinds``."""
         self.config, self.present, self.on, self.channels = config, on, on, channels

@@ -20,44 +20,22 @@ from ..alfa46.controller import refusal
 from ..alfa46.settings import Alfa46Config
 from ..catalogue import catalogue
 from ..clocks import COMMAND_TIMEOUT, SAMPLE_NS
-from ..config.schema import fill, limits
+from ..config.schema import limits
 from ..controllers.record import record_of
 from ..controllers.seam import LEVELS
 from ..errors import RigError
-from ..instruments import transducers
-from ..plant import clutch, driveline_algebra, kernel
-from ..plant.effects import leave_out
-from ..plant.first_start import compile_beside
-from ..plant.gearbox import S1, S2, build_driveline, torque_losses
-from ..plant.outcome import WHOLE
-from .configuration import PARTS, RigConfig
+from ..parts.proportional_valve import BY_DUTY, BY_LAW, BY_SETPOINT
+from ..plant import driveline_algebra
+from .configuration import RigConfig
 from .cuts import Cuts
 from .gauges import Gauges
-from .timed import RigStatus, Timed, check_range, places
+from .gearbox_plan import CLUTCHES, VALVES, plan_of
+from .timed import RigStatus, Timed, check_range
 
-
-def _told(place: str) -> str:
-    """A number of the kernel's record as people name it."""
-    for array, names in (("valves", ("valve_zr_p1", "valve_zr_p2")), ("cylinders", ("clutch_s1", "clutch_s2"))):
-        for k, name in enumerate(names):
-            place = place.replace(f"{array}[{k}].", f"{name}: ")
-    for k, shaft in enumerate(("w0", "wk")):
-        place = place.replace(f"driveline.v[{k}]", f"speed of {shaft}").replace(
-            f"driveline.e_in[{k}]", f"work on {shaft}")
-    for row, what in enumerate(("friction torque", "impulse", "heat of friction", "heat of drag")):
-        for k, name in enumerate(("clutch_s1", "clutch_s2", "loss_in", "loss_out", "load_pump")):
-            place = place.replace(f"driveline.el[{row}, {k}]", f"{name}: {what}")
-    return place.removeprefix("plant.")
-
-
-
-# names of all that a step leaves to the next one, and how many of them are numbers that must be finite
-PLACES = places(kernel.WORLD)
-FINITE = PLACES.index("driveline.mode[0]")
-PLACES = [_told(place) for place in PLACES[:FINITE + kernel.ELEMENTS]]
+# settings of devices -> signal whose range they keep to
+SETPOINTS = {"motor_speed": "n_wej", "load_pressure": "p_po", "oil_pressure": "p_p"}
+LOSSES = ("loss_in", "loss_out")
 NOTHING = (0.0,) * law.OUTPUTS  # a command that asks for no output
-UNMOVED = 1e6  # kg m2 on w0 where n_wej is to stay, whatever happens; in no torque and no energy that is told
-SETPOINTS = {"motor_speed": "n_wej", "load_pressure": "p_po", "oil_pressure": "p_p"}  # and whose range they keep to
 
 
 def check_setpoint(name: str, value: float) -> None:
@@ -94,12 +72,10 @@ class Rig(Timed):
         if controller == "external":
             check_level(config, level)
         self.config, self.seed, self.embedded, self.level = config, int(seed), controller == "embedded", level
-        self._drive = (kernel.BY_LAW if self.embedded else
-                       kernel.BY_SETPOINT if level == "current" else kernel.BY_DUTY)
-        self.channels = kernel.CHANNELS
-        self._wired = [self.channels.index(name) for name in record_of(config).names]
         self.count_steps(config.kernel.step, catalogue())
         self._build()
+        self._wired = [self.channels.index(name) for name in record_of(config).names]
+        self._by = BY_LAW if self.embedded else BY_SETPOINT if level == "current" else BY_DUTY
         self.cuts = Cuts(self, devices == "embedded")
         self.delay = delay
         self._to_come: deque[tuple] = deque()  # commands that were taken and do not act yet: boundary, how, values
@@ -109,67 +85,22 @@ class Rig(Timed):
         self._ordered: int | None = None  # gear ordered from the embedded controller, taken at its next sample
 
     def _build(self) -> None:
-        effects = self.config.effects
-        c = replace(self.config, **leave_out({name: getattr(self.config, name) for name in PARTS}, effects))
-        system = build_driveline(c.gearbox if effects.motor_speed else replace(c.gearbox, inertia_in=UNMOVED))
-        self._world = world = np.zeros(1, kernel.WORLD)
-        self.settings, self.plant, self.held, self._effects = (
-            world[name] for name in ("settings", "plant", "held", "effects"))
-        self._safe, self._motor_on = self.settings["safe"], self.settings["motor_on"]  # asked for at every sample
-        self.valves, self.cylinders = world["valves"][0], world["cylinders"][0]
-        line, start = world["driveline"], system.state()
-        for name in ("minv", "w", "v"):
-            line[name] = getattr(start if name == "v" else system, name)
-        line["loss"] = torque_losses(c.gearbox, system)
-        self._mass = build_driveline(c.gearbox).mass
-        self._put_on = float(system.mass[0, 0] - self._mass[0, 0])  # kg m2, 0 unless n_wej is to stay
-        self.v, self.mode, self._el, self._e_in, self._cap, self._w = (
-            line[name][0] for name in ("v", "mode", "el", "e_in", "cap", "w"))
-
-        for name, part in (("motor", c.motor), ("gearbox", c.gearbox), ("oil", c.oil_supply), ("load", c.load_pump)):
-            fill(world[name], part)
-        for k, part in enumerate((c.valve_zr_p1, c.valve_zr_p2)):
-            fill(world["valve_parameters"][0, k], part)
-        self._oil = world["oil"]
-        self.gauges = Gauges(c.instruments, self.seed, c.kernel.step, effects.transducers)
-        packs, plates, clutches = (c.clutch_s1, c.clutch_s2), c.plate_pack, world["clutches"][0]
-        for row, cylinder in zip(clutches, packs):
-            fill(row, cylinder, plates)
-            kinetic, static, held = (cylinder.friction_correction * clutch.torque_per_force(
-                plates, mu, turned, cylinder.friction_model)
-                for mu, turned in ((plates.friction_kinetic, False), (plates.friction_static, False),
-                                   (plates.friction_static, True)))
-            hold = cylinder.spline_hold if effects.spline_hysteresis else 0.0
-            row["engaging_kinetic"], row["engaging_static"] = kinetic, static
-            row["releasing_static"] = static + hold * (held - static)
-            row["sliding_share"] = plates.friction_kinetic / plates.friction_static if plates.friction_static else 1.0
-            row["drag_factor"] = clutch.drag_factor(plates, cylinder.drag_model)
-            row["new_clearance"] = cylinder.clearance
-        self._effects["transducers"] = effects.transducers
-        self._effects["current_loop"], self._effects["motor_speed"] = effects.current_loop, effects.motor_speed
-        self._effects["pwm"] = effects.pwm_frequency
-        self._effects["loss_driving"] = c.gearbox.loss_by_load_side == "driving"
-        self._effects["pulses"] = effects.pwm_frequency or c.alfa46.values.pwm_frequency
-        self._pieces = np.full((2, 2, 1, 5), np.inf)
-        if c.prescribed:
-            self._effects["prescribed"], self._pieces = 1.0, c.prescribed.pieces[list(c.wiring)]
-            self._effects["bounded"] = c.prescribed.bounded
-            for row, force in zip(clutches, c.prescribed.forces):
-                fill(row, force)
-        self.cylinders["temperature"] = c.oil_supply.temperature
-        self._moved = world.view(np.int64)[:len(PLACES)]
-        self._kept = np.zeros((2, len(PLACES)), np.int64)
-        self._wiring = world["wiring"][0]
-        self._wiring[:] = c.wiring
-        self._law_config = c.alfa46.law_config()
-        self._law_profiles = np.array(c.alfa46.profiles, order="C")  # its own: set_controller writes into it
-        self._law_outputs = np.zeros(law.OUTPUTS, law.LAW_OUTPUT)
-        self._law_state = np.zeros(1, law.LAW_STATE)
+        config = self.config
+        plan, self._system = plan_of(config)
+        self.build(plan, Gauges(config.instruments, self.seed, config.kernel.step, config.effects.transducers,
+                                tuple(plan.channels)))
+        # kg m2, 0 unless n_wej is to stay
+        self._put_on = float(plan.system.mass[0, 0] - self._system.mass[0, 0])
+        self.motor, self.load, self.oil = (self.device(name) for name in ("motor", "load_pump", "oil_supply"))
+        self.valves, self.clutches = ([self.device(name) for name in names] for names in (VALVES, CLUTCHES))
+        line = self.world.line
+        self._el, self._e_in, self._cap = line["el"], line["e_in"], line["cap"]
+        self._element = plan.system.elements.index
+        self._slips = line["w"]
+        self._law_config = config.alfa46.law_config()
+        self._law_profiles = np.array(config.alfa46.profiles, order="C")  # its own: set_controller writes into it
         self._setpoint, self._gear, self._shifting, self._flags = np.zeros(law.OUTPUTS), 0, False, 0
-        self._duty = np.zeros(law.OUTPUTS)
-        self._log = self.ring()
-        self._shown = np.zeros(1, transducers.SHOWN)
-        compile_beside(lambda: kernel.first_row(self._log, c.kernel.step, world, self._shown, *self.gauges.arrays))
+        self._duty, self._wiring = np.zeros(law.OUTPUTS), list(config.wiring)
 
     # ---- time
 
@@ -195,7 +126,7 @@ class Rig(Timed):
         end = self.sample + samples
         while self.sample < end:
             self._act_due()
-            if not self._advance(min(end, self._to_come[0][0] if self._to_come else end) - self.sample):
+            if not self.move(min(end, self._to_come[0][0] if self._to_come else end) - self.sample):
                 return False
         return True
 
@@ -204,39 +135,22 @@ class Rig(Timed):
             _, act, *values = self._to_come.popleft()
             act(*values)
 
-    def _advance(self, samples: int) -> bool:
-        """Move on; False when the plant trips the rig. One that is tripped moves on as far as it can."""
-        end = self.sample + samples
-        while self.sample < end:
-            self.sample, how = kernel.advance(
-                end - self.sample, self.sample, self._steps_per_sample, self.config.kernel.step, self._drive,
-                self._world, self._shown, *self.gauges.arrays, self._law_config, self._law_profiles, self._law_outputs,
-                self._law_state, self._log, self._pieces, self._moved, FINITE, self._kept)
-            if how != WHOLE and self.status != RigStatus.TRIPPED:
-                self.trip_for(how, PLACES, self._kept[1, :FINITE].view(float))
-                return False
-        return True
-
     # ---- commands, applied at the next sample boundary
 
     def set_motor(self, speed: float, enable: bool) -> None:
         """Speed setpoint [rad/s] of the drive."""
-        self._set("motor_speed", speed)
-        self.settings["motor_on"] = float(enable)
+        check_setpoint("motor_speed", speed)
+        self.motor["target"], self.motor["enabled"] = speed, enable
 
     def set_load(self, pressure: float, enable: bool) -> None:
         """Relief setting [Pa, gauge] of the load."""
-        self._set("load_pressure", pressure)
-        self.settings["load_on"] = float(enable)
+        check_setpoint("load_pressure", pressure)
+        self.load["setting"], self.load["enabled"] = pressure, enable
 
     def set_oil(self, pressure: float, enable: bool) -> None:
         """Relief setting [Pa, gauge] of the clutch oil supply."""
-        self._set("oil_pressure", pressure)
-        self.settings["oil_on"] = float(enable)
-
-    def _set(self, name: str, value: float) -> None:
-        check_setpoint(name, value)
-        self.settings[name] = value
+        check_setpoint("oil_pressure", pressure)
+        self.oil["setting"], self.oil["enabled"] = pressure, enable
 
     def set_value(self, name: str, value: float) -> None:
         """Change what is no device's setpoint: "oil_supply.temperature" [degC], "instruments.noise" (on or off),
@@ -247,7 +161,7 @@ class Rig(Timed):
             low, high = limits(type(c.oil_supply), "temperature")
             if not low <= value <= high:
                 raise RigError(f"{name} of {value:g} degC refused; expected {low:g} to {high:g} degC")
-            self._oil["temperature"] = value
+            self.oil["oil_temperature"] = value
             self.config = replace(c, oil_supply=replace(c.oil_supply, temperature=float(value)))
             return
         if name == "instruments.noise":
@@ -279,8 +193,8 @@ class Rig(Timed):
         self._act_due()
 
     def _act_duty(self, duty: list[float]) -> None:
-        for k in range(kernel.VALVES):
-            self.valves["pending"][k] = duty[self._wiring[k]]
+        for valve, output in zip(self.valves, self._wiring):
+            valve["pending"] = duty[output]
 
     def set_current(self, sample: int, setpoint, gear: int, shifting: bool, flags: int = 0) -> None:
         """External controller's answer to ``sample`` at level "current": setpoints (3,) [A]; RigError when refused.
@@ -328,14 +242,14 @@ class Rig(Timed):
         self._last_command = int(sample)
         if self.level is None:
             self.level = level
-            self._drive = kernel.BY_SETPOINT if level == "current" else kernel.BY_DUTY
+            self._by = BY_SETPOINT if level == "current" else BY_DUTY
 
     def _may_act(self, level: str, command) -> bool:
         """False after a reset until the controller was in neutral and asked for no more than what leaves the valves
         shut: a clutch that was clamped before the trip does not come back by itself.
         """
         self.idle_command = ""
-        tripped = self._safe[0] > 0.0
+        tripped = self.safe
         if self._held_open or tripped:
             valves = (self.config.valve_zr_p1, self.config.valve_zr_p2)
             asks = bool(self._gear) or self._shifting or any(
@@ -366,7 +280,7 @@ class Rig(Timed):
             return RigStatus.TRIPPED
         if self.newest_command < 0 or self._held_open:
             return RigStatus.STARTING
-        return RigStatus.RUNNING if self._motor_on[0] > 0.0 else RigStatus.READY
+        return RigStatus.RUNNING if self.motor["enabled"] > 0.0 else RigStatus.READY
 
     @property
     def newest_command(self) -> int:
@@ -385,11 +299,12 @@ class Rig(Timed):
         neutral, one outside must have been there before its commands act again; until then the rig is starting.
         """
         self.check_tripped()
-        self.settings["safe"] = self.settings["motor_on"] = 0.0
+        self._safe[0] = self.motor["enabled"] = 0.0
         self.reason, self.stopped_by_person = "", False
         self._last_command = -1
         self._to_come.clear()
-        self.valves["pending"] = 0.0
+        for valve in self.valves:
+            valve["pending"] = 0.0
         self.cuts.excuse()
         self._law_outputs[:] = np.zeros(1, law.LAW_OUTPUT)
         self._law_state["gear"] = self._law_state["shift_end"] = 0
@@ -436,12 +351,14 @@ class Rig(Timed):
         if self.embedded or self.level == "current":
             return float(self.duty[self._wiring[k]])
         self._act_due()
-        return float(self.valves["pending"][k])
+        return float(self.valves[k]["pending"])
 
     def coil_currents(self) -> np.ndarray:
         """Measured currents at the controller's outputs (3,) [A]."""
         out = np.zeros(law.OUTPUTS)
-        out[self._wiring] = self.row()[kernel.I_1:kernel.I_1 + kernel.VALVES]
+        row = self.row()
+        for name, output in zip(VALVES, self._wiring):
+            out[output] = row[self.channels.index(self.world.plan.currents[name])]
         return out
 
     def wired(self) -> list[float]:
@@ -450,25 +367,29 @@ class Rig(Timed):
 
     def clutch_mode(self, k: int) -> int:
         """0 open, 1 slipping, 2 locked, as in rig_msgs/ClutchState."""
-        if self.cylinders["static"][k] <= 0.0:
+        if self.clutches[k]["static"] <= 0.0:
             return 0
-        return 2 if abs(self.mode[S1 + k]) >= 2 else 1
+        return 2 if abs(self.mode[self._element(CLUTCHES[k])]) >= 2 else 1
 
     def clutch_torque(self, k: int) -> float:
         """Friction torque of clutch k [Nm], positive when it drives the output."""
-        return float(self._el[driveline_algebra.LAM, S1 + k])
+        return float(self._el[driveline_algebra.LAM, self._element(CLUTCHES[k])])
 
     def slip(self, k: int) -> float:
         """Driving minus driven side of clutch k [rad/s]."""
-        return float(self._w[S1 + k] @ self.v)
+        return float(self._slips[self._element(CLUTCHES[k])] @ self.v)
+
+    def line_pressure(self, k: int) -> float:
+        """Pressure between valve k and its clutch [Pa, gauge]."""
+        return self.true(f"{CLUTCHES[k]}.pressure")
 
     def load_torque(self) -> float:
         """Torque of the load pump against the output shaft [Nm]."""
-        return float(self._el[driveline_algebra.LAM, kernel.LOAD])
+        return float(self._el[driveline_algebra.LAM, self._element("load_pump")])
 
     def load_capacity(self) -> float:
         """Torque that the load pump could hold [Nm]."""
-        return float(self._cap[driveline_algebra.KIN1, kernel.LOAD])
+        return float(self._cap[driveline_algebra.KIN1, self._element("load_pump")])
 
     def locked_gear(self) -> int:
         """0 none, 1 S1 locked, 2 S2 locked, 3 both."""
@@ -480,14 +401,15 @@ class Rig(Timed):
         motor = float(self._e_in.sum())
         if self._put_on:  # what it holds is not the motor's work
             motor -= 0.5 * self._put_on * float(self.v[0]) ** 2
+        s1, s2, loss_in, loss_out, load = (self._element(name) for name in (*CLUTCHES, *LOSSES, "load_pump"))
         out = {
             "motor": motor,
-            "load": float(fric[kernel.LOAD]),
-            "heat_s1": float(fric[S1] + visc[S1]),
-            "heat_s2": float(fric[S2] + visc[S2]),
-            "loss_in": float(fric[kernel.LOSS_IN]),
-            "loss_out": float(fric[kernel.LOSS_OUT]),
-            "stored": float(0.5 * self.v @ self._mass @ self.v),
+            "load": float(fric[load]),
+            "heat_s1": float(fric[s1] + visc[s1]),
+            "heat_s2": float(fric[s2] + visc[s2]),
+            "loss_in": float(fric[loss_in]),
+            "loss_out": float(fric[loss_out]),
+            "stored": float(0.5 * self.v @ self._system.mass @ self.v),
         }
         # sum() rounds otherwise from Python 3.12 on, and the bag has to be the same in all of them
         used = 0.0
@@ -501,7 +423,7 @@ class Rig(Timed):
 
     def _state(self) -> tuple:
         """Everything that a step reads and changes, but the ring of rows."""
-        return (self._world, self._law_outputs, self._law_state, self._duty, self._setpoint, self.gauges.state,
+        return (self.world.record, self._law_outputs, self._law_state, self._duty, self._setpoint, self.gauges.state,
                 self.gauges.counts)
 
     def snapshot(self) -> tuple:
@@ -527,9 +449,7 @@ class Rig(Timed):
     def state_hash(self) -> str:
         """Digest of the whole state: equal for equal histories, however they were cut into calls."""
         digest = hashlib.sha256()
-        for part in (self.v, self.mode, self._el, self._e_in, self.valves, self.cylinders, self.plant,
-                     self.held, self._law_outputs, self._law_state, self.settings, self.gauges.state,
-                     self.gauges.counts):
+        for part in (self.world.moved, self._law_outputs, self._law_state, self.gauges.state, self.gauges.counts):
             digest.update(np.ascontiguousarray(part).tobytes())
         digest.update(str(self.sample).encode())
         return digest.hexdigest()

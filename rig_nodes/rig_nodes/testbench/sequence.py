@@ -21,7 +21,7 @@ from ..config.schema import check_keys, where_of
 from ..config.units import dimension_of, quantity, span
 from ..config.yaml_file import List, Map
 from ..errors import RigError, brief
-from ..plant.load_pump import LoadConfig, most_torque, relief_setting_for
+from ..parts.load_pump import LoadConfig, most_torque, relief_setting_for
 from ..transmission import transmission_of
 from .clutch_bench_configuration import KIND as CLUTCH_BENCH
 

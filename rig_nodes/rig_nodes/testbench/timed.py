@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What every rig that is moved sample by sample has: simulated time, the ring of its logger's rows, its status.
+"""What every rig that is moved sample by sample has: the engine's world, simulated time, the ring of rows, its status.
 
-Base of testbench.rig (the gearbox) and testbench.clutch_bench.
+Base of testbench.rig (the gearbox) and testbench.clutch_bench; the only place that calls the engine.
 """
 
 from __future__ import annotations
@@ -15,11 +15,18 @@ from enum import IntEnum
 
 import numpy as np
 
+from ..alfa46 import law
 from ..catalogue import Catalogue, Signal
 from ..clocks import ROW, SAMPLE, SAMPLE_NS
 from ..config.schema import param
+from ..engine import loop
+from ..engine.first_start import compile_beside
+from ..engine.plan import Plan, World
 from ..errors import RigError
-from ..plant.outcome import NOT_SETTLED
+from ..instruments import transducers
+from ..parts.proportional_valve import BY_DUTY
+from ..plant.outcome import NOT_SETTLED, WHOLE
+from .gauges import Gauges
 
 LOG_ROWS = 20_000  # ring of logger rows, 2 s at 10 kHz
 
@@ -53,26 +60,15 @@ def check_range(name: str, value: float, signal: Signal) -> None:
                        f"{signal.unit}")
 
 
-def places(dtype: np.dtype, name: str = "") -> list[str]:
-    """Name of each number of 8 bytes in a record, e.g. "cylinders[1].temperature"."""
-    if dtype.subdtype:
-        base, shape = dtype.subdtype
-        return [place for index in np.ndindex(shape) for place in places(base, f"{name}{list(index)}")]
-    if dtype.names is None:
-        return [name]
-    return [place for field in dtype.names
-            for place in places(dtype[field], f"{name}.{field}" if name else field)]
-
-
 class Timed(ABC):
     """``channels``: names of the columns of a row, those of the logger first; ``sample``: controller samples since 0;
-    ``settings``: record of what people and sequences set, with ``motor_on`` and ``safe``; ``reason``: of a trip.
+    ``reason``: of a trip; ``world``: what the engine moves; ``drive``: name of the device that drives the rig.
 
-    A rig calls :meth:`count_steps` and takes its ring of rows from :meth:`ring` before time passes.
+    A rig calls :meth:`count_steps` and :meth:`build` before time passes.
     """
 
     channels: tuple[str, ...]
-    settings: np.ndarray
+    drive = "motor"
 
     def count_steps(self, step: float, catalogue: Catalogue) -> None:
         """Note how many steps [s] of the plant make a sample and a row; RigError when they do not fit.
@@ -89,9 +85,54 @@ class Timed(ABC):
         self._drained = 0  # logger rows handed out
         self.reason, self.stopped_by_person = "", False
         self.logger_names = [s.name for s in catalogue.logger_channels()]
+
+    def build(self, plan: Plan, gauges: Gauges) -> None:
+        """Make the world and the first row; ``gauges`` show the plan's channels."""
+        self.world, self.gauges, self.channels = World(plan), gauges, tuple(plan.channels)
         if self.logger_names != list(self.channels[:len(self.logger_names)]):
-            raise RigError(f"signals.yaml: the logger's columns {self.logger_names} are not the kernel's "
+            raise RigError(f"signals.yaml: the logger's columns {self.logger_names} are not those of the rig, "
                            f"{self.channels}")
+        self._safe = self.world.record["safe"]
+        self._enabled = self.device(self.drive)
+        self.v, self.mode = self.world.line["v"], self.world.line["mode"]
+        self._by = BY_DUTY
+        self._law_config, self._law_profiles = np.zeros(1, law.LAW_CONFIG), np.zeros((law.OUTPUTS, 6, 2))
+        self._law_outputs, self._law_state = np.zeros(law.OUTPUTS, law.LAW_OUTPUT), np.zeros(1, law.LAW_STATE)
+        self._log = np.zeros((LOG_ROWS * self._logger_stride, len(self.channels)), order="F")
+        count = len(self.channels) - plan.untouched
+        self._shown = np.zeros(1, transducers.shown_dtype(count, plan.untouched, len(plan.encoders)))
+        self._shown["present"], self._shown["source"] = gauges.present, self.world.source[:count]
+        self._shown["untouched_source"] = self.world.source[count:]
+        self._shown["encoder"] = [self.channels.index(name) for name in plan.encoders]
+        world = self.world
+        compile_beside(world.record.dtype, world.sizes, lambda: loop.first_row(
+            self._log, self.step, world.record, world.numbers, self._shown, *gauges.arrays))
+
+    def move(self, samples: int) -> bool:
+        """Move on by samples; False when the plant trips the rig. One that is tripped moves on as far as it can."""
+        end, world = self.sample + samples, self.world
+        while self.sample < end:
+            self.sample, how = loop.advance(
+                end - self.sample, self.sample, self._steps_per_sample, self.step, self._by, world.record, world.numbers,
+                self._shown, *self.gauges.arrays, self._law_config, self._law_profiles, self._law_outputs,
+                self._law_state, self._log, world.moved, world.finite, world.kept)
+            if how != WHOLE and self.status != RigStatus.TRIPPED:
+                self.trip_for(how, world.names, world.kept[1, :world.finite].view(float))
+                return False
+        return True
+
+    def device(self, name: str) -> np.void:
+        """The states of a device by name, SI, to be read and set."""
+        return self.world.state(name)
+
+    def true(self, what: str) -> float:
+        """A number of the plant as it is, by its name in the rig's plan: "M_wej", "wk.speed", "clutch_s1.pressure"."""
+        return float(self.world.numbers[self.world.number(what)])
+
+    @property
+    def safe(self) -> bool:
+        """True in the safe state."""
+        return bool(self._safe[0] > 0.0)
 
     @property
     @abstractmethod
@@ -102,8 +143,8 @@ class Timed(ABC):
         """Safe state: no drive torque, no clutch clamped; the first reason stays until reset."""
         if self.status != RigStatus.TRIPPED:
             self.reason = reason
-        self.settings["safe"] = 1.0
-        self.settings["motor_on"] = 0.0
+        self._safe[0] = 1.0
+        self._enabled["enabled"] = 0.0
 
     def trip_for(self, how: int, names: list[str], values: np.ndarray) -> None:
         """Trip for a sample that the plant could not be moved over: ``how`` of plant.outcome, not WHOLE.
@@ -122,7 +163,7 @@ class Timed(ABC):
     def e_stop(self) -> None:
         """The red button: safe state that only ``reset`` ends."""
         self.stopped_by_person = True
-        self.settings["safe"] = 0.0  # a person's stop replaces whatever tripped before
+        self._safe[0] = 0.0  # a person's stop replaces whatever tripped before
         self.trip("emergency stop")
 
     def check_runs(self) -> None:
@@ -134,12 +175,6 @@ class Timed(ABC):
         """RigError when there is no safe state that could be left."""
         if self.status != RigStatus.TRIPPED:
             raise RigError("the rig is not in its safe state; nothing done")
-
-    def ring(self) -> np.ndarray:
-        """An empty ring of rows."""
-        # a channel's values lie side by side: whoever keeps rows copies whole channels
-        self._log = np.zeros((LOG_ROWS * self._logger_stride, len(self.channels)), order="F")
-        return self._log
 
     @abstractmethod
     def advance_samples(self, samples: int = 1) -> None:

@@ -16,18 +16,11 @@ from ..catalogue import catalogue
 from ..clocks import ROW, TICK_SAMPLES
 from ..controllers.record import record_of
 from ..controllers.seam import LEVELS
-from ..plant import kernel
-from .rig import Rig
+from .rig import LOSSES, Rig
 
 SCALAR_SAMPLES = 10  # controller samples between scalars (100 Hz)
-MEASURED = {  # topic of a transducer -> its logger column
-    "/motor/m_wej": kernel.M_WEJ, "/motor/n_wej": kernel.N_WEJ, "/load_pump/m_wyj": kernel.M_WYJ,
-    "/load_pump/n_wyj": kernel.N_WYJ, "/load_pump/p_po": kernel.P_PO, "/clutch_s1/p1": kernel.P_1,
-    "/clutch_s2/p2": kernel.P_2, "/valve_zr_p1/current": kernel.I_1, "/valve_zr_p2/current": kernel.I_2,
-    "/oil_supply/p_p": kernel.P_P, "/oil_supply/t_oil": kernel.T_OIL,
-}
 COMMAND = "/controller/command"
-SPEEDS = (kernel.N_WEJ, kernel.N_WYJ)  # of w0 and wk
+SPEEDS = ("n_wej", "n_wyj")  # of w0 and wk
 ATMOSPHERE = 101_325.0  # Pa, for the mirrors in absolute pressure
 
 
@@ -61,16 +54,21 @@ class Heard:
         return self._places[name]
 
 
+def measured_columns(rig) -> dict[str, int]:
+    """Topic of each transducer's messages -> its column in a row of the rig, in the order of the topics."""
+    return {topic: rig.channels.index(name) for topic, name in catalogue(rig.config.kind).measured().items()}
+
+
 class States:
     """Fields of the state topics, from the rig as it is; :meth:`refresh` before each tick's.
 
     The clutch bench's are testbench.clutch_bench_topics.
     """
 
-    measured = MEASURED
-
     def __init__(self, rig: Rig):
         self.rig, self.overruns = rig, 0  # overruns: set by whoever keeps time
+        self.measured = measured_columns(rig)
+        self._columns = {name: column for column, name in enumerate(rig.channels)}
         self._energy: dict[str, float] = {}  # of this tick
         self._angles = [0.0, 0.0]  # of w0 and wk since time 0 [rad]
         self.topics = {
@@ -89,8 +87,8 @@ class States:
 
         As a counter of the encoders would, without wrapping; fsum, so that no order of summing shows in the bag.
         """
-        for shaft, column in enumerate(SPEEDS):
-            self._angles[shaft] += ROW * math.fsum(rows[:, column].tolist())
+        for shaft, name in enumerate(SPEEDS):
+            self._angles[shaft] += ROW * math.fsum(rows[:, self._columns[name]].tolist())
 
     def each_sample(self) -> list[tuple]:
         """(topic, its fields) of what goes out with every sample: what the controller sees."""
@@ -103,7 +101,7 @@ class States:
         FluidPressure means absolute pressure, so ambient is added; its variance is that of the transducer's noise now.
         """
         def absolute(clutch: str, name: str) -> tuple:
-            column = kernel.CHANNELS.index(name)
+            column = self._columns[name]
             form = Form("sensor_msgs/msg/FluidPressure", lambda value, variance: {
                 "header": {"stamp": 0, "frame_id": clutch}, "fluid_pressure": value, "variance": variance}, 2)
             return form, lambda row: (float(row[column]) + ATMOSPHERE, self.rig.gauges.effective(name)**2)
@@ -111,7 +109,7 @@ class States:
         joints = Form("sensor_msgs/msg/JointState", lambda *values: {
             "header": {"stamp": 0, "frame_id": ""}, "name": ["w0", "wk"], "position": list(values[:2]),
             "velocity": list(values[2:4]), "effort": list(values[4:])}, 6)
-        columns = [*SPEEDS, kernel.M_WEJ, kernel.M_WYJ]
+        columns = [self._columns[name] for name in (*SPEEDS, "M_wej", "M_wyj")]
         return [("/instruments/joint_states", joints, lambda row: [*self._angles, *row[columns].tolist()]),
                 ("/instruments/p1_absolute", *absolute("clutch_s1", "p1")),
                 ("/instruments/p2_absolute", *absolute("clutch_s2", "p2"))]
@@ -131,18 +129,17 @@ class States:
             list(record.gear_names.values())))]
 
     def _motor(self):
-        rig, plant = self.rig, self.rig.plant[0]
-        return (float(rig.v[0]), float(plant["motor_setpoint"]), float(plant["motor_torque"]),
-                self._energy["motor"], bool(rig.settings["motor_on"][0] > 0.0))
+        rig, motor = self.rig, self.rig.motor
+        return (float(rig.v[0]), float(motor["setpoint"]), float(motor["torque"]), self._energy["motor"],
+                bool(motor["enabled"] > 0.0))
 
     def _gearbox(self):
-        rig, plant = self.rig, self.rig.plant[0]
-        energy = self._energy
-        return (rig.locked_gear(), float(rig.v[0]), float(rig.v[1]), float(plant["m_wej"]), float(plant["m_wyj"]),
-                float(plant["loss_in"]), float(plant["loss_out"]), energy["loss_in"] + energy["loss_out"])
+        rig, energy = self.rig, self._energy
+        return (rig.locked_gear(), float(rig.v[0]), float(rig.v[1]), rig.true("M_wej"), rig.true("M_wyj"),
+                *(float(rig.device(name)["torque"]) for name in LOSSES), energy["loss_in"] + energy["loss_out"])
 
     def _clutch(self, k: int):
-        rig, cylinder = self.rig, self.rig.cylinders[k]
+        rig, cylinder = self.rig, self.rig.clutches[k]
         slip = rig.slip(k)
         return (rig.clutch_mode(k), rig.clutch_torque(k), float(cylinder["drag"]) * slip, float(cylinder["kinetic"]),
                 float(cylinder["static"]), slip, float(cylinder["clamp"]), float(cylinder["chamber"]),
@@ -151,18 +148,18 @@ class States:
     def _valve(self, k: int):
         rig, valve = self.rig, self.rig.valves[k]
         return (float(valve["duty"]), float(valve["current"]), float(valve["spool"]), float(valve["flow"]),
-                float(rig.cylinders["line"][k]), rig.command_age, bool(rig.settings["safe"][0] > 0.0))
+                rig.line_pressure(k), rig.command_age, rig.safe)
 
     def _load(self):
         rig = self.rig
-        return (rig.load_torque(), rig.load_capacity(), float(rig.plant["load_pressure"][0]),
-                float(rig.settings["load_pressure"][0]), self._energy["load"])
+        return (rig.load_torque(), rig.load_capacity(), float(rig.load["pressure"]), float(rig.load["setting"]),
+                self._energy["load"])
 
     def _oil(self):
         rig = self.rig
-        return (float(rig.plant["supply"][0]), float(rig.settings["oil_pressure"][0]),
-                max(0.0, float(rig.valves["flow"].sum())), rig.config.oil_supply.temperature,
-                bool(rig.settings["oil_on"][0] > 0.0))
+        return (float(rig.oil["pressure"]), float(rig.oil["setting"]),
+                max(0.0, sum(float(valve["flow"]) for valve in rig.valves)), rig.config.oil_supply.temperature,
+                bool(rig.oil["enabled"] > 0.0))
 
     def _rig_state(self):
         rig = self.rig

@@ -19,8 +19,7 @@ from ..analysis.edges import odd_width, running_mean
 from ..analysis.metrics import BEFORE, TORQUE_SPEED_MEAN, Recording, shift_metrics
 from ..clocks import ROW, SAMPLE
 from ..errors import RigError
-from ..plant import kernel
-from ..plant.load_pump import relief_setting_for
+from ..parts.load_pump import relief_setting_for
 from ..testbench.configuration import RigConfig
 from ..testbench.rig import Rig
 from ..testbench.timed import Tripped
@@ -128,7 +127,7 @@ class Bench:
             self._go(until - (rig.time - ordered))
             count = round((rig.time - ordered) / ROW)
             rows = np.vstack((before, rig.rows_at(ROW, round(ordered / ROW), count)))
-            channels = {name: np.ascontiguousarray(rows[:, kernel.CHANNELS.index(name)])
+            channels = {name: np.ascontiguousarray(rows[:, rig.channels.index(name)])
                         for name in self.transmission.channels}
             shift = _measured(self.transmission, self.gears[point.way], channels, self._heat() - heat)
             if shift.valid or until == WINDOW:

@@ -17,9 +17,8 @@ import numpy as np
 from ..alfa46.settings import Alfa46Config
 from ..analysis.metrics import Recording, shift_metrics
 from ..clocks import ROW, SAMPLE
-from ..plant import kernel
-from ..plant.gearbox import RPM
-from ..plant.load_pump import relief_setting_for
+from ..parts.gear_loss import RPM
+from ..parts.load_pump import relief_setting_for
 from ..testbench.configuration import RigConfig
 from ..testbench.rig import Rig
 from ..transmission import NEUTRAL, Clutch, Transmission, transmission_of
@@ -70,7 +69,7 @@ def pressures(config: RigConfig, name: str) -> tuple[np.ndarray, np.ndarray]:
     _go(rig, SETTLE)
     rig.take_rows(10 * SETTLE)
     clutch, own = alone(transmission_of(config), name)
-    column, found = kernel.CHANNELS.index(clutch.pressure), []
+    column, found = rig.channels.index(clutch.pressure), []
     for gear, samples in ((own, 1000), (NEUTRAL, 1300)) * 2:
         rig.order_gear(gear)
         _go(rig, samples)
@@ -169,7 +168,7 @@ def steady_torque(config: RigConfig, gear: int, speed: float, load: float) -> fl
     _go(rig, 2000)
     rig.set_load(relief_setting_for(load, float(rig.v[1]), config.load_pump), load > 0.0)
     _go(rig, 3000)
-    return float(rig.plant["m_wej"][0])
+    return rig.true("M_wej")
 
 
 def loss_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
@@ -224,7 +223,7 @@ def shift(config: RigConfig, to: int, t12: float | None = None, speed: float = 5
     rig.order_gear(to)
     _go(rig, after)
     rows = rig.rows_at(ROW, 10 * (order - before), 10 * (before + after) - 9)
-    channels = {name: rows[:, k] for k, name in enumerate(kernel.CHANNELS)}
+    channels = {name: rows[:, k] for k, name in enumerate(rig.channels)}
     recording = Recording((order - before) * SAMPLE, ROW, channels, transmission=box)
     return shift_metrics(recording, (order * SAMPLE, of, to))
 

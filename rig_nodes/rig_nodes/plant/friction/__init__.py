@@ -5,5 +5,5 @@
 
 ``geometry``: ring and splines of a pack; ``closed``: torque of plates in contact; ``drag``: torque of oil
 between slipping plates; ``bench``: the packs and the clamp force of chapter 8; ``comparison``: what chapter 8
-says of the friction. plant.clutch takes its torque and its drag from here.
+says of the friction. parts.plates takes its torque and its drag from here.
 """

@@ -3,7 +3,7 @@
 
 """Torque of plates in solid contact, (6.13)-(6.21) and (6.54)-(6.56) of the thesis.
 
-Used by plant.clutch (the thesis's model), friction.bench and friction.comparison. Each model gives the torque
+Used by parts.plates (the thesis's model), friction.bench and friction.comparison. Each model gives the torque
 of the whole pack, static or kinetic by the friction that is given to it; it is proportional to the clamp
 force.
 

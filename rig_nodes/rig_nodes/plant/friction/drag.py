@@ -3,7 +3,7 @@
 
 """Drag torque of oil, and of oil with contact, between slipping plates: (6.1)-(6.12) of the thesis.
 
-Used by plant.clutch (Kitabayashi's model) and by the picture of fig. 6.5. The thesis gives Kitabayashi for n
+Used by parts.plates (Kitabayashi's model) and by the picture of fig. 6.5. The thesis gives Kitabayashi for n
 surfaces and the others for one; here each gives ``pack.surfaces`` times one surface, all surfaces alike.
 
 All of them: ``slip`` w_rel [rad/s], of either sign, which the torque follows; ``viscosity`` mu_D [Pa s];

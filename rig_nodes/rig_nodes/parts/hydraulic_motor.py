@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Hydraulic motor SH of the clutch bench with flow regulator RP and maximum valve ZP_2 (thesis 8.1.2, fig. 8.1).
+"""Hydraulic motor behind a flow regulator and a maximum valve: the clutch bench's SH with RP and ZP_2 (thesis fig. 8.1).
 
-Called by plant.clutch_bench; the shaft behind it, with its torque meter, is described here for the general driveline.
+A part of the engine: torque by the pressure before it, friction of its own on its body.
 """
 
 from __future__ import annotations
@@ -13,11 +13,8 @@ from dataclasses import dataclass
 from numba import njit
 
 from ..config.schema import param
-from .driveline import Driveline
-
-# elements of the driveline, in this order
-PACK, FRICTION = range(2)
-
+from ..plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LO0, LO1
+from .part import Part
 
 @dataclass(frozen=True)
 class HydraulicMotorConfig:
@@ -30,26 +27,6 @@ class HydraulicMotorConfig:
     supply_pressure: float = param("pressure", 1e5, 1e8)
     relief_droop: float = param("hydraulic resistance", 1e6, 1e12)
     relief_rate: float = param("pressure rate", 1e3, 1e9)
-
-
-@dataclass(frozen=True)
-class BenchShaft:
-    """Torque meter, which joins motor and shaft (fig. 8.4), and the shaft with the inner plates."""
-
-    inertia: float = param("inertia", 1e-4, 10.0)
-    meter_stiffness: float = param("torque per angle", 1e2, 1e7)
-    meter_damping: float = param("torque per speed", 0.0, 1e4)
-
-
-def build_driveline(motor: HydraulicMotorConfig, shaft: BenchShaft):
-    """The compiled description: motor, torque meter, shaft, pack to the held housing, friction of the motor."""
-    d = Driveline()
-    d.inertia("motor", motor.inertia)
-    d.inertia("shaft", shaft.inertia)
-    d.shaft("torque_meter", "motor", "shaft", stiffness=shaft.meter_stiffness, damping=shaft.meter_damping)
-    d.brake("pack", "shaft")
-    d.brake("friction", "motor")
-    return d.build()
 
 
 @njit(cache=True)
@@ -77,3 +54,26 @@ def line_pressure(pressure, flow, speed, setting, h, bulk_modulus, motor):
     if free > setting:
         free = (stiff * pressure + rest + setting / motor.relief_droop) / (stiff + 1.0 / motor.relief_droop)
     return max(0.0, free)
+
+
+@njit(error_model="numpy", forceinline=True)
+def before(world, k, h, t):
+    """Relief setting, line pressure and torque over the step."""
+    me, my, line = world.parts.hydraulic_motor[k], world.values.hydraulic_motor[k], world.driveline
+    cap, f, safe = line.cap, my.element, world.safe > 0.0
+    cap[KIN0, f] = cap[KIN1, f] = cap[HI0, f] = cap[HI1, f] = my.friction
+    cap[LO0, f] = cap[LO1, f] = -my.friction
+    open_to = me.relief_target if me.relief_enabled > 0.0 and not safe else 0.0
+    me.relief = valve_setting(me.relief, open_to, h, my)
+    flow = my.displacement * me.target if me.enabled > 0.0 and not safe else 0.0
+    line.push[0, my.body] += my.displacement * me.pressure
+    me.pressure = line_pressure(
+        me.pressure, flow, line.speed[my.body], me.relief, h, world.values.oil_supply[my.oil].bulk_modulus, my)
+    line.push[1, my.body] += my.displacement * me.pressure
+
+
+# target, enabled: speed for which the regulator is set; relief_target, relief_enabled: where ZP_2 is turned to; relief: its
+# setting as it is turned
+PART = Part("hydraulic_motor", 30, (HydraulicMotorConfig,),
+            state=("target", "enabled", "relief_target", "relief_enabled", "relief", "pressure"),
+            wires=("body", "element", "oil"), stages={"before": before})

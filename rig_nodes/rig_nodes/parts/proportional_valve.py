@@ -3,7 +3,7 @@
 
 """Proportional pressure-reducing valve: coil, spool with friction and dead band, orifice with a flow limit.
 
-Called by plant.kernel for ZR-P1 and ZR-P2 (type 3WZCDE6, thesis tab. 3.4); nothing here prescribes a pressure.
+A part of the engine, for ZR-P1 and ZR-P2 (type 3WZCDE6, thesis tab. 3.4); nothing here prescribes a pressure.
 """
 
 from __future__ import annotations
@@ -15,6 +15,10 @@ from numba import njit
 
 from ..config.schema import param
 from .lag import lagged
+from .part import Part
+
+# who drives the coils: duty from outside, the embedded law, or the plant's power stage on setpoints from outside
+BY_DUTY, BY_LAW, BY_SETPOINT = range(3)
 
 
 @dataclass(frozen=True)
@@ -144,8 +148,16 @@ def opening(spool, valve):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def port_flow(share, port_pressure, supply_pressure, density, valve):
+def orifice_speed(density):
+    """sqrt(2 / rho) of the orifice law [m3/2 kg-1/2], for :func:`port_flow`."""
+    return sqrt(2.0 / density)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def port_flow(share, port_pressure, supply_pressure, speed, valve):
     """(flow to the clutch [m3/s], d flow/d port pressure): orifice law Q = A sqrt(2 dp / rho).
+
+    speed: of :func:`orifice_speed`.
 
     Near zero pressure difference the root is replaced by its tangent-like smooth form so that the slope stays
     finite; the oil cannot flow back into a supply of lower pressure than the port (check valve in the line P).
@@ -159,7 +171,7 @@ def port_flow(share, port_pressure, supply_pressure, density, valve):
     else:
         return 0.0, 0.0
     laminar = 2.0e3  # Pa: below this the orifice flow turns laminar; far under every pressure of interest
-    root = sqrt(2.0 / density) / sqrt(sqrt(drop * drop + laminar * laminar))
+    root = speed / sqrt(sqrt(drop * drop + laminar * laminar))
     flow = area * drop * root
     slope = area * root * (1.0 - 0.5 * drop * drop / (drop * drop + laminar * laminar))
     return sign * flow, -slope
@@ -181,3 +193,77 @@ def held_flow(state, port_pressure, supply_pressure, most):
     if flow < lowest:
         return lowest, -most if lowest < 0.0 else 0.0
     return flow, state.cut_slope
+
+
+@njit(error_model="numpy", forceinline=True)
+def fill(world, k, h):
+    """Shares of the coil's and the spool's way that are left after a step."""
+    my = world.values.proportional_valve[k]
+    my.coil_left, my.spool_left = coil_decay(h, my), spool_decay(h, my)
+
+
+@njit(error_model="numpy", forceinline=True)
+def command(world, k, outputs, drive):
+    """Duty of this sample; where the current is its setpoint, that of the last sample, as the duty would be."""
+    me, my = world.parts.proportional_valve[k], world.values.proportional_valve[k]
+    safe = world.safe > 0.0
+    if drive != BY_DUTY:
+        me.pending = outputs[my.output].duty
+    if my.ideal_current > 0.0:
+        me.current = 0.0 if safe else outputs[my.output].setpoint
+    me.duty = 0.0 if safe else me.pending
+
+
+@njit(error_model="numpy", forceinline=True)
+def before(world, k, h, t):
+    """Coil, magnet and spool over the step; the flow is solved with the line that it fills."""
+    me, my = world.parts.proportional_valve[k], world.values.proportional_valve[k]
+    me.on = me.duty if my.pwm == 0.0 else on_share(t, h, me.duty, my.pwm)
+    current = me.current
+    if my.ideal_current == 0.0:
+        me.current = coil_after(me.current, me.on, my.coil_left, my)
+    if me.cut == 0.0:
+        # in the middle of the step: the current as it was, the port's pressure as it has been going
+        line = world.oil[my.line]
+        me.magnet = magnet_pressure(me.magnet, 0.5 * (current + me.current), my)
+        me.spool = spool_after(me.spool, me.magnet, line.pressure + 0.5 * line.rise, my.spool_left, my)
+        me.share = opening(me.spool, my)
+
+
+@njit(error_model="numpy", forceinline=True)
+def pickup(world, k, h, index, shown):
+    """Voltage of the coil less its mean, in the wire of the transducer beside it."""
+    me, my = world.parts.proportional_valve[k], world.values.proportional_valve[k]
+    if my.beside >= 0:
+        # nothing is induced by the mean
+        on = on_share((index - 1) * h, h, me.duty, my.pulses) if me.duty > 0.0 else 0.0
+        shown.induced[my.beside] = on - me.duty
+
+
+@njit(error_model="numpy", forceinline=True)
+def line_flow(valve, line, supply, speed, most, values):
+    """(flow into the line [m3/s], its slope): of the spool, or of a valve that stands outside the plant."""
+    if valve.cut > 0.0:
+        return held_flow(valve, line, supply, most)
+    return port_flow(valve.share, line, supply, speed, values)
+
+
+@njit(error_model="numpy", forceinline=True)
+def fed(world, k, line, flow, h):
+    """Note what the valve has given to its line over a step, by whoever has solved it."""
+    me = world.parts.proportional_valve[k]
+    me.flow = flow
+    me.work += line * flow * h
+    world.oil[world.values.proportional_valve[k].supply].drawn += max(0.0, flow)  # what it lets out goes to the tank
+
+
+# on: share of the supply voltage on the coil in this step; pending: duty from the next sample on; work: given to the port
+# since time 0; cut > 0: the valve but for its coil stands outside (plant.cut), and cut_* is its answer. ideal_current: the
+# current is its setpoint; pwm: frequency, 0 where it is averaged; pulses: of what is picked up, there also where it is
+# averaged; beside: column of the transducer whose wire lies beside its own, -1 for none
+PART = Part("proportional_valve", 10, (ValveConfig,),
+            state=("duty", "on", "pending", "current", "magnet", "spool", "flow", "share", "work", "cut", "cut_flow",
+                   "cut_slope", "cut_pressure"),
+            derived=("coil_left", "spool_left", "ideal_current", "pwm", "pulses"),
+            wires=("line", "supply", "output", "beside"),
+            stages={"fill": fill, "command": command, "before": before, "pickup": pickup})

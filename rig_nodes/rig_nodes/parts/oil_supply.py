@@ -3,7 +3,7 @@
 
 """Clutch oil supply: pump P with relief valve ZP and the oil's properties.
 
-Called by plant.kernel; the laboratory kept p_p = 4 MPa in all tests.
+A part of the engine; the laboratory kept p_p = 4 MPa in all tests.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from numba import njit
 
 from ..config.schema import param
 from .lag import lagged
+from .part import Part
 
 
 @dataclass(frozen=True)
@@ -50,3 +51,24 @@ def supply_after(pressure, setting, enabled, flow, decay, oil):
     if enabled:
         target = max(0.0, setting - oil.relief_droop * max(flow, 0.0))
     return lagged(pressure, target, decay)
+
+
+@njit(error_model="numpy", forceinline=True)
+def fill(world, k, h):
+    """Share of a change of pressure that is still to come after a step."""
+    world.values.oil_supply[k].decay = exp(-h / world.values.oil_supply[k].pressure_time)
+
+
+@njit(error_model="numpy", forceinline=True)
+def before(world, k, h, t):
+    """Pressure by what was drawn in the last step."""
+    me, my = world.parts.oil_supply[k], world.values.oil_supply[k]
+    line = world.oil[my.line]
+    me.flow = line.drawn
+    line.drawn = 0.0
+    me.pressure = line.pressure = supply_after(me.pressure, me.setting, me.enabled > 0.0, me.flow, my.decay, my)
+
+
+# setting, enabled: of the relief valve; temperature: of the oil in the whole rig [degC]
+PART = Part("oil_supply", 0, (OilSupplyConfig,), state=("setting", "enabled", "pressure", "flow", "oil_temperature"),
+            derived=("decay",), wires=("line",), stages={"fill": fill, "before": before})

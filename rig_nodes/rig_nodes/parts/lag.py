@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A first-order lag that ends at zero; used by plant.valve, plant.oil_supply and plant.load_pump."""
+"""A first-order lag that ends at zero; used by parts.proportional_valve, parts.oil_supply and parts.load_pump."""
 
 from __future__ import annotations
 

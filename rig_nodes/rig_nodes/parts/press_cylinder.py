@@ -3,7 +3,7 @@
 
 """Cylinder S_z of the clutch bench, its disc springs and what it presses: a pack, a force transducer or nothing.
 
-Called by plant.clutch_bench. Force over pressure (8.2), springs (8.1), clamp force (8.3) of the thesis.
+A part of the engine. Force over pressure (8.2), springs (8.1), clamp force (8.3) of the thesis.
 """
 
 from __future__ import annotations
@@ -13,7 +13,9 @@ from dataclasses import dataclass
 from numba import njit
 
 from ..config.schema import param, switch
-from .friction.bench import SPRING_FORCE, SPRING_TRAVEL
+from ..plant.friction.bench import SPRING_FORCE, SPRING_TRAVEL
+from .oil_supply import supply_pressure
+from .part import Part
 
 
 @dataclass(frozen=True)
@@ -91,3 +93,25 @@ def piston_step(travel, pressure, h, cylinder):
             break
         x = new
     return max(0.0, x)
+
+
+@njit(error_model="numpy", forceinline=True)
+def before(world, k, h, t):
+    """The lever valve, chamber, piston and springs over the step, or the testing machine in their place."""
+    me, my = world.parts.press_cylinder[k], world.values.press_cylinder[k]
+    on = me.enabled > 0.0 and world.safe == 0.0
+    me.pressure = supply_pressure(me.pressure, me.setting, on, 0.0, h, world.values.oil_supply[my.oil])
+    if my.testing_machine > 0.0:
+        target = me.machine_target if me.machine_enabled > 0.0 and world.safe == 0.0 else 0.0
+        me.travel = machine_step(me.travel, target, h, my)
+        me.force = spring_force(me.travel, my)[0]
+    else:
+        me.travel = piston_step(me.travel, me.pressure, h, my)
+        me.force = me.clamp = contact_force(me.travel, my)
+
+
+# setting, enabled: of the pressure; machine_target, machine_enabled: travel of the testing machine; pressure: in the chamber;
+# force: on what the piston or the machine presses; clamp: on a pack
+PART = Part("press_cylinder", 10, (PressCylinder,),
+            state=("setting", "enabled", "machine_target", "machine_enabled", "pressure", "travel", "force", "clamp"),
+            wires=("oil",), stages={"before": before})

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Load pump PO (type PWK) with relief valve in its pressure line: a passive load on the output shaft wk.
+"""Load pump (the laboratory's PO, type PWK) with relief valve in its pressure line: a passive load on a shaft.
 
-Called by plant.kernel as a torque capacity that the driveline applies as friction, so it can hold, never drive.
+A part of the engine: a torque capacity that the driveline applies as friction, so it can hold, never drive.
 """
 
 from __future__ import annotations
@@ -14,7 +14,9 @@ from math import exp, pi
 from numba import njit
 
 from ..config.schema import param
+from ..plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LO0, LO1
 from .lag import lagged
+from .part import Part
 
 RPM = pi / 30.0
 
@@ -65,3 +67,31 @@ def most_torque(load: LoadConfig) -> float:
 def relief_setting_for(torque: float, speed: float, load: LoadConfig) -> float:
     """Relief setting [Pa] that gives this load torque [Nm] at this output speed [rad/s]."""
     return max(0.0, torque - load.mechanical_loss) / (load.displacement * relief_factor(speed))
+
+
+@njit(error_model="numpy", forceinline=True)
+def fill(world, k, h):
+    """Share of a change of pressure that is still to come after a step."""
+    world.values.load_pump[k].decay = exp(-h / world.values.load_pump[k].pressure_time)
+
+
+@njit(error_model="numpy", forceinline=True)
+def before(world, k, h, t):
+    """Pressure and capacity by the speed in the middle of the step."""
+    me, my, line = world.parts.load_pump[k], world.values.load_pump[k], world.driveline
+    cap, f = line.cap, my.element
+    capacity = cap[KIN1, f]
+    cap[KIN0, f], cap[HI0, f], cap[LO0, f] = capacity, capacity, -capacity
+    if me.held > 0.0:
+        me.pressure = me.held_pressure
+        capacity = max(0.0, me.held_capacity)
+    else:
+        me.pressure = pressure_after(me.pressure, me.setting, me.enabled > 0.0, line.middle[my.body], my.decay, my)
+        capacity = torque_capacity(me.pressure, my)
+    cap[KIN1, f], cap[HI1, f], cap[LO1, f] = capacity, capacity, -capacity
+
+
+# setting, enabled: of the relief valve; held: answer of a load outside the plant, for a tick (plant.cut)
+PART = Part("load_pump", 40, (LoadConfig,),
+            state=("setting", "enabled", "pressure", "held", "held_capacity", "held_pressure"), derived=("decay",),
+            wires=("body", "element"), stages={"fill": fill, "before": before})

@@ -1,0 +1,173 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The one compiled entry of all rigs: plant, instruments and embedded controller, moved together in fixed order.
+
+Called by testbench.timed only. All it moves is one record, the world, beside the gauges' arrays, the law's and the ring
+of rows: it allocates nothing and holds no lock.
+"""
+
+from __future__ import annotations
+
+from math import inf
+
+from numba import njit
+
+from ..alfa46.law import OFF, current_loop, law_step
+from ..compiled import load_numba
+from ..instruments import transducers
+from ..parts.proportional_valve import BY_LAW, BY_SETPOINT
+from ..plant.driveline_algebra import N_CAPPED
+from ..plant.outcome import NOT_FINITE, NOT_SETTLED, WHOLE
+from .stages import command, fill, ordered, pickup
+from .step import plant_step
+
+load_numba()
+EXPONENT = 0x7FF << 52  # of a double whose bits are read as an integer: all set where it is no finite number
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def true_row(numbers, shown):
+    """The values at the end of a step into the row of ``shown``; False where one is no finite number.
+
+    numbers: the beginning of the world, of which every channel shows one.
+    """
+    row, wrong = shown.row, 0
+    for c in range(shown.source.shape[0]):
+        row[c] = numbers[shown.source[c]]
+    for c in range(shown.untouched.shape[0]):
+        shown.untouched[c] = numbers[shown.untouched_source[c]]
+        wrong += 0 if abs(shown.untouched[c]) < inf else 1
+    for c in range(row.shape[0]):
+        wrong += 0 if abs(row[c]) < inf else 1
+    return wrong == 0
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def measure(index, h, world, shown):
+    """One logger row of a true one: as transducers, encoders and converter show it.
+
+    shown: record of instruments.transducers.shown_dtype, with the true row, its hum and the encoders' counters a gate ago.
+    """
+    if shown.present > 0.0:
+        if shown.pickup > 0.0:
+            pickup(world, h, index, shown)
+        for e in range(shown.encoder.shape[0]):
+            transducers.encode(shown, shown.encoder[e], index)
+        transducers.show(shown, index)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def put_row(log, place, shown):
+    """What is shown into a row of the ring."""
+    count = shown.source.shape[0]
+    for c in range(count):
+        log[place, c] = shown.row[c]
+    for c in range(shown.untouched.shape[0]):
+        log[place, count + c] = shown.untouched[c]
+
+
+@njit(cache=True, error_model="numpy")
+def power_stage(row, world, outputs, config):
+    """The plant's current driver, for controllers that return setpoints: the box's current loop for each output.
+
+    Reads the coil currents of the logger row ``row`` and the setpoints in ``outputs``; leaves its duty there.
+    """
+    for k in range(world.channel.shape[0]):
+        if world.channel[k] >= 0:
+            world.current[k] = row[world.channel[k]]
+        out = outputs[k]
+        current_loop(out.phase != OFF and world.safe == 0.0, world.current[k], out, config)
+
+
+@njit(cache=True, error_model="numpy")
+def first_row(log, h, worlds, numbers, showns, table, keys, hum, state, counts):
+    """The logger's row of time 0."""
+    shown = showns[0]
+    transducers.take(shown, table, keys, state)
+    shown.mains = hum[0]
+    for e in range(shown.encoder.shape[0]):
+        shown.counted[shown.encoder[e]] = 0.0
+    true_row(numbers, shown)
+    measure(int(0), h, worlds[0], shown)  # int(): a literal would have it compiled once more
+    for e in range(shown.encoder.shape[0]):
+        counts[0, shown.encoder[e]] = shown.counted[shown.encoder[e]]
+    put_row(log, 0, shown)
+    transducers.give(shown, state)
+
+
+@njit(cache=True, error_model="numpy", forceinline=False)
+def put_back(world, moved, kept):
+    """The state of the sample's beginning, the one that is given up into ``kept``."""
+    for i in range(kept.shape[1]):
+        kept[1, i] = moved[i]
+        moved[i] = kept[0, i]
+    world.driveline.work[:] = 0.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def advance(samples, first_sample, steps_per_sample, h, drive, worlds, numbers, showns, table, keys, hum, gauge_state,
+            counts, law_config, law_profiles, law_outputs, law_state, log, moved, finite, kept):
+    """Move everything by whole controller samples; row j of the ring ``log`` is the time j * h after 0.
+
+    Returns (the sample that was reached, one of WHOLE, NOT_FINITE, NOT_SETTLED): it ends early with the sample in
+    which something went wrong. numbers, moved: the beginning of ``worlds`` as float64 and int64, of which the first
+    ``finite`` must be finite numbers; kept (2, as many as a step leaves to the next): its copy at the sample's beginning,
+    and the state that was not finite. Such a sample leaves the plant as it was at its beginning, and its rows show that.
+
+    Order at each controller sample: the duty answered to the last sample is applied, then (drive BY_LAW) the law
+    answers this one. So the controller acts with one sample of delay, in the engine and outside it alike. BY_SETPOINT
+    the duty is that of the power stage for the newest setpoints and the currents of the last sample, which the
+    controller saw too: the same delay, wherever the current loop is closed.
+    """
+    rows, first, gate = log.shape[0], first_sample * steps_per_sample, counts.shape[0]
+    newest, mains, slot = first % rows, first % hum.shape[0], first % gate
+    world, shown = worlds[0], showns[0]
+    fill(world, h)
+    transducers.take(shown, table, keys, gauge_state)
+    capped, how, reached = world.driveline.count[N_CAPPED], WHOLE, first_sample
+    for s in range(first_sample, first_sample + samples):
+        if drive == BY_SETPOINT and s > 0:
+            power_stage(log[((s - 1) * steps_per_sample) % rows], world, law_outputs, law_config[0])
+        command(world, law_outputs, drive)
+        if drive == BY_LAW:
+            for k in range(world.channel.shape[0]):
+                if world.channel[k] >= 0:
+                    world.current[k] = log[newest, world.channel[k]]
+            law_step(s, world.current, law_config[0], law_profiles, law_outputs, law_state[0])
+        ordered(world, law_outputs, steps_per_sample, h)
+        for i in range(kept.shape[1]):
+            kept[0, i] = moved[i]
+        for index in range(s * steps_per_sample, (s + 1) * steps_per_sample):
+            if how == WHOLE:
+                plant_step(world, h, index * h)
+            if not true_row(numbers, shown) and how == WHOLE:
+                # the gauges would remember it
+                how = NOT_FINITE
+                put_back(world, moved, kept)
+                true_row(numbers, shown)
+            newest = newest + 1 if newest + 1 < rows else 0
+            mains = mains + 1 if mains + 1 < hum.shape[0] else 0
+            slot = slot + 1 if slot + 1 < gate else 0
+            # arrays stay out of what is called here: a function counts those it is given in and out
+            shown.mains = hum[mains]
+            for e in range(shown.encoder.shape[0]):
+                shown.counted[shown.encoder[e]] = counts[slot, shown.encoder[e]]
+            measure(index + 1, h, world, shown)
+            for e in range(shown.encoder.shape[0]):
+                counts[slot, shown.encoder[e]] = shown.counted[shown.encoder[e]]
+            put_row(log, newest, shown)
+        reached = s + 1
+        if how == WHOLE:
+            wrong = 0
+            for i in range(finite):
+                wrong |= (moved[i] & EXPONENT) == EXPONENT
+            if wrong:
+                how = NOT_FINITE
+                put_back(world, moved, kept)
+            elif world.driveline.count[N_CAPPED] != capped:
+                how = NOT_SETTLED
+        if how != WHOLE:
+            break
+    transducers.give(shown, gauge_state)
+    return reached, how

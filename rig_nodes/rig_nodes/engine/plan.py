@@ -1,0 +1,225 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a rig is made of, as the engine needs it, and the world's record filled from that.
+
+A plan is made of a rig's configuration (testbench.gearbox_plan, testbench.bench_plan); testbench.timed moves what comes out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..config.schema import fill
+from ..errors import RigError
+from ..parts.part import part
+from ..plant.driveline import System
+from ..plant.driveline_losses import OWN
+from .world import Sizes, places, world_dtype
+
+NONE = -1  # place of a wire that goes nowhere
+
+
+@dataclass(frozen=True)
+class Instance:
+    """A device of a rig: its name, its part, and what its record holds.
+
+    configs: as the part's; derived, tables: of the part's derived numbers and tables; start: of its states; wires: names of
+    what it is joined to, or the number of an output or of a loss; see :class:`Plan`.
+    """
+
+    name: str
+    part: str
+    configs: tuple = ()
+    derived: Mapping[str, float] = field(default_factory=dict)
+    wires: Mapping[str, str | int] = field(default_factory=dict)
+    start: Mapping[str, float] = field(default_factory=dict)
+    tables: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Meter:
+    """Torque between bodies: sum of friction torques (by element), of pushes (by body) and of accelerations (by body)
+    times these weights."""
+
+    name: str
+    friction: Mapping[str, float] = field(default_factory=dict)
+    push: Mapping[str, float] = field(default_factory=dict)
+    rate: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A rig for the engine.
+
+    Wires of an instance by their key: "body", "braked" name one of ``bodies``, "element" one of the driveline's friction
+    elements, "line", "supply" one of ``oil_lines``, "beside" a channel, "valve", "oil" another instance; others are
+    numbers. channels: column of the logger -> where its true value is, "<instance>.<state>", "<body>.speed",
+    "<oil line>.pressure", the name of a meter or "<shaft>.torque". currents: instance -> channel with the current of its coil;
+    untouched: how many of the last channels no transducer shows.
+    """
+
+    system: System
+    bodies: tuple[str, ...]
+    oil_lines: tuple[str, ...]
+    instances: tuple[Instance, ...]
+    meters: tuple[Meter, ...]
+    losses: np.ndarray
+    channels: Mapping[str, str]
+    encoders: tuple[str, ...]
+    outputs: int
+    currents: Mapping[str, str] = field(default_factory=dict)
+    untouched: int = 0
+
+
+class World:
+    """The record of a plan, and where in it everything is.
+
+    record: the world (1,); numbers, moved: its beginning as float64 and int64; names: of these numbers as people say
+    them, of which the first ``finite`` must be finite; kept: room for two copies of what a step leaves to the next one.
+    """
+
+    def __init__(self, plan: Plan):
+        self.plan = plan
+        self._by_part: dict[str, list[Instance]] = {}
+        for instance in plan.instances:
+            self._by_part.setdefault(instance.part, []).append(instance)
+        system, shapes = plan.system, {}
+        for instance in plan.instances:
+            shapes.update({name: table.shape for name, table in instance.tables.items()})
+        self.sizes = sizes = Sizes(len(system.speeds), len(system.elements), len(system.shafts), len(plan.losses),
+                      int(plan.losses[0, OWN]) if len(plan.losses) else 0, len(plan.bodies),
+                      len(plan.meters), len(plan.oil_lines), plan.outputs)
+        dtype = world_dtype({name: len(group) for name, group in self._by_part.items()}, sizes, shapes)
+        self.record = np.zeros(1, dtype)
+        self.line = self.record["driveline"][0]
+        every = places(dtype)
+        self.finite = every.index("driveline.mode[0]") if "driveline.mode[0]" in every else every.index("driveline.minv[0, 0]")
+        count = self.finite + sizes.elements
+        self._places = {place: number for number, place in enumerate(every[:self.finite])}
+        self.names = [self._told(place) for place in every[:count]]
+        self.numbers, self.moved = self.record.view(np.float64)[:self.finite], self.record.view(np.int64)[:count]
+        self.kept = np.zeros((2, count), np.int64)
+        self._fill_driveline(system)
+        for instance in plan.instances:
+            self._fill_instance(instance)
+        self.record["channel"] = NONE
+        channels = list(plan.channels)
+        for name, channel in plan.currents.items():
+            self.record["channel"][0, self.values(name)["output"]] = channels.index(channel)
+        self.source = np.array([self.number(what) for what in plan.channels.values()], np.int64)
+
+    def state(self, name: str) -> np.void:
+        """The states of an instance, to be read and written."""
+        return self._of("parts", name)
+
+    def values(self, name: str) -> np.void:
+        """The configuration, derived numbers and wires of an instance, to be read and written."""
+        return self._of("values", name)
+
+    def states(self, kind: str) -> np.ndarray:
+        """The states of all instances of a part, in the order of the plan."""
+        return self.record["parts"][kind][0]
+
+    def _of(self, where: str, name: str) -> np.void:
+        kind, k = self._where(name)
+        return self.record[where][kind][0, k]
+
+    def _where(self, name: str) -> tuple[str, int]:
+        for kind, group in self._by_part.items():
+            for k, instance in enumerate(group):
+                if instance.name == name:
+                    return kind, k
+        raise RigError(f"the rig has no device '{name}'; known are "
+                       + ", ".join(instance.name for instance in self.plan.instances))
+
+    def place(self, what: str) -> str:
+        """Place of a number by its name in the rig, as in ``Plan.channels``; RigError when there is none."""
+        plan = self.plan
+        owner, _, name = what.partition(".")
+        if not name and what in (meters := [meter.name for meter in plan.meters]):
+            return f"driveline.meter[{meters.index(what)}]"
+        if name == "speed" and owner in plan.bodies:
+            return f"driveline.speed[{plan.bodies.index(owner)}]"
+        if name == "pressure" and owner in plan.oil_lines:
+            return f"oil[{plan.oil_lines.index(owner)}].pressure"
+        if name == "torque" and owner in plan.system.shafts:
+            return f"driveline.shaft[0, {plan.system.shafts.index(owner)}]"
+        kind, k = self._where(owner)
+        place = f"parts.{kind}[{k}].{name}"
+        if place not in self._places:
+            raise RigError(f"'{owner}' has no state '{name}'; known are {', '.join(part(kind).state)}")
+        return place
+
+    def number(self, what: str) -> int:
+        """Index in ``numbers`` of a number by its name in the rig."""
+        return self._places[self.place(what)]
+
+    def _told(self, place: str) -> str:
+        """A number of the record as people name it."""
+        plan, system = self.plan, self.plan.system
+        for kind, group in self._by_part.items():
+            for k, instance in enumerate(group):
+                place = place.replace(f"parts.{kind}[{k}].", f"{instance.name}: ")
+        for k, name in enumerate(plan.oil_lines):
+            place = place.replace(f"oil[{k}].", f"{name}: ")
+        for k, name in enumerate(system.speeds):
+            place = place.replace(f"driveline.v[{k}]", f"speed of {name}").replace(
+                f"driveline.e_in[{k}]", f"work on {name}").replace(f"driveline.gain[{k}]", f"change of speed of {name}")
+        for k, name in enumerate(plan.bodies):
+            for field_, what in (("speed", "speed"), ("gained", "change of speed"), ("rate", "acceleration")):
+                place = place.replace(f"driveline.{field_}[{k}]", f"{what} of {name}")
+        for k, meter in enumerate(plan.meters):
+            place = place.replace(f"driveline.meter[{k}]", meter.name)
+        for row, what in enumerate(("friction torque", "impulse", "heat of friction", "heat of drag")):
+            for k, name in enumerate(system.elements):
+                place = place.replace(f"driveline.el[{row}, {k}]", f"{name}: {what}")
+        return place
+
+    def _fill_driveline(self, system: System) -> None:
+        plan, line, start = self.plan, self.line, system.state()
+        for name in ("minv", "w", "sh", "kc"):
+            line[name] = getattr(system, name)
+        line["v"], line["twist"], line["mode"] = start.v, start.twist, start.mode
+        line["cap"], line["loss"] = system.limits(), plan.losses
+        rows = np.array([system.bodies_from_speeds[system.bodies.index(name)] for name in plan.bodies])
+        line["bodies"] = rows.reshape(line["bodies"].shape)
+        line["speed"] = rows @ start.v if len(rows) else 0.0
+        for k, meter in enumerate(plan.meters):
+            weights = line["meter_of"][k]
+            m, b = len(system.elements), len(plan.bodies)
+            for name, weight in meter.friction.items():
+                weights[system.elements.index(name)] = weight
+            for name, weight in meter.push.items():
+                weights[m + plan.bodies.index(name)] = weight
+            for name, weight in meter.rate.items():
+                weights[m + b:] += weight * system.bodies_from_speeds[system.bodies.index(name)]
+
+    def _fill_instance(self, instance: Instance) -> None:
+        values, state = self.values(instance.name), self.state(instance.name)
+        fill(values, *instance.configs)
+        for name, number in instance.derived.items():
+            values[name] = number
+        for name, table in instance.tables.items():
+            values[name] = table
+        for name in part(instance.part).wires:
+            values[name] = self._wire(name, instance.wires.get(name, NONE))
+        for name, number in instance.start.items():
+            state[name] = number
+
+    def _wire(self, key: str, to: str | int) -> int:
+        if isinstance(to, int):
+            return to
+        plan = self.plan
+        if key in ("body", "braked"):
+            return plan.bodies.index(to)
+        if key == "element":
+            return plan.system.elements.index(to)
+        if key in ("line", "supply"):
+            return plan.oil_lines.index(to)
+        if key == "beside":
+            return list(plan.channels).index(to)
+        return self._where(to)[1]

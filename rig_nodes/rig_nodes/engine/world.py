@@ -1,0 +1,82 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The record that the engine moves, made for one rig: sizes of its driveline, states and values of its parts.
+
+Used by engine.build. Everything lies in one record, so that the compiler sees which values cannot be the same ones; its
+beginning, up to and with the driveline's modes, is what a step leaves to the next one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..parts.part import part
+from ..plant.driveline_algebra import work_size
+from ..plant.driveline_losses import loss_width
+
+EVENTS = 256  # of the driveline, how many are kept
+# pressure in a line [Pa]; rise: in the last step; drawn: flow taken from it since its supply has looked [m3/s]
+OIL = np.dtype([("pressure", "f8"), ("rise", "f8"), ("drawn", "f8")])
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How many there are: bodies with a port (of a part or a transducer), and meters of the torque between bodies."""
+
+    speeds: int
+    elements: int
+    shafts: int
+    losses: int
+    first_loss: int
+    bodies: int
+    meters: int
+    oil_lines: int
+    outputs: int
+
+
+def driveline_dtype(n: Sizes) -> np.dtype:
+    """Arguments of driveline_kernel.driveline_step, those that a step changes first, and what parts need of it.
+
+    gain: of the speeds in the last step. speed, gained, rate: of the bodies with a port now, in the last step [rad/s] and
+    at its end [rad/s2]; middle: speed that is expected in the middle of the step. push: torque of parts on these bodies at
+    both ends of the step. bodies: their speeds by the driveline's. meter: torque between bodies, by the weights meter_of
+    of friction torques, pushes and accelerations.
+    """
+    s, m = n.speeds, n.elements
+    return np.dtype([
+        ("v", "f8", (s,)), ("gain", "f8", (s,)), ("el", "f8", (4, m)), ("e_in", "f8", (s,)),
+        ("loss", "f8", (n.losses, loss_width(s, m))), ("lossless", "f8", (n.first_loss, 0)), ("twist", "f8", (n.shafts,)), ("shaft", "f8", (2, n.shafts)),
+        ("speed", "f8", (n.bodies,)), ("gained", "f8", (n.bodies,)), ("rate", "f8", (n.bodies,)),
+        ("meter", "f8", (n.meters,)), ("mode", "i8", (m,)),
+        ("minv", "f8", (s, s)), ("w", "f8", (m, s)), ("sh", "f8", (n.shafts, s)), ("kc", "f8", (2, n.shafts)),
+        ("q", "f8", (2, s)), ("cap", "f8", (7, m)), ("middle", "f8", (n.bodies,)), ("push", "f8", (2, n.bodies)),
+        ("bodies", "f8", (n.bodies, s)), ("meter_of", "f8", (n.meters, m + n.bodies + s)), ("rates", "f8", (s,)),
+        ("events", "f8", (EVENTS, 3)), ("count", "i8", (2,)), ("work", "f8", (work_size(s, m, n.shafts),)),
+    ])
+
+
+def world_dtype(counts: dict[str, int], sizes: Sizes, shapes: dict[str, tuple[int, ...]]) -> np.dtype:
+    """The record of a rig with so many instances of each part; shapes: of the parts' tables.
+
+    safe > 0: the rig is in its safe state. channel: column of the logger with the coil current of each output of the
+    controller, -1 without one; current: these currents.
+    """
+    states = np.dtype([(name, part(name).state_dtype(), (count,)) for name, count in counts.items()])
+    values = np.dtype([(name, part(name).values_dtype(shapes), (count,)) for name, count in counts.items()])
+    return np.dtype([("safe", "f8"), ("oil", OIL, (sizes.oil_lines,)), ("parts", states),
+                     ("driveline", driveline_dtype(sizes)), ("values", values), ("channel", "i8", (sizes.outputs,)),
+                     ("current", "f8", (sizes.outputs,))])
+
+
+def places(dtype: np.dtype, name: str = "") -> list[str]:
+    """Name of each number of 8 bytes in a record, e.g. "parts.wet_clutch[1].temperature"."""
+    if dtype.subdtype:
+        base, shape = dtype.subdtype
+        return [place for index in np.ndindex(shape) for place in places(base, f"{name}{list(index)}")]
+    if dtype.names is None:
+        return [name]
+    return [place for field in dtype.names
+            for place in places(dtype[field], f"{name}.{field}" if name else field)]

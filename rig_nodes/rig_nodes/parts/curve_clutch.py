@@ -1,0 +1,92 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Plate pack whose line has a prescribed pressure, piecewise cubic in the time since its order: chapter 9's clutches.
+
+A part of the engine for comparing model with model; nothing of a valve or a cylinder acts in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from numba import njit
+
+from ..alfa46.law import OFF, ON
+from ..config.schema import param
+from . import plates
+from .part import Part
+from .plates import PlatePack
+from .wet_clutch import Cylinder
+
+
+@dataclass(frozen=True)
+class Force:
+    """Force on the plates: square p^2 + linear p + offset (Annex D) less the springs' at the kiss point."""
+
+    force_square: float = param("force per pressure squared", 0.0, 1e-6)
+    force_linear: float = param("area", 0.0, 1.0)
+    force_offset: float = param("force", -1e5, 1e5)
+    contact_force: float = param("force", 0.0, 1e5)
+
+
+@njit(error_model="numpy", forceinline=True)
+def prescribed_clamp(pressure, clutch):
+    """Clamp force [N] at a prescribed pressure [Pa]: F_p of Annex D less the springs' force at the kiss point."""
+    push = (clutch.force_square * pressure + clutch.force_linear) * pressure + clutch.force_offset
+    return max(0.0, push - clutch.contact_force)
+
+
+@njit(error_model="numpy")
+def prescribed_pressure(since, phase, pieces):
+    """Pressure [Pa] ``since`` s after the switch signal of a valve's phase; none before the first.
+
+    pieces (2, n, 5): for switching on and off, rows of end [s] and the coefficients of a cubic [Pa, s], lowest power
+    first; a row without end is the last one.
+    """
+    if phase == OFF:
+        return 0.0
+    way = 0 if phase == ON else 1
+    for row in range(pieces.shape[1]):
+        if since <= pieces[way, row, 0]:
+            p = pieces[way, row, 1] + since * (
+                pieces[way, row, 2] + since * (pieces[way, row, 3] + since * pieces[way, row, 4]))
+            return max(0.0, p)
+    return 0.0
+
+
+@njit(error_model="numpy", forceinline=True)
+def fill(world, k, h):
+    """What the step's length makes of the plates' cooling."""
+    plates.fill_plates(world.values.curve_clutch[k], h)
+
+
+@njit(error_model="numpy", forceinline=True)
+def ordered(world, k, outputs, steps_per_sample, h):
+    """Note when which way of the curve began."""
+    me, out = world.parts.curve_clutch[k], outputs[world.values.curve_clutch[k].output]
+    me.phase, me.began = out.phase, out.start * steps_per_sample
+
+
+@njit(error_model="numpy", forceinline=True)
+def before(world, k, h, t):
+    """Pressure of the curve at the step's end, and the pack under it."""
+    me, my = world.parts.curve_clutch[k], world.values.curve_clutch[k]
+    drag = plates.capacities_before(me, my, world.driveline.cap)
+    me.chamber = world.oil[my.line].pressure = prescribed_pressure(
+        (round(t / h) + 1 - me.began) * h, me.phase, my.pieces)
+    me.clamp = prescribed_clamp(me.chamber, my)
+    me.piston = my.clearance if me.clamp > 0.0 else 0.0
+    plates.capacities_after(me, my, me.piston, drag, world)
+
+
+@njit(error_model="numpy", forceinline=True)
+def after(world, k, h):
+    """Heat and wear of the plates."""
+    plates.heat_plates(world.parts.curve_clutch[k], world.values.curve_clutch[k], world)
+
+
+# phase, began: of the curve, in steps; clearance, piston: only where the pack's drag asks for them
+PART = Part("curve_clutch", 20, (Cylinder, PlatePack, Force), state=("chamber", "piston", "phase", "began", *plates.STATE),
+            derived=plates.DERIVED, wires=(*plates.WIRES, "line", "output"), tables=("pieces",),
+            stages={"fill": fill, "ordered": ordered, "before": before, "after": after})

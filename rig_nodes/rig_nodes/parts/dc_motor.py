@@ -1,0 +1,107 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""DC motor with thyristor speed control on a shaft: a ramped speed setpoint, a PI speed loop, torque build-up.
+
+A part of the engine; plant.cut steps its physics alone, where a motor stands outside.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp
+
+from numba import njit
+
+from ..config.schema import param
+from .part import Part
+
+
+@dataclass(frozen=True)
+class MotorConfig:
+    """Drive data; the torque limit is the smaller of torque_limit and power_limit / speed."""
+
+    torque_limit: float = param("torque", 1.0, 1e5)
+    braking_limit: float = param("torque", 0.0, 1e5)
+    power_limit: float = param("power", 1.0, 1e7)
+    torque_time: float = param("time", 1e-4, 1.0)
+    speed_gain: float = param("torque per speed", 0.0, 1e4)
+    speed_gain_integral: float = param("torque per angle", 0.0, 1e5)
+    ramp: float = param("angular acceleration", 0.1, 1e5)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def ramp_setpoint(setpoint, target, h, motor):
+    """The speed setpoint after h, moved towards its target by the drive's ramp."""
+    change = motor.ramp * h
+    return setpoint + min(max(target - setpoint, -change), change)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def next_setpoint(setpoint, target, speed, enabled, h, motor):
+    """The speed setpoint after h: ramped towards its target; that of a disabled drive follows the shaft."""
+    return ramp_setpoint(setpoint, target, h, motor) if enabled else speed
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def drive_torque(torque, integral, setpoint, speed, enabled, h, motor):
+    """(torque [Nm], integral part [Nm]) after h: PI with clamped integral; a disabled drive has no torque."""
+    return torque_after(torque, integral, setpoint, speed, enabled, h, exp(-h / motor.torque_time), motor)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def torque_after(torque, integral, setpoint, speed, enabled, h, decay, motor):
+    """:func:`drive_torque` over a time h in which the share ``decay`` of a change of torque is still to come."""
+    if not enabled:
+        return 0.0, 0.0
+    upper = min(motor.torque_limit, motor.power_limit / max(abs(speed), 1.0))
+    lower = -min(motor.braking_limit, upper)
+    error = setpoint - speed
+    before, integral = integral, min(max(integral + motor.speed_gain_integral * error * h, lower), upper)
+    asked = min(max(motor.speed_gain * error + 0.5 * (before + integral), lower), upper)
+    return asked + (torque - asked) * decay, integral
+
+
+@njit(error_model="numpy", forceinline=True)
+def fill(world, k, h):
+    """Share of a change of torque that is still to come after a step."""
+    world.values.dc_motor[k].decay = exp(-h / world.values.dc_motor[k].torque_time)
+
+
+@njit(error_model="numpy", forceinline=True)
+def before(world, k, h, t):
+    """Torque on its body at both ends of the step, by the speed in the middle of it."""
+    me, my, line = world.parts.dc_motor[k], world.values.dc_motor[k], world.driveline
+    drive = me.enabled > 0.0 and world.safe == 0.0
+    if my.stiff > 0.0:
+        # its body is so heavy that no clutch is felt; it is pushed to the setpoint of the step's end
+        me.setpoint = next_setpoint(me.setpoint, me.target, line.speed[my.body], drive, h, my)
+        me.before = me.torque = (me.setpoint - line.speed[my.body]) / (my.mobility * h) if drive else 0.0
+    elif me.held > 0.0:
+        me.setpoint = me.held_setpoint
+        me.before = me.torque = me.held_torque if world.safe == 0.0 else 0.0
+    else:
+        setpoint = me.setpoint
+        me.setpoint = next_setpoint(setpoint, me.target, line.speed[my.body], drive, h, my)
+        me.before = me.torque if drive else 0.0
+        me.torque, me.integral = torque_after(
+            me.torque, me.integral, 0.5 * (setpoint + me.setpoint), line.middle[my.body], drive, h, my.decay, my)
+    line.push[0, my.body] += me.before
+    line.push[1, my.body] += me.torque
+
+
+@njit(error_model="numpy", forceinline=True)
+def after(world, k, h):
+    """What gives a body that is held at its speed that speed, without what was put on it."""
+    me, my, line = world.parts.dc_motor[k], world.values.dc_motor[k], world.driveline
+    if my.stiff > 0.0:
+        me.torque = my.inertia * line.gained[my.body] / h + (me.torque - line.rate[my.body] / my.mobility)
+
+
+# target, enabled: speed setpoint and switch; held: torque and setpoint of a motor outside the plant, for a tick (plant.cut);
+# before: torque at the step's start; stiff: the speed is the setpoint, whatever the load; inertia: of its body
+PART = Part("dc_motor", 30, (MotorConfig,),
+            state=("target", "enabled", "setpoint", "torque", "before", "integral", "held", "held_torque",
+                   "held_setpoint"),
+            derived=("decay", "stiff", "inertia", "mobility"), wires=("body",),
+            stages={"fill": fill, "before": before, "after": after})

@@ -1,0 +1,75 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Loss of a gear train on one of its shafts: by speed, and by a torque that it passes on, as the driveline solves it.
+
+A part of the engine; the parabola by torque itself is plant.driveline_losses'.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi, sqrt
+
+from numba import njit
+
+from ..config.schema import choice, param
+from ..plant.driveline_algebra import KIN1
+from ..plant.driveline_losses import BASE, FACTOR
+from .part import Part
+
+RPM = pi / 30.0
+COAST_DOWN = 49.274  # rad/s: where the coast-down of 7.3.1 began
+LEAST_LOSS = 1e-9  # Nm: what may brake as soon as a torque comes is never open
+
+
+@dataclass(frozen=True)
+class GearLossConfig:
+    """Loss torque on a shaft: by its speed, constant, and a parabola of the torque passed on (Annex D).
+
+    by_speed: times Annex D's parabola, which falls above 1300 rpm. at_rest, at_470: the one that the printed coast-down
+    (7.7) has: its speed is a parabola of time, so the torque's square is linear in the speed, from ``at_rest`` to
+    ``at_470`` where it began. drag: whatever the speed and torque are. constant, share, square: of the parabola.
+    """
+
+    by_speed: float = param("ratio", 0.0, 10.0)
+    at_rest: float = param("torque", 0.0, 100.0)
+    at_470: float = param("torque", 0.0, 100.0)
+    drag: float = param("torque", 0.0, 100.0)
+    constant: float = param("torque", -100.0, 100.0)
+    share: float = param("ratio", -0.5, 0.5)
+    square: float = param("torque per torque squared", -0.01, 0.01)
+
+
+@njit(error_model="numpy", forceinline=True)
+def loss_by_speed(speed, loss):
+    """Loss torque [Nm] by the shaft's speed [rad/s], (6.72), (7.7) and Annex D."""
+    total = 0.0
+    if loss.by_speed > 0.0:
+        n = abs(speed) / RPM
+        total = loss.by_speed * max(0.0, -1.76e-6 * n * n + 4.58e-3 * n + 2.56)
+    if loss.at_rest + loss.at_470 > 0.0:
+        rest, began = loss.at_rest**2, loss.at_470**2
+        total += sqrt(max(0.0, rest + (began - rest) * abs(speed) / COAST_DOWN))
+    return total
+
+
+@njit(error_model="numpy", forceinline=True)
+def before(world, k, h, t):
+    """What is by speed, held over the step; what comes by torque is the driveline's to solve."""
+    my, line = world.values.gear_loss[k], world.driveline
+    line.loss[my.row, BASE] = max(LEAST_LOSS, loss_by_speed(line.middle[my.body], my) + my.drag)
+    if my.elsewhere > 0.0:  # the same power on the other shaft
+        there = line.middle[my.braked]
+        line.loss[my.row, FACTOR] = min(1.0, max(0.0, line.middle[my.body] / there)) if there > 1.0 else 0.0
+
+
+@njit(error_model="numpy", forceinline=True)
+def after(world, k, h):
+    """The torque that brakes its shaft now."""
+    world.parts.gear_loss[k].torque = world.driveline.cap[KIN1, world.values.gear_loss[k].element]
+
+
+# row: of the driveline's losses; element: that brakes its body; elsewhere: its loss by torque brakes the body ``braked``
+PART = Part("gear_loss", 50, (GearLossConfig,), state=("torque",), derived=("elsewhere",),
+            wires=("body", "element", "row", "braked"), stages={"before": before, "after": after})

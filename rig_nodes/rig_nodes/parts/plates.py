@@ -1,0 +1,207 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Plates of a wet multi-plate clutch, whatever presses them: friction, drag, heat, wear and what they remember.
+
+Used by parts.wet_clutch, parts.pressed_clutch and parts.curve_clutch, so all packs follow one law; the models of torque
+and drag themselves are in plant.friction.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp, expm1
+
+from numba import njit
+
+from ..config.schema import choice, param
+from ..errors import RigError
+from ..plant.driveline_algebra import E_FRIC, E_VISC, HI0, HI1, KIN0, KIN1, LO0, LO1, VISC
+from ..plant.friction import closed, drag
+from ..plant.friction.geometry import PackGeometry
+from .oil_supply import viscosity_at
+
+
+# models of chapter 6 that a configuration may name
+FRICTION_MODELS = ("thesis", "traditional", "osinski", "newcomb", "chen")
+DRAG_MODELS = ("kitabayashi", "davis", "pahlovy", "peng_yuan", "iqbal")
+
+
+@dataclass(frozen=True)
+class PlatePack(PackGeometry):
+    """Geometry and friction of the plates (thesis tab. 3.3)."""
+
+    friction_static: float = param("ratio", 0.0, 1.0)
+    friction_kinetic: float = param("ratio", 0.0, 1.0)
+    friction_spline: float = param("ratio", 0.0, 1.0)
+    friction_spline_static: float = param("ratio", 0.0, 1.0)
+    film_gap: float = param("length", 1e-6, 1e-2)
+    film_force: float = param("force", 1.0, 1e5)
+    film_radius: float = param("length", 1e-3, 1.0)
+    liquid_share: float = param("ratio", 0.0, 1.0)
+    mist_viscosity_share: float = param("ratio", 0.0, 1.0)
+    heat_capacity: float = param("heat capacity", 1.0, 1e6)
+    cooling: float = param("thermal conductance", 0.0, 1e6)
+    friction_per_kelvin: float = param("per temperature", -0.02, 0.02)
+    friction_temperature: float = param("temperature", -30.0, 300.0)
+    wear_rate: float = param("wear rate", 0.0, 1e-6)
+    wear_per_kelvin: float = param("per temperature", 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class PackFriction:
+    """How much of its model's torque a pack has, and what it holds without being pressed (6.56)."""
+
+    friction_model: str = choice(*FRICTION_MODELS)
+    drag_model: str = choice(*DRAG_MODELS)
+    friction_correction: float = param("ratio", 0.1, 10.0)
+    rest_torque: float = param("torque", 0.0, 500.0)
+    rest_sliding: float = param("ratio", 0.0, 1.0)
+    spline_hold: float = param("ratio", 0.0, 1.0)
+
+
+def torque_per_force(pack: PlatePack, friction: float, releasing: bool = False, model: str = "thesis") -> float:
+    """Torque per clamp force [Nm/N] of the whole pack by a model of chapter 6; RigError for a pack that cannot be.
+
+    Only for the thesis's model there is a reading of the release: plates that stick on their splines, so its spline
+    friction is that of rest, turned round. With the others the pack follows its clamp force.
+    """
+    spline = pack.friction_spline_static if releasing and model == "thesis" else pack.friction_spline
+    try:
+        if model == "thesis":
+            return closed.thesis(pack, 1.0, friction, spline, releasing=releasing)
+        if model == "traditional":
+            return closed.traditional(pack, 1.0, friction)
+        if model == "osinski":
+            return closed.osinski(pack, 1.0, friction, beyond_table=True)
+        return {"newcomb": closed.newcomb, "chen": closed.chen}[model](pack, 1.0, friction, spline)
+    except ValueError as error:
+        raise RigError(f"plate_pack: {error}") from None
+
+
+def drag_factor(pack: PlatePack, model: str = "kitabayashi") -> float:
+    """Viscous drag of a model of chapter 6 per viscosity, slip and reciprocal gap [m4]; RigError as above."""
+    try:
+        if model == "kitabayashi":
+            return drag.kitabayashi(pack, 1.0, 1.0, 1.0)
+        if model == "davis":
+            return drag.davis_viscous(pack, 1.0, 1.0, 1.0)
+        if model == "iqbal":
+            return drag.iqbal(pack, 1.0, 1.0, 1.0, pack.film_radius, pack.liquid_share, pack.mist_viscosity_share)
+        return {"pahlovy": drag.pahlovy, "peng_yuan": drag.peng_yuan}[model](pack, 1.0, 1.0, 1.0, pack.film_radius)
+    except ValueError as error:
+        raise RigError(f"plate_pack: {error}") from None
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def friction_factor(temperature, clutch):
+    """Friction of the plates at their temperature [degC] over that at ``friction_temperature``."""
+    return max(0.2, 1.0 + clutch.friction_per_kelvin * (temperature - clutch.friction_temperature))
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def plates_cooling(h, clutch):
+    """(share of a difference to the oil's temperature that is left after h, rise by heat that comes evenly [K/J])."""
+    spent = h * clutch.cooling / clutch.heat_capacity
+    return exp(-spent), (-expm1(-spent) / spent if spent > 0.0 else 1.0) / clutch.heat_capacity
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def plates_after(temperature, wear, heat, oil_temperature, left, rise, clutch):
+    """(temperature [degC], wear of the whole pack [m]) of the plates after a step in which they took ``heat`` [J].
+
+    left, rise: of :func:`plates_cooling`, the exact solution for heat that comes evenly.
+    """
+    rate = clutch.wear_rate * max(0.0, 1.0 + clutch.wear_per_kelvin * (temperature - clutch.friction_temperature))
+    return oil_temperature + (temperature - oil_temperature) * left + heat * rise, wear + rate * heat
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def drag_coefficient(piston, clamp, viscosity, clutch):
+    """Viscous torque per slip [Nm s/rad]: oil sheared in the gaps, giving way to the asperities as they carry."""
+    gap = max((clutch.clearance - piston) / clutch.surfaces, clutch.film_gap)
+    film_share = max(0.0, 1.0 - clamp / clutch.film_force)
+    return clutch.drag_factor * viscosity / gap * film_share
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def held_torque(before, clamp, engaging, releasing):
+    """Torque [Nm] at which a stuck pack slips, with the memory of the splines: rises along ``engaging`` times the clamp
+    force, stays while the plates stick on their splines, falls along ``releasing`` times the clamp force [Nm/N]."""
+    return min(max(before, engaging * clamp), releasing * clamp)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def rest_share(before, piston, clamp, clutch):
+    """Share of M_rest of (6.56), what an unclamped pack still asks for, with the memory of the contact.
+
+    It is there as soon as the asperities carry, and outlasts the clamp: plates that stick, and waves that press them
+    (8.3.5 names both), let go as the piston gives way to a film of full height between all of them.
+    """
+    carried = max(before, min(1.0, clamp / clutch.film_force))
+    return min(carried, max(0.0, 1.0 - (clutch.clearance - piston) / (clutch.surfaces * clutch.film_gap)))
+
+
+# what a pack carries from step to step, and what is made of its configuration; clearance: new_clearance and wear
+STATE = ("temperature", "wear", "heat", "clamp", "held", "rest", "kinetic", "static", "drag")
+DERIVED = ("engaging_kinetic", "engaging_static", "releasing_static", "sliding_share", "drag_factor", "new_clearance",
+           "plates_left", "plates_rise")
+WIRES = ("element", "oil")
+
+
+def derived(plates: PlatePack, pack: PackFriction, clearance: float, spline_hysteresis: bool = True) -> dict[str, float]:
+    """Values of DERIVED that time does not change, for a pack that is new."""
+    kinetic, static, held = (pack.friction_correction * torque_per_force(plates, mu, turned, pack.friction_model)
+                             for mu, turned in ((plates.friction_kinetic, False), (plates.friction_static, False),
+                                                (plates.friction_static, True)))
+    hold = pack.spline_hold if spline_hysteresis else 0.0
+    return {"engaging_kinetic": kinetic, "engaging_static": static, "releasing_static": static + hold * (held - static),
+            "sliding_share": plates.friction_kinetic / plates.friction_static if plates.friction_static else 1.0,
+            "drag_factor": drag_factor(plates, pack.drag_model), "new_clearance": clearance}
+
+
+@njit(error_model="numpy", forceinline=True)
+def fill_plates(my, h):
+    """What the step's length makes of the plates' cooling."""
+    my.plates_left, my.plates_rise = plates_cooling(h, my)
+
+
+@njit(error_model="numpy", forceinline=True)
+def capacities_before(me, my, cap):
+    """Leave the pack's torques at the step's start with the driveline; the drag of then."""
+    f = my.element
+    cap[KIN0, f], cap[HI0, f], cap[LO0, f] = me.kinetic, me.static, -me.static
+    return me.drag
+
+
+@njit(error_model="numpy", forceinline=True)
+def capacities_after(me, my, piston, drag, world):
+    """What the pack can carry at its clamp force, with its memory, and the drag over the step, to the driveline.
+
+    drag: that of the step's start.
+    """
+    me.held = held_torque(me.held, me.clamp, my.engaging_static, my.releasing_static)
+    me.rest = rest_share(me.rest, piston, me.clamp, my)
+    rest = my.rest_torque * me.rest
+    factor = friction_factor(me.temperature, my)
+    # sliding breaks the adhesion; the waves' force is the clamp itself until the piston has left them alone. What the
+    # splines hold back presses the plates whether they slip or not
+    me.kinetic = max(factor * my.engaging_kinetic * me.clamp, my.rest_sliding * rest)
+    me.kinetic += factor * my.sliding_share * (me.held - my.engaging_static * me.clamp)
+    me.static = factor * me.held + rest
+    viscosity = viscosity_at(me.temperature, world.values.oil_supply[my.oil])
+    me.drag = drag_coefficient(piston, me.clamp, viscosity, my)
+    cap, f = world.driveline.cap, my.element
+    cap[KIN1, f], cap[HI1, f], cap[LO1, f] = me.kinetic, me.static, -me.static
+    cap[VISC, f] = 0.5 * (drag + me.drag)
+
+
+@njit(error_model="numpy", forceinline=True)
+def heat_plates(me, my, world):
+    """Temperature and wear by the heat of the step."""
+    el, f = world.driveline.el, my.element
+    heat = el[E_FRIC, f] + el[E_VISC, f]
+    me.temperature, me.wear = plates_after(
+        me.temperature, me.wear, heat - me.heat, world.parts.oil_supply[my.oil].oil_temperature, my.plates_left,
+        my.plates_rise, my)
+    me.heat = heat

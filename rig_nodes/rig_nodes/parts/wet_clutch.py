@@ -1,0 +1,187 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Wet multi-plate clutch with its cylinder: line, feed orifice, chamber, piston against disc springs, plate pack.
+
+A part of the engine, fed by a parts.proportional_valve; the plates themselves are parts.plates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, sqrt
+
+from numba import njit
+
+from ..config.schema import param
+from . import plates
+from .part import Part
+from .plates import PackFriction, PlatePack
+from .proportional_valve import fed, line_flow, orifice_speed
+
+LOWEST = -1e4  # Pa: to which the tank's pressure may be missed by the order of the integration
+
+
+@dataclass(frozen=True)
+class Cylinder(PackFriction):
+    """Cylinder, return springs, seals, the pack's axial elasticity and the oil in front of the piston."""
+
+    piston_area: float = param("area", 1e-5, 1e-1)
+    force_per_pressure_squared: float = param("force per pressure squared", 0.0, 1e-9)
+    spring_preload: float = param("force", 0.0, 1e5)
+    spring_rate: float = param("stiffness", 1e2, 1e9)
+    clearance: float = param("length", 1e-5, 5e-2)
+    pack_rate: float = param("stiffness", 1e3, 1e10)
+    pack_travel: float = param("length", 1e-5, 1e-2)
+    seal_friction: float = param("force", 0.0, 1e4)
+    seal_friction_share: float = param("ratio", 0.0, 0.5)
+    piston_damping: float = param("damping", 1.0, 1e7)
+    line_volume: float = param("volume", 1e-7, 1e-2)
+    chamber_volume: float = param("volume", 1e-7, 1e-2)
+    feed_area: float = param("area", 1e-8, 1e-2)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def pack_force(piston, clutch):
+    """(force on the plates [N], its slope [N/m]): none up to the kiss point, then the waves of the steel plates.
+
+    F = k x / (1 - x / x_f): soft at first, stiff as the sinusoidal plates lie flat at the travel x_f.
+    """
+    squeeze = piston - clutch.clearance
+    if squeeze <= 0.0:
+        return 0.0, 0.0
+    left = max(1e-4, 1.0 - squeeze / clutch.pack_travel)
+    return clutch.pack_rate * squeeze / left, clutch.pack_rate / (left * left)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def piston_step(piston, pressure, h, clutch):
+    """(piston position after h, its derivative by pressure): implicit step of the massless, damped piston.
+
+    Balance: push = springs + pack + damping v + seal friction, which holds the piston while the rest is smaller. The
+    push is area p and a square term, which the laboratory's force over pressure has (Annex D).
+    """
+    square = clutch.force_per_pressure_squared * max(pressure, 0.0)
+    push, slope = (clutch.piston_area + square) * pressure, clutch.piston_area + 2.0 * square
+    seal = clutch.seal_friction + clutch.seal_friction_share * abs(push)
+    resist = clutch.spring_preload + clutch.spring_rate * piston + pack_force(piston, clutch)[0]
+    if push - resist > seal:
+        drive, gain = push - seal, slope * (1.0 - clutch.seal_friction_share)
+    elif push - resist < -seal and piston > 0.0:
+        drive, gain = push + seal, slope * (1.0 + clutch.seal_friction_share)
+    else:
+        return piston, 0.0
+    rate = clutch.piston_damping / h
+    stiff = clutch.spring_rate + rate
+    # the balance with the pack just touched; k s / (1 - s / s_f) makes it a quadratic in the squeeze s beyond that
+    miss = drive - clutch.spring_preload + rate * piston - stiff * clutch.clearance
+    if miss <= 0.0:
+        x = clutch.clearance + miss / stiff
+    else:
+        middle = (stiff + clutch.pack_rate) * clutch.pack_travel + miss
+        root = sqrt(max(0.0, middle * middle - 4.0 * stiff * miss * clutch.pack_travel))
+        x = clutch.clearance + 2.0 * miss * clutch.pack_travel / (middle + root)
+        stiff += pack_force(x, clutch)[1]
+    if x <= 0.0:
+        return 0.0, 0.0
+    return x, gain / stiff
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def oil_stiffness(h, oil, clutch):
+    """(flow that raises the line's pressure [m3/(s Pa)], that of the chamber by backward differences, pressure that the
+    feed orifice takes per flow squared [Pa s2/m6]), for steps of h: constants of :func:`cylinder_step`.
+    """
+    return (clutch.line_volume / oil.bulk_modulus / h, 1.5 * clutch.chamber_volume / oil.bulk_modulus / h,
+            oil.density / (2.0 * clutch.feed_area * clutch.feed_area))
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def cylinder_step(cylinder, port, state, supply, h, full_line, stiff_chamber, inertia_drop, speed_by_root, valve, clutch):
+    """One implicit step of line, feed orifice, chamber and piston from where they are in ``port`` and ``cylinder``.
+
+    state: of the valve, with its opening or, where it stands outside the plant, its held answer; full_line to
+    inertia_drop: of :func:`oil_stiffness`; speed_by_root: of parts.proportional_valve.orifice_speed.
+    Of second order: the oil's compression by backward differences over two steps, which damp a stiff volume as a
+    backward step does, the piston's way by the trapezoidal rule.
+    Returns (line pressure, chamber pressure, piston, its speed [m/s], valve flow). Unknown is the chamber pressure
+    alone: piston, feed flow and line pressure follow from it in closed form, and the balance of the line's volume is a
+    monotone function of it, solved by Newton inside a shrinking bracket.
+    """
+    stiff_line = 1.5 * full_line
+    # (3 p - 4 p0 + p00) / 2 h = 1.5 (p - (p0 + rise / 3)) / h
+    chamber_before = cylinder.chamber + cylinder.chamber_rise / 3.0
+    line_before = port.pressure + port.rise / 3.0
+    # what fell this fast, and stopped, would fall on below the tank's pressure by the step before alone: there a backward
+    # step, with which no volume gets below the tank, as nothing draws from it
+    if line_before < LOWEST:
+        line_before, stiff_line = port.pressure, full_line
+    if chamber_before < LOWEST:
+        chamber_before, stiff_chamber = cylinder.chamber, stiff_chamber / 1.5
+    low, high = -0.1e6, inf
+    p = max(cylinder.chamber, low)
+    half = 0.5 * h
+    start = max(0.0, cylinder.piston + half * cylinder.speed)
+    line, x, flow, speed = port.pressure, start, 0.0, 0.0
+    for turn in range(120):
+        x, dx = piston_step(start, p, half, clutch)
+        speed = (x - start) / half
+        feed = stiff_chamber * (p - chamber_before) + clutch.piston_area * speed
+        dfeed = stiff_chamber + clutch.piston_area * dx / half
+        line = p + inertia_drop * feed * abs(feed)
+        dline = 1.0 + 2.0 * inertia_drop * abs(feed) * dfeed
+        flow, dflow = line_flow(state, line, supply, speed_by_root, full_line, valve)
+        miss = stiff_line * (line - line_before) + feed - flow
+        if miss > 0.0:
+            high = p
+        else:
+            low = p
+        new = p - miss / (stiff_line * dline + dfeed - dflow * dline)
+        if abs(new - p) < 1e-3:  # Pa; a root that is met lies on the bracket's edge, so this comes first
+            break
+        if turn < 40 and low < new < high:
+            p = new
+        else:
+            p = 0.5 * (low + high) if high < inf else 2.0 * p + 1e6
+    # what Newton has left goes into the line's pressure: no oil is lost or made, however many steps
+    return line - miss / stiff_line, p, x, speed, flow
+
+
+@njit(error_model="numpy", forceinline=True)
+def fill(world, k, h):
+    """What the step's length makes of the oil's stiffness and the plates' cooling."""
+    my = world.values.wet_clutch[k]
+    my.full_line, my.stiff_chamber, my.feed_drop = oil_stiffness(h, world.values.oil_supply[my.oil], my)
+    my.orifice_speed = orifice_speed(world.values.oil_supply[my.oil].density)
+    plates.fill_plates(my, h)
+
+
+@njit(error_model="numpy", forceinline=True)
+def before(world, k, h, t):
+    """Line, chamber, piston and pack over the step."""
+    me, my = world.parts.wet_clutch[k], world.values.wet_clutch[k]
+    drag = plates.capacities_before(me, my, world.driveline.cap)
+    port = world.oil[my.line]
+    my.clearance = my.new_clearance + me.wear
+    supply = world.oil[world.values.proportional_valve[my.valve].supply].pressure
+    line, chamber, piston, speed, flow = cylinder_step(
+        me, port, world.parts.proportional_valve[my.valve], supply, h, my.full_line, my.stiff_chamber, my.feed_drop,
+        my.orifice_speed, world.values.proportional_valve[my.valve], my)
+    fed(world, my.valve, line, flow, h)
+    port.rise, me.chamber_rise = line - port.pressure, chamber - me.chamber
+    port.pressure, me.chamber, me.piston, me.speed = line, chamber, piston, speed
+    me.clamp = pack_force(piston, my)[0]
+    plates.capacities_after(me, my, me.piston, drag, world)
+
+
+@njit(error_model="numpy", forceinline=True)
+def after(world, k, h):
+    """Heat and wear of the plates."""
+    plates.heat_plates(world.parts.wet_clutch[k], world.values.wet_clutch[k], world)
+
+
+# chamber_rise: of its pressure in the last step; speed: of the piston
+PART = Part("wet_clutch", 20, (Cylinder, PlatePack),
+            state=("chamber", "chamber_rise", "piston", "speed", *plates.STATE),
+            derived=(*plates.DERIVED, "full_line", "stiff_chamber", "feed_drop", "orifice_speed"),
+            wires=(*plates.WIRES, "line", "valve"), stages={"fill": fill, "before": before, "after": after})
