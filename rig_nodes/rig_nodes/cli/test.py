@@ -16,7 +16,6 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -31,11 +30,8 @@ PASSES_ON = True
 AGAINST_THE_CLOCK = "against_the_clock"
 ONLY_CLOCK = f"{AGAINST_THE_CLOCK} and not campaign"
 AT_MOST = 5
-# Folders that only compute. A graph in real time leaves half of two cores idle: beside it they take what nobody else
-# wants, one after the other, in Linux's idle class, which gives way to any other process at once.
-COMPUTING = ("sweep", "validation", "tune", "fmu", "plant", "analysis", "bags", "alfa46")
 # folders that are not to be left to the end
-LONGEST_FIRST = ("controllers", "graph", "view", "testbench")
+LONGEST_FIRST = ("controllers", "graph", "view", "testbench", "fmu", "sweep", "validation", "tune", "plant")
 MOST_PARTS = 4  # at a time; each takes up to 1 GB
 PASSED, FAILED, NOTHING_THERE = 0, 1, 5  # exit codes of pytest
 PARTS, LAST_FAILED, CLOCK = ".pytest_cache/parts", "v/cache/lastfailed", "clock"
@@ -45,9 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.usage = "rig test [pytest arguments]"
     parser.epilog = ("Without a path all of tests/ runs, apart from what is marked 'campaign'. "
                      "Everything given is passed to pytest: 'rig test -x -k valve', 'rig test tests/plant'. "
-                     "Without arguments, what runs against the clock comes first, and beside it folders that only "
-                     "compute; then the other folders run side by side on this machine's cores. Up to 5 failures "
-                     "against the clock are tried once more and named.")
+                     "Without arguments, the folders run side by side on this machine's cores, and after them what "
+                     "runs against the clock, of which up to 5 failures are tried once more and named.")
 
 
 def tests_root() -> Path:
@@ -78,16 +73,14 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
-    """Every test: those against the clock beside what only computes, the other folders, then a second chance."""
+    """Every test: the folders side by side, then what runs against the clock, then its second chance."""
     began, counts, codes = time.monotonic(), Counter(), []
     shutil.rmtree(root / PARTS, ignore_errors=True)  # pytest would keep what failed once and has another name now
     subprocess.run([sys.executable, "-m", "rig_nodes.testbench.preloaded"], env=env, cwd=root)  # or two would compile
     folders, clock = parts_of(root)
-    computing = [folder for folder in folders if clock and Path(folder).name in COMPUTING]
-    others = [folder for folder in folders if folder not in computing]
     at_a_time = min(len(os.sched_getaffinity(0)), MOST_PARTS)
-    print(f"rig: {len(clock)} files against the clock and beside them {len(computing)} parts; "
-          f"then {len(others)} parts, {at_a_time} at a time; each is shown when it is done", flush=True)
+    print(f"rig: {len(folders)} parts, {at_a_time} at a time, each shown when it is done; then {len(clock)} files "
+          "against the clock", flush=True)
 
     def begin(name: str, mark: str, *arguments: str) -> subprocess.Popen:
         # with one folder for all, notes would be lost
@@ -100,32 +93,22 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
         output, _ = process.communicate()
         return output, process.returncode
 
-    def show(parts: list[str], done: Iterable[tuple[str, int]]) -> None:
-        for folder, (output, code) in zip(parts, done):
-            print(f"rig: {folder}\n{output}", end="", flush=True)
-            counts.update(counted(output))
-            codes.append(code)
-
-    def give_way() -> None:
-        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))  # of this thread, and of what it starts
-
-    with ThreadPoolExecutor(1, initializer=give_way) as beside, ThreadPoolExecutor(at_a_time) as together:
+    with ThreadPoolExecutor(at_a_time) as together:
         try:
-            computed = beside.map(part, computing)
-            if clock:
-                print("rig: against the clock", flush=True)
-                process, line = begin(CLOCK, ONLY_CLOCK, "-v", *clock), ""
-                for line in process.stdout:
-                    print(line, end="", flush=True)
-                counts += counted(line)
-                codes.append(process.wait())
-            shown = together.map(part, others)
-            show(computing, computed)
-            show(others, shown)
+            for folder, (output, code) in zip(folders, together.map(part, folders)):
+                print(f"rig: {folder}\n{output}", end="", flush=True)
+                counts += counted(output)
+                codes.append(code)
         except KeyboardInterrupt:
-            for pool in (beside, together):
-                pool.shutdown(wait=False, cancel_futures=True)
+            together.shutdown(wait=False, cancel_futures=True)
             raise
+    if clock:
+        print("rig: against the clock", flush=True)
+        process, line = begin(CLOCK, ONLY_CLOCK, "-v", *clock), ""
+        for line in process.stdout:
+            print(line, end="", flush=True)
+        counts += counted(line)
+        codes.append(process.wait())
     failed = failed_tests(root)
     note_failed(root, failed)
     total = ", ".join(f"{counts[what]} {what}" for what in ("failed", "error", "passed", "skipped") if counts[what])
@@ -145,7 +128,7 @@ def parts_of(root: Path) -> tuple[list[str], list[str]]:
     files = sorted(path.relative_to(root).as_posix() for path in (root / "tests").rglob("test_*.py"))
     clock = [file for file in files if f"mark.{AGAINST_THE_CLOCK}" in (root / file).read_text(encoding="utf-8")]
     folders = sorted({"/".join(file.split("/")[:2]) for file in files})
-    long = [f"tests/{name}" for name in (*LONGEST_FIRST, *COMPUTING) if f"tests/{name}" in folders]
+    long = [f"tests/{name}" for name in LONGEST_FIRST if f"tests/{name}" in folders]
     return long + [folder for folder in folders if folder not in long], clock
 
 

@@ -19,7 +19,8 @@ from ..plant.driveline_losses import BASE, FACTOR
 from .part import Part
 
 RPM = pi / 30.0
-COAST_DOWN = 49.274  # rad/s: where the coast-down of 7.3.1 began
+PER_RPM = 30.0 / pi
+PER_COAST_DOWN = 1.0 / 49.274  # s/rad: of where the coast-down of 7.3.1 began
 LEAST_LOSS = 1e-9  # Nm: what may brake as soon as a torque comes is never open
 
 
@@ -46,11 +47,11 @@ def loss_by_speed(speed, loss):
     """Loss torque [Nm] by the shaft's speed [rad/s], (6.72), (7.7) and Annex D."""
     total = 0.0
     if loss.by_speed > 0.0:
-        n = abs(speed) / RPM
+        n = abs(speed) * PER_RPM
         total = loss.by_speed * max(0.0, -1.76e-6 * n * n + 4.58e-3 * n + 2.56)
     if loss.at_rest + loss.at_470 > 0.0:
         rest, began = loss.at_rest**2, loss.at_470**2
-        total += sqrt(max(0.0, rest + (began - rest) * abs(speed) / COAST_DOWN))
+        total += sqrt(max(0.0, rest + (began - rest) * abs(speed) * PER_COAST_DOWN))
     return total
 
 

@@ -18,7 +18,7 @@ from ..plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LO0, LO1
 from .lag import lagged
 from .part import Part
 
-RPM = pi / 30.0
+PER_RPM = 30.0 / pi
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class LoadConfig:
 @njit(cache=True, error_model="numpy", forceinline=True)
 def relief_factor(speed):
     """Pressure over setting of the relief valve against speed [rad/s]: f(n) of Annex D, n in rpm."""
-    n = abs(speed) / RPM
+    n = abs(speed) * PER_RPM
     return 3.84e-7 * n * n - 6.36e-4 * n + 1.32
 
 
