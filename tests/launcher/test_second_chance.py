@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from rig_nodes.cli.test import COMPUTING, counted, failed_tests, may_try_again, parts_of
+from rig_nodes.cli.test import counted, failed_tests, may_try_again, parts_of
 
 CLOCK = "tests/graph/test_live_graph.py::test_torque_is_read_without_gaps_and_in_time"
 PLAIN = "tests/plant/test_models.py::test_something"
@@ -57,8 +57,6 @@ def test_every_file_is_in_exactly_one_part_and_what_has_a_clock_is_found():
     assert "tests/graph/test_domain.py" not in clock
     covered = [file for folder in parts for file in (ROOT / folder).rglob("test_*.py")]
     assert sorted(covered) == sorted((ROOT / "tests").rglob("test_*.py"))
-    assert {f"tests/{name}" for name in COMPUTING} <= set(parts)
-    assert not any(file.startswith(tuple(f"tests/{name}/" for name in COMPUTING)) for file in clock)
 
 
 @pytest.mark.parametrize("line, counts", [
