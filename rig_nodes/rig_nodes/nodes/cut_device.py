@@ -15,7 +15,7 @@ import time
 
 from rclpy.node import Node
 
-from ..bags.cdr import encoder
+from ..bags.cdr import Fields, encoder
 from ..catalogue import catalogue
 from ..clocks import SAMPLE_NS
 from ..errors import RigError

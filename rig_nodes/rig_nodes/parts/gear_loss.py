@@ -13,7 +13,7 @@ from math import pi, sqrt
 
 from numba import njit
 
-from ..config.schema import choice, param
+from ..config.schema import param
 from ..plant.driveline_algebra import KIN1
 from ..plant.driveline_losses import BASE, FACTOR
 from .part import Part

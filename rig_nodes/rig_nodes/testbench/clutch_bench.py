@@ -8,8 +8,6 @@ The counterpart of testbench.rig for thesis chapter 8; used by ``simulate``, the
 
 from __future__ import annotations
 
-import numpy as np
-
 from ..catalogue import catalogue
 from ..errors import RigError
 from ..plant import driveline_algebra
