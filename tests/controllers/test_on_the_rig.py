@@ -340,7 +340,7 @@ def doc_commands(heading, page=DOCS):
 
 
 @pytest.mark.parametrize(("kind", "page", "count"), [
-    ("Python", "controllers.md", 1), ("C", "controllers.md", 3), ("Simulink Coder", "controllers.md", 2),
+    ("Python", "controllers.md", 1), ("C", "controllers.md", 4), ("Simulink Coder", "controllers.md", 2),
     ("UDP", "udp.md", 7), ("ROS", "ros_controller.md", 3),
 ])
 def test_the_first_shift_page_works_as_it_is_written(kind, page, count, tmp_path, monkeypatch, request):

@@ -47,7 +47,7 @@ def test_they_are_in_the_bag_by_name(config, tmp_path):
     whole = np.arange(len(count), dtype=float)
     whole[103] = np.nan  # discarded
     assert np.array_equal(count, whole, equal_nan=True)
-    samples = [(m.sample, m.n_wej - m.n_wyj) for _, m in bag.messages("/instruments/controller")][:len(slip)]
+    samples = [(m.sample, m.measured[0] - m.measured[1]) for _, m in bag.messages("/instruments/controller")][:len(slip)]
     assert all(slip[k] == value for k, value in samples if k != 103)
     assert not any(bag.gaps().values()) and bag.check() == []
 

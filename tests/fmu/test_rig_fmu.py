@@ -294,12 +294,12 @@ import sys
 import numpy as np
 from rig_nodes.fmu import rig_process
 from rig_nodes.testbench.rig import Rig
-advance = Rig._advance
+move = Rig.move
 def spoiled(rig, samples):
     if rig.sample >= 200:
         rig.clutches[1]["heat"] = np.nan
-    return advance(rig, samples)
-Rig._advance = spoiled
+    return move(rig, samples)
+Rig.move = spoiled
 sys.argv = sys.argv[sys.argv.index("rig_nodes.fmu.rig_process"):]
 sys.exit(rig_process.main())
 """

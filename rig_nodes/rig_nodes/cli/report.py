@@ -18,6 +18,7 @@ from ..analysis.logger_csv import parse_orders, read_logger_csv
 from ..analysis.report import (
     REPORT_FILE, build_report, format_report, info_of, is_of, read_report, report_of_recording, write_report,
 )
+from ..bags.old_form import topic_of_today
 from ..catalogue import kind_of_topics
 from ..config import load_yaml
 from ..config.units import quantity
@@ -149,7 +150,7 @@ def _written(bag, folder: Path) -> dict[str, int]:
         told = load_yaml(path)["rosbag2_bagfile_information"]
         if told["relative_file_paths"] != [bag.path.name]:
             return {}
-        return {entry["topic_metadata"]["name"]: int(entry["message_count"])
+        return {topic_of_today(entry["topic_metadata"]["name"]): int(entry["message_count"])
                 for entry in told["topics_with_message_count"]}
     except (RigError, TypeError, KeyError, ValueError):
         return {}  # as damaged as the bag: what is lost stays unknown
