@@ -16,6 +16,7 @@ from rcl_interfaces.msg import Log
 from rig_msgs.action import RunSequence, Shift
 from rig_msgs.msg import RigState, Setpoint
 from running_graph import Client, Graph
+from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 from rig_nodes.bags.reader import Bag
@@ -217,7 +218,7 @@ def test_a_stamp_of_the_wall_clock_is_logged_when_it_came(graph, user):
     health = []
     user.node.create_subscription(DiagnosticArray, "/diagnostics", lambda m: health.extend(m.status), 100)
     publisher = user.publisher("/oil_supply/command")
-    publisher.publish(Setpoint(stamp=Time(sec=1_790_000_000), value=3e6, enable=False))
+    publisher.publish(Setpoint(header=Header(stamp=Time(sec=1_790_000_000)), value=3e6, enable=False))
     status = user.until(lambda: [s for s in health if s.name == "rig/recorder" and s.level == DiagnosticStatus.WARN],
                         "a warning of the recorder")[0]
     assert "/oil_supply/command" in status.message and "use_sim_time" in status.message

@@ -11,6 +11,7 @@ from rcl_interfaces.msg import Log
 from rclpy.qos import QoSProfile
 from rig_msgs.msg import Event, RigState, Setpoint, ValveCommand
 from running_graph import Client, Graph
+from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 from rig_nodes.bags.reader import Bag
@@ -73,7 +74,7 @@ def test_orders_in_the_safe_state_are_refused_with_its_reason(user):
 def test_what_cannot_be_stored_is_named_and_the_recording_goes_on(user):
     said = []
     user.node.create_subscription(Log, "/rosout", said.append, 100)
-    user.publisher("/motor/command").publish(Setpoint(stamp=Time(sec=-5), value=0.0, enable=False))
+    user.publisher("/motor/command").publish(Setpoint(header=Header(stamp=Time(sec=-5)), value=0.0, enable=False))
     cut = user.node.create_publisher(Event, "/sequencer/events", 10)
     user.until(lambda: cut.get_subscription_count() >= 1, "the recorder")
     cut.publish(b"\x00\x01\x00\x00" + bytes(8))  # 12 bytes, of which an event has 20 at least

@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 from rclpy.action import ActionClient
 from rig_msgs.action import RunSequence, Shift
-from rig_msgs.msg import ValveCommand
 from running_graph import SHORT, Client, Graph
 from std_srvs.srv import Trigger
 
 import rig_nodes.controllers
 from rig_nodes.bags.reader import Bag
 from rig_nodes.graph.result import join_pieces, run_part
+from rig_nodes.transmission import NEUTRAL
 
 pytestmark = pytest.mark.against_the_clock
 
@@ -97,8 +97,8 @@ def works_again(user, states, commands) -> None:
     assert user.call(Trigger, "/rig/reset").success
     user.until(lambda: states[-1].state != TRIPPED, "the reset")
     user.until(lambda: not commands[-1].shifting, "the end of the shift that was running")
-    if commands[-1].gear != ValveCommand.GEAR_NEUTRAL:
-        assert user.order(Shift, "/alfa46/shift", Shift.Goal(gear=ValveCommand.GEAR_NEUTRAL)).result().success
+    if commands[-1].gear != NEUTRAL:
+        assert user.order(Shift, "/alfa46/shift", Shift.Goal(gear=NEUTRAL)).result().success
     shifting(user, commands)
 
 

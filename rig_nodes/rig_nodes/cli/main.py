@@ -40,7 +40,7 @@ VERBS = {
     "calibrate": "find the rig's unknown parameters on the laboratory's rows",
     "validate": "hold the rig against everything that the laboratory printed",
     "bench": "measure how fast the rig computes on this machine",
-    "export": "write an FMU, the CAN database or the Modbus registers",
+    "export": "write an FMU, the CAN database, the Modbus registers or rig_record.h",
     "list": "list sequences, procedures, rigs, topics or signals",
     "doctor": "check this machine and the environment",
     "test": "run the tests",
