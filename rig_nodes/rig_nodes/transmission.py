@@ -211,7 +211,12 @@ class Transmission:
 
     def slip(self, gear: int, w_in, w_out):
         """Slip of a gear that drives as a share of the input speed, (6.85); speeds [rad/s], numbers or arrays."""
-        return 1.0 - w_out * self.ratios[gear] / w_in
+        return slip_of(self.ratios[gear], w_in, w_out)
+
+
+def slip_of(ratio: float, w_in, w_out):
+    """Slip as a share of the input speed, (6.85), of a gear with this ratio."""
+    return 1.0 - w_out * ratio / w_in
 
 
 def ratio_of(rows: Iterable[Iterable[float]], at_input: int, at_output: int) -> float:

@@ -13,7 +13,7 @@ from pathlib import Path
 from rig_nodes.analysis.report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.errors import RigError
-from rig_nodes.plant.cut import CUTTABLE
+from rig_nodes.engine.outside import CUTTABLE
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.outputs import Outputs
 from rig_nodes.testbench.rig import Rig

@@ -163,7 +163,7 @@ def test_what_is_no_device_is_refused_in_one_sentence(module, arguments, sentenc
     assert sentence in said and len(said.strip().splitlines()) == 1
 
 
-STRONG = ("import sys; from rig_nodes.nodes import cut_device as d; from rig_nodes.plant.cut import Answer, OtherSide\n"
+STRONG = ("import sys; from rig_nodes.nodes import cut_device as d; from rig_nodes.engine.outside import Answer, OtherSide\n"
           "def step(self, port, ticks=1, old=OtherSide.step):\n"
           "    self.ticks = getattr(self, 'ticks', 0) + ticks\n"
           "    answer = old(self, port, ticks)\n"

@@ -13,7 +13,7 @@ from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.config import CONFIG_DIR
 from rig_nodes.errors import RigError
-from rig_nodes.plant.cut import CUTTABLE, NOT_CUT, Answer
+from rig_nodes.engine.outside import CUTTABLE, NOT_CUT, Answer
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import load_sequence

@@ -25,7 +25,6 @@ CAPACITY, RISE, STICK = 264.0, 0.045, 1.1  # Nm, s, break-away over kinetic torq
 DRIVE, LOAD = 60.0, -40.0  # Nm on the first and the last body
 W1 = 1500.0 * math.pi / 30.0  # rad/s, the second body stands
 END = 2.0  # s
-NO_LOSSES = 0, 0
 
 
 def capacity(t: float) -> float:
@@ -123,5 +122,5 @@ def _advance(begin, steps, h, minv, w, sh, kc, q, cap, loss, v, twist, mode, el,
             cap[KIN0, f], cap[KIN1, f] = before, after
             cap[HI0, f], cap[HI1, f] = STICK * before, STICK * after
             cap[LO0, f], cap[LO1, f] = -STICK * before, -STICK * after
-        if not quiet_step(h, minv, w, q, cap, loss, v, mode, el, e_in, work, NO_LOSSES, NO_LOSSES):
+        if not quiet_step(h, minv, w, q, cap, loss, v, mode, el, e_in, work, 0):
             driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work)

@@ -24,7 +24,7 @@ def main(args) -> int:
     """Check, then become the node's process: signals go to it alone."""
     from ..errors import RigError
     from ..graph.domain import environment, from_environment, numbered
-    from ..plant.cut import check_device
+    from ..engine.outside import check_device
     from ..testbench.configuration import load_gearbox_rig
     from ..testbench.folders import parse_settings
 

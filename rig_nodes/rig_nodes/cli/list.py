@@ -59,7 +59,7 @@ def _templates():
 
 
 def _devices():
-    from ..plant.cut import CUTTABLE, NOT_CUT
+    from ..engine.outside import CUTTABLE, NOT_CUT
 
     return [{"name": name, "own node": "yes", "why not": ""} for name in CUTTABLE] + [
         {"name": name, "own node": "no", "why not": why} for name, why in NOT_CUT.items()]

@@ -20,7 +20,7 @@ from types import MappingProxyType
 from ..alfa46.settings import OUTPUT_KEYS, Alfa46Config
 from ..catalogue import Signal, catalogue
 from ..errors import RigError
-from ..transmission import transmission_of
+from ..transmission import slip_of, transmission_of
 from .seam import ControllerInfo, ControllerInputs, flat_parameters
 
 STANDSTILL = 10.0 * math.pi / 30.0  # rad/s of the input shaft, below which no slip is told
@@ -140,7 +140,7 @@ class ControllerRecord:
         ratio = next((gear.ratio for gear in self.gears if gear.number == number), None)
         if ratio is None or n_in < STANDSTILL:
             return 0.0
-        return 1.0 - ratio * n_out / n_in
+        return slip_of(ratio, n_in, n_out)
 
 
 def controller_info(record: ControllerRecord, config: Alfa46Config, level: str) -> ControllerInfo:

@@ -18,7 +18,7 @@ from ..compiled import load_numba
 from ..instruments import transducers
 from ..parts.proportional_valve import BY_LAW, BY_SETPOINT
 from ..plant.driveline_algebra import N_CAPPED
-from ..plant.outcome import NOT_FINITE, NOT_SETTLED, WHOLE
+from .outcome import NOT_FINITE, NOT_SETTLED, WHOLE
 from .stages import command, fill, ordered, pickup
 from .step import plant_step
 

@@ -90,9 +90,12 @@ class World:
         system, shapes = plan.system, {}
         for instance in plan.instances:
             shapes.update({name: table.shape for name, table in instance.tables.items()})
-        self.sizes = sizes = Sizes(len(system.speeds), len(system.elements), len(system.shafts), len(plan.losses),
-                      int(plan.losses[0, OWN]) if len(plan.losses) else 0, len(plan.bodies),
-                      len(plan.meters), len(plan.oil_lines), plan.outputs)
+        if len(plan.losses) not in (0, 2) or len(plan.losses) and plan.losses[1, OWN] != plan.losses[0, OWN] + 1:
+            raise RigError("a driveline has no losses by torque or two, whose elements lie side by side")
+        self.sizes = sizes = Sizes(
+            speeds=len(system.speeds), elements=len(system.elements), shafts=len(system.shafts),
+            losses=len(plan.losses), first_loss=int(plan.losses[0, OWN]) if len(plan.losses) else 0,
+            bodies=len(plan.bodies), meters=len(plan.meters), oil_lines=len(plan.oil_lines), outputs=plan.outputs)
         dtype = world_dtype({name: len(group) for name, group in self._by_part.items()}, sizes, shapes)
         self.record = np.zeros(1, dtype)
         self.line = self.record["driveline"][0]
@@ -100,6 +103,7 @@ class World:
         self.finite = every.index("driveline.mode[0]") if "driveline.mode[0]" in every else every.index("driveline.minv[0, 0]")
         count = self.finite + sizes.elements
         self._places = {place: number for number, place in enumerate(every[:self.finite])}
+        self._numbers: dict[str, int] = {}  # of those that somebody has asked for
         self.names = [self._told(place) for place in every[:count]]
         self.numbers, self.moved = self.record.view(np.float64)[:self.finite], self.record.view(np.int64)[:count]
         self.kept = np.zeros((2, count), np.int64)
@@ -119,10 +123,6 @@ class World:
     def values(self, name: str) -> np.void:
         """The configuration, derived numbers and wires of an instance, to be read and written."""
         return self._of("values", name)
-
-    def states(self, kind: str) -> np.ndarray:
-        """The states of all instances of a part, in the order of the plan."""
-        return self.record["parts"][kind][0]
 
     def _of(self, where: str, name: str) -> np.void:
         kind, k = self._where(name)
@@ -156,7 +156,9 @@ class World:
 
     def number(self, what: str) -> int:
         """Index in ``numbers`` of a number by its name in the rig."""
-        return self._places[self.place(what)]
+        if what not in self._numbers:
+            self._numbers[what] = self._places[self.place(what)]
+        return self._numbers[what]
 
     def _told(self, place: str) -> str:
         """A number of the record as people name it."""

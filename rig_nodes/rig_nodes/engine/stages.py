@@ -3,8 +3,9 @@
 
 """The stages of a step: one compiled function each, which calls that stage of every part that a world has.
 
-Which parts these are is known from the type of the world's record, so the compiler makes an engine of its own for each
-rig, with every call resolved and inlined, and keeps it under that type. Called by engine.step and engine.loop.
+What each stage is for, and its arguments, stand beside parts.part.STAGES. Which parts a world has is known from the type
+of its record, so the compiler makes an engine of its own for each rig, with every call resolved and inlined, and keeps it
+under that type. Called by engine.step and engine.loop.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from __future__ import annotations
 from numba import njit
 from numba.extending import overload
 
-from ..parts.part import part
+from ..parts.part import STAGES, part
 
 _OPTIONS = {"error_model": "numpy", "forceinline": True}
 
@@ -56,78 +57,16 @@ def _one_after_other(calls: list):
     return run
 
 
-def fill(world, h):
-    """What the step's length makes of all parts' values."""
-    raise NotImplementedError("compiled code only")
+def _stage(name: str):
+    """The function of compiled code that runs one stage of parts.part.STAGES, whatever parts the world has."""
+    def stage(world, *arguments):
+        raise TypeError(f"the stage '{name}' of the engine is called from compiled code only")
+
+    @overload(stage, jit_options=_OPTIONS)
+    def chosen(world, *arguments):
+        run = _calls(world, name)
+        return lambda world, *arguments: run(world, *arguments)
+    return stage
 
 
-@overload(fill, jit_options=_OPTIONS)
-def _fill(world, h):
-    run = _calls(world, "fill")
-    return lambda world, h: run(world, h)
-
-
-def command(world, outputs, drive):
-    """The controller's newest answer to all parts that its wires go to."""
-    raise NotImplementedError("compiled code only")
-
-
-@overload(command, jit_options=_OPTIONS)
-def _command(world, outputs, drive):
-    run = _calls(world, "command")
-    return lambda world, outputs, drive: run(world, outputs, drive)
-
-
-def ordered(world, outputs, steps_per_sample, h):
-    """What the embedded law has just begun."""
-    raise NotImplementedError("compiled code only")
-
-
-@overload(ordered, jit_options=_OPTIONS)
-def _ordered(world, outputs, steps_per_sample, h):
-    run = _calls(world, "ordered")
-    return lambda world, outputs, steps_per_sample, h: run(world, outputs, steps_per_sample, h)
-
-
-def before(world, h, t):
-    """All parts from t over h, but for the driveline."""
-    raise NotImplementedError("compiled code only")
-
-
-@overload(before, jit_options=_OPTIONS)
-def _before(world, h, t):
-    run = _calls(world, "before")
-    return lambda world, h, t: run(world, h, t)
-
-
-def bound(world):
-    """Changes of speeds that are in no torque."""
-    raise NotImplementedError("compiled code only")
-
-
-@overload(bound, jit_options=_OPTIONS)
-def _bound(world):
-    run = _calls(world, "bound")
-    return lambda world: run(world)
-
-
-def after(world, h):
-    """All parts once more, with what the driveline's step gave."""
-    raise NotImplementedError("compiled code only")
-
-
-@overload(after, jit_options=_OPTIONS)
-def _after(world, h):
-    run = _calls(world, "after")
-    return lambda world, h: run(world, h)
-
-
-def pickup(world, h, index, shown):
-    """What all parts induce in the wires of transducers."""
-    raise NotImplementedError("compiled code only")
-
-
-@overload(pickup, jit_options=_OPTIONS)
-def _pickup(world, h, index, shown):
-    run = _calls(world, "pickup")
-    return lambda world, h, index, shown: run(world, h, index, shown)
+fill, command, ordered, before, bound, after, pickup = map(_stage, STAGES)

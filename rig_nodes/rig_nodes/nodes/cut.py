@@ -13,7 +13,7 @@ import threading
 import time
 
 from ..catalogue import catalogue
-from ..plant.cut import Answer
+from ..engine.outside import Answer
 from ..testbench.cuts import topic_of
 from ..testbench.rig import Rig
 from ..testbench.timed import RigStatus

@@ -19,7 +19,7 @@ from ..bags.cdr import Fields, encoder
 from ..catalogue import catalogue
 from ..clocks import SAMPLE_NS
 from ..errors import RigError
-from ..plant.cut import CUTTABLE, OtherSide, Port, check_device
+from ..engine.outside import CUTTABLE, OtherSide, Port, check_device
 from ..testbench.cuts import topic_of
 from .message_class import message_class
 from .process import RIG_OPTIONS, gearbox_rig_config, run

@@ -3,7 +3,7 @@
 
 """DC motor with thyristor speed control on a shaft: a ramped speed setpoint, a PI speed loop, torque build-up.
 
-A part of the engine; plant.cut steps its physics alone, where a motor stands outside.
+A part of the engine; engine.outside steps its physics alone, where a motor stands outside.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def after(world, k, h):
         me.torque = my.inertia * line.gained[my.body] / h + (me.torque - line.rate[my.body] / my.mobility)
 
 
-# target, enabled: speed setpoint and switch; held: torque and setpoint of a motor outside the plant, for a tick (plant.cut);
+# target, enabled: speed setpoint and switch; held: torque and setpoint of a motor outside the plant, for a tick (engine.outside);
 # before: torque at the step's start; stiff: the speed is the setpoint, whatever the load; inertia: of its body
 PART = Part("dc_motor", 30, (MotorConfig,),
             state=("target", "enabled", "setpoint", "torque", "before", "integral", "held", "held_torque",

@@ -26,20 +26,17 @@ LEAST_LOSS = 1e-9  # Nm: what may brake as soon as a torque comes is never open
 
 @dataclass(frozen=True)
 class GearLossConfig:
-    """Loss torque on a shaft: by its speed, constant, and a parabola of the torque passed on (Annex D).
+    """Loss torque on a shaft by its speed; its parabola of the torque passed on stands in the plan's losses.
 
     by_speed: times Annex D's parabola, which falls above 1300 rpm. at_rest, at_470: the one that the printed coast-down
     (7.7) has: its speed is a parabola of time, so the torque's square is linear in the speed, from ``at_rest`` to
-    ``at_470`` where it began. drag: whatever the speed and torque are. constant, share, square: of the parabola.
+    ``at_470`` where it began. drag: whatever the speed and torque are.
     """
 
     by_speed: float = param("ratio", 0.0, 10.0)
     at_rest: float = param("torque", 0.0, 100.0)
     at_470: float = param("torque", 0.0, 100.0)
     drag: float = param("torque", 0.0, 100.0)
-    constant: float = param("torque", -100.0, 100.0)
-    share: float = param("ratio", -0.5, 0.5)
-    square: float = param("torque per torque squared", -0.01, 0.01)
 
 
 @njit(error_model="numpy", forceinline=True)

@@ -91,7 +91,7 @@ def before(world, k, h, t):
     cap[KIN1, f], cap[HI1, f], cap[LO1, f] = capacity, capacity, -capacity
 
 
-# setting, enabled: of the relief valve; held: answer of a load outside the plant, for a tick (plant.cut)
+# setting, enabled: of the relief valve; held: answer of a load outside the plant, for a tick (engine.outside)
 PART = Part("load_pump", 40, (LoadConfig,),
             state=("setting", "enabled", "pressure", "held", "held_capacity", "held_pressure"), derived=("decay",),
             wires=("body", "element"), stages={"fill": fill, "before": before})

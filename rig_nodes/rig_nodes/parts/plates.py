@@ -21,7 +21,6 @@ from ..plant.friction import closed, drag
 from ..plant.friction.geometry import PackGeometry
 from .oil_supply import viscosity_at
 
-
 # models of chapter 6 that a configuration may name
 FRICTION_MODELS = ("thesis", "traditional", "osinski", "newcomb", "chen")
 DRAG_MODELS = ("kitabayashi", "davis", "pahlovy", "peng_yuan", "iqbal")

@@ -258,7 +258,7 @@ def fed(world, k, line, flow, h):
 
 
 # on: share of the supply voltage on the coil in this step; pending: duty from the next sample on; work: given to the port
-# since time 0; cut > 0: the valve but for its coil stands outside (plant.cut), and cut_* is its answer. ideal_current: the
+# since time 0; cut > 0: the valve but for its coil stands outside (engine.outside), and cut_* is its answer. ideal_current: the
 # current is its setpoint; pwm: frequency, 0 where it is averaged; pulses: of what is picked up, there also where it is
 # averaged; beside: column of the transducer whose wire lies beside its own, -1 for none
 PART = Part("proportional_valve", 10, (ValveConfig,),

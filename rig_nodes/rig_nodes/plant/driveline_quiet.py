@@ -12,19 +12,19 @@ from rig_nodes.plant.driveline_algebra import (
     BACKWARD, E_FRIC, E_VISC, FORWARD, HEAD, HI0, HI1, IMPULSE, KIN0, KIN1, LAM, LO0, LO1, OPEN, STUCK, VISC,
     has_capacity, implicit_pair, places)
 from rig_nodes.plant.driveline_losses import (
-    BEFORE, FORETOLD, LAST, NEXT, WEIGHTS, foretell_losses, loss_at, put_on)
+    BEFORE, FORETOLD, LAST, NEXT, WAY, WEIGHTS, foretell_losses, loss_at, put_on)
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def quiet_step(h, minv, w, q, cap, loss, v, mode, el, e_in, work, own, ways):
+def quiet_step(h, minv, w, q, cap, loss, v, mode, el, e_in, work, first):
     """As `driveline_step` for two speeds without shafts, where a look shows that nothing happens.
 
     True if it is done; False if something may happen (a change of mode, a root, a limit, another set of stuck elements
     than in the last step, not two speeds, a loss by torque that does not go on as it went): then nothing has changed,
     and `driveline_step` has to be called, which solves the losses that are foretold here.
 
-    own, ways (2 each): the columns OWN and WAY of ``loss``, which say nothing without losses; as constants of the caller,
-    so that the compiler sees which capacities are which.
+    first: element of the first of two losses, which that of the second one follows; as a constant of the caller, so that
+    the compiler sees which capacities are which. It says nothing without losses.
     """
     m = w.shape[0]
     if minv.shape[0] != 2:
@@ -33,8 +33,8 @@ def quiet_step(h, minv, w, q, cap, loss, v, mode, el, e_in, work, own, ways):
     op, oh, orr, os0, os1, ol0, ol1 = at.p, at.h, at.r, at.slip0, at.slip1, at.torque0, at.torque1
     if loss.shape[0] > 0:
         foretell_losses(loss)
-        put_on(loss, cap, 0, LAST, own[0], own[1])
-        put_on(loss, cap, 1, NEXT, own[0], own[1])
+        put_on(loss, cap, 0, LAST, first, first + 1)
+        put_on(loss, cap, 1, NEXT, first, first + 1)
     vmax = max(max(0.0, abs(v[0])), abs(v[1]))
     tol = 1e-12 * (1.0 + vmax)
     pattern = 1.0
@@ -116,8 +116,8 @@ def quiet_step(h, minv, w, q, cap, loss, v, mode, el, e_in, work, own, ways):
         for f in range(m):
             g0 += loss[0, WEIGHTS + f] * work[ol1 + f]
             g1 += loss[1, WEIGHTS + f] * work[ol1 + f]
-        g0 = loss_at(loss, 0, g0, v[ways[0]])
-        g1 = loss_at(loss, 1, g1, v[ways[1]])
+        g0 = loss_at(loss, 0, g0, v[int(loss[0, WAY])])
+        g1 = loss_at(loss, 1, g1, v[int(loss[1, WAY])])
         if not (abs(g0 - loss[0, NEXT]) <= FORETOLD and abs(g1 - loss[1, NEXT]) <= FORETOLD):
             return False
         loss[0, BEFORE] = loss[0, LAST]

@@ -27,13 +27,13 @@ from ..parts.oil_supply import OilSupplyConfig
 from ..parts.plates import PlatePack
 from ..parts.proportional_valve import ValveConfig
 from ..parts.wet_clutch import Cylinder
-from ..plant.cut import CUTTABLE, NOT_CUT, why_not
-from ..plant.effects import EffectsConfig
-from ..plant.prescribed import Prescribed, read_prescribed
+from ..engine.outside import CUTTABLE, NOT_CUT, why_not
 from . import clutch_bench_configuration as clutch_bench
 from .clutch_bench_configuration import ClutchBenchConfig
+from .effects import EffectsConfig
 from .gearbox_configuration import GearboxConfig
 from .instruments_configuration import InstrumentsConfig
+from .prescribed import Prescribed, read_prescribed
 from .timed import KernelConfig
 from .together import check_together
 
@@ -59,7 +59,7 @@ _POINT = re.compile(r"\s*([-+\d.eE]+\s*[a-zA-Z]+)[\s,]+([-+\d.eE]+\s*[a-zA-Z]+)\
 @dataclass(frozen=True)
 class RigConfig:
     """A whole rig with the gearbox. wiring: index of the controller's output that drives each valve; cut_out: devices
-    outside the plant, reached through topics (plant.cut).
+    outside the plant, reached through topics (engine.outside).
     """
 
     name: str

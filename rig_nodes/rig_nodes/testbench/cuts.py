@@ -13,7 +13,7 @@ from collections.abc import Iterator
 
 from ..clocks import COMMAND_TIMEOUT, SAMPLE
 from ..errors import RigError
-from ..plant.cut import LOAD, MOTOR, NOTHING, VALVES, Answer, OtherSide, Port, drained
+from ..engine.outside import LOAD, MOTOR, NOTHING, VALVES, Answer, OtherSide, Port, drained
 
 
 

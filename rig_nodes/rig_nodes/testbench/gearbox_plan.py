@@ -1,8 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The HydmAG rig for the engine, from its configuration; used by testbench.rig.
-"""
+"""The HydmAG rig for the engine, from its configuration; used by testbench.rig."""
 
 from __future__ import annotations
 
@@ -16,9 +15,9 @@ from ..parts import plates
 from ..parts.gear_loss import GearLossConfig
 from ..plant import driveline_losses as losses
 from ..plant.driveline import Driveline, System
-from ..plant.effects import leave_out
 from ..plant.wheels import INPUT, OUTPUT, REDUCTION, SIDES
 from .configuration import PARTS, RigConfig
+from .effects import leave_out
 
 UNMOVED = 1e6  # kg m2 on w0 where n_wej is to stay, whatever happens; in no torque and no energy that is told
 VALVES, CLUTCHES = ("valve_zr_p1", "valve_zr_p2"), ("clutch_s1", "clutch_s2")
@@ -80,12 +79,10 @@ def plan_of(config: RigConfig) -> tuple[Plan, System]:
                  derived={"stiff": float(stiff), "inertia": gearbox.inertia_in, "mobility": system.minv[0, 0]}),
         Instance("load_pump", "load_pump", (c.load_pump,), wires={"body": "wk", "element": "load_pump"}),
         Instance("loss_in", "gear_loss", (GearLossConfig(
-            by_speed=gearbox.loss_in_speed, at_rest=gearbox.loss_in_at_rest, at_470=gearbox.loss_in_at_470, drag=0.0,
-            constant=gearbox.loss_in_constant, share=gearbox.loss_in_share, square=gearbox.loss_in_square),),
+            by_speed=gearbox.loss_in_speed, at_rest=gearbox.loss_in_at_rest, at_470=gearbox.loss_in_at_470, drag=0.0),),
             wires={"body": "w0", "element": "loss_in", "row": 0, "braked": "w0"}),
         Instance("loss_out", "gear_loss", (GearLossConfig(
-            by_speed=0.0, at_rest=0.0, at_470=0.0, drag=max(0.0, gearbox.loss_out_constant) * REDUCTION, constant=0.0,
-            share=gearbox.loss_out_share * REDUCTION, square=gearbox.loss_out_square * REDUCTION),),
+            by_speed=0.0, at_rest=0.0, at_470=0.0, drag=max(0.0, gearbox.loss_out_constant) * REDUCTION),),
             wires={"body": "wk", "element": "loss_out", "row": 1, "braked": "w0" if driving else "wk"},
             derived={"elsewhere": float(driving)})]
     pulses = effects.pwm_frequency or c.alfa46.values.pwm_frequency
@@ -118,4 +115,5 @@ def plan_of(config: RigConfig) -> tuple[Plan, System]:
         meter_in = Meter("M_wej", friction=taken, rate={"w0": gearbox.inertia_in_gearbox})
     meters = meter_in, Meter("M_wyj", friction={"load_pump": 1.0}, rate={"wk": gearbox.inertia_pump})
     return Plan(system, ("w0", "wk"), ("supply", *CLUTCHES), tuple(instances), meters, torque_losses(gearbox, system),
-                CHANNELS, ("n_wej", "n_wyj"), law.OUTPUTS, {name: f"I_{name[6:]}" for name in VALVES}, untouched=len(VALVES)), true
+                CHANNELS, ("n_wej", "n_wyj"), law.OUTPUTS, {name: f"I_{name[6:]}" for name in VALVES},
+                untouched=len(VALVES)), true

@@ -92,6 +92,8 @@ class Rig(Timed):
         # kg m2, 0 unless n_wej is to stay
         self._put_on = float(plan.system.mass[0, 0] - self._system.mass[0, 0])
         self.motor, self.load, self.oil = (self.device(name) for name in ("motor", "load_pump", "oil_supply"))
+        self.losses = [self.device(name) for name in LOSSES]
+        self._currents = [self.channels.index(plan.currents[name]) for name in VALVES]
         self.valves, self.clutches = ([self.device(name) for name in names] for names in (VALVES, CLUTCHES))
         line = self.world.line
         self._el, self._e_in, self._cap = line["el"], line["e_in"], line["cap"]
@@ -357,8 +359,8 @@ class Rig(Timed):
         """Measured currents at the controller's outputs (3,) [A]."""
         out = np.zeros(law.OUTPUTS)
         row = self.row()
-        for name, output in zip(VALVES, self._wiring):
-            out[output] = row[self.channels.index(self.world.plan.currents[name])]
+        for column, output in zip(self._currents, self._wiring):
+            out[output] = row[column]
         return out
 
     def wired(self) -> list[float]:

@@ -14,8 +14,7 @@ from pathlib import Path
 from .. import __version__
 from ..bags.writer import BagWriter
 from ..catalogue import GEARBOX, catalogue
-from ..clocks import COMMAND_TIMEOUT
-from ..clocks import TICK_SAMPLES
+from ..clocks import COMMAND_TIMEOUT, TICK_SAMPLES
 from ..controllers.plug import SAID, Plug
 from ..controllers.seam import ControllerFailed
 from ..errors import RigError, ended_by

@@ -25,7 +25,7 @@ from ..engine.plan import Plan, World
 from ..errors import RigError
 from ..instruments import transducers
 from ..parts.proportional_valve import BY_DUTY
-from ..plant.outcome import NOT_SETTLED, WHOLE
+from ..engine.outcome import NOT_SETTLED, WHOLE
 from .gauges import Gauges
 
 LOG_ROWS = 20_000  # ring of logger rows, 2 s at 10 kHz
@@ -147,7 +147,7 @@ class Timed(ABC):
         self._enabled["enabled"] = 0.0
 
     def trip_for(self, how: int, names: list[str], values: np.ndarray) -> None:
-        """Trip for a sample that the plant could not be moved over: ``how`` of plant.outcome, not WHOLE.
+        """Trip for a sample that the plant could not be moved over: ``how`` of engine.outcome, not WHOLE.
 
         values: those that came out, of which the first that is no finite number is named by its place in ``names``.
         """

@@ -16,7 +16,7 @@ from ..catalogue import catalogue
 from ..clocks import ROW, TICK_SAMPLES
 from ..controllers.record import record_of
 from ..controllers.seam import LEVELS
-from .rig import LOSSES, Rig
+from .rig import Rig
 
 SCALAR_SAMPLES = 10  # controller samples between scalars (100 Hz)
 COMMAND = "/controller/command"
@@ -136,7 +136,7 @@ class States:
     def _gearbox(self):
         rig, energy = self.rig, self._energy
         return (rig.locked_gear(), float(rig.v[0]), float(rig.v[1]), rig.true("M_wej"), rig.true("M_wyj"),
-                *(float(rig.device(name)["torque"]) for name in LOSSES), energy["loss_in"] + energy["loss_out"])
+                *(float(loss["torque"]) for loss in rig.losses), energy["loss_in"] + energy["loss_out"])
 
     def _clutch(self, k: int):
         rig, cylinder = self.rig, self.rig.clutches[k]

@@ -4,7 +4,7 @@
 """Causal cuts: a device outside the plant, what goes over the cut and back, and the rig's own other side.
 
 Used by testbench.cuts (the plant's end), by `simulate` and by the stand-alone device nodes, which step the
-physics that the kernel would have stepped. A cut is held for a tick: the port in, the answer out.
+physics that the engine would have stepped. A cut is held for a tick: the port in, the answer out.
 """
 
 from __future__ import annotations
