@@ -14,6 +14,7 @@ from rig_nodes.plant import driveline_algebra as algebra
 from rig_nodes.plant.driveline import Driveline
 from rig_nodes.plant.driveline_kernel import driveline_step
 from rig_nodes.plant.driveline_run import run
+from rig_nodes.plant.wheels import REDUCTION, SIDES
 
 
 def pair(stick=1.0, w1=100.0, w2=0.0, drag=0.0):
@@ -320,6 +321,125 @@ def test_geared_bodies_act_with_reduced_inertia():
     assert r.speed("motor")[-1] == pytest.approx(5.0 * r.speed("wheel")[-1], rel=1e-14)
 
 
+K = 2.5  # teeth of the ring over those of the sun
+
+
+@pytest.mark.parametrize("held, driven, ratio", [("ring", "carrier", 1.0 + K), ("carrier", "ring", -K)])
+@pytest.mark.parametrize("by", ["ground", "brake"])
+def test_a_planetary_set_with_one_member_held_is_a_gear_by_willis(held, driven, ratio, by):
+    d = Driveline()
+    for name, j in (("sun", 0.2), ("ring", 0.7), ("carrier", 0.5)):
+        if not (by == "ground" and name == held):
+            d.inertia(name, j)
+    member = {name: name for name in ("sun", "ring", "carrier")} | ({held: "ground"} if by == "ground" else {})
+    d.planetary("set", member["sun"], member["ring"], member["carrier"], K)
+    if by == "brake":
+        d.brake("brake", held)
+    r = run(d.build(), 1.0, 0.1, {"sun": 3.0} | ({"brake": 1e3} if by == "brake" else {}))
+    j = {"ring": 0.7, "carrier": 0.5}[driven]
+    assert r.speed(driven)[-1] == pytest.approx(3.0 * ratio / (0.2 * ratio**2 + j), rel=1e-12)
+    assert r.speed("sun")[-1] == pytest.approx(ratio * r.speed(driven)[-1], rel=1e-12)
+    if by == "brake":
+        assert abs(r.speed(held)[-1]) < 1e-12
+
+
+def test_a_planetary_set_with_its_sun_held_drives_the_carrier_slower_than_the_ring():
+    d = Driveline()
+    d.inertia("ring", 0.7, speed=14.0)
+    d.inertia("carrier", 0.0)
+    d.planetary("set", "ground", "ring", "carrier", K)
+    system = d.build()
+    assert system.speeds == ("ring",)
+    r = run(system, 1.0, 0.1, {"carrier": -4.0})
+    assert r.speed("carrier") == pytest.approx(r.speed("ring") * K / (1.0 + K), rel=1e-12)
+    assert r.speed("ring")[-1] == pytest.approx(14.0 - 4.0 * K / (1.0 + K) / 0.7, rel=1e-12)
+
+
+def test_a_free_planetary_set_accelerates_by_its_two_by_two_mass_matrix():
+    js, jr, jc = 0.2, 0.7, 0.5
+    d = Driveline()
+    d.inertia("sun", js)
+    d.inertia("ring", jr, speed=-3.0)
+    d.inertia("carrier", jc, speed=2.0)
+    d.planetary("set", "sun", "ring", "carrier", K)
+    system = d.build()
+    assert system.speeds == ("sun", "ring")
+    by_sun, by_ring = 1.0 / (1.0 + K), K / (1.0 + K)  # of the carrier's speed
+    mass = np.array([[js + jc * by_sun**2, jc * by_sun * by_ring], [jc * by_sun * by_ring, jr + jc * by_ring**2]])
+    assert system.mass == pytest.approx(mass, rel=1e-14)
+    start = np.array([2.0 * (1.0 + K) + 3.0 * K, -3.0])
+    r = run(system, 1.0, 0.1, {"sun": 5.0, "ring": 1.0, "carrier": -8.0})
+    gain = np.linalg.solve(mass, [5.0 - 8.0 * by_sun, 1.0 - 8.0 * by_ring])
+    assert r.speeds[-1, :2] == pytest.approx(start + gain, rel=1e-12)
+    assert r.speed("carrier") == pytest.approx(r.speeds[:, :2] @ [by_sun, by_ring], rel=1e-12)
+    assert np.abs(r.residual()).max() < 1e-11
+
+
+def test_a_planetary_gearbox_shifts_under_power_from_its_brake_to_its_clutch():
+    """Sun driven, carrier out, ring without inertia: the brake holds the low gear, the clutch makes all turn as one."""
+    js, jc, drive, load, low = 0.3, 4.0, 40.0, -90.0, 1.0 + K
+    d = Driveline()
+    d.inertia("sun", js, speed=35.0 * low)
+    d.inertia("ring", 0.0)
+    d.inertia("carrier", jc, speed=35.0)
+    d.planetary("set", "sun", "ring", "carrier", K)
+    d.brake("low", "ring")
+    d.clutch("high", "sun", "carrier")
+    system = d.build()
+    assert system.speeds == ("sun", "carrier") and system.w[0] == pytest.approx([-1.0 / K, low / K])
+    t0, friction = 0.5, 150.0
+    r = run(system, 2.0, 1e-2, {"sun": drive, "carrier": load, "low": ([0.0, t0, t0, 2.0], [500.0, 500.0, 0.0, 0.0]),
+                                "high": ([0.0, t0, t0, 2.0], [0.0, 0.0, friction, friction])})
+    in_low = (low * drive + load) / (jc + low**2 * js)
+    at_shift = 35.0 + in_low * t0
+    assert r.speed("carrier")[r.t < t0][-1] == pytest.approx(35.0 + in_low * r.t[r.t < t0][-1], rel=1e-12)
+    assert np.abs(r.speed("ring")[r.t < t0]).max() < 1e-12
+    apart = (low - 1.0) * at_shift
+    assert event(r, "high", "lock") == pytest.approx(
+        t0 + apart / ((friction - drive) / js + (friction + load) / jc), rel=1e-12)
+    momentum = js * low * at_shift + jc * at_shift + (drive + load) * (2.0 - t0)
+    assert r.speeds[-1] == pytest.approx([momentum / (js + jc)] * 3, rel=1e-12)
+    assert np.abs(r.residual()).max() < 1e-9
+
+
+def test_wheels_without_inertia_are_the_coefficients_of_a_clutch_bit_for_bit():
+    """Wheel z3, the countershaft and wheel z5 of the laboratory's gearbox as bodies, or in the clutches' slips."""
+    (z3, countershaft), (_, z5) = SIDES["S1"], SIDES["S2"]
+    as_bodies, as_numbers = Driveline(), Driveline()
+    for name, j, d in (("z3", 0.0, [as_bodies]), ("w0", 0.71, [as_bodies, as_numbers]), ("countershaft", 0.0, [as_bodies]),
+                       ("wk", 0.127 * REDUCTION**2, [as_bodies, as_numbers]), ("z5", 0.0, [as_bodies])):
+        for one in d:
+            one.inertia(name, j, speed=None if j == 0.0 else 7.0)
+    as_bodies.gear("z3", "w0", z3)
+    as_bodies.gear("countershaft", "wk", countershaft)
+    as_bodies.gear("z5", "wk", z5)
+    as_bodies.clutch("s1", "z3", "countershaft")
+    as_bodies.clutch("s2", "w0", "z5")
+    as_numbers.clutch("s1", "w0", "wk", z3, countershaft)
+    as_numbers.clutch("s2", "w0", "wk", 1.0, z5)
+    one, other = as_bodies.build(), as_numbers.build()
+    assert one.speeds == other.speeds == ("w0", "wk")
+    for name in ("mass", "minv", "w", "v_start"):
+        assert np.array_equal(getattr(one, name), getattr(other, name)), name
+
+
+def test_a_relation_of_its_own_kind_ties_four_bodies():
+    """A differential whose carrier is geared: twice the crown's speed is the sum of both wheels', the crown on a shaft."""
+    d = Driveline()
+    d.inertia("shaft", 0.1, speed=20.0)
+    d.inertia("crown", 0.0)
+    d.inertia("left", 1.0, speed=6.0)
+    d.inertia("right", 1.0)
+    d.gear("shaft", "crown", 4.0)
+    d.relation("differential", {"left": 1.0, "right": 1.0, "crown": -2.0})
+    system = d.build()
+    assert system.speeds == ("shaft", "left")
+    r = run(system, 1.0, 0.1, {"shaft": 3.0})
+    assert r.speed("right")[0] == pytest.approx(4.0) and r.speed("crown")[0] == pytest.approx(5.0)
+    gain = 3.0 * 4.0 / (2.0 + 0.1 * 16.0)
+    assert r.speeds[-1, 2:] == pytest.approx([6.0 + gain, 4.0 + gain], rel=1e-12)
+
+
 def test_tables_jump_where_a_time_stands_twice_and_off_the_grid():
     d = Driveline()
     d.inertia("a", 1.0)
@@ -332,7 +452,7 @@ def described(*calls):
     d.inertia("a", 1.0)
     d.inertia("b", 1.0)
     for name, *args in calls:
-        kwargs = args.pop() if isinstance(args[-1], dict) else {}
+        kwargs = args.pop() if isinstance(args[-1], dict) else {}  # a relation's coefficients stand before an empty one
         getattr(d, name)(*args, **kwargs)
     return d.build()
 
@@ -341,7 +461,27 @@ def described(*calls):
     ([("clutch", "c", "a", "x")], "'x', which does not exist"),
     ([("inertia", "a", 1.0)], "'a' is already taken"),
     ([("brake", "b", "a")], "'b' is already taken"),
-    ([("inertia", "c", 0.0)], "inertia of 'c' is 0.0"),
+    ([("inertia", "c", -1.0)], "inertia of 'c' is -1.0"),
+    ([("inertia", "c", 0.0)], "body 'c' has no inertia"),
+    ([("inertia", "c", 0.0), ("clutch", "ac", "a", "c")], "body 'c' has no inertia"),
+    ([("inertia", "c", 0.0), ("inertia", "e", 0.0), ("gear", "c", "e", 2.0)], "body 'c' has no inertia"),
+    ([("inertia", "c", 0.0), ("inertia", "e", 0.0), ("planetary", "p", "a", "c", "e", 2.0)], "body '[ce]' has no inertia"),
+    ([("inertia", "c", 1.0), ("planetary", "p", "a", "b", "c", -2.0)], "ratio of planetary set 'p' is -2"),
+    ([("planetary", "p", "a", "a", "b", 2.0)], "planetary set 'p' joins 'a' and 'b'; three different bodies"),
+    ([("relation", "r", {"a": 1.0}, {})], "relation 'r' joins 'a'; two different bodies"),
+    ([("relation", "r", {"a": 1.0, "x": 1.0}, {})], "'x', which does not exist"),
+    ([("relation", "r", {"a": 1.0, "b": 0.0}, {})], "coefficient of 'b' in relation 'r' is 0.0"),
+    ([("relation", "b", {"a": 1.0, "b": 1.0}, {})], "'b' is already taken"),
+    ([("relation", "r", {"a": 1.0, "b": 1.0}, {}), ("brake", "r", "a")], "'r' is already taken"),
+    ([("relation", "r", {"a": 1.0, "ground": 1.0}, {})], "with relation 'r', body 'a' could not turn"),
+    ([("relation", "r", {"a": 1.0, "b": -2.0}, {}), ("relation", "s", {"b": -4.0, "a": 2.0}, {})],
+     "relation 's' says no more"),
+    ([("relation", "r", {"a": 1.0, "b": -2.0}, {}), ("relation", "s", {"a": 1.0, "b": -3.0}, {})],
+     "with relation 's', body 'a' could not turn"),
+    ([("inertia", "c", 0.0), ("planetary", "p", "a", "c", "b", 2.0), ("gear", "a", "b", 3.0)], "body 'c' could not turn"),
+    ([("relation", "r", {"a": 1.0, "b": -2.0}, {}), ("clutch", "c", "a", "b", 1.0, 2.0)], "its slip is always 0"),
+    ([("inertia", "c", 0.0, 5.0), ("inertia", "e", 1.0, 1.0), ("inertia", "f", 1.0, 1.0),
+      ("planetary", "p", "e", "c", "f", 2.0)], "contradict the gears"),
     ([("inertia", "c", float("nan"))], "inertia of 'c' is nan"),
     ([("gear", "a", "b", 0.0)], "ratio of gear a-b"),
     ([("gear", "a", "b", 2.0), ("gear", "a", "b", 3.0)], "closes a loop"),

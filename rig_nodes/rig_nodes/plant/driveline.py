@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""General driveline: inertias, rigid gears, shafts, clutches, brakes and free-wheels in any arrangement.
+"""General driveline: inertias, rigid gears, planetary sets, shafts, clutches, brakes and free-wheels in any arrangement.
 
 Describe it with `Driveline`, turn it into arrays with `build`, run it alone with plant/driveline_run.py,
 or hand the arrays to plant/driveline_kernel.py inside a larger kernel. Every rig's drive train is such a
@@ -9,6 +9,7 @@ description.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,8 +18,8 @@ from rig_nodes.errors import RigError
 from rig_nodes.plant import driveline_algebra as algebra
 from rig_nodes.plant.driveline_algebra import work_size
 from rig_nodes.plant.driveline_losses import loss_width
+from rig_nodes.plant.driveline_ties import GROUND, bodies_from_speeds, start_speeds
 
-GROUND = "ground"
 _MAX_ELEMENTS = 50
 
 
@@ -97,13 +98,18 @@ class Driveline:
         self._inertia: dict[str, float] = {}
         self._speed: dict[str, float | None] = {}
         self._gears: list[tuple[str, str, float]] = []
+        self._relations: dict[str, dict[str, float]] = {}  # coefficients by what people read of it
+        self._relation_names: set[str] = set()
         self._shafts: dict[str, tuple] = {}
         self._elements: dict[str, tuple] = {}
 
     def inertia(self, name: str, j: float, speed: float | None = None) -> None:
-        """A body with inertia j > 0 (kg m2) and initial speed (rad/s, default 0 or given by a gear)."""
+        """A body with inertia j (kg m2) and initial speed (rad/s, default 0 or given by what ties it to others).
+
+        j = 0: a body that gears or relations tie to others which have some, and whose speed follows from theirs.
+        """
         self._new_name(name)
-        self._positive(f"inertia of '{name}'", j)
+        self._not_negative(f"inertia of '{name}'", j)
         if speed is not None and not math.isfinite(speed):
             raise RigError(f"driveline: initial speed of '{name}' is {speed}; a finite number is needed")
         self._inertia[name] = float(j)
@@ -116,6 +122,18 @@ class Driveline:
             raise RigError(f"driveline: ratio of gear {a}-{b} is {ratio}; "
                            "a finite number other than 0 is needed")
         self._gears.append((a, b, float(ratio)))
+
+    def planetary(self, name: str, sun: str, ring: str, carrier: str, ratio: float) -> None:
+        """Planetary set: w_sun + ratio w_ring = (1 + ratio) w_carrier (Willis), ratio = teeth of ring over sun > 0.
+
+        One of the three may be the ground. Its planets have no inertia of their own.
+        """
+        self._positive(f"ratio of planetary set '{name}'", ratio)
+        self._relate("planetary set", name, {sun: 1.0, ring: float(ratio), carrier: -1.0 - ratio}, 3)
+
+    def relation(self, name: str, coefficients: Mapping[str, float]) -> None:
+        """Speeds of two or more bodies, the ground among them if need be, times these coefficients have the sum 0."""
+        self._relate("relation", name, {body: float(c) for body, c in coefficients.items()}, 2)
 
     def shaft(self, name: str, a: str, b: str, *, stiffness: float, damping: float = 0.0,
               twist: float = 0.0) -> None:
@@ -144,22 +162,19 @@ class Driveline:
         self._element(name, a, b, 1.0, 1.0, 1.0, drag, True)
 
     def build(self) -> System:
-        """Eliminate the gears and give the arrays; refuses what contradicts itself."""
-        if not self._inertia:
-            raise RigError("driveline: no body; at least one inertia is needed")
+        """Eliminate gears and relations and give the arrays; refuses what contradicts itself."""
         bodies = tuple(self._inertia)
-        root, factor = self._gear_groups(bodies)
-        speeds = tuple(name for name in bodies if root[name] == name)
+        inertia = np.array([self._inertia[name] for name in bodies])
+        if not inertia.any():
+            raise RigError("driveline: no body with inertia; at least one is needed")
         if len(self._elements) > _MAX_ELEMENTS:
             raise RigError(f"driveline: {len(self._elements)} friction elements; "
                            f"at most {_MAX_ELEMENTS} work")
-        t = np.zeros((len(bodies), len(speeds)))
-        for i, name in enumerate(bodies):
-            t[i, speeds.index(root[name])] = factor[name]
+        speeds, t = bodies_from_speeds(self._inertia, self._gears, self._relations)
         row = {name: t[i] for i, name in enumerate(bodies)}
         row[GROUND] = np.zeros(len(speeds))
-        inertia = np.array([self._inertia[name] for name in bodies])
-        mass = t.T @ (inertia[:, None] * t)
+        heavy = inertia > 0.0
+        mass = t[heavy].T @ (inertia[heavy, None] * t[heavy])
         w = np.zeros((len(self._elements), len(speeds)))
         for f, (name, (a, b, ca, cb, _stick, _drag, _one_way)) in enumerate(self._elements.items()):
             w[f] = ca * row[a] - cb * row[b]
@@ -168,7 +183,8 @@ class Driveline:
         for i, (name, (a, b, _k, _c, _twist)) in enumerate(self._shafts.items()):
             sh[i] = row[a] - row[b]
             self._moves(name, sh[i])
-        v_start = self._start(speeds, root, factor)
+        given = {name: speed for name, speed in self._speed.items() if speed is not None}
+        v_start = start_speeds(given, bodies, t)
         e = list(self._elements.values())
         one_way = np.array([x[6] for x in e], dtype=bool)
         for f, name in enumerate(self._elements):
@@ -183,15 +199,19 @@ class Driveline:
                       one_way, v_start, np.array([x[4] for x in k], dtype=float))
 
     def _new_name(self, name):
-        if name == GROUND or name in self._inertia or name in self._shafts or name in self._elements:
+        if name == GROUND or any(name in parts for parts in (
+                self._inertia, self._shafts, self._elements, self._relation_names)):
             raise RigError(f"driveline: the name '{name}' is already taken; every part needs its own")
 
-    def _known(self, where, *names):
+    def _exist(self, where, *names):
         for name in names:
             if name != GROUND and name not in self._inertia or (name == GROUND and where.startswith("gear")):
                 known = ", ".join(self._inertia) or "none"
                 raise RigError(f"driveline: {where} names the body '{name}', which does not exist; "
                                f"bodies are: {known}")
+
+    def _known(self, where, *names):
+        self._exist(where, *names)
         if names[0] == names[1]:
             raise RigError(f"driveline: {where} joins '{names[0]}' with itself; two bodies are needed")
 
@@ -208,8 +228,22 @@ class Driveline:
     @staticmethod
     def _moves(name, row):
         if not np.any(np.abs(row) > 1e-12):
-            raise RigError(f"driveline: '{name}' joins bodies that gears already tie together; "
+            raise RigError(f"driveline: '{name}' joins bodies that gears or relations already tie together; "
                            "its slip is always 0")
+
+    def _relate(self, kind, name, coefficients, least):
+        self._new_name(name)
+        what = f"{kind} '{name}'"
+        if len(coefficients) < least:
+            raise RigError(f"driveline: {what} joins {' and '.join(map(repr, coefficients)) or 'nothing'}; "
+                           f"{'two' if least == 2 else 'three'} different bodies are needed")
+        self._exist(what, *coefficients)
+        for body, c in coefficients.items():
+            if not math.isfinite(c) or c == 0.0:
+                raise RigError(f"driveline: coefficient of '{body}' in {what} is {c}; "
+                               "a finite number other than 0 is needed")
+        self._relation_names.add(name)
+        self._relations[what] = coefficients
 
     def _element(self, name, a, b, ca, cb, stick, drag, one_way):
         self._new_name(name)
@@ -222,42 +256,3 @@ class Driveline:
                            "finite numbers other than 0 are needed")
         self._not_negative(f"drag of '{name}'", drag)
         self._elements[name] = (a, b, float(ca), float(cb), float(stick), float(drag), one_way)
-
-    def _gear_groups(self, bodies):
-        """Root body of each gear group and every body's speed as a multiple of its root's."""
-        meshes = {name: [] for name in bodies}
-        for a, b, ratio in self._gears:
-            meshes[b].append((a, ratio))
-            meshes[a].append((b, 1.0 / ratio))
-        root, factor = {}, {}
-        for name in bodies:
-            if name in root:
-                continue
-            root[name], factor[name] = name, 1.0
-            todo = [name]
-            while todo:
-                here = todo.pop()
-                for other, ratio in meshes[here]:
-                    value = factor[here] * ratio
-                    if other not in root:
-                        root[other], factor[other] = name, value
-                        todo.append(other)
-        for a, b, ratio in self._gears:
-            if abs(factor[a] - ratio * factor[b]) > 1e-9 * abs(factor[a]):
-                raise RigError(f"driveline: gear {a}-{b} with ratio {ratio:g} closes a loop that needs "
-                               f"{factor[a] / factor[b]:g}; as it is the loop could not turn")
-        return root, factor
-
-    def _start(self, speeds, root, factor):
-        v = np.zeros(len(speeds))
-        given = {}
-        for name, value in self._speed.items():
-            if value is None:
-                continue
-            speed = value / factor[name]
-            first = given.setdefault(root[name], (name, speed))
-            if abs(first[1] - speed) > 1e-9 * (1.0 + abs(speed)):
-                raise RigError(f"driveline: initial speeds of '{first[0]}' and '{name}' contradict the gears "
-                               f"between them; '{name}' would have {first[1] * factor[name]:g} rad/s")
-            v[speeds.index(root[name])] = first[1]
-        return v

@@ -1,0 +1,118 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Which speeds of a driveline are free: its gears, planetary sets and other linear relations, eliminated exactly.
+
+Used by plant/driveline.py. Bodies that gears alone join turn as one, by factors that are products of the gears' ratios; every
+other relation then takes away one of these speeds, that of a body without inertia where there is one.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from rig_nodes.errors import RigError
+
+GROUND = "ground"
+_SAME = 1e-9  # relative size of a difference that counts as none
+
+
+def bodies_from_speeds(inertia: Mapping[str, float], gears: Sequence[tuple[str, str, float]],
+                       relations: Mapping[str, Mapping[str, float]]) -> tuple[tuple[str, ...], np.ndarray]:
+    """(n bodies whose speeds are free, speeds (b, n) of all bodies by theirs), from what ties the bodies together.
+
+    inertia: of each body, 0 for one without; gears (a, b, ratio): w_a = ratio w_b; relations: by name, coefficients of bodies
+    whose speeds times these have the sum 0. Raises RigError for loops that cannot turn, for relations that say nothing
+    new and for bodies that could turn without moving any inertia.
+    """
+    bodies = tuple(inertia)
+    root, factor = _gear_groups(inertia, gears)
+    free = [name for name in bodies if root[name] == name]
+    heavy = {root[name] for name, j in inertia.items() if j > 0.0}
+    t = np.zeros((len(bodies), len(free)))
+    for i, name in enumerate(bodies):
+        t[i, free.index(root[name])] = factor[name]
+    for name, coefficients in relations.items():
+        sizes = np.zeros(len(free))
+        row = np.zeros(len(free))
+        for body, c in coefficients.items():
+            if body != GROUND:
+                row += c * t[bodies.index(body)]
+                sizes += np.abs(c * t[bodies.index(body)])
+        row[np.abs(row) <= _SAME * max(sizes, default=0.0)] = 0.0
+        if not row.any():
+            raise RigError(f"driveline: {name} says no more than the gears and relations before it; leave it out")
+        goes = max((j for j in range(len(free)) if row[j] != 0.0), key=lambda j: (free[j] not in heavy, j))
+        was = np.abs(t).max(axis=1)
+        t = np.delete(t - np.outer(t[:, goes], row / row[goes]), goes, axis=1)
+        del free[goes]
+        t[np.abs(t) <= 1e-3 * _SAME * was[:, None]] = 0.0
+        for i, body in enumerate(bodies):
+            if not t[i].any():
+                raise RigError(f"driveline: with {name}, body '{body}' could not turn any more; "
+                               f"name the {GROUND} in its place, or mend what contradicts it")
+    _moves_inertia(inertia, free, t)
+    return tuple(free), t
+
+
+def start_speeds(given: Mapping[str, float], bodies: Sequence[str], t: np.ndarray) -> np.ndarray:
+    """The n free speeds at the start, from those of some bodies; what these leave open stands still. RigError when they
+    contradict what ties the bodies together.
+    """
+    v = np.zeros(t.shape[1])
+    known: list[int] = []
+    rows = {name: t[bodies.index(name)] for name in given}
+    for name, row in rows.items():
+        j = np.flatnonzero(row)
+        if len(j) == 1 and j[0] not in known:
+            v[j[0]] = given[name] / row[j[0]]
+            known.append(j[0])
+    others = [name for name, row in rows.items() if not set(np.flatnonzero(row)) <= set(known)]
+    if others:
+        a = np.array([rows[name] for name in others])
+        chosen: list[int] = []
+        for j in reversed([j for j in range(len(v)) if j not in known]):
+            if np.linalg.matrix_rank(a[:, [*chosen, j]]) > len(chosen):
+                chosen.append(j)
+        v[chosen] = np.linalg.lstsq(a[:, chosen], np.array([given[name] for name in others]) - a @ v)[0]
+    for name, row in rows.items():
+        if abs(row @ v - given[name]) > _SAME * (np.abs(row).max() + abs(given[name])):
+            raise RigError(f"driveline: initial speeds contradict the gears and relations between the bodies; by the others "
+                           f"'{name}' would have {row @ v:g} rad/s")
+    return v
+
+
+def _gear_groups(inertia, gears):
+    """Root body of each group that gears join, one with inertia where there is one; every body's speed by its root's."""
+    meshes = {name: [] for name in inertia}
+    for a, b, ratio in gears:
+        meshes[b].append((a, ratio))
+        meshes[a].append((b, 1.0 / ratio))
+    root, factor = {}, {}
+    for name in sorted(inertia, key=lambda name: inertia[name] == 0.0):
+        if name in root:
+            continue
+        root[name], factor[name] = name, 1.0
+        todo = [name]
+        while todo:
+            here = todo.pop()
+            for other, ratio in meshes[here]:
+                if other not in root:
+                    root[other], factor[other] = name, factor[here] * ratio
+                    todo.append(other)
+    for a, b, ratio in gears:
+        if abs(factor[a] - ratio * factor[b]) > _SAME * abs(factor[a]):
+            raise RigError(f"driveline: gear {a}-{b} with ratio {ratio:g} closes a loop that needs "
+                           f"{factor[a] / factor[b]:g}; as it is the loop could not turn")
+    return root, factor
+
+
+def _moves_inertia(inertia, free, t):
+    """RigError when some body could turn while all those with inertia stand still."""
+    heavy = t[[j > 0.0 for j in inertia.values()]]
+    if np.linalg.matrix_rank(heavy) == len(free):
+        return
+    alone = np.linalg.svd(heavy)[2][-1]
+    name = list(inertia)[int(np.argmax(np.abs(t @ alone)))]
+    raise RigError(f"driveline: body '{name}' has no inertia, and no gears or relations tie it to bodies that have some; "
+                   "give it an inertia, or tie it to one")
