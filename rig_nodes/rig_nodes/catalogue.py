@@ -1,18 +1,21 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The signal catalogue: every topic and every signal of every kind of rig, once.
+"""The signal catalogue: every topic and every signal of a rig, once, made of its description.
 
-Read by the nodes, the recorder, the view, the report and the docs; the data is config/signals.yaml.
+Read by the nodes, the recorder, the view, the report and the docs; what it is made of stands in description.signals.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 from .clocks import COMMAND_TIMEOUT
-from .config import load_yaml, package_file
+from .config.names import unknown
+from .description.signals import described
+from .description.structure import Structure, structure_of
 from .errors import RigError
 
 
@@ -80,34 +83,21 @@ class Signal:
 
 @dataclass(frozen=True)
 class Catalogue:
-    """All topics and signals of a kind of rig, by name, in the order of the file.
+    """All topics and signals of a rig, by name.
 
     topics: of every run; cut_topics: of runs in which their device stands outside the plant; controller_topics: of
-    runs whose controller has signals of its own; others: the catalogues of the other kinds, which the gearbox rig's
-    knows, so that a bag or a sequence of any kind can be read with it.
+    runs whose controller has signals of its own.
     """
 
     topics: dict[str, Topic]
     signals: dict[str, Signal]
     cut_topics: dict[str, Topic]
     controller_topics: dict[str, Topic]
-    others: dict[str, Catalogue] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def all_topics(self) -> dict[str, Topic]:
-        """Every topic that a run of any kind may have."""
-        out = {**self.topics, **self.cut_topics, **self.controller_topics}
-        for other in self.others.values():
-            out.update(other.topics)
-        return out
-
-    @property
-    def all_signals(self) -> dict[str, Signal]:
-        """Every signal of every kind."""
-        out = dict(self.signals)
-        for other in self.others.values():
-            out.update(other.signals)
-        return out
+        """Every topic that a run of this rig may have."""
+        return {**self.topics, **self.cut_topics, **self.controller_topics}
 
     def of_run(self, cut_out=(), own_signals: bool = False) -> dict[str, Topic]:
         """The topics of a run in which these devices stand outside, with a controller that may have its own signals."""
@@ -133,80 +123,48 @@ class Catalogue:
         return [s for s in self.signals.values() if s.topic == topic]
 
     def signal(self, name: str) -> Signal:
-        """One signal of any kind; RigError names the known ones of this kind when there is none."""
-        if name in self.signals:
-            return self.signals[name]
-        for other in self.others.values():
-            if name in other.signals:
-                return other.signals[name]
-        from .config.names import unknown  # here, as that module reads this one
-
-        raise RigError(unknown("signal", name, self.signals))
+        """One signal; RigError names the known ones when there is none."""
+        if name not in self.signals:
+            raise RigError(unknown("signal", name, self.signals))
+        return self.signals[name]
 
 
-GEARBOX = "gearbox"  # the kind of rig whose topics and signals stand at the top of the file
+def catalogue(config=None) -> Catalogue:
+    """The catalogue of a rig.
+
+    config: a RigConfig, or its record as a bag and a report hold it; by default the installed rig that is taken where none is
+    named. Raises KeyError, TypeError or ValueError for a record that is none.
+    """
+    if config is None:
+        return _default()
+    if isinstance(config, Mapping):
+        return catalogue_of(structure_of(config["structure"]))
+    return config.catalogue
 
 
-@lru_cache(maxsize=4)
-def catalogue(kind: str = GEARBOX) -> Catalogue:
-    """The catalogue of a kind of rig, read once per process; RigError for one that there is not."""
-    if kind != GEARBOX:
-        others = catalogue().others
-        if kind not in others:
-            raise RigError(f"there is no rig of kind '{kind}'; known are {', '.join([GEARBOX, *others])}")
-        return others[kind]
-    data = load_yaml(package_file("signals.yaml"))
-    topics, cut_topics, controller_topics = ({name: Topic(name=name, **entry) for name, entry in data[key].items()}
+@lru_cache(maxsize=1)
+def _default() -> Catalogue:
+    from .testbench.configuration import load_rig  # here, as all that reads a rig stands above this module
+
+    return load_rig().catalogue
+
+
+@lru_cache(maxsize=1)
+def installed_topics() -> dict[str, Topic]:
+    """Every topic of every installed rig: what a message is where nobody says of which rig it is."""
+    from .config.names import installed
+    from .testbench.configuration import load_rig
+
+    out: dict[str, Topic] = {}
+    for name in installed("rigs"):
+        out = {**load_rig(name).catalogue.all_topics, **out}
+    return out
+
+
+def catalogue_of(structure: Structure) -> Catalogue:
+    """The catalogue of a rig by its structure; RigError for two signals of one name."""
+    found = described(structure)
+    topics, cut_topics, controller_topics = ({name: Topic(name=name, **entry) for name, entry in found[key].items()}
                                              for key in ("topics", "cut_topics", "controller_topics"))
-    signals = _signals(data["signals"], topics, data["displays"])
-    _check_topics({**topics, **cut_topics, **controller_topics}, signals)
-    others, taken = {}, {*topics, *cut_topics, *controller_topics, *signals}
-    for other, part in data["benches"].items():
-        own = {name: Topic(name=name, **entry) for name, entry in part["topics"].items()}
-        shared = {name: topics[name] for name in part["shares"]}
-        found = _signals(part["signals"], own, data["displays"])
-        _check_topics(own, found)
-        if both := sorted(taken & {*own, *found}):
-            raise RigError(f"signals.yaml: '{both[0]}' of {other} is there twice")
-        taken |= {*own, *found}
-        found |= {name: signal for name, signal in signals.items() if signal.topic in shared}
-        others[other] = Catalogue({**own, **shared}, found, {}, {})
-    return Catalogue(topics, signals, cut_topics, controller_topics, others)
-
-
-def kind_of_topics(topics) -> str:
-    """The kind of rig of a run with these topics."""
-    known = catalogue()
-    for kind, other in known.others.items():
-        if any(topic in other.topics and topic not in known.topics for topic in topics):
-            return kind
-    return GEARBOX
-
-
-def _check_topics(topics: dict[str, Topic], signals: dict[str, Signal]) -> None:
-    """RigError for a class of which nobody knows how it is offered, and for a setpoint without unit and range."""
-    for topic in topics.values():
-        if topic.qos not in QOS:
-            raise RigError(f"signals.yaml: {topic.name} is of the class '{topic.qos}'; known are {', '.join(QOS)}")
-        if (topic.type == "Setpoint") != (topic.like in signals):
-            raise RigError(f"signals.yaml: {topic.name}: a Setpoint, and no other topic, is like a signal; found "
-                           f"'{topic.like}'")
-
-
-def _signals(entries: dict, topics: dict[str, Topic], displays: dict) -> dict[str, Signal]:
-    """Checked signals, each on one of the topics."""
-    signals = {}
-    for name, entry in entries.items():
-        entry = dict(entry)
-        display = displays[entry.pop("display")]
-        low, high = entry.pop("range")
-        states = {int(k): v for k, v in entry.pop("states", {}).items()}
-        signal = Signal(name=name, display_unit=display["unit"], scale=display["scale"], low=low, high=high,
-                        states=states, **entry)
-        if signal.topic not in topics:
-            raise RigError(f"signals.yaml: signal '{name}' names the unknown topic '{signal.topic}'")
-        signals[name] = signal
-    columns = sorted(s.logger for s in signals.values() if s.logger is not None)
-    if columns != list(range(len(columns))):
-        raise RigError(f"signals.yaml: logger columns are {columns}, expected 0 to {len(columns) - 1} once each")
-    return signals
+    return Catalogue(topics, {name: Signal(name=name, **entry) for name, entry in found["signals"].items()}, cut_topics,
+                     controller_topics)

@@ -9,14 +9,13 @@ and the tuner take gears, clutches, pressures and ratios from it and know none b
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from types import SimpleNamespace
 
-import numpy as np
-
-from .plant import wheels
+from .description.driveline import build_driveline, held_ratio, inertias_of
+from .description.structure import structure_of
 from .plant.kiss_point import kiss_pressure
 
 NEUTRAL = 0  # number of the gear in which nothing is driven
@@ -219,65 +218,77 @@ def slip_of(ratio: float, w_in, w_out):
     return 1.0 - w_out * ratio / w_in
 
 
-def ratio_of(rows: Iterable[Iterable[float]], at_input: int, at_output: int) -> float:
-    """Speed of the input over that of the output where none of these joints slips.
-
-    rows: of each joint that is held, its slip by the speeds of the bodies; at_input, at_output: which bodies. ValueError
-    where they leave that ratio open or let the output stand.
-    """
-    slips = np.array([list(row) for row in rows], float)
-    others = np.delete(slips, at_output, axis=1)
-    if np.linalg.matrix_rank(others) < others.shape[1]:
-        raise ValueError("the joints that are held leave a ratio open")
-    speeds, *_ = np.linalg.lstsq(others, -slips[:, at_output], rcond=None)
-    if not np.allclose(others @ speeds, -slips[:, at_output]):
-        raise ValueError("the joints that are held let nothing turn")
-    return float(speeds[at_input - (at_input > at_output)])
-
-
-# What the laboratory printed of its clutches: kiss pressure [Pa] by 7.3.2, and how fast chapter 9's fits of the releasing
-# pressures begin to fall [Pa/s], from where the times count
-_PRINTED = {"S1": (0.17e6, 13.028e6), "S2": (0.36e6, 11.788e6)}
-_THESIS = {"inertia_in": 0.709, "inertia_out_z5": 0.1273}  # kg m2, 7.3.1
-_GEARS = ((NEUTRAL, "neutral", ()), (1, "I", ("S1",)), (2, "II", ("S2",)))
-
-
-@lru_cache(maxsize=1)
-def _gears() -> tuple[Gear, ...]:
-    """The gears with the ratios of their wheels, thesis tab. 3.1: 47/34 and 41/40."""
-    found = []
-    for number, name, held in _GEARS:
-        rows = [(driving, -driven) for driving, driven in map(wheels.SIDES.get, held)]
-        found.append(Gear(number, name, held, ratio_of(rows, 0, 1) if held else None))
-    return tuple(found)
-
-
 def transmission_of(config=None) -> Transmission:
-    """The transmission of a rig with the gearbox.
+    """The transmission of a rig with gears.
 
-    config: a RigConfig, or its record as a bag and a report hold it (RigConfig.as_dict). Of parts that a record does not
-    hold, or without a configuration, the values are those that the laboratory printed. Raises KeyError, TypeError or
-    ValueError for a record that is none.
+    config: a RigConfig, or its record as a bag and a report hold it (RigConfig.as_dict); by default the installed rig that
+    is taken where none is named. Raises KeyError, TypeError or ValueError for a record that is none.
     """
     if config is None:
-        return _laboratory()
-    return _made(config if isinstance(config, Mapping) else config.as_dict())
+        return _default()
+    if isinstance(config, Mapping):
+        return made_of(config)
+    return config.transmission
 
 
 @lru_cache(maxsize=1)
-def _laboratory() -> Transmission:
-    return _made({})
+def _default() -> Transmission:
+    from .testbench.configuration import load_rig  # here, as all that reads a rig stands above this module
+
+    return load_rig().transmission
 
 
-def _made(record: Mapping) -> Transmission:
-    gearbox, wiring = record.get("gearbox") or _THESIS, record.get("wiring") or (0, 1)
-    clutches = []
-    for number, (name, (kiss, fall)) in enumerate(_PRINTED.items(), 1):
-        cylinder = record.get(f"clutch_s{number}")
-        clutches.append(Clutch(
-            name, f"clutch_s{number}", f"valve_zr_p{number}", f"ZR-P{number}", int(wiring[number - 1]), f"p{number}",
-            f"I_zr_p{number}", f"I_set_zr_p{number}",
-            kiss_pressure(SimpleNamespace(**cylinder)) if cylinder else kiss, fall))
-    return Transmission(
-        Shaft(wheels.INPUT, "n_wej", "M_wej"), Shaft(wheels.OUTPUT, "n_wyj", "M_wyj"), tuple(clutches), _gears(),
-        Inertias(float(gearbox["inertia_in"]), float(gearbox["inertia_out_z5"]), wheels.REDUCTION))
+def made_of(record: Mapping) -> Transmission:
+    """The transmission of a rig by its record; ValueError for a rig without gears."""
+    structure = structure_of(record["structure"])
+    if not structure.gears or structure.input is None or structure.output is None:
+        raise ValueError(f"the rig '{record.get('name', '')}' has no gears")
+    inertias = inertias_of(structure, record)
+    shafts = {one.name: (record[one.name]["stiffness"], record[one.name]["damping"]) for one in structure.shafts}
+    system, names = build_driveline(structure, inertias, shafts), {one.name: one for one in structure.clutches}
+    ends = structure.input.body, structure.output.body
+    gears = [Gear(NEUTRAL, "neutral")]
+    for number, gear in enumerate(structure.gears, 1):
+        try:
+            ratio = held_ratio(system, gear.clutches, *ends)
+        except ValueError as error:
+            raise ValueError(f"gear {gear.name} of the rig '{record.get('name', '')}': {error}") from None
+        gears.append(Gear(number, gear.name, tuple(names[one].called for one in gear.clutches), ratio))
+    wiring = dict(zip((valve.name for valve in structure.valves), record.get("wiring", ())))
+    clutches = tuple(_clutch(one, structure, record, wiring) for one in structure.clutches)
+    driving, one = tied_to(structure, inertias, ends[0])
+    driven, reduction = tied_to(structure, inertias, ends[1])
+    return Transmission(Shaft(structure.input.body, structure.input.speed, structure.input.torque),
+                        Shaft(structure.output.body, structure.output.speed, structure.output.torque), clutches, tuple(gears),
+                        Inertias(driving * one**2, driven, reduction))
+
+
+def _clutch(device, structure, record: Mapping, wiring: Mapping[str, int]) -> Clutch:
+    """A clutch with what belongs to it; of a signal that nobody measures the name is empty."""
+    valve, values = structure.valve_of(device.name), record[device.name]
+
+    def shown(what: str) -> str:
+        return next((one.name for one in structure.transducers if one.shows == what), "")
+
+    kiss = kiss_pressure(SimpleNamespace(**values)) if "piston_area" in values else 0.0
+    line = structure.line_of(device.name)
+    if valve is None:
+        return Clutch(device.called, device.name, "", "", -1, shown(f"{line}.pressure"), "", "", kiss, device.release_rate)
+    return Clutch(device.called, device.name, valve.name, valve.called, int(wiring[valve.name]), shown(f"{line}.pressure"),
+                  shown(f"{valve.name}.current"), f"I_set_{valve.key}", kiss, device.release_rate)
+
+
+def tied_to(structure, inertias: Mapping[str, float], body: str) -> tuple[float, float]:
+    """(inertia of all that toothed wheels tie to a body [kg m2], speed of the axis that it is on by that of the body)."""
+    speeds, todo = {body: 1.0}, [body]
+    while todo:
+        here = todo.pop()
+        for mesh in structure.meshes:
+            for (a, b), ratio in ((mesh.bodies, mesh.ratio), (mesh.bodies[::-1], 1.0 / mesh.ratio)):
+                if a == here and b not in speeds:
+                    speeds[b] = speeds[here] * ratio
+                    todo.append(b)
+    heavy = [name for name in speeds if inertias[name] > 0.0]
+    if len(heavy) == 1:
+        return inertias[heavy[0]], abs(speeds[heavy[0]])
+    return sum(inertias[name] * speeds[name]**2 for name in heavy), 1.0

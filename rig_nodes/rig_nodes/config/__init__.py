@@ -22,6 +22,7 @@ from ..errors import RigError, no_file
 from .yaml_file import MOST_BYTES, List, Map, read_yaml
 
 CONFIG_DIR = Path(__file__).resolve().parent
+RIGS_DIR = CONFIG_DIR.parent / "rigs"
 _READERS = ("__init__.py", "yaml_file.py")  # what is kept of a file depends on them too
 
 
@@ -84,9 +85,9 @@ def _parsed(_absolute: Path, path: Path, _changed: int, _size: int):
     with the package is kept between processes too: to read it takes a fifth of a second.
     """
     text = path.read_text(encoding="utf-8")
-    if not path.is_relative_to(CONFIG_DIR):
+    if not path.is_relative_to(CONFIG_DIR.parent):
         return _plain(read_yaml(path, text))
-    kept = cache_root().parent / "read-configuration" / "-".join(path.relative_to(CONFIG_DIR).parts)
+    kept = cache_root().parent / "read-configuration" / "-".join(path.relative_to(CONFIG_DIR.parent).parts)
     kept = kept.with_suffix(".json")
     with suppress(OSError):
         if own_folder(kept.parent):

@@ -15,10 +15,11 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ..errors import RigError, brief, no_file
-from . import CONFIG_DIR, load_yaml
+from . import CONFIG_DIR, RIGS_DIR, load_yaml
 from .yaml_file import where_of
 
 DEFAULT_RIG = "hydmag"
+RIG_FILE = "rig.yaml"
 
 MOST_NAMED = 24  # names in a sentence
 MOST_LETTERS = 60  # of a name that is compared
@@ -61,26 +62,38 @@ def unknown_value(key: str, parts: dict[str, Iterable[str]]) -> str:
 
 
 def find_config(kind: str, name: str | Path) -> Path:
-    """Path of an installed ``kind`` (rigs, controllers, sequences) by name, or of a file; RigError otherwise."""
+    """Path of an installed ``kind`` (rigs, controllers) by name, or of a file; a rig's folder is as good. RigError otherwise."""
     text = str(name)
+    if kind == "rigs":
+        folder = os.path.expanduser(text)
+        if ("/" in text or os.path.isfile(os.path.join(folder, RIG_FILE))) and os.path.isdir(folder):
+            if not os.path.isfile(os.path.join(folder, RIG_FILE)):
+                raise RigError(f"{text}: the folder has no {RIG_FILE}; ./rig new rig FOLDER writes one to begin with")
+            return Path(folder) / RIG_FILE
     if text.endswith((".yaml", ".yml")) or "/" in text:
         path = os.path.expanduser(text)
         if not os.path.isfile(path):  # False too for what can be no name of a file
             raise RigError(f"{text}: {no_file(path)}")
         return Path(path)
-    path = CONFIG_DIR / kind / f"{text}.yaml"
+    path = RIGS_DIR / text / RIG_FILE if kind == "rigs" else CONFIG_DIR / kind / f"{text}.yaml"
     if not os.path.isfile(path):
         if os.path.isdir(text):
             raise RigError(f"{text}: {no_file(text)}")
-        known = sorted(p.stem for p in (CONFIG_DIR / kind).glob("*.yaml"))
-        raise RigError(f"{unknown(kind[:-1], text, known)} (or name a .yaml file)")
+        raise RigError(f"{unknown(kind[:-1], text, installed(kind))} (or name a .yaml file)")
     return path
+
+
+def installed(kind: str) -> list[str]:
+    """Names of the rigs or controllers that ship with the package."""
+    if kind == "rigs":
+        return sorted(path.parent.name for path in RIGS_DIR.glob(f"*/{RIG_FILE}"))
+    return sorted(path.stem for path in (CONFIG_DIR / kind).glob("*.yaml"))
 
 
 def beside(path: str | Path, name: object) -> str:
     """A name that stands in the file ``path``: that of a file is as seen from this file's folder."""
     text = str(name)
-    if text.endswith((".yaml", ".yml")) and not os.path.isabs(os.path.expanduser(text)):
+    if (text.endswith((".yaml", ".yml")) or "/" in text) and not os.path.isabs(os.path.expanduser(text)):
         return str(Path(path).parent / text)
     return text
 
@@ -106,16 +119,44 @@ def with_bases(name: str | Path) -> list[tuple[Path, object]]:
     return out
 
 
-def kind_of(name: str | Path) -> str:
-    """The kind of an installed rig or of a file, without reading its values; RigError when there is none."""
-    from ..catalogue import GEARBOX  # here, as the catalogue itself refuses names by unknown()
+def find_of_rigs(kind: str, name: str | Path, rig: str | Path | None = None) -> Path:
+    """Path of a ``kind`` (sequences, procedures) by name, or of a file: that of the rig or of one that it stands on, else of
+    the default rig, else of another installed one. RigError otherwise.
+    """
+    text = str(name)
+    if text.endswith((".yaml", ".yml")) or "/" in text:
+        return find_config(kind, name)
+    for folder in _folders(rig):
+        if (path := folder / kind / f"{text}.yaml").is_file():
+            return path
+    if os.path.isdir(text):
+        raise RigError(f"{text}: {no_file(text)}")
+    raise RigError(f"{unknown(kind[:-1], text, of_rigs(kind, rig))} (or name a .yaml file)")
 
-    node = with_bases(name)[-1][1]
-    return str(node.get("kind", GEARBOX)) if isinstance(node, dict) else GEARBOX
+
+def of_rigs(kind: str, rig: str | Path | None = None) -> list[str]:
+    """Names of the sequences or procedures that :func:`find_of_rigs` finds."""
+    return sorted({path.stem for folder in _folders(rig) for path in (folder / kind).glob("*.yaml")})
+
+
+def _folders(rig: str | Path | None) -> list[Path]:
+    """Where sequences and procedures are looked for, first to last."""
+    own = [path.parent for path, _ in with_bases(rig)] if rig is not None else []
+    return [*own, *(RIGS_DIR / name for name in (DEFAULT_RIG, *installed("rigs")))]
+
+
+def rig_with(path: str | Path) -> str:
+    """The rig in whose folder a sequence or procedure stands; the default one for a file elsewhere."""
+    folder = Path(path).absolute().parent.parent
+    if not (folder / RIG_FILE).is_file():
+        return DEFAULT_RIG
+    return folder.name if folder.parent == RIGS_DIR else str(folder)
 
 
 def rig_of(sequence: str | Path | None) -> str:
     """The rig that a sequence is written for, by its name or file; the default one without a sequence."""
-    path = find_config("sequences", sequence) if sequence else None
-    node = load_yaml(path) if path else {}
-    return beside(path, node.get("rig", DEFAULT_RIG)) if isinstance(node, dict) else DEFAULT_RIG
+    if not sequence:
+        return DEFAULT_RIG
+    path = find_of_rigs("sequences", sequence)
+    node = load_yaml(path)
+    return beside(path, node["rig"]) if isinstance(node, dict) and "rig" in node else rig_with(path)

@@ -19,9 +19,9 @@ from .units import quantity, span
 from .yaml_file import no_space, where_of
 
 
-def param(dimension: str, low: float, high: float):
-    """A dataclass field: SI value of this dimension between low and high (SI, inclusive)."""
-    return dataclasses.field(metadata={"dimension": dimension, "low": low, "high": high})
+def param(dimension: str, low: float, high: float, default=dataclasses.MISSING):
+    """A dataclass field: SI value of this dimension between low and high (SI, inclusive); one with a default may be left out."""
+    return dataclasses.field(default=default, metadata={"dimension": dimension, "low": low, "high": high})
 
 
 def choice(*names: str):
@@ -29,9 +29,9 @@ def choice(*names: str):
     return dataclasses.field(metadata={"dimension": "choice", "choices": names})
 
 
-def switch():
-    """A dataclass field: True or False, written on or off."""
-    return dataclasses.field(metadata={"dimension": "switch", "choices": ("on", "off")})
+def switch(default=dataclasses.MISSING):
+    """A dataclass field: True or False, written on or off; one with a default may be left out."""
+    return dataclasses.field(default=default, metadata={"dimension": "switch", "choices": ("on", "off")})
 
 
 def limits(cls, name: str) -> tuple[float, float]:
@@ -64,21 +64,15 @@ def build(cls, node, path, what: str, others: tuple = (), where: str = ""):
     ``others`` are keys of the map that somebody else reads; where: as for :func:`check_keys`.
     """
     names = [f.name for f in dataclasses.fields(cls)]
-    check_keys(path, node, [*names, *others], names, what, where)
+    check_keys(path, node, [*names, *others], [f.name for f in dataclasses.fields(cls) if f.default is dataclasses.MISSING],
+               what, where)
     values = {}
     for field in dataclasses.fields(cls):
+        if field.name not in node:
+            continue
         where = f"{where_of(path, node, field.name)}: {what}.{field.name}"
         values[field.name] = entry(field, node[field.name], where)
     return cls(**values)
-
-
-def changed(part, node, path, what: str, where: str = ""):
-    """The dataclass instance ``part`` with the values that a marked map names, each [value with unit, "its source"]."""
-    names = list(type(part).__dataclass_fields__)
-    check_keys(path, node, names, (), what, where)
-    values = {name: entry(type(part).__dataclass_fields__[name], node[name],
-                          f"{where_of(path, node, name)}: {what}.{name}") for name in node}
-    return dataclasses.replace(part, **values)
 
 
 def entry(field, node, where: str):

@@ -32,11 +32,14 @@ _NO_DASH_SPACE = re.compile(r" *-([A-Za-z_]\w*:.*)")
 
 
 class Map(dict):
-    """A map of a file. line: where it begins, lines: of each key, both from 0."""
+    """A map of a file. line: where it begins, lines: of each key, both from 0; files: of each key, where that is not the file
+    that the map was read from (:func:`merged`).
+    """
 
     def __init__(self, line: int):
         super().__init__()
         self.line, self.lines = line, {}
+        self.files: dict[object, object] = {}
 
 
 class List(list):
@@ -45,15 +48,47 @@ class List(list):
     def __init__(self, line: int):
         super().__init__()
         self.line, self.lines = line, []
+        self.files: dict[object, object] = {}
 
 
 def where_of(path, node, key=None) -> str:
     """``file:line`` of a key or an item in a map or list of a file, or of itself."""
+    path = file_of(path, node, key)
     try:
         line = node.lines[key] if key is not None else node.line
     except (AttributeError, LookupError, TypeError):
         return str(path)
     return f"{path}:{line + 1}"
+
+
+def file_of(path, node, key=None):
+    """The file in which a key or an item stands, or the map or list itself: ``path`` unless :func:`stamped` says another."""
+    files = getattr(node, "files", None)
+    return files.get(key, files.get(None, path)) if files else path
+
+
+def stamped(node, path):
+    """The node, with all maps and lists in it saying that they stand in the file ``path``."""
+    if isinstance(node, (Map, List)):
+        node.files[None] = path
+        for value in node.values() if isinstance(node, Map) else node:
+            stamped(value, path)
+    return node
+
+
+def merged(base: Map, node: Map) -> Map:
+    """The map ``base`` with what ``node`` of another file says in its place, both stamped.
+
+    A map in both is merged in its turn; all else, and a list too, is replaced as a whole.
+    """
+    out = Map(node.line)
+    out.files[None] = node.files[None]
+    for key in [*base, *(key for key in node if key not in base)]:
+        owner = node if key in node else base
+        both = key in node and isinstance(node[key], Map) and isinstance(base.get(key), Map)
+        out[key] = merged(base[key], node[key]) if both else owner[key]
+        out.lines[key], out.files[key] = owner.lines[key], file_of(None, owner, key)
+    return out
 
 
 def read_yaml(path, text: str):

@@ -18,9 +18,9 @@ from operator import itemgetter
 from types import MappingProxyType
 
 from ..alfa46.settings import OUTPUT_KEYS, Alfa46Config
-from ..catalogue import Signal, catalogue
+from ..catalogue import Signal
 from ..errors import RigError
-from ..transmission import slip_of, transmission_of
+from ..transmission import slip_of
 from .seam import ControllerInfo, ControllerInputs, flat_parameters
 
 STANDSTILL = 10.0 * math.pi / 30.0  # rad/s of the input shaft, below which no slip is told
@@ -154,7 +154,7 @@ def controller_info(record: ControllerRecord, config: Alfa46Config, level: str) 
 
 def record_of(config) -> ControllerRecord:
     """The record of a rig of testbench.configuration: the one place that knows where it is described."""
-    signals, box = catalogue().signals, transmission_of(config)
+    signals, box = config.catalogue.signals, config.transmission
     first = box.clutches[0]
     by_output, outputs = {clutch.output: clutch for clutch in box.clutches}, []
     for k, name in enumerate(OUTPUT_KEYS):

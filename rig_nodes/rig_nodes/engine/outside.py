@@ -19,20 +19,26 @@ from ..config.names import unknown
 from ..errors import RigError
 from ..parts import dc_motor as motor_model
 from ..parts import load_pump as load_model
+from ..parts import part as parts
 from ..parts import proportional_valve as valve_model
 
-MOTOR, LOAD = "motor", "load_pump"
-VALVES = ("valve_zr_p1", "valve_zr_p2")
-CUTTABLE = (MOTOR, *VALVES, LOAD)
+MOTOR, LOAD, VALVE = "dc_motor", "load_pump", "proportional_valve"  # parts that can stand outside
 LOOP = 0.35  # crossover of the motor's speed loop times the tick: 0.3 costs 0.2 % of a shift's loss, 0.45 6 %, 0.75 swings
-_CLUTCH = ("two clutches that lock are solved together with the shafts in every step, and a friction torque "
-           "that is a tick old would chatter at standstill")
-# devices that are no such pair, and why
+# roles of devices that are no such pair, and why
 NOT_CUT = {
+    parts.CLUTCH: "clutches that lock are solved together with the shafts in every step, and a friction torque that is a tick "
+                  "old would chatter at standstill",
+    parts.OIL: "all valves draw on its stiff pressure in every step, so it is no single device's port",
+    parts.LOSS: "it brakes a shaft by a torque of the same instant, and one that is a tick old cannot",
+    parts.PRESS: "it clamps plates that lock and break away within a step",
+    parts.SOURCE: "it is joined to the oil of the rig within every step",
+    parts.METER: "it measures and carries no power; its wire is a topic anyway",
+    parts.VALUES: "it is no device, but values that others share",
+}
+# what is in a rig and no device of its description, and why it is no such pair
+NOT_DEVICES = {
     "gearbox": "its shafts carry the clutches that lock and break away within a step, and a torque that is a "
                "tick old cannot hold them",
-    "clutch_s1": _CLUTCH, "clutch_s2": _CLUTCH,
-    "oil_supply": "both valves draw on its stiff pressure in every step, so it is no single device's port",
     "instruments": "they measure the plant and carry no power; their wires are topics anyway",
     "alfa46": "it carries no power and its wires are topics anyway; give --controller",
 }
@@ -66,17 +72,26 @@ class Answer(NamedTuple):
 NOTHING = Answer()
 
 
-def why_not(device: str) -> str | None:
-    """The sentence on a device that cannot be cut out, None for one that can."""
-    return f"{device} cannot be cut out of the plant: {NOT_CUT[device]}" if device in NOT_CUT else None
+def cuttable(device) -> bool:
+    """True of a device (description.structure.Device) that can stand outside."""
+    return device.part in (MOTOR, LOAD, VALVE)
 
 
-def check_device(name: str) -> None:
-    """RigError unless this is a device that can be cut out."""
-    if why := why_not(name):
+def why_not(structure, name: str) -> str | None:
+    """The sentence on a device of a rig that cannot be cut out, None for one that can; RigError when there is none."""
+    if name in NOT_DEVICES:
+        return f"{name} cannot be cut out of the plant: {NOT_DEVICES[name]}"
+    known = [device.name for device in structure.devices if cuttable(device)]
+    device = next((one for one in structure.devices if one.name == name), None)
+    if device is None:
+        raise RigError(unknown("device", name, known))
+    return None if cuttable(device) else f"{name} cannot be cut out of the plant: {NOT_CUT[device.role]}"
+
+
+def check_device(structure, name: str) -> None:
+    """RigError unless this is a device of the rig that can be cut out."""
+    if why := why_not(structure, name):
         raise RigError(why)
-    if name not in CUTTABLE:
-        raise RigError(unknown("device", name, CUTTABLE))
 
 
 MOTOR_SIDE = np.dtype([
@@ -142,18 +157,21 @@ class OtherSide:
     """
 
     def __init__(self, device: str, config):
-        """device: one of CUTTABLE. RigError for a motor whose speed loop is too quick for the cut's tick."""
-        self.device = device
-        turns = config.motor.speed_gain / config.gearbox.inertia_in  # 1/s, crossover of the speed loop
-        if device == MOTOR and turns * config.cut.tick > LOOP:
+        """device: name of one that can be cut. RigError for a motor whose speed loop is too quick for the cut's tick."""
+        entry = config.structure.device(device)
+        self.device, values = entry.part, getattr(config, device)
+        # 1/s, crossover of the speed loop
+        turns = values.speed_gain / config.felt_at(entry.wires["body"]) if entry.part == MOTOR else 0.0
+        if turns * config.cut.tick > LOOP:
             raise RigError(
-                f"cut.tick is {config.cut.tick * 1e3:g} ms: the motor's speed loop (speed_gain over inertia_in, {turns:.0f} "
+                f"cut.tick is {config.cut.tick * 1e3:g} ms: the motor's speed loop (speed_gain over inertia, {turns:.0f} "
                 f"1/s) swings behind answers that are so late; give at most {1e3 * LOOP / turns:.1f} ms, or the motor a "
                 "smaller speed_gain")
         self._h = config.kernel.step
-        self._speed_by_root = valve_model.orifice_speed(config.oil_supply.density)
-        self._values = _record(getattr(config, device))
-        kind = MOTOR_SIDE if device == MOTOR else LOAD_SIDE if device == LOAD else VALVE_SIDE
+        self._values = _record(values)
+        if entry.part == VALVE:
+            self._speed_by_root = valve_model.orifice_speed(getattr(config, config.structure.oil_of(entry, "supply")).density)
+        kind = {MOTOR: MOTOR_SIDE, LOAD: LOAD_SIDE, VALVE: VALVE_SIDE}[entry.part]
         self._side, self._ahead = np.zeros(1, kind)[0], np.zeros(1, kind)
         self._last: Port | None = None
 
@@ -185,7 +203,7 @@ class OtherSide:
 
     def _coil(self, port: Port) -> float:
         """Coil current of a valve a tick later, its duty held; 0 for other devices."""
-        if self.device not in VALVES:
+        if self.device != VALVE:
             return 0.0
         duty = 0.0 if port.safe else port.setpoint
         return float(valve_model.coil_current(port.current, duty, port.tick, self._values))
@@ -220,6 +238,6 @@ class OtherSide:
 def drained(pressure: float, config, device: str) -> Answer:
     """The answer of a valve without current whose spool has come to rest: what stands in for a silent one."""
     values = _record(getattr(config, device))
-    flow, slope = valve_model.port_flow(-1.0, pressure, 0.0, valve_model.orifice_speed(config.oil_supply.density),
-                                        values)
+    oil = getattr(config, config.structure.oil_of(config.structure.device(device), "supply"))
+    flow, slope = valve_model.port_flow(-1.0, pressure, 0.0, valve_model.orifice_speed(oil.density), values)
     return Answer(flow=flow, flow_slope=slope, pressure=pressure)

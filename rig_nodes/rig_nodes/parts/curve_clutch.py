@@ -15,9 +15,9 @@ from numba import njit
 from ..alfa46.law import OFF, ON
 from ..config.schema import param
 from . import plates
-from .part import Part
+from .part import CLUTCH, Part
 from .plates import PlatePack
-from .wet_clutch import Cylinder
+from .wet_clutch import SHOWS, Cylinder, says
 
 
 @dataclass(frozen=True)
@@ -89,4 +89,5 @@ def after(world, k, h):
 # phase, began: of the curve, in steps; clearance, piston: only where the pack's drag asks for them
 PART = Part("curve_clutch", 20, (Cylinder, PlatePack, Force), state=("chamber", "piston", "phase", "began", *plates.STATE),
             derived=plates.DERIVED, wires=(*plates.WIRES, "line", "output"), tables=("pieces",),
-            stages={"fill": fill, "ordered": ordered, "before": before, "after": after})
+            stages={"fill": fill, "ordered": ordered, "before": before, "after": after}, role=CLUTCH, joined=plates.JOINED,
+            message="ClutchState", says=says, shows=SHOWS)

@@ -14,7 +14,7 @@ from math import exp
 from numba import njit
 
 from ..config.schema import param
-from .part import Part
+from .part import SOURCE, Command, Part, Shown, Wire
 
 
 @dataclass(frozen=True)
@@ -100,8 +100,21 @@ def after(world, k, h):
 
 # target, enabled: speed setpoint and switch; held: torque and setpoint of a motor outside the plant, for a tick (engine.outside);
 # before: torque at the step's start; stiff: the speed is the setpoint, whatever the load; inertia: of its body
+def says(rig, name):
+    """Fields of its MotorState."""
+    me = rig.device(name)
+    return (rig.speed_at(name), float(me["setpoint"]), float(me["torque"]), rig.energies["motor"], bool(me["enabled"] > 0.0))
+
+
 PART = Part("dc_motor", 30, (MotorConfig,),
             state=("target", "enabled", "setpoint", "torque", "before", "integral", "held", "held_torque",
                    "held_setpoint"),
             derived=("decay", "stiff", "inertia", "mobility"), wires=("body",),
-            stages={"fill": fill, "before": before, "after": after})
+            stages={"fill": fill, "before": before, "after": after}, role=SOURCE, joined={"body": Wire("body")},
+            effects={"motor_speed": {}}, message="MotorState", says=says, shows=(
+                Shown("torque", "torque", "torque", -700.0, 700.0, "Air-gap torque of the DC motor.", "positive drives {body}"),
+                Shown("speed_setpoint", "speed_setpoint", "speed", 0.0, 314.2,
+                      "Speed the DC drive is asked for, after its ramp.", "positive in the driving direction"),
+                Shown("work", "work", "energy", -1e9, 1e9, "Work of the motor since time 0.",
+                      "positive delivered to the shaft")),
+            takes=(Command("motor", {"speed": "angular velocity"}, "target", "enabled", "speed of the drive", "speed"),))

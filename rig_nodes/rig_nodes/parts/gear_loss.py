@@ -13,10 +13,10 @@ from math import pi, sqrt
 
 from numba import njit
 
-from ..config.schema import param
+from ..config.schema import choice, param
 from ..plant.driveline_algebra import KIN1
 from ..plant.driveline_losses import BASE, FACTOR
-from .part import Part
+from .part import LOSS, Part, Wire
 
 RPM = pi / 30.0
 PER_RPM = 30.0 / pi
@@ -26,17 +26,24 @@ LEAST_LOSS = 1e-9  # Nm: what may brake as soon as a torque comes is never open
 
 @dataclass(frozen=True)
 class GearLossConfig:
-    """Loss torque on a shaft by its speed; its parabola of the torque passed on stands in the plan's losses.
+    """Loss torque on a shaft: by its speed, and a parabola of the torque passed on, which the driveline solves.
 
     by_speed: times Annex D's parabola, which falls above 1300 rpm. at_rest, at_470: the one that the printed coast-down
     (7.7) has: its speed is a parabola of time, so the torque's square is linear in the speed, from ``at_rest`` to
-    ``at_470`` where it began. drag: whatever the speed and torque are.
+    ``at_470`` where it began. drag: whatever the speed and torque are. constant, share, square: of the parabola (Annex D).
+    torque_side: where the part by torque brakes, this shaft (driven, as Annex D has its output's loss), or with the same power
+    the shaft of the loss before the clutches (driving); the torque at the input in steady state is the same, what the
+    clutches carry is not.
     """
 
     by_speed: float = param("ratio", 0.0, 10.0)
     at_rest: float = param("torque", 0.0, 100.0)
     at_470: float = param("torque", 0.0, 100.0)
     drag: float = param("torque", 0.0, 100.0)
+    constant: float = param("torque", -100.0, 100.0)
+    share: float = param("ratio", -0.5, 0.5)
+    square: float = param("torque per torque squared", -0.01, 0.01)
+    torque_side: str = choice("driven", "driving")
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -56,7 +63,7 @@ def loss_by_speed(speed, loss):
 def before(world, k, h, t):
     """What is by speed, held over the step; what comes by torque is the driveline's to solve."""
     my, line = world.values.gear_loss[k], world.driveline
-    line.loss[my.row, BASE] = max(LEAST_LOSS, loss_by_speed(line.middle[my.body], my) + my.drag)
+    line.loss[my.row, BASE] = max(LEAST_LOSS, loss_by_speed(line.middle[my.body], my) + my.steady)
     if my.elsewhere > 0.0:  # the same power on the other shaft
         there = line.middle[my.braked]
         line.loss[my.row, FACTOR] = min(1.0, max(0.0, line.middle[my.body] / there)) if there > 1.0 else 0.0
@@ -69,5 +76,8 @@ def after(world, k, h):
 
 
 # row: of the driveline's losses; element: that brakes its body; elsewhere: its loss by torque brakes the body ``braked``
-PART = Part("gear_loss", 50, (GearLossConfig,), state=("torque",), derived=("elsewhere",),
-            wires=("body", "element", "row", "braked"), stages={"before": before, "after": after})
+PART = Part("gear_loss", 50, (GearLossConfig,), state=("torque",), derived=("elsewhere", "steady"),
+            wires=("body", "element", "row", "braked"), stages={"before": before, "after": after}, role=LOSS,
+            joined={"body": Wire("body"), "torque": Wire("torque", needed=False), "axis": Wire("body", needed=False),
+                    "driving": Wire("loss", needed=False)},
+            effects={"torque_losses": {"constant": 0.0, "share": 0.0, "square": 0.0}})

@@ -14,7 +14,7 @@ from numba import njit
 
 from ..config.schema import param
 from ..plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LO0, LO1
-from .part import Part
+from .part import SOURCE, Command, Part, Shown, Wire
 
 @dataclass(frozen=True)
 class HydraulicMotorConfig:
@@ -22,7 +22,6 @@ class HydraulicMotorConfig:
 
     displacement: float = param("displacement", 1e-7, 1e-3)
     friction: float = param("torque", 0.0, 100.0)
-    inertia: float = param("inertia", 1e-4, 10.0)
     line_volume: float = param("volume", 1e-6, 1e-1)
     supply_pressure: float = param("pressure", 1e5, 1e8)
     relief_droop: float = param("hydraulic resistance", 1e6, 1e12)
@@ -74,6 +73,26 @@ def before(world, k, h, t):
 
 # target, enabled: speed for which the regulator is set; relief_target, relief_enabled: where ZP_2 is turned to; relief: its
 # setting as it is turned
+def says(rig, name):
+    """Fields of its MotorState."""
+    me = rig.device(name)
+    return (rig.speed_at(name), float(me["target"]), getattr(rig.config, name).displacement * float(me["pressure"]),
+            rig.energies["motor"], bool(me["enabled"] > 0.0))
+
+
 PART = Part("hydraulic_motor", 30, (HydraulicMotorConfig,),
             state=("target", "enabled", "relief_target", "relief_enabled", "relief", "pressure"),
-            wires=("body", "element", "oil"), stages={"before": before})
+            wires=("body", "element", "oil"), stages={"before": before}, role=SOURCE,
+            joined={"body": Wire("body"), "oil": Wire("oil", needed=False)}, message="MotorState", says=says, shows=(
+                Shown("torque", "torque", "torque", -700.0, 700.0,
+                      "Torque of the oil on the hydraulic motor, before its own friction.", "positive drives the shaft"),
+                Shown("speed", "speed", "speed", -20.0, 20.0, "True speed of the hydraulic motor.",
+                      "positive in the driving direction"),
+                Shown("setpoint", "speed_setpoint", "speed", 0.0, 20.0, "Speed that the flow regulator is set for.",
+                      "positive in the driving direction"),
+                Shown("work", "work", "energy", -1e9, 1e9, "Work of the hydraulic motor since time 0.",
+                      "positive delivered to the shaft")),
+            takes=(Command("motor", {"speed": "angular velocity"}, "target", "enabled",
+                           "speed for which the flow regulator is set", "speed"),
+                   Command("relief", {"pressure": "pressure"}, "relief_target", "relief_enabled",
+                           "pressure to which the maximum valve is turned", "pressure", "relief")))

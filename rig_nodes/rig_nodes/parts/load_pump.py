@@ -16,7 +16,7 @@ from numba import njit
 from ..config.schema import param
 from ..plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LO0, LO1
 from .lag import lagged
-from .part import Part
+from .part import LOAD, Command, Part, Shown, Wire
 
 PER_RPM = 30.0 / pi
 
@@ -92,6 +92,19 @@ def before(world, k, h, t):
 
 
 # setting, enabled: of the relief valve; held: answer of a load outside the plant, for a tick (engine.outside)
+def says(rig, name):
+    """Fields of its LoadState."""
+    me = rig.device(name)
+    return (rig.friction_torque(name), rig.capacity(name), float(me["pressure"]), float(me["setting"]), rig.energies["load"])
+
+
 PART = Part("load_pump", 40, (LoadConfig,),
             state=("setting", "enabled", "pressure", "held", "held_capacity", "held_pressure"), derived=("decay",),
-            wires=("body", "element"), stages={"fill": fill, "before": before})
+            wires=("body", "element"), stages={"fill": fill, "before": before}, role=LOAD, joined={"body": Wire("body")},
+            message="LoadState", says=says, shows=(
+                Shown("torque", "torque", "torque", 0.0, 500.0, "Torque of the load pump.", "positive brakes {body}"),
+                Shown("work", "work", "energy", 0.0, 1e9, "Work taken by the load pump since time 0.",
+                      "positive taken from the shaft"),
+                Shown("relief_setting", "relief_setting", "pressure", 0.0, 4e7, "Setting of the load's relief valve.", "gauge")),
+            takes=(Command("load", {"torque": "torque", "pressure": "pressure"}, "setting", "enabled",
+                           "relief pressure of the load", "pressure"),))

@@ -15,7 +15,7 @@ from numba import njit
 
 from ..config.schema import param
 from .lag import lagged
-from .part import Part
+from .part import OIL, Command, Part, Wire
 
 
 @dataclass(frozen=True)
@@ -70,5 +70,15 @@ def before(world, k, h, t):
 
 
 # setting, enabled: of the relief valve; temperature: of the oil in the whole rig [degC]
+def says(rig, name):
+    """Fields of its OilState."""
+    me = rig.device(name)
+    return (float(me["pressure"]), float(me["setting"]), rig.oil_drawn(name), getattr(rig.config, name).temperature,
+            bool(me["enabled"] > 0.0))
+
+
 PART = Part("oil_supply", 0, (OilSupplyConfig,), state=("setting", "enabled", "pressure", "flow", "oil_temperature"),
-            derived=("decay",), wires=("line",), stages={"fill": fill, "before": before})
+            derived=("decay",), wires=("line",), stages={"fill": fill, "before": before}, role=OIL,
+            joined={"line": Wire("line", needed=False)}, effects={"oil_temperature": {"viscosity_per_kelvin": 0.0}},
+            message="OilState", says=says, takes=(Command(
+                "oil", {"pressure": "pressure"}, "setting", "enabled", "supply pressure of the clutch oil", "pressure"),))

@@ -12,11 +12,20 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 
 from ..config.schema import record_dtype
 from ..errors import RigError
+
+# What a key of a part's ``joined`` names in a rig: "body", "bodies" (driving, driven), "torque" (a torque meter, or
+# "clutches": all that the body gives clutches), "transducer", "output" (of the controller, from 1), "line" (name of the oil line
+# that begins here), or a role of devices.
+BODY, BODIES, TORQUE, TRANSDUCER, OUTPUT, LINE = "body", "bodies", "torque", "transducer", "output", "line"
+# Roles of devices: what a rig asks its devices for. ``values`` are shared by others and no device.
+SOURCE, LOAD, CLUTCH, VALVE, LOSS, OIL, PRESS, METER, VALUES = (
+    "source", "load", "clutch", "valve", "loss", "oil", "press", "meter", "values")
 
 # Stages of the engine, in which a part may take part by a compiled function; k is the instance of this part:
 # fill(world, k, h): what the step's length makes of its values, at the start of every call of the engine
@@ -30,6 +39,52 @@ STAGES = ("fill", "command", "ordered", "before", "bound", "after", "pickup")
 
 
 @dataclass(frozen=True)
+class Wire:
+    """What a device is joined to by a key of its description: a kind or role as above; needed: it cannot be left out."""
+
+    to: str
+    needed: bool = True
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A signal that a device shows in its state's message.
+
+    what: the end of its name; of: the quantity with its unit and range, see config.quantities; text, sign: sentences in which
+    {called} is the device, {driving} and {driven} are the bodies that it joins.
+    """
+
+    what: str
+    field: str
+    of: str
+    low: float
+    high: float
+    text: str
+    sign: str
+    states: dict[int, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Command:
+    """A setpoint that a device takes, with a switch.
+
+    step: its key in a sequence; takes: key of the value there -> dimension; target, enabled: states that it sets;
+    text: what is set, for people; of: quantity of the device's transducer whose unit and range the value has; node: end of the
+    name of the node that takes it, where the device has more than one; only: switch of its configuration without which
+    there is nobody who takes it.
+    """
+
+    step: str
+    takes: dict[str, str]
+    target: str
+    enabled: str
+    text: str
+    of: str
+    node: str = ""
+    only: str = ""
+
+
+@dataclass(frozen=True)
 class Part:
     """A type of device.
 
@@ -38,6 +93,10 @@ class Part:
     wires: places of what it is joined to (bodies, elements, oil lines, outputs of the controller, other instances);
     tables: derived arrays of numbers, name -> shape, where a shape may differ from rig to rig; order: place of its
     stages among those of the other parts, smaller ones first.
+
+    To who describes a rig: role, one of those above; joined: key in the rig's description -> what it names; effects: name of
+    what can be left out -> the values of its configuration without it; message: type of its state's message, says(rig, name):
+    the fields of that message; shows, takes: its signals and commands.
     """
 
     name: str
@@ -48,6 +107,13 @@ class Part:
     wires: tuple[str, ...] = ()
     tables: tuple[str, ...] = ()
     stages: dict[str, Callable] = field(default_factory=dict)
+    role: str = ""
+    joined: dict[str, Wire] = field(default_factory=dict)
+    effects: dict[str, dict[str, float]] = field(default_factory=dict)
+    message: str = ""
+    says: Callable | None = None
+    shows: tuple[Shown, ...] = ()
+    takes: tuple[Command, ...] = ()
 
     def state_dtype(self) -> np.dtype:
         """One float64 per state."""
@@ -58,6 +124,12 @@ class Part:
         return np.dtype([*record_dtype(*self.configs).descr, *((name, "f8") for name in self.derived),
                          *((name, "i8") for name in self.wires),
                          *((name, "f8", shapes[name]) for name in self.tables)])
+
+
+def parts() -> list[str]:
+    """Names of all types of devices that a rig's description may use."""
+    return sorted(path.stem for path in Path(__file__).parent.glob("*.py")
+                  if "\nPART = " in path.read_text(encoding="utf-8") and part(path.stem).role)
 
 
 @cache

@@ -20,6 +20,7 @@ from ..plant.driveline_algebra import E_FRIC, E_VISC, HI0, HI1, KIN0, KIN1, LO0,
 from ..plant.friction import closed, drag
 from ..plant.friction.geometry import PackGeometry
 from .oil_supply import viscosity_at
+from .part import Wire
 
 # models of chapter 6 that a configuration may name
 FRICTION_MODELS = ("thesis", "traditional", "osinski", "newcomb", "chen")
@@ -148,6 +149,9 @@ SERIES = 1e-3  # exponent up to which a series with five terms is the exponentia
 DERIVED = ("engaging_kinetic", "engaging_static", "releasing_static", "sliding_share", "drag_factor", "new_clearance",
            "plates_left", "plates_rise")
 WIRES = ("element", "oil")
+# a pack between two bodies, or from one to the held housing; plates: whose values it has
+JOINED = {"joins": Wire("bodies", needed=False), "brakes": Wire("body", needed=False), "plates": Wire("values"),
+          "oil": Wire("oil", needed=False)}
 
 
 def derived(plates: PlatePack, pack: PackFriction, clearance: float, spline_hysteresis: bool = True) -> dict[str, float]:

@@ -15,7 +15,7 @@ from numba import njit
 from ..config.schema import param, switch
 from ..plant.friction.bench import SPRING_FORCE, SPRING_TRAVEL
 from .oil_supply import supply_pressure
-from .part import Part
+from .part import PRESS, Command, Part, Shown, Wire
 
 
 @dataclass(frozen=True)
@@ -112,6 +112,20 @@ def before(world, k, h, t):
 
 # setting, enabled: of the pressure; machine_target, machine_enabled: travel of the testing machine; pressure: in the chamber;
 # force: on what the piston or the machine presses; clamp: on a pack
+def says(rig, name):
+    """Fields of its OilState."""
+    me = rig.device(name)
+    return (float(me["pressure"]), float(me["setting"]), 0.0, getattr(rig.config, rig.wire(name, "oil")).temperature,
+            bool(me["enabled"] > 0.0))
+
+
 PART = Part("press_cylinder", 10, (PressCylinder,),
             state=("setting", "enabled", "machine_target", "machine_enabled", "pressure", "travel", "force", "clamp"),
-            wires=("oil",), stages={"before": before})
+            wires=("oil",), stages={"before": before}, role=PRESS, joined={"oil": Wire("oil", needed=False)},
+            effects={"seal_friction": {"seal_friction": 0.0, "seal_friction_back": 0.0}}, message="OilState", says=says, shows=(
+                Shown("setting", "pressure_setting", "pressure", 0.0, 1e7,
+                      "Setting of the relief valve before the cylinder, which gives its pressure.", "gauge"),),
+            takes=(Command("cylinder", {"pressure": "pressure"}, "setting", "enabled",
+                           "pressure of the relief valve before the cylinder", "pressure"),
+                   Command("press", {"travel": "length"}, "machine_target", "machine_enabled",
+                           "travel to which the testing machine moves", "length", "machine", "testing_machine")))

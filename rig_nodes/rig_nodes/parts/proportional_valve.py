@@ -15,7 +15,7 @@ from numba import njit
 
 from ..config.schema import param
 from .lag import lagged
-from .part import Part
+from .part import VALVE, Part, Shown, Wire
 
 # who drives the coils: duty from outside, the embedded law, or the plant's power stage on setpoints from outside
 BY_DUTY, BY_LAW, BY_SETPOINT = range(3)
@@ -257,6 +257,13 @@ def fed(world, k, line, flow, h):
     world.oil[world.values.proportional_valve[k].supply].drawn += max(0.0, flow)  # what it lets out goes to the tank
 
 
+def says(rig, name):
+    """Fields of its ValveState."""
+    me = rig.device(name)
+    return (float(me["duty"]), float(me["current"]), float(me["spool"]), float(me["flow"]), rig.fed_pressure(name),
+            rig.command_age, rig.safe)
+
+
 # on: share of the supply voltage on the coil in this step; pending: duty from the next sample on; work: given to the port
 # since time 0; cut > 0: the valve but for its coil stands outside (engine.outside), and cut_* is its answer. ideal_current: the
 # current is its setpoint; pwm: frequency, 0 where it is averaged; pulses: of what is picked up, there also where it is
@@ -266,4 +273,11 @@ PART = Part("proportional_valve", 10, (ValveConfig,),
                    "cut_slope", "cut_pressure"),
             derived=("coil_left", "spool_left", "ideal_current", "pwm", "pulses"),
             wires=("line", "supply", "output", "beside"),
-            stages={"fill": fill, "command": command, "before": before, "pickup": pickup})
+            stages={"fill": fill, "command": command, "before": before, "pickup": pickup}, role=VALVE,
+            joined={"feeds": Wire("clutch"), "supply": Wire("oil", needed=False), "output": Wire("output"),
+                    "beside": Wire("transducer", needed=False)},
+            effects={"valve_hysteresis": {"hysteresis": 0.0, "friction_pressure": 0.0}, "current_loop": {},
+                     "pwm_frequency": {}},
+            message="ValveState", says=says, shows=(
+                Shown("duty", "duty", "ratio", 0.0, 1.0, "PWM duty on the coil of {called}.", "share of the supply's voltage"),
+                Shown("flow", "flow", "flow", -1e-3, 1e-3, "Oil flow of {called} to {fed}.", "positive fills the clutch")))

@@ -15,7 +15,7 @@ from numba import njit
 
 from ..config.schema import param
 from . import plates
-from .part import Part
+from .part import CLUTCH, Part, Shown, Wire
 from .plates import PackFriction, PlatePack
 from .proportional_valve import fed, line_flow, orifice_speed
 
@@ -181,7 +181,29 @@ def after(world, k, h):
 
 
 # chamber_rise: of its pressure in the last step; speed: of the piston
+SHOWS = (
+    Shown("mode", "mode", "state", 0.0, 2.0, "Clutch {called}: open, slipping or locked.", "none",
+          {0: "open", 1: "slipping", 2: "locked"}),
+    Shown("torque", "torque", "torque", -700.0, 700.0, "Friction torque of clutch {called}.", "positive drives {driven}"),
+    Shown("capacity", "capacity_kinetic", "torque", 0.0, 700.0, "Torque that {called} transmits while slipping.", "magnitude"),
+    Shown("slip", "slip", "speed", -320.0, 320.0, "Slip of clutch {called}.", "{driving} minus {driven}"),
+    Shown("clamp", "clamp_force", "force", 0.0, 8000.0, "Force on the plates of clutch {called}.",
+          "positive presses the plates together"),
+    Shown("piston", "piston_position", "length", 0.0, 0.01, "Piston position of clutch {called}, 0 when released.",
+          "rising towards the plates"))
+EFFECTS = {"seal_friction": {"seal_friction": 0.0, "seal_friction_share": 0.0}}
+
+
+def says(rig, name):
+    """Fields of its ClutchState."""
+    me, slip = rig.device(name), rig.slip(name)
+    return (rig.clutch_mode(name), rig.friction_torque(name), float(me["drag"]) * slip, float(me["kinetic"]),
+            float(me["static"]), slip, float(me["clamp"]), float(me["chamber"]), float(me["piston"]),
+            rig.energies[rig.heat_of(name)])
+
+
 PART = Part("wet_clutch", 20, (Cylinder, PlatePack),
             state=("chamber", "chamber_rise", "piston", "speed", *plates.STATE),
             derived=(*plates.DERIVED, "full_line", "stiff_chamber", "feed_drop", "orifice_speed"),
-            wires=(*plates.WIRES, "line", "valve"), stages={"fill": fill, "before": before, "after": after})
+            wires=(*plates.WIRES, "line", "valve"), stages={"fill": fill, "before": before, "after": after}, role=CLUTCH,
+            joined=plates.JOINED, effects=EFFECTS, message="ClutchState", says=says, shows=SHOWS)

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A rig from its YAML: every part's values, checked before anything starts.
+"""A rig from its folder: what it is made of and every value, checked before anything starts.
 
 Used by every verb that needs a rig; the numbers go to testbench.rig, their record into the bag.
 """
@@ -9,30 +9,27 @@ Used by every verb that needs a rig; the numbers go to testbench.rig, their reco
 from __future__ import annotations
 
 import re
-from dataclasses import asdict, dataclass, replace
-from functools import partial
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from functools import cached_property, partial
 from pathlib import Path
 
-from ..alfa46 import law
-from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, read_alfa46
-from ..catalogue import GEARBOX
+from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, Alfa46Values, read_alfa46
+from ..catalogue import Catalogue, catalogue_of
 from ..clocks import SAMPLE
 from ..config.names import beside, find_config, unknown_value, with_bases
-from ..config.schema import build, changed, check_keys, field_value, param, where_of
+from ..config.schema import build, check_keys, entry, field_value, param, where_of
 from ..config.units import quantity
+from ..config.yaml_file import Map, file_of, merged, stamped
+from ..description.commands import Setpoint, setpoints_of
+from ..description.driveline import inertias_of
+from ..description.read import DEVICE_KEYS, KEYS, read_structure
+from ..description.sections import BodyConfig, EffectsConfig, ShaftConfig, instruments_of
+from ..description.structure import Device, Structure
+from ..engine.outside import NOT_DEVICES, cuttable, why_not
 from ..errors import RigError, brief
-from ..parts.dc_motor import MotorConfig
-from ..parts.load_pump import LoadConfig
-from ..parts.oil_supply import OilSupplyConfig
-from ..parts.plates import PlatePack
-from ..parts.proportional_valve import ValveConfig
-from ..parts.wet_clutch import Cylinder
-from ..engine.outside import CUTTABLE, NOT_CUT, why_not
-from . import clutch_bench_configuration as clutch_bench
-from .clutch_bench_configuration import ClutchBenchConfig
-from .effects import EffectsConfig
-from .gearbox_configuration import GearboxConfig
-from .instruments_configuration import InstrumentsConfig
+from ..parts import part as parts
+from ..transmission import Transmission, made_of, tied_to
 from .prescribed import Prescribed, read_prescribed
 from .timed import KernelConfig
 from .together import check_together
@@ -46,66 +43,105 @@ class CutConfig:
 
 
 SOURCES = ("plant", "topic")
-PARTS = {
-    "motor": MotorConfig, "gearbox": GearboxConfig, "plate_pack": PlatePack, "clutch_s1": Cylinder,
-    "clutch_s2": Cylinder, "valve_zr_p1": ValveConfig, "valve_zr_p2": ValveConfig, "oil_supply": OilSupplyConfig,
-    "load_pump": LoadConfig, "instruments": InstrumentsConfig, "effects": EffectsConfig,
-}
-VALVES = ("valve_zr_p1", "valve_zr_p2")
 _POINT_KEY = re.compile(rf"alfa46\.({'|'.join(OUTPUT_KEYS)})\.({'|'.join(POINTS)})")
 _POINT = re.compile(r"\s*([-+\d.eE]+\s*[a-zA-Z]+)[\s,]+([-+\d.eE]+\s*[a-zA-Z]+)\s*")
 
 
 @dataclass(frozen=True)
 class RigConfig:
-    """A whole rig with the gearbox. wiring: index of the controller's output that drives each valve; cut_out: devices
-    outside the plant, reached through topics (engine.outside).
+    """A whole rig. sections: by name the values of its bodies, shafts and devices, of ``instruments`` and ``effects``; each
+    is an attribute too. alfa46: the settings of its shift controller, None for a rig without gears. wiring: index of the
+    controller's output that drives each valve; cut_out: devices outside the plant, reached through topics
+    (engine.outside); folder: where the rig's sequences are looked for, those of its bases behind it.
     """
 
     name: str
+    structure: Structure
     kernel: KernelConfig
-    wiring: tuple[int, int]
-    motor: MotorConfig
-    gearbox: GearboxConfig
-    plate_pack: PlatePack
-    clutch_s1: Cylinder
-    clutch_s2: Cylinder
-    valve_zr_p1: ValveConfig
-    valve_zr_p2: ValveConfig
-    oil_supply: OilSupplyConfig
-    load_pump: LoadConfig
-    instruments: InstrumentsConfig
-    effects: EffectsConfig
-    alfa46: Alfa46Config
+    sections: Mapping[str, object]
+    wiring: tuple[int, ...] = ()
+    alfa46: Alfa46Config | None = None
     cut: CutConfig = CutConfig(SAMPLE)
     cut_out: tuple[str, ...] = ()
     prescribed: Prescribed | None = None
+    description: str = ""
 
-    kind = GEARBOX
+    def __getattr__(self, name: str):
+        sections = self.__dict__.get("sections", {})
+        if name in sections:
+            return sections[name]
+        raise AttributeError(f"the rig has no part '{name}'")
+
+    def replaced(self, **changes) -> RigConfig:
+        """The rig with other values of some sections, or other fields."""
+        own = {one.name for one in fields(self)}
+        sections = {**self.sections, **{name: value for name, value in changes.items() if name not in own}}
+        return replace(self, sections=sections, **{name: value for name, value in changes.items() if name in own})
+
+    def values(self, name: str):
+        """The values under a name of the settings: of a section, the step, the cut or the controller; None: there are none."""
+        if name in ("kernel", "cut"):
+            return getattr(self, name)
+        if name == "alfa46":
+            return self.alfa46.values if self.alfa46 else None
+        return self.sections.get(name)
+
+    @cached_property
+    def cuttable(self) -> tuple[str, ...]:
+        """The devices that can stand outside."""
+        return tuple(device.name for device in self.structure.devices if cuttable(device))
+
+    def felt_at(self, body: str) -> float:
+        """Inertia that wheels tie to a body, its own counted, on its own axis [kg m2]."""
+        inertia, axis = tied_to(self.structure, inertias_of(self.structure, self.sections), body)
+        return inertia * axis**2
+
+    @cached_property
+    def transmission(self) -> Transmission:
+        """Its gears, clutches and shafts; ValueError for a rig without any."""
+        return made_of(self.as_dict())
+
+    @property
+    def instruments_not_fitted(self) -> set[str]:
+        """Transducers that the rig has a place for and that are not there."""
+        return {one.name for one in self.structure.transducers if not getattr(self.instruments, f"{one.like}_fitted", True)}
+
+    @cached_property
+    def catalogue(self) -> Catalogue:
+        """Its topics and signals."""
+        return catalogue_of(self.structure)
+
+    @cached_property
+    def setpoints(self) -> dict[str, Setpoint]:
+        """What its devices take, by the key in sequences."""
+        return setpoints_of(self.structure)
+
+    def settings(self) -> dict[str, list[str]]:
+        """All values that can be set, by the name of what they belong to."""
+        known = {name: [one.name for one in fields(self.values(name))]
+                 for name in ("kernel", "cut", *self.sections, *(["alfa46"] if self.alfa46 else ()))}
+        known["effects"] = [name for name in known["effects"] if name in effects_of(self.structure)]
+        if self.alfa46:
+            known["alfa46"] += [f"{output}.{point}" for output in OUTPUT_KEYS for point in POINTS]
+        for device in self.cuttable:
+            known[device].append("source")
+        return known
 
     def as_dict(self) -> dict:
-        """Plain SI values, for the run's record in bag and report; ``cut`` only where a device is cut out."""
-        out = {name: asdict(getattr(self, name)) for name in ("kernel", *PARTS)}
+        """Plain SI values and the structure, for the run's record; ``cut`` only where a device is cut out."""
+        out = {name: asdict(value) for name, value in (("kernel", self.kernel), *self.sections.items())}
         if self.cut_out:
             out["cut"] = {**asdict(self.cut), "devices": list(self.cut_out)}
         if self.prescribed:
             out["prescribed"] = self.prescribed.as_dict()
-        return {"name": self.name, "wiring": list(self.wiring), **out, "alfa46": self.alfa46.as_dict()}
+        if self.alfa46:
+            out |= {"wiring": list(self.wiring), "alfa46": self.alfa46.as_dict()}
+        return {"name": self.name, "structure": self.structure.plain(), **out}
 
 
-def _wiring(rig, path) -> tuple[int, int]:
-    node = rig["wiring"]
-    check_keys(path, node, VALVES, VALVES, "wiring", where_of(path, rig, "wiring"))
-    outputs = []
-    for valve in VALVES:
-        output = node[valve]
-        if not isinstance(output, int) or isinstance(output, bool) or not 1 <= output <= law.OUTPUTS:
-            raise RigError(f"{where_of(path, node, valve)}: wiring.{valve} is {brief(output)}, expected output 1 to "
-                           f"{law.OUTPUTS} of the controller")
-        outputs.append(output - 1)
-    if outputs[0] == outputs[1]:
-        raise RigError(f"{where_of(path, node)}: wiring gives both valves the same output")
-    return outputs[0], outputs[1]
+def effects_of(structure: Structure) -> set[str]:
+    """The effects that can be left out of a rig: those of its parts, and the transducers'."""
+    return {"transducers", *(name for device in structure.devices for name in parts.part(device.part).effects)}
 
 
 def _check_tick(cut: CutConfig, where: str) -> None:
@@ -115,116 +151,139 @@ def _check_tick(cut: CutConfig, where: str) -> None:
                        f"{SAMPLE * 1e3:g} ms; give e.g. 1 ms or 5 ms")
 
 
-def _with_source(cut_out: tuple[str, ...], device: str, source, where: str) -> tuple[str, ...]:
+def _with_source(structure: Structure, cut_out: tuple[str, ...], device: str, source, where: str) -> tuple[str, ...]:
     """cut_out with a device's source set to plant or topic."""
     if source not in SOURCES:
         raise RigError(f"{where}: source is {brief(source)}, expected {' or '.join(SOURCES)}")
-    if source == "topic" and (why := why_not(device)):
+    if source == "topic" and (why := why_not(structure, device)):
         raise RigError(f"{where}: {why}")
     wanted = {*cut_out, device} if source == "topic" else {*cut_out} - {device}
-    return tuple(name for name in CUTTABLE if name in wanted)
+    return tuple(one.name for one in structure.devices if one.name in wanted)
 
 
-def _whole(node, path) -> RigConfig:
-    """A rig that names all its values."""
-    keys = ("description", "controller", "step", "wiring", *PARTS)
-    check_keys(path, node, [*keys, "cut"], keys, "the rig")
-    kernel = build(KernelConfig, node, path, "the rig", others=(*keys, "cut"))
-    parts, cut_out = {}, ()
-    for part, cls in PARTS.items():
-        is_device = part in CUTTABLE or part in NOT_CUT
-        parts[part] = build(cls, node[part], path, part, ("source",) if is_device else (), where_of(path, node, part))
-        if is_device and "source" in node[part]:
-            where = f"{where_of(path, node[part], 'source')}: {part}"
-            cut_out = _with_source(cut_out, part, node[part]["source"], where)
+_TOP = ("description", "base", "controller", "controller_values", "step", "instruments", "effects", "cut", "prescribed", *KEYS)
+
+
+def _read(node: Map, path, name: str) -> RigConfig:
+    """A rig from its merged file."""
+    check_keys(path, node, _TOP, ("description", "step", "bodies", "parts", "transducers", "instruments"), "the rig")
+    if not isinstance(node["description"], str) or not node["description"].isprintable():
+        raise RigError(f"{where_of(path, node, 'description')}: description is {brief(node['description'])}, expected a line of "
+                       "text")
+    kernel = build(KernelConfig, node, path, "the rig", others=_TOP)
+    structure = read_structure(node, path)
+    sections, cut_out = {}, ()
+    for body in structure.bodies:
+        if body not in structure.massless:
+            sections[body] = build(BodyConfig, node["bodies"][body], path, body, where=where_of(path, node["bodies"], body))
+    for shaft in structure.shafts:
+        sections[shaft.name] = build(ShaftConfig, node["shafts"][shaft.name], path, shaft.name, ("joins",))
+    for device in structure.devices:
+        sections[device.name], cut_out = _device(node["parts"], path, structure, device, cut_out)
+    sections["instruments"] = build(instruments_of(structure), node["instruments"], path, "instruments",
+                                    where=where_of(path, node, "instruments"))
+    effects = node.get("effects", Map(node.line))
+    check_keys(path, effects, effects_of(structure), (), "effects", where_of(path, node, "effects"))
+    sections["effects"] = build(EffectsConfig, effects, path, "effects")
     cut = CutConfig(SAMPLE)
     if "cut" in node:
         cut = build(CutConfig, node["cut"], path, "cut", where=where_of(path, node, "cut"))
         _check_tick(cut, f"{where_of(path, node['cut'], 'tick')}: cut.tick")
-    return RigConfig(name=Path(path).stem, kernel=kernel, wiring=_wiring(node, path),
-                     alfa46=_controller(node, path), cut=cut, cut_out=cut_out, **parts)
+    prescribed = None
+    if "prescribed" in node:
+        prescribed = read_prescribed(node["prescribed"], path, [clutch.name for clutch in structure.clutches])
+    return RigConfig(name, structure, kernel, sections, tuple(valve.wires["output"] - 1 for valve in structure.valves),
+                     _controller(node, path, structure), cut, cut_out, prescribed, node["description"])
 
 
-def _controller(node, path) -> Alfa46Config:
-    """The settings that a rig's ``controller`` names: installed ones, or a file beside the rig's."""
+def _device(nodes: Map, path, structure: Structure, device: Device, cut_out) -> tuple[object, tuple[str, ...]]:
+    """(values of a device, the devices outside with it when it is one)."""
+    node, kind = nodes[device.name], parts.part(device.part)
+    others = (*DEVICE_KEYS, *kind.joined)
+    cls = kind.configs[0] if kind.configs else NoValues
+    values = build(cls, node, path, device.name, others, where_of(path, nodes, device.name))
+    if "source" in node and "source" not in kind.joined:
+        where = f"{where_of(path, node, 'source')}: {device.name}"
+        cut_out = _with_source(structure, cut_out, device.name, node["source"], where)
+    return values, cut_out
+
+
+@dataclass(frozen=True)
+class NoValues:
+    """Of a part that has none."""
+
+
+def _controller(node, path, structure: Structure) -> Alfa46Config | None:
+    """The settings that a rig's ``controller`` names, installed ones or a file beside the rig's, and its own changes."""
+    if not structure.shifts:
+        if "controller" in node:
+            raise RigError(f"{where_of(path, node, 'controller')}: controller: the rig has no gears and valves for one")
+        return None
+    if "controller" not in node:
+        raise RigError(f"{where_of(path, node)}: the rig has gears and lacks the key 'controller', e.g. controller: alfa46")
     try:
-        controller = find_config("controllers", beside(path, node["controller"]))
+        settings = read_alfa46(find_config("controllers", beside(file_of(path, node, "controller"), node["controller"])))
     except RigError as error:
         raise RigError(f"{where_of(path, node, 'controller')}: controller: {error}") from None
-    return read_alfa46(controller)
-
-
-def _on_base(config, node, path) -> RigConfig | ClutchBenchConfig:
-    """A rig that names another one, which is read already, and what differs from it."""
-    config = replace(config, name=Path(path).stem)
-    if config.kind == clutch_bench.KIND:
-        return clutch_bench.on_base(config, node, path)
-    check_keys(path, node, ("description", "base", "controller", "controller_values", "prescribed", *PARTS),
-               ("description", "base"), "a rig on a base")
-    for part in PARTS:
-        if part in node:
-            config = replace(config, **{part: changed(getattr(config, part), node[part], path, part,
-                                                 where_of(path, node, part))})
-    if "controller" in node:
-        config = replace(config, alfa46=_controller(node, path))
     if "controller_values" in node:
-        values = changed(config.alfa46.values, node["controller_values"], path, "controller_values",
-                         where_of(path, node, "controller_values"))
-        config = replace(config, alfa46=Alfa46Config(values, config.alfa46.profiles))
-    if "prescribed" in node:
-        config = replace(config, prescribed=read_prescribed(node["prescribed"], path))
-    return config
+        own, known = node["controller_values"], Alfa46Values.__dataclass_fields__
+        check_keys(path, own, known, (), "controller_values", where_of(path, node, "controller_values"))
+        changes = {name: entry(known[name], own[name], f"{where_of(path, own, name)}: controller_values.{name}") for name in own}
+        settings = Alfa46Config(replace(settings.values, **changes), settings.profiles)
+    return settings
 
 
 def _where_written(node, path, keys: tuple[str, ...]) -> str:
     """``file:line`` of the first of these keys that a rig's map names itself."""
     for part, _, name in (key.partition(".") for key in keys):
-        own = node.get("controller_values" if part == "alfa46" else part)
-        if isinstance(own, dict) and name in own:
-            return f"{where_of(path, own, name)}: "
+        for own in (node.get("controller_values") if part == "alfa46" else node.get(part), *(
+                (node[group] or {}).get(part) for group in ("bodies", "shafts", "parts") if isinstance(node.get(group), Map))):
+            if isinstance(own, dict) and name in own:
+                return f"{where_of(path, own, name)}: "
     return f"{path}: "
 
 
-def load_rig(name: str | Path = "hydmag", overrides: dict[str, str] | None = None) -> RigConfig | ClutchBenchConfig:
-    """The rig of this name or file, with the gearbox unless its ``kind`` or that of its base says another.
+def load_rig(name: str | Path = "hydmag", overrides: dict[str, str] | None = None) -> RigConfig:
+    """The rig of this name, folder or file.
 
     ``overrides``: e.g. {"alfa46.t12": "200 ms", "wiring": "swapped", "alfa46.output_1.P1": "200 ms 160 mA"}.
     """
-    config = None
-    for path, node in reversed(with_bases(name)):
-        if config is not None:
-            config = _on_base(config, node, path)
-        elif isinstance(node, dict) and "kind" in node:
-            config = clutch_bench.whole(node, path)
-        else:
-            config = _whole(node, path)
-        check_together(config, partial(_where_written, node, path))
+    node, path = None, None
+    for path, own in reversed(with_bases(name)):
+        check_keys(path, own, _TOP, ("description",), "the rig")
+        own = stamped(own, path)
+        node = own if node is None else merged(node, own)
+    config = _read(node, path, rig_name(path))
+    check_together(config, partial(_where_written, node, path))
     return with_overrides(config, overrides or {})
 
 
+def rig_name(path: str | Path) -> str:
+    """What a rig of this file is called: its folder's name, or the file's own."""
+    path = Path(path)
+    return path.absolute().parent.name if path.name == "rig.yaml" else path.stem
+
+
 def load_gearbox_rig(name: str | Path, overrides: dict[str, str] | None, what: str) -> RigConfig:
-    """As :func:`load_rig`, for what works with the gearbox's rig only; RigError for another kind."""
+    """As :func:`load_rig`, for what works with a shift controller's rig only; RigError for another."""
     config = load_rig(name, overrides)
-    if config.kind != GEARBOX:
-        raise RigError(f"{what} is for a rig with the gearbox; '{config.name}' is a {config.kind.replace('_', ' ')}")
+    if not config.structure.shifts:
+        raise RigError(f"{what} is for a rig with gears and a shift controller; '{config.name}' has none")
     return config
 
 
-def with_overrides(config, overrides: dict[str, str], together: bool = True):
+def with_overrides(config: RigConfig, overrides: dict[str, str], together: bool = True) -> RigConfig:
     """The rig with some values changed, as :func:`load_rig` takes them; RigError for those that do not fit.
 
     together: they are all, and must fit each other too.
     """
-    if config.kind == clutch_bench.KIND:
-        config = clutch_bench.with_overrides(config, overrides)
-    else:
-        points = {}
-        for key, text in overrides.items():
-            if match := _POINT_KEY.fullmatch(key):
-                points[match.groups()] = text
-            else:
-                config = _override(config, key, text)
-        config = _with_points(config, points)
+    points = {}
+    for key, text in overrides.items():
+        if config.alfa46 and (match := _POINT_KEY.fullmatch(key)):
+            points[match.groups()] = text
+        else:
+            config = _override(config, key, text)
+    config = _with_points(config, points)
     if overrides and together:
         check_together(config, lambda keys: next((f"setting {k}={overrides[k]}: " for k in keys if k in overrides), ""))
     return config
@@ -232,6 +291,8 @@ def with_overrides(config, overrides: dict[str, str], together: bool = True):
 
 def _with_points(config: RigConfig, points: dict[tuple[str, str], str]) -> RigConfig:
     """The rig with points (output, P1 to P6) of the controller's profiles moved; check_together looks at the whole."""
+    if not points:
+        return config
     profiles = config.alfa46.profiles.copy()
     for (output, point), text in points.items():
         where = f"setting alfa46.{output}.{point}={text}"
@@ -246,25 +307,20 @@ def _with_points(config: RigConfig, points: dict[tuple[str, str], str]) -> RigCo
 def _override(config: RigConfig, key: str, text: str) -> RigConfig:
     where = f"setting {key}={text}"
     if key == "wiring":
-        if text != "swapped":
-            raise RigError(f"{where}: the only other wiring is 'swapped'")
+        if text != "swapped" or len(config.wiring) != 2:
+            raise RigError(f"{where}: the only other wiring is 'swapped', of a rig with two valves")
         return replace(config, wiring=config.wiring[::-1])
     part, _, name = key.partition(".")
-    if name == "source" and part in (*CUTTABLE, *NOT_CUT):
-        return replace(config, cut_out=_with_source(config.cut_out, part, text, where))
-    own = ("kernel", "cut", *PARTS)
-    owner = config.alfa46.values if part == "alfa46" else getattr(config, part) if part in own else None
-    if owner is None or name not in type(owner).__dataclass_fields__:
-        known = {one: list(type(getattr(config, one)).__dataclass_fields__) for one in own}
-        known["alfa46"] = [*type(config.alfa46.values).__dataclass_fields__,
-                           *(f"{output}.{point}" for output in OUTPUT_KEYS for point in POINTS)]
-        for device in CUTTABLE:
-            known[device].append("source")
+    known = config.settings()
+    if name == "source" and part in {device.name for device in config.structure.devices} | set(NOT_DEVICES):
+        return replace(config, cut_out=_with_source(config.structure, config.cut_out, part, text, where))
+    if name not in known.get(part, ()):
         raise RigError(f"{where}: {unknown_value(key, known)}")
+    owner = config.values(part)
     value = field_value(type(owner).__dataclass_fields__[name], text, f"{where}: the value")
     owner = replace(owner, **{name: value})
     if part == "cut":
         _check_tick(owner, where)
     if part == "alfa46":
         return replace(config, alfa46=Alfa46Config(owner, config.alfa46.profiles))
-    return replace(config, **{part: owner})
+    return config.replaced(**{part: owner})

@@ -21,7 +21,7 @@ from ..controllers.plug import Plug
 from ..controllers.record import ControllerRecord, record_of
 from ..controllers.seam import ControllerFailed, Status
 from ..errors import RigError
-from ..transmission import NEUTRAL, Clutch, Transmission, transmission_of
+from ..transmission import NEUTRAL, Clutch, Transmission
 from .configuration import RigConfig
 from .rig import Rig
 from .simulate import advance_with
@@ -264,7 +264,7 @@ class Check:
         return True, "all transducers at either end of their range: every value stays in its range"
 
     def _both_gears(self):
-        plug, box = self._load(), transmission_of(self.config)
+        plug, box = self._load(), self.config.transmission
         first, *others = box.ratios
         try:
             rig = Rig(self.config, controller="external", level=plug.level)

@@ -13,8 +13,7 @@ from collections.abc import Iterator
 
 from ..clocks import COMMAND_TIMEOUT, SAMPLE
 from ..errors import RigError
-from ..engine.outside import LOAD, MOTOR, NOTHING, VALVES, Answer, OtherSide, Port, drained
-
+from ..engine.outside import LOAD, MOTOR, NOTHING, VALVE, Answer, OtherSide, Port, drained
 
 
 def topic_of(device: str, end: str) -> str:
@@ -34,9 +33,9 @@ class Cuts:
         self._sides = {device: OtherSide(device, config) for device in self.devices if embedded}
         self._newest = {device: (-1, NOTHING) for device in self.devices}  # sample answered, answer
         self._since = 0  # sample from which silence counts
-        rig.motor["held"], rig.load["held"] = MOTOR in self.devices, LOAD in self.devices
-        for valve, device in zip(rig.valves, VALVES):
-            valve["cut"] = device in self.devices
+        self._parts = {device.name: device.part for device in config.structure.devices}
+        for name in config.cuttable:
+            rig.device(name)["cut" if self._parts[name] == VALVE else "held"] = name in self.devices
 
     # ---- time
 
@@ -56,15 +55,14 @@ class Cuts:
         rig = self._rig
         for device in self.devices:
             answer = self._stand_in(device) if self._is_silent(device) else self._newest[device][1]
-            if device == MOTOR:
-                rig.motor["held_torque"], rig.motor["held_setpoint"] = answer.torque, answer.setpoint
-            elif device == LOAD:
-                rig.load["held_capacity"] = max(0.0, answer.torque)
-                rig.load["held_pressure"] = answer.pressure
+            me, part = rig.device(device), self._parts[device]
+            if part == MOTOR:
+                me["held_torque"], me["held_setpoint"] = answer.torque, answer.setpoint
+            elif part == LOAD:
+                me["held_capacity"], me["held_pressure"] = max(0.0, answer.torque), answer.pressure
             else:
-                valve = rig.valves[VALVES.index(device)]
-                valve["cut_flow"], valve["cut_slope"] = answer.flow, answer.flow_slope
-                valve["cut_pressure"], valve["spool"] = answer.pressure, answer.position
+                me["cut_flow"], me["cut_slope"] = answer.flow, answer.flow_slope
+                me["cut_pressure"], me["spool"] = answer.pressure, answer.position
         for device, side in self._sides.items():
             self._newest[device] = rig.sample, side.step(self.port(device))
 
@@ -76,16 +74,12 @@ class Cuts:
         """The port of a device now."""
         rig = self._rig
         tick, safe = self.samples * SAMPLE, rig.safe
-        if device == MOTOR:
-            return Port(tick, speed=float(rig.v[0]), setpoint=float(rig.motor["target"]),
-                        enable=bool(rig.motor["enabled"] > 0.0), safe=safe)
-        if device == LOAD:
-            return Port(tick, speed=float(rig.v[1]), setpoint=float(rig.load["setting"]),
-                        enable=bool(rig.load["enabled"] > 0.0), safe=safe)
-        k = VALVES.index(device)
-        return Port(tick, pressure=rig.line_pressure(k), supply=float(rig.oil["pressure"]),
-                    current=float(rig.valves[k]["current"]), setpoint=rig.coil_duty(k), enable=not safe,
-                    safe=safe)
+        me, part = rig.device(device), self._parts[device]
+        if part in (MOTOR, LOAD):
+            return Port(tick, speed=rig.speed_at(device), setpoint=float(me["target" if part == MOTOR else "setting"]),
+                        enable=bool(me["enabled"] > 0.0), safe=safe)
+        return Port(tick, pressure=rig.fed_pressure(device), supply=rig.supply_pressure(device), current=float(me["current"]),
+                    setpoint=rig.coil_duty(device), enable=not safe, safe=safe)
 
     # ---- answers
 
@@ -109,9 +103,8 @@ class Cuts:
     def work(self, device: str) -> float:
         """Energy over a cut since time 0 as the plant counts it [J], signed as ``Answer.work``."""
         energy = self._rig.energy()
-        if device in VALVES:
-            return float(self._rig.valves[VALVES.index(device)]["work"])
-        return energy["motor" if device == MOTOR else "load"]
+        part = self._parts[device]
+        return float(self._rig.device(device)["work"]) if part == VALVE else energy["motor" if part == MOTOR else "load"]
 
     # ---- silence
 
@@ -131,6 +124,6 @@ class Cuts:
 
     def _stand_in(self, device: str) -> Answer:
         """What acts for a silent device: no torque, and the way to the tank open."""
-        if device not in VALVES:
+        if self._parts[device] != VALVE:
             return NOTHING
-        return drained(self._rig.line_pressure(VALVES.index(device)), self._rig.config, device)
+        return drained(self._rig.fed_pressure(device), self._rig.config, device)

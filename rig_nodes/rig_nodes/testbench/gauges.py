@@ -16,17 +16,9 @@ from ..config.schema import limits
 from ..errors import RigError
 from ..instruments import transducers as parts
 from ..instruments.noise import channel_key, uniform
-from .instruments_configuration import InstrumentsConfig
 
-# what each channel is measured with: the first word of the fields of InstrumentsConfig
-KINDS = {
-    "M_wej": "torque", "n_wej": "speed", "M_wyj": "torque", "n_wyj": "speed", "p1": "p1", "p2": "p2", "p_po": "p_po",
-    "I_zr_p1": "current", "I_zr_p2": "current", "p_p": "p1", "T_oil": "temperature",
-}
-# field with the noise of each channel; the thermometer has none
-NOISE_FIELDS = {channel: f"{kind}_noise" for channel, kind in KINDS.items() if kind != "temperature"}
 SIGNED = ("torque",)
-FILTERED = ("torque", "p1", "p2", "p_po", "pressure", "travel", "force")
+FILTERED = ("torque", "pressure", "travel", "force")
 DISTURBANCES = [parts.NOISE, parts.HUM, parts.PICKUP]
 DRAWS = 1 << 32  # number of the first channel whose noise is drawn for what stays the same in a run
 NO_TRANSDUCER = {parts.GAIN: 1.0, parts.LOW: -math.inf, parts.HIGH: math.inf}  # rows that are not 0
@@ -40,19 +32,24 @@ class Gauges:
     places of the encoders' discs, beside the noise; ``step`` [s] is the time of a row.
     """
 
-    def __init__(self, config, seed: int, step: float, on: bool, channels: tuple[str, ...],
-                 kinds: dict[str, str] | None = None):
-        """config: an InstrumentsConfig, or for other channels one whose fields begin with their ``kinds``."""
+    def __init__(self, rig, seed: int, channels: tuple[str, ...]):
+        """rig: a RigConfig; channels: those of its plan."""
+        config, step, on = rig.instruments, rig.kernel.step, rig.effects.transducers
         self.config, self.present, self.on, self.channels = config, on, on, channels
         size = len(channels)
         self.table, self.state = np.zeros((parts.ROWS, size)), np.zeros(size)
         for row, value in NO_TRANSDUCER.items():
             self.table[row] = value
-        gate = self._gate(step) if on and config.speed_step > 0.0 else 1
+        gate = self._gate(step) if on and getattr(config, "speed_step", 0.0) > 0.0 else 1
         self.counts = np.zeros((gate, size))
+        # a transducer that is not fitted leaves an open input, which shows nothing
+        fitted = {one.name: one for one in rig.structure.transducers if getattr(config, f"{one.like}_fitted", True)}
+        self._noise = {name: f"{one.like}_noise" for name, one in fitted.items() if hasattr(config, f"{one.like}_noise")}
+        beside = {valve.wires.get("beside") for valve in rig.structure.valves}
         if on:
-            for name, kind in (kinds or KINDS).items():
-                self._fill(name, kind, seed, step)
+            for name, one in fitted.items():
+                self._fill(name, one.type, one.like, name in beside, seed, step)
+        self.table[:, [name in rig.instruments_not_fitted for name in channels]] = 0.0
         keys = np.array([channel_key(seed, c) for c in range(size)], np.uint64)
         hum = parts.mains(step, config.hum_frequency, uniform(seed, DRAWS, 0))
         self.arrays = self.table, keys, hum, self.state, self.counts
@@ -65,17 +62,18 @@ class Gauges:
                            f"plant's steps of {step * 1e6:g} us; give e.g. 2 ms")
         return round(rows)
 
-    def _fill(self, name: str, kind: str, seed: int, step: float) -> None:
+    def _fill(self, name: str, kind: str, like: str, beside: bool, seed: int, step: float) -> None:
         config, c, table = self.config, self.channels.index(name), self.table
+
         def value(what: str) -> float:
-            return getattr(config, f"{kind}_{what}", 0.0)
+            return getattr(config, f"{like}_{what}", 0.0)
 
         def drawn(number: int) -> float:
             return 2.0 * uniform(seed, DRAWS + 1 + c, number) - 1.0
 
         high = value("range")
         if kind == "temperature":
-            offset, gain = config.temperature_offset, config.temperature_gain
+            offset, gain = value("offset"), value("gain")
         else:
             offset = gain = 0.5 * value("class")  # together the class, at the end of the range
             offset *= high
@@ -84,13 +82,13 @@ class Gauges:
         low = -high if kind in SIGNED else -value("class") * high
         table[parts.LOW, c], table[parts.HIGH, c] = low, high
         table[parts.NOISE, c], table[parts.HUM, c] = value("noise"), value("hum")
-        if name == kind:  # p_p is measured like p1, but no valve's wire runs beside its own
+        if beside:  # a valve's wire runs beside its own
             table[parts.PICKUP, c] = value("pickup")
         if kind in FILTERED and config.anti_alias > 0.0:
             table[parts.KEEP, c] = math.exp(-2.0 * math.pi * config.anti_alias * step)
-        if kind == "speed" and config.speed_step > 0.0:
-            table[parts.STEP, c] = config.speed_step
-            table[parts.TURN, c] = 1.0 / (config.speed_step * len(self.counts))
+        if kind == "speed" and value("step") > 0.0:
+            table[parts.STEP, c] = value("step")
+            table[parts.TURN, c] = 1.0 / (value("step") * len(self.counts))
             self.state[c] = uniform(seed, DRAWS + 1 + c, 0)
         else:
             self.state[c] = table[parts.OFFSET, c]
@@ -107,7 +105,7 @@ class Gauges:
 
     def set_noise(self, channel: str, value: float) -> None:
         """Standard deviation of one channel [SI]; RigError when there is no such channel or it is out of range."""
-        low, high = noise_limits(channel)
+        low, high = self.noise_limits(channel)
         if not low <= value <= high:
             raise RigError(f"noise of {channel} of {value:g} refused; expected {low:g} to {high:g}")
         self._set[0, self.channels.index(channel)] = value
@@ -121,9 +119,13 @@ class Gauges:
         """Standard deviation that acts [SI]."""
         return float(self.table[parts.NOISE, self.channels.index(channel)])
 
+    def noise_limits(self, channel: str) -> tuple[float, float]:
+        """Lowest and highest noise of a channel [SI]; RigError names the channels that have one."""
+        if channel not in self._noise:
+            raise RigError(f"'{channel}' has no noise to set; known are {', '.join(self._noise)}")
+        return limits(type(self.config), self._noise[channel])
 
-def noise_limits(channel: str) -> tuple[float, float]:
-    """Lowest and highest noise of a channel [SI]; RigError names the channels that have one."""
-    if channel not in NOISE_FIELDS:
-        raise RigError(f"'{channel}' has no noise to set; known are {', '.join(NOISE_FIELDS)}")
-    return limits(InstrumentsConfig, NOISE_FIELDS[channel])
+    @property
+    def noisy(self) -> list[str]:
+        """The channels that have a noise."""
+        return list(self._noise)

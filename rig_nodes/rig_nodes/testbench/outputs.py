@@ -12,13 +12,12 @@ import json
 from collections.abc import Callable, Iterator
 
 from ..bags.cdr import encoder
-from ..catalogue import catalogue
 from ..clocks import ROW, ROW_NS, SAMPLE, SAMPLE_NS, TICK_SAMPLES
 from ..controllers import own_signals
 from ..controllers.plug import Plug
 from .cuts import topic_of
-from .kinds import AnyRig, states_of
-from .topics import COMMAND, SCALAR_SAMPLES, Heard
+from .rig import Rig
+from .topics import COMMAND, SCALAR_SAMPLES, Heard, States
 
 ROWS_PER_TICK = 50
 BLOCK = "/instruments/hmg4000"
@@ -31,14 +30,14 @@ class Outputs:
     ``controller``: plug whose own signals go out too.
     """
 
-    def __init__(self, rig: AnyRig, run_info: dict, commands: bool | None = None, controller: Plug | None = None):
-        self.rig, self.states, self._heard = rig, states_of(rig), Heard()
+    def __init__(self, rig: Rig, run_info: dict, commands: bool | None = None, controller: Plug | None = None):
+        self.rig, self.states, self._heard = rig, States(rig), Heard(rig.config.catalogue)
         self.reading = self._heard.reading
         self.commands = rig.embedded if commands is None else commands
         self._answered = -1  # sample of the newest command that went out
         self._cut_answered = dict.fromkeys(rig.cuts.devices, -1)  # the same of cut devices that answer inside
         self.counts: dict[str, int] = {}
-        self._types = {name: topic.ros_type for name, topic in catalogue().all_topics.items()}
+        self._types = {name: topic.ros_type for name, topic in rig.config.catalogue.all_topics.items()}
         self._encoders: dict[str, Callable] = {}
         self._queued: list[tuple] = []
         self._run_info = run_info
@@ -68,7 +67,7 @@ class Outputs:
             self._started = True
             yield self._message("/rig/run_info", now, json.dumps(self._run_info, sort_keys=True))
             names = rig.logger_names
-            units = [catalogue().signal(name).unit for name in names]
+            units = [rig.config.catalogue.signal(name).unit for name in names]
             yield self._message("/instruments/channels", now, names, units, ROW)
             for topic, fields in self.states.once():
                 yield self._message(topic, now, *fields)

@@ -8,7 +8,7 @@ for that.
 """
 
 from .configuration import load_rig
-from .kinds import make_rig
+from .rig import Rig
 
 for _name in ("hydmag", "clutch_bench"):
-    make_rig(load_rig(_name)).advance_samples(1)
+    Rig(load_rig(_name)).advance_samples(1)

@@ -3,7 +3,7 @@
 
 """Clutch pressures that are prescribed, not made by valves and cylinders: chapter 9's own simulation.
 
-Read by testbench.configuration from a rig's YAML, used by testbench.gearbox_plan.
+Read by testbench.configuration from a rig's YAML, used by testbench.plan.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from ..config.schema import build, check_keys, where_of
 from ..errors import RigError, brief
 from ..parts.curve_clutch import Force
 
-CLUTCHES = ("clutch_s1", "clutch_s2")
 WAYS = ("engaging", "releasing")
 OUTPUT_SPEEDS = ("bounded", "free")
 MPA = 1e6
@@ -24,12 +23,12 @@ MPA = 1e6
 
 @dataclass(frozen=True)
 class Prescribed:
-    """Force of both clutches, and ``pieces`` (2 clutches, engaging and releasing, rows, 5): rows of end [s] and the
+    """Force of the clutches, and ``pieces`` (clutches, engaging and releasing, rows, 5): rows of end [s] and the
     coefficients of a cubic in time since the switch signal [Pa, s], lowest power first; the last ones never end.
     bounded: the output never leaves the speeds of the two gears, whatever the clutches can hold.
     """
 
-    forces: tuple[Force, Force]
+    forces: tuple[Force, ...]
     pieces: np.ndarray
     bounded: bool
 
@@ -41,18 +40,18 @@ class Prescribed:
                 "output_speed": OUTPUT_SPEEDS[0 if self.bounded else 1]}
 
 
-def read_prescribed(node, path) -> Prescribed:
+def read_prescribed(node, path, clutches: list[str]) -> Prescribed:
     """From the key ``prescribed`` of a rig: for each clutch the force, and for each way rows [end s, MPa, MPa/s,
-    MPa/s2, MPa/s3], the last one with the end "end"; and whether the output speed is bounded or free. RigError with
+    MPa/s2, MPa/s3], the last one with the end "end", clutches: their names; and whether the output speed is bounded or free. RigError with
     file and line otherwise.
     """
-    keys = (*CLUTCHES, "output_speed")
+    keys = (*clutches, "output_speed")
     check_keys(path, node, keys, keys, "prescribed")
     if node["output_speed"] not in OUTPUT_SPEEDS:
         raise RigError(f"{where_of(path, node, 'output_speed')}: prescribed.output_speed must be one of "
                        f"{', '.join(OUTPUT_SPEEDS)}, found {node['output_speed']!r}")
     forces, tables = [], []
-    for name in CLUTCHES:
+    for name in clutches:
         part = node[name]
         forces.append(build(Force, part, path, f"prescribed.{name}", others=WAYS))
         for way in WAYS:
@@ -61,7 +60,7 @@ def read_prescribed(node, path) -> Prescribed:
             tables.append(_rows(part[way], f"{where_of(path, part, way)}: prescribed.{name}.{way}"))
     longest = max(map(len, tables))
     full = [rows + [rows[-1]] * (longest - len(rows)) for rows in tables]
-    return Prescribed((forces[0], forces[1]), np.array(full).reshape(2, 2, longest, 5),
+    return Prescribed(tuple(forces), np.array(full).reshape(len(clutches), 2, longest, 5),
                       node["output_speed"] == OUTPUT_SPEEDS[0])
 
 

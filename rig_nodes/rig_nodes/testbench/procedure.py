@@ -17,12 +17,11 @@ from pathlib import Path
 from ..clocks import ROW
 from ..config import load_yaml
 from ..config.conditions import CONDITIONS
-from ..config.names import beside, find_config, unknown
+from ..config.names import beside, find_of_rigs, rig_with, unknown
 from ..config.schema import check_keys, where_of
 from ..config.units import quantity
 from ..errors import RigError, brief
-from .configuration import load_rig, with_overrides
-from .kinds import AnyConfig
+from .configuration import RigConfig, load_rig, with_overrides
 from .record import Run, record
 from .sequence import Sequence, filled, load_sequence
 
@@ -79,7 +78,7 @@ class Procedure:
 
 def load_procedure(name: str | Path) -> Procedure:
     """The installed procedure of this name, or a file; RigError with file and line when it is not right."""
-    path = find_config("procedures", name)
+    path = find_of_rigs("procedures", name)
     node = load_yaml(path)
     needed = ("description", "source", "sequence", "repeats", "series")
     check_keys(path, node, (*needed, "period", "settings"), needed, "the procedure")
@@ -118,7 +117,7 @@ def _sequence(node, path) -> str:
     """The name of the sequence, or its file, which stands beside the procedure's."""
     name = beside(path, node["sequence"])
     try:
-        find_config("sequences", name)
+        name = str(find_of_rigs("sequences", name, rig_with(path)))
     except RigError as error:
         raise RigError(f"{where_of(path, node, 'sequence')}: sequence: {error}") from None
     return name
@@ -185,12 +184,12 @@ def _conditions(block, row, path) -> dict[str, float | int | str]:
 # ---- running
 
 @lru_cache(maxsize=4)
-def _base(rig: str) -> AnyConfig:
+def _base(rig: str) -> RigConfig:
     return load_rig(rig)
 
 
 def prepare(series: Series, rig: str | None = None,
-            settings: dict[str, str] | None = None) -> tuple[AnyConfig, Sequence]:
+            settings: dict[str, str] | None = None) -> tuple[RigConfig, Sequence]:
     """Rig and sequence of a series. rig: the one that the sequence is written for, if not given. settings: of the rig,
     beside the series' own; RigError where both name a value, and where the sequence is for another kind of rig.
     """

@@ -16,16 +16,15 @@ import numpy as np
 
 from ..analysis.logged import Logged
 from ..analysis.metrics import Recording
-from ..catalogue import GEARBOX
 from ..clocks import ROW, SAMPLE, SAMPLE_NS, TICK_SAMPLES
 from ..controllers.plug import Plug
 from ..errors import RigError
-from ..transmission import transmission_of
-from .kinds import AnyConfig, AnyRig, states_of
+from .configuration import RigConfig
+from .rig import Rig
 from .sequence import Sequence, SequenceFailed, SequenceRunner
 from .simulate import AFTER_TRIP, advance_with, rig_for, runner_on
 from .timed import RigStatus
-from .topics import COMMAND, SCALAR_SAMPLES, Heard
+from .topics import COMMAND, SCALAR_SAMPLES, Heard, States
 
 CHUNK = 500  # controller samples between two looks into the ring of rows, which holds at least 1.9 s
 FIRST_ROWS = 200_000  # for which there is room at first: 20 s at 10 kHz
@@ -52,10 +51,10 @@ class Run:
 class Truth:
     """Signals of the state topics, noted once a controller sample."""
 
-    def __init__(self, rig: AnyRig, signals: tuple[str, ...]):
-        self.signals, self._states, self._heard = signals, states_of(rig), Heard()
-        self._topics = sorted({Heard.topic(name) for name in signals})
-        unknown = [name for name in signals if Heard.topic(name) not in self._states.topics]
+    def __init__(self, rig: Rig, signals: tuple[str, ...]):
+        self.signals, self._states, self._heard = signals, States(rig), Heard(rig.config.catalogue)
+        self._topics = sorted({self._heard.topic(name) for name in signals})
+        unknown = [name for name in signals if self._heard.topic(name) not in self._states.topics]
         if unknown:
             raise RigError(f"{', '.join(unknown)}: only signals of state topics are known without a transducer; "
                            "docs/signals.md lists them")
@@ -80,12 +79,12 @@ class Listener:
     In place of Outputs: publishes nothing, but knows when it would have been published.
     """
 
-    def __init__(self, rig: AnyRig, signals: list[str], truth: Truth | None = None, controller: Plug | None = None):
+    def __init__(self, rig: Rig, signals: list[str], truth: Truth | None = None, controller: Plug | None = None):
         """signals: those that will be asked for; others of transducers may be asked too. controller: in place of the
         embedded one."""
         self.rig, self.truth, self.controller, self.events, self.orders = rig, truth, controller, [], []
-        self._states, self._heard = states_of(rig), Heard()
-        topics = {Heard.topic(name) for name in signals}
+        self._states, self._heard = States(rig), Heard(rig.config.catalogue)
+        topics = {self._heard.topic(name) for name in signals}
         self._command = COMMAND in topics
         self._ticked = sorted(topics & self._states.topics.keys())
         unknown = topics - {COMMAND} - self._states.topics.keys() - self._states.measured.keys()
@@ -94,12 +93,12 @@ class Listener:
 
     def period(self, signal: str) -> int:
         """Controller samples between two messages with this signal."""
-        topic = Heard.topic(signal)
+        topic = self._heard.topic(signal)
         return SCALAR_SAMPLES if topic in self._states.measured else 1 if topic == COMMAND else TICK_SAMPLES
 
     def reading(self, name: str) -> float:
         """As Outputs.reading; asked at a tick, when nothing of that tick has gone out yet."""
-        topic = Heard.topic(name)
+        topic = self._heard.topic(name)
         if topic in self._states.measured and self.rig.sample:
             newest = (self.rig.sample - 1) // SCALAR_SAMPLES * SCALAR_SAMPLES
             self._heard.fields[topic] = (self.rig.row_of(newest)[self._states.measured[topic]],)
@@ -157,7 +156,7 @@ def keep_freed_memory() -> None:
 class Rows:
     """Collects the rows of a rig, one every ``period`` [s], before its ring overwrites them."""
 
-    def __init__(self, rig: AnyRig, period: float):
+    def __init__(self, rig: Rig, period: float):
         self.rig, self.period = rig, period
         self.per_sample = round(SAMPLE / period)
         if abs(self.per_sample * period - SAMPLE) > 1e-12 or self.per_sample < 1:
@@ -186,7 +185,7 @@ class Rows:
         return {name: column[:self._taken] for name, column in zip(self.rig.channels, self._columns)}
 
 
-def record(config: AnyConfig, sequence: Sequence, seed: int = 1, rows_per_second: int | None = None,
+def record(config: RigConfig, sequence: Sequence, seed: int = 1, rows_per_second: int | None = None,
            period: float | None = None, truth: tuple[str, ...] = (), controller: Plug | None = None,
            delay: int = 1) -> Run:
     """Run the sequence on a rig with its embedded Alfa46, or a plug as :func:`simulate` takes it, and keep its rows.
@@ -230,7 +229,7 @@ def _record(config, sequence: Sequence, seed: int, period: float, truth: tuple[s
         end = {"state": "failed", "reason": str(failure)}
         rows.take(rig.sample - TICK_SAMPLES)  # as simulate, which publishes nothing more at this tick
     channels = rows.channels()
-    recording = (Recording(0.0, period, channels, listener.orders, transmission_of(config)) if config.kind == GEARBOX
+    recording = (Recording(0.0, period, channels, listener.orders, config.transmission) if config.structure.gears
                  else Logged(0.0, period, channels))
     on_rows = known.on_rows(recording.rows, rows.per_sample) if known else {}
     return Run(recording, end, listener.events, on_rows)
@@ -241,7 +240,7 @@ def signals_of(sequence: Sequence) -> list[str]:
     return [step.condition.signal for step in sequence.steps if step.condition is not None]
 
 
-def next_poll(runner: SequenceRunner, rig: AnyRig, listener: Listener) -> int:
+def next_poll(runner: SequenceRunner, rig: Rig, listener: Listener) -> int:
     """Sample of the next tick at which the sequence may have something to do."""
     tick = rig.sample // TICK_SAMPLES
     if listener.controller is not None:  # what it will do nobody knows

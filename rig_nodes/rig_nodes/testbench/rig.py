@@ -3,6 +3,8 @@
 
 """The lockstep rig: one object that owns plant, instruments and, if embedded, the shift controller.
 
+Its devices are those of its description; by what they are for it knows them as motor, load, oil, valves and clutches.
+
 Used by ``simulate``, the rig container and the tests; ``advance_samples`` is the only place where time passes.
 """
 
@@ -18,29 +20,28 @@ import numpy as np
 from ..alfa46 import law
 from ..alfa46.controller import refusal
 from ..alfa46.settings import Alfa46Config
-from ..catalogue import catalogue
 from ..clocks import COMMAND_TIMEOUT, SAMPLE_NS
+from ..config.names import unknown
 from ..config.schema import limits
 from ..controllers.record import record_of
 from ..controllers.seam import LEVELS
 from ..errors import RigError
+from ..parts import part as parts
 from ..parts.proportional_valve import BY_DUTY, BY_LAW, BY_SETPOINT
 from ..plant import driveline_algebra
 from .configuration import RigConfig
 from .cuts import Cuts
 from .gauges import Gauges
-from .gearbox_plan import CLUTCHES, VALVES, plan_of
+from .plan import plan_of
 from .timed import RigStatus, Timed, check_range
 
-# settings of devices -> signal whose range they keep to
-SETPOINTS = {"motor_speed": "n_wej", "load_pressure": "p_po", "oil_pressure": "p_p"}
-LOSSES = ("loss_in", "loss_out")
 NOTHING = (0.0,) * law.OUTPUTS  # a command that asks for no output
 
 
-def check_setpoint(name: str, value: float) -> None:
-    """RigError when the rig would refuse this value [SI] of one of SETPOINTS, whoever sends it."""
-    check_range(name, value, catalogue().signals[SETPOINTS[name]])
+def check_setpoint(config: RigConfig, step: str, value: float) -> None:
+    """RigError when the rig would refuse this value [SI] of a setpoint, by its key in sequences, whoever sends it."""
+    setpoint = config.setpoints[step]
+    check_range(setpoint.name, value, config.catalogue.signals[setpoint.like])
 
 
 def check_level(config: RigConfig, level: str | None) -> None:
@@ -69,12 +70,14 @@ class Rig(Timed):
             raise RigError(f"delay is {delay}, expected 0 or more samples of an external controller, or 1")
         if level not in (None, *LEVELS):
             raise RigError(f"level is '{level}', expected 'duty' or 'current'")
-        if controller == "external":
+        self.shifts = config.structure.shifts  # there is a shift controller, in it or outside
+        if controller == "external" and self.shifts:
             check_level(config, level)
-        self.config, self.seed, self.embedded, self.level = config, int(seed), controller == "embedded", level
-        self.count_steps(config.kernel.step, catalogue())
+        self.config, self.seed, self.level = config, int(seed), level if self.shifts else None
+        self.embedded = controller == "embedded" and self.shifts
+        self.count_steps(config.kernel.step, config.catalogue)
         self._build()
-        self._wired = [self.channels.index(name) for name in record_of(config).names]
+        self._wired = [self.channels.index(name) for name in record_of(config).names] if self.shifts else []
         self._by = BY_LAW if self.embedded else BY_SETPOINT if level == "current" else BY_DUTY
         self.cuts = Cuts(self, devices == "embedded")
         self.delay = delay
@@ -85,22 +88,33 @@ class Rig(Timed):
         self._ordered: int | None = None  # gear ordered from the embedded controller, taken at its next sample
 
     def _build(self) -> None:
-        config = self.config
-        plan, self._system = plan_of(config)
-        self.build(plan, Gauges(config.instruments, self.seed, config.kernel.step, config.effects.transducers,
-                                tuple(plan.channels)))
-        # kg m2, 0 unless n_wej is to stay
-        self._put_on = float(plan.system.mass[0, 0] - self._system.mass[0, 0])
-        self.motor, self.load, self.oil = (self.device(name) for name in ("motor", "load_pump", "oil_supply"))
-        self.losses = [self.device(name) for name in LOSSES]
-        self._currents = [self.channels.index(plan.currents[name]) for name in VALVES]
-        self.valves, self.clutches = ([self.device(name) for name in names] for names in (VALVES, CLUTCHES))
+        config, structure = self.config, self.config.structure
+        self.drive = structure.of_role(parts.SOURCE)[0].name
+        planned = plan_of(config)
+        plan, self._system = planned.plan, planned.true
+        self.build(plan, Gauges(config, self.seed, tuple(plan.channels)))
+        self._place = {name: f for f, name in enumerate(plan.system.elements)}
+        self._heavy = int(np.abs(plan.system.mass - self._system.mass).diagonal().argmax())
+        # kg m2, 0 unless the input's speed is to stay
+        self._put_on = float(plan.system.mass[self._heavy, self._heavy] - self._system.mass[self._heavy, self._heavy])
+        self._loads, self._sources = structure.of_role(parts.LOAD), structure.of_role(parts.SOURCE)
+        self.clutch_names = tuple(one.name for one in structure.clutches)
+        self.valve_names = tuple(one.name for one in structure.valves)
+        self.motor = self.device(self.drive)
+        self.load, self.oil = ({one.role: self.device(one.name) for one in reversed(structure.devices) if one.role in
+                                (parts.LOAD, parts.OIL)}.get(role) for role in (parts.LOAD, parts.OIL))
+        self.losses = {one.name: self.device(one.name) for one in structure.of_role(parts.LOSS)}
+        self._currents = [self.channels.index(plan.currents[name]) for name in self.valve_names]
+        self.valves = [self.device(name) for name in self.valve_names]
+        self.clutches = [self.device(name) for name in self.clutch_names]
+        self._held_by = {frozenset(gear.clutches): number for number, gear in enumerate(structure.gears, 1)}
         line = self.world.line
         self._el, self._e_in, self._cap = line["el"], line["e_in"], line["cap"]
-        self._element = plan.system.elements.index
-        self._slips = line["w"]
-        self._law_config = config.alfa46.law_config()
-        self._law_profiles = np.array(config.alfa46.profiles, order="C")  # its own: set_controller writes into it
+        self._slips, self._twist, self._shaft = line["w"], line["twist"], line["shaft"]
+        self.energies: dict[str, float] = {}  # of the last tick, whoever refreshes them
+        if self.shifts:
+            self._law_config = config.alfa46.law_config()
+            self._law_profiles = np.array(config.alfa46.profiles, order="C")  # its own: set_controller writes into it
         self._setpoint, self._gear, self._shifting, self._flags = np.zeros(law.OUTPUTS), 0, False, 0
         self._duty, self._wiring = np.zeros(law.OUTPUTS), list(config.wiring)
 
@@ -117,7 +131,7 @@ class Rig(Timed):
                 break
         if self.status == RigStatus.TRIPPED:
             return
-        if not self.embedded and self._last_command >= 0 and self.command_age > COMMAND_TIMEOUT:
+        if self.shifts and not self.embedded and self._last_command >= 0 and self.command_age > COMMAND_TIMEOUT:
             self.trip(f"valve commands older than {COMMAND_TIMEOUT * 1e3:.0f} ms: the shift controller is "
                       "silent")
         elif silence := self.cuts.silence():
@@ -139,32 +153,42 @@ class Rig(Timed):
 
     # ---- commands, applied at the next sample boundary
 
+    def set(self, step: str, value: float, enable: bool) -> None:
+        """A setpoint [SI] of a device, by its key in sequences (motor, load, oil ...), and whether the device is on."""
+        if step not in self.config.setpoints:
+            raise RigError(unknown("setpoint", step, self.config.setpoints))
+        setpoint = self.config.setpoints[step]
+        if setpoint.command.only and not getattr(getattr(self.config, setpoint.device), setpoint.command.only):
+            what = setpoint.command.only.replace("_", " ")
+            raise RigError(f"'{self.config.name}' has no {what}; its {setpoint.device}.{setpoint.command.only} is off")
+        check_setpoint(self.config, step, value)
+        me = self.device(setpoint.device)
+        me[setpoint.command.target], me[setpoint.command.enabled] = value, enable
+
     def set_motor(self, speed: float, enable: bool) -> None:
-        """Speed setpoint [rad/s] of the drive."""
-        check_setpoint("motor_speed", speed)
-        self.motor["target"], self.motor["enabled"] = speed, enable
+        """Speed setpoint [rad/s] of what drives the rig."""
+        self.set("motor", speed, enable)
 
     def set_load(self, pressure: float, enable: bool) -> None:
         """Relief setting [Pa, gauge] of the load."""
-        check_setpoint("load_pressure", pressure)
-        self.load["setting"], self.load["enabled"] = pressure, enable
+        self.set("load", pressure, enable)
 
     def set_oil(self, pressure: float, enable: bool) -> None:
         """Relief setting [Pa, gauge] of the clutch oil supply."""
-        check_setpoint("oil_pressure", pressure)
-        self.oil["setting"], self.oil["enabled"] = pressure, enable
+        self.set("oil", pressure, enable)
 
     def set_value(self, name: str, value: float) -> None:
-        """Change what is no device's setpoint: "oil_supply.temperature" [degC], "instruments.noise" (on or off),
+        """Change what is no device's setpoint: "<oil supply>.temperature" [degC], "instruments.noise" (on or off),
         "instruments.noise.<channel>" (standard deviation, SI). ``config`` follows; RigError when refused.
         """
-        c = self.config
-        if name == "oil_supply.temperature":
-            low, high = limits(type(c.oil_supply), "temperature")
+        owner, _, what = name.partition(".")
+        if what == "temperature" and owner in {one.name for one in self.config.structure.of_role(parts.OIL)}:
+            oil = getattr(self.config, owner)
+            low, high = limits(type(oil), what)
             if not low <= value <= high:
                 raise RigError(f"{name} of {value:g} degC refused; expected {low:g} to {high:g} degC")
-            self.oil["oil_temperature"] = value
-            self.config = replace(c, oil_supply=replace(c.oil_supply, temperature=float(value)))
+            self.device(owner)["oil_temperature"] = value
+            self.config = self.config.replaced(**{owner: replace(oil, temperature=float(value))})
             return
         if name == "instruments.noise":
             self.gauges.switch(bool(value))
@@ -223,6 +247,8 @@ class Rig(Timed):
 
     def _answer(self, level: str, sample: int, *vectors) -> list[float]:
         """The numbers of an external controller's command, one after the other, when it can be taken."""
+        if not self.shifts:
+            raise RigError(f"'{self.config.name}' has no valves for a shift controller")
         if self.embedded:
             raise RigError(f"this rig runs its controller inside; {level} commands are for controller='external'")
         if self.level not in (None, level):
@@ -253,7 +279,7 @@ class Rig(Timed):
         self.idle_command = ""
         tripped = self.safe
         if self._held_open or tripped:
-            valves = (self.config.valve_zr_p1, self.config.valve_zr_p2)
+            valves = [getattr(self.config, name) for name in self.valve_names]
             asks = bool(self._gear) or self._shifting or any(
                 command[output] * (v.coil_voltage / v.coil_resistance if level == "duty" else 1.0) > v.cracking_current
                 for output, v in zip(self._wiring, valves))
@@ -265,10 +291,12 @@ class Rig(Timed):
 
     def order_gear(self, gear: int) -> None:
         """Order a gear of the embedded controller, taken at its next sample; RigError when refused."""
+        if not self.shifts:
+            raise RigError(f"'{self.config.name}' has no gears to order")
         if not self.embedded:
             raise RigError("this rig's controller is outside; order the gear there")
         why = refusal(gear, self.gear if self._ordered is None else self._ordered,
-                      self.shifting or self._ordered is not None)
+                      self.shifting or self._ordered is not None, self.config.transmission)
         if why:
             raise RigError(f"shift refused: {why}")
         self._ordered = gear
@@ -280,13 +308,13 @@ class Rig(Timed):
         """What the rig is doing."""
         if self._safe[0] > 0.0:
             return RigStatus.TRIPPED
-        if self.newest_command < 0 or self._held_open:
+        if self.shifts and (self.newest_command < 0 or self._held_open):
             return RigStatus.STARTING
         return RigStatus.RUNNING if self.motor["enabled"] > 0.0 else RigStatus.READY
 
     @property
     def newest_command(self) -> int:
-        """The sample that the newest command answers, -1 before the first."""
+        """The sample that the newest command answers, -1 before the first, and where there is no controller."""
         return self.sample - 1 if self.embedded else self._last_command
 
     @property
@@ -301,7 +329,10 @@ class Rig(Timed):
         neutral, one outside must have been there before its commands act again; until then the rig is starting.
         """
         self.check_tripped()
-        self._safe[0] = self.motor["enabled"] = 0.0
+        self._safe[0] = 0.0
+        for one in self.config.setpoints.values():
+            if not self.shifts or one.device == self.drive:
+                self.device(one.device)[one.command.enabled] = 0.0
         self.reason, self.stopped_by_person = "", False
         self._last_command = -1
         self._to_come.clear()
@@ -310,7 +341,7 @@ class Rig(Timed):
         self.cuts.excuse()
         self._law_outputs[:] = np.zeros(1, law.LAW_OUTPUT)
         self._law_state["gear"] = self._law_state["shift_end"] = 0
-        self._ordered, self._held_open = None, not self.embedded
+        self._ordered, self._held_open = None, self.shifts and not self.embedded
 
     # ---- what can be read
 
@@ -346,8 +377,9 @@ class Rig(Timed):
         """Current setpoints of the controller's outputs (3,) [A]."""
         return self._law_outputs["setpoint"] if self.embedded else self._setpoint
 
-    def coil_duty(self, k: int) -> float:
-        """Duty on the coil of valve k from this sample on."""
+    def coil_duty(self, name: str) -> float:
+        """Duty on the coil of a valve from this sample on."""
+        k = self.valve_names.index(name)
         if self.status == RigStatus.TRIPPED:
             return 0.0
         if self.embedded or self.level == "current":
@@ -367,52 +399,93 @@ class Rig(Timed):
         """The controller's transducers, in the order of its record, SI."""
         return self.row()[self._wired].tolist()
 
-    def clutch_mode(self, k: int) -> int:
-        """0 open, 1 slipping, 2 locked, as in rig_msgs/ClutchState."""
-        if self.clutches[k]["static"] <= 0.0:
+    def clutch_mode(self, clutch: int | str) -> int:
+        """0 open, 1 slipping, 2 locked, as in rig_msgs/ClutchState; of a clutch by its name or its place."""
+        name = self._clutch(clutch)
+        if self.device(name)["static"] <= 0.0:
             return 0
-        return 2 if abs(self.mode[self._element(CLUTCHES[k])]) >= 2 else 1
+        return 2 if abs(self.mode[self._place[name]]) >= 2 else 1
 
-    def clutch_torque(self, k: int) -> float:
-        """Friction torque of clutch k [Nm], positive when it drives the output."""
-        return float(self._el[driveline_algebra.LAM, self._element(CLUTCHES[k])])
+    def _clutch(self, clutch: int | str) -> str:
+        return clutch if isinstance(clutch, str) else self.clutch_names[clutch]
 
-    def slip(self, k: int) -> float:
-        """Driving minus driven side of clutch k [rad/s]."""
-        return float(self._slips[self._element(CLUTCHES[k])] @ self.v)
+    def friction_torque(self, name: str) -> float:
+        """Friction torque of a device [Nm]: of a clutch positive when it drives its driven side, of a brake when it brakes."""
+        return float(self._el[driveline_algebra.LAM, self._place[name]])
 
-    def line_pressure(self, k: int) -> float:
-        """Pressure between valve k and its clutch [Pa, gauge]."""
-        return self.true(f"{CLUTCHES[k]}.pressure")
+    def capacity(self, name: str) -> float:
+        """Friction torque that a device could hold while it slips [Nm]."""
+        return float(self._cap[driveline_algebra.KIN1, self._place[name]])
+
+    def clutch_torque(self, clutch: int | str) -> float:
+        """:meth:`friction_torque` of a clutch by its name or its place."""
+        return self.friction_torque(self._clutch(clutch))
+
+    def slip(self, clutch: int | str) -> float:
+        """Driving minus driven side of a clutch [rad/s]."""
+        return float(self._slips[self._place[self._clutch(clutch)]] @ self.v)
+
+    def speed_at(self, name: str) -> float:
+        """Speed of the body that a device sits on [rad/s]."""
+        return self.true(f"{self.wire(name, 'body')}.speed")
+
+    def wire(self, name: str, key: str) -> str:
+        """What a device is joined to by a key of its description."""
+        device = self.config.structure.device(name)
+        return self.config.structure.oil_of(device) if key == "oil" else str(device.wires[key])
+
+    def fed_pressure(self, valve: str) -> float:
+        """Pressure between a valve and its clutch [Pa, gauge]."""
+        return self.line_pressure(self.wire(valve, "feeds"))
+
+    def supply_pressure(self, valve: str) -> float:
+        """Pressure of a valve's oil supply [Pa, gauge]."""
+        structure = self.config.structure
+        return float(self.device(structure.oil_of(structure.device(valve), "supply"))["pressure"])
+
+    def line_pressure(self, clutch: int | str) -> float:
+        """Pressure between a clutch and its valve [Pa, gauge]."""
+        return self.true(f"{self._clutch(clutch)}.pressure")
+
+    def oil_drawn(self, name: str) -> float:
+        """What valves take from an oil supply now [m3/s]."""
+        structure = self.config.structure
+        return max(0.0, sum(float(self.device(valve.name)["flow"]) for valve in structure.valves
+                            if structure.oil_of(valve, "supply") == name))
 
     def load_torque(self) -> float:
-        """Torque of the load pump against the output shaft [Nm]."""
-        return float(self._el[driveline_algebra.LAM, self._element("load_pump")])
-
-    def load_capacity(self) -> float:
-        """Torque that the load pump could hold [Nm]."""
-        return float(self._cap[driveline_algebra.KIN1, self._element("load_pump")])
+        """Torque of the load against the output shaft [Nm]."""
+        return self.friction_torque(self._loads[0].name)
 
     def locked_gear(self) -> int:
-        """0 none, 1 S1 locked, 2 S2 locked, 3 both."""
-        return (self.clutch_mode(0) == 2) + 2 * (self.clutch_mode(1) == 2)
+        """Number of the gear whose clutches are locked; 0 none, one above the highest where what is locked is no gear."""
+        locked = frozenset(name for name in self.clutch_names if self.clutch_mode(name) == 2)
+        return self._held_by.get(locked, len(self._held_by) + 1) if locked else 0
+
+    def heat_of(self, name: str) -> str:
+        """Name of a clutch's heat among the energies."""
+        return f"heat_{self.config.structure.device(name).key}"
 
     def energy(self) -> dict[str, float]:
         """Energies since time 0 [J]: each from its own torque and slip, none by difference."""
-        fric, visc = self._el[driveline_algebra.E_FRIC], self._el[driveline_algebra.E_VISC]
+        fric, visc, place = self._el[driveline_algebra.E_FRIC], self._el[driveline_algebra.E_VISC], self._place
         motor = float(self._e_in.sum())
         if self._put_on:  # what it holds is not the motor's work
-            motor -= 0.5 * self._put_on * float(self.v[0]) ** 2
-        s1, s2, loss_in, loss_out, load = (self._element(name) for name in (*CLUTCHES, *LOSSES, "load_pump"))
-        out = {
-            "motor": motor,
-            "load": float(fric[load]),
-            "heat_s1": float(fric[s1] + visc[s1]),
-            "heat_s2": float(fric[s2] + visc[s2]),
-            "loss_in": float(fric[loss_in]),
-            "loss_out": float(fric[loss_out]),
-            "stored": float(0.5 * self.v @ self._system.mass @ self.v),
-        }
+            motor -= 0.5 * self._put_on * float(self.v[self._heavy]) ** 2
+        out = {"motor": motor}
+        if self._loads:
+            out["load"] = sum(float(fric[place[one.name]]) for one in self._loads)
+        for name in self.clutch_names:
+            out[self.heat_of(name)] = float(fric[place[name]] + visc[place[name]])
+        for name in self.losses:
+            out[name] = float(fric[place[name]])
+        if own := [place[one.name] for one in self._sources if one.name in place]:
+            out["friction"] = sum(float(fric[f]) for f in own)
+        stored = float(0.5 * self.v @ self._system.mass @ self.v)
+        if len(self._twist):
+            out["shafts"] = float(self._shaft[driveline_algebra.E_SHAFT].sum())
+            stored += 0.5 * float(self._system.kc[0] @ self._twist**2)
+        out["stored"] = stored
         # sum() rounds otherwise from Python 3.12 on, and the bag has to be the same in all of them
         used = 0.0
         for name, value in out.items():

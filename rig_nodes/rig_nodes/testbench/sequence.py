@@ -14,16 +14,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
-from ..catalogue import GEARBOX, catalogue
 from ..config import load_yaml
-from ..config.names import DEFAULT_RIG, beside, find_config, kind_of, unknown
+from ..config.names import DEFAULT_RIG, beside, find_of_rigs, rig_with, unknown
 from ..config.schema import check_keys, where_of
 from ..config.units import dimension_of, quantity, span
 from ..config.yaml_file import List, Map
+from ..description.commands import Setpoint
 from ..errors import RigError, brief
-from ..parts.load_pump import LoadConfig, most_torque, relief_setting_for
-from ..transmission import transmission_of
-from .clutch_bench_configuration import KIND as CLUTCH_BENCH
+from ..parts.load_pump import most_torque, relief_setting_for
+from .configuration import RigConfig, load_rig
 
 DEFAULT_TIMEOUT = 30.0
 LONGEST_TIME = 86_400.0  # s of one wait
@@ -41,14 +40,10 @@ class SequenceFailed(RigError):
 
 
 class Bench(Protocol):
-    """What a sequence needs of a rig; times are simulated seconds. The gearbox's rig takes oil, motor and load, and
-    orders of a gear; the clutch bench motor, relief, cylinder and press (``set_relief`` ...).
-    """
+    """What a sequence needs of a rig; times are simulated seconds. ``set``: a setpoint by its key, e.g. motor or oil."""
 
     def ready(self) -> bool: ...
-    def set_motor(self, speed: float, enable: bool) -> None: ...
-    def set_oil(self, pressure: float, enable: bool) -> None: ...
-    def set_load(self, pressure: float, enable: bool) -> None: ...
+    def set(self, step: str, value: float, enable: bool) -> None: ...
     def order_gear(self, gear: int) -> None: ...
     def shift_done(self) -> bool: ...
     def controller_says(self) -> tuple[int, bool] | None: ...
@@ -89,7 +84,7 @@ class Step:
 @dataclass(frozen=True)
 class Sequence:
     """A checked sequence. parameters: name -> value that its steps were read with, as it is written; rig: the one that
-    it is written for, kind: of that rig, None for one that has no steps.
+    it was read for.
     """
 
     name: str
@@ -98,36 +93,44 @@ class Sequence:
     steps: list[Step] = field(default_factory=list)
     parameters: dict[str, str | int] = field(default_factory=dict)
     rig: str = DEFAULT_RIG
-    kind: str | None = None
 
     def check_rig(self, config) -> None:
-        """RigError when the sequence is for another kind of rig than this configuration's, or loads it too much."""
-        if self.kind not in (None, config.kind):
-            raise RigError(f"sequence '{self.name}' is for a rig of kind {self.kind}, '{config.name}' is of kind "
-                           f"{config.kind}; leave out --rig, or name one like {self.rig}")
+        """RigError when the sequence asks for what the rig of this configuration has not, or loads it too much."""
+        gears = config.transmission.names if config.structure.gears else {}
         for step in self.steps:
-            if step.by_torque and step.value > (most := most_torque(config.load_pump)):
-                raise RigError(f"{step.where}: {step.text}: the load pump holds at most {most:.4g} Nm, by its "
-                               "load_pump.displacement and .pressure_limit")
+            of_rig = ("device", step.kind, config.setpoints) if step.kind not in _OTHER_STEPS else (
+                "signal", step.condition.signal, config.catalogue.signals) if step.condition is not None else (
+                "gear", int(step.value), gears) if step.kind == "shift" else None
+            if of_rig is not None and of_rig[1] not in of_rig[2]:
+                what, name, known = of_rig
+                raise RigError(f"sequence '{self.name}' is for a rig like {self.rig}, not for '{config.name}': {step.where}: "
+                               f"{unknown(what, name, map(str, known))}; leave out --rig, or name one like {self.rig}")
+            if step.by_torque:
+                device = config.setpoints[step.kind].device
+                if step.value > (most := most_torque(getattr(config, device))):
+                    raise RigError(f"{step.where}: {step.text}: the load pump holds at most {most:.4g} Nm, by its "
+                                   f"{device}.displacement and .pressure_limit")
 
 
 BY_HAND = Sequence("none", "ordered over ROS", 0.0)  # in the record of a run without a sequence of its own
 
 
-def load_sequence(name: str | Path, values: dict[str, str] | None = None) -> Sequence:
-    """The installed sequence of this name, or a file; RigError with file and line when it is not right.
+def load_sequence(name: str | Path, values: dict[str, str] | None = None, rig: str | Path | None = None) -> Sequence:
+    """The sequence of this name, of a rig or of an installed one, or a file; RigError with file and line when it is not right.
 
-    ``values``: of its parameters, in place of their defaults, e.g. {"speed": "1500 rpm"}.
+    ``values``: of its parameters, in place of their defaults, e.g. {"speed": "1500 rpm"}; rig: that it is to run on, by
+    default the one that it is written for.
     """
-    path = find_config("sequences", name)
+    path = find_of_rigs("sequences", name, rig)
     node = load_yaml(path)
     check_keys(path, node, ("description", "rig", "parameters", "ready", "steps"), ("description", "steps"),
                "the sequence")
-    rig = beside(path, node.get("rig", DEFAULT_RIG))
+    own = rig is None and "rig" in node
+    rig = beside(path, node["rig"]) if own else rig or rig_with(path)
     try:
-        kind = kind_of(rig)
+        config = load_rig(rig)
     except RigError as error:
-        raise RigError(f"{where_of(path, node, 'rig')}: rig: {error}") from None
+        raise RigError(f"{where_of(path, node, 'rig')}: rig: {error}" if own else str(error)) from None
     parameters = _parameters(node, path, values or {})
     nodes = _Filled(path).of(node["steps"], parameters, where_of(path, node, "steps"))
     _check_used(node, path, parameters)
@@ -135,12 +138,12 @@ def load_sequence(name: str | Path, values: dict[str, str] | None = None) -> Seq
     if "ready" in node:
         check_keys(path, node["ready"], ("timeout",), ("timeout",), "ready", where_of(path, node, "ready"))
         timeout = _time(node["ready"]["timeout"], f"{where_of(path, node, 'ready')}: ready.timeout")
-    steps = _steps(nodes, path, "steps", kind, where_of(path, node, "steps"))
+    steps = _steps(nodes, path, "steps", config, where_of(path, node, "steps"))
     least = sum((step.value if step.condition is None else step.hold) for step in steps if step.kind == "wait")
     if least > LONGEST_TIME:
         raise RigError(f"{where_of(path, node, 'steps')}: the waits of the sequence take {least:.6g} s in all, expected at "
                        f"most {LONGEST_TIME:.6g} s, which is a day")
-    return Sequence(Path(path).stem, str(node["description"]), timeout, steps, parameters, rig, kind)
+    return Sequence(Path(path).stem, str(node["description"]), timeout, steps, parameters, str(rig))
 
 
 def _parameters(node, path, values: dict[str, str]) -> dict[str, str | int]:
@@ -268,8 +271,8 @@ class _Filled:
         return out
 
 
-def _steps(nodes, path, what: str, rig_kind: str, where: str) -> list[Step]:
-    readers = _READERS[rig_kind]
+def _steps(nodes, path, what: str, config: RigConfig, where: str) -> list[Step]:
+    readers = _readers(config)
     if not isinstance(nodes, list) or not nodes:
         dashes = "; each begins with a dash" if isinstance(nodes, dict) else ""
         raise RigError(f"{where}: {what} must be a list with at least one step{dashes}")
@@ -282,7 +285,7 @@ def _steps(nodes, path, what: str, rig_kind: str, where: str) -> list[Step]:
                            f"found {', '.join(map(str, node)) or 'none'}{last}")
         kind = next(iter(node))
         body, where = node[kind], where_of(path, node, kind)
-        steps += readers[kind](body, path, where, rig_kind)
+        steps += readers[kind](body, path, where, config)
         if len(steps) > LONGEST:
             raise RigError(f"{where}: the sequence is longer than {LONGEST} steps")
     return steps
@@ -302,30 +305,34 @@ def _off(body, where, what) -> None:
         raise RigError(f"{where}: {what}.off is {brief(body['off'])}, expected true")
 
 
-def _setting(kind, choices, signal):
-    """Reader of a device's step. choices: what it takes, and the dimension; signal: whose range that keeps to."""
-    def read(body, path, where, rig_kind):
+def _setting(setpoint: Setpoint):
+    """Reader of a device's step: what it takes keeps to the range of the signal that it is like."""
+    kind, choices = setpoint.step, setpoint.command.takes
+
+    def read(body, path, where, config):
         key = _one_of(body, path, where, kind, (*choices, "off"))
         if key == "off":
             _off(body, where, kind)
             return [Step(kind, f"{kind} off", where, enable=False)]
         value = quantity(body[key], choices[key], f"{where}: {kind}.{key}")
-        high = 500.0 if key == "torque" else catalogue(rig_kind).signals[signal].high
+        by_torque = choices[key] == "torque"
+        like = config.structure.output.torque if by_torque else setpoint.like
+        high = config.catalogue.signals[like].high
         if not 0.0 <= value <= high:
             raise RigError(f"{where}: {kind}.{key} is {body[key]}; the rig takes {span(0.0, high, body[key])}")
-        return [Step(kind, f"{kind} {key} {body[key]}", where, value, by_torque=key == "torque")]
+        return [Step(kind, f"{kind} {key} {body[key]}", where, value, by_torque=by_torque)]
     return read
 
 
-def _shift(body, path, where, rig_kind):
+def _shift(body, path, where, config):
     check_keys(path, body, ("to", "timeout"), ("to",), "shift", where)
-    gear, gears = str(body["to"]), transmission_of().numbers
+    gear, gears = str(body["to"]), config.transmission.numbers
     if gear not in gears:
         raise RigError(f"{where}: shift.to is {brief(gear)}, expected {', '.join(gears)}")
     return [Step("shift", f"shift to {gear}", where, gears[gear], timeout=_timeout(body, where, "shift"))]
 
 
-def _controller(body, path, where, rig_kind):
+def _controller(body, path, where, config):
     """Settings of the user's controller: a step for each."""
     if not isinstance(body, dict) or not body:
         raise RigError(f"{where}: controller takes names of its settings and their values, e.g. {{gain: 1.5}}")
@@ -352,7 +359,7 @@ def _time(text, where) -> float:
     return value
 
 
-def _wait(body, path, where, rig_kind):
+def _wait(body, path, where, config):
     key = _one_of(body, path, where, "wait", ("for", "until"), ("timeout", "hold"))
     if key == "for":
         if "timeout" in body or "hold" in body:
@@ -360,14 +367,14 @@ def _wait(body, path, where, rig_kind):
         value = _time(body["for"], f"{where}: wait.for")
         return [Step("wait", f"wait {body['for']}", where, value)]
     hold = _time(body["hold"], f"{where}: wait.hold") if "hold" in body else 0.0
-    condition, text = _condition(body["until"], path, f"{where}: wait.until", rig_kind)
+    condition, text = _condition(body["until"], path, f"{where}: wait.until", config)
     return [Step("wait", f"wait until {text}", where, hold=hold, timeout=_timeout(body, where, "wait"),
                  condition=condition)]
 
 
-def _condition(node, path, where, rig_kind):
+def _condition(node, path, where, config):
     check_keys(path, node, ("signal", "above", "below", "near", "within"), ("signal",), "wait.until", where)
-    signals = catalogue(rig_kind).signals
+    signals = config.catalogue.signals
     signal = signals.get(str(node["signal"]))
     if signal is None:
         raise RigError(f"{where}: {unknown('signal', node['signal'], signals)}; docs/signals.md has them all")
@@ -387,41 +394,32 @@ def _condition(node, path, where, rig_kind):
     return Condition(signal.name, low, high), text
 
 
-def _repeat(body, path, where, rig_kind):
+def _repeat(body, path, where, config):
     check_keys(path, body, ("times", "steps"), ("times", "steps"), "repeat", where)
     times = body["times"]
     if not isinstance(times, int) or isinstance(times, bool) or not 1 <= times <= LONGEST:
         raise RigError(f"{where}: repeat.times is {brief(times)}, expected a whole number from 1 to {LONGEST}")
-    steps = _steps(body["steps"], path, "repeat.steps", rig_kind, where_of(path, body, "steps"))
+    steps = _steps(body["steps"], path, "repeat.steps", config, where_of(path, body, "steps"))
     if times * len(steps) > LONGEST:
         raise RigError(f"{where}: repeat makes {times * len(steps)} steps, more than {LONGEST}")
     return steps * times
 
 
-# kind of rig -> what its sequences may ask for
-_READERS = {
-    GEARBOX: {
-        "oil": _setting("oil", {"pressure": "pressure"}, "p_p"),
-        "motor": _setting("motor", {"speed": "angular velocity"}, "n_wej"),
-        "load": _setting("load", {"torque": "torque", "pressure": "pressure"}, "p_po"),
-        "shift": _shift, "controller": _controller, "wait": _wait, "repeat": _repeat,
-    },
-    CLUTCH_BENCH: {
-        "motor": _setting("motor", {"speed": "angular velocity"}, "n"),
-        "relief": _setting("relief", {"pressure": "pressure"}, "p_sh"),
-        "cylinder": _setting("cylinder", {"pressure": "pressure"}, "p_z"),
-        "press": _setting("press", {"travel": "length"}, "s"),
-        "wait": _wait, "repeat": _repeat,
-    },
-}
+_OTHER_STEPS = ("shift", "controller", "wait", "repeat")  # all others are setpoints of devices
+
+
+def _readers(config: RigConfig) -> dict:
+    """Key of a step -> what reads it: the setpoints of the rig's devices, orders where it has gears, waits and repeats."""
+    orders = {"shift": _shift, "controller": _controller} if config.structure.shifts else {}
+    return {**{step: _setting(one) for step, one in config.setpoints.items()}, **orders, "wait": _wait, "repeat": _repeat}
 
 
 class SequenceRunner:
     """Walks a sequence over a bench; ``poll`` is called with rising simulated time, every graph tick."""
 
-    def __init__(self, sequence: Sequence, bench: Bench, load: LoadConfig | None = None):
-        """load: of the rig, for loads that are given by their torque."""
-        self.sequence, self.bench, self.load = sequence, bench, load
+    def __init__(self, sequence: Sequence, bench: Bench, config: RigConfig):
+        """config: of the rig."""
+        self.sequence, self.bench, self.config = sequence, bench, config
         self.step = -1  # -1: readiness gate
         self.text = "wait for the rig to be ready"
         self._since: float | None = None
@@ -491,10 +489,11 @@ class SequenceRunner:
             self.bench.set_controller(step.setting, step.value)
         elif step.kind != "wait":
             if not step.by_torque:
-                getattr(self.bench, f"set_{step.kind}")(step.value, step.enable)
+                self.bench.set(step.kind, step.value, step.enable)
                 return
+            load, speed = getattr(self.config, self.config.setpoints[step.kind].device), self.config.structure.output.speed
             try:
-                self.bench.set_load(relief_setting_for(step.value, self.bench.reading("n_wyj"), self.load), step.enable)
+                self.bench.set(step.kind, relief_setting_for(step.value, self.bench.reading(speed), load), step.enable)
             except RigError as error:
                 raise RigError(f"{step.text} asks the relief valve, at this speed, for too much: {error}") from None
 
@@ -517,7 +516,7 @@ class SequenceRunner:
         if not done and waited > step.timeout:
             seen = ""
             if step.condition is not None:
-                signal = catalogue().signal(step.condition.signal)
+                signal = self.config.catalogue.signal(step.condition.signal)
                 value = signal.shown(self.bench.reading(signal.name))
                 seen = f"; {signal.name} is {value:.4g} {signal.display_unit}"
             elif step.kind == "shift" and (says := self.bench.controller_says()) is not None:

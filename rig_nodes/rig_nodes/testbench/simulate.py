@@ -13,15 +13,11 @@ from pathlib import Path
 
 from .. import __version__
 from ..bags.writer import BagWriter
-from ..catalogue import GEARBOX, catalogue
 from ..clocks import COMMAND_TIMEOUT, TICK_SAMPLES
 from ..controllers.plug import SAID, Plug
 from ..controllers.seam import ControllerFailed
 from ..errors import RigError, ended_by
-from ..transmission import transmission_of
-from .clutch_bench import ClutchBench
-from .clutch_bench_topics import COMMANDS
-from .kinds import AnyConfig, AnyRig, make_rig
+from .configuration import RigConfig
 from .outputs import Outputs
 from .rig import Rig
 from .sequence import Sequence, SequenceFailed, SequenceRunner
@@ -31,7 +27,7 @@ LONGEST_RUN = 24 * 3600.0  # s of simulated time
 AFTER_TRIP = 100  # samples recorded after a trip, so that the bag shows the safe state
 
 
-def run_record(config: AnyConfig, sequence: Sequence, seed: int) -> dict:
+def run_record(config: RigConfig, sequence: Sequence, seed: int) -> dict:
     """What a bag says about its own making: configuration, sequence, seed and version, no clock and no host."""
     chosen = {"parameters": dict(sequence.parameters)} if sequence.parameters else {}
     return {"configuration": config.as_dict(), "sequence": sequence.name, "description": sequence.description, **chosen,
@@ -51,22 +47,14 @@ class LocalBench:
     def ready(self) -> bool:
         return True
 
-    def set_oil(self, pressure: float, enable: bool) -> None:
-        self.rig.set_oil(pressure, enable)
-        self.outputs.setpoint("/oil_supply/command", pressure, enable)
-
-    def set_motor(self, speed: float, enable: bool) -> None:
-        self.rig.set_motor(speed, enable)
-        self.outputs.setpoint("/motor/command", speed, enable)
-
-    def set_load(self, pressure: float, enable: bool) -> None:
-        self.rig.set_load(pressure, enable)
-        self.outputs.setpoint("/load_pump/command", pressure, enable)
+    def set(self, step: str, value: float, enable: bool) -> None:
+        self.rig.set(step, value, enable)
+        self.outputs.setpoint(self.rig.config.setpoints[step].topic, value, enable)
 
     def order_gear(self, gear: int) -> None:
         self._order(gear)
         self._ordered = gear
-        name = transmission_of(self.rig.config).names[gear]
+        name = self.rig.config.transmission.names[gear]
         self.outputs.event("/controller/events", "shift_ordered", f"shift to {name} ordered", gear)
 
     def shift_done(self) -> bool:
@@ -92,39 +80,9 @@ class LocalBench:
         self.outputs.event("/sequencer/events", name, text, value)
 
 
-class LocalClutchBench:
-    """The clutch bench as a sequence sees it in the same process; there are no gears to order."""
-
-    def __init__(self, rig: ClutchBench, outputs: Outputs):
-        self.rig, self.outputs = rig, outputs
-        self.reading = outputs.reading
-
-    def ready(self) -> bool:
-        return True
-
-    def set_motor(self, speed: float, enable: bool) -> None:
-        self.rig.set_motor(speed, enable)
-        self.outputs.setpoint(COMMANDS["motor"], speed, enable)
-
-    def set_relief(self, pressure: float, enable: bool) -> None:
-        self.rig.set_relief(pressure, enable)
-        self.outputs.setpoint(COMMANDS["relief"], pressure, enable)
-
-    def set_cylinder(self, pressure: float, enable: bool) -> None:
-        self.rig.set_cylinder(pressure, enable)
-        self.outputs.setpoint(COMMANDS["cylinder"], pressure, enable)
-
-    def set_press(self, travel: float, enable: bool) -> None:
-        self.rig.set_press(travel, enable)
-        self.outputs.setpoint(COMMANDS["press"], travel, enable)
-
-    def event(self, name: str, text: str, value: float = 0.0) -> None:
-        self.outputs.event("/sequencer/events", name, text, value)
-
-
-def check_controller(config: AnyConfig) -> None:
+def check_controller(config: RigConfig) -> None:
     """RigError for a rig on which no shift controller can act."""
-    if config.kind != GEARBOX:
+    if not config.structure.shifts:
         raise RigError(f"the rig '{config.name}' has no valves for a shift controller; leave out --controller, "
                        "--level and --delay")
 
@@ -135,21 +93,19 @@ def check_delay(delay: int, speed: float | None) -> None:
         raise RigError("--delay 0: in real time time passes while the controller computes; use --speed or a delay of 1")
 
 
-def rig_for(config: AnyConfig, seed: int, controller: Plug | None = None, delay: int = 1) -> AnyRig:
+def rig_for(config: RigConfig, seed: int, controller: Plug | None = None, delay: int = 1) -> Rig:
     """The rig of a configuration with its embedded Alfa46, or for a plug whose answers act after ``delay`` samples."""
     if controller is None:
-        return make_rig(config, seed)
+        return Rig(config, seed)
     check_controller(config)
     return Rig(config, seed, controller="external", level=controller.level, delay=delay)
 
 
-def runner_on(rig: AnyRig, outputs, config: AnyConfig, sequence: Sequence,
+def runner_on(rig: Rig, outputs, config: RigConfig, sequence: Sequence,
               controller: Plug | None = None) -> SequenceRunner:
-    """The sequence on a rig in the same process; RigError when it is for another kind of rig."""
+    """The sequence on a rig in the same process; RigError when the rig has not what it asks for."""
     sequence.check_rig(config)
-    if isinstance(rig, ClutchBench):
-        return SequenceRunner(sequence, LocalClutchBench(rig, outputs))
-    return SequenceRunner(sequence, LocalBench(rig, outputs, controller), config.load_pump)
+    return SequenceRunner(sequence, LocalBench(rig, outputs, controller), config)
 
 
 def ask_controller(rig: Rig, controller: Plug):
@@ -187,7 +143,7 @@ def advance_with(rig: Rig, controller: Plug) -> bool:
     return answer is not None
 
 
-def simulate(config: AnyConfig, sequence: Sequence, folder: Path, seed: int = 1,
+def simulate(config: RigConfig, sequence: Sequence, folder: Path, seed: int = 1,
              progress: Callable[[float, str], None] | None = None, controller: Plug | None = None,
              delay: int = 1) -> dict:
     """Run the sequence into a bag in ``folder``; returns the ``run`` part of the report.
@@ -199,9 +155,9 @@ def simulate(config: AnyConfig, sequence: Sequence, folder: Path, seed: int = 1,
     sequence.check_rig(config)
     rig = rig_for(config, seed, controller, delay)
     record = run_record(config, sequence, seed)
-    outputs = Outputs(rig, record, commands=config.kind == GEARBOX, controller=controller)
+    outputs = Outputs(rig, record, commands=config.structure.shifts, controller=controller)
     runner = runner_on(rig, outputs, config, sequence, controller)
-    types = {name: topic.ros_type for name, topic in catalogue().all_topics.items()}
+    types = {name: topic.ros_type for name, topic in config.catalogue.all_topics.items()}
     end = {"state": "ended", "reason": "the sequence ended"}
 
     def record_due() -> None:
@@ -236,7 +192,7 @@ def simulate(config: AnyConfig, sequence: Sequence, folder: Path, seed: int = 1,
             if controller is not None:
                 controller.close()
     plugged = {}
-    if config.kind == GEARBOX:
+    if config.structure.shifts:
         told = controller.record() if controller else {"name": "alfa46", "level": rig.level, "level_from": SAID}
         plugged = {"controller": {**told, "delay": rig.delay}}
     return {**record, "mode": "simulate", **plugged, "duration_s": rig.time, "lost": 0,

@@ -11,9 +11,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..alfa46.settings import OUTPUT_KEYS, POINTS, check_point
-from ..catalogue import GEARBOX
+from ..description.driveline import inertias_of
 from ..errors import RigError
-from ..plant.wheels import REDUCTION
+from ..parts import part as parts
+from ..transmission import tied_to
 
 Where = Callable[[tuple[str, ...]], str]  # opens a sentence about these keys, e.g. ("gearbox.inertia_in",)
 
@@ -21,24 +22,33 @@ Where = Callable[[tuple[str, ...]], str]  # opens a sentence about these keys, e
 def check_together(config, where: Where) -> None:
     """RigError for plates that slide harder than they stick, a part heavier than its whole, a profile above the limit.
 
-    ``config``: of either kind of rig.
+    ``config``: of testbench.configuration.
     """
-    plates = config.plate_pack
-    _not_above(where, "plate_pack.friction_kinetic", plates.friction_kinetic, "plate_pack.friction_static",
-               plates.friction_static, "plates that slide hold no more than plates that stick")
-    if config.kind != GEARBOX:
+    for device in config.structure.of_role(parts.VALUES):
+        plates = getattr(config, device.name)
+        _not_above(where, f"{device.name}.friction_kinetic", plates.friction_kinetic, f"{device.name}.friction_static",
+                   plates.friction_static, "plates that slide hold no more than plates that stick")
+    inertias = inertias_of(config.structure, config.sections)
+    for device in config.structure.of_role(parts.METER):
+        body, values = device.wires["body"], getattr(config, device.name)
+        whole, axis = tied_to(config.structure, inertias, body)
+        taken = f"taken to {body} by {axis:.4g}^2, " if axis != 1.0 else ""
+        _not_above(where, f"{device.name}.inertia", values.inertia, f"{_owner(config, body)}.inertia", whole * axis**2, f"{taken}which counts it, in kg m2")
+    if config.alfa46 is None:
         return
-    gearbox = config.gearbox
-    _not_above(where, "gearbox.inertia_in_gearbox", gearbox.inertia_in_gearbox, "gearbox.inertia_in",
-               gearbox.inertia_in, "which counts it, in kg m2")
-    on_wk = gearbox.inertia_out_z5 * REDUCTION**2
-    _not_above(where, "gearbox.inertia_pump", gearbox.inertia_pump, "gearbox.inertia_out_z5", on_wk,
-               f"taken to wk by {REDUCTION:.4g}^2, which counts it, in kg m2")
     limit = config.alfa46.values.current_limit
     for output, points in zip(OUTPUT_KEYS, config.alfa46.profiles, strict=True):
         names = [f"alfa46.{output}.{point}" for point in POINTS]
         for k, name in enumerate(names):
             check_point(points, k, f"{where((name, 'alfa46.current_limit', *names))}{name}", limit)
+
+
+def _owner(config, body: str) -> str:
+    """The body on which the inertia of all that wheels tie to another one is stated."""
+    if body not in config.structure.massless:
+        return body
+    return next((one for mesh in config.structure.meshes for one in mesh.bodies
+                 if body in mesh.bodies and one not in config.structure.massless), body)
 
 
 def _not_above(where: Where, key: str, value: float, whole: str, most: float, why: str) -> None:

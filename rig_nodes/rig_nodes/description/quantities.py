@@ -1,0 +1,40 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Quantities that signals have, in the unit that travels and the one that people read; used by description.signals and parts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """name: as the catalogue calls it; unit: SI, temperatures degC; shown = value * scale [display]; sign: by default."""
+
+    name: str
+    unit: str
+    display: str
+    scale: float
+    sign: str = "positive"
+    gauge: bool = False
+
+
+QUANTITIES = {
+    "torque": Quantity("torque", "N.m", "Nm", 1.0, "positive when it drives"),
+    "speed": Quantity("angular velocity", "rad/s", "rpm", 30.0 / pi, "positive in the driving direction"),
+    "pressure": Quantity("pressure", "Pa", "MPa", 1e-6, "gauge, positive above ambient", True),
+    "current": Quantity("electric current", "A", "mA", 1e3, "positive opens supply to the clutch"),
+    "temperature": Quantity("temperature", "degC", "degC", 1.0, "Celsius"),
+    "force": Quantity("force", "N", "N", 1.0, "positive when pressed"),
+    "length": Quantity("length", "m", "mm", 1e3, "rising towards the plates"),
+    "flow": Quantity("volume flow", "m3/s", "l/min", 60000.0),
+    "ratio": Quantity("ratio", "-", "%", 100.0),
+    "energy": Quantity("energy", "J", "kJ", 1e-3),
+    "state": Quantity("state", "-", "-", 1.0, "none"),
+}
+# Types of transducers: the quantity that each measures, and the dimension of its range in config.units
+TRANSDUCERS = {"torque": ("torque", "torque"), "speed": ("speed", "angular velocity"), "pressure": ("pressure", "pressure"),
+               "current": ("current", "current"), "temperature": ("temperature", "temperature"),
+               "travel": ("length", "length"), "force": ("force", "force")}

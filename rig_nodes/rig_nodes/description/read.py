@@ -1,0 +1,373 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""From a rig's file to its structure: every name known, every wire led to something that there is.
+
+Used by testbench.configuration; a refusal says file, line, what is wrong and what would be right. The values of devices are
+read beside it, by config.schema.
+"""
+
+from __future__ import annotations
+
+from ..config.names import meant
+from ..config.schema import check_keys, where_of
+from ..config.units import quantity
+from ..config.yaml_file import List, Map
+from ..errors import RigError, brief
+from ..parts import part as parts
+from .quantities import QUANTITIES, TRANSDUCERS
+from .structure import Device, End, GearHeld, Mesh, PlanetarySet, Shaft, Structure, Transducer
+
+MASSLESS, GROUND, CLUTCHES = "massless", "ground", "clutches"
+MOST_TEETH = 1000
+# keys of a rig's file that structure is read from here, and those whose values others read
+KEYS = ("bodies", "meshes", "planetary_sets", "shafts", "input", "output", "gears", "parts", "transducers", "names")
+DEVICE_KEYS = ("part", "called", "release_rate", "source")
+RESERVED = ("kernel", "alfa46", "instruments", "effects", "cut", "wiring", GROUND)  # what settings begin with already
+# what a transducer that shows one of these may be named by
+_END_KEYS = ("body", "speed", "torque")
+
+
+def read_structure(node: Map, path) -> Structure:
+    """The structure of a whole rig (its bases merged into it); RigError with file and line otherwise."""
+    return _Reader(node, path).structure()
+
+
+class _Reader:
+    """Reads one file; ``at`` says where a key stands."""
+
+    def __init__(self, node: Map, path):
+        self.node, self.path = node, path
+
+    def at(self, node, key=None) -> str:
+        return where_of(self.path, node, key)
+
+    def map_of(self, key: str) -> Map:
+        """The map under a key of the file, an empty one where there is none."""
+        value = self.node.get(key)
+        if value is None:
+            return Map(self.node.line)
+        if not isinstance(value, Map):
+            raise RigError(f"{self.at(self.node, key)}: {key} must be a map of names, found {brief(value)}")
+        for name in value:
+            if not isinstance(name, str) or not name.replace("_", "a").isalnum() or not name.isascii():
+                raise RigError(f"{self.at(value, name)}: {key}: the name {brief(name)} has other characters than letters, "
+                               "digits and _")
+        return value
+
+    def structure(self) -> Structure:
+        bodies = self.map_of("bodies")
+        if not bodies:
+            raise RigError(f"{self.at(self.node, 'bodies') if 'bodies' in self.node else self.at(self.node)}: the rig has no "
+                           "bodies; at least one turns")
+        devices = self.map_of("parts")
+        self.bodies, self.shaft_names = list(bodies), list(self.map_of("shafts"))
+        self.names: dict[str, str] = {}
+        for what in ("bodies", "shafts", "planetary_sets", "parts"):
+            for name in self.map_of(what):
+                self.new_name(name, what, self.map_of(what))
+        massless = []
+        for name, body in bodies.items():
+            if body == MASSLESS:
+                massless.append(name)
+            elif not isinstance(body, Map):
+                raise RigError(f"{self.at(bodies, name)}: bodies.{name} is {brief(body)}, expected a map with its inertia, "
+                               f"or {MASSLESS}")
+        self.kinds = {name: self.part_of(name, device, devices) for name, device in devices.items()}
+        read = tuple(self.device(name, device) for name, device in devices.items())
+        transducers = self.transducers(read)
+        self.check_pairs(read, devices)
+        structure = Structure(
+            tuple(bodies), tuple(massless), self.meshes(), self.planetary_sets(), self.shafts(), read, self.gears(),
+            self.end("input", transducers), self.end("output", transducers), transducers, self.signal_names())
+        self.check_whole(structure)
+        return structure
+
+    def new_name(self, name: str, what: str, node) -> None:
+        """Every name once: settings and signals are found by it."""
+        if name in RESERVED:
+            raise RigError(f"{self.at(node, name)}: {what}.{name}: the name '{name}' is taken by the rig itself; choose another")
+        if name in self.names:
+            raise RigError(f"{self.at(node, name)}: {what}.{name}: there is '{name}' among the {self.names[name]} already; "
+                           "every name stands once")
+        self.names[name] = what
+
+    # ---- the driveline
+
+    def body(self, name, where: str, what: str, ground: bool = False) -> str:
+        """A body that there is."""
+        known = [*self.bodies, GROUND] if ground else self.bodies
+        if name not in known:
+            raise RigError(f"{where}: {what} names the body {brief(name)}; {meant(name, known)}")
+        return name
+
+    def two_bodies(self, value, where: str, what: str, ground: bool = False) -> tuple[str, str]:
+        """Two different bodies."""
+        if not isinstance(value, List) or len(value) != 2:
+            raise RigError(f"{where}: {what} must be a list of two bodies, found {brief(value)}")
+        a, b = (self.body(name, where, what, ground) for name in value)
+        if a == b:
+            raise RigError(f"{where}: {what} joins '{a}' with itself; two bodies are needed")
+        return a, b
+
+    def teeth(self, value, where: str, what: str) -> tuple[int, int]:
+        """Two whole numbers above 0."""
+        if not isinstance(value, List) or len(value) != 2:
+            raise RigError(f"{where}: {what} must be two whole numbers, found {brief(value)}")
+        for number in value:
+            if not isinstance(number, int) or isinstance(number, bool) or not 1 <= number <= MOST_TEETH:
+                raise RigError(f"{where}: {what}: {brief(number)} is no number of teeth; expected 1 to {MOST_TEETH}")
+        return value[0], value[1]
+
+    def source(self, node, what: str) -> None:
+        """Where the numbers are from."""
+        if not isinstance(node["source"], str) or not node["source"].strip():
+            raise RigError(f"{self.at(node, 'source')}: {what}.source must say where the teeth are from, found "
+                           f"{brief(node['source'])}")
+
+    def meshes(self) -> tuple[Mesh, ...]:
+        """Pairs of toothed wheels."""
+        nodes = self.node.get("meshes", List(self.node.line))
+        if not isinstance(nodes, List):
+            raise RigError(f"{self.at(self.node, 'meshes')}: meshes must be a list, found {brief(nodes)}")
+        out = []
+        for k, node in enumerate(nodes):
+            where, what = self.at(nodes, k), f"mesh {k + 1}"
+            check_keys(self.path, node, ("bodies", "teeth", "reversed", "source"), ("bodies", "teeth", "source"), what, where)
+            self.source(node, what)
+            turned = node.get("reversed", False)
+            if not isinstance(turned, bool) and turned not in ("yes", "no"):
+                raise RigError(f"{self.at(node, 'reversed')}: {what}.reversed is {brief(turned)}, expected yes or no")
+            out.append(Mesh(self.two_bodies(node["bodies"], self.at(node, "bodies"), f"{what}.bodies"),
+                            self.teeth(node["teeth"], self.at(node, "teeth"), f"{what}.teeth"), turned in (True, "yes")))
+        return tuple(out)
+
+    def planetary_sets(self) -> tuple[PlanetarySet, ...]:
+        """Simple planetary sets."""
+        nodes, out = self.map_of("planetary_sets"), []
+        for name, node in nodes.items():
+            what = f"planetary_sets.{name}"
+            keys = ("sun", "ring", "carrier", "teeth", "source")
+            check_keys(self.path, node, keys, keys, what, self.at(nodes, name))
+            self.source(node, what)
+            wheels = [self.body(node[key], self.at(node, key), f"{what}.{key}", ground=True) for key in keys[:3]]
+            if len(set(wheels)) < 3:
+                raise RigError(f"{self.at(nodes, name)}: {what}: sun, ring and carrier must be three bodies, found "
+                               f"{', '.join(wheels)}")
+            teeth = self.teeth(node["teeth"], self.at(node, "teeth"), f"{what}.teeth")
+            if teeth[1] <= teeth[0]:
+                raise RigError(f"{self.at(node, 'teeth')}: {what}.teeth: the ring has {teeth[1]} and the sun {teeth[0]}; the sun "
+                               "stands first and has fewer")
+            out.append(PlanetarySet(name, *wheels, teeth))
+        return tuple(out)
+
+    def shafts(self) -> tuple[Shaft, ...]:
+        """Compliant shafts; their values are read elsewhere."""
+        nodes, out = self.map_of("shafts"), []
+        for name, node in nodes.items():
+            what = f"shafts.{name}"
+            if not isinstance(node, Map) or "joins" not in node:
+                raise RigError(f"{self.at(nodes, name)}: {what} must be a map with the key 'joins', found {brief(node)}")
+            out.append(Shaft(name, self.two_bodies(node["joins"], self.at(node, "joins"), f"{what}.joins")))
+        return tuple(out)
+
+    # ---- devices
+
+    def part_of(self, name: str, node, devices) -> parts.Part:
+        """The type of a device."""
+        if not isinstance(node, Map):
+            raise RigError(f"{self.at(devices, name)}: parts.{name} must be a map with the key 'part', found {brief(node)}")
+        if "part" not in node:
+            raise RigError(f"{self.at(devices, name)}: parts.{name} lacks the key 'part'; known are {', '.join(parts.parts())}")
+        if node["part"] not in parts.parts():
+            raise RigError(f"{self.at(node, 'part')}: parts.{name}.part: there is no part {brief(node['part'])}; "
+                           f"{meant(node['part'], parts.parts())}")
+        return parts.part(node["part"])
+
+    def device(self, name: str, node: Map) -> Device:
+        """One device with its wires."""
+        kind, what, wires = self.kinds[name], f"parts.{name}", {}
+        called = node.get("called", name)
+        if not isinstance(called, str) or not called.strip() or not called.isprintable() or len(called) > 40:
+            raise RigError(f"{self.at(node, 'called')}: {what}.called is {brief(called)}, expected a short name for people")
+        for key, wire in kind.joined.items():
+            if key in node:
+                wires[key] = self.wire(node[key], wire.to, self.at(node, key), f"{what}.{key}")
+            elif wire.needed:
+                raise RigError(f"{self.at(node)}: {what} lacks the key '{key}', {_meaning(wire.to)}")
+        if kind.role == parts.CLUTCH and ("joins" in node) == ("brakes" in node):
+            raise RigError(f"{self.at(node)}: {what} must have one of the keys joins, for a clutch between two bodies, and brakes, "
+                           "for a brake of one")
+        if kind.role == parts.METER and ("source" in node) == ("load" in node):
+            raise RigError(f"{self.at(node)}: {what} must name one of source and load, whose torque it measures")
+        rate = 0.0
+        if "release_rate" in node:
+            value = node["release_rate"]
+            where = f"{self.at(node, 'release_rate')}: {what}.release_rate"
+            if not isinstance(value, List) or len(value) != 2 or not isinstance(value[1], str):
+                raise RigError(f"{where} must be [value with unit, \"its source\"], found {brief(value)}")
+            rate = quantity(value[0], "pressure rate", where)
+        return Device(name, node["part"], called, wires, rate)
+
+    def wire(self, value, to: str, where: str, what: str):
+        """What a key names, when there is such a thing."""
+        if to == parts.BODY:
+            return self.body(value, where, what)
+        if to == parts.BODIES:
+            return list(self.two_bodies(value, where, what))
+        if to == parts.OUTPUT:
+            from ..alfa46.law import OUTPUTS  # compiled code, which is not needed to read most rigs
+
+            if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= OUTPUTS:
+                raise RigError(f"{where}: {what} is {brief(value)}, expected output 1 to {OUTPUTS} of the controller")
+            return value
+        if to == parts.LINE:
+            if not isinstance(value, str) or not value.isidentifier():
+                raise RigError(f"{where}: {what} is {brief(value)}, expected a name for the oil line")
+            return value
+        if to == parts.TRANSDUCER:
+            known = list(self.map_of("transducers"))
+        elif to == parts.TORQUE:
+            known = [CLUTCHES, *(name for name, kind in self.kinds.items() if kind.role == parts.METER)]
+        else:
+            known = [name for name, kind in self.kinds.items() if kind.role == to]
+        if value not in known:
+            raise RigError(f"{where}: {what} names {brief(value)}, expected {_meaning(to)}; {meant(value, known)}")
+        return value
+
+    def check_pairs(self, devices: tuple[Device, ...], nodes) -> None:
+        """No clutch with two valves, no output with two, an oil supply for who needs one."""
+        for key, what in (("feeds", "clutch"), ("output", "output of the controller")):
+            taken: dict[object, str] = {}
+            for device in devices:
+                value = device.wires.get(key)
+                if value is None:
+                    continue
+                if value in taken:
+                    raise RigError(f"{self.at(nodes[device.name], key)}: parts.{device.name}.{key}: the {what} {value} has the valve "
+                                   f"{taken[value]} already; each takes one")
+                taken[value] = device.name
+        fed = {device.wires.get("feeds") for device in devices}
+        oil = [device for device in devices if device.role == parts.OIL]
+        for device in devices:
+            needs = "oil" in parts.part(device.part).joined or device.role == parts.VALVE
+            if needs and not oil:
+                raise RigError(f"{self.at(nodes, device.name)}: parts.{device.name} needs an oil_supply, and the rig has none")
+            if device.part == "wet_clutch" and device.name not in fed:
+                raise RigError(f"{self.at(nodes, device.name)}: parts.{device.name}: no valve feeds it; give one of the "
+                               f"proportional_valve the key feeds: {device.name}")
+
+    # ---- what is measured, and what it is called
+
+    def transducers(self, devices: tuple[Device, ...]) -> tuple[Transducer, ...]:
+        """Everything that is measured, in the order of the logger's columns."""
+        nodes, out = self.map_of("transducers"), []
+        hosts = [device.name for device in devices if device.role not in (parts.VALUES, parts.METER, parts.LOSS)]
+        for name, node in nodes.items():
+            what = f"transducers.{name}"
+            check_keys(self.path, node, ("type", "like", "shows", "at", "range", "text", "sign", "topic", "logged"),
+                       ("type", "shows", "at", "range", "text"), what, self.at(nodes, name))
+            if node["type"] not in TRANSDUCERS:
+                raise RigError(f"{self.at(node, 'type')}: {what}.type is {brief(node['type'])}, expected one of "
+                               f"{', '.join(TRANSDUCERS)}")
+            if node["at"] not in hosts:
+                raise RigError(f"{self.at(node, 'at')}: {what}.at names {brief(node['at'])}, expected the device whose node "
+                               f"publishes it; {meant(node['at'], hosts)}")
+            quantity_of, dimension = TRANSDUCERS[node["type"]]
+            where = f"{self.at(node, 'range')}: {what}.range"
+            ends = node["range"]
+            if not isinstance(ends, List) or len(ends) != 2:
+                raise RigError(f"{where} must be [lowest, highest], each with its unit, found {brief(ends)}")
+            low, high = (quantity(end, dimension, where) for end in ends)
+            if not low < high:
+                raise RigError(f"{where} is {brief(list(ends))}; the lowest value stands first")
+            for key in ("text", "sign", "like", "topic"):
+                if key in node and (not isinstance(node[key], str) or not node[key].strip() or not node[key].isprintable()):
+                    raise RigError(f"{self.at(node, key)}: {what}.{key} is {brief(node[key])}, expected words")
+            logged = node.get("logged", True)
+            if logged not in (True, False, "yes", "no"):
+                raise RigError(f"{self.at(node, 'logged')}: {what}.logged is {brief(logged)}, expected yes or no")
+            out.append(Transducer(name, node["type"], node.get("like", node["type"]), self.shown(node, what, devices), node["at"],
+                                  low, high, node["text"], node.get("sign", QUANTITIES[quantity_of].sign),
+                                  node.get("topic", name.lower()), logged in (True, "yes")))
+        logged = [one.logged for one in out]
+        if False in logged and True in logged[logged.index(False):]:
+            late = out[logged.index(True, logged.index(False))]
+            raise RigError(f"{self.at(nodes, late.name)}: transducers.{late.name} is logged and stands behind one that is not; the "
+                           "logged ones come first")
+        return tuple(out)
+
+    def shown(self, node, what: str, devices) -> str:
+        """What a transducer shows, when there is such a thing."""
+        shows = str(node["shows"])
+        where, (owner, dot, state) = f"{self.at(node, 'shows')}: {what}.shows", shows.partition(".")
+        meters = [device.name for device in devices if device.role == parts.METER]
+        lines = {str(device.wires.get("line", device.name)) for device in devices if device.role in (parts.OIL, parts.CLUTCH)}
+        by_name = {device.name: device for device in devices}
+        known = [*meters, *(f"{body}.speed" for body in self.bodies), *(f"{line}.pressure" for line in sorted(lines)),
+                 *(f"{shaft}.torque" for shaft in self.shaft_names),
+                 *(f"{name}.{one}" for name, device in by_name.items() for one in parts.part(device.part).state)]
+        if shows not in known:
+            if dot and owner in by_name:
+                known = [one for one in known if one.startswith(f"{owner}.")]
+            raise RigError(f"{where} is {brief(shows)}; {meant(shows, known)}")
+        return shows
+
+    def end(self, key: str, transducers: tuple[Transducer, ...]) -> End | None:
+        """Input or output of the transmission."""
+        if key not in self.node:
+            return None
+        node = self.node[key]
+        check_keys(self.path, node, _END_KEYS, _END_KEYS, key, self.at(self.node, key))
+        self.body(node["body"], self.at(node, "body"), f"{key}.body")
+        for what in ("speed", "torque"):
+            known = [one.name for one in transducers if one.type == what]
+            if node[what] not in known:
+                raise RigError(f"{self.at(node, what)}: {key}.{what} names {brief(node[what])}, expected a transducer of type "
+                               f"{what}; {meant(node[what], known)}")
+        return End(*(node[one] for one in _END_KEYS))
+
+    def gears(self) -> tuple[GearHeld, ...]:
+        """The table of gears."""
+        nodes, out = self.map_of("gears"), []
+        clutches = [name for name, kind in self.kinds.items() if kind.role == parts.CLUTCH]
+        for name, held in nodes.items():
+            where, what = self.at(nodes, name), f"gears.{name}"
+            if name in ("neutral", "N") or name.isdecimal():
+                raise RigError(f"{where}: {what}: '{name}' is no name for a gear that drives; numbers are counted from the top, and "
+                               "neutral is there in any rig")
+            if not isinstance(held, List) or not held:
+                raise RigError(f"{where}: {what} must be a list of the clutches that hold it, found {brief(held)}")
+            for one in held:
+                if one not in clutches:
+                    raise RigError(f"{where}: {what} names the clutch {brief(one)}; {meant(one, clutches)}")
+            if len(set(held)) < len(held):
+                raise RigError(f"{where}: {what} names a clutch twice")
+            same = next((gear.name for gear in out if set(gear.clutches) == set(held)), None)
+            if same:
+                raise RigError(f"{where}: {what} is held by the same clutches as {same}; each gear has its own")
+            out.append(GearHeld(name, tuple(held)))
+        return tuple(out)
+
+    def signal_names(self) -> dict[str, str]:
+        """Other names of signals; which there are is known when the catalogue is made."""
+        nodes = self.map_of("names")
+        for old, new in nodes.items():
+            if not isinstance(new, str) or not new.isidentifier():
+                raise RigError(f"{self.at(nodes, old)}: names.{old} is {brief(new)}, expected a name for the signal")
+        return dict(nodes)
+
+    def check_whole(self, structure: Structure) -> None:
+        """Gears need an input, an output and valves."""
+        ends = [key for key in ("input", "output") if key in self.node]
+        if structure.gears and len(ends) < 2:
+            raise RigError(f"{self.at(self.node, 'gears')}: a rig with gears needs the keys input and output, found "
+                           f"{', '.join(ends) or 'neither'}")
+        if structure.gears and not structure.of_role(parts.SOURCE):
+            raise RigError(f"{self.at(self.node, 'gears')}: a rig with gears needs a motor among its parts, e.g. part: dc_motor")
+
+
+def _meaning(to: str) -> str:
+    return {parts.BODY: "a body", parts.BODIES: "two bodies", parts.TORQUE: f"a torque meter or '{CLUTCHES}'",
+            parts.TRANSDUCER: "a transducer", parts.OUTPUT: "an output of the controller", parts.LINE: "a name",
+            parts.VALUES: "a part whose values it shares", parts.OIL: "an oil supply"}.get(to, f"a {to}")

@@ -1,0 +1,124 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The signal catalogue of a rig, made of its structure: topics of its devices, of the whole rig and of its controller.
+
+Used through catalogue.catalogue by everybody who publishes, records, plots or exports a signal.
+"""
+
+from __future__ import annotations
+
+from ..errors import RigError
+from ..parts import part as parts
+from .commands import setpoints_of
+from .quantities import QUANTITIES, TRANSDUCERS
+from .structure import Device, Structure
+
+STATE_RATE, SCALAR_RATE, SAMPLE_RATE = 200, 100, 1000  # Hz
+_CURRENT_LIMIT = 0.8  # A, of all outputs of the box
+
+
+def described(structure: Structure) -> dict:
+    """Entries of the catalogue's Topic and Signal by name: topics, signals, cut_topics, controller_topics."""
+    topics: dict[str, dict] = {}
+    signals: dict[str, dict] = {}
+    setpoints, logged = setpoints_of(structure), 0
+
+    def topic(name: str, node: str, kind: str, qos: str = "measurement", rate: float = 0, **others) -> None:
+        topics[name] = {"node": node, "type": kind, "qos": qos, "rate": rate, **others}
+
+    def signal(name: str, of: str, low: float, high: float, where: str, field: str, sign: str, text: str, **others) -> None:
+        name, quantity = structure.names.get(name, name), QUANTITIES[of]
+        if name in signals:
+            raise RigError(f"the signal '{name}' is there twice; give one of them another name under the key names")
+        signals[name] = {
+            "quantity": quantity.name, "unit": quantity.unit, "display_unit": quantity.display, "scale": quantity.scale,
+            "low": low, "high": high, "topic": where, "field": field, "sign": sign, "text": text, "gauge": quantity.gauge, **others}
+
+    for one in structure.transducers:
+        where, of = f"/{one.at}/{one.topic}", TRANSDUCERS[one.type][0]
+        signal(one.name, of, one.low, one.high, where, "value", one.sign, one.text, logger=logged if one.logged else None)
+        logged += one.logged
+    for device in structure.devices:
+        for one in (one for one in structure.transducers if one.at == device.name):
+            topic(f"/{device.name}/{one.topic}", device.name, "Measurement", rate=SCALAR_RATE)
+        part = parts.part(device.part)
+        if part.message:
+            topic(f"/{device.name}/state", device.name, part.message, rate=STATE_RATE)
+        for one in setpoints.values():
+            if one.device == device.name:
+                topic(one.topic, "sequencer", "Setpoint", "setting", sets=one.command.text, like=one.like)
+        words = _words(structure, device)
+        for one in part.shows:
+            signal(f"{device.key}_{one.what}", one.of, one.low, one.high, f"/{device.name}/state", one.field,
+                   one.sign.format(**words), one.text.format(**words), states=one.states)
+    _whole(structure, topic, signal)
+    cut = {}
+    from ..engine.outside import cuttable  # compiled code stands above, which not every reader of a catalogue needs at once
+
+    for device in structure.devices:
+        if cuttable(device):
+            cut[f"/{device.name}/cut/port"] = {"node": device.name, "type": "CutPort", "qos": "measurement", "rate": SAMPLE_RATE}
+            cut[f"/{device.name}/cut/answer"] = {"node": f"{device.name}_device", "type": "CutAnswer", "qos": "measurement",
+                                                 "rate": SAMPLE_RATE}
+    own = {} if not structure.shifts else {
+        "/controller/signals": {"node": "alfa46", "type": "SampleBlock", "qos": "measurement", "rate": STATE_RATE},
+        "/controller/channels": {"node": "alfa46", "type": "ChannelList", "qos": "latched", "rate": 0}}
+    return {"topics": topics, "signals": signals, "cut_topics": cut, "controller_topics": own}
+
+
+def _words(structure: Structure, device: Device) -> dict[str, str]:
+    """What the sentences on a device's signals may name."""
+    def told(body: str) -> str:
+        return body.replace("_", " ")
+
+    driving, driven = device.wires.get("joins", (device.wires.get("brakes", ""), "ground"))
+    fed = structure.device(device.wires["feeds"]).called if "feeds" in device.wires else ""
+    return {"called": device.called, "body": told(str(device.wires.get("body", ""))), "driving": told(driving),
+            "driven": told(driven), "fed": f"clutch {fed}"}
+
+
+def _whole(structure: Structure, topic, signal) -> None:
+    """Topics and signals of the rig as a whole, of its gears, logger, controller and sequencer."""
+    if structure.gears:
+        numbers = {0: "none"} | {k: gear.name for k, gear in enumerate(structure.gears, 1)}
+        several = len(numbers)
+        topic("/gearbox/state", "gearbox", "GearboxState", rate=STATE_RATE)
+        both = "both" if several == 3 else "several"
+        signal("gear", "state", 0.0, several, "/gearbox/state", "gear", "none", "Which clutches are locked.",
+               states={**numbers, several: both})
+        ends = structure.input.body, structure.output.body
+        for field, side, body in (("loss_in", "driving", ends[0]), ("loss_out", "driven", ends[1])):
+            signal(field, "torque", 0.0, 100.0, "/gearbox/state", field, "positive brakes",
+                   f"Loss torque of the {side} side on {body}.")
+    topic("/instruments/hmg4000", "instruments", "SampleBlock", rate=STATE_RATE)
+    topic("/instruments/channels", "instruments", "ChannelList", "latched")
+    if structure.shifts:
+        topic("/instruments/controller", "instruments", "ControllerSample", rate=SAMPLE_RATE)
+        topic("/instruments/controller_record", "instruments", "ControllerRecord", "latched")
+        topic("/instruments/joint_states", "instruments", "sensor_msgs/JointState", rate=SCALAR_RATE)
+        for one in absolute_pressures(structure):
+            topic(f"/instruments/{one.name}_absolute", "instruments", "sensor_msgs/FluidPressure", rate=SCALAR_RATE)
+    topic("/rig/state", "rig", "RigState", rate=STATE_RATE)
+    topic("/rig/events", "rig", "Event")
+    topic("/rig/run_info", "rig", "RunInfo", "latched")
+    if structure.shifts:
+        topic("/controller/command", "alfa46", "ValveCommand", "command", SAMPLE_RATE)
+        topic("/controller/events", "alfa46", "Event")
+        for valve, output in ((valve, valve.wires["output"] - 1) for valve in structure.valves):
+            signal(f"I_set_{valve.key}", "current", 0.0, _CURRENT_LIMIT, "/controller/command", f"setpoint[{output}]", "positive",
+                   f"Current the profile of {valve.called} asks for.")
+        signal("gear_ordered", "state", 0.0, len(structure.gears), "/controller/command", "gear", "none",
+               "Gear the shift controller was ordered last.",
+               states={0: "neutral"} | {k: gear.name for k, gear in enumerate(structure.gears, 1)})
+    topic("/sequencer/events", "sequencer", "Event")
+    signal("rig_state", "state", 0.0, 3.0, "/rig/state", "state", "none", "What the rig is doing.",
+           states={0: "starting", 1: "ready", 2: "running", 3: "tripped"})
+    signal("energy_residual", "energy", -1e6, 1e6, "/rig/state", "energy_residual", "positive: work in that is found nowhere",
+           "Motor work minus load work, heat and stored energy.")
+
+
+def absolute_pressures(structure: Structure):
+    """The transducers of the clutches' pressures, which go out as absolute pressure too, for other tools."""
+    lines = {f"{structure.line_of(clutch.name)}.pressure" for clutch in structure.clutches}
+    return [one for one in structure.transducers if one.shows in lines]

@@ -1,0 +1,197 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a rig is made of, without its values: bodies, wheels, devices, gears, transducers, by name.
+
+Made by description.read from a rig's folder, or from what a bag says of its rig (:func:`structure_of`); the plan, the
+transmission and the signal catalogue are made from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from functools import cached_property
+
+from ..errors import RigError
+from ..parts import part as parts
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Toothed wheels on two bodies; reversed: one body's speed is counted against the other one's sense."""
+
+    bodies: tuple[str, str]
+    teeth: tuple[int, int]
+    reversed: bool = False
+
+    @property
+    def ratio(self) -> float:
+        """Speed of the second body by that of the first."""
+        return (-1.0 if self.reversed else 1.0) * self.teeth[0] / self.teeth[1]
+
+
+@dataclass(frozen=True)
+class PlanetarySet:
+    """A simple planetary set: z_sun w_sun + z_ring w_ring = (z_sun + z_ring) w_carrier (Willis)."""
+
+    name: str
+    sun: str
+    ring: str
+    carrier: str
+    teeth: tuple[int, int]  # of sun and ring
+
+    @property
+    def ratio(self) -> float:
+        """Teeth of the ring over those of the sun."""
+        return self.teeth[1] / self.teeth[0]
+
+
+@dataclass(frozen=True)
+class Shaft:
+    """A compliant shaft between two bodies; its stiffness and damping are settings under its name."""
+
+    name: str
+    bodies: tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Device:
+    """An instance of a part; called: its name for people; wires: what it is joined to, by key of the part's ``joined``."""
+
+    name: str
+    part: str
+    called: str
+    wires: Mapping[str, object] = field(default_factory=dict)
+    release_rate: float = 0.0  # Pa/s: how fast a clutch's pressure falls when it is let go
+
+    @property
+    def key(self) -> str:
+        """How the names of its signals begin."""
+        return self.called.lower().replace("-", "_").replace(" ", "_")
+
+    @property
+    def role(self) -> str:
+        """What a rig asks it for."""
+        return parts.part(self.part).role
+
+
+@dataclass(frozen=True)
+class GearHeld:
+    """A gear and the clutches that hold it."""
+
+    name: str
+    clutches: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class End:
+    """The input or the output of the transmission: a body, and the transducers of its speed and torque."""
+
+    body: str
+    speed: str
+    torque: str
+
+
+@dataclass(frozen=True)
+class Transducer:
+    """A measured signal; ``shows`` and the others as in a rig's file."""
+
+    name: str
+    type: str
+    like: str
+    shows: str
+    at: str
+    low: float
+    high: float
+    text: str
+    sign: str
+    topic: str
+    logged: bool = True
+
+
+@dataclass(frozen=True)
+class Structure:
+    """All of a rig but its values. bodies: of all names, massless: those without an inertia of their own; names: of
+    signals, made name -> name; prescribed: clutches whose pressures are given over time.
+    """
+
+    bodies: tuple[str, ...] = ()
+    massless: tuple[str, ...] = ()
+    meshes: tuple[Mesh, ...] = ()
+    planetary_sets: tuple[PlanetarySet, ...] = ()
+    shafts: tuple[Shaft, ...] = ()
+    devices: tuple[Device, ...] = ()
+    gears: tuple[GearHeld, ...] = ()
+    input: End | None = None
+    output: End | None = None
+    transducers: tuple[Transducer, ...] = ()
+    names: Mapping[str, str] = field(default_factory=dict)
+
+    def of_role(self, *roles: str) -> tuple[Device, ...]:
+        """The devices with one of these roles, in the order of the file."""
+        return tuple(device for device in self.devices if device.role in roles)
+
+    @cached_property
+    def _by_name(self) -> dict[str, Device]:
+        return {device.name: device for device in self.devices}
+
+    def device(self, name: str) -> Device:
+        """One device; RigError when there is none."""
+        if name not in self._by_name:
+            from ..config.names import unknown  # here, as that module is read before the parts
+
+            raise RigError(unknown("device", name, self._by_name))
+        return self._by_name[name]
+
+    @cached_property
+    def clutches(self) -> tuple[Device, ...]:
+        """Clutches and brakes."""
+        return self.of_role(parts.CLUTCH)
+
+    @cached_property
+    def valves(self) -> tuple[Device, ...]:
+        """Valves that a controller drives."""
+        return self.of_role(parts.VALVE)
+
+    @property
+    def shifts(self) -> bool:
+        """True when there are gears, and valves that a shift controller fills their clutches with."""
+        return bool(self.gears and self.valves)
+
+    def valve_of(self, clutch: str) -> Device | None:
+        """The valve that fills a clutch."""
+        return next((valve for valve in self.valves if valve.wires["feeds"] == clutch), None)
+
+    def oil_of(self, device: Device, key: str = "oil") -> str:
+        """The oil supply of a device: the one that it names, or the first that there is."""
+        return device.wires.get(key) or self.of_role(parts.OIL)[0].name
+
+    def line_of(self, name: str) -> str:
+        """Name of the oil line that begins at an oil supply or a clutch."""
+        return str(self.device(name).wires.get("line", name))
+
+    def plain(self) -> dict:
+        """What JSON can hold, for the run's record; :func:`structure_of` reads it."""
+        return asdict(self)
+
+
+def structure_of(plain: Mapping) -> Structure:
+    """A structure from :meth:`Structure.plain`; KeyError, TypeError or ValueError for what is none."""
+    def made(cls, entry):
+        if entry is None:
+            return None
+        return cls(**{name: tuple(value) if isinstance(value, list) else value for name, value in entry.items()})
+
+    kinds = {"meshes": Mesh, "planetary_sets": PlanetarySet, "shafts": Shaft, "devices": Device, "gears": GearHeld,
+             "transducers": Transducer}
+    out = {}
+    for one in fields(Structure):
+        value = plain[one.name]
+        if one.name in kinds:
+            out[one.name] = tuple(made(kinds[one.name], entry) for entry in value)
+        elif one.name in ("input", "output"):
+            out[one.name] = made(End, value)
+        else:
+            out[one.name] = dict(value) if one.name == "names" else tuple(value)
+    return Structure(**out)

@@ -1,0 +1,29 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Torque meter in a shaft, between what drives or loads the shaft and all else on it; rigid, so it has no step of its own.
+
+Its torque follows from the driveline's, see testbench.plan; a compliant one is a shaft of the driveline.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..config.schema import choice, param
+from .part import METER, Part, Wire
+
+
+@dataclass(frozen=True)
+class TorqueMeterConfig:
+    """Inertia on one side of the meter, on its shaft; the shaft's own counts both.
+
+    side: on which that is, beyond the meter where the motor or the load is, or within, where the gears are.
+    """
+
+    inertia: float = param("inertia", 0.0, 100.0)
+    side: str = choice("beyond", "within")
+
+
+PART = Part("torque_meter", 0, (TorqueMeterConfig,), role=METER,
+            joined={"body": Wire("body"), "source": Wire("source", needed=False), "load": Wire("load", needed=False)})

@@ -1,0 +1,205 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A rig for the engine, from its configuration: driveline, devices with their wires, torque meters; used by testbench.rig."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..alfa46 import law
+from ..description.driveline import build_driveline, inertias_of
+from ..description.read import CLUTCHES
+from ..description.structure import Device
+from ..engine.plan import Instance, Meter, Plan
+from ..parts import part as parts
+from ..parts import plates
+from ..plant import driveline_losses as losses
+from ..plant.driveline import System
+from .configuration import RigConfig
+from .effects import leave_out
+
+UNMOVED = 1e6  # kg m2 on the input where its speed is to stay, whatever happens; in no torque and no energy that is told
+HELD = "output_speed"  # name of what bounds the output's speed, where pressures are prescribed
+
+
+@dataclass(frozen=True)
+class Planned:
+    """The plan of a rig; true: its driveline as it really is, where the plan's has a heavy input."""
+
+    plan: Plan
+    true: System
+
+
+def plan_of(config: RigConfig) -> Planned:
+    """The plan of a rig."""
+    return _Planner(config).planned()
+
+
+class _Planner:
+    """Makes the plan of one rig."""
+
+    def __init__(self, config: RigConfig):
+        self.config, self.structure, self.effects = config, config.structure, config.effects
+        self.values = leave_out(config)
+        inertias = inertias_of(self.structure, self.values)
+        shafts = {one.name: (self.values[one.name].stiffness, self.values[one.name].damping) for one in self.structure.shafts}
+        self.true = self.system = build_driveline(self.structure, inertias, shafts)
+        self.stiff = not self.effects.motor_speed and self.structure.input is not None
+        if self.stiff:
+            heavy = {**inertias, self.structure.input.body: UNMOVED}
+            self.system = build_driveline(self.structure, heavy, shafts)
+        self.losses = self.structure.of_role(parts.LOSS)
+        self.bodies = self._bodies()
+        self.meters = {one.name: self._meter(one) for one in self.structure.of_role(parts.METER)}
+        self.lines = tuple(self.structure.line_of(one.name) for one in self.structure.of_role(parts.OIL)) + tuple(
+            one.name for one in self.structure.clutches if "line" in parts.part(self._part(one)).wires)
+
+    def _part(self, device: Device) -> str:
+        """The part of a device; a clutch whose pressure is prescribed is a curve."""
+        if device.role == parts.CLUTCH and self.config.prescribed is not None:
+            return "curve_clutch"
+        return device.part
+
+    def _bodies(self) -> tuple[str, ...]:
+        """Bodies whose speed somebody needs."""
+        used = {one.shows.removesuffix(".speed") for one in self.structure.transducers}
+        used |= {device.wires.get("body") for device in self.structure.devices}
+        used |= {end.body for end in (self.structure.input, self.structure.output) if end}
+        return tuple(body for body in self.structure.bodies if body in used)
+
+    def turns(self, body: str, system: System | None = None) -> np.ndarray:
+        """Speed of a body by the driveline's speeds."""
+        system = system or self.system
+        return system.bodies_from_speeds[system.bodies.index(body)]
+
+    def reduced(self, body: str) -> float:
+        """All inertia that is felt at a body while every clutch is open [kg m2]."""
+        turns = self.turns(body, self.true)
+        return float(1.0 / (turns @ self.true.minv @ turns))
+
+    def column(self, body: str) -> int:
+        """The driveline's speed that is this body's own."""
+        return int(np.abs(self.turns(body)).argmax())
+
+    def _meter(self, device: Device) -> Meter:
+        """A torque meter: what its source gives or its load takes, less what the inertia between takes."""
+        values, body = self.values[device.name], device.wires["body"]
+        if "load" in device.wires:
+            beyond = values.inertia if values.side == "beyond" else self.reduced(body) - values.inertia
+            return Meter(device.name, friction={device.wires["load"]: 1.0}, rate={body: beyond})
+        whole = getattr(self.values[body], "inertia", None) if body not in self.structure.massless else None
+        whole = self.reduced(body) if whole is None else whole
+        beyond = values.inertia if values.side == "beyond" else whole - values.inertia
+        if self.stiff:  # (6.82): what the gears take, as no torque of the drive is known
+            j = self.column(body)
+            taken = {name: float(self.system.w[f, j]) for f, name in enumerate(self.system.elements) if self.system.w[f, j]}
+            return Meter(device.name, friction=taken, rate={body: whole - beyond})
+        return Meter(device.name, push={body: 1.0}, rate={body: -beyond})
+
+    def _loss_rows(self) -> np.ndarray:
+        """The losses by torque for the driveline's step (n, loss_width), Annex D; BASE and FACTOR are the step's to say."""
+        system, place = self.system, self.system.elements.index
+        m = len(system.elements)
+        out = np.zeros((len(self.losses), losses.loss_width(*system.w.T.shape)))
+        for k, device in enumerate(self.losses):
+            values, weights = self.values[device.name], out[k, losses.WEIGHTS:]
+            factor = self.axis(device)
+            out[k, :losses.OWN] = values.constant * factor, values.share * factor, values.square * factor
+            on = self.elsewhere(device) or device.name
+            out[k, [losses.OWN, losses.ON, losses.FACTOR, losses.WAY]] = (
+                place(device.name), place(on), 1.0, self.column(device.wires["body"]))
+            if "torque" not in device.wires:
+                out[k, :losses.OWN] = 0.0
+                continue
+            if device.wires["torque"] == CLUTCHES:
+                for clutch in self.structure.clutches:
+                    weights[place(clutch.name)] = system.w[place(clutch.name), self.column(device.wires["body"])]
+                continue
+            meter = self.meters[device.wires["torque"]]
+            for name, weight in meter.friction.items():
+                weights[place(name)] = weight
+            for body, weight in meter.rate.items():
+                weights[m:] += weight * self.turns(body)
+        return out
+
+    def axis(self, device: Device) -> float:
+        """Speed of the axis on which a loss is stated by that of the body that it brakes."""
+        if "axis" not in device.wires:
+            return 1.0
+        own, other = self.turns(device.wires["body"]), self.turns(device.wires["axis"])
+        return float(abs(other[np.abs(own).argmax()] / own[np.abs(own).argmax()]))
+
+    def elsewhere(self, device: Device) -> str | None:
+        """The loss on whose shaft this one's part by torque brakes, when that is another one."""
+        return device.wires.get("driving") if self.values[device.name].torque_side == "driving" else None
+
+    # ---- devices
+
+    def planned(self) -> Planned:
+        instances, structure = [], self.structure
+        for role in (parts.OIL, parts.SOURCE, parts.LOAD, parts.LOSS, parts.VALVE, parts.PRESS, parts.CLUTCH):
+            instances += map(self._instance, structure.of_role(role))
+        if self.config.prescribed is not None and self.config.prescribed.bounded:
+            instances.append(self._bounds())
+        shown = {one.name: one.shows for one in structure.transducers}
+        currents = {valve.name: next(one.name for one in structure.transducers if one.shows == f"{valve.name}.current")
+                    for valve in structure.valves}
+        channels = shown | {f"U_{valve.key}": f"{valve.name}.on" for valve in structure.valves}
+        encoders = tuple(one.name for one in structure.transducers if one.type == "speed")
+        return Planned(Plan(self.system, self.bodies, self.lines, tuple(instances), tuple(self.meters.values()), self._loss_rows(),
+                            channels, encoders, law.OUTPUTS, currents, untouched=len(structure.valves)), self.true)
+
+    def _instance(self, device: Device) -> Instance:
+        name, part, values = device.name, self._part(device), self.values[device.name]
+        configs, derived, start, tables = (values,), {}, {}, {}
+        oil = self.structure.of_role(parts.OIL)
+        temperature = getattr(self.config, self.structure.oil_of(device)).temperature if oil else 0.0
+        if device.role == parts.OIL:
+            start = {"oil_temperature": values.temperature}
+        elif part == "dc_motor":
+            turns = self.turns(device.wires["body"])
+            derived = {"stiff": float(self.stiff), "inertia": self.reduced(device.wires["body"]),
+                       "mobility": float(turns @ self.system.minv @ turns)}
+        elif device.role == parts.LOSS:
+            derived = {"elsewhere": float(bool(self.elsewhere(device))), "steady": values.drag * self.axis(device)}
+        elif device.role == parts.VALVE:
+            pulses = self.effects.pwm_frequency or self.config.alfa46.values.pwm_frequency
+            derived = {"ideal_current": float(not self.effects.current_loop), "pwm": self.effects.pwm_frequency, "pulses": pulses}
+        elif device.role == parts.CLUTCH:
+            pack = self.values[device.wires["plates"]]
+            clearance = values.clearance if hasattr(values, "clearance") else self.values[device.wires["press"]].contact_travel
+            derived = plates.derived(pack, values, clearance, self.effects.spline_hysteresis)
+            if part == "pressed_clutch":
+                derived["clearance"] = clearance
+            start, configs = {"temperature": temperature}, (values, pack)
+            if part == "curve_clutch":
+                k = self.structure.clutches.index(device)
+                configs, tables = (*configs, self.config.prescribed.forces[k]), {"pieces": self.config.prescribed.pieces[k]}
+        return Instance(name, part, configs, derived, self._wires(device, part), start, tables)
+
+    def _wires(self, device: Device, part: str) -> dict[str, str | int]:
+        """What each wire of the part's record leads to; every wire has one meaning for all parts."""
+        structure, wires = self.structure, device.wires
+        valve = structure.valve_of(device.name)
+        oil = structure.oil_of(device, "supply" if device.role == parts.VALVE else "oil") if structure.of_role(parts.OIL) else ""
+        driven = valve or (device if device.role == parts.VALVE else None)
+        known = {
+            "element": lambda: device.name, "body": lambda: wires["body"], "oil": lambda: oil, "press": lambda: wires["press"],
+            "line": lambda: structure.line_of(wires.get("feeds", device.name)), "supply": lambda: structure.line_of(oil),
+            "valve": lambda: valve.name, "output": lambda: self.config.wiring[structure.valves.index(driven)],
+            "beside": lambda: wires.get("beside", -1), "row": lambda: self.losses.index(device),
+            "braked": lambda: structure.device(self.elsewhere(device)).wires["body"] if self.elsewhere(device) else wires["body"]}
+        return {wire: known[wire]() for wire in parts.part(part).wires}
+
+    def _bounds(self) -> Instance:
+        """As an integrator with limits: between the speeds at which one clutch or the other stands."""
+        structure, system = self.structure, self.system
+        held, by = self.column(structure.output.body), self.column(structure.input.body)
+        rows = [system.w[system.elements.index(clutch.name)] for clutch in structure.clutches]
+        low, high = sorted(-row[by] / row[held] for row in rows)[::len(rows) - 1]
+        return Instance(HELD, "speed_bounds", derived={"lowest": low, "highest": high}, wires={"held": held, "by": by})
+
+
