@@ -15,7 +15,7 @@ from functools import cached_property, lru_cache
 from types import SimpleNamespace
 
 from .description.driveline import build_driveline, held_ratio, inertias_of
-from .description.structure import structure_of
+from .description.structure import key_of, structure_of
 from .plant.kiss_point import kiss_pressure
 
 NEUTRAL = 0  # number of the gear in which nothing is driven
@@ -54,7 +54,7 @@ class Clutch:
     @property
     def key(self) -> str:
         """How the names of its signals and energies begin, e.g. ``s1``."""
-        return self.name.lower()
+        return key_of(self.name)
 
     @property
     def heat(self) -> str:
@@ -73,11 +73,11 @@ class Clutch:
     @property
     def voltage(self) -> str:
         """Row of the voltage on its valve's coil, which recordings of the rig have and no transducer shows."""
-        return f"U_{self.valve.removeprefix('valve_')}"
+        return f"U_{key_of(self.valve_name)}"
 
     def valve_signal(self, what: str) -> str:
         """Its valve's signal of duty or flow."""
-        return f"{self.valve.removeprefix('valve_')}_{what}"
+        return f"{key_of(self.valve_name)}_{what}"
 
 
 @dataclass(frozen=True)

@@ -50,6 +50,8 @@ class _Reader:
         if not isinstance(value, Map):
             raise RigError(f"{self.at(self.node, key)}: {key} must be a map of names, found {brief(value)}")
         for name in value:
+            if key == "gears" and isinstance(name, int) and not isinstance(name, bool):
+                continue  # a gear may be called by its number
             if not isinstance(name, str) or not name.replace("_", "a").isalnum() or not name.isascii():
                 raise RigError(f"{self.at(value, name)}: {key}: the name {brief(name)} has other characters than letters, "
                                "digits and _")
@@ -331,10 +333,11 @@ class _Reader:
         """The table of gears."""
         nodes, out = self.map_of("gears"), []
         clutches = [name for name, kind in self.kinds.items() if kind.role == parts.CLUTCH]
-        for name, held in nodes.items():
-            where, what = self.at(nodes, name), f"gears.{name}"
-            if name in ("neutral", "N") or name.isdecimal():
-                raise RigError(f"{where}: {what}: '{name}' is no name for a gear that drives; numbers are counted from the top, and "
+        for number, (key, held) in enumerate(nodes.items(), 1):
+            name = str(key)
+            where, what = self.at(nodes, key), f"gears.{name}"
+            if name.lower() in ("neutral", "n") or name.isdecimal() and name != str(number):
+                raise RigError(f"{where}: {what}: '{name}' is no name for the gear of number {number}; gears count from the top, and "
                                "neutral is there in any rig")
             if not isinstance(held, List) or not held:
                 raise RigError(f"{where}: {what} must be a list of the clutches that hold it, found {brief(held)}")

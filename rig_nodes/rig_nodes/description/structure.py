@@ -17,6 +17,11 @@ from ..errors import RigError
 from ..parts import part as parts
 
 
+def key_of(called: str) -> str:
+    """How the names of signals begin that belong to what people call so: "ZR-P1" gives zr_p1."""
+    return called.lower().replace("-", "_").replace(" ", "_")
+
+
 @dataclass(frozen=True)
 class Mesh:
     """Toothed wheels on two bodies; reversed: one body's speed is counted against the other one's sense."""
@@ -68,7 +73,7 @@ class Device:
     @property
     def key(self) -> str:
         """How the names of its signals begin."""
-        return self.called.lower().replace("-", "_").replace(" ", "_")
+        return key_of(self.called)
 
     @property
     def role(self) -> str:
