@@ -28,7 +28,7 @@ from launch.events.process import SignalProcess
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from rig_nodes.config.names import kind_of, rig_of
+from rig_nodes.config.names import has_controller, rig_of
 from rig_nodes.errors import RigError
 from rig_nodes.graph.domain import check_namespace, from_environment
 from rig_nodes.graph.supervisor import MODULES, Order, processes_of
@@ -66,7 +66,7 @@ class Run:
         self.reason = ""  # why the run failed, empty when nothing did
 
     def add(self, executable: str, *arguments: str) -> None:
-        """One process. It gets no node name: the container hosts ten nodes with names of their own."""
+        """One process. It gets no node name: the container hosts many nodes with names of their own."""
         logs = ["--logs", str(self.folder / "logs"), "--recorded"] if self.folder else []
         self.nodes[executable] = Node(package="rig_nodes", executable=executable,
                                       arguments=[*arguments, *logs], output="screen")
@@ -126,7 +126,7 @@ def stop(node: Node) -> EmitEvent:
 def ordered(given: dict[str, str]) -> Order:
     """The run that the launch arguments describe; RigError for a controller where there is nothing to control."""
     rig = given["rig"] or rig_of(given["sequence"])
-    processes = processes_of(kind_of(rig))
+    processes = processes_of(has_controller(rig))
     if "alfa46" not in processes and (given["controller"] or given["delay"] != "1"):
         raise RigError(f"the rig '{rig}' has no valves for a shift controller; leave out controller and delay")
     TopicChoice(given["topics"] or None, given["exclude"] or None)

@@ -27,7 +27,6 @@ def main(args) -> int:
     """Run the chosen series one after the other; 0 only when every sequence came to its end."""
     from ..analysis.report import build_report, format_report, write_report
     from ..bags.reader import Bag
-    from ..catalogue import GEARBOX
     from ..controllers.load import EMBEDDED
     from ..errors import interrupted_code
     from ..testbench.folders import parse_settings, run_folder
@@ -42,7 +41,7 @@ def main(args) -> int:
     settings = parse_settings(args.settings)
     ready = [(series, *prepare(series, args.rig, settings)) for series in chosen]
     folder = run_folder(args.out, procedure.name)
-    if ready[0][1].kind == GEARBOX:
+    if ready[0][1].structure.shifts:
         print(EMBEDDED, flush=True)
     failed = 0
     for series, config, sequence in ready:

@@ -51,7 +51,6 @@ def main(args) -> int:
 
 def run(args) -> int:
     """As :func:`main`; KeyboardInterrupt before the first process is started."""
-    from ..catalogue import GEARBOX
     from ..controllers.load import level_line, load_controller, split_level
     from ..graph.domain import from_environment
     from ..graph.dropping import parse_drop
@@ -59,22 +58,21 @@ def run(args) -> int:
     from ..graph.topic_choice import TopicChoice
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_parameters, parse_settings, run_folder
-    from ..testbench.kinds import make_rig
-    from ..testbench.rig import check_level
+    from ..testbench.rig import Rig, check_level
     from ..testbench.sequence import BY_HAND, load_sequence
     from ..testbench.simulate import check_controller, check_delay, run_record
 
     parameters = parse_parameters(args.parameters)
     if parameters and not args.sequence:
         raise RigError("--with gives values to a sequence's parameters; name the sequence too")
-    sequence = load_sequence(args.sequence, parameters) if args.sequence else BY_HAND
+    sequence = load_sequence(args.sequence, parameters, args.rig) if args.sequence else BY_HAND
     rig = args.rig or sequence.rig
     config = load_rig(rig, parse_settings(args.settings))
     sequence.check_rig(config)
-    parse_drop(args.drop)
+    parse_drop(args.drop, config.catalogue)
     TopicChoice(args.topics, args.exclude)
     plug = None
-    if config.kind == GEARBOX:
+    if config.structure.shifts:
         check_delay(args.delay, args.speed)
         # without the current loop the Alfa46 hands over what simulate takes from it: its setpoints
         level = args.level or (None if args.controller or config.effects.current_loop else "current")
@@ -91,17 +89,17 @@ def run(args) -> int:
             raise RigError(f"--speed: '{config.name}' has no shift controller to wait for; it runs in real time here, "
                            "and as fast as it goes with ./rig simulate")
         if args.view:
-            raise RigError(f"--view: the live view shows a rig with the gearbox; look at a run of '{config.name}' "
+            raise RigError(f"--view: the live view shows a rig with gears; look at a run of '{config.name}' "
                            "afterwards with ./rig view")
     print("checking and, the first time, compiling the plant", flush=True)
-    make_rig(config, args.seed).advance_samples(1)
+    Rig(config, args.seed).advance_samples(1)
     with from_environment(args.keep_domain) as domain:
         domain.lead()
         for device in config.cut_out:
             show(None, f"{device} is cut out; start it with: ./rig device {device} --domain {domain.number}")
         folder = run_folder(args.out, sequence.name if args.sequence else "by-hand")
         order = Order(args.sequence, rig, args.seed, args.settings, args.drop, args.speed,
-                      *args.step_timeout, plug, args.parameters, processes_of(config.kind), args.delay,
+                      *args.step_timeout, plug, args.parameters, processes_of(config.structure.shifts), args.delay,
                       args.topics, args.exclude)
         supervisor = Supervisor(order, folder, domain, show)
         with live_view(domain.number) if args.view else contextlib.nullcontext():

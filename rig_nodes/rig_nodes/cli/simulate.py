@@ -41,7 +41,6 @@ def controller_log(folder):
 def main(args) -> int:
     from ..analysis.report import build_report, format_report, write_report
     from ..bags.reader import Bag
-    from ..catalogue import GEARBOX
     from ..controllers.load import EMBEDDED, level_line, load_controller
     from ..errors import interrupted_code
     from ..testbench.configuration import load_rig
@@ -50,7 +49,7 @@ def main(args) -> int:
     from ..testbench.sequence import load_sequence
     from ..testbench.simulate import check_controller, simulate
 
-    sequence = load_sequence(args.sequence, parse_parameters(args.parameters))
+    sequence = load_sequence(args.sequence, parse_parameters(args.parameters), args.rig)
     config = load_rig(args.rig or sequence.rig, parse_settings(args.settings))
     sequence.check_rig(config)
     controller = None
@@ -63,7 +62,7 @@ def main(args) -> int:
         controller.pace(args.step_timeout.step)
         controller.wait(args.step_timeout.come)
     folder = run_folder(args.out, sequence.name)
-    if controller is None and config.kind == GEARBOX:
+    if controller is None and config.structure.shifts:
         print(EMBEDDED, flush=True)
     shown = [""]
 

@@ -145,6 +145,11 @@ def _folders(rig: str | Path | None) -> list[Path]:
     return [*own, *(RIGS_DIR / name for name in (DEFAULT_RIG, *installed("rigs")))]
 
 
+def has_controller(rig: str | Path) -> bool:
+    """True for a rig with gears and a shift controller, as far as its files say."""
+    return any(isinstance(node, dict) and "controller" in node for _, node in with_bases(rig))
+
+
 def rig_with(path: str | Path) -> str:
     """The rig in whose folder a sequence or procedure stands; the default one for a file elsewhere."""
     folder = Path(path).absolute().parent.parent

@@ -34,7 +34,7 @@ class Setpoint:
     @property
     def name(self) -> str:
         """As refusals and variables have it, e.g. motor_speed."""
-        return f"{self.step}_{list(self.command.takes)[-1]}"
+        return f"{self.step}_{self.command.value}"
 
 
 def setpoints_of(structure: Structure) -> dict[str, Setpoint]:

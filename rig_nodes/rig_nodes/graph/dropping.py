@@ -5,15 +5,15 @@
 
 from __future__ import annotations
 
-from ..catalogue import catalogue
+from ..catalogue import Catalogue
 from ..errors import RigError
 
 
-def parse_drop(text: str | None) -> tuple[str, int] | None:
-    """("topic", sequence number) of ``TOPIC:N``; RigError when it is not that."""
+def parse_drop(text: str | None, known: Catalogue) -> tuple[str, int] | None:
+    """("topic", sequence number) of ``TOPIC:N``; RigError when it is not that. known: the catalogue of the rig."""
     if text is None:
         return None
     topic, _, number = text.rpartition(":")
-    if topic not in catalogue().all_topics or not number.isdecimal():
-        raise RigError(f"--drop {text}: expected a topic of the catalogue and a number, like /motor/m_wej:100")
+    if topic not in known.all_topics or not number.isdecimal():
+        raise RigError(f"--drop {text}: expected a topic of the catalogue and a number, like /rig/state:100")
     return topic, int(number)

@@ -15,7 +15,8 @@ from pathlib import Path
 from ..bags.metadata import read_profile
 from ..bags.reader import Bag
 from ..bags.writer import BagWriter
-from ..catalogue import GEARBOX, catalogue
+from ..catalogue import Topic, catalogue, installed_topics
+from ..errors import RigError
 from .supervisor import MODULES, End, processes_of
 
 
@@ -63,20 +64,19 @@ def join_pieces(folder: Path) -> None:
 
 def _class_of(bag: Bag, topic: str) -> str:
     """Class of catalogue.QOS in which a topic of a bag was offered."""
-    known = catalogue().all_topics.get(topic)
-    if known is not None:
-        return known.qos
     offered = read_profile(bag.channel(topic)[2].get("offered_qos_profiles", ""))
     return "latched" if offered.latched else "measurement" if offered.reliable else "best_effort"
 
 
-def end_of(facts: dict[str, dict], kind: str = GEARBOX) -> End:
-    """How a run without a supervisor ended, from what its processes left. facts: as of :func:`facts_of`; kind: of the rig.
+def end_of(facts: dict[str, dict], shifts: bool) -> End:
+    """How a run without a supervisor ended, from what its processes left.
+
+    facts: as of :func:`facts_of`; shifts: the rig has a shift controller.
     """
     container, outcome = facts.get("container"), facts.get("sequencer", {}).get("outcome")
     if outcome is not None and not outcome["success"]:
         return End("failed", outcome["text"])
-    lost = [name for name in processes_of(kind) if name not in facts]
+    lost = [name for name in processes_of(shifts) if name not in facts]
     if container is None or lost:
         what = f"{', '.join(lost)} left no counts, as a process that was killed"
         if container and container["reason"]:
@@ -102,7 +102,7 @@ def lost_messages(bag: Bag, facts: dict[str, dict]) -> dict[str, int]:
     for fact in facts.values():
         if "published" in fact:
             published.update(fact["published"])
-    own = catalogue().all_topics
+    own = _topics_of(bag)
     lost = {topic: count for topic, count in bag.gaps().items() if topic in own}
     for topic, count in published.items():
         # of a process that was started again, the count is that of its last life
@@ -114,6 +114,14 @@ def lost_messages(bag: Bag, facts: dict[str, dict]) -> dict[str, int]:
             lost.pop(topic, None)
     overflow = facts.get("recorder", {}).get("overflow", {})
     return lost | {topic: count for topic, count in overflow.items() if topic not in own}
+
+
+def _topics_of(bag: Bag) -> dict[str, Topic]:
+    """The topics of the rig of a bag; where it does not say which that is, of all installed ones."""
+    try:
+        return catalogue(bag.run_info()["configuration"]).all_topics
+    except (RigError, KeyError, TypeError, ValueError):
+        return installed_topics()
 
 
 def what_was_lost(run: dict) -> str:

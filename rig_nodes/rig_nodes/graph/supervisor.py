@@ -19,7 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ..catalogue import GEARBOX
+from ..config.names import DEFAULT_RIG
 from .child import Child
 from .domain import Domain, environment
 from .link import pair
@@ -33,9 +33,9 @@ RESTARTED = ("alfa46", "recorder", "sequencer")  # of a rig that is worked by ha
 LIVES, LIVES_TIME = 3, 60.0  # a process that ends so often within so many s is not started again
 
 
-def processes_of(kind: str) -> tuple[str, ...]:
-    """The processes of a rig of this kind, keys of MODULES: a bench has no shift controller."""
-    return tuple(name for name in MODULES if kind == GEARBOX or name != "alfa46")
+def processes_of(shifts: bool) -> tuple[str, ...]:
+    """The processes of a rig, keys of MODULES; shifts: it has a shift controller."""
+    return tuple(name for name in MODULES if shifts or name != "alfa46")
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Order:
     """What to run. sequence None: the rig runs until stopped and takes sequences over ROS."""
 
     sequence: str | None
-    rig: str = "hydmag"
+    rig: str = DEFAULT_RIG
     seed: int = 1
     settings: list[str] = field(default_factory=list)
     drop: str | None = None

@@ -22,7 +22,6 @@ from rig_msgs.msg import ControllerSample, Measurement, RigState
 
 from ..alfa46.controller import refusal
 from ..bags.cdr import Fields, encoder
-from ..catalogue import catalogue
 from ..clocks import COMMAND_TIMEOUT, SAMPLE_NS
 from ..controllers import own_signals
 from ..controllers.load import level_line, load_controller
@@ -30,7 +29,6 @@ from ..controllers.seam import LEVELS, ControllerFailed
 from ..errors import RigError, printable
 from ..graph.link import ANSWERED, DISCARDED, FAILED, READY, STATUS, Frames, LinkClosed
 from ..testbench.timed import RigStatus
-from ..transmission import transmission_of
 from .action_server import GoalServer, finish
 from .alfa46_settings import BoxSettings
 from .device import publishers_of
@@ -59,7 +57,7 @@ class Alfa46Node(Node):
     def __init__(self, config, process):
         """process.arguments.controller: specification of a plug, with @level when it must be told; None: the Alfa46."""
         super().__init__("alfa46")
-        self.config, self.transmission = config, transmission_of(config)
+        self.config, self.transmission = config, config.transmission
         self.gears = self.transmission.names
         self.box = load_controller(process.arguments.controller, config)
         self._pressures = [self.box.rig_record.reader(clutch.pressure) for clutch in self.transmission.clutches]
@@ -71,8 +69,8 @@ class Alfa46Node(Node):
             self.box.pace(COMMAND_TIMEOUT, real_time=True)
         else:  # who computes in this very process is watched by the container, which can go on without it
             self.box.pace(None if self.box.in_process else process.arguments.step_timeout)
-        own = catalogue().controller_topics.values() if self.box.signals or self.box.named_later else ()
-        self.outputs = publishers_of(self, in_lockstep=bool(process.descriptors()), more=own)
+        own = config.catalogue.controller_topics.values() if self.box.signals or self.box.named_later else ()
+        self.outputs = publishers_of(self, config.catalogue, in_lockstep=bool(process.descriptors()), more=own)
         self._blocks = None  # of its own signals, from the first on
         self.counts = dict.fromkeys(self.outputs, 0)
         self.first_seq = process.first_seq
@@ -103,8 +101,8 @@ class Alfa46Node(Node):
     def listen(self) -> None:
         """Subscribe to samples and state of the rig; called when those who receive the commands are there."""
         self.create_subscription(RigState, STATE, lambda message: self.hear_status(message.state, message.reason),
-                                 stream_profile(catalogue().topics[STATE].qos))
-        profile = stream_profile(catalogue().topics[SAMPLES].qos)
+                                 stream_profile(self.config.catalogue.topics[STATE].qos))
+        profile = stream_profile(self.config.catalogue.topics[SAMPLES].qos)
         self.create_subscription(ControllerSample, SAMPLES, self.on_sample, profile, raw=True)
         self.real_time = True
         self.listen_to_wants()
@@ -112,7 +110,8 @@ class Alfa46Node(Node):
     def listen_to_wants(self) -> None:
         """Subscribe to the transducers that the controller wants."""
         for name in self.box.wants:
-            topic = catalogue().topics[catalogue().signals[name].topic]
+            known = self.config.catalogue
+            topic = known.topics[known.signals[name].topic]
             self.create_subscription(Measurement, topic.name, partial(self.on_value, name), stream_profile(topic.qos))
 
     def on_named(self) -> None:

@@ -12,7 +12,6 @@ import os
 import threading
 import time
 
-from ..catalogue import catalogue
 from ..engine.outside import Answer
 from ..testbench.cuts import topic_of
 from ..testbench.rig import Rig
@@ -38,7 +37,7 @@ class CutEnds:
             self._open(self._nodes[device], device)
 
     def _open(self, node, device: str) -> None:
-        port, answer = (catalogue().cut_topics[topic_of(device, end)] for end in ("port", "answer"))
+        port, answer = (self._rig.config.catalogue.cut_topics[topic_of(device, end)] for end in ("port", "answer"))
         node.outputs[port.name] = node.create_publisher(message_class(port.ros_type), port.name,
                                                         publisher_profile(port.qos))
 

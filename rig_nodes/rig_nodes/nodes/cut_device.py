@@ -3,7 +3,7 @@
 
 """A device of its own, outside the plant: answers the port of a rig that has it cut out (docs/cuts.md).
 
-Started by `rig device NAME`, `ros2 run rig_nodes NAME` or as a module with the name. It hosts the rig's own
+Started by `rig device NAME`, `ros2 run rig_nodes device NAME` or as a module with the name. It hosts the rig's own
 physics of the device and serves one rig after the other until it is told to end.
 """
 
@@ -16,13 +16,12 @@ import time
 from rclpy.node import Node
 
 from ..bags.cdr import Fields, encoder
-from ..catalogue import catalogue
 from ..clocks import SAMPLE_NS
 from ..errors import RigError
-from ..engine.outside import CUTTABLE, OtherSide, Port, check_device
+from ..engine.outside import OtherSide, Port, check_device
 from ..testbench.cuts import topic_of
 from .message_class import message_class
-from .process import RIG_OPTIONS, gearbox_rig_config, run
+from .process import RIG_OPTIONS, rig_config, run
 from .qos import publisher_profile, recorder_profile
 from .realtime import MESSAGES, prefer_process
 
@@ -39,7 +38,7 @@ class CutDevice(Node):
         self.device, self.config = device, config
         self.heard: float | None = None  # when the newest port came, None before the first of a rig
         self.answered, self.missed = 0, 0
-        port, answer = (catalogue().cut_topics[topic_of(device, end)] for end in ("port", "answer"))
+        port, answer = (config.catalogue.cut_topics[topic_of(device, end)] for end in ("port", "answer"))
         self._port, self._answer = port, answer
         self._fields = Fields(port.ros_type)
         self._encode = encoder(answer.ros_type).encode
@@ -95,7 +94,8 @@ class CutDevice(Node):
 
 def work(process, device: str) -> None:
     """Serve one rig after the other, and say which there is and which is not."""
-    config = gearbox_rig_config(process.arguments, "a cut device")
+    config = rig_config(process.arguments)
+    check_device(config.structure, device)
     executor = process.start_ros()
     node = CutDevice(device, config)
     executor.add_node(node)
@@ -129,28 +129,18 @@ def work(process, device: str) -> None:
     process.leave([node], [node.publisher], answered=node.answered, missed=node.missed)
 
 
-def main(device: str | None = None) -> int:
-    """Entry point. device: its name, by default the first word of the command line."""
-    if device is None:
-        if len(sys.argv) < 2 or sys.argv[1].startswith("-"):
-            print(f"name the device: {', '.join(CUTTABLE)}", file=sys.stderr)
-            return RigError.exit_code
-        device = sys.argv.pop(1)
+def main() -> int:
+    """Entry point; the first word of the command line names the device."""
+    if len(sys.argv) < 2 or sys.argv[1].startswith("-"):
+        print("name the device that the rig has cut out, e.g. device motor", file=sys.stderr)
+        return RigError.exit_code
+    device = sys.argv.pop(1)
 
     def serve(start) -> None:
-        check_device(device)
         process = start(f"{device}_device", f"The device {device} outside the plant of a rig.", RIG_OPTIONS)
         work(process, device)
 
     return run(serve)
-
-
-def _entry(device: str):
-    return lambda: main(device)
-
-
-# console scripts, by name: `ros2 run rig_nodes motor`
-motor, valve_zr_p1, valve_zr_p2, load_pump = (_entry(device) for device in CUTTABLE)
 
 
 if __name__ == "__main__":

@@ -5,8 +5,6 @@
 
 from functools import partial
 
-from ..catalogue import catalogue
-from ..testbench.gauges import NOISE_FIELDS, noise_limits
 from .device import Device
 from .settings import DeviceSettings, Knob, Setting
 
@@ -15,13 +13,13 @@ class Instruments(Device):
     """Publishes /instruments/*; the transducers' noise as parameters."""
 
     def __init__(self, rig, commands):
-        super().__init__("instruments", commands)
+        super().__init__("instruments", rig, commands)
         gauges = rig.gauges
         knobs = [Knob(Setting("noise", "Whether the transducers have their noise", gauges.on), lambda: gauges.on,
                       partial(rig.set_value, "instruments.noise"))]
-        for channel in NOISE_FIELDS:
+        for channel in gauges.noisy:
             setting = Setting(f"noise.{channel}", f"Noise of {channel}, standard deviation", gauges.noise(channel),
-                              catalogue().signal(channel).unit, noise_limits(channel))
+                              self.catalogue.signal(channel).unit, gauges.noise_limits(channel))
             knobs.append(Knob(setting, partial(gauges.noise, channel),
                               partial(rig.set_value, f"instruments.{setting.name}")))
         self.settings = DeviceSettings(self, commands, knobs)

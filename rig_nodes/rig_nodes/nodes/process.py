@@ -36,7 +36,6 @@ from ..graph.link import Link
 from ..graph.tap import Tap
 from ..testbench.configuration import RigConfig, load_gearbox_rig, load_rig
 from ..testbench.folders import parse_parameters, parse_settings
-from ..testbench.kinds import AnyConfig
 from ..testbench.sequence import Sequence, load_sequence
 from ..whole_file import write_whole
 from .executor import events_executor
@@ -219,17 +218,18 @@ class Process:
         rclpy.shutdown()
 
 
-def rig_config(arguments) -> AnyConfig:
+def rig_config(arguments) -> RigConfig:
     """The rig that RIG_OPTIONS name, by default that of --sequence."""
-    return load_rig(_rig_name(arguments), parse_settings(arguments.settings))
+    return load_rig(rig_name(arguments), parse_settings(arguments.settings))
 
 
 def gearbox_rig_config(arguments, name: str) -> RigConfig:
-    """The same for a process of this name that only a rig with the gearbox has; RigError for another."""
-    return load_gearbox_rig(_rig_name(arguments), parse_settings(arguments.settings), name)
+    """The same for a process of this name that only a rig with a shift controller has; RigError for another."""
+    return load_gearbox_rig(rig_name(arguments), parse_settings(arguments.settings), name)
 
 
-def _rig_name(arguments) -> str:
+def rig_name(arguments) -> str:
+    """The rig that RIG_OPTIONS name, by default that of --sequence."""
     return arguments.rig or rig_of(vars(arguments).get("sequence"))
 
 
@@ -237,7 +237,7 @@ def chosen_sequence(arguments) -> Sequence | None:
     """The sequence of --sequence with the parameters of --with, None without one; RigError when refused."""
     parameters = parse_parameters(arguments.parameters)
     if arguments.sequence:
-        return load_sequence(arguments.sequence, parameters)
+        return load_sequence(arguments.sequence, parameters, arguments.rig)
     if parameters:
         raise RigError("--with gives values to a sequence's parameters; name the sequence with --sequence")
     return None

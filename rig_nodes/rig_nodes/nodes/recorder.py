@@ -22,7 +22,7 @@ from rclpy.node import Node
 from ..bags import cdr
 from ..bags.definitions import installed
 from ..bags.writer import BagWriter, MessageRefused
-from ..catalogue import Topic, catalogue
+from ..catalogue import Topic, installed_topics
 from ..errors import RigError
 from ..graph.tap import TapReader
 from ..graph.topic_choice import EXCLUDE, TOPICS, TopicChoice
@@ -44,7 +44,7 @@ OPTIONS = [
     ("--piece", {"type": int, "default": 0, "metavar": "N",
                  "help": "number of this piece of the bag, where another recorder began it (default: 0)"}),
     ("--rig", {"metavar": "NAME",
-               "help": "record the topics of this rig only, by its name or file (default: those of every kind of rig)"}),
+               "help": "record the topics of this rig only, by its name or file (default: those of every installed rig)"}),
     ("--set", {"action": "append", "default": [], "dest": "settings", "metavar": "KEY=VALUE",
                "help": "beside --rig, what the rig is told: a device cut out has topics of its own"}),
     ("--controller", {"metavar": "SPEC",
@@ -56,10 +56,10 @@ OPTIONS = [
 class Recorder(Node):
     """Subscribes to every topic of the run that no tap brings."""
 
-    def __init__(self, writer: BagWriter, taps: list[TapReader], early: list[tuple[str, bytes]], wanted: set[str],
-                 choice: TopicChoice):
-        """taps: have said what they bring; early: messages that came along; wanted: topics of the rig to subscribe to;
-        choice: which others.
+    def __init__(self, writer: BagWriter, taps: list[TapReader], early: list[tuple[str, bytes]], topics: dict[str, Topic],
+                 wanted: set[str], choice: TopicChoice):
+        """taps: have said what they bring; early: messages that came along; topics: of the rig; wanted: names of those to
+        subscribe to; choice: which others.
         """
         super().__init__("recorder")
         self.writer, self._taps = writer, taps
@@ -76,7 +76,6 @@ class Recorder(Node):
         self._early: list[tuple[str, str, bytes, int]] = []  # came before that
         self._thread = threading.Thread(target=self._write_tapped if taps else self._write, name="writer", daemon=True)
         # Definitions are read before the first message: later that would hold up the callbacks.
-        topics = catalogue().all_topics
         self._definitions = {topic.ros_type: installed(topic.ros_type) for topic in topics.values()}
         self._types = {name: topic.ros_type for name, topic in topics.items()}
         self._others: dict[str, str] = {}  # topic beyond the catalogue -> class of its quality of service
@@ -255,13 +254,13 @@ def tells_time(topic: Topic) -> bool:
 def work(process) -> None:
     """Record until told to stop, then take in what is on its way."""
     arguments = process.arguments
-    wanted, choice = topics_of(arguments), TopicChoice(arguments.topics, arguments.exclude)
+    (topics, wanted), choice = topics_of(arguments), TopicChoice(arguments.topics, arguments.exclude)
     with BagWriter(arguments.out, arguments.name, arguments.piece) as writer:
         process.status("recording")
         sys.setswitchinterval(0.0005)  # callbacks do not wait long for the writer
         executor = process.start_ros()
         taps = [TapReader(number) for number in process.descriptors().values()]
-        node = Recorder(writer, taps, hear_first_words(process, taps), wanted, choice)
+        node = Recorder(writer, taps, hear_first_words(process, taps), topics, wanted, choice)
         executor.add_node(node)
         process.take_parameters([node])
         if not taps:  # in lockstep nobody is late
@@ -280,13 +279,14 @@ def work(process) -> None:
         raise node.failure
 
 
-def topics_of(arguments) -> set[str]:
-    """Names of the rig's own topics that a run of the rig of --rig may have; without it, that a run of any may have."""
+def topics_of(arguments) -> tuple[dict[str, Topic], set[str]]:
+    """The topics of the rig of --rig, and names of those that this run of it may have; without it, of all installed rigs."""
     if arguments.rig is None:
-        return set(catalogue().all_topics)
+        topics = installed_topics()
+        return topics, set(topics)
     config = rig_config(arguments)
     built_in = (arguments.controller or "alfa46").partition("@")[0] == "alfa46"
-    return set(catalogue(config.kind).of_run(config.cut_out, not built_in))
+    return config.catalogue.all_topics, set(config.catalogue.of_run(config.cut_out, not built_in))
 
 
 def hear_first_words(process, taps) -> list[tuple[str, bytes]]:

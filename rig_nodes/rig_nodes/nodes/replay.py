@@ -33,7 +33,7 @@ from ..bags.definitions import installed, parse
 from ..bags.index import BagIndex
 from ..bags.metadata import read_profile
 from ..bags.player import CLOCK, Player
-from ..catalogue import catalogue
+from ..catalogue import installed_topics
 from ..errors import RigError
 from .executor import events_executor
 from .message_class import message_class
@@ -79,7 +79,7 @@ def offered(bag: BagIndex, topic: str) -> QoSProfile:
 
     A latched topic keeps as many messages as the bag holds of it, so that late receivers get one pass of it.
     """
-    known = catalogue().all_topics.get(topic)
+    known = installed_topics().get(topic)
     if known is not None:
         profile = publisher_profile(known.qos)
     else:

@@ -17,39 +17,29 @@ import traceback
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from ..catalogue import GEARBOX
 from ..clocks import SAMPLE_NS, TICK_SAMPLES
 from ..errors import RigError, printable
 from ..graph.domain import announce, from_environment
 from ..graph.dropping import parse_drop
-from ..testbench.clutch_bench_configuration import KIND
-from ..testbench.kinds import PACE, make_rig
 from ..testbench.outputs import SCALAR_SAMPLES, Outputs
 from ..testbench.rig import Rig
 from ..testbench.sequence import BY_HAND
 from ..testbench.simulate import check_delay, run_record
 from ..testbench.timed import RigStatus
-from .clutch import Clutch
-from .clutch_bench import bench_nodes
 from .commands import Commands
 from .cut import CutEnds
+from .device import DeviceNode, device_names, pace_of
 from .diagnostics import Diagnostics
-from .gearbox import Gearbox
 from .instruments import Instruments
-from .load_pump import LoadPump
 from .lockstep import Lockstep
 from .matching import silent
-from .motor import Motor
-from .oil_supply import OilSupply
 from .process import RIG_OPTIONS, SEQUENCE_PARAMETERS, chosen_sequence, rig_config, run
 from .realtime import MESSAGES, RealTime, prefer_process
-from .rig_health import BenchHealth, RigHealth
+from .rig_health import RigHealth
 from .rig_node import RigNode
-from .valve import Valve
 
 GATE_TIMEOUT = 30.0  # s that the other processes have to appear
 LAST_TICKS = 4  # recorded after an early end, so that the bag shows the safe state
-OTHERS = {GEARBOX: {"alfa46", "sequencer"}, KIND: {"sequencer"}}  # kind of rig -> who waits for its samples
 CLOCK_BYTES = struct.Struct("<4siI")  # encapsulation, sec, nanosec
 OPTIONS = [
     *RIG_OPTIONS, SEQUENCE_PARAMETERS,
@@ -68,12 +58,12 @@ class Container:
     def __init__(self, process):
         self.process = process
         arguments = process.arguments
-        self.dropped = parse_drop(arguments.drop)
         config = rig_config(arguments)
+        self.dropped = parse_drop(arguments.drop, config.catalogue)
         sequence = chosen_sequence(arguments) or BY_HAND
         sequence.check_rig(config)
         record = run_record(config, sequence, arguments.seed)
-        if config.kind != GEARBOX and arguments.speed is not None:
+        if not config.structure.shifts and arguments.speed is not None:
             raise RigError(f"--speed: '{config.name}' has no shift controller to wait for")
         check_delay(arguments.delay, arguments.speed)
         if arguments.status_fd is None:  # a supervisor has seen to it
@@ -94,8 +84,7 @@ class Container:
         self.tap = self.cuts.tap = process.tap([*self.publishers, *self.cuts.answers])
         # not in the catalogue and not recorded: a bag that is played again brings a clock of its own
         self._clock_out = self.nodes[0].create_publisher(Clock, "/clock", 10)
-        health = RigHealth if config.kind == GEARBOX else BenchHealth
-        self.diagnostics = Diagnostics(self.nodes[0], health(self.rig, self.clock, self.commands),
+        self.diagnostics = Diagnostics(self.nodes[0], RigHealth(self.rig, self.clock, self.commands),
                                        lambda: self.rig.time_ns)
         self._seen = None
         self._failure = None
@@ -104,12 +93,8 @@ class Container:
     def _nodes(self) -> list:
         rig, commands = self.rig, self.commands
         executor = self.process.start_ros()
-        if rig.config.kind == GEARBOX:
-            nodes = [RigNode(rig, commands, self.process.arguments.speed is None), Motor(rig, commands),
-                     Gearbox(rig, commands), Clutch(1, commands), Clutch(2, commands), Valve(1, commands),
-                     Valve(2, commands), OilSupply(rig, commands), LoadPump(rig, commands), Instruments(rig, commands)]
-        else:
-            nodes = bench_nodes(rig, commands)
+        nodes = [RigNode(rig, commands, rig.shifts and self.process.arguments.speed is None),
+                 *(DeviceNode(name, rig, commands) for name in device_names(rig.config)), Instruments(rig, commands)]
         for node in nodes:
             executor.add_node(node)
         self.process.take_parameters(nodes)
@@ -142,8 +127,8 @@ class Container:
         """Sentences on what is not connected yet."""
         recorder = {"recorder"} if self.process.arguments.recorded and self.tap is None else set()
         wanted = {topic: recorder for topic in self.publishers}
-        kind = self.rig.config.kind
-        wanted[PACE[kind]] = recorder | (OTHERS[kind] if self.process.arguments.speed is None else set())
+        others = {"alfa46", "sequencer"} if self.rig.shifts else {"sequencer"}  # who waits for its samples
+        wanted[pace_of(self.rig.config).name] = recorder | (others if self.process.arguments.speed is None else set())
         inputs = {topic: subscription for node in self.nodes for topic, subscription in node.inputs.items()}
         return self.cuts.missing() + silent(self.nodes[0], self.publishers, wanted) + [
             f"nobody sends {topic}" for topic, subscription in inputs.items() if not subscription.get_publisher_count()]
@@ -251,7 +236,7 @@ class Container:
         facts = {"time_s": self.rig.time, "state": self.rig.status.name, "reason": self.rig.reason,
                  "interrupted": self.process.interrupted, "refused": dict(self.commands.refused),
                  "real_time_priority": self.clock.real_time_priority}
-        if self.rig.config.kind == GEARBOX:  # no other rig has a controller that could be late
+        if self.rig.shifts:  # no other rig has a controller that could be late
             facts["delay"] = self.rig.delay
         if self.tap is not None:
             self.tap.close()
@@ -263,9 +248,7 @@ class Container:
 
 def rig_on_the_graph(config, seed: int = 1, devices: str = "external", delay: int = 1):
     """The rig whose controller, where it has one, is a node of its own; ``delay`` as of testbench.rig."""
-    if config.kind == GEARBOX:
-        return Rig(config, seed, controller="external", level=None, devices=devices, delay=delay)
-    return make_rig(config, seed)
+    return Rig(config, seed, controller="external", level=None, devices=devices, delay=delay)
 
 
 def warm_up(config, record) -> None:

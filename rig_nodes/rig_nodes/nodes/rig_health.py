@@ -10,10 +10,13 @@ from __future__ import annotations
 
 from functools import partial
 
+from ..bags.definitions import installed
 from ..clocks import COMMAND_TIMEOUT
+from ..description.structure import Device
+from ..parts import part as parts
 from ..testbench.rig import Rig
 from ..testbench.timed import RigStatus
-from ..transmission import transmission_of
+from .device import device_names
 from .diagnostics import ERROR, OK, STALE, WARN, Growing, Health
 
 OLD = 0.5 * COMMAND_TIMEOUT  # s of a valve command that is a warning
@@ -23,13 +26,31 @@ MODES = ("open", "slipping", "locked")
 LOCKED = MODES.index("locked")
 
 
-class ContainerHealth:
-    """What the rigs of all kinds have: their state, and whether time is kept."""
+class RigHealth:
+    """Called: the health of the rig, of each of its devices by what it is for, and of its instruments."""
 
-    def __init__(self, rig, clock, commands):
+    def __init__(self, rig: Rig, clock, commands):
         """clock: RealTime or Lockstep; commands: the rig's queue."""
         self.rig, self.clock, self.commands = rig, clock, commands
         self._overruns = Growing()
+        structure, of_role = rig.config.structure, {parts.SOURCE: self.source, parts.LOAD: self.switched,
+                                                    parts.CLUTCH: self.clutch, parts.VALVE: self.valve, parts.OIL: self.oil,
+                                                    parts.PRESS: self.press}
+        there, devices = set(device_names(rig.config)), [one for one in structure.devices if one.role in of_role]
+        self._each = [partial(of_role[one.role], one) for one in devices if one.name in there]
+        self._fields = {one.name: [name for name, _ in installed(rig.config.catalogue.topics[f"/{one.name}/state"].ros_type)
+                                   .tree.fields[2:]] for one in devices if parts.part(one.part).message}
+        if structure.gears:
+            self._each.append(self.gearbox)
+
+    def __call__(self) -> list[Health]:
+        return [self.whole(), *(health() for health in self._each), self.instruments()]
+
+    def state(self, device: Device) -> dict:
+        """What its state's message says, SI; nothing before the first one."""
+        if device.name not in self._fields or not self.rig.energies:
+            return {}
+        return dict(zip(self._fields[device.name], parts.part(device.part).says(self.rig, device.name), strict=True))
 
     def whole(self) -> Health:
         """State with its reason, and whether time is kept."""
@@ -59,58 +80,40 @@ class ContainerHealth:
         says = "measures" if gauges.on else "measures without noise" if gauges.present else "shows true values"
         return Health("instruments", OK, says)
 
+    def is_on(self, device: Device) -> bool:
+        """Whether it is switched on."""
+        return bool(self.rig.device(device.name)[parts.part(device.part).takes[0].enabled] > 0.0)
 
-class RigHealth(ContainerHealth):
-    """Called: the health of rig, motor, gearbox, clutches, valves, oil supply, load pump, instruments."""
-
-    def __init__(self, rig: Rig, clock, commands):
-        super().__init__(rig, clock, commands)
-        self.transmission = transmission_of(rig.config)
-
-    def __call__(self) -> list[Health]:
-        each = range(len(self.transmission.clutches))
-        return [self.whole(), self.motor(), self.gearbox(), *map(self.clutch, each), *map(self.valve, each),
-                self.oil_supply(), self.load_pump(), self.instruments()]
-
-    def motor(self) -> Health:
+    def source(self, device: Device) -> Health:
         """On, off or held without torque."""
-        motor = self.rig.motor
-
-        def values() -> dict:
-            return {"speed_rad_s": float(self.rig.v[0]), "setpoint_rad_s": float(motor["target"]),
-                    "torque_nm": float(motor["torque"])}
-
         if self.rig.status == RigStatus.TRIPPED:
-            return Health("motor", WARN, "without torque: the rig is in its safe state", values)
-        return Health("motor", OK, "on" if motor["enabled"] > 0.0 else "off", values)
+            return Health(device.name, WARN, "without torque: the rig is in its safe state", partial(self.state, device))
+        return self.switched(device)
+
+    def switched(self, device: Device) -> Health:
+        """On or off."""
+        return Health(device.name, OK, "on" if self.is_on(device) else "off", partial(self.state, device))
 
     def gearbox(self) -> Health:
         """Which gear is engaged."""
-        box = self.transmission
-        locked = tuple(clutch for k, clutch in enumerate(box.clutches) if self.rig.clutch_mode(k) == LOCKED)
-        gear = next((gear.name for gear in box.gears if gear.clutches and box.engaged(gear.number) == locked), None)
-        text = (f"gear {gear} is engaged" if gear else "no gear is engaged" if not locked else
-                f"{' and '.join(clutch.name for clutch in locked)} locked, which is no gear")
+        rig, structure = self.rig, self.rig.config.structure
+        locked = [name for name in rig.clutch_names if rig.clutch_mode(name) == LOCKED]
+        number = rig.locked_gear()
+        text = ("no gear is engaged" if not number else
+                f"gear {structure.gears[number - 1].name} is engaged" if number <= len(structure.gears) else
+                f"{' and '.join(structure.device(name).called for name in locked)} locked, which is no gear")
         return Health("gearbox", OK, text, lambda: {
-            "w_wej_rad_s": float(self.rig.v[0]), "w_wyj_rad_s": float(self.rig.v[1])})
+            f"{end.speed}": rig.true(f"{end.body}.speed") for end in (structure.input, structure.output)})
 
-    def clutch(self, k: int) -> Health:
+    def clutch(self, device: Device) -> Health:
         """Open, slipping or locked."""
-        clutch = self.transmission.clutches[k]
-        return Health(clutch.instance, OK, MODES[self.rig.clutch_mode(k)], lambda: {
-            "torque_nm": self.rig.clutch_torque(k), "slip_rad_s": self.rig.slip(k),
-            "heat_j": self.rig.energy()[clutch.heat]})
+        return Health(device.name, OK, MODES[self.rig.clutch_mode(device.name)], partial(self.state, device))
 
-    def valve(self, k: int) -> Health:
+    def valve(self, device: Device) -> Health:
         """Whether somebody drives it."""
-        rig, valve = self.rig, self.rig.valves[k]
-
-        def values(age: float) -> dict:
-            return {"command_age_ms": age * 1e3, "duty": float(valve["duty"]), "current_a": float(valve["current"]),
-                    "pressure_pa": rig.line_pressure(k)}
-
+        rig = self.rig
         age = rig.command_age
-        tell = partial(Health, self.transmission.clutches[k].valve, values=partial(values, age))
+        tell = partial(Health, device.name, values=lambda: {"command_age_ms": age * 1e3, **self.state(device)})
         if rig.newest_command < 0:
             return tell(STALE, "no valve command has come yet")
         if age > COMMAND_TIMEOUT:
@@ -124,52 +127,17 @@ class RigHealth(ContainerHealth):
                               "the rig trips")
         return tell(OK, "follows the shift controller")
 
-    def oil_supply(self) -> Health:
+    def oil(self, device: Device) -> Health:
         """Whether it has the pressure it is set to."""
-        oil = self.rig.oil
-        pressure, setting = float(oil["pressure"]), float(oil["setting"])
-        tell = partial(Health, "oil_supply", values=lambda: {
-            "pressure_pa": pressure, "setting_pa": setting, "temperature_degc": self.rig.config.oil_supply.temperature})
+        oil = self.rig.device(device.name)
+        tell = partial(Health, device.name, values=partial(self.state, device))
         if oil["enabled"] <= 0.0:
             return tell(OK, "off")
-        if pressure < TOO_LOW * setting:
+        if float(oil["pressure"]) < TOO_LOW * float(oil["setting"]):
             return tell(WARN, "on, but the pressure is more than 10 % below its setting")
         return tell(OK, "on, at its pressure")
 
-    def load_pump(self) -> Health:
-        """Whether it loads the output shaft."""
-        load = self.rig.load
-        return Health("load_pump", OK, "on" if load["enabled"] > 0.0 else "off", lambda: {
-            "torque_nm": self.rig.load_torque(), "pressure_pa": float(load["pressure"]),
-            "setting_pa": float(load["setting"])})
-
-
-class BenchHealth(ContainerHealth):
-    """Called: the health of the clutch bench's rig, motor, cylinder, pack and instruments."""
-
-    def __call__(self) -> list[Health]:
-        return [self.whole(), self.motor(), self.cylinder(), self.pack(), self.instruments()]
-
-    def motor(self) -> Health:
-        """On, off or held without oil."""
-        motor = self.rig.motor
-
-        def values() -> dict:
-            return {"speed_rad_s": float(self.rig.v[0]), "setpoint_rad_s": float(motor["target"]),
-                    "pressure_pa": float(motor["pressure"]), "zp2_pa": float(motor["relief"])}
-
-        if self.rig.status == RigStatus.TRIPPED:
-            return Health("hydraulic_motor", WARN, "without oil: the rig is in its safe state", values)
-        return Health("hydraulic_motor", OK, "on" if motor["enabled"] > 0.0 else "off", values)
-
-    def cylinder(self) -> Health:
+    def press(self, device: Device) -> Health:
         """Whether it clamps."""
-        press = self.rig.press
-        text = "presses" if press["force"] > 0.0 else "is back"
-        return Health("cylinder", OK, text, lambda: {
-            "pressure_pa": float(press["pressure"]), "travel_m": float(press["travel"]), "force_n": float(press["force"])})
-
-    def pack(self) -> Health:
-        """Open, slipping or locked."""
-        return Health("clutch_pack", OK, MODES[self.rig.clutch_mode()], lambda: {
-            "torque_nm": self.rig.clutch_torque(), "heat_j": self.rig.energy()["heat"]})
+        text = "presses" if self.rig.device(device.name)["force"] > 0.0 else "is back"
+        return Health(device.name, OK, text, partial(self.state, device))

@@ -9,7 +9,6 @@ import threading
 
 from std_srvs.srv import Trigger
 
-from ..catalogue import catalogue
 from ..errors import RigError
 from .device import Device, receive
 from .qos import COMMANDS
@@ -22,12 +21,12 @@ class RigNode(Device):
 
     def __init__(self, rig, commands, valve_commands: bool):
         """valve_commands: they come by the topic. In lockstep they come through the controller's link and are only to
-        be seen there, and the clutch bench has none.
+        be seen there, and a rig without a shift controller has none.
         """
-        super().__init__("rig", commands, rig.config.kind)
+        super().__init__("rig", rig, commands)
         self.rig = rig
         if valve_commands:
-            self.inputs[VALVE_COMMAND] = receive(self, catalogue().topics[VALVE_COMMAND], self.on_valve_command,
+            self.inputs[VALVE_COMMAND] = receive(self, self.catalogue.topics[VALVE_COMMAND], self.on_valve_command,
                                                  refuse=commands.refuse)
         self._seq: int | None = None  # of the newest valve command
         self.create_service(Trigger, "~/e_stop", self.on_e_stop)

@@ -18,10 +18,7 @@ from rig_msgs.action import Shift
 from rig_msgs.msg import RigState
 
 from ..bags.cdr import encoder
-from ..catalogue import GEARBOX, Signal, catalogue
-from ..testbench.clutch_bench import check_bench_setpoint
-from ..testbench.clutch_bench_configuration import KIND
-from ..testbench.clutch_bench_topics import COMMANDS
+from ..catalogue import Signal
 from ..testbench.rig import check_setpoint
 from ..testbench.sequence import Sequence, SequenceFailed
 from .device import publishers_of
@@ -43,14 +40,12 @@ def reader(signal: Signal):
 class RosBench:
     """Implements testbench.sequence.Bench on a node; stamps come from ``stamp_ns``, the newest sample's."""
 
-    kind = GEARBOX
-
-    def __init__(self, node, in_lockstep: bool):
-        """in_lockstep: readings and state come with the ticks of the container's link, not by topic."""
-        self.node = node
+    def __init__(self, node, config, in_lockstep: bool):
+        """config: of the rig; in_lockstep: readings and state come with the ticks of the container's link, not by topic."""
+        self.node, self.config = node, config
         self.stamp_ns = 0
         self.rig_state = None  # newest RigState
-        self.outputs = publishers_of(node, kind=self.kind)
+        self.outputs = publishers_of(node, config.catalogue)
         self.counts = dict.fromkeys(self.outputs, 0)
         self._encode_setpoint = encoder("rig_msgs/msg/Setpoint").encode
         self._encode_event = encoder("rig_msgs/msg/Event").encode
@@ -61,7 +56,7 @@ class RosBench:
         self._topics: set[str] = set()
         self._done, self._refusal, self._newest = False, None, None
         self._shift = self._set_controller = None  # where there is no shift controller
-        if self.kind == GEARBOX:
+        if config.structure.shifts:
             self._shift = ActionClient(node, Shift, "/alfa46/shift")
             self._set_controller = node.create_client(SetParameters, "/alfa46/set_parameters")
         self._setting = None  # answer to the newest setting, when it is there
@@ -72,11 +67,11 @@ class RosBench:
         """Listen to the signals that a sequence reads; ``ready`` waits for them."""
         names = {step.condition.signal for step in sequence.steps if step.condition is not None}
         if any(step.by_torque for step in sequence.steps):
-            names.add("n_wyj")
+            names.add(self.config.structure.output.speed)
         self.needed = names
         if self.in_lockstep:
             return
-        known = catalogue(self.kind)
+        known = self.config.catalogue
         for topic_name in sorted({known.signals[name].topic for name in names} - self._topics):
             self._topics.add(topic_name)
             topic = known.topics[topic_name]
@@ -90,8 +85,8 @@ class RosBench:
                                           recorder_profile(topic.qos))
 
     def connected(self) -> bool:
-        """True when orders can be sent."""
-        return self._shift.server_is_ready() and self._set_controller.service_is_ready()
+        """True when orders can be sent, where there is anybody who takes them."""
+        return self._shift is None or (self._shift.server_is_ready() and self._set_controller.service_is_ready())
 
     def take(self, frame: dict) -> None:
         """Readings and state of a tick in lockstep, where nothing may depend on when a message arrives."""
@@ -119,17 +114,11 @@ class RosBench:
         return (state is not None and state.state in (RigState.READY, RigState.RUNNING)
                 and self.connected() and self.needed <= self._values.keys())
 
-    def set_motor(self, speed: float, enable: bool) -> None:
-        """Speed setpoint [rad/s]."""
-        self._send("/motor/command", "motor_speed", speed, enable)
-
-    def set_load(self, pressure: float, enable: bool) -> None:
-        """Relief setting of the load [Pa, gauge]."""
-        self._send("/load_pump/command", "load_pressure", pressure, enable)
-
-    def set_oil(self, pressure: float, enable: bool) -> None:
-        """Relief setting of the oil supply [Pa, gauge]."""
-        self._send("/oil_supply/command", "oil_pressure", pressure, enable)
+    def set(self, step: str, value: float, enable: bool) -> None:
+        """A setpoint [SI] of a device, by its key in sequences."""
+        check_setpoint(self.config, step, value)  # here, for a topic brings back no answer
+        topic = self.config.setpoints[step].topic
+        self.outputs[topic].publish(self._encode_setpoint(self.stamp_ns, self._next(topic), float(value), bool(enable)))
 
     def order_gear(self, gear: int) -> None:
         """Send the shift as a goal; what comes of it is told by ``shift_done``."""
@@ -198,48 +187,7 @@ class RosBench:
         """Publish an event of the sequencer."""
         self.outputs[EVENTS].publish(self._encode_event(self.stamp_ns, self._next(EVENTS), name, text, value))
 
-    def _send(self, topic: str, setpoint: str, value: float, enable: bool) -> None:
-        self._check(setpoint, value)  # here, for a topic brings back no answer
-        self.outputs[topic].publish(self._encode_setpoint(self.stamp_ns, self._next(topic), float(value), bool(enable)))
-
-    @staticmethod
-    def _check(setpoint: str, value: float) -> None:
-        check_setpoint(setpoint, value)
-
     def _next(self, topic: str) -> int:
         seq = self.counts[topic]
         self.counts[topic] = seq + 1
         return self.node.process.first_seq + seq
-
-
-class RosClutchBench(RosBench):
-    """The same for the clutch bench, in real time: there is no controller to order a gear of."""
-
-    kind = KIND
-
-    def __init__(self, node):
-        super().__init__(node, in_lockstep=False)
-
-    def connected(self) -> bool:
-        """There is nobody who would have to take orders."""
-        return True
-
-    def set_motor(self, speed: float, enable: bool) -> None:
-        """Speed of the hydraulic motor [rad/s]."""
-        self._send(COMMANDS["motor"], "motor", speed, enable)
-
-    def set_relief(self, pressure: float, enable: bool) -> None:
-        """Where ZP_2 is turned to [Pa, gauge]."""
-        self._send(COMMANDS["relief"], "relief", pressure, enable)
-
-    def set_cylinder(self, pressure: float, enable: bool) -> None:
-        """Setting of ZP_1 [Pa, gauge]."""
-        self._send(COMMANDS["cylinder"], "cylinder", pressure, enable)
-
-    def set_press(self, travel: float, enable: bool) -> None:
-        """Where the testing machine moves to [m]."""
-        self._send(COMMANDS["press"], "press", travel, enable)
-
-    @staticmethod
-    def _check(setpoint: str, value: float) -> None:
-        check_bench_setpoint(setpoint, value)

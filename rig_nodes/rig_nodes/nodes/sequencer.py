@@ -15,23 +15,20 @@ from rclpy.node import Node
 from rig_msgs.action import RunSequence
 
 from ..bags.cdr import stamp
-from ..catalogue import GEARBOX, catalogue
 from ..clocks import SAMPLE_NS, TICK_SAMPLES
 from ..errors import RigError
 from ..graph.link import LinkClosed
-from ..parts.load_pump import relief_setting_for
-from ..testbench.kinds import PACE
+from ..parts.load_pump import LoadConfig, relief_setting_for
 from ..testbench.sequence import SequenceFailed, SequenceRunner, load_sequence
 from .action_server import GoalServer, finish
-from .clutch_bench import receivers
+from .device import pace_of, setpoints_taken
 from .diagnostics import OK, WARN, Diagnostics, Health
 from .matching import silent
 from .message_class import message_class
-from .process import RIG_OPTIONS, SEQUENCE_PARAMETERS, chosen_sequence, rig_config, run
+from .process import RIG_OPTIONS, SEQUENCE_PARAMETERS, chosen_sequence, rig_config, rig_name, run
 from .qos import recorder_profile
-from .ros_bench import EVENTS, RosBench, RosClutchBench
+from .ros_bench import EVENTS, RosBench
 
-RECEIVERS = {"/motor/command": "motor", "/load_pump/command": "load_pump", "/oil_supply/command": "oil_supply"}
 FEEDBACK_TICKS = 100  # 2 Hz beside every new step
 OPTIONS = [
     *RIG_OPTIONS, SEQUENCE_PARAMETERS,
@@ -46,10 +43,10 @@ class Sequencer(Node):
 
     def __init__(self, config, process):
         super().__init__("sequencer")
-        self.process, self._config = process, config
+        self.process, self._config, self._rig = process, config, rig_name(process.arguments)
         self.link = process.links().get("container")  # of a run in lockstep
-        self.bench = RosBench(self, self.link is not None) if config.kind == GEARBOX else RosClutchBench(self)
-        self._samples = catalogue(config.kind).topics[PACE[config.kind]]
+        self.bench = RosBench(self, config, self.link is not None)
+        self._samples = pace_of(config)
         self._tick = -1
         self._runner, self._goal, self._steps_told = None, None, 0
         self._cancelled = False  # the goal, to be ended with the next tick
@@ -112,7 +109,7 @@ class Sequencer(Node):
         try:
             if self._runner is not None:
                 raise RigError(f"sequence refused: '{self._runner.sequence.name}' is still running")
-            self.start(load_sequence(goal.request.name))
+            self.start(load_sequence(goal.request.name, rig=self._rig))
             self._goal = goal
         except RigError as error:
             result = RunSequence.Result(success=False, message=str(error), steps_done=0)
@@ -127,12 +124,11 @@ class Sequencer(Node):
         return CancelResponse.ACCEPT
 
     def start(self, sequence) -> None:
-        """Start a sequence with the next tick; RigError when it is for another kind of rig."""
+        """Start a sequence with the next tick; RigError when the rig has not what it asks for."""
         sequence.check_rig(self._config)
         self.bench.need(sequence)
         self._steps_told, self._cancelled = 0, False
-        load = self._config.load_pump if self._config.kind == GEARBOX else None
-        self._runner = SequenceRunner(sequence, self.bench, load)
+        self._runner = SequenceRunner(sequence, self.bench, self._config)
         self.wake()
 
     def wake(self) -> None:
@@ -193,7 +189,8 @@ def cancelled(runner: SequenceRunner) -> str:
     """What a sequence that is cancelled now leaves behind, in one sentence."""
     if runner.step < 0:
         return f"sequence '{runner.sequence.name}' was cancelled before its first step; nothing was set"
-    devices = "motor, load and oil" if runner.sequence.kind == GEARBOX else "motor, valves and cylinder"
+    *others, last = runner.config.setpoints
+    devices = f"{', '.join(others)} and {last}" if others else last
     shift = runner.sequence.steps[runner.step].kind == "shift"
     return (f"sequence '{runner.sequence.name}' was cancelled in step {runner.step + 1} of {runner.steps} "
             f"({runner.text}); {devices} stay as they are set"
@@ -211,11 +208,11 @@ def work(process) -> None:
     process.take_parameters([node])
     if sequence is not None:
         node.start(sequence)
-    if config.kind == GEARBOX:
-        relief_setting_for(0.0, 0.0, config.load_pump)  # compiled now, not in the middle of a sequence
+    for device in config.structure.devices:
+        if isinstance(values := config.values(device.name), LoadConfig):
+            relief_setting_for(0.0, 0.0, values)  # compiled now, not in the middle of a sequence
     recorder = {"recorder"} if arguments.recorded else set()
-    takers = RECEIVERS if config.kind == GEARBOX else receivers(config)
-    wanted = {topic: {receiver} | recorder for topic, receiver in takers.items()} | {EVENTS: recorder}
+    wanted = {one.topic: {one.node} | recorder for one in setpoints_taken(config)} | {EVENTS: recorder}
     while not process.stopping and silent(node, node.bench.outputs, wanted):
         process.spin(0.02)
     if node.link is not None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
@@ -190,21 +190,20 @@ class DeviceSettings(Settings):
                 self.follow(stale)
 
 
-def setpoint_knobs(device, key: str, apply, name: str, text: str, unit: str, bounds,
-                   why_not=lambda value: None) -> list[Knob]:
+def setpoint_knobs(device, target: str, switch: str, apply, setting: Setting, why_not=lambda value: None) -> list[Knob]:
     """The two knobs of a device with a setpoint and a switch.
 
-    device: its states, with the setpoint under ``key``; apply(value, enable): the rig's command, which sets both;
-    why_not(enable).
+    device: its states, with setpoint and switch under ``target`` and ``switch``; apply(value, enable): the rig's command,
+    which sets both; setting: the setpoint's; why_not(enable).
     """
     def value() -> float:
-        return float(device[key])
+        return float(device[target])
 
     def enabled() -> bool:
-        return bool(device["enabled"] > 0.0)
+        return bool(device[switch] > 0.0)
 
     return [
-        Knob(Setting(name, text, value(), unit, bounds), value, lambda new: apply(new, enabled())),
+        Knob(replace(setting, value=value()), value, lambda new: apply(new, enabled())),
         Knob(Setting("enabled", "Whether the device is switched on", enabled()), enabled,
              lambda new: apply(value(), new), why_not),
     ]

@@ -107,4 +107,5 @@ PART = Part("load_pump", 40, (LoadConfig,),
                       "positive taken from the shaft"),
                 Shown("relief_setting", "relief_setting", "pressure", 0.0, 4e7, "Setting of the load's relief valve.", "gauge")),
             takes=(Command("load", {"torque": "torque", "pressure": "pressure"}, "setting", "enabled",
-                           "relief pressure of the load", "pressure"),))
+                           "relief pressure of the load", "pressure",
+                           parameter="relief_pressure"),))

@@ -71,7 +71,7 @@ class Command:
     step: its key in a sequence; takes: key of the value there -> dimension; target, enabled: states that it sets;
     text: what is set, for people; of: quantity of the device's transducer whose unit and range the value has; node: end of the
     name of the node that takes it, where the device has more than one; only: switch of its configuration without which
-    there is nobody who takes it.
+    there is nobody who takes it; parameter: name of the value as a parameter of that node, by default the last of ``takes``.
     """
 
     step: str
@@ -82,6 +82,12 @@ class Command:
     of: str
     node: str = ""
     only: str = ""
+    parameter: str = ""
+
+    @property
+    def value(self) -> str:
+        """What the value is called, e.g. speed."""
+        return list(self.takes)[-1]
 
 
 @dataclass(frozen=True)
