@@ -8,14 +8,17 @@ from __future__ import annotations
 import os
 import sys
 
+from ..config.names import DEFAULT_RIG
+
 HELP = "start a device of its own, for a rig with source: topic"
 
 
 def add_arguments(parser) -> None:
-    parser.add_argument("name", help="motor, valve_zr_p1, valve_zr_p2 or load_pump")
+    parser.add_argument("name", help="a device of the rig, e.g. motor")
     parser.add_argument("--domain", type=int, metavar="N",
                         help="ROS domain of the rig, which `rig run` prints (default: ROS_DOMAIN_ID)")
-    parser.add_argument("--rig", default="hydmag", metavar="NAME", help="rig or .yaml file (default: hydmag)")
+    parser.add_argument("--rig", default=DEFAULT_RIG, metavar="NAME",
+                        help=f"rig, its folder or .yaml file (default: {DEFAULT_RIG})")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
                         help="change one value of the device, as for run (may be repeated)")
 
@@ -25,11 +28,10 @@ def main(args) -> int:
     from ..errors import RigError
     from ..graph.domain import environment, from_environment, numbered
     from ..engine.outside import check_device
-    from ..testbench.configuration import load_gearbox_rig
+    from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_settings
 
-    check_device(args.name)
-    load_gearbox_rig(args.rig, parse_settings(args.settings), "device")
+    check_device(load_rig(args.rig, parse_settings(args.settings)).structure, args.name)
     if args.domain is None:
         if not os.environ.get("ROS_DOMAIN_ID"):
             raise RigError("which rig? give --domain N with the number that `rig run` prints, or set "

@@ -12,20 +12,19 @@ HELP = "order a gear of the rig that runs"
 
 def add_arguments(parser) -> None:
     """The arguments of the verb."""
-    parser.add_argument("gear", metavar="GEAR", help="I, II or N (neutral)")
+    parser.add_argument("gear", metavar="GEAR", help="its name, e.g. I, or N (neutral)")
     add_domain(parser)
 
 
 def main(args) -> int:
     """0 when the gear is in; 1 when the controller refused it or the shift failed."""
     from ..errors import RigError
-    from ..transmission import transmission_of
 
-    box = transmission_of()
-    gear = box.number(args.gear)
-    if gear is None:
-        driving = ", ".join(box.names[number] for number in box.ratios)
-        raise RigError(f"there is no gear '{args.gear}'; expected {driving} or N (neutral)")
     with running_rig(args) as rig:
+        box = rig.transmission
+        gear = box.number(args.gear)
+        if gear is None:
+            driving = ", ".join(box.names[number] for number in box.ratios)
+            raise RigError(f"there is no gear '{args.gear}'; expected {driving} or N (neutral)")
         print(rig.shift(gear))
     return 0

@@ -18,7 +18,7 @@ def add_arguments(parser) -> None:
     parser.add_argument("--labels", action="store_true", help="print the labels of the series and run nothing")
     parser.add_argument("--out", metavar="DIR", help="folder for the runs (default: runs/<procedure>-<n>)")
     parser.add_argument("--rig", metavar="NAME",
-                        help="rig or .yaml file (default: the sequence's own, hydmag for most)")
+                        help="rig, its folder or .yaml file (default: the one that the sequence is of)")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
                         help="change one value of the rig that the series do not set themselves (may be repeated)")
 

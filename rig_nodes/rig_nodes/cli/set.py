@@ -28,7 +28,7 @@ def main(args) -> int:
             return 0
         found = rig.settings() if args.name is None else {args.name: rig.setting(args.name)}
         if not found:
-            raise RigError(f"the {rig.kind} in ROS domain {rig.number} has nothing to set but its setpoint topics")
+            raise RigError(f"the rig in ROS domain {rig.number} has nothing to set but its setpoint topics")
         rows = [(name, str(setting), setting.range(), setting.descriptor.description)
                 for name, setting in found.items()]
     widths = [max(map(len, column)) for column in zip(*rows)]

@@ -23,24 +23,23 @@ def main(args) -> int:
     check_json(args.json)
     with running_rig(args) as rig:
         status = rig.status()
+        known, box = rig.catalogue, rig.transmission if "gear" in status else None
     if args.json is not None:
         write_json(args.json, status)
     if args.json != "-":
-        _tell(status)
+        _tell(status, known, box)
     return 0
 
 
-def _tell(status: dict) -> None:
-    from ..catalogue import catalogue
-    from ..transmission import transmission_of
-
+def _tell(status: dict, known, box) -> None:
+    """known: the catalogue; box: the transmission, None without a controller."""
     reason = f": {status['reason']}" if status["reason"] else ""
     print(f"rig in ROS domain {status['domain']}: {status['state'].lower()}{reason}, {status['time_s']:.1f} s")
     if "gear" in status:
-        gear = transmission_of().names[status["gear"]]
+        gear = box.names[status["gear"]]
         print(f"  controller  gear {gear}{', shifting' if status['shifting'] else ''}")
     for name, signal in status["signals"].items():
-        like = catalogue().signal(name)
+        like = known.signal(name)
         print(f"  {name:<10}  {like.shown(signal['value']):>9.4g} {like.display_unit:<5} {like.text}")
     if status["recording"]:
         print(f"  recording   {status['recorded']} messages, {status['lost']} lost")

@@ -70,7 +70,7 @@ def add_shared_arguments(parser, by_hand: bool = False) -> None:
         parser.add_argument("sequence", help=text)
     parser.add_argument("--out", metavar="DIR", help="folder for the run (default: runs/<sequence>-<n>)")
     parser.add_argument("--rig", metavar="NAME",
-                        help="rig or .yaml file (default: the sequence's own, hydmag for most)")
+                        help="rig, its folder or .yaml file (default: the one that the sequence is of)")
     parser.add_argument("--seed", type=seed, default=1, help="seed of the transducers' noise and errors (default: 1)")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
                         help='change one value of the rig, e.g. alfa46.t12="200 ms" (may be repeated)')

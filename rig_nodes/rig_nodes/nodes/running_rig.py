@@ -14,6 +14,7 @@ import os
 import re
 import time
 from collections.abc import Callable
+from functools import cached_property
 from typing import NamedTuple
 
 import rclpy
@@ -25,13 +26,17 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rig_msgs.action import Shift
-from rig_msgs.msg import RigState
+from rig_msgs.msg import RigState, RunInfo
 from std_srvs.srv import Trigger
 
-from ..catalogue import GEARBOX, catalogue
+from ..catalogue import Catalogue, catalogue
 from ..config.names import unknown
 from ..config.units import UNITS, quantity
+from ..description.commands import setpoints_of
+from ..description.quantities import QUANTITIES
+from ..description.structure import structure_of
 from ..errors import RigError
+from ..transmission import Transmission, transmission_of
 from .executor import events_executor
 from .message_class import message_class
 from .qos import recorder_profile
@@ -107,9 +112,9 @@ class Setting(NamedTuple):
 
 
 def shown(value: float, unit: str) -> str:
-    """A value in the unit in which the catalogue shows its like."""
-    like = next((signal for signal in catalogue().signals.values() if signal.unit.replace("N.m", "Nm") == unit), None)
-    number, unit = (value, unit) if like is None else (like.shown(value), like.display_unit)
+    """A value in the unit in which people read its like."""
+    like = next((one for one in QUANTITIES.values() if one.unit.replace("N.m", "Nm") == unit), None)
+    number, unit = (value, unit) if like is None else (value * like.scale, like.display)
     return f"{number:.5g} {unit}".rstrip()
 
 
@@ -126,7 +131,7 @@ class RunningRig:
         self.executor = events_executor()
         self.executor.add_node(self.node)
         self._info = []
-        self._listen(RUN_INFO, self._info.append)
+        self.node.create_subscription(RunInfo, RUN_INFO, self._info.append, recorder_profile("latched"))
 
     def __enter__(self) -> RunningRig:
         return self
@@ -146,14 +151,26 @@ class RunningRig:
         return value
 
     def _listen(self, topic: str, callback) -> None:
-        known = catalogue().all_topics[topic]
+        known = self.catalogue.all_topics[topic]
         self.node.create_subscription(message_class(known.ros_type), topic, callback, recorder_profile(known.qos))
 
-    @property
-    def kind(self) -> str:
-        """Which kind of rig it is."""
+    @cached_property
+    def configuration(self) -> dict:
+        """The record of its configuration."""
         info = self.until(lambda: self._info, RUN_INFO)[0]
-        return json.loads(info.json)["configuration"].get("kind", GEARBOX)
+        return json.loads(info.json)["configuration"]
+
+    @cached_property
+    def catalogue(self) -> Catalogue:
+        """Its topics and signals."""
+        return catalogue(self.configuration)
+
+    @cached_property
+    def transmission(self) -> Transmission:
+        """Its gears; RigError where there are none."""
+        if COMMAND not in self.catalogue.topics:
+            raise RigError(f"the rig '{self.configuration['name']}' in ROS domain {self.number} has no gears")
+        return transmission_of(self.configuration)
 
     # ---- orders
 
@@ -185,9 +202,7 @@ class RunningRig:
 
     def shift(self, gear: int) -> str:
         """Order a gear and wait for the end of the shift; what is said of it, RefusedByRig when it failed."""
-        client = ActionClient(self.node, Shift, "/alfa46/shift")  # which looks for its server while the kind is asked for
-        if self.kind != GEARBOX:
-            raise RigError(f"the rig in ROS domain {self.number} is a {self.kind}: it has no gears")
+        client = ActionClient(self.node, Shift, "/alfa46/shift")
         self.until(client.server_is_ready, "shift controller")
         asked = client.send_goal_async(Shift.Goal(gear=gear))
         self.until(asked.done, "answer of the shift controller")
@@ -223,7 +238,10 @@ class RunningRig:
         return found
 
     def _nodes(self) -> set[str]:
-        return {topic.node for topic in catalogue(self.kind).topics.values()} - {"sequencer"}
+        record = self.configuration
+        takers = {one.node for one in setpoints_of(structure_of(record["structure"])).values()
+                  if not one.command.only or record[one.device][one.command.only]}
+        return {topic.node for topic in self.catalogue.topics.values()} - {"sequencer"} | takers
 
     def setting(self, name: str) -> Setting:
         """One setting by its full name; RigError names those most like it when there is none."""
@@ -253,13 +271,13 @@ class RunningRig:
         self.node.create_subscription(DiagnosticArray, DIAGNOSTICS, lambda message: health.update(
             (status.name.removeprefix("rig/"), status) for status in message.status), 10)
         self._listen(STATE, lambda message: heard.update({STATE: message}))
-        known = catalogue(self.kind)
+        known = self.catalogue
         signals = [signal for signal in known.signals.values() if known.topics[signal.topic].type == "Measurement"]
-        topics = {signal.topic for signal in signals} | ({COMMAND} if self.kind == GEARBOX else set())
+        topics = {signal.topic for signal in signals} | ({COMMAND} & known.topics.keys())
         for topic in topics:
             self._listen(topic, lambda message, topic=topic: heard.update({topic: message}))
         self.until(lambda: STATE in heard, STATE)
-        processes = {"rig", "sequencer", "recorder"} | ({"alfa46"} if self.kind == GEARBOX else set())
+        processes = {"rig", "sequencer", "recorder"} | ({"alfa46"} if COMMAND in known.topics else set())
         try:
             self.until(lambda: topics <= heard.keys() and processes <= health.keys(), "whole status", STATUS)
         except RigError:
@@ -270,6 +288,7 @@ class RunningRig:
         told = {
             "domain": self.number, "time_s": state.header.stamp.sec + state.header.stamp.nanosec * 1e-9,
             "state": STATES[state.state], "reason": state.reason,
+            "rig": self.configuration["name"],
             "signals": {signal.name: {"value": heard[signal.topic].value, "unit": signal.unit}
                         for signal in signals if signal.topic in heard},
             "recording": recorder is not None,
