@@ -9,14 +9,14 @@ the results: a row of shift metrics, of a single engagement, or of a coast-down.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from math import pi
 
 from ..clocks import ROW
 from ..transmission import Transmission, transmission_of
 from .metrics import RPM, TORQUE_SPEED_MEAN
 
-STEEP_RISE = 45e-3  # s in which chapter 9's p2, and with it the torque, rises from contact to its end
+STEEP_RISE = 45e-3  # s in which chapter 9's steeper pressure, and with it the torque, rises from contact to its end
 TORQUE_CLEAR = 10.0  # Nm that certainly are a rise of torque
 KISS_RATE = 0.5e6  # Pa/s at which a released clutch passes its kiss pressure
 
@@ -35,31 +35,28 @@ class Instrument:
         return self.range * self.accuracy_class / 100.0 + self.readability
 
 
-INSTRUMENTS = {
-    # tab. 7.1: gearbox rig
-    "torque": Instrument(500.0, 0.2, 0.01),
-    "p1": Instrument(40e6, 0.25),
-    "p2": Instrument(25e6, 0.25),
-    "p_po": Instrument(40e6, 0.5, 1e6),
-    "speed": Instrument(2.0 * pi * 60.0, 0.0, 2.0 * pi * 0.017),
-}
+READABILITY = {"torque": 0.01}  # Nm, tab. 7.1
 
 
-def instruments_of(configuration: dict) -> dict[str, Instrument]:
-    """Torque meter, transducers of the clutches' pressures and encoder [SI] of a rig, from its configuration as its bag
-    holds it.
+def instruments_of(configuration: Mapping | None) -> dict[str, Instrument]:
+    """Torque meter, transducers of the clutches' pressures and encoder [SI] of a rig, by the signals of the pressures.
 
-    Range, class and the encoder's step are the rig's, 0.01 Nm of reading those of tab. 7.1; nothing is wrong with true
-    values (effects.transducers off). The table's where the configuration has no instruments.
+    configuration: its record with its structure, as its bag holds it, or None for the installed rig that is taken where none
+    is named. Range, class and the encoder's step are the rig's, 0.01 Nm of reading those of tab. 7.1; nothing is wrong with true
+    values (effects.transducers off).
     """
-    fitted = configuration.get("instruments")
-    if fitted is None:
-        return INSTRUMENTS
-    analog = ("torque", *(clutch.pressure for clutch in transmission_of(configuration).clutches))
-    if not (configuration.get("effects") or {}).get("transducers", True):
-        return dict.fromkeys((*analog, "speed"), Instrument(0.0, 0.0))
-    found = {name: Instrument(float(fitted[f"{name}_range"]), 100.0 * float(fitted[f"{name}_class"]),
-                              INSTRUMENTS[name].readability) for name in analog}
+    if configuration is None:
+        from ..testbench.configuration import load_rig  # here, as all that reads a rig stands above this module
+
+        configuration = load_rig().as_dict()
+    pressures = [clutch.pressure for clutch in transmission_of(configuration).clutches if clutch.pressure]
+    if not configuration["effects"]["transducers"]:
+        return dict.fromkeys(("torque", *pressures, "speed"), Instrument(0.0, 0.0))
+    likes = {one["name"]: one["like"] for one in configuration["structure"]["transducers"]}
+    fitted, found = configuration["instruments"], {}
+    for name in ("torque", *pressures):
+        like = likes.get(name, name)
+        found[name] = Instrument(float(fitted[f"{like}_range"]), 100.0 * float(fitted[f"{like}_class"]), READABILITY.get(name, 0.0))
     return found | {"speed": Instrument(float(fitted["speed_range"]), 0.0, float(fitted["speed_step"]))}
 
 
@@ -72,11 +69,11 @@ def uncertainty(row: dict, instruments: dict[str, Instrument] | None = None, tra
                 period: float = ROW) -> dict[str, float]:
     """Largest error of each metric of a row, under the metric's own key and in its unit; those that are None have none.
 
-    row: of metrics.shift_metrics. instruments: torque, speed and each clutch's pressure; those of tab. 7.1 by default, as
-    the transmission is the laboratory's. These are bounds, no standard deviations: all errors are taken at their largest
+    row: of metrics.shift_metrics. instruments: torque, speed and each clutch's pressure; those of the default rig by default, as
+    the transmission. These are bounds, no standard deviations: all errors are taken at their largest
     and added (first order); where several clutches are let go the largest counts.
 
-    * n_wej, M_wyj, lowest speed: the instrument's own. k: both speeds, relative errors added. Peak: the torque meter's,
+    * Input speed, output torque, lowest speed: the instrument's own. k: both speeds, relative errors added. Peak: the torque meter's,
       and what a mean over 2 ms, or a slower logger's sample, takes off a torque that rises to it in 45 ms and then
       breaks down (it only reads low).
     * Times: one sample period, half the filter (1 ms), and at each end the instrument's error by the slope of what
@@ -86,7 +83,7 @@ def uncertainty(row: dict, instruments: dict[str, Instrument] | None = None, tra
     * Energies: torques by w t, speeds by M t and J w at both ends, and the times' errors by the power they cut off; the
       torque over the shift is taken as its peak, the output speed as its lowest.
     """
-    use = INSTRUMENTS if instruments is None else instruments
+    use = instruments_of(None) if instruments is None else instruments
     box = transmission or transmission_of()
     torque, speed = use["torque"].error, use["speed"].error
     found = {"n_wej_rpm": speed * RPM, "m_wyj_nm": torque, "n_wyj_min_rpm": speed * RPM}
@@ -152,7 +149,7 @@ def engagement_uncertainty(row: dict, instruments: dict[str, Instrument] | None 
     meter's error (to 10 Nm in the 20 ms after contact, at the least). Times: a sample and half a filter at each end;
     the engagement also the transducer's error by the fill's slope, and both encoders' resolution by the slip's rate.
     """
-    use = INSTRUMENTS if instruments is None else instruments
+    use = instruments_of(None) if instruments is None else instruments
     box = transmission or transmission_of()
     torque, speed = use["torque"].error, use["speed"].error
     pressure = max(use[clutch.pressure].error for clutch in box.engaged(row["gear"]))
@@ -173,7 +170,7 @@ def engagement_uncertainty(row: dict, instruments: dict[str, Instrument] | None 
 
 def coast_down_uncertainty(result: dict, instruments: dict[str, Instrument] | None = None) -> dict[str, float]:
     """Largest errors of coast_down.coast_down: torque; tangent, by two encoder steps over its first second; inertia."""
-    use = INSTRUMENTS if instruments is None else instruments
+    use = instruments_of(None) if instruments is None else instruments
     torque, tangent = result["coast_down_m_wej_nm"], result["coast_down_tangent_s"]
     slope = -result["coefficients"][-2]
     found = {"coast_down_m_wej_nm": use["torque"].error,

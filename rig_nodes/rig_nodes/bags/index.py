@@ -14,8 +14,10 @@ from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
+from ..catalogue import Catalogue
 from ..errors import BagError
 from . import limits
 from .mcap_file import (CHANNEL, CHUNK, CHUNK_INDEX, DATA_END, FOOTER, FOOTER_BODY, HEADER, MAGIC, MESSAGE,
@@ -81,6 +83,11 @@ class BagIndex:
         """Encoding of a topic as ``message/definition``, its definition, and the metadata of its channel."""
         stream = self._streams[topic]
         return stream.encoding, stream.text, stream.metadata
+
+    @cached_property
+    def catalogue(self) -> Catalogue:
+        """Topics and signals of the rig that the bag is of, as Bag.catalogue."""
+        return self.bag([topic for topic, ros_type in self.types.items() if ros_type == "rig_msgs/msg/RunInfo"]).catalogue
 
     def timeline(self, topics: Collection[str], begin: int = 0, end: int = limits.LAST + 1
                  ) -> Iterator[tuple[int, tuple[str, bytes]]]:

@@ -21,6 +21,7 @@ FIELDS, DEPTH = 2_000, 32  # of a message with all that it contains, each of an 
 LISTS = MIB  # bytes of a message that holds sequences of messages or texts; others are only held to a chunk
 JSON, JSON_DEPTH = 8 * MIB, 32  # bytes; lists and objects within each other
 YAML = MIB // 2  # bytes of metadata.yaml, 20 of ours
+LISTED = 500  # bodies, devices and the like of a rig, of each
 PROFILES = 20_000  # characters of the quality of service of a topic: 50 publishers
 
 

@@ -18,22 +18,25 @@ from functools import cached_property
 from itertools import repeat
 from operator import itemgetter
 from pathlib import Path
-from typing import Iterator
+from typing import Iterator, Mapping
 
 import numpy as np
 
-from ..catalogue import catalogue
+from ..catalogue import Catalogue, Signal, catalogue
 from ..config import load_yaml
 from ..errors import BagError, RigError
+from ..transmission import Transmission, transmission_of
 from . import limits
 from .cdr import decode_as, exact, frameless
 from .definitions import Definition, parse
 from .mcap_file import Contents, Stream, by_topic, read_mcap, read_pieces
 from .old_form import topic_of_today
+from .rig_record import rig_record
 
 _HEAD = np.dtype({"names": ["sec", "nanosec", "seq"], "formats": ["<i4", "<u4", "<u8"], "offsets": [4, 8, 20],
                   "itemsize": 28})
 _STAMP = np.dtype({"names": ["sec", "nanosec"], "formats": ["<i4", "<u4"], "offsets": [4, 8], "itemsize": 12})
+UNREADABLE = (RigError, KeyError, TypeError, ValueError, AttributeError, IndexError)  # what a record that is none may raise
 NOTHING = "nothing was recorded: the run was stopped before its time began"
 OWN = "rig_nodes "  # how the name of the program begins that wrote a bag of ours
 ENCODING = "cdr/ros2msg"
@@ -166,9 +169,42 @@ class Bag:
         times = self._times(stream) * 1e-9
         return times, [np.ascontiguousarray(self._field(stream, name), float) for name in names]
 
-    def has_field(self, signal_name: str) -> bool:
-        """The bag's messages have the field of a signal of the catalogue, whether it holds any or not."""
-        signal = catalogue().signal(signal_name)
+    @cached_property
+    def record(self) -> Mapping:
+        """What the rig was made of and its values (RigConfig.as_dict), in today's form: as the bag says, else those of the
+        installed rig that its topics are most like. BagError for a record that is none.
+        """
+        try:
+            said = info.get("configuration", info) if (info := self.run_info()) else None
+        except BagError:  # who asks for the run's description hears of it
+            said = None
+        try:
+            return rig_record(said, self.types)
+        except UNREADABLE as error:
+            raise self._no_rig(error) from None
+
+    @cached_property
+    def catalogue(self) -> Catalogue:
+        """Topics and signals of the rig that the bag is of; BagError where its record is none."""
+        try:
+            return catalogue(self.record)
+        except UNREADABLE as error:
+            raise self._no_rig(error) from None
+
+    @cached_property
+    def transmission(self) -> Transmission:
+        """Gears, clutches and shafts of the rig that the bag is of; BagError where its record is none of a rig with gears."""
+        try:
+            return transmission_of(self.record)
+        except UNREADABLE as error:
+            raise self._no_rig(error) from None
+
+    def _no_rig(self, error: Exception) -> BagError:
+        return BagError(f"{self.path}: what it says of its rig cannot be used ({type(error).__name__}: {error}); expected what "
+                        "`rig run` and `rig simulate` put into a bag")
+
+    def has_field(self, signal: Signal) -> bool:
+        """The bag's messages have the field of a signal, whether it holds any or not."""
         stream = self._streams.get(signal.topic)
         try:
             return stream is not None and _FIELD.fullmatch(signal.field)[1] in dict(self._definition(stream).tree.fields)
@@ -182,16 +218,16 @@ class Bag:
         except BagError:
             return []
 
-    def series(self, signal_name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Time [s] and value [SI] of a signal of the catalogue, both 1-D float64.
+    def series(self, signal: str | Signal) -> tuple[np.ndarray, np.ndarray]:
+        """Time [s] and value [SI] of a signal, by its name in the catalogue of the bag's rig; both 1-D float64.
 
         Raises RigError for an unknown signal, BagError when the bag does not hold its topic or field.
         """
-        signal = catalogue().signal(signal_name)
+        signal = self.catalogue.signal(signal) if isinstance(signal, str) else signal
         stream = self._stream(signal.topic)
         name, index = _FIELD.fullmatch(signal.field).groups()
         if name not in dict(self._definition(stream).tree.fields):
-            raise BagError(f"{self.path}: {signal.topic} has no field '{name}' for signal {signal_name}; "
+            raise BagError(f"{self.path}: {signal.topic} has no field '{name}' for signal {signal.name}; "
                            f"the bag is of another version of {stream.ros_type}")
         values = self._field(stream, name)
         if index is not None:
@@ -204,7 +240,7 @@ class Bag:
         fill: put NaN where rows are missing. Raises BagError for missing rows otherwise, and when blocks and
         channel list do not fit each other.
         """
-        if topic not in self._streams and topic in catalogue().controller_topics:
+        if topic not in self._streams and topic in self.catalogue.controller_topics:
             raise BagError(f"{self.path}: has no topic {topic}; the run's controller names no signals of its own")
         self._stream(topic)
         names = self._channel_names(topic)
@@ -262,7 +298,7 @@ class Bag:
         """
         if self._own:
             return 0.0
-        known = catalogue().all_topics
+        known = self.catalogue.all_topics
         firsts = {topic: _stamps(self._heads(stream)).min() for topic, stream in self._streams.items()
                   if stream.times and self._counted(stream)}
         # what users send may have no stamp, and what is latched has the run's first

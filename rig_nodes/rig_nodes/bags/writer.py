@@ -9,12 +9,13 @@ Used by the headless run and the recorder; the same calls give the same bytes.
 from __future__ import annotations
 
 import struct
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from .. import __version__
-from ..catalogue import catalogue
+from ..catalogue import Topic, installed_topics
 from ..errors import RigError, not_written
 from ..whole_file import write_whole
 from . import metadata
@@ -56,11 +57,15 @@ class BagWriter:
     written per topic. Not thread-safe.
     """
 
-    def __init__(self, folder: str | Path, name: str, piece: int = 0):
-        """Create the file, and the folder if need be; RigError when it is there already or cannot be made."""
+    def __init__(self, folder: str | Path, name: str, piece: int = 0, topics: Mapping[str, Topic] | None = None):
+        """Create the file, and the folder if need be; RigError when it is there already or cannot be made.
+
+        topics: those of the run's rig (Catalogue.all_topics); those of the installed rigs where nobody knows whose run it is.
+        """
         self.folder = Path(folder)
         self.path = self.folder / f"{name}_{piece}.mcap"
         self.counts: dict[str, int] = {}
+        self._known = installed_topics() if topics is None else topics
         self._topics: dict[str, _Topic] = {}
         self._schemas: dict[str, int] = {}
         self._interval: int | None = None
@@ -172,7 +177,7 @@ class BagWriter:
 
     def _add_topic(self, topic: str, ros_type: str, qos: str) -> _Topic:
         definition = installed(ros_type)
-        entry = catalogue().all_topics.get(topic)
+        entry = self._known.get(topic)
         qos = entry.qos if entry else qos
         if ros_type not in self._schemas:
             text = definition.text.encode()

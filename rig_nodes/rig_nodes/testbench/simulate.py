@@ -164,7 +164,7 @@ def simulate(config: RigConfig, sequence: Sequence, folder: Path, seed: int = 1,
         for topic, stamp, data in outputs.due():
             bag.write(topic, types[topic], data, stamp)
 
-    with BagWriter(folder, sequence.name) as bag:
+    with BagWriter(folder, sequence.name, topics=config.catalogue.all_topics) as bag:
         try:
             done = False
             while not done and rig.status != RigStatus.TRIPPED:
