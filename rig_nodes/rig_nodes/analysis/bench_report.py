@@ -8,9 +8,13 @@ Used by analysis.report; the evaluations are analysis.slip_tests.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
+from ..description.structure import Device, Structure, structure_of
 from ..errors import RigError
+from ..parts import part as parts
 from ..plant.friction.geometry import PackGeometry
 from .logged import Logged
 from .slip_tests import LEAST_TESTS, cylinder_line, slip_line, slip_tests, spring_line
@@ -18,21 +22,27 @@ from .slip_tests import LEAST_TESTS, cylinder_line, slip_line, slip_tests, sprin
 TRAVELS = np.arange(0.5e-3, 4.01e-3, 0.5e-3)  # m, of the springs' line
 
 
-def bench_report(bag, configuration: dict, problems: list[str]) -> dict:
+def bench_report(bag, record: Mapping, problems: list[str]) -> dict:
     """``slip_tests`` (rows) and ``line`` of a clutch bench; ``cylinder`` or ``springs``, rows of a force bench.
 
-    configuration: the run's; what the recording does not give becomes a sentence in ``problems``.
+    record: of the run's rig; what the recording does not give becomes a sentence in ``problems``.
     """
+    structure = structure_of(record["structure"])
+    press = next(iter(structure.of_role(parts.PRESS)), None)
+    clutch = next((one for one in structure.clutches if press is not None and one.wires.get("press") == press.name), None)
+    if clutch is None:
+        problems.append("no results: there are no gears to shift, and no clutch that is pressed to slip")
+        return {}
     try:
         logger = bag.logger(fill=True)
-        logged = Logged(logger.t0, logger.period, logger.channels)
-        if configuration["cylinder"]["testing_machine"]:
+        logged = Logged(logger.t0, logger.period, _as_chapter_8(structure, press, clutch, logger.channels))
+        if record[press.name]["testing_machine"]:
             travels = TRAVELS[TRAVELS <= np.max(logged.channels["s"]) + 30e-6]
             forces = spring_line(logged, travels) if len(travels) else []
             return {"springs": [{"s_m": float(s), "f_s_n": float(f)} for s, f in zip(travels, forces)]}
-        if configuration["instruments"]["force_fitted"]:
+        if record["instruments"]["force_fitted"]:
             return {"cylinder": [{"p_z_pa": float(p), "f_p_n": float(f)} for p, f in zip(*cylinder_line(logged))]}
-        plates = configuration["plate_pack"]
+        plates = record[clutch.wires["plates"]]
         pack = PackGeometry(**{name: plates[name] for name in PackGeometry.__dataclass_fields__})
         tests = slip_tests(logged, pack)
         line = None
@@ -42,6 +52,14 @@ def bench_report(bag, configuration: dict, problems: list[str]) -> dict:
     except RigError as error:
         problems.append(f"no results of the bench: {error}")
         return {}
+
+
+def _as_chapter_8(structure: Structure, press: Device, clutch: Device, channels: Mapping) -> dict:
+    """The channels under the names that chapter 8, and with it slip_tests, has for what they show."""
+    shows = {f"{press.name}.pressure": "p_z", f"{press.name}.travel": "s", f"{press.name}.force": "F_ps",
+             f"{clutch.wires['brakes']}.speed": "n"}
+    own = {one.name: shows.get(one.shows, "M_e" if one.type == "torque" else one.name) for one in structure.transducers}
+    return {own.get(name, name): values for name, values in channels.items()}
 
 
 def bench_lines(found: dict) -> list[str]:

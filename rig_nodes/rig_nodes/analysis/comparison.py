@@ -39,8 +39,8 @@ def truth_lines(names: list[str], rows: list[dict], truths: list[dict | None], b
             lines.append(f"  {name}: the engaging clutch never locked, or the states do not cover it")
             continue
         pairs = [f"order to lock-up {truth['t_lock_s'] * 1e3:.0f} ms ({_cell(row['t_c_s'], 1e3, 0)})",
-                 f"M_wej max {truth['m_wej_max_nm']:.1f} Nm ({_cell(row['m_wej_max_nm'], 1.0, 1)})",
-                 f"n_wyj min {truth['n_wyj_min_rpm']:.0f} rpm ({_cell(row['n_wyj_min_rpm'], 1.0, 0)})"]
+                 f"{box.input.torque} max {truth['m_wej_max_nm']:.1f} Nm ({_cell(row['m_wej_max_nm'], 1.0, 1)})",
+                 f"{box.output.speed} min {truth['n_wyj_min_rpm']:.0f} rpm ({_cell(row['n_wyj_min_rpm'], 1.0, 0)})"]
         if truth["k"] is not None:
             pairs.append(f"k {truth['k']:.3f} ({_cell(row['k'], 1.0, 3)})")
         clutches = [f"{clutch.name}: heat {truth[f'{clutch.heat}_j']:.0f} J, "

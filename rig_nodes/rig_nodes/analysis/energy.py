@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..description.structure import Structure
 from ..errors import RigError
+from ..parts import part as parts
 from ..transmission import Transmission, transmission_of
 
 Series = tuple[np.ndarray, np.ndarray]
@@ -26,14 +28,16 @@ def signs(box: Transmission) -> dict[str, float]:
 
 def needed(box: Transmission) -> tuple[str, ...]:
     """The energies without which there is no balance."""
-    return ("motor_work", "load_work", *(clutch.heat for clutch in box.clutches), "stored_kinetic")
+    return ("motor_work", *(clutch.heat for clutch in box.clutches), "stored_kinetic")
 
 
-def fields(box: Transmission) -> dict[str, dict[str, str]]:
+def fields(structure: Structure, box: Transmission) -> dict[str, dict[str, str]]:
     """Topic -> name of the energy (or speed) -> field of its message."""
-    return {"/motor/state": {"motor_work": "work"}, "/load_pump/state": {"load_work": "work"},
-            **{clutch.state: {clutch.heat: "heat"} for clutch in box.clutches},
-            "/gearbox/state": {"heat_losses": "heat", "w_wej": "w_wej", "w_wyj": "w_wyj"}}
+    works = {f"/{device.name}/state": {name: shown.field}
+             for role, name in ((parts.LOAD, "load_work"), (parts.SOURCE, "motor_work")) for device in structure.of_role(role)[:1]
+             for shown in parts.part(device.part).shows if shown.of == "energy"}  # each tells that of all of its role
+    return {**works, **{clutch.state: {clutch.heat: "heat"} for clutch in box.clutches},
+            "/gearbox/state": {"heat_losses": "heat", "w_in": "w_wej", "w_out": "w_wyj"}}
 
 
 def balance(energies: dict[str, Series], t_start: float, t_end: float,
@@ -83,16 +87,38 @@ def clutch_heat(account: dict[str, float | None], box: Transmission) -> float:
 def energies_of(bag, transmission: Transmission | None = None) -> dict[str, Series]:
     """The energies of :func:`balance` out of a bag's state topics (200 Hz).
 
-    Kinetic energy is that of the two shafts with everything that turns with them. Topics without messages are
-    left out, so that balance() can name them.
+    Kinetic energy is that of the two shafts with everything that turns with them; where something turns by itself, as in a
+    planetary set, it is what the rig's own account leaves. Topics without messages are left out, so that balance() can name
+    them. transmission: that of the bag's rig by default.
     """
-    box, energies = transmission or transmission_of(), {}
-    for topic, names in fields(box).items():
+    box, structure, energies = transmission or bag.transmission, bag.structure, {}
+    for topic, names in fields(structure, box).items():
         t, columns = bag.fields(topic, list(names.values()))
         if len(t):
             energies.update((name, (t, column)) for name, column in zip(names, columns))
-    if "w_wej" in energies:
-        t, w_wej = energies.pop("w_wej")
-        _, w_wyj = energies.pop("w_wyj")
-        energies["stored_kinetic"] = (t, box.inertias.kinetic(w_wej, w_wyj))
+    if "w_in" in energies:
+        t, w_in = energies.pop("w_in")
+        _, w_out = energies.pop("w_out")
+        if all_turn_with(structure):
+            energies["stored_kinetic"] = (t, box.inertias.kinetic(w_in, w_out))
+        else:
+            energies["stored_kinetic"] = _left(bag, energies, box)
     return energies
+
+
+def all_turn_with(structure: Structure) -> bool:
+    """Wheels tie everything that has inertia to the input or the output shaft."""
+    known = {end.body for end in (structure.input, structure.output)}
+    while more := {body for mesh in structure.meshes for body in mesh.bodies if known & set(mesh.bodies)} - known:
+        known |= more
+    return not structure.shafts and set(structure.bodies) - set(structure.massless) <= known
+
+
+def _left(bag, energies: dict[str, Series], box: Transmission) -> Series:
+    """What is stored by the rig's own account, which holds every body: works less heats and its residual."""
+    t, (residual,) = bag.fields("/rig/state", ["energy_residual"])
+    stored = -residual
+    for name, sign in signs(box).items():
+        if name in energies:
+            stored = stored + sign * np.interp(t, *energies[name])
+    return t, stored

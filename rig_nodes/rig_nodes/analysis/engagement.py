@@ -17,13 +17,14 @@ from ..transmission import Clutch, Transmission
 from .edges import first_true, mean_ahead, odd_width, quantum, ramp_start, running_mean, white_noise
 from .hum import QUIET, without_hum
 from .metrics import BEFORE, HOLD, TORQUE_SPEED_MEAN, Recording, smoothed
-from .uncertainty import INSTRUMENTS, TORQUE_CLEAR
+from .uncertainty import TORQUE_CLEAR, Instrument, instruments_of
 
 LONGEST = 3.0  # s after the order in which an engagement is looked for
 SLIP = 0.01e-2  # thesis 7.3.2
 SLIP_INSTRUMENT_LIMIT = 0.5e-2  # what the encoders may add: half a step of each is 0.24 % at 500 rpm
 CLOSED_AFTER, CLOSED_FOR = 0.2, 0.3  # s: the closed clutch, after the lock-up has rung out
-TORQUE_ERROR = INSTRUMENTS["torque"].error
+TORQUE_ERROR = 1.01  # Nm, the largest of the torque meter of tab. 7.1
+PRESSURE_ERROR = 0.1e6  # Pa, likewise of the larger transducer of pressure; where nobody says what is fitted
 CONTACT = 20e-3  # s just before and just after contact whose growths of pressure are compared
 SHAPE_MEAN = 5e-3  # s: whole periods of a PWM of 200 Hz and more, and of a 2 ms hum to half a period
 GRID = 1e-3  # s between the values in which level stretches are looked for
@@ -48,17 +49,17 @@ KEYS = ("gear", "t_order_s", "n_wej_before", "p_rest", "p_end", "rise_start_s", 
 
 
 def engagement_metrics(recording: Recording, order: tuple[float, int, int],
-                       next_order_time: float | None = None) -> dict:
+                       next_order_time: float | None = None, instruments: dict[str, Instrument] | None = None) -> dict:
     """The engagement of one clutch by one order from neutral, under :data:`KEYS`; never raises for a bad one.
 
     recording: of a logger; order: (time [s], 0, gear), as in Recording.orders; next_order_time: where the engagement
-    ends at the latest, 3 s after the order by default. Values are SI (rad/s, Pa, Nm); times count from the order.
-    What cannot be found is None, with its reason in ``why``.
+    ends at the latest, 3 s after the order by default; instruments: of the rig, by signal, of the default one by default.
+    Values are SI (rad/s, Pa, Nm); times count from the order. What cannot be found is None, with its reason in ``why``.
 
     engagement_s: from the first rise of the clutch's pressure to slip (6.85) below 0.01 % (7.3.2), to which is added
-    what the encoders show for the closed clutch (docs/analysis.md). engagement_peak_nm: highest M_wej (mean over 2 ms)
-    in that time. m_wej_mean_nm: 0.2 to 0.5 s after it, or as far as there is. p_kiss: pressure where M_wyj (M_wej
-    where M_wyj does not grow) begins to rise clearly. fill: from the first rise to contact or to the hold phase,
+    what the encoders show for the closed clutch (docs/analysis.md). engagement_peak_nm: highest input torque (mean over 2 ms)
+    in that time. m_wej_mean_nm: 0.2 to 0.5 s after it, or as far as there is. p_kiss: pressure where the output torque (the
+    input's where that does not grow) begins to rise clearly. fill: from the first rise to contact or to the hold phase,
     whichever is first; fill_r2 of the straight line through it. growth_fill, growth_contact: growth of pressure [Pa]
     in the 20 ms before and after contact. hold: "hold" or "no hold"; hold_s is 0 without one. level_s: length of the
     longest level stretch, also where it is too short for a hold: what repeats should be averaged over. pressure_rise:
@@ -67,7 +68,7 @@ def engagement_metrics(recording: Recording, order: tuple[float, int, int],
     """
     row = dict.fromkeys(KEYS)
     row.update(gear=int(order[2]), t_order_s=float(order[0]), valid=False, why=[])
-    engagement = _Engagement.cut(recording, order, next_order_time, row["why"])
+    engagement = _Engagement.cut(recording, order, next_order_time, row["why"], instruments or instruments_of(None))
     if engagement is not None:
         engagement.fill_row(row)
     row["valid"] = not row["why"]
@@ -107,9 +108,10 @@ class _Engagement:
     raw: dict[str, np.ndarray]
     smooth: dict[str, np.ndarray]
     why: list[str]
+    pressure_error: float  # Pa, largest of the clutch's transducer
 
     @classmethod
-    def cut(cls, recording, order, next_order_time, why):
+    def cut(cls, recording, order, next_order_time, why, instruments):
         """The samples around the order, or None with the reason in ``why``."""
         t_order, from_gear, gear = order
         box = recording.transmission
@@ -140,7 +142,8 @@ class _Engagement:
             t = recording.period * np.arange(last - first)
             raw[pressure] = without_hum(t, raw[pressure], at - first)[0]
         smooth = smoothed(box, raw, recording.period)
-        return cls(box, engaging[0], int(gear), recording.period, at - first, raw, smooth, why)
+        error = instruments[pressure].error if pressure in instruments else 0.0
+        return cls(box, engaging[0], int(gear), recording.period, at - first, raw, smooth, why, error or PRESSURE_ERROR)
 
     def samples(self, seconds: float) -> int:
         return max(1, int(round(seconds / self.period)))
@@ -264,7 +267,7 @@ class _Engagement:
         limit = LEVEL_SLOPE * size / max((reached - start) * self.period, GRID)
         swing = max(LEVEL_SWING * size, self.quiet_swing(p))
         grid = p[start : reached + 1 : step]
-        above = INSTRUMENTS[self.clutch.pressure].error
+        above = self.pressure_error
         middle = (grid > rest + above) & (grid < rest + LEVEL_BELOW * size)
         found = _longest_level(grid, middle, swing, limit * step * self.period)
         if found is None:

@@ -3,18 +3,19 @@
 
 """A logger's CSV as a Recording, so that real measurements are analysed by the same code as the rig's.
 
-Used by `rig report FILE.csv`. Columns carry their unit in the header, as "M_wej [Nm]"; names are the catalogue's.
+Used by `rig report FILE.csv`. Columns carry their unit in the header, as "torque [Nm]"; names are the catalogue's.
 """
 
 from __future__ import annotations
 
 import io
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
-from ..catalogue import catalogue
+from ..catalogue import Signal, catalogue
 from ..config.units import UNITS
 from ..errors import RigError
 from ..transmission import Transmission, transmission_of
@@ -30,26 +31,26 @@ _ORDER = re.compile(r"\s*([0-9]*\.?[0-9]+)\s*(?:s\s*)?:\s*(\w+)\s*-+>?\s*(\w+)\s
 
 
 def read_logger_csv(path: str | Path, period: float | None = None, orders: list[tuple[float, int, int]] | None = None,
-                    transmission: Transmission | None = None) -> Recording:
+                    transmission: Transmission | None = None, signals: Mapping[str, Signal] | None = None) -> Recording:
     """Read a logger's CSV.
 
     Separator ";", tab or ","; decimal point, or with the first two also a comma; lines that begin with # before the
-    header are passed over. A column is named as in the signal catalogue and has its unit in brackets (any unit of
+    header are passed over. A column is named as in the rig's signals (by default the default rig's) and has its unit in brackets (any unit of
     config.units of that quantity, rpm also as 1/min); those of the transmission (by default the
-    laboratory's: M_wej, n_wej, M_wyj, n_wyj, p1, p2) must be there, pressures gauge; columns that the catalogue does not
+    default rig's) must be there, pressures gauge; columns that the catalogue does not
     know are passed over. Times from a column "t [s]" (time, czas), which must grow in equal steps, or from ``period``
     [s]. Orders from a column gear_ordered [-] (numbers of gears; each change is one, from the gear before) or from ``orders``, as Recording has them, which win. Raises RigError in one sentence.
     """
     path, box = Path(path), transmission or transmission_of()
     header, lines, number, separator = _lines(path)
-    names, factors = _columns(path, header)
+    names, factors = _columns(path, header, catalogue().signals if signals is None else signals)
     table = _table(path, lines, number, separator, len(header))
     # a heading that was passed over has the name ""
     columns = {name: table[:, i] * factors[i] for i, name in enumerate(names) if name}
     missing = [name for name in box.channels if name not in columns]
     if missing:
         raise RigError(f"{path}: has no column {', '.join(missing)}; the analysis needs {', '.join(box.channels)}, each "
-                       "with its unit, e.g. 'M_wej [Nm]'")
+                       f"with its unit, e.g. '{box.input.torque} [Nm]'")
     t0, period = _time(path, columns.pop("t", None), period, number)
     ordered = columns.pop("gear_ordered", None)
     if orders is None:
@@ -97,7 +98,7 @@ def _lines(path: Path) -> tuple[list[str], list[str], int, str]:
     lines = text.splitlines()
     at = next((i for i, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")), None)
     if at is None:
-        raise RigError(f"{path}: holds no header; the first line names the columns, e.g. 'M_wej [Nm]; n_wej [rpm]'")
+        raise RigError(f"{path}: holds no header; the first line names the columns, with its unit, e.g. 't [s]; torque [Nm]'")
     separator = next((s for s in (";", "\t", ",") if s in lines[at]), None)
     if separator is None:
         raise RigError(f"{path}: line {at + 1} has no ';', tab or ',' between column names: '{lines[at][:60]}'")
@@ -112,9 +113,8 @@ def _lines(path: Path) -> tuple[list[str], list[str], int, str]:
     return fields, below, at + 2, separator
 
 
-def _columns(path: Path, header: list[str]) -> tuple[list[str], list[float]]:
+def _columns(path: Path, header: list[str], signals: Mapping[str, Signal]) -> tuple[list[str], list[float]]:
     """Name in the catalogue ("" for a column that is passed over) and factor to SI of every column."""
-    signals = catalogue().signals
     names, factors = [], []
     for heading in header:
         match = _HEADING.match(heading)

@@ -33,7 +33,7 @@ def measured(recording: Recording, instruments: dict[str, Instrument], bag=None)
     responses = [] if bag is None else [
         _response(bag, recording, order) for order in recording.orders
         if order[2] in recording.transmission.ratios and stands(recording, order[0])]
-    engagements = [engagement_metrics(recording, order, end) for order, end in orders_of(recording) if order[1] == 0]
+    engagements = [engagement_metrics(recording, order, end, instruments) for order, end in orders_of(recording) if order[1] == 0]
     for row in engagements:
         row["errors"] = engagement_uncertainty(row, instruments, recording.transmission) if row["n_wej_before"] else {}
     return {"valve_responses": responses, "engagements": engagements,
@@ -53,7 +53,7 @@ def measured_lines(found: dict, box: Transmission) -> list[str]:
     for row in found["engagements"]:
         parts = [f"{text} {row[key] * factor:.{digits}f}{_error(row, key, factor, digits)} {unit}"
                  for text, key, factor, digits, unit in (
-                     ("engaged in", "engagement_s", 1e3, 0, "ms"), ("peak M_wej", "engagement_peak_nm", 1.0, 1, "Nm"),
+                     ("engaged in", "engagement_s", 1e3, 0, "ms"), (f"peak {box.input.torque}", "engagement_peak_nm", 1.0, 1, "Nm"),
                      ("kiss pressure", "p_kiss", 1e-6, 2, "MPa"), ("hold phase", "hold_s", 1e3, 0, "ms"))
                  if row[key] is not None]
         clutches = " and ".join(clutch.name for clutch in box.engaged(row["gear"]))
@@ -64,7 +64,7 @@ def measured_lines(found: dict, box: Transmission) -> list[str]:
     elif row is not None:
         lines.append(f"coast-down from {row['w_start'] * RPM:.0f} rpm: inertia of the driving side {row['inertia']:.3f}"
                      f"{_error(row, 'inertia', 1.0, 3)} kg m2 ({row['inertia_half']:.3f} from the upper half of the speed), "
-                     f"M_wej {row['coast_down_m_wej_nm']:.2f}{_error(row, 'coast_down_m_wej_nm', 1.0, 2)} Nm before, tangent "
+                     f"{box.input.torque} {row['coast_down_m_wej_nm']:.2f}{_error(row, 'coast_down_m_wej_nm', 1.0, 2)} Nm before, tangent "
                      f"time {row['coast_down_tangent_s']:.3f}{_error(row, 'coast_down_tangent_s', 1.0, 3)} s")
     return lines
 

@@ -11,12 +11,14 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from ..bags import limits
-from ..bags.reader import NOTHING
+from ..bags.reader import NOTHING, UNREADABLE
+from ..bags.rig_record import rig_record
 from ..errors import RigError, printable
 from ..transmission import NEUTRAL, Transmission, transmission_of
 from ..whole_file import write_whole
@@ -30,15 +32,17 @@ from .uncertainty import Instrument, instruments_of, uncertainty
 
 REPORT_FILE = "report.json"
 RUN_KEYS = ("configuration", "seed", "versions", "lost", "ticks", "overruns", "lateness_ms", "end")
-CLUTCH_BENCH = "clutch_bench"  # kind in the configuration of its runs
 ORDERS_TOPIC, ORDER_EVENT = "/controller/events", "shift_ordered"
 
-# column of the terminal table: heading, key of a shift, factor to the people's unit, digits
-COLUMNS = (("n_wej rpm", "n_wej_rpm", 1.0, 0), ("M_wyj Nm", "m_wyj_nm", 1.0, 1), ("t_d ms", "t_dt_s", 1e3, 0),
-           ("t_p ms", "t_p_s", 1e3, 0), ("t_c ms", "t_c_s", 1e3, 0), ("t_o ms", "t_o_s", 1e3, 0),
-           ("M_wej max Nm", "m_wej_max_nm", 1.0, 1), ("n_wyj min rpm", "n_wyj_min_rpm", 1.0, 0),
-           ("k", "k", 1.0, 3), ("E_loss J", "e_loss_j", 1.0, 0), ("settled J", "e_loss_settled_j", 1.0, 0),
-           ("overlap ms", "overlap_s", 1e3, 0))
+
+def columns_of(box: Transmission) -> tuple[tuple[str, str, float, int], ...]:
+    """Columns of the tables of shifts: heading, key of a shift, factor to the people's unit, digits."""
+    into, out = box.input, box.output
+    return ((f"{into.speed} rpm", "n_wej_rpm", 1.0, 0), (f"{out.torque} Nm", "m_wyj_nm", 1.0, 1), ("t_d ms", "t_dt_s", 1e3, 0),
+            ("t_p ms", "t_p_s", 1e3, 0), ("t_c ms", "t_c_s", 1e3, 0), ("t_o ms", "t_o_s", 1e3, 0),
+            (f"{into.torque} max Nm", "m_wej_max_nm", 1.0, 1), (f"{out.speed} min rpm", "n_wyj_min_rpm", 1.0, 0),
+            ("k", "k", 1.0, 3), ("E_loss J", "e_loss_j", 1.0, 0), ("settled J", "e_loss_settled_j", 1.0, 0),
+            ("overlap ms", "overlap_s", 1e3, 0))
 
 
 def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = False) -> dict:
@@ -53,7 +57,7 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
     annex_a: the factor of Annex A's torque band; adds ``"annex_a": {"factor": ..., "shifts": [...]}``. truth: adds ``"truth"``, for each shift what the
     plant's states say, None where the bag does not hold them.
 
-    A run of the clutch bench has no shifts; its results stand under ``"bench"`` (analysis.bench_report).
+    A run of a rig without gears has no shifts; its results stand under ``"bench"`` (analysis.bench_report).
 
     The energy of a shift is taken from its order until its torque has settled, None where that was not found. A
     bag that is too damaged or too short for a part leaves that part empty (or a shift's energy None) and its
@@ -63,24 +67,26 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
         return _assembled(_run_data(bag, run), [NOTHING], {"shifts": [], "uncertainty": []},
                           {"run": None, "shifts": []})
     problems: list[str] = []
-    if (run.get("configuration") or {}).get("kind") == CLUTCH_BENCH:
+    record = _record_of(bag, run)
+    if not record["structure"]["gears"]:
         from .bench_report import bench_report
 
-        found = bench_report(bag, run["configuration"], problems)
+        found = bench_report(bag, record, problems)
         return _assembled(_run_data(bag, run), problems, {"shifts": [], "uncertainty": []},
                           {"run": None, "shifts": []}) | {"bench": plain(found)}
     recording = None
+    if not run.get("configuration") and not info_of(bag).get("configuration"):
+        problems.append(f"the bag does not say of which rig it is; taken as '{record['name']}', which its topics are most like")
     try:
-        box, instruments = transmission_of(run.get("configuration")), instruments_of(run.get("configuration") or {})
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise RigError(f"the configuration of the run does not say its gearbox and instruments ({type(error).__name__}: {error}); "
-                       f"expected what `rig run` and `rig simulate` put into a bag") from None
+        box, instruments = transmission_of(record), instruments_of(record)
+    except UNREADABLE as error:
+        raise _no_rig(error) from None
     try:
         recording = recording_of(bag, box)
     except RigError as error:
         problems.append(f"no shift metrics: {error}")
     metrics = _metrics(recording, instruments, annex_a, problems, bag)
-    metrics["basis"] = basis_of(run.get("configuration"), box, instruments)
+    metrics["basis"] = basis_of(record, box, instruments)
     rows = metrics["shifts"]
     energy = {"run": None, "shifts": [None] * len(rows)}
     try:
@@ -94,6 +100,21 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
     if truth:
         metrics["truth"] = _truth(bag, rows, box)
     return _assembled(_run_data(bag, run), problems, metrics, energy)
+
+
+def _record_of(bag, run: dict) -> Mapping:
+    """What the rig of a run was made of, in today's form; RigError for a record that is none."""
+    try:
+        record = rig_record(run["configuration"], bag.types) if run.get("configuration") else bag.record
+        record["structure"]["gears"]
+    except UNREADABLE as error:
+        raise _no_rig(error) from None
+    return record
+
+
+def _no_rig(error: Exception) -> RigError:
+    return RigError(f"the configuration of the run does not say its rig and instruments ({type(error).__name__}: {error}); "
+                    f"expected what `rig run` and `rig simulate` put into a bag")
 
 
 def info_of(bag) -> dict:
@@ -118,19 +139,20 @@ def _run_data(bag, run: dict) -> dict:
     return data
 
 
-def report_of_recording(recording: Recording, annex_a: float | None = None, configuration: dict | None = None) -> dict:
+def report_of_recording(recording: Recording, annex_a: float | None = None, record: Mapping | None = None) -> dict:
     """The report of a recording that is no bag (a logger's CSV): as :func:`build_report`, without energy balance.
 
-    Instruments are those of ``configuration``, as a bag holds it, or the laboratory's, and the recording's transmission
+    Instruments are those of ``record``, as a bag holds it, or of the default rig, and the recording's transmission
     should be that of the same (transmission_of); ``run`` knows nothing. Raises RigError for a recording without an
     order.
     """
     if not recording.orders:
         raise RigError("the recording holds no order of a gear; give them with --orders, e.g. '3.845:I-II, 8.32:II-I'")
     problems: list[str] = []
-    instruments = instruments_of(configuration or {})
+    record = rig_record(record)
+    instruments = instruments_of(record)
     metrics = _metrics(recording, instruments, annex_a, problems)
-    metrics["basis"] = basis_of(configuration, recording.transmission, instruments)
+    metrics["basis"] = basis_of(record, recording.transmission, instruments)
     energy = {"run": None, "shifts": [None] * len(metrics["shifts"])}
     return _assembled(dict.fromkeys(RUN_KEYS), problems, metrics, energy)
 
@@ -152,11 +174,10 @@ def _metrics(recording: Recording | None, instruments: dict[str, Instrument], an
     return found
 
 
-def basis_of(configuration: dict | None, box: Transmission, instruments: dict[str, Instrument]) -> dict:
-    """With whose values a report was computed: ``rig`` (None: the thesis's values), SI."""
-    rig = (configuration or {}).get("name", "without a name") if (configuration or {}).get("gearbox") else None
-    pressures = [clutch.pressure for clutch in box.clutches]
-    return {"rig": rig, "inertia_driving": box.inertias.driving, "inertia_driven": box.inertias.driven,
+def basis_of(record: Mapping, box: Transmission, instruments: dict[str, Instrument]) -> dict:
+    """With whose values a report was computed, SI."""
+    pressures = [clutch.pressure for clutch in box.clutches if clutch.pressure]
+    return {"rig": record.get("name", "without a name"), "inertia_driving": box.inertias.driving, "inertia_driven": box.inertias.driven,
             "ratios": {box.names[gear]: ratio for gear, ratio in box.ratios.items()},
             "largest_errors": {name: instruments[name].error for name in ("torque", *pressures, "speed")}}
 
@@ -267,7 +288,7 @@ def format_report(report: dict) -> str:
     lines += measured_lines(report["measured"], box) if "measured" in report else []
     names = [f"{_gears(row, box)} at {row['t_order_s']:.2f} s" for row in rows]
     if "annex_a" in report:
-        lines += ["", *annex_lines(COLUMNS, names, rows, report["annex_a"])]
+        lines += ["", *annex_lines(columns_of(box), names, rows, report["annex_a"])]
     if "truth" in report:
         lines += ["", *truth_lines(names, rows, report["truth"], box)]
     return _shown(lines + [""] + _energy_lines(report, box) + _basis_lines(report) + _run_lines(report["run"]))
@@ -290,9 +311,9 @@ def no_shift(report: dict) -> str:
 def shown_transmission(report: dict) -> Transmission:
     """The transmission whose gears and clutches a report names."""
     try:
-        return transmission_of(report["run"].get("configuration"))
-    except (KeyError, TypeError, ValueError, AttributeError):
-        return transmission_of()  # the run's record is not what a rig says of itself; gears and clutches are the same
+        return transmission_of(rig_record(report["run"].get("configuration")))
+    except UNREADABLE:
+        return transmission_of()  # the run's record is not what a rig says of itself
 
 
 def _gears(row: dict, box: Transmission) -> str:
@@ -300,14 +321,15 @@ def _gears(row: dict, box: Transmission) -> str:
 
 
 def _shift_table(rows: list[dict], errors: list[dict], box: Transmission) -> list[str]:
-    table = [["shift"] + [heading for heading, *_ in COLUMNS] + ["valid"]]
+    columns = columns_of(box)
+    table = [["shift"] + [heading for heading, *_ in columns] + ["valid"]]
     for i, row in enumerate(rows):
         cells = ["-" if row[key] is None else f"{row[key] * factor:.{digits}f}"
-                 for _, key, factor, digits in COLUMNS]
+                 for _, key, factor, digits in columns]
         table.append([_gears(row, box)] + cells + ["yes" if row["valid"] else "NO"])
         if i < len(errors) and errors[i]:
             table.append(["  +-"] + [f"{errors[i][key] * factor:.{digits}f}" if key in errors[i] else ""
-                                     for _, key, factor, digits in COLUMNS] + [""])
+                                     for _, key, factor, digits in columns] + [""])
     widths = [max(len(line[i]) for line in table) for i in range(len(table[0]))]
     return ["  ".join(cell.ljust(width) if i == 0 else cell.rjust(width)
                       for i, (cell, width) in enumerate(zip(line, widths))) for line in table]
@@ -336,13 +358,11 @@ def _basis_lines(report: dict) -> list[str]:
     basis = report.get("basis")
     if basis is None or not (report["shifts"] or any(report.get("measured", {}).values())):
         return []  # nothing was computed with it
-    whose = "the thesis (tab. 7.1, 7.3.1)" if basis["rig"] is None else f"rig '{basis['rig']}'"
     errors = basis["largest_errors"]
     ratios = " and ".join(f"{ratio:.4f}" for ratio in basis["ratios"].values())
     pressures = " and ".join(f"{error / 1e6:.3g}" for name, error in errors.items() if name not in ("torque", "speed"))
     return [f"computed with inertias ({basis['inertia_driving']:g} and {basis['inertia_driven']:g} kg m2) and instrument errors "
-            f"({errors['torque']:.3g} Nm, {errors['speed'] * RPM:.2g} rpm, {pressures} MPa) of {whose}, ratios {ratios} "
-            "of tab. 3.1"]
+            f"({errors['torque']:.3g} Nm, {errors['speed'] * RPM:.2g} rpm, {pressures} MPa) of rig '{basis['rig']}', ratios {ratios}"]
 
 
 def _bounded(run: dict) -> bool:

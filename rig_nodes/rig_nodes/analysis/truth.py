@@ -27,7 +27,7 @@ States = dict[str, dict[str, np.ndarray]]
 def states_of(bag, transmission: Transmission | None = None) -> States | None:
     """Topic -> {t [s], fields} of a bag's state topics; None where it holds no plant's states (a real recording)."""
     found: States = {}
-    box = transmission or transmission_of()
+    box = transmission or bag.transmission
     for topic, names in {GEARBOX: SHAFTS, **{clutch.state: CLUTCH for clutch in box.clutches}}.items():
         rows = [(stamp * 1e-9, *(float(getattr(message, name)) for name in names))
                 for stamp, message in bag.messages(topic)]

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 from ..clocks import ROW
 from ..transmission import Transmission, transmission_of
@@ -46,9 +47,7 @@ def instruments_of(configuration: Mapping | None) -> dict[str, Instrument]:
     values (effects.transducers off).
     """
     if configuration is None:
-        from ..testbench.configuration import load_rig  # here, as all that reads a rig stands above this module
-
-        configuration = load_rig().as_dict()
+        return _default()
     pressures = [clutch.pressure for clutch in transmission_of(configuration).clutches if clutch.pressure]
     if not configuration["effects"]["transducers"]:
         return dict.fromkeys(("torque", *pressures, "speed"), Instrument(0.0, 0.0))
@@ -58,6 +57,13 @@ def instruments_of(configuration: Mapping | None) -> dict[str, Instrument]:
         like = likes.get(name, name)
         found[name] = Instrument(float(fitted[f"{like}_range"]), 100.0 * float(fitted[f"{like}_class"]), READABILITY.get(name, 0.0))
     return found | {"speed": Instrument(float(fitted["speed_range"]), 0.0, float(fitted["speed_step"]))}
+
+
+@lru_cache(maxsize=1)
+def _default() -> dict[str, Instrument]:
+    from ..testbench.configuration import load_rig  # here, as all that reads a rig stands above this module
+
+    return instruments_of(load_rig().as_dict())
 
 
 def temperature_error(t_oil: float) -> float:

@@ -24,6 +24,7 @@ import numpy as np
 
 from ..catalogue import Catalogue, Signal, catalogue
 from ..config import load_yaml
+from ..description.structure import Structure, structure_of
 from ..errors import BagError, RigError
 from ..transmission import Transmission, transmission_of
 from . import limits
@@ -180,6 +181,14 @@ class Bag:
             said = None
         try:
             return rig_record(said, self.types)
+        except UNREADABLE as error:
+            raise self._no_rig(error) from None
+
+    @cached_property
+    def structure(self) -> Structure:
+        """What the rig that the bag is of is made of; BagError where its record is none."""
+        try:
+            return structure_of(self.record["structure"])
         except UNREADABLE as error:
             raise self._no_rig(error) from None
 

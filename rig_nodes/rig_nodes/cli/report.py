@@ -19,13 +19,12 @@ from ..analysis.report import (
     REPORT_FILE, build_report, format_report, info_of, is_of, read_report, report_of_recording, write_report,
 )
 from ..bags.old_form import topic_of_today
-from ..catalogue import kind_of_topics
 from ..config import load_yaml
+from ..config.names import DEFAULT_RIG
 from ..config.units import quantity
 from ..errors import RigError
 from ..graph.result import end_of, facts_of, lost_messages, open_bag, run_part, what_was_lost
 from ..testbench.folders import parse_settings
-from ..transmission import transmission_of
 
 HELP = "print the shift metrics of a run and rewrite its report.json"
 METADATA = "metadata.yaml"
@@ -44,9 +43,9 @@ def add_arguments(parser) -> None:
                         help="for a CSV: when (s) which gear was ordered, e.g. '3.845:I-II, 8.32:II-I'")
     parser.add_argument("--period", metavar="TIME", help="for a CSV without times: between its rows, e.g. '0.1 ms'")
     parser.add_argument("--rig", metavar="NAME",
-                        help="for a CSV: rig or .yaml file with its inertias and instruments (default: the thesis's)")
+                        help="for a CSV: rig or .yaml file with its inertias and instruments (default: hydmag)")
     parser.add_argument("--set", action="append", metavar="KEY=VALUE", dest="settings",
-                        help='for a CSV: one value of that rig, e.g. gearbox.inertia_in="0.8 kg m2" (may be repeated)')
+                        help='for a CSV: one value of that rig, e.g. w0.inertia="0.8 kg m2" (may be repeated)')
 
 
 def main(args) -> int:
@@ -71,16 +70,13 @@ def _report_of_csv(args, annex: float | None) -> dict:
     if args.truth:
         raise RigError(f"{args.run}: a logger's CSV holds no states of a plant; --truth is for bags")
     period = None if args.period is None else quantity(args.period, "time", "--period")
-    configuration = None
-    if args.rig is not None or args.settings is not None:
-        from ..testbench.configuration import load_gearbox_rig
+    from ..testbench.configuration import load_gearbox_rig
 
-        config = load_gearbox_rig(args.rig or "hydmag", parse_settings(args.settings or []),
-                                  f"{args.run}: a recording of shifts")
-        configuration = config.as_dict()
-    box = transmission_of(configuration)
+    config = load_gearbox_rig(args.rig or DEFAULT_RIG, parse_settings(args.settings or []), f"{args.run}: a recording of shifts")
+    box = config.transmission
     orders = None if args.orders is None else parse_orders(args.orders, box)
-    return report_of_recording(read_logger_csv(args.run, period, orders, box), annex, configuration)
+    recording = read_logger_csv(args.run, period, orders, box, config.catalogue.signals)
+    return report_of_recording(recording, annex, config.as_dict())
 
 
 def _of_bag(args, annex: float | None) -> int:
@@ -119,7 +115,7 @@ def _run_of(bag, folder: Path, facts: dict[str, dict]) -> dict:
     """What bag and logs say about a run without a report: by a launch file, or with a killed supervisor."""
     known = info_of(bag)
     if facts:
-        return run_part(bag, folder, known, end_of(facts, kind_of_topics(bag.counts)))
+        return run_part(bag, folder, known, end_of(facts, bag.structure.shifts))
     return {**known, "end": {"reason": "the run left no report"}}
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from ..analysis.bench_report import bench_lines
 from ..analysis.energy import clutch_heat
 from ..analysis.no_change import measured_lines
-from ..analysis.report import COLUMNS, no_shift, shown_transmission
+from ..analysis.report import columns_of, no_shift, shown_transmission
 from ..transmission import Transmission
 
 WIDEST = 4  # shifts side by side before the table is turned
@@ -41,9 +41,10 @@ def report_document(report: dict, problems: list[str]) -> str:
 
 
 def _shift_table(rows: list[dict], box: Transmission) -> str:
-    table = [["shift", *(heading for heading, *_ in COLUMNS), "valid"]]
+    columns = columns_of(box)
+    table = [["shift", *(heading for heading, *_ in columns), "valid"]]
     for row in rows:
-        cells = [_number(row.get(key), factor, digits) for _, key, factor, digits in COLUMNS]
+        cells = [_number(row.get(key), factor, digits) for _, key, factor, digits in columns]
         table.append([_title(row, box), *cells, "yes" if row.get("valid") else "**no**"])
     if len(rows) <= WIDEST:
         table = [list(line) for line in zip(*table)]
