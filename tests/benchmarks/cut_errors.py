@@ -13,7 +13,7 @@ from pathlib import Path
 from rig_nodes.analysis.report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.errors import RigError
-from rig_nodes.engine.outside import CUTTABLE
+from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.outputs import Outputs
 from rig_nodes.testbench.rig import Rig
@@ -21,7 +21,7 @@ from rig_nodes.testbench.sequence import SequenceRunner, load_sequence
 from rig_nodes.testbench.simulate import LocalBench, simulate
 
 TIMES = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "overlap_s")
-CASES = [*((device,) for device in CUTTABLE), CUTTABLE]
+CASES = [*((device,) for device in load_rig().cuttable), load_rig().cuttable]
 TICKS = ("1 ms", "2 ms", "5 ms")
 
 
@@ -68,7 +68,7 @@ def main() -> int:
     for tick in TICKS:
         for devices in CASES:
             values = settings(devices, tick)
-            name = "all four" if devices == CUTTABLE else devices[0]
+            name = "all four" if devices == load_rig().cuttable else devices[0]
             try:
                 report = shifts(sequence, values)
             except RigError:  # the motor's speed loop does not stand such a tick

@@ -76,7 +76,7 @@ class Equations:
                            (*per_force[:2], per_force[1] + x.spline_hold * (per_force[2] - per_force[1]))]
                           for x in self.cylinders]
         self.film = drag.kitabayashi(pack, 1.0, 1.0, 1.0)
-        self.j_in, self.j_out = config.gearbox.inertia_in, config.gearbox.inertia_out_z5 * (41 / 40) ** 2
+        self.j_in, self.j_out = config.w0.inertia, config.z5.inertia * (41 / 40) ** 2
         self.stiff = [a * a / self.j_in + b * b / self.j_out for a, b in SLIPS]
         self.modes = list(start.modes)
         self.current, self.magnet = list(start.current), list(start.magnet)
@@ -171,9 +171,9 @@ class Equations:
         if min(w) <= 0.0:
             raise ValueError("this reference knows shafts that turn forwards only")
         load = self.c.load_pump.displacement * y[LOAD] + self.c.load_pump.mechanical_loss
-        g, n = self.c.gearbox, w[0] / RPM
-        by_speed = g.loss_in_speed * max(0.0, -1.76e-6 * n * n + 4.58e-3 * n + 2.56)
-        rest, began = g.loss_in_at_rest**2, g.loss_in_at_470**2
+        into, out, n = self.c.loss_in, self.c.loss_out, w[0] / RPM
+        by_speed = into.by_speed * max(0.0, -1.76e-6 * n * n + 4.58e-3 * n + 2.56)
+        rest, began = into.at_rest**2, into.at_470**2
         by_speed += sqrt(rest + (began - rest) * w[0] / 49.274)
         slips = [a * w[0] + b * w[1] for a, b in SLIPS]
         viscous = [capacity[2] * slip for capacity, slip in zip(capacities, slips)]
@@ -182,13 +182,13 @@ class Equations:
             raise ValueError("both clutches stick")
         carried, meter = 0.0, load
         for _ in range(60):  # the losses depend on the torques that they load: a contraction by a factor below 0.2
-            u = abs(carried) if g.loss_in_square >= 0.0 else min(
-                abs(carried), -0.5 * g.loss_in_share / g.loss_in_square)
-            loss_in = by_speed + max(0.0, g.loss_in_constant + g.loss_in_share * u + g.loss_in_square * u * u)
+            u = abs(carried) if into.square >= 0.0 else min(
+                abs(carried), -0.5 * into.share / into.square)
+            loss_in = by_speed + max(0.0, into.constant + into.share * u + into.square * u * u)
             m = abs(meter)
-            loss_out = 41 / 40 * max(0.0, g.loss_out_constant)
-            by_load = 41 / 40 * max(0.0, g.loss_out_share * m + g.loss_out_square * m * m)
-            if g.loss_by_load_side == "driving":
+            loss_out = 41 / 40 * max(0.0, out.drag)
+            by_load = 41 / 40 * max(0.0, out.share * m + out.square * m * m)
+            if out.torque_side == "driving":
                 loss_in += by_load * min(1.0, w[1] / w[0])  # the same power
             else:
                 loss_out += by_load
@@ -205,7 +205,7 @@ class Equations:
             rates = (free[0] / self.j_in, free[1] / self.j_out)
             before = carried, meter
             carried = sum(a * torque for (a, _), torque in zip(SLIPS, torques))
-            meter = load + g.inertia_pump * rates[1]
+            meter = load + self.c.M_wyj.inertia * rates[1]
             if abs(carried - before[0]) + abs(meter - before[1]) < 1e-12 * (1.0 + abs(meter)):
                 return rates, torques, viscous, slips, meter
         raise ValueError("the losses by torque do not settle")
@@ -246,8 +246,7 @@ class Equations:
     def meters(self, t, y):
         """What the logger would read, as CHANNELS: the torque meters sit outside the gearbox's own inertia."""
         *_, (accelerations, *_, meter) = self.whole(t, y.tolist())
-        g = self.c.gearbox
-        m_wej = y[TORQUE] - (g.inertia_in - g.inertia_in_gearbox) * accelerations[0]
+        m_wej = y[TORQUE] - (self.c.w0.inertia - self.c.M_wej.inertia) * accelerations[0]
         return m_wej, y[W_IN], meter, y[W_OUT], y[FIRST + LINE], y[FIRST + PER_CLUTCH + LINE], y[SUPPLY]
 
     # ---- stick and slip

@@ -14,7 +14,6 @@ from rig_nodes.plant import driveline_algebra as algebra
 from rig_nodes.plant.driveline import Driveline
 from rig_nodes.plant.driveline_kernel import driveline_step
 from rig_nodes.plant.driveline_run import run
-from rig_nodes.plant.wheels import REDUCTION, SIDES
 
 
 def pair(stick=1.0, w1=100.0, w2=0.0, drag=0.0):
@@ -404,10 +403,10 @@ def test_a_planetary_gearbox_shifts_under_power_from_its_brake_to_its_clutch():
 
 def test_wheels_without_inertia_are_the_coefficients_of_a_clutch_bit_for_bit():
     """Wheel z3, the countershaft and wheel z5 of the laboratory's gearbox as bodies, or in the clutches' slips."""
-    (z3, countershaft), (_, z5) = SIDES["S1"], SIDES["S2"]
+    z3, countershaft, z5 = 34 / 47, 41 / 41, 41 / 40  # teeth of tab. 3.2
     as_bodies, as_numbers = Driveline(), Driveline()
     for name, j, d in (("z3", 0.0, [as_bodies]), ("w0", 0.71, [as_bodies, as_numbers]), ("countershaft", 0.0, [as_bodies]),
-                       ("wk", 0.127 * REDUCTION**2, [as_bodies, as_numbers]), ("z5", 0.0, [as_bodies])):
+                       ("wk", 0.127 * z5**2, [as_bodies, as_numbers]), ("z5", 0.0, [as_bodies])):
         for one in d:
             one.inertia(name, j, speed=None if j == 0.0 else 7.0)
     as_bodies.gear("z3", "w0", z3)

@@ -31,8 +31,8 @@ def whole_rig():
     config = load_rig("hydmag", {"oil_supply.relief_droop": "0.1 bar/(l/min)"})
     on = {f.name: f.name != "transducers" for f in dataclasses.fields(config.effects) if f.type == "bool"}
     models = {"friction_model": "thesis", "drag_model": "kitabayashi"}
-    return dataclasses.replace(
-        config, effects=dataclasses.replace(config.effects, pwm_frequency=0.0, **on),
+    return config.replaced(
+        effects=dataclasses.replace(config.effects, pwm_frequency=0.0, **on),
         clutch_s1=dataclasses.replace(config.clutch_s1, **models),
         clutch_s2=dataclasses.replace(config.clutch_s2, **models))
 

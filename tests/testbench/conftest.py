@@ -24,7 +24,7 @@ def noiseless():
     """Makes a rig's configuration whose channels show the truth from one with transducers."""
 
     def make(config):
-        return replace(config, effects=replace(config.effects, transducers=False))
+        return config.replaced(effects=replace(config.effects, transducers=False))
 
     return make
 

@@ -13,33 +13,40 @@ from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.list import WHAT, markdown
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
-from rig_nodes.testbench import bench_plan, clutch_bench_topics
-from rig_nodes.testbench.clutch_bench import check_bench_setpoint
-from rig_nodes.testbench.gearbox_plan import CHANNELS
+from rig_nodes.config.names import installed as installed_rigs
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.plan import plan_of
 from rig_nodes.testbench.rig import check_setpoint
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.mark.parametrize("name", list(catalogue().all_signals))
-def test_every_signal_is_a_field_of_its_topics_message(name):
-    signal = catalogue().signal(name)
-    definition = installed(catalogue().all_topics[signal.topic].ros_type)
+RIGS = {name: load_rig(name) for name in installed_rigs("rigs")}
+
+
+@pytest.mark.parametrize("rig, name", [(rig, name) for rig, config in RIGS.items() for name in config.catalogue.signals])
+def test_every_signal_is_a_field_of_its_topics_message(rig, name):
+    known = RIGS[rig].catalogue
+    signal = known.signal(name)
+    definition = installed(known.all_topics[signal.topic].ros_type)
     assert signal.field.partition("[")[0] in dict(definition.tree.fields)
     assert signal.low < signal.high and signal.text.endswith(".") and signal.sign
 
 
-def test_the_logger_and_the_transducers_carry_the_kernels_channels():
-    assert [s.name for s in catalogue().logger_channels()] == list(CHANNELS)[:9]
-    assert set(catalogue().measured().values()) == set(list(CHANNELS)[:11])
+@pytest.mark.parametrize("rig", RIGS)
+def test_the_logger_and_the_transducers_carry_the_plans_channels(rig):
+    config = RIGS[rig]
+    channels, valves = list(plan_of(config).plan.channels), len(config.structure.valves)
+    logged = [s.name for s in config.catalogue.logger_channels()]
+    assert logged == channels[:len(logged)]
+    assert set(config.catalogue.measured().values()) == set(channels[:len(channels) - valves])
 
 
-def test_the_clutch_benchs_logger_and_transducers_carry_its_kernels_channels():
-    bench = catalogue("clutch_bench")
-    assert [s.name for s in bench.logger_channels()] == list(bench_plan.CHANNELS)
-    assert set(bench.measured().values()) == set(bench_plan.CHANNELS)
-    with pytest.raises(RigError, match="no rig of kind 'brake_bench'; known are gearbox, clutch_bench"):
-        catalogue("brake_bench")
+def test_the_catalogue_of_the_laboratorys_rig_has_its_names():
+    known = RIGS["hydmag"].catalogue
+    assert [s.name for s in known.logger_channels()] == ["M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2", "p_po", "I_zr_p1", "I_zr_p2"]
+    assert known.signals["s1_slip"].topic == "/clutch_s1/state" and known.signals["relief_setting"].topic == "/load_pump/state"
+    assert catalogue(RIGS["hydmag"].as_dict()) == known, "as a bag says it"
 
 
 def test_the_signals_page_is_what_the_catalogue_says():
@@ -47,15 +54,12 @@ def test_the_signals_page_is_what_the_catalogue_says():
         "run: ./rig list signals --markdown > docs/signals.md"
 
 
-def test_every_setpoint_keeps_to_the_range_that_the_page_gives_it():
-    checks = {"/motor/command": partial(check_setpoint, "motor_speed"),
-              "/oil_supply/command": partial(check_setpoint, "oil_pressure"),
-              "/load_pump/command": partial(check_setpoint, "load_pressure"),
-              **{topic: partial(check_bench_setpoint, device)
-                 for device, topic in clutch_bench_topics.COMMANDS.items()}}
-    setpoints = catalogue().setpoints() | catalogue("clutch_bench").setpoints()
-    assert {topic.name for topic in setpoints} == set(checks)
-    for topic, signal in setpoints.items():
+@pytest.mark.parametrize("rig", RIGS)
+def test_every_setpoint_keeps_to_the_range_that_the_page_gives_it(rig):
+    config = RIGS[rig]
+    checks = {one.topic: partial(check_setpoint, config, step) for step, one in config.setpoints.items()}
+    assert {topic.name for topic in config.catalogue.setpoints()} == set(checks)
+    for topic, signal in config.catalogue.setpoints().items():
         for value in (signal.low, signal.high):
             checks[topic.name](value)
         for value in (signal.low - 0.001, 1.001 * signal.high):
@@ -68,7 +72,7 @@ def test_a_list_says_what_its_columns_are(capsys):
     assert main(["list", "signals"]) == 0
     heading, *rows = capsys.readouterr().out.splitlines()
     assert heading.split() == ["signal", "unit", "shown", "range", "device", "topic", "field", "rate", "sign", "meaning"]
-    assert len(rows) == len(catalogue().all_signals)
+    assert len(rows) == len(catalogue().signals)
     assert all(row[heading.index("topic"):].startswith("/") for row in rows)
 
 

@@ -16,10 +16,10 @@ from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
 from rig_nodes.plant.friction.bench import PACKS
-from rig_nodes.testbench.clutch_bench import ClutchBench
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.procedure import load_procedure, prepare
 from rig_nodes.testbench.record import record
+from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import load_sequence
 
 RPM = pi / 30.0
@@ -48,7 +48,7 @@ def found_line(config, run):
 @pytest.mark.parametrize(("k_kor", "rest", "surfaces", "seed"), [
     (0.9, 0.0, 18, 1), (1.0, 30.0, 10, 2), (1.1, 80.0, 12, 3), (1.19, 0.0, 16, 4)])
 def test_a_planted_k_kor_comes_back_within_one_percent_through_the_instruments(k_kor, rest, surfaces, seed):
-    config, run = slipped({"pack.friction_correction": f"{k_kor} -", "pack.rest_torque": f"{rest} Nm",
+    config, run = slipped({"clutch_pack.friction_correction": f"{k_kor} -", "clutch_pack.rest_torque": f"{rest} Nm",
                            "plate_pack.surfaces": f"{surfaces} -"}, seed)
     line = found_line(config, run)
     assert line["tests"] == 3 and line["r_squared"] > 0.999
@@ -59,13 +59,13 @@ def test_a_planted_k_kor_comes_back_within_one_percent_through_the_instruments(k
 
 def test_k_kor_of_the_gearboxes_plates_comes_back_too():
     series = next(one for one in load_procedure("clutch_bench_series").series() if one.label == "50x76-12")
-    config, _ = prepare(series, settings={"pack.friction_correction": "0.88 -"})
+    config, _ = prepare(series, settings={"clutch_pack.friction_correction": "0.88 -"})
     sequence = load_sequence("clutch_bench", {"pressures": "1 MPa, 2 MPa, 3 MPa", "wetting": "200 ms"})
     assert found_line(config, record(config, sequence, 5))["k_kor"]["thesis"] == pytest.approx(0.88, rel=0.01)
 
 
 def test_the_torque_at_slip_is_that_of_hand_calculation():
-    config, run = slipped({**TRUE, "pack.friction_model": "traditional"}, pressures="2 MPa")
+    config, run = slipped({**TRUE, "clutch_pack.friction_model": "traditional"}, pressures="2 MPa")
     test, = slip_tests(run.recording, config.plate_pack)
     # (8.2) at 2 MPa: 4 * 63.034 + 2 * 1251.7 - 123.7 = 2631.836 N; (8.1) at the travel that was measured
     s = test["s_m"] * 1e3
@@ -79,7 +79,7 @@ def test_the_torque_at_slip_is_that_of_hand_calculation():
 
 
 def test_models_are_compared_on_one_measurement():
-    config, run = slipped({"pack.friction_model": "osinski", "plate_pack.surfaces": "10 -"})
+    config, run = slipped({"clutch_pack.friction_model": "osinski", "plate_pack.surfaces": "10 -"})
     k_kor = found_line(config, run)["k_kor"]
     # a pack that follows Osinski's model: 1 against it, k_os(10) = 1 - 0.03 * 8 = 0.76 against the traditional one
     assert k_kor["osinski"] == pytest.approx(1.0, rel=0.01)
@@ -151,7 +151,7 @@ def test_the_spring_bench_gives_8_1_back():
 
 
 def moved(pieces):
-    rig = ClutchBench(load_rig("clutch_bench"), 7)
+    rig = Rig(load_rig("clutch_bench"), 7)
     rig.set_cylinder(1e6, True)
     rig.set_relief(8e6, True)
     rig.set_motor(80 * RPM, True)
@@ -195,7 +195,7 @@ def test_a_transducer_that_is_not_fitted_shows_nothing():
 ])
 def test_what_the_bench_refuses(act, said):
     with pytest.raises(RigError, match=said):
-        act(ClutchBench(load_rig("clutch_bench")))
+        act(Rig(load_rig("clutch_bench")))
 
 
 # --- as a user runs it -------------------------------------------------------------------------------

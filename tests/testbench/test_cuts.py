@@ -11,9 +11,9 @@ import pytest
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
-from rig_nodes.config import CONFIG_DIR
+from rig_nodes.config import RIGS_DIR
 from rig_nodes.errors import RigError
-from rig_nodes.engine.outside import CUTTABLE, NOT_CUT, Answer
+from rig_nodes.engine.outside import NOT_DEVICES, Answer
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import load_sequence
@@ -28,6 +28,9 @@ TICKS = ("1 ms", "5 ms")
 # the symmetrical optimum, J / (2 T), for the drive's 3.3 ms and a tick and a half of 5 ms: the loop that a drive behind such a
 # cut can have; with the calibrated gains it swings (docs/cuts.md)
 GAINS = {"1 ms": {}, "5 ms": {"motor.speed_gain": "32.8 Nm s/rad", "motor.speed_gain_integral": "760 Nm/rad"}}
+
+
+CUTTABLE = load_rig().cuttable
 
 
 def cut_rig(cut_out=CUTTABLE, tick="1 ms", **keywords):
@@ -213,13 +216,13 @@ def test_ports_and_answers_are_in_the_bag_one_a_tick(tmp_path):
     assert not any("cut" in topic for topic in bag.counts if not topic.startswith("/motor/"))
 
 
-RIG = (CONFIG_DIR / "rigs" / "hydmag.yaml").read_text()
+RIG = (RIGS_DIR / "hydmag" / "rig.yaml").read_text()
 
 
 @pytest.mark.parametrize("key, value, sentence", [
-    *((f"{device}.source", "topic", f"{device} cannot be cut out of the plant: ") for device in NOT_CUT),
+    *((f"{device}.source", "topic", f"{device} cannot be cut out of the plant: ") for device in
+      (*NOT_DEVICES, "clutch_s1", "clutch_s2", "oil_supply", "loss_in", "plate_pack")),
     ("motor.source", "topics", "source is 'topics', expected plant or topic"),
-    ("plate_pack.source", "topic", "there is no value of plate_pack 'source'"),
     ("cut.tick", "1.5 ms", "no whole number of samples"), ("cut.tick", "50 ms", "outside 1 to 10 ms"),
     ("cut.tick", "5 rpm", "expected a time"), ("cut.tock", "5 ms", "there is no value of cut 'tock'; did you mean 'tick'"),
 ])
@@ -241,13 +244,13 @@ def test_a_motor_is_not_cut_at_a_tick_that_its_speed_loop_does_not_stand(tmp_pat
 
 def test_a_rig_file_may_cut_too(tmp_path):
     path = tmp_path / "rig.yaml"
-    path.write_text(RIG.replace("motor:\n", "cut: {tick: [2 ms, \"tried\"]}\n\nmotor:\n  source: topic\n", 1))
+    path.write_text(RIG.replace("parts:\n  motor:\n", "cut: {tick: [2 ms, \"tried\"]}\n\nparts:\n  motor:\n    source: topic\n", 1))
     config = load_rig(path)
     assert config.cut_out == ("motor",) and config.cut.tick == 0.002
     assert load_rig(path, {"motor.source": "plant"}).cut_out == ()
-    path.write_text(RIG.replace("gearbox:\n", "gearbox:\n  source: topic\n", 1))
-    with pytest.raises(RigError, match=r"rig\.yaml:\d+: gearbox: gearbox cannot be cut out"):
+    path.write_text(RIG.replace("  clutch_s1:\n", "  clutch_s1:\n    source: topic\n", 1))
+    with pytest.raises(RigError, match=r"rig\.yaml:\d+: clutch_s1: clutch_s1 cannot be cut out"):
         load_rig(path)
-    path.write_text(RIG.replace("motor:\n", "cut: {tick: [1500 us, \"tried\"]}\n\nmotor:\n", 1))
+    path.write_text(RIG.replace("parts:\n", "cut: {tick: [1500 us, \"tried\"]}\n\nparts:\n", 1))
     with pytest.raises(RigError, match=r"rig\.yaml:\d+: cut\.tick: a tick of 1.5 ms"):
         load_rig(path)

@@ -20,8 +20,8 @@ SPEED = 1200 * RPM
 CHANNELS = ("current", "setpoint", "line", "piston", "clamp", "kinetic", "static", "drag", "temperature", "wear")
 # strong enough to be seen, whatever the rig's own values are; the oil is colder than what its viscosity is given for
 STRONG = {
-    "gearbox.loss_in_share": "5 %", "gearbox.loss_out_constant": "1 Nm", "gearbox.loss_out_share": "5 %",
-    "gearbox.loss_by_load_side": "driven",
+    "loss_in.share": "5 %", "loss_out.drag": "1 Nm", "loss_out.share": "5 %",
+    "loss_out.torque_side": "driven",
     "plate_pack.friction_per_kelvin": "-0.2 %/K", "plate_pack.friction_temperature": "20 degC",
     "plate_pack.wear_rate": "0.003 um/MJ", "plate_pack.friction_spline": "0.12 -",
     "plate_pack.friction_spline_static": "0.12 -",
@@ -79,11 +79,11 @@ def whole(strong):
     """With every effect on the plant but the resolved pulses, which are no part of the rig's own settings."""
     effects = dataclasses.replace(strong.effects, pwm_frequency=0.0, **{
         f.name: f.name != "transducers" for f in dataclasses.fields(strong.effects) if f.type == "bool"})
-    return Shift(dataclasses.replace(strong, effects=effects))
+    return Shift(strong.replaced(effects=effects))
 
 
 def without(config, name, value=False):
-    return Shift(dataclasses.replace(config, effects=dataclasses.replace(config.effects, **{name: value})))
+    return Shift(config.replaced(effects=dataclasses.replace(config.effects, **{name: value})))
 
 
 def largest(difference):

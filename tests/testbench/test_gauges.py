@@ -10,10 +10,10 @@ import pytest
 
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.gearbox_plan import CHANNELS
 from rig_nodes.testbench.rig import Rig
 
 RPM = math.pi / 30
+CHANNELS = Rig(load_rig()).channels
 QUIET = {f"instruments.{name}": value for name, value in {
     "torque_noise": "0 Nm", "torque_class": "0 %", "torque_hum": "0 Nm", "speed_noise": "0 rpm", "speed_step": "0 rpm",
     "p1_noise": "0 Pa", "p1_class": "0 %", "p1_hum": "0 Pa", "p1_pickup": "0 Pa", "p2_noise": "0 Pa",

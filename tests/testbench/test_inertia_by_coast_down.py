@@ -16,9 +16,9 @@ def test_the_inertia_of_the_rig_comes_back_within_2_percent(config, share):
 
     The torque meter's class is left out: half a Nm of 5 Nm is its error, not the procedure's.
     """
-    inertia = share * config.gearbox.inertia_in
+    inertia = share * config.w0.inertia
     series = load_procedure("coast_down").series()[0]
-    run = run_repeat(series, 0, settings={"gearbox.inertia_in": f"{inertia:.9f} kg m2",
+    run = run_repeat(series, 0, settings={"w0.inertia": f"{inertia:.9f} kg m2",
                                          "instruments.torque_class": "0 %"})
     assert run.end["state"] == "ended", run.end
     channels, period = run.recording.channels, run.recording.period

@@ -12,7 +12,7 @@ from rig_nodes import config
 
 
 def test_files_named_alike_are_kept_side_by_side_and_not_read_again(tmp_path, monkeypatch):
-    alike = [config.package_file(f"{folder}/clutch_bench.yaml") for folder in ("rigs", "sequences")]
+    alike = [config.RIGS_DIR / name / "rig.yaml" for name in ("hydmag", "clutch_bench")]
     monkeypatch.setattr(config, "cache_root", lambda: tmp_path / "kernel-cache")
     config._parsed.cache_clear()
     first = [config.load_yaml(path) for path in alike]
@@ -23,7 +23,7 @@ def test_files_named_alike_are_kept_side_by_side_and_not_read_again(tmp_path, mo
 
 
 def test_an_edited_file_is_read_anew_and_takes_the_place_of_the_old(tmp_path, monkeypatch):
-    monkeypatch.setattr(config, "CONFIG_DIR", tmp_path)
+    monkeypatch.setattr(config, "CONFIG_DIR", tmp_path / "config")
     monkeypatch.setattr(config, "cache_root", lambda: tmp_path / "cache" / "kernel-cache")
     path = tmp_path / "a.yaml"
     for text, value in (("a: 1", {"a": 1}), ("a: 23", {"a": 23})):
@@ -39,10 +39,10 @@ def kept(tmp_path, monkeypatch):
 
     def read():
         config._parsed.cache_clear()
-        return config.load_yaml(config.package_file("sequences/demo.yaml"))
+        return config.load_yaml(config.RIGS_DIR / "hydmag" / "sequences" / "demo.yaml")
 
     read()
-    return tmp_path / "read-configuration" / "sequences-demo.json", read
+    return tmp_path / "read-configuration" / "rigs-hydmag-sequences-demo.json", read
 
 
 class Planted:
@@ -82,5 +82,5 @@ def test_what_lies_in_a_folder_that_others_can_write_is_not_taken(kept):
 def test_lines_are_kept_too(kept):
     _, read = kept
     node = read()
-    rows = config.package_file("sequences/demo.yaml").read_text().splitlines()
+    rows = (config.RIGS_DIR / "hydmag" / "sequences" / "demo.yaml").read_text().splitlines()
     assert rows[node.lines["steps"]].startswith("steps:") and rows[node["steps"].lines[1]].lstrip().startswith("- ")

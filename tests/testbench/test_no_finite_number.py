@@ -98,9 +98,9 @@ def test_a_search_goes_past_rigs_that_trip(config):
     loss = load_stages()["losses"]["loss_at_rest"]
 
     def misses(rig, _targets):
-        if rig.gearbox.loss_in_at_rest > 5.0:
+        if rig.loss_in.at_rest > 5.0:
             raise Tripped("the rig tripped")
-        return [Miss("row", 0.0, rig.gearbox.loss_in_at_rest - 4.0)]
+        return [Miss("row", 0.0, rig.loss_in.at_rest - 4.0)]
 
     assert loss.high > 6.0
     assert search(config, {"loss_at_rest": loss}, misses, 10, 1, 1)["loss_at_rest"] == pytest.approx(4.0, abs=0.01)

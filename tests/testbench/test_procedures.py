@@ -17,14 +17,14 @@ import pytest
 from rig_nodes.analysis.metrics import shifts
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
-from rig_nodes.config import CONFIG_DIR
+from rig_nodes.config import RIGS_DIR
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.campaign import Workers, run_campaign
 from rig_nodes.testbench.procedure import load_procedure, prepare, run_repeat, run_series
 from rig_nodes.testbench.sequence import load_sequence
 
 RPM = math.pi / 30.0
-NAMES = sorted(path.stem for path in (CONFIG_DIR / "procedures").glob("*.yaml"))
+NAMES = sorted(path.stem for path in RIGS_DIR.glob("*/procedures/*.yaml"))
 COUNTS = {"coast_down": 1, "delay_series": 19, "grid_down": 33, "grid_up": 30, "profile_series": 47,
           "valve_response": 2, "clutch_bench_series": 32, "cylinder_bench_series": 1, "spring_bench_series": 1}
 BENCHES = [name for name in NAMES if name.endswith("_bench_series")]  # chapter 8: without gears, every series once
@@ -71,7 +71,7 @@ def first_runs():
 
 # ---- what is installed
 
-@pytest.mark.parametrize("path", sorted((CONFIG_DIR / "sequences").glob("*.yaml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sorted(RIGS_DIR.glob("*/sequences/*.yaml")), ids=lambda path: path.stem)
 def test_every_sequence_loads_with_its_defaults(path):
     assert load_sequence(path.stem).steps
 

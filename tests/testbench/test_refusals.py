@@ -13,17 +13,17 @@ from types import SimpleNamespace
 import pytest
 
 from rig_nodes.cli.main import Shown, main
-from rig_nodes.config import CONFIG_DIR
-from rig_nodes.config.names import find_config
+from rig_nodes.config import CONFIG_DIR, RIGS_DIR
+from rig_nodes.config.names import find_of_rigs
 from rig_nodes.errors import RigError
 from rig_nodes.nodes.commands import Commands
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.sequence import SequenceFailed, SequenceRunner, load_sequence
 from rig_nodes.testbench.simulate import simulate
 
-RIG = (CONFIG_DIR / "rigs" / "hydmag.yaml").read_text()
+RIG = (RIGS_DIR / "hydmag" / "rig.yaml").read_text()
 ALFA46 = (CONFIG_DIR / "controllers" / "alfa46.yaml").read_text()
-DEMO = (CONFIG_DIR / "sequences" / "demo.yaml").read_text()
+DEMO = (RIGS_DIR / "hydmag" / "sequences" / "demo.yaml").read_text()
 
 
 def changed(text, old, new):
@@ -77,12 +77,12 @@ def test_controller_settings_are_refused(tmp_path, old, new, sentence):
 
 
 @pytest.mark.parametrize("old, new, sentence", [
-    ("  speed_gain: [", "  speed_gian: [", r"rig\.yaml:\d+: unknown key 'speed_gian'"),
+    ("    speed_gain: [", "    speed_gian: [", r"rig\.yaml:\d+: unknown key 'speed_gian'"),
     ("torque_limit: [500 Nm", "torque_limit: [500 kW", "is a power, expected a torque"),
-    ("valve_zr_p2: 2}", "valve_zr_p2: 1}", "both valves the same output"),
-    ("valve_zr_p2: 2}", "valve_zr_p2: 4}", "expected output 1 to 3"),
+    ("    output: 2", "    output: 1", "the output of the controller 1 has the valve valve_zr_p1 already"),
+    ("    output: 2", "    output: 4", "expected output 1 to 3"),
     ("surfaces: [12 -", "surfaces: [0 -", "outside 1 to 40"),
-    ("inertia_in: [0.709 kg m2", "inertia_in: [0.709 kg", "unknown unit 'kg'; an inertia takes kg m2"),
+    ("inertia: [0.709 kg m2", "inertia: [0.709 kg", "unknown unit 'kg'; an inertia takes kg m2"),
 ])
 def test_rig_is_refused(tmp_path, old, new, sentence):
     path = tmp_path / "rig.yaml"
@@ -92,9 +92,9 @@ def test_rig_is_refused(tmp_path, old, new, sentence):
 
 
 TOGETHER = [
-    ("gearbox", "inertia_in_gearbox", "0.9 kg m2", "is 0.9, expected at most the 0.709 of gearbox.inertia_in"),
+    ("M_wej", "inertia", "0.9 kg m2", "is 0.9, expected at most the 0.709 of w0.inertia"),
     # 0.1273 kg m2 on the z5 axis is 0.1273 * 1.025^2 = 0.1337 on wk
-    ("gearbox", "inertia_pump", "0.134 kg m2", "is 0.134, expected at most the 0.1337 of gearbox.inertia_out_z5"),
+    ("M_wyj", "inertia", "0.134 kg m2", "is 0.134, expected at most the 0.1337 of z5.inertia"),
     ("plate_pack", "friction_kinetic", "0.31 -", "is 0.31, expected at most the 0.3 of plate_pack.friction_static"),
 ]
 
@@ -104,20 +104,20 @@ def test_values_that_cannot_be_true_together_are_refused_wherever_they_stand(tmp
     with pytest.raises(RigError, match=f"^setting {part}.{name}={text}: {part}.{name} {sentence}"):
         load_rig("hydmag", {f"{part}.{name}": text})
     path = tmp_path / "rig.yaml"
-    path.write_text(re.sub(rf"^  {name}: \[[^,]*", f"  {name}: [{text}", RIG, count=1, flags=re.MULTILINE))
+    path.write_text(re.sub(rf"(^  {part}:$.*?^    {name}: )\[[^,]*", rf"\g<1>[{text}", RIG, count=1, flags=re.M | re.S))
     line = next(k for k, row in enumerate(path.read_text().splitlines(), 1) if text in row)
     with pytest.raises(RigError, match=rf"rig\.yaml:{line}: {part}.{name} {sentence}"):
         load_rig(path)
-    path.write_text(f'description: "x"\nbase: hydmag\n{part}:\n  {name}: [{text}, "x"]\n')
-    with pytest.raises(RigError, match=rf"rig\.yaml:4: {part}.{name} {sentence}"):
+    path.write_text(f'description: "x"\nbase: hydmag\nparts:\n  {part}:\n    {name}: [{text}, "x"]\n')
+    with pytest.raises(RigError, match=rf"rig\.yaml:5: {part}.{name} {sentence}"):
         load_rig(path)
 
 
 def test_settings_are_held_together_when_all_have_been_taken():
-    heavy = load_rig("hydmag", {"gearbox.inertia_in_gearbox": "0.9 kg m2", "gearbox.inertia_in": "1 kg m2"})
-    assert heavy.gearbox.inertia_in_gearbox == 0.9 and load_rig("hydmag", {"gearbox.inertia_pump": "0.1337 kg m2"})
-    with pytest.raises(RigError, match="setting gearbox.inertia_in=0.05 kg m2: gearbox.inertia_in_gearbox is 0.0544"):
-        load_rig("hydmag", {"gearbox.inertia_in": "0.05 kg m2"})
+    heavy = load_rig("hydmag", {"M_wej.inertia": "0.9 kg m2", "w0.inertia": "1 kg m2"})
+    assert heavy.M_wej.inertia == 0.9 and load_rig("hydmag", {"M_wyj.inertia": "0.1337 kg m2"})
+    with pytest.raises(RigError, match="setting w0.inertia=0.05 kg m2: M_wej.inertia is 0.0544"):
+        load_rig("hydmag", {"w0.inertia": "0.05 kg m2"})
     with pytest.raises(RigError, match="setting plate_pack.friction_kinetic=0.2 -: .* at most the 0.12 of"):
         load_rig("clutch_bench", {"plate_pack.friction_kinetic": "0.2 -"})
 
@@ -145,7 +145,7 @@ def test_an_empty_file_is_called_empty(tmp_path):
 ])
 def test_unknown_names_are_refused(name, sentence):
     with pytest.raises(RigError, match=sentence):
-        find_config("sequences", name)
+        find_of_rigs("sequences", name)
 
 
 def rig_command(*arguments, cwd):
@@ -228,7 +228,7 @@ class FakeBench:
 def runner(tmp_path, steps, bench):
     path = tmp_path / "s.yaml"
     path.write_text(f"description: x\nready: {{timeout: 1 s}}\nsteps: {steps}\n")
-    return SequenceRunner(load_sequence(path), bench, load_rig().load_pump)
+    return SequenceRunner(load_sequence(path), bench, load_rig())
 
 
 def test_readiness_gate_ends_with_a_sentence(tmp_path):

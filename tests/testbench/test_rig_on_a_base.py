@@ -5,12 +5,12 @@
 
 import pytest
 
-from rig_nodes.config import CONFIG_DIR
+from rig_nodes.config import RIGS_DIR
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 
-CHAPTER9 = (CONFIG_DIR / "rigs" / "chapter9.yaml").read_text()
+CHAPTER9 = (RIGS_DIR / "chapter9" / "rig.yaml").read_text()
 
 
 def test_what_is_not_named_is_that_of_the_base():
@@ -23,7 +23,7 @@ def test_what_is_not_named_is_that_of_the_base():
 
 @pytest.mark.parametrize("old, new, sentence", [
     ("base: hydmag", "base: hydmga", r"rig\.yaml:\d+: base: there is no rig 'hydmga'"),
-    ("  ramp: [750 rpm/s", "  rmap: [750 rpm/s", r"rig\.yaml:\d+: unknown key 'rmap' in motor"),
+    ("    ramp: [750 rpm/s", "    rmap: [750 rpm/s", r"rig\.yaml:\d+: unknown key 'rmap' in motor"),
     ("[off, \"chapter 9: n_wej is constant\"]", "[of, \"x\"]", "is 'of', expected one of on, off"),
     ("- [0.38869, 2.3, -13.028, 18.294, 0]", "- [0.38869, 2.3, -13.028, 18.294]", "a row is"),
     ("- [0.38869, 2.3, -13.028, 18.294, 0]", "- 5", r"rig\.yaml:\d+: .* a row is .* found \[5\]"),

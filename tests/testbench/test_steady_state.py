@@ -10,7 +10,7 @@ import pytest
 
 from rig_nodes.testbench.rig import Rig
 
-# by hand, from the tables of the thesis and, where they were calibrated, the values of config/rigs/hydmag.yaml
+# by hand, from the tables of the thesis and, where they were calibrated, the values of rigs/hydmag/rig.yaml
 RATIO = {1: 47 / 34, 2: 41 / 40}
 DISPLACEMENT = 100e-6 / (2 * math.pi)
 RELIEF = 5e6
@@ -31,22 +31,22 @@ def hand(config, gear: int, rpm: float) -> dict:
     """Speeds and torques where nothing accelerates: losses of Annex D, by the load's torque and by w0's torque, and of (7.7), by
     its speed.
 
-    The loss by the load brakes w0 with the power that it takes, or behind the clutches (loss_by_load_side).
+    The loss by the load brakes w0 with the power that it takes, or behind the clutches (torque_side).
     """
-    g = config.gearbox
+    into, out = config.loss_in, config.loss_out
     n_wyj = rpm / RATIO[gear]
     factor = 3.84e-7 * n_wyj**2 - 6.36e-4 * n_wyj + 1.32
     pressure = RELIEF * factor
     m_wyj = DISPLACEMENT * pressure + 0.5
-    by_load = 41 / 40 * (g.loss_out_share * m_wyj + g.loss_out_square * m_wyj**2)
-    before = g.loss_by_load_side == "driving"
-    loss_out = 41 / 40 * g.loss_out_constant + (0.0 if before else by_load)
+    by_load = 41 / 40 * (out.share * m_wyj + out.square * m_wyj**2)
+    before = out.torque_side == "driving"
+    loss_out = 41 / 40 * out.drag + (0.0 if before else by_load)
     drag_in, drag_out = open_drag(config, gear, rpm * math.pi / 30, n_wyj * math.pi / 30)
     carried = m_wyj + loss_out - drag_out
     clutch = carried * (1.0 if gear == 1 else 40 / 41)
     u = carried / RATIO[gear]
-    speed_loss = math.sqrt(g.loss_in_at_rest**2 + (g.loss_in_at_470**2 - g.loss_in_at_rest**2) * rpm / 470.53)
-    torque_loss = g.loss_in_constant + g.loss_in_share * u + g.loss_in_square * u**2
+    speed_loss = math.sqrt(into.at_rest**2 + (into.at_470**2 - into.at_rest**2) * rpm / 470.53)
+    torque_loss = into.constant + into.share * u + into.square * u**2
     m_wej = u + drag_in + speed_loss + torque_loss + (by_load / RATIO[gear] if before else 0.0)
     return {"n_wyj": n_wyj, "p_po": pressure, "m_wyj": m_wyj, "m_wej": m_wej, "clutch": clutch}
 
@@ -55,9 +55,9 @@ def test_the_loss_by_load_costs_the_motor_the_same_on_either_side(config):
     """Equal power: without Annex D's parabola of w0's own torque, M_wej is the same in both readings."""
     found = []
     for side in ("driving", "driven"):
-        gearbox = dataclasses.replace(config.gearbox, loss_by_load_side=side, loss_in_constant=0.0, loss_in_share=0.0,
-                                      loss_in_square=0.0)
-        rig = Rig(dataclasses.replace(config, gearbox=gearbox))
+        rig = Rig(config.replaced(
+            loss_in=dataclasses.replace(config.loss_in, constant=0.0, share=0.0, square=0.0),
+            loss_out=dataclasses.replace(config.loss_out, torque_side=side)))
         rig.set_oil(4e6, True)
         rig.advance(0.3)
         rig.order_gear(2)

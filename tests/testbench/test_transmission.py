@@ -13,9 +13,11 @@ from rig_nodes.catalogue import catalogue
 from rig_nodes.errors import RigError
 from rig_nodes.nodes.shift_phase import ShiftPhase
 from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.gearbox_plan import plan_of
+from rig_nodes.description.driveline import held_ratio
+from rig_nodes.plant.driveline import Driveline
+from rig_nodes.testbench.plan import plan_of
 from rig_nodes.testbench.rig import Rig
-from rig_nodes.transmission import Clutch, Gear, Transmission, ratio_of, transmission_of
+from rig_nodes.transmission import Clutch, Gear, Transmission, transmission_of
 
 
 @pytest.fixture(scope="module")
@@ -24,25 +26,30 @@ def config():
 
 
 def test_ratios_are_those_of_tab_3_1_and_of_the_driveline(config):
-    box, (_, system) = transmission_of(config), plan_of(config)
+    box, system = transmission_of(config), plan_of(config).true
     assert box.ratios == {1: pytest.approx(47 / 34), 2: pytest.approx(41 / 40)}
     for number, ratio in box.ratios.items():
         clutch, = box.engaged(number)
         slip = system.w[system.elements.index(clutch.instance)]
-        assert slip[system.bodies.index(box.input.name)] * ratio + slip[system.bodies.index(box.output.name)] == (
+        assert slip[system.speeds.index(box.input.name)] * ratio + slip[system.speeds.index(box.output.name)] == (
             pytest.approx(0.0, abs=1e-12)), "where the gear's clutch does not slip the speeds have its ratio"
 
 
 def test_the_ratio_of_a_planetary_set_follows_from_what_is_held():
     """Sun 30, ring 70 teeth; bodies sun (input), ring, carrier (output)."""
-    willis = (30.0, 70.0, -100.0)
-    brake_on_ring, sun_to_ring = (0.0, 1.0, 0.0), (1.0, -1.0, 0.0)
-    assert ratio_of([willis, brake_on_ring], 0, 2) == pytest.approx(100 / 30)
-    assert ratio_of([willis, sun_to_ring], 0, 2) == pytest.approx(1.0)
-    with pytest.raises(ValueError, match="leave a ratio open"):
-        ratio_of([willis], 0, 2)
+    drive = Driveline()
+    for body in ("sun", "ring", "carrier"):
+        drive.inertia(body, 0.1)
+    drive.planetary("set", "sun", "ring", "carrier", 70 / 30)
+    drive.brake("brake", "ring")
+    drive.clutch("lock", "sun", "ring")
+    system = drive.build()
+    assert held_ratio(system, ["brake"], "sun", "carrier") == pytest.approx(100 / 30)
+    assert held_ratio(system, ["lock"], "sun", "carrier") == pytest.approx(1.0)
+    with pytest.raises(ValueError, match="leave the ratio of input to output open"):
+        held_ratio(system, [], "sun", "carrier")
     with pytest.raises(ValueError, match="let nothing turn"):
-        ratio_of([willis, brake_on_ring, sun_to_ring], 0, 2)
+        held_ratio(system, ["brake", "lock"], "sun", "carrier")
 
 
 def test_every_signal_and_device_of_it_is_one_of_the_rig(config):

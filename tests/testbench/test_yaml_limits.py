@@ -13,7 +13,7 @@ import time
 import pytest
 
 from rig_nodes.alfa46.settings import read_alfa46
-from rig_nodes.config import CONFIG_DIR, load_yaml
+from rig_nodes.config import CONFIG_DIR, RIGS_DIR, load_yaml
 from rig_nodes.config.yaml_file import MOST_BYTES, MOST_DEPTH, MOST_VALUES
 from rig_nodes.errors import RigError
 from rig_nodes.sweep.plan import read_plan
@@ -237,10 +237,10 @@ def test_mutilated_files_are_taken_or_refused_and_nothing_else(tmp_path):
              ("calibration.yaml", CALIBRATION_FILE.read_text(), load_stages)]
     head, _, rows = TARGETS_FILE.read_text().partition("\ntargets:")
     files.append(("targets.yaml", "\n- ".join(f"{head}\ntargets:{rows}".split("\n- ")[:12]) + "\n", load_targets))
-    for folder, load in (("rigs", load_rig), ("sequences", load_sequence), ("procedures", read_procedure),
-                         ("controllers", read_alfa46)):
-        shutil.copytree(CONFIG_DIR / folder, tmp_path / folder)
-        files += [(f"{folder}/{path.name}", path.read_text(), load) for path in sorted((CONFIG_DIR / folder).glob("*.yaml"))]
+    for root, pattern, load in ((RIGS_DIR, "*/rig.yaml", load_rig), (RIGS_DIR, "*/sequences/*.yaml", load_sequence),
+                                (RIGS_DIR, "*/procedures/*.yaml", read_procedure), (CONFIG_DIR, "controllers/*.yaml", read_alfa46)):
+        shutil.copytree(root, tmp_path / root.name, dirs_exist_ok=True)
+        files += [(str(path.relative_to(root.parent)), path.read_text(), load) for path in sorted(root.glob(pattern))]
     chance, refused = random.Random(20), 0
     for turn in range(240):
         name, text, load = files[turn % len(files)]

@@ -27,6 +27,8 @@ VERBS = {
     "procedure": "run series of a measuring procedure of the laboratory, with bags",
     "sweep": "run a sequence for many values of its parameters, on all cores or a cluster",
     "tune": "find valve profiles and delays for an operating range: a front of trade-offs, with controllers to use",
+    "check": "check the folder of a rig and draw its driveline",
+    "new": "write the folder of a rig of your own to begin with",
     "controller": "check a shift controller of your own, or start one from a template",
     "device": "start a device of its own, for a rig with source: topic",
     "gear": "order a gear of the rig that runs",

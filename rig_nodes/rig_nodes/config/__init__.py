@@ -23,6 +23,7 @@ from .yaml_file import MOST_BYTES, List, Map, read_yaml
 
 CONFIG_DIR = Path(__file__).resolve().parent
 RIGS_DIR = CONFIG_DIR.parent / "rigs"
+TEMPLATE_DIR = CONFIG_DIR.parent / "description" / "template"  # of a rig to begin with
 _READERS = ("__init__.py", "yaml_file.py")  # what is kept of a file depends on them too
 
 

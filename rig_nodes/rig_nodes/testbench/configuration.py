@@ -22,7 +22,7 @@ from ..config.schema import build, check_keys, entry, field_value, param, where_
 from ..config.units import quantity
 from ..config.yaml_file import Map, file_of, merged, stamped
 from ..description.commands import Setpoint, setpoints_of
-from ..description.driveline import inertias_of
+from ..description.driveline import build_driveline, held_ratio, inertias_of
 from ..description.read import DEVICE_KEYS, KEYS, read_structure
 from ..description.sections import BodyConfig, EffectsConfig, ShaftConfig, instruments_of
 from ..description.structure import Device, Structure
@@ -189,11 +189,46 @@ def _read(node: Map, path, name: str) -> RigConfig:
     if "cut" in node:
         cut = build(CutConfig, node["cut"], path, "cut", where=where_of(path, node, "cut"))
         _check_tick(cut, f"{where_of(path, node['cut'], 'tick')}: cut.tick")
+    check_driveline(structure, sections, node, path)
     prescribed = None
     if "prescribed" in node:
         prescribed = read_prescribed(node["prescribed"], path, [clutch.name for clutch in structure.clutches])
-    return RigConfig(name, structure, kernel, sections, tuple(valve.wires["output"] - 1 for valve in structure.valves),
-                     _controller(node, path, structure), cut, cut_out, prescribed, node["description"])
+    config = RigConfig(name, structure, kernel, sections, tuple(valve.wires["output"] - 1 for valve in structure.valves),
+                       _controller(node, path, structure), cut, cut_out, prescribed, node["description"])
+    try:
+        config.catalogue
+    except RigError as error:
+        device = re.match(r"parts\.(\w+)", str(error))
+        raise RigError(f"{where_of(path, node['parts'], device[1]) if device else path}: {error}") from None
+    return config
+
+
+def check_driveline(structure: Structure, sections: Mapping, node: Map, path) -> None:
+    """RigError with file and line for a driveline that cannot turn, or a gear that holds nothing or everything."""
+    shafts = {one.name: (sections[one.name].stiffness, sections[one.name].damping) for one in structure.shafts}
+    try:
+        system = build_driveline(structure, inertias_of(structure, sections), shafts)
+    except RigError as error:
+        raise RigError(f"{_where_named(str(error), node, path)}: {str(error).removeprefix('driveline: ')}") from None
+    for gear, key in zip(structure.gears, node.get("gears", ())):
+        try:
+            held_ratio(system, gear.clutches, structure.input.body, structure.output.body)
+        except ValueError as error:
+            raise RigError(f"{where_of(path, node['gears'], key)}: gears.{gear.name}: {', '.join(gear.clutches)} held alone: {error}; "
+                           "a gear's clutches give the output one speed") from None
+
+
+def _where_named(said: str, node: Map, path) -> str:
+    """``file:line`` of the first body, wheel or device that a sentence names, else of the file."""
+    for name in re.findall(r"'(\w+)'", said):
+        for group in ("planetary_sets", "parts", "shafts", "bodies"):
+            if isinstance(node.get(group), Map) and name in node[group]:
+                return where_of(path, node[group], name)
+    if found := re.search(r"gear (\w+)-(\w+)", said):
+        for k, mesh in enumerate(node.get("meshes", ())):
+            if {*mesh["bodies"]} == {*found.groups()}:
+                return where_of(path, node["meshes"], k)
+    return str(path)
 
 
 def _device(nodes: Map, path, structure: Structure, device: Device, cut_out) -> tuple[object, tuple[str, ...]]:

@@ -1,0 +1,68 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""``rig check RIG``: what a rig's folder says, what is wrong with it and where, and its driveline as a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+HELP = "check the folder of a rig and draw its driveline"
+
+
+def add_arguments(parser) -> None:
+    """The arguments of the verb."""
+    parser.add_argument("rig", metavar="RIG", help="folder of a rig, its file, or the name of an installed one")
+    parser.add_argument("--picture", metavar="FILE", help="where the picture goes (default: NAME_driveline.svg here)")
+
+
+def main(args) -> int:
+    """0 when a run can begin; what is wrong is one sentence, with file and line."""
+    from ..description.picture import driveline_svg
+    from ..errors import RigError, not_written
+    from ..testbench.configuration import load_rig
+    from ..testbench.plan import plan_of
+    from ..testbench.sequence import load_sequence
+    from ..whole_file import write_whole
+
+    config = load_rig(args.rig)
+    plan_of(config)  # what joins devices that only the engine knows
+    print("\n".join(_told(config)))
+    for path in _sequences(args.rig):
+        sequence = load_sequence(path, None, args.rig)
+        sequence.check_rig(config)
+        print(f"sequence {path.stem}: {len(sequence.steps)} steps")
+    picture = Path(args.picture or f"{config.name}_driveline.svg")
+    if picture.suffix != ".svg":
+        raise RigError(f"--picture {picture}: the picture is an .svg file")
+    try:
+        write_whole(picture, driveline_svg(config).encode())
+    except OSError as error:
+        raise not_written(picture, error) from None
+    print(f"wrote {picture}")
+    return 0
+
+
+def _sequences(rig: str) -> list[Path]:
+    """The sequences in the rig's own folder."""
+    from ..config.names import find_config
+
+    return sorted((find_config("rigs", rig).parent / "sequences").glob("*.yaml"))
+
+
+def _told(config):
+    """What the description comes to, a line each."""
+    structure, n = config.structure, len(config.catalogue.signals)
+    yield f"{config.name}: {config.description}"
+    yield f"bodies: {', '.join(structure.bodies)}"
+    if structure.gears:
+        box = config.transmission
+        for gear in box.gears[1:]:
+            yield f"gear {gear.name}: {', '.join(gear.clutches)}, ratio {gear.ratio:.5g}"
+        for clutch in box.clutches:
+            by = f"{clutch.valve_name} on output {clutch.output + 1}" if clutch.valve else "no valve"
+            yield f"{clutch.name}: {by}, kiss point at {clutch.kiss_pressure * 1e-6:.3f} MPa"
+        yield f"inertia: {box.inertias.driving:.4g} kg m2 at the input, {box.inertias.on_output:.4g} kg m2 at the output"
+    steps = ", ".join(config.setpoints)
+    yield f"setpoints of sequences: {steps}"
+    yield f"signals: {n}, of which {len(config.catalogue.logger_channels())} are logged at 10 kHz"
