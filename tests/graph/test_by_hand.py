@@ -10,6 +10,7 @@ import sys
 
 import pytest
 from running_graph import PATIENCE, Graph, RigRun
+from verbs import Verbs
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
@@ -37,7 +38,10 @@ def rig(domain: int, *words: str) -> tuple[int, str, str]:
 
 @pytest.fixture(scope="module")
 def ask(graph):
-    return lambda *words: rig(graph.domain.number, *words)
+    """The verbs at the graph, each in a process of its own that has begun already."""
+    with Verbs() as verbs:
+        yield lambda *words: verbs.run(*words, "--domain", str(graph.domain.number))
+
 
 
 def test_values_are_set_with_their_units_and_shown_as_people_read_them(ask):

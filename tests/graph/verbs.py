@@ -1,0 +1,44 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Verbs of `rig`, each in a fresh process, which is forked where Python and ROS are loaded already."""
+
+import multiprocessing
+import os
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from tempfile import TemporaryFile
+
+# pytest too: each process loads the main module of the one that asks for it
+LOADED = ["pytest", "rig_nodes.cli.main", "rig_nodes.nodes.running_rig"]
+
+
+class Verbs:
+    """A context manager, in which :meth:`run` does what a terminal does, without the start of Python."""
+
+    def __enter__(self) -> "Verbs":
+        fresh = multiprocessing.get_context("forkserver")
+        fresh.set_forkserver_preload(LOADED)
+        self._processes = ProcessPoolExecutor(1, fresh, max_tasks_per_child=1)
+        return self
+
+    def __exit__(self, *_):
+        self._processes.shutdown()
+
+    def run(self, *words: str) -> tuple[int, str, str]:
+        """Exit code, stdout and stderr of a verb."""
+        return self._processes.submit(_said, words).result(60)
+
+
+def _said(words: tuple[str, ...]) -> tuple[int, str, str]:
+    from rig_nodes.cli.main import main
+
+    with TemporaryFile("w+") as out, TemporaryFile("w+") as error:
+        os.dup2(out.fileno(), 1)
+        os.dup2(error.fileno(), 2)
+        code = main([*words])
+        for stream in (sys.stdout, sys.stderr):
+            stream.flush()
+        for file in (out, error):
+            file.seek(0)
+        return code, out.read(), error.read()
