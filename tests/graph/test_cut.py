@@ -115,16 +115,15 @@ def test_a_killed_device_trips_the_rig_within_100_ms_and_is_named(tmp_path, star
     assert [m.torque for _, m in bag.messages("/motor/state")][-1] == 0.0
 
 
-@pytest.mark.against_the_clock
 def test_a_device_that_hangs_in_lockstep_trips_after_the_step_timeout(tmp_path, start):
-    run = RigRun(tmp_path / "run", "--speed", "1", "--step-timeout", "1", *cut("load_pump"))
+    run = RigRun(tmp_path / "run", "--speed", "1", "--step-timeout", "3", *cut("load_pump"))
     device, = start(run, "load_pump")
     run.until("shift to I")
     device.process.send_signal(signal.SIGSTOP)
     code, output = run.end()
     device.process.send_signal(signal.SIGCONT)
     assert code == 1
-    assert "load_pump: no answer on /load_pump/cut/answer within 1 s of real time" in output.splitlines()[-1]
+    assert "load_pump: no answer on /load_pump/cut/answer within 3 s of real time" in output.splitlines()[-1]
     assert Bag(run.folder).check() == []
 
 

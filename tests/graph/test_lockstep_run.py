@@ -43,9 +43,8 @@ def simulated(tmp_path_factory):
     return get
 
 
-@pytest.mark.against_the_clock  # the factor is a promise of an idle machine
 @pytest.mark.parametrize("arguments", [
-    ("--speed", "max"),
+    pytest.param(("--speed", "max"), marks=pytest.mark.against_the_clock),  # its factor is a promise of an idle machine
     ("--speed", "max", "--delay", "3", "--controller", PYTHON),
     ("--speed", "max", "--controller", f"c:{EXAMPLES / 'alfa46.c'}"),
     ("--speed", "2", "--controller", PYTHON, "--level", "current"),
@@ -55,7 +54,9 @@ def test_same_bits_as_simulate(tmp_path, simulated, arguments):
     code, output = run.end()
     assert code == 0, output
     part = json.loads((run.folder / "report.json").read_text())["run"]
-    assert part["lost"] == 0 and part["speed_factor"] > 0.5
+    assert part["lost"] == 0
+    if arguments == ("--speed", "max"):
+        assert part["speed_factor"] > 0.5
     if "2" in arguments:
         assert part["speed_factor"] <= 2.01
     bag = Bag(run.folder)

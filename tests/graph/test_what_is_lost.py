@@ -14,8 +14,6 @@ from running_graph import SHORT, RigRun, Traces
 
 from rig_nodes.bags.reader import Bag
 
-pytestmark = pytest.mark.against_the_clock
-
 CONNECTED = "all nodes are connected"
 
 
@@ -32,23 +30,25 @@ def stop_for(pid: int, seconds: float) -> None:
 
 @pytest.mark.parametrize("allowed, code, word", [([], 3, "lost"), (["--allow-loss"], 0, "warning")])
 def test_a_lost_message_is_named_in_the_last_line(tmp_path, allowed, code, word):
-    run = RigRun(tmp_path / "run", "--drop", "/motor/m_wej:20", *allowed)
+    run = RigRun(tmp_path / "run", "--speed", "max", "--drop", "/motor/m_wej:20", *allowed)
     ended, output = run.end()
     assert ended == code, output
     assert output.splitlines()[-1] == f"rig: {word}: 1 messages did not reach the bag: /motor/m_wej 1"
     assert part_of(run)["lost_by_topic"] == {"/motor/m_wej": 1}
 
 
+@pytest.mark.against_the_clock
 def test_a_recorder_that_stood_still_costs_messages_and_the_run_says_so(tmp_path):
     run = RigRun(tmp_path / "run")
     run.until(CONNECTED)
-    stop_for(Traces(run).children["recorder"], 2.5)
+    stop_for(Traces(run).children["recorder"], 2.0)
     code, output = run.end()
     lost = part_of(run)["lost"]
     assert code == 3 and lost > 100
     assert output.splitlines()[-1].startswith(f"rig: lost: {lost} messages did not reach the bag: ")
 
 
+@pytest.mark.against_the_clock
 def test_a_rig_that_stood_still_has_lost_time_and_the_run_says_so(tmp_path):
     run = RigRun(tmp_path / "run")
     run.until("shift to I")
@@ -63,7 +63,7 @@ def test_a_rig_that_stood_still_has_lost_time_and_the_run_says_so(tmp_path):
 
 
 def test_a_bag_that_was_cut_meanwhile_is_said_to_be_damaged(tmp_path):
-    run = RigRun(tmp_path / "run")
+    run = RigRun(tmp_path / "run", "--speed", "1")
     run.until("shift to II")
     os.truncate(run.folder / "short_0.mcap", 100_000)
     code, output = run.end()
@@ -83,7 +83,8 @@ def small_disk(tmp_path):
     subprocess.run(["umount", str(disk)], check=True)
 
 
-@pytest.mark.parametrize("speed", [[], ["--speed", "max"]], ids=["real time", "lockstep"])
+@pytest.mark.parametrize("speed", [pytest.param([], marks=pytest.mark.against_the_clock), ["--speed", "max"]],
+                         ids=["real time", "lockstep"])
 def test_a_full_disk_is_named_and_what_is_in_the_bag_stays_readable(small_disk, speed):
     run = RigRun(small_disk / "run", *speed)
     code, output = run.end()
