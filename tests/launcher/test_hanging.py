@@ -1,0 +1,38 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A test that hangs is failed, and the next one runs; one that cannot be failed shows where it stands and ends all."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+CONFTEST = Path(__file__).resolve().parents[1] / "conftest.py"
+HANGS = """
+import signal
+import threading
+
+
+def test_hangs(): threading.Event().wait(60)
+
+
+def test_next(): pass
+
+
+def test_hears_nothing():
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR2})
+    threading.Event().wait(60)
+"""
+
+
+def test_a_test_that_hangs_is_ended(tmp_path):
+    text = CONFTEST.read_text(encoding="utf-8")
+    for limit in ("LIMIT = 240.0", "MORE = 60.0"):
+        assert limit in text
+        text = text.replace(limit, f"{limit.partition(' ')[0]} = 0.5")
+    (tmp_path / "conftest.py").write_text(text)
+    (tmp_path / "test_one.py").write_text(HANGS)
+    done = subprocess.run([sys.executable, "-m", "pytest", "-v", "-p", "no:cacheprovider", str(tmp_path)], text=True,
+                          capture_output=True, timeout=50, cwd=tmp_path)
+    assert "test_hangs FAILED" in done.stdout and "test_next PASSED" in done.stdout
+    assert done.returncode == 1 and "Timeout (0:00:01)" in done.stderr and "in test_hears_nothing" in done.stderr
