@@ -41,8 +41,6 @@ from rig_nodes.testbench.timed import RigStatus
 
 from .conftest import MULTICAST, multicast_works
 
-pytestmark = pytest.mark.against_the_clock
-
 DOCS = Path(__file__).parents[2] / "docs"
 RPM = 0.10471975511965977
 
@@ -157,6 +155,7 @@ def late(exact, tmp_path_factory):
     return get
 
 
+@pytest.mark.against_the_clock
 @pytest.mark.parametrize("kind", ["virtual", "udp_multicast", "modbus", "ros"])
 def test_every_metric_is_as_the_stated_delay_makes_it(exact, example, late, tmp_path, request, kind):
     """docs/can.md, docs/modbus.md, docs/ros_controller.md: one sample later than in lockstep, and later where the
@@ -191,6 +190,7 @@ def test_each_sample_of_delay_lets_the_clutch_close_a_millisecond_later(late):
     assert later == pytest.approx([1e-3, 6e-3], abs=0.6e-3)
 
 
+@pytest.mark.against_the_clock
 @pytest.mark.parametrize("kind", ["virtual", "modbus"])
 def test_either_level_and_either_gear(config, example, kind):
     """At level duty the current loop is closed over the wire: the coil comes near its setpoint all the same."""
@@ -205,6 +205,7 @@ def test_either_level_and_either_gear(config, example, kind):
     assert rig.measurement("I_zr_p2") == pytest.approx(0.74, abs=0.08)
 
 
+@pytest.mark.against_the_clock
 @pytest.mark.parametrize("kind", ["virtual", "modbus"])
 def test_what_cannot_be_asked_of_a_clock_of_its_own_says_why(config, example, monkeypatch, kind):
     monkeypatch.setattr(conformance, "DESK_SAMPLES", 300)  # they take as long as they say
@@ -218,6 +219,7 @@ def test_what_cannot_be_asked_of_a_clock_of_its_own_says_why(config, example, mo
 # ---- silence and faults
 
 
+@pytest.mark.against_the_clock
 @pytest.mark.parametrize("kind", ["virtual", "modbus"])
 def test_of_a_controller_that_disappears_nothing_is_held_after_100_ms(config, example, kind):
     controller = example(kind)
@@ -272,6 +274,7 @@ def test_a_virtual_bus_says_at_once_that_nobody_outside_can_join(config):
     assert told.startswith("CAN virtual nobody is a bus inside the rig's process: no other program can join it")
 
 
+@pytest.mark.against_the_clock
 def test_frames_of_wrong_length_are_counted_and_said_and_never_used(config):
     stop, said = threading.Event(), []
     bus = open_bus("short", "virtual", "test")
@@ -297,6 +300,7 @@ def test_frames_of_wrong_length_are_counted_and_said_and_never_used(config):
     assert sum("came with 6 bytes instead of 8; it is not used, nor are others like it" in text for text in said) == 1
 
 
+@pytest.mark.against_the_clock
 @pytest.mark.parametrize(("state", "command", "sentence"), [
     ((0, 1, 0, 0, 2), (0, 0, 0), "status error: the controller says so on the bus"),
     ((0, 1, 0, 0, 3), (0, 0, 0), "status fatal: the controller says so on the bus"),
@@ -346,6 +350,7 @@ def test_a_counter_that_jumps_back_begins_the_law_anew(config, last, next_one, a
     assert (laws[0] is not laws[1]) == anew
 
 
+@pytest.mark.against_the_clock
 def test_two_controllers_on_one_bus_trip_the_rig(config, example):
     """A program that was forgotten, and stays in neutral, beside the Alfa46: a mixture of both is no run of either."""
     stop, controller = threading.Event(), example("virtual")
@@ -483,6 +488,7 @@ def test_the_register_map_is_that_of_the_page_and_of_the_export(config, tmp_path
     assert markdown_text(record_of(config)) in (DOCS / "modbus.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.against_the_clock
 def test_registers_are_read_and_written_as_the_map_says(config):
     port = free_port()
     told = {}

@@ -22,8 +22,6 @@ from rig_nodes.graph.domain import allocate
 from rig_nodes.view import layout, live, picture
 from rig_nodes.view.live import Sender, Server, live_topics
 
-pytestmark = pytest.mark.against_the_clock
-
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 SHORT = Path(__file__).parents[1] / "graph" / "short.yaml"
 PATIENCE = 60.0
@@ -157,6 +155,7 @@ def test_without_a_viewer_the_server_keeps_the_newest_and_stays_small(server, me
     assert dots(images["Slip [rpm]"], layout.S2) and len(lanes(images["States"])) == len(layout.STATES)
 
 
+@pytest.mark.against_the_clock
 def test_a_server_that_stands_still_costs_messages_but_no_time_and_no_memory(server, messages, monkeypatch):
     monkeypatch.setattr(live, "WAITING", 3000)
     one = server(None)
@@ -268,6 +267,7 @@ def live_command(tmp_path):
         command.close()
 
 
+@pytest.mark.against_the_clock
 @needs_driver
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_it_shows_a_real_graph_listens_on_loopback_only_and_ends_in_time(live_command, number):
@@ -291,6 +291,7 @@ def test_it_shows_a_real_graph_listens_on_loopback_only_and_ends_in_time(live_co
     assert not alive, "its server is left behind"
 
 
+@pytest.mark.against_the_clock
 def test_a_run_neither_waits_for_its_live_view_nor_ends_with_it(tmp_path):
     command = [sys.executable, "-P", "-m", "rig_nodes.cli.main", "run", str(SHORT), "--view", "--out",
                str(tmp_path / "run")]
