@@ -27,7 +27,8 @@ PYTHONS = ("python3", ".venv/bin/python")
 OWN_CLOCK = ("can", "modbus")  # nobody starts them with a run
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [pytest.param(kind, marks=pytest.mark.against_the_clock) if kind in OWN_CLOCK else kind
+                                  for kind in KINDS])
 def test_it_shifts_by_the_commands_that_are_printed(kind, tmp_path, monkeypatch, capsys, request):
     if kind == "can" and (why := multicast_works()):
         pytest.skip(why)
