@@ -141,7 +141,7 @@ def other_topics(folder, spec="alfa46", sequence=SHORT):
 
 @pytest.mark.parametrize(("what", "arguments", "sentence", "oldest"), [
     ("*(volatile int *)8 = 1;", ("--speed", "1"), "sample 500: the library's process was ended by SIGSEGV", 0.007),
-    ("for (;;);", ("--speed", "1", "--step-timeout", "3"), "sample 500: no answer for 3000 ms (--step-timeout)",
+    ("for (;;);", ("--speed", "1", "--step-timeout", "3"), "sample 500: no answer for 3 s (--step-timeout)",
      0.007),
     pytest.param("*(volatile int *)8 = 1;", (), SILENT, 0.107, marks=pytest.mark.against_the_clock),
     pytest.param("for (;;);", (), SILENT, 0.107, marks=pytest.mark.against_the_clock),
