@@ -112,7 +112,7 @@ def test_all_gears_up_and_down_under_load(three):
     n_in, n_out = (run.recording.channels[name] for name in ("n_in", "n_out"))
     orders = [(round(at * 1e4), before, gear) for at, before, gear in run.recording.orders]
     assert [gear for *_, gear in orders] == [1, 2, 3, 2, 1]
-    for (_, _, gear), (at, *_) in zip(orders[1:], [*orders[2:], (len(n_in) - 40_000, 0, 0)]):
+    for (_, _, gear), (at, *_) in zip(orders[1:], [*orders[2:], (len(n_in) - 6_000, 0, 0)]):
         assert n_in[at - 10] / n_out[at - 10] == pytest.approx(RATIOS[gear], rel=1e-3)
     assert n_out[orders[1][0]:orders[-1][0]].min() > 0.8 * n_in.max() / 2.8, "under load all the way"
 
@@ -131,5 +131,5 @@ def test_the_energy_of_a_run_closes(three):
 
 
 def test_a_rig_is_its_folder_wherever_it_lies(mine, tmp_path):
-    assert load_rig(str(mine)).name == "mine" and load_rig(mine / "rig.yaml") == load_rig(mine)
+    assert load_rig(str(mine)).name == "mine" and load_rig(mine / "rig.yaml").as_dict() == load_rig(mine).as_dict()
     assert sorted(path.name for path in (RIGS_DIR / "three_speed").iterdir()) == ["controller.yaml", "rig.yaml", "sequences"]
