@@ -3,7 +3,7 @@
 
 """Quality-of-service profiles of the catalogue's classes, for the side that publishes and the side that receives.
 
-Used by every node; config/signals.yaml says which class a topic has, catalogue.QOS how a class is offered.
+Used by every node; description.signals says which class a topic has, catalogue.QOS how a class is offered.
 """
 
 from __future__ import annotations

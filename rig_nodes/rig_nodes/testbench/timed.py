@@ -90,7 +90,7 @@ class Timed(ABC):
         """Make the world and the first row; ``gauges`` show the plan's channels."""
         self.world, self.gauges, self.channels = World(plan), gauges, tuple(plan.channels)
         if self.logger_names != list(self.channels[:len(self.logger_names)]):
-            raise RigError(f"signals.yaml: the logger's columns {self.logger_names} are not those of the rig, "
+            raise RigError(f"the logger's columns {self.logger_names} are not those of the rig, "
                            f"{self.channels}")
         self._safe = self.world.record["safe"]
         self._enabled = self.device(self.drive)

@@ -16,7 +16,7 @@ from ..errors import RigError
 from ..parts import part as parts
 from ..transmission import tied_to
 
-Where = Callable[[tuple[str, ...]], str]  # opens a sentence about these keys, e.g. ("gearbox.inertia_in",)
+Where = Callable[[tuple[str, ...]], str]  # opens a sentence about these keys, e.g. ("w0.inertia",)
 
 
 def check_together(config, where: Where) -> None:
