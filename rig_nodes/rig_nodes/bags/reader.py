@@ -182,7 +182,7 @@ class Bag:
         try:
             return rig_record(said, self.types)
         except UNREADABLE as error:
-            raise self._no_rig(error) from None
+            raise self.no_rig(error) from None
 
     @cached_property
     def structure(self) -> Structure:
@@ -190,7 +190,7 @@ class Bag:
         try:
             return structure_of(self.record["structure"])
         except UNREADABLE as error:
-            raise self._no_rig(error) from None
+            raise self.no_rig(error) from None
 
     @cached_property
     def catalogue(self) -> Catalogue:
@@ -198,7 +198,7 @@ class Bag:
         try:
             return catalogue(self.record)
         except UNREADABLE as error:
-            raise self._no_rig(error) from None
+            raise self.no_rig(error) from None
 
     @cached_property
     def transmission(self) -> Transmission:
@@ -206,9 +206,10 @@ class Bag:
         try:
             return transmission_of(self.record)
         except UNREADABLE as error:
-            raise self._no_rig(error) from None
+            raise self.no_rig(error) from None
 
-    def _no_rig(self, error: Exception) -> BagError:
+    def no_rig(self, error: Exception) -> BagError:
+        """What is raised where the bag's record is none."""
         return BagError(f"{self.path}: what it says of its rig cannot be used ({type(error).__name__}: {error}); expected what "
                         "`rig run` and `rig simulate` put into a bag")
 

@@ -42,6 +42,7 @@ def add_arguments(parser) -> None:
     live.add_argument("--parent", type=int, help=argparse.SUPPRESS)
     other = parser.add_argument_group("another program")
     other.add_argument("--layout", choices=TOOLS, help="write a layout for this program")
+    other.add_argument("--rig", metavar="NAME", help="rig or .yaml file whose signals it shows (default: hydmag)")
     other.add_argument("--out", metavar="FILE", type=Path, help="its file (default: rig.xml or rig.json)")
 
 
@@ -56,10 +57,10 @@ def main(args) -> int:
         ("--picture", args.picture, args.run), ("--tab", args.tab, args.picture),
         ("--window", args.window, args.run), ("--domain", args.domain is not None, args.live),
         ("--viewer", args.viewer, args.live), ("--port", args.port, args.live),
-        ("--out", args.out, args.layout),
+        ("--out", args.out, args.layout), ("--rig", args.rig, args.layout),
         ("--no-open", args.no_open, args.run or args.live)) if value and not fits]
     if wrong:
-        needed = {"--tab": "--picture", "--out": "--layout", "--picture": "a run", "--window": "a run",
+        needed = {"--tab": "--picture", "--out": "--layout", "--rig": "--layout", "--picture": "a run", "--window": "a run",
                   "--no-open": "a run or --live"}.get(wrong[0], "--live")
         raise RigError(f"{wrong[0]} goes with {needed} only")
     if args.live:
@@ -168,10 +169,14 @@ def _greet(args, domain: int, url: str) -> None:
 
 
 def _layout(args) -> int:
+    from ..config.names import DEFAULT_RIG
+    from ..testbench.configuration import load_rig
     from ..view.other_tools import write_layout
+    from ..view.pages import Pages
 
+    pages = Pages(load_rig(args.rig or DEFAULT_RIG).as_dict())
     path = args.out or Path("rig.xml" if args.layout == "plotjuggler" else "rig.json")
-    write_layout(args.layout, path)
+    write_layout(args.layout, path, pages)
     print(f"{path} written")
     return 0
 

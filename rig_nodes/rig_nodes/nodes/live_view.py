@@ -9,24 +9,31 @@ the rig's priority, so that neither the rig's publishers nor its clock ever wait
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import rclpy
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
+from rig_msgs.msg import RunInfo
 
+from ..bags.reader import UNREADABLE
+from ..bags.rig_record import rig_record
 from ..catalogue import QOS
 from ..errors import RigError
 from ..view.live import Sender, Server, live_topics
+from ..view.pages import Pages
 from .executor import events_executor
 from .message_class import message_class
 
 NICE = 10
+RUN_INFO, STATE = "/rig/run_info", "/rig/state"
+UNSAID = 3.0      # s after which a rig of which nobody says what it is made of is taken by its topics
 LISTEN = 0.05     # s between two looks at what else happens
 SILENT = 5.0      # s after which people are told that nobody publishes
 LAST_SEND = 0.8   # s for what is queued when the end is asked for
@@ -34,15 +41,49 @@ LONGEST_END = 1.8  # s from the signal to the end by force
 
 
 class LiveView(Node):
-    """Subscribes to every topic that is shown; callbacks only enqueue."""
+    """Learns which rig runs, then subscribes to every topic that is shown; callbacks only enqueue.
 
-    def __init__(self, sender: Sender):
+    ``found``: what the rig is made of, as its run says or, where nobody says it for a while, as its topics are most like.
+    """
+
+    def __init__(self):
         super().__init__("live_view", enable_rosout=False, start_parameter_services=False)
-        # latched topics are none of these, and a reliable reader could make a publisher send again
+        self.found: Mapping | None = None
+        self._seen_at: float | None = None
+        self._inputs: list = []
+        kept = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._info = self.create_subscription(RunInfo, RUN_INFO, self._on_info, kept)
+
+    def _on_info(self, message: RunInfo) -> None:
+        try:
+            said = json.loads(message.json)
+            record = rig_record(said.get("configuration", said))
+        except UNREADABLE:
+            return  # no run of ours; its topics may still be
+        if self.found is None or record["structure"] != self.found["structure"]:
+            self.found = record
+
+    def look(self) -> None:
+        """Take the rig by its topics, where nobody has said for UNSAID s which it is."""
+        if self.found is not None:
+            return
+        topics = {name for name, _ in self.get_topic_names_and_types()}
+        if STATE not in topics:
+            self._seen_at = None
+        elif self._seen_at is None:
+            self._seen_at = time.monotonic()
+        elif time.monotonic() - self._seen_at > UNSAID:
+            self.found = rig_record(None, topics)
+
+    def show(self, sender: Sender, pages: Pages) -> None:
+        """Subscribe to what is shown of a rig, in place of what was before."""
+        # the others are latched, and a reliable reader of these could make a publisher send again
         profile = QoSProfile(depth=QOS["measurement"].depth, reliability=ReliabilityPolicy.BEST_EFFORT)
-        self.inputs = [self.create_subscription(message_class(topic.ros_type), topic.name,
-                                                self._enqueue(sender, topic.name), profile, raw=True)
-                       for topic in live_topics()]
+        for one in self._inputs:
+            self.destroy_subscription(one)
+        self._inputs = [self.create_subscription(message_class(topic.ros_type), topic.name,
+                                                 self._enqueue(sender, topic.name), profile, raw=True)
+                        for topic in live_topics(pages)]
 
     @staticmethod
     def _enqueue(sender: Sender, topic: str):
@@ -63,14 +104,11 @@ class Session:
         server = Server(port)
         try:
             greet(server.url)
-            sender = Sender(server.url, f"ROS domain {self._domain}", window)
-            self._receive(sender, server)
-            if not sender.close(LAST_SEND):
-                self._say("what was queued at the end was not sent: the server did not take it")
-            self._say(f"the live view ended: {sender.summary()}")
+            sender = self._receive(server, window)
+            self._close(sender)
             if server.ended():
                 raise RigError(f"the server of the live view ended ({server.last_words()}); start it again")
-            if sender.failure:
+            if sender is not None and sender.failure:
                 raise RigError(f"the live view failed: {sender.failure}; start it again")
         finally:
             server.close()
@@ -80,16 +118,29 @@ class Session:
             self._over = True
             signal.setitimer(signal.ITIMER_REAL, LONGEST_END)  # SIGALRM without a handler ends the process
 
-    def _receive(self, sender: Sender, server: Server) -> None:
+    def _close(self, sender: Sender | None) -> None:
+        if sender is not None and not sender.close(LAST_SEND):
+            self._say("what was queued at the end was not sent: the server did not take it")
+        self._say(f"the live view ended: {'no rig was seen' if sender is None else sender.summary()}")
+
+    def _receive(self, server: Server, window: float) -> Sender | None:
+        """Send what comes until ended; the sender of the last rig that was seen."""
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         executor = events_executor()
-        node = LiveView(sender)
+        node, sender, shown = LiveView(), None, None
         executor.add_node(node)
         silent_at = time.monotonic() + SILENT
         try:
-            while not self._over and not server.ended() and not sender.failure:
+            while not self._over and not server.ended() and not (sender and sender.failure):
                 executor.spin_until_future_complete(Future(), LISTEN)
-                if sender.received:
+                node.look()
+                if node.found is not shown:
+                    if sender is not None:
+                        self._close(sender)
+                    shown, pages = node.found, Pages(node.found)
+                    sender = Sender(server.url, f"ROS domain {self._domain}", pages, window)
+                    node.show(sender, pages)
+                if sender is not None and sender.received:
                     silent_at = float("inf")
                 elif time.monotonic() > silent_at:
                     self._say(f"nothing is published in ROS domain {self._domain} so far; waiting")
@@ -98,3 +149,4 @@ class Session:
             executor.remove_node(node)
             node.destroy_node()
             rclpy.shutdown()
+        return sender

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from ..errors import RigError
+from ..parts import part as parts
 from ..testbench.campaign import Workers
 from ..testbench.configuration import RigConfig
 from ..validation.calibrate import Parameter, load_stages, sensitivities, shares_of, with_values
@@ -84,7 +85,8 @@ def sampled_rigs(config: RigConfig, spreads: dict[str, float], oil: tuple[float,
 
 def _sampled(config: RigConfig, now: dict[str, float], draw: tuple[dict[str, float], float]) -> RigConfig:
     rig = _allowed(config, draw[0], now)
-    return replace(rig, oil_supply=replace(rig.oil_supply, temperature=draw[1]))
+    return rig.replaced(**{one.name: replace(rig.values(one.name), temperature=draw[1])
+                           for one in rig.structure.of_role(parts.OIL)})
 
 
 def _allowed(config: RigConfig, values: dict[str, float], now: dict[str, float]) -> RigConfig:

@@ -13,22 +13,23 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import differential_evolution, least_squares
 
-from ..alfa46.settings import Alfa46Config, Alfa46Values
+from ..alfa46.settings import Alfa46Config
 from ..config import load_yaml
 from ..config.schema import check_keys, where_of
 from ..config.units import UNITS, quantity
 from ..errors import RigError
 from ..testbench.campaign import Workers
-from ..testbench.configuration import PARTS, RigConfig
+from ..testbench.configuration import RigConfig, load_rig
 from ..testbench.timed import Tripped
 from .calibration_rows import ROWS, Miss, calibrating
 
+LABORATORY = "hydmag"  # whose rows targets.yaml has
 CALIBRATION_FILE = Path(__file__).resolve().with_name("calibration.yaml")
 
 
@@ -66,10 +67,16 @@ def _parameter(path: Path, node, name: str) -> Parameter:
 
 def _field(value: str, where: str):
     part, _, name = value.partition(".")
-    owner = Alfa46Values if part == "alfa46" else PARTS.get(part)
-    if owner is None or name not in owner.__dataclass_fields__:
+    owner = _laboratory().values(part)
+    if owner is None or name not in type(owner).__dataclass_fields__:
         raise RigError(f"{where}: the rig has no value '{value}'")
-    return owner.__dataclass_fields__[name]
+    return type(owner).__dataclass_fields__[name]
+
+
+@cache
+def _laboratory() -> RigConfig:
+    """The rig whose values calibration.yaml names."""
+    return load_rig(LABORATORY)
 
 
 def with_values(config: RigConfig, parameters: dict[str, Parameter], values: dict[str, float]) -> RigConfig:
@@ -77,12 +84,11 @@ def with_values(config: RigConfig, parameters: dict[str, Parameter], values: dic
     for name, value in values.items():
         for place, times in parameters[name].of.items():
             part, _, key = place.partition(".")
-            owner = config.alfa46.values if part == "alfa46" else getattr(config, part)
-            owner = replace(owner, **{key: times * value})
+            owner = replace(config.values(part), **{key: times * value})
             if part == "alfa46":
                 config = replace(config, alfa46=Alfa46Config(owner, config.alfa46.profiles))
             else:
-                config = replace(config, **{part: owner})
+                config = config.replaced(**{part: owner})
     return config
 
 
@@ -193,8 +199,7 @@ def shares_of(config: RigConfig, parameters: dict[str, Parameter]) -> np.ndarray
     for p in parameters.values():
         place, times = next(iter(p.of.items()))
         part, _, key = place.partition(".")
-        owner = config.alfa46.values if part == "alfa46" else getattr(config, part)
-        now = getattr(owner, key) / times
+        now = getattr(config.values(part), key) / times
         shares.append((now - p.low) / (p.high - p.low))
     return np.clip(shares, 0.0, 1.0)
 
@@ -263,10 +268,13 @@ def write_values(values: dict[str, float], rig_file: Path, controller_file: Path
 
 
 def _replaced(text: str, part: str, key: str, value: float, file: Path) -> str:
-    indent = "  " if part else ""
-    begin = re.search(rf"^{part}:\s*$", text, re.M).end() if part else 0
-    line = re.compile(rf"^{indent}{key}: \[([^,]*?), \"(.*)\"\]", re.M)
-    match = line.search(text, begin)
+    indent, begin, end = "", 0, len(text)
+    if part:  # among the bodies, shafts or parts of the rig
+        head = re.search(rf"^  {part}:\s*$", text, re.M)
+        begin = len(text) if head is None else head.end()
+        after = re.compile(r"^ {0,2}\w", re.M).search(text, begin)
+        indent, end = "    ", after.start() if after else len(text)
+    match = re.compile(rf"^{indent}{key}: \[([^,]*?), \"(.*)\"\]", re.M).search(text, begin, end)
     if match is None:
         raise RigError(f"{file}: no line '{key}: [value, \"source\"]' in {part or 'the controller'}")
     unit = match[1].split(" ", 1)[1]

@@ -64,7 +64,7 @@ def pressures(config: RigConfig, name: str) -> tuple[np.ndarray, np.ndarray]:
     At the settings of the rig's controller, shafts at rest, true values; the second time, because a piston that has
     never moved lies deeper than its seals let it return.
     """
-    rig = Rig(replace(config, effects=replace(config.effects, transducers=False)))
+    rig = Rig(config.replaced(effects=replace(config.effects, transducers=False)))
     rig.set_oil(SUPPLY, True)
     _go(rig, SETTLE)
     rig.take_rows(10 * SETTLE)
@@ -80,7 +80,7 @@ def pressures(config: RigConfig, name: str) -> tuple[np.ndarray, np.ndarray]:
 def with_cracking(config: RigConfig, clutch: Clutch, more: float) -> RigConfig:
     """The rig with that much more cracking current [A] of a clutch's valve."""
     valve = getattr(config, clutch.valve)
-    return replace(config, **{clutch.valve: replace(valve, cracking_current=valve.cracking_current + more)})
+    return config.replaced(**{clutch.valve: replace(valve, cracking_current=valve.cracking_current + more)})
 
 
 def first_true(values: np.ndarray, missing: float) -> float:
@@ -158,7 +158,7 @@ def hydraulic_misses(config: RigConfig, targets: dict[str, Target], name: str) -
 
 def steady_torque(config: RigConfig, gear: int, speed: float, load: float) -> float:
     """M_wej [Nm] that turns the rig in a gear (0: neutral) at an input speed [rad/s] under a load [Nm], true value."""
-    rig = Rig(replace(config, effects=replace(config.effects, transducers=False)))
+    rig = Rig(config.replaced(effects=replace(config.effects, transducers=False)))
     rig.set_oil(SUPPLY, True)
     _go(rig, SETTLE)
     if gear:
@@ -166,7 +166,7 @@ def steady_torque(config: RigConfig, gear: int, speed: float, load: float) -> fl
         _go(rig, 1200)
     rig.set_motor(speed, True)
     _go(rig, 2000)
-    rig.set_load(relief_setting_for(load, float(rig.v[1]), config.load_pump), load > 0.0)
+    rig.set_load(relief_setting_for(load, rig.speed_at("load_pump"), config.load_pump), load > 0.0)
     _go(rig, 3000)
     return rig.true("M_wej")
 
@@ -181,14 +181,14 @@ def loss_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
     torques = np.array([steady_torque(config, 0, speed, 0.0) for speed in speeds])
     coasting = float(torques[-1])
     values = {"coast_down_torque": coasting,
-              "coast_down_tangent_time": config.gearbox.inertia_in * 470 * RPM / coasting,
+              "coast_down_tangent_time": config.w0.inertia * 470 * RPM / coasting,
               "valve_mean_torque_s1": steady_torque(config, 1, 500 * RPM, 30.0),
               "valve_mean_torque_s2": steady_torque(config, 2, 500 * RPM, 30.0)}
     curve = targets["coast_down_curve"]
     start, end, parabola = curve.pieces[0]
     t, w = np.arange(start, end, 1e-2), np.linspace(speeds[0], np.polyval(parabola, start), 500)
     # the time from one speed to the next, trapezoids of J / M
-    gone = config.gearbox.inertia_in * np.cumsum(np.diff(w) / np.interp(0.5 * (w[1:] + w[:-1]), speeds, torques))
+    gone = config.w0.inertia * np.cumsum(np.diff(w) / np.interp(0.5 * (w[1:] + w[:-1]), speeds, torques))
     apart = np.interp(t, gone[-1] - np.append(0.0, gone)[::-1], w[::-1]) - np.polyval(parabola, t)
     miss = float(np.sqrt(np.mean(apart**2)))
     return [*(Miss(name, value, (value - targets[name].printed[0]) / targets[name].tolerance)
@@ -204,8 +204,8 @@ def shift(config: RigConfig, to: int, t12: float | None = None, speed: float = 5
     set, by default the one before the shift.
     """
     values = config.alfa46.values if t12 is None else replace(config.alfa46.values, t12=t12)
-    config = replace(config, effects=replace(config.effects, transducers=False),
-                     alfa46=Alfa46Config(values, config.alfa46.profiles))
+    config = config.replaced(effects=replace(config.effects, transducers=False),
+                             alfa46=Alfa46Config(values, config.alfa46.profiles))
     rig = Rig(config)
     rig.set_oil(SUPPLY, True)
     _go(rig, SETTLE)

@@ -18,13 +18,12 @@ from pathlib import Path
 from .. import __version__
 from ..analysis.report import REPORT_FILE, build_report, is_of, orders_in, read_report
 from ..bags.index import BagIndex
-from ..bags.reader import Bag, nothing_in, recovered
-from ..catalogue import Signal, catalogue, kind_of_topics
-from ..config import package_file
+from ..bags.reader import UNREADABLE, Bag, nothing_in, recovered
 from ..errors import BagError, RigError
 from . import layout
 from .curves import LOGGER_TOPIC, OWN_TOPIC, Curves, times
 from .document import report_document
+from .pages import Pages
 
 APPLICATION = "virtual_rig"
 VIEW_FILE = "view.rrd"
@@ -88,12 +87,13 @@ def save_bare_layout(run: str | Path, window: tuple[float, float] | None, path: 
     """
     with BagIndex(run) as index:
         small = _small(index)
-    names, own = _names(index, small)
+    pages = _pages(small)
+    names, own = _names(pages, index, small)
     if tab == "controller" and not own:
         raise RigError(f"{run}: its controller names no signals of its own; --tab can be shifts, run or other")
-    shifts = layout.choose(layout.shifts_of(orders_in(small.events())))
+    shifts = layout.choose(layout.shifts_of(orders_in(small.events()), pages.box))
     tab = tab or ("shifts" if shifts and not window else "run")
-    layout.blueprint(set(names), shifts, window, tab, own).save(APPLICATION, path)
+    layout.blueprint(pages, set(names), shifts, window, tab, own).save(APPLICATION, path)
 
 
 def import_rerun():
@@ -113,8 +113,8 @@ def _key(bag: Path, window) -> str:
     rr = import_rerun()
     digest = hashlib.sha256(f"{__version__} {rr.__version__} {window}".encode())
     package = Path(__file__).parents[1]
-    sources = sorted(path for part in ("view", "analysis", "bags") for path in (package / part).glob("*.py"))
-    for path in (bag, bag.parent / REPORT_FILE, package_file("signals.yaml"), *sources):
+    sources = sorted(path for part in ("view", "analysis", "bags", "description", "parts") for path in (package / part).glob("*.py"))
+    for path in (bag, bag.parent / REPORT_FILE, *sources):
         digest.update(path.name.encode())
         if path.exists():
             with open(path, "rb") as file:
@@ -140,13 +140,14 @@ def _write(index: BagIndex, path: Path, key: str, window) -> list[str]:
     """Fill the file piece by piece of the bag; returns what the bag lacks, which is shown with the report, too."""
     rr = import_rerun()
     small = _small(index)
-    names, own = _names(index, small)
+    pages = _pages(small)
+    names, own = _names(pages, index, small)
     events = small.events()
-    shifts = layout.shifts_of(orders_in(events))
+    shifts = layout.shifts_of(orders_in(events), pages.box)
     rec = rr.RecordingStream(APPLICATION, recording_id=key, send_properties=False)  # no wall clock
-    rec.save(path, default_blueprint=layout.blueprint(set(names), layout.choose(shifts), window, own=own))
+    rec.save(path, default_blueprint=layout.blueprint(pages, set(names), layout.choose(shifts), window, own=own))
     rec.send_recording_name(index.path.stem)
-    curves = Curves(rr, rec, names, shifts)
+    curves = Curves(rr, rec, pages, names, shifts)
     held = last = 0
     for piece in Bag.pieces(index.path, PIECE, recover=True):
         curves.add(piece)
@@ -160,7 +161,7 @@ def _write(index: BagIndex, path: Path, key: str, window) -> list[str]:
     if not index.counts.get(LOGGER_TOPIC):
         notes.append(f"no rows of the logger: the bag has no messages of {LOGGER_TOPIC}")
     notes += curves.problems
-    if lacking := [name for name in _known(index) if name not in names]:
+    if lacking := [name for name in pages.known.signals if name not in names]:
         notes.append(f"the bag holds nothing of {', '.join(lacking)}")
     document = report_document(_report(small, notes), notes)
     rec.log("report", rr.TextDocument(document, media_type="text/markdown"), static=True)
@@ -169,8 +170,12 @@ def _write(index: BagIndex, path: Path, key: str, window) -> list[str]:
     return notes
 
 
-def _known(index: BagIndex) -> dict[str, Signal]:
-    return catalogue(kind_of_topics(index.counts)).signals
+def _pages(small: Bag) -> Pages:
+    """What is shown of the rig that a bag is of; BagError where its record is none."""
+    try:
+        return Pages(small.record)
+    except UNREADABLE as error:
+        raise small.no_rig(error) from None
 
 
 def _small(index: BagIndex) -> Bag:
@@ -178,12 +183,12 @@ def _small(index: BagIndex) -> Bag:
     return index.bag([topic for topic, ros_type in index.types.items() if ros_type in SMALL])
 
 
-def _names(index: BagIndex, small: Bag) -> tuple[list[str], tuple[str, ...]]:
+def _names(pages: Pages, index: BagIndex, small: Bag) -> tuple[list[str], tuple[str, ...]]:
     """Signals of the catalogue that the bag holds, and those that the controller names as its own; none in most runs."""
     logged = small.columns(LOGGER_TOPIC) if index.counts.get(LOGGER_TOPIC) else []
     own = small.columns(OWN_TOPIC) if index.counts.get(OWN_TOPIC) else []
-    return [name for name, signal in _known(index).items()
-            if name in logged or index.counts.get(signal.topic) and small.has_field(name)], tuple(own)
+    return [name for name, signal in pages.known.signals.items()
+            if name in logged or index.counts.get(signal.topic) and small.has_field(signal)], tuple(own)
 
 
 def _check_window(window, curves: Curves) -> None:

@@ -13,9 +13,10 @@ from collections.abc import Collection
 import numpy as np
 
 from ..bags.reader import Bag
-from ..catalogue import Signal, catalogue
+from ..catalogue import Signal
 from ..errors import RigError
 from . import layout
+from .pages import OTHER, Pages
 
 LOGGER_TOPIC, OWN_TOPIC = "/instruments/hmg4000", "/controller/signals"
 
@@ -25,17 +26,17 @@ def times(rr, t: np.ndarray):
     return rr.TimeColumn(layout.TIMELINE, duration=np.round(np.asarray(t) * 1e9).astype("timedelta64[ns]"))
 
 
-def log_style(rr, rec, signal: Signal) -> None:
+def log_style(rr, rec, pages: Pages, signal: Signal) -> None:
     """Name with unit and colour of a curve."""
     name = f"{signal.name} [{signal.display_unit}]"
-    line = rr.SeriesLines(names=name, colors=layout.colour(signal.name), widths=layout.width(signal.name))
+    line = rr.SeriesLines(names=name, colors=pages.colour(signal.name), widths=pages.width(signal.name))
     rec.log(layout.entity(signal), line, static=True)
 
 
-def log_state_styles(rr, rec, signal: Signal) -> None:
+def log_state_styles(rr, rec, pages: Pages, signal: Signal) -> None:
     """Labels and colours of the states of a signal."""
     labels = list(signal.states.values())
-    colours = [layout.state_colour(signal.name, label) for label in labels]
+    colours = [pages.state_colour(signal.name, label) for label in labels]
     rec.log(layout.entity(signal), rr.StateConfiguration(values=labels, colors=colours), static=True)
 
 
@@ -45,9 +46,9 @@ class Curves:
     ``ends``: first and last time [s] of all so far; ``problems``: sentences on what could not be drawn.
     """
 
-    def __init__(self, rr, rec, names: Collection[str], shifts):
-        """names: the signals of the catalogue to draw; shifts: as of layout.shifts_of."""
-        self._rr, self._rec, self._names, self._shifts = rr, rec, names, shifts
+    def __init__(self, rr, rec, pages: Pages, names: Collection[str], shifts):
+        """pages: of the rig; names: the signals of it to draw; shifts: as of layout.shifts_of."""
+        self._rr, self._rec, self._pages, self._names, self._shifts = rr, rec, pages, names, shifts
         self.ends = (np.inf, -np.inf)
         self.problems: list[str] = []
         self._styled: set[str] = set()
@@ -59,7 +60,7 @@ class Curves:
         """Send all signals of the next piece."""
         logged = self._rows(piece, LOGGER_TOPIC)
         for name in self._names:
-            signal = catalogue().signal(name)
+            signal = self._pages.known.signal(name)
             if name in logged:
                 t, values = logged[name]
             elif LOGGER_TOPIC in self._due and name in piece.columns(LOGGER_TOPIC):
@@ -78,7 +79,7 @@ class Curves:
     def _series(self, piece: Bag, signal: Signal) -> tuple[np.ndarray, np.ndarray]:
         if piece.counts.get(signal.topic):
             try:
-                return piece.series(signal.name)
+                return piece.series(signal)
             except RigError as error:
                 self._tell(str(error))
         return np.empty(0), np.empty(0)
@@ -114,13 +115,13 @@ class Curves:
 
     def _send_series(self, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
         if self._first(signal.name):
-            log_style(self._rr, self._rec, signal)
+            log_style(self._rr, self._rec, self._pages, signal)
         self._send(layout.entity(signal), t, signal.shown(values))
 
     def _send_states(self, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
         """One row for each change of state."""
         if self._first(signal.name):
-            log_state_styles(self._rr, self._rec, signal)
+            log_state_styles(self._rr, self._rec, self._pages, signal)
         change = np.flatnonzero(np.diff(values, prepend=self._states.get(signal.name, np.nan)) != 0)
         self._states[signal.name] = values[-1]
         states = [signal.states.get(int(value), str(int(value))) for value in values[change]]
@@ -130,7 +131,7 @@ class Curves:
 
     def _measure(self, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
         """How high the plots with upright lines are during each shift."""
-        for title, names in layout.MARKED_PLOTS:
+        for title, names in self._pages.marked_plots:
             if signal.name not in names:
                 continue
             for number, shift in enumerate(self._shifts):
@@ -145,14 +146,14 @@ class Curves:
 
     def send_marks(self) -> None:
         """An upright line at the order of each shift, as high as the curves of the plot during the shift."""
-        for title, _ in layout.MARKED_PLOTS:
+        for title, _ in self._pages.marked_plots:
             rows = [(shift.order, value) for number, shift in enumerate(self._shifts) if (title, number) in self._heights
                     for value in (*self._heights[title, number], np.nan)]
             if rows:
                 t, values = np.array(rows).T
                 path = layout.mark_entity(title)
                 # both ends lie at one time: averaged, they would be a point
-                line = self._rr.SeriesLines(names="shift ordered", colors=layout.OTHER, widths=1.0,
+                line = self._rr.SeriesLines(names="shift ordered", colors=OTHER, widths=1.0,
                                             aggregation_policy="Off")
                 self._rec.log(path, line, static=True)
                 self._send(path, t, values)

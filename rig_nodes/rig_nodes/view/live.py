@@ -26,11 +26,12 @@ import numpy as np
 
 from ..bags import cdr
 from ..bags.definitions import installed
-from ..catalogue import Signal, Topic, catalogue
+from ..catalogue import Signal, Topic
 from ..errors import RigError
 from . import layout
 from .convert import event_row, import_rerun
 from .curves import log_state_styles, log_style, times
+from .pages import Pages
 from .viewer import PR_SET_PDEATHSIG, program, surroundings
 
 APPLICATION = "virtual_rig_live"  # not that of recorded runs: a viewer may show both, each with its layout
@@ -48,9 +49,9 @@ EVENT = "rig_msgs/msg/Event"
 _FIELD = re.compile(r"(\w+)(?:\[(\d+)\])?")
 
 
-def live_topics() -> list[Topic]:
-    """The topics that the live view shows: those of the catalogue's signals, and the events."""
-    known = catalogue()
+def live_topics(pages: Pages) -> list[Topic]:
+    """The topics that the live view of a rig shows: those of its signals, and the events."""
+    known = pages.known
     shown = {signal.topic for signal in known.signals.values()}
     return [topic for topic in known.topics.values() if topic.name in shown or topic.ros_type == EVENT]
 
@@ -132,16 +133,16 @@ class Sender:
     messages that no drop explains), ``unreadable`` what is no message of its topic.
     """
 
-    def __init__(self, url: str, title: str, window: float = WINDOW):
-        """url: of a running Server. title: name of the recording. window: seconds that the plots show."""
+    def __init__(self, url: str, title: str, pages: Pages, window: float = WINDOW):
+        """url: of a running Server. pages: of the rig. title: name of the recording. window: seconds that the plots show."""
         self.rr = import_rerun()
         self.received = self.dropped = self.unreadable = self._gaps = self._in_hand = 0
         self.failure = ""
-        self._url, self._title, self._window = url, title, window
+        self._url, self._title, self._pages, self._window = url, title, pages, window
         self._queue: deque = deque()
         self._lock = threading.Lock()
         self._closing = threading.Event()
-        self._shown = {topic.name: _Shown(topic) for topic in live_topics()}
+        self._shown = {topic.name: _Shown(pages, topic) for topic in live_topics(pages)}
         self._newest = 0.0  # s of the rig's clock
         self._recordings = 0
         self._told_at = 0.0
@@ -205,7 +206,7 @@ class Sender:
         self._recordings += 1
         self._newest = 0.0
         self._rec = rr.RecordingStream(APPLICATION, send_properties=False)
-        self._rec.connect_grpc(self._url, default_blueprint=layout.live_blueprint(self._window))
+        self._rec.connect_grpc(self._url, default_blueprint=layout.live_blueprint(self._pages, self._window))
         number = f", run {self._recordings}" if self._recordings > 1 else ""
         self._rec.send_recording_name(self._title + number)
         for shown in self._shown.values():
@@ -254,9 +255,9 @@ class Sender:
 class _Shown:
     """What is shown of one topic: its messages in blocks to the columns of its signals, or its events."""
 
-    def __init__(self, topic: Topic):
-        self.topic = topic
-        self._signals = catalogue().on_topic(topic.name)
+    def __init__(self, pages: Pages, topic: Topic):
+        self.topic, self._pages = topic, pages
+        self._signals = pages.known.on_topic(topic.name)
         self._definition = installed(topic.ros_type)
         self._dtype = self._definition.dtype()
         self._last: int | None = None  # number of the newest message
@@ -267,7 +268,7 @@ class _Shown:
         self._last = None
         self._states.clear()
         for shown in self._signals:
-            (log_state_styles if shown.states else log_style)(rr, rec, shown)
+            (log_state_styles if shown.states else log_style)(rr, rec, self._pages, shown)
 
     def send(self, rr, rec, messages: list[bytes], newest: float) -> tuple[int, int]:
         """Send one block; returns how many messages are missing before or in it and how many unreadable."""

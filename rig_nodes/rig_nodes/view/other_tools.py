@@ -14,22 +14,23 @@ import json
 import xml.etree.ElementTree as xml
 from pathlib import Path
 
-from ..catalogue import Signal, catalogue
+from ..catalogue import Signal
 from ..whole_file import write_whole
-from . import layout
+from .pages import HUES, INPUT, OTHER, OUTPUT, Pages
 
 # curves have one colour each
-STATE_HUES = (layout.INPUT, layout.OUTPUT, layout.OTHER, *(bright for bright, _ in layout.HUES))
+STATE_HUES = (INPUT, OUTPUT, OTHER, *(bright for bright, _ in HUES))
 
 
-def tabs() -> list[tuple[str, list[list[tuple[str, list[str]]]]]]:
+def tabs(pages: Pages) -> list[tuple[str, list[list[tuple[str, list[str]]]]]]:
     """Tabs as (title, columns of (plot title, signals)); states first, as in our own view."""
-    others = [(title, list(names)) for title, names in layout.other_plots()]
+    others = _lists(pages.other_plots)
     half = (len(others) + 1) // 2
+    shift = [("Shift", [[("States", list(pages.shift_states))] + _lists(pages.shift_plots)])] if pages.shift_plots else []
     return [
-        ("Shift", [[("States", list(layout.SHIFT_STATES))] + _lists(layout.SHIFT_PLOTS)]),
-        ("Run", [[("States", list(layout.STATES))] + _lists(layout.RUN_LEFT), _lists(layout.RUN_RIGHT)]),
-        ("Other signals", [others[:half], others[half:]]),
+        *shift,
+        ("Run", [[("States", list(pages.states))] + _lists(pages.run_left), _lists(pages.run_right)]),
+        ("Other signals", [half_of for half_of in (others[:half], others[half:]) if half_of]),
     ]
 
 
@@ -37,17 +38,17 @@ def _lists(plots) -> list[tuple[str, list[str]]]:
     return [(title, list(names)) for title, names in plots]
 
 
-def write_layout(tool: str, path: Path) -> None:
-    """Write the layout for "plotjuggler" or "foxglove"; whole or, with RigError, not at all."""
-    write_whole(path, {"plotjuggler": plotjuggler, "foxglove": foxglove}[tool]())
+def write_layout(tool: str, path: Path, pages: Pages) -> None:
+    """Write the layout of a rig for "plotjuggler" or "foxglove"; whole or, with RigError, not at all."""
+    write_whole(path, {"plotjuggler": plotjuggler, "foxglove": foxglove}[tool](pages))
 
 
-def _states(names: list[str]) -> bool:
-    return bool(catalogue().signal(names[0]).states)
+def _states(pages: Pages, names: list[str]) -> bool:
+    return bool(pages.known.signal(names[0]).states)
 
 
-def _colour(names: list[str], name: str) -> str:
-    rgb = STATE_HUES[names.index(name) % len(STATE_HUES)] if _states(names) else layout.colour(name)
+def _colour(pages: Pages, names: list[str], name: str) -> str:
+    rgb = STATE_HUES[names.index(name) % len(STATE_HUES)] if _states(pages, names) else pages.colour(name)
     return "#%02x%02x%02x" % rgb
 
 
@@ -57,14 +58,14 @@ def _legend(signal: Signal) -> str:
 
 # ---- PlotJuggler
 
-def plotjuggler() -> str:
+def plotjuggler(pages: Pages) -> str:
     """The XML. Curves are called topic/field as its ROS parsers do; a transform gives people's units."""
     root = xml.Element("root")
     window = xml.SubElement(root, "tabbed_widget", name="Main Window", parent="main_window")
-    for title, columns in tabs():
+    for title, columns in tabs(pages):
         tab = xml.SubElement(window, "Tab", tab_name=title, containers="1")
         container = xml.SubElement(tab, "Container")
-        _splitter(container, "|", [_column(column) for column in columns])
+        _splitter(container, "|", [_column(pages, column) for column in columns])
     xml.SubElement(window, "currentTabIndex", index="0")
     xml.SubElement(root, "use_relative_time_offset", enabled="0")
     xml.indent(root, " ")
@@ -78,22 +79,22 @@ def _splitter(parent, orientation: str, children: list) -> None:
     splitter.extend(children)
 
 
-def _column(plots) -> xml.Element:
+def _column(pages: Pages, plots) -> xml.Element:
     holder = xml.Element("holder")
-    _splitter(holder, "-", [_area(title, names) for title, names in plots])
+    _splitter(holder, "-", [_area(pages, title, names) for title, names in plots])
     return holder[0]
 
 
-def _area(title: str, names: list[str]) -> xml.Element:
-    unit = catalogue().signal(names[0]).display_unit
-    area = xml.Element("DockArea", name=title if _states(names) else f"{title} [{unit}]")
-    plot = xml.SubElement(area, "plot", mode="TimeSeries", style="Steps" if _states(names) else "Lines",
+def _area(pages: Pages, title: str, names: list[str]) -> xml.Element:
+    unit = pages.known.signal(names[0]).display_unit
+    area = xml.Element("DockArea", name=title if _states(pages, names) else f"{title} [{unit}]")
+    plot = xml.SubElement(area, "plot", mode="TimeSeries", style="Steps" if _states(pages, names) else "Lines",
                           line_width="1.5", flip_x="false", flip_y="false")
     xml.SubElement(plot, "limitY")
     for name in names:
-        signal = catalogue().signal(name)
+        signal = pages.known.signal(name)
         curve = xml.SubElement(plot, "curve", name=f"{signal.topic}/{signal.field}",
-                               color=_colour(names, name))
+                               color=_colour(pages, names, name))
         alias = f"{name} ({_legend(signal)})" if signal.states else f"{name} [{signal.display_unit}]"
         transform = xml.SubElement(curve, "transform", name="Scale/Offset", alias=alias)
         xml.SubElement(transform, "options", time_offset="0", value_offset="0",
@@ -103,34 +104,34 @@ def _area(title: str, names: list[str]) -> xml.Element:
 
 # ---- Foxglove
 
-def foxglove() -> str:
+def foxglove(pages: Pages) -> str:
     """The JSON. Values are drawn as they travel, in SI, which the titles say; states as state transitions."""
     panels: dict[str, dict] = {}
-    pages = []
-    for title, columns in tabs():
-        stacks = [_mosaic("column", [_panel(panels, f"{title} {plot}", plot, names) for plot, names in column])
+    tabs_of = []
+    for title, columns in tabs(pages):
+        stacks = [_mosaic("column", [_panel(pages, panels, f"{title} {plot}", plot, names) for plot, names in column])
                   for column in columns]
-        pages.append({"title": title, "layout": _mosaic("row", stacks)})
-    panels["Tab!rig"] = {"activeTabIdx": 0, "tabs": pages}
+        tabs_of.append({"title": title, "layout": _mosaic("row", stacks)})
+    panels["Tab!rig"] = {"activeTabIdx": 0, "tabs": tabs_of}
     whole = {"configById": panels, "globalVariables": {}, "userNodes": {}, "playbackConfig": {"speed": 1},
              "layout": "Tab!rig"}
     return json.dumps(whole, indent=1, ensure_ascii=False) + "\n"
 
 
-def _panel(panels: dict, place: str, title: str, names: list[str]) -> str:
+def _panel(pages: Pages, panels: dict, place: str, title: str, names: list[str]) -> str:
     """Put one panel in; returns its id."""
     slug = "".join(c for c in place.lower() if c.isalnum())
     paths = []
     for name in names:
-        signal = catalogue().signal(name)
+        signal = pages.known.signal(name)
         label = f"{name} ({_legend(signal)})" if signal.states else f"{name} [{signal.unit}]"
         paths.append({"value": f"{signal.topic}.{signal.field}", "label": label, "enabled": True,
-                      "color": _colour(names, name), "timestampMethod": "receiveTime"})
-    if _states(names):
+                      "color": _colour(pages, names, name), "timestampMethod": "receiveTime"})
+    if _states(pages, names):
         key = f"StateTransitions!{slug}"
         panels[key] = {"foxglovePanelTitle": title, "isSynced": True, "paths": paths}
         return key
-    key, unit = f"Plot!{slug}", catalogue().signal(names[0]).unit
+    key, unit = f"Plot!{slug}", pages.known.signal(names[0]).unit
     panels[key] = {
         "foxglovePanelTitle": f"{title} [{unit}]", "yAxisLabel": unit, "paths": paths,
         "xAxisVal": "timestamp", "isSynced": True, "showLegend": True, "legendDisplay": "floating", "showPlotValuesInLegend": False,

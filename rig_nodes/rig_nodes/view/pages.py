@@ -1,0 +1,238 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a view of a rig shows, made of what the rig is made of: plots with their signals, colours and widths of curves.
+
+Used by view.layout, view.curves, view.live and view.other_tools. Colours belong to roles: what drives, what is driven, each
+clutch, the oil.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+
+from ..bags.rig_record import rig_record
+from ..catalogue import Catalogue, catalogue
+from ..description.structure import Device, Structure, structure_of
+from ..parts import part as parts
+from ..transmission import Transmission, transmission_of
+
+Colour = tuple[int, int, int]
+Plots = tuple[tuple[str, tuple[str, ...]], ...]  # title of a plot and its signals, which share their display unit
+
+# One hue per place of measurement, apart for the colour-blind and on dark and light ground alike:
+# input shaft green, output shaft pink, the first clutch blue, the second orange, a third violet. Bright is measured,
+# pale is what was asked for or could be transmitted.
+INPUT, OUTPUT = (0x12, 0xB8, 0x86), (0xE0, 0x7A, 0xC0)
+FIRST, SECOND, THIRD = (0x2F, 0x95, 0xF5), (0xF5, 0x84, 0x1F), (0x8E, 0x6B, 0xE8)
+INPUT_PALE, OUTPUT_PALE = (0x8C, 0xD9, 0xC0), (0xEF, 0xBE, 0xE0)
+# bright and pale, of clutches and of gears, each in their order
+HUES = ((FIRST, (0x9B, 0xCB, 0xF8)), (SECOND, (0xF8, 0xC4, 0x94)), (THIRD, (0xC9, 0xB8, 0xF4)))
+PALE = (INPUT_PALE, OUTPUT_PALE, *(pale for _, pale in HUES))
+SUPPLY, OTHER = (0xD8, 0xD0, 0x48), (0x9A, 0xA0, 0xA8)
+# Clutches go from grey over yellow to their hue, which is that of the gear at the same place.
+IDLE, WAITING, ALARM = (0x55, 0x5B, 0x63), (0xC9, 0xB4, 0x2B), (0xD6, 0x45, 0x50)
+STATE_COLOURS = {
+    "none": IDLE, "neutral": IDLE, "open": IDLE, "starting": IDLE, "slipping": WAITING,
+    "ready": WAITING, "running": INPUT, "tripped": ALARM}
+# what people call the plots of the other signals, which are gathered by quantity
+OTHER_TITLES = {"torque": "Gearbox losses", "pressure": "Load pressure", "energy": "Work since time 0",
+                "force": "Clamp force", "ratio": "Valve duty", "temperature": "Oil temperature"}
+_OF_CLUTCH = ("torque", "slip", "clamp", "piston")  # what clutches show, in their hue
+_OF_VALVE = ("duty", "flow")
+
+
+def hues(place: int) -> tuple[Colour, Colour]:
+    """Bright and pale of the clutch or gear at a place; further ones begin anew."""
+    return HUES[place % len(HUES)]
+
+
+class Pages:
+    """The pages of one rig. ``box``: its transmission, None for a rig without gears; ``known``: its signals."""
+
+    def __init__(self, record: Mapping | None = None):
+        """record: of the rig (RigConfig.as_dict), of any age; the default rig's where nobody knows whose run it is."""
+        record = rig_record(record)
+        self.structure: Structure = structure_of(record["structure"])
+        self.known: Catalogue = catalogue(record)
+        self.box: Transmission | None = transmission_of(record) if self.structure.gears else None
+
+    # ---- names of signals
+
+    def own(self, device: Device, *what: str) -> tuple[str, ...]:
+        """What a device shows of these, as far as it does."""
+        names = (f"{device.key}_{one}" for one in what)
+        return tuple(name for name in (self.structure.names.get(name, name) for name in names) if name in self.known.signals)
+
+    def each(self, devices, *what: str) -> tuple[str, ...]:
+        """What the first of these devices shows of it, then what the next one does."""
+        return tuple(name for device in devices for name in self.own(device, *what))
+
+    def measured(self, *shows: str, at: str = "", types: tuple[str, ...] = ()) -> tuple[str, ...]:
+        """The transducers of what is shown, at a device, of some types."""
+        return tuple(one.name for one in self.structure.transducers if (not shows or one.shows in shows)
+                     and (not at or one.at == at) and (not types or one.type in types))
+
+    def pressures(self) -> tuple[str, ...]:
+        """The transducers of the clutches' oil."""
+        return self.measured(*(f"{self.structure.line_of(one.name)}.pressure" for one in self.structure.clutches))
+
+    def setpoints(self, source: Device) -> tuple[str, ...]:
+        """What a source is asked for."""
+        return self.own(source, "speed_setpoint", "setpoint")
+
+    # ---- plots
+
+    @cached_property
+    def states(self) -> tuple[str, ...]:
+        """Lanes of states of a whole run."""
+        return self._there(("rig_state", *self.shift_states))
+
+    @cached_property
+    def shift_states(self) -> tuple[str, ...]:
+        """Lanes of states of a shift."""
+        return self._there(("gear_ordered", "gear", *self.each(self.structure.clutches, "mode")))
+
+    @cached_property
+    def shift_plots(self) -> Plots:
+        """Of a shift; of a rig without gears none."""
+        if self.box is None:
+            return ()
+        structure, into, out = self.structure, self.box.input, self.box.output
+        currents = tuple(name for valve in structure.valves
+                         for name in (*self.measured(f"{valve.name}.current"), f"I_set_{valve.key}"))
+        return self._shown((
+            ("Coil current", currents),
+            ("Clutch pressure", self.pressures()),
+            ("Shaft torque", (into.torque, out.torque)),
+            ("Clutch torque", self.each(structure.clutches, "torque", "capacity")),
+            ("Speed", (into.speed, out.speed, *self.each(structure.clutches, "slip")))))
+
+    @cached_property
+    def run_left(self) -> Plots:
+        """Of a whole run: oil, and of a rig without gears what turns."""
+        structure = self.structure
+        if self.box is None:
+            turning = structure.of_role(parts.SOURCE, parts.LOAD)
+            return self._shown((
+                ("Torque", (*self.measured(types=("torque",)), *self.each(turning, "torque"),
+                            *self.each(structure.clutches, "torque", "capacity"))),
+                ("Speed", (*self.measured(types=("speed",)), *(name for one in turning for name in self.setpoints(one)))),
+                *((f"Pressure at {one.called}", self.measured(at=one.name, types=("pressure",))) for one in turning)))
+        supply = tuple(name for one in structure.of_role(parts.OIL)
+                       for name in self.measured(f"{structure.line_of(one.name)}.pressure"))
+        return self._shown((
+            *(plot for plot in self.shift_plots if plot[0] == "Coil current"),
+            ("Clutch and supply pressure", (*self.pressures(), *supply)),
+            ("Piston position", self.each(structure.clutches, "piston")),
+            ("Oil flow to the clutches", self.each(structure.valves, "flow"))))
+
+    @cached_property
+    def run_right(self) -> Plots:
+        """Of a whole run: what turns, and of a rig without gears what presses."""
+        structure = self.structure
+        if self.box is None:
+            pressing = structure.of_role(parts.PRESS)
+            return self._shown((
+                *((f"Pressure in the {one.called}", (*self.measured(f"{one.name}.pressure"), *self.own(one, "setting")))
+                  for one in pressing),
+                *((f"Travel of the {one.called}", self.measured(f"{one.name}.travel")) for one in pressing),
+                ("Clamp force", (*self.each(structure.clutches, "clamp"), *self.measured(types=("force",))))))
+        into, out = self.box.input, self.box.output
+        sources, loads = structure.of_role(parts.SOURCE), structure.of_role(parts.LOAD)
+        setpoints = tuple(name for one in sources for name in self.setpoints(one))
+        return self._shown((
+            ("Shaft, motor and load torque", (into.torque, out.torque, *self.each((*sources, *loads), "torque"))),
+            *(plot for plot in self.shift_plots if plot[0] == "Clutch torque"),
+            ("Shaft speed", (into.speed, out.speed, *setpoints)),
+            ("Slip", self.each(structure.clutches, "slip"))))
+
+    @cached_property
+    def marked_plots(self) -> Plots:
+        """The plots that have an upright line at each order."""
+        return tuple(dict.fromkeys(self.shift_plots + self.run_left + self.run_right)) if self.box else ()
+
+    @cached_property
+    def other_plots(self) -> list[tuple[str, list[str]]]:
+        """Title and signals of the plots of every signal that the other pages do not show, by quantity."""
+        shown = {name for _, names in self.shift_plots + self.run_left + self.run_right for name in names}
+        groups: dict[str, list[str]] = {}
+        for signal in self.known.signals.values():
+            if signal.name not in shown and not signal.states:
+                groups.setdefault(signal.quantity, []).append(signal.name)
+        return [(OTHER_TITLES.get(quantity, quantity.capitalize()), names) for quantity, names in groups.items()]
+
+    def _there(self, names) -> tuple[str, ...]:
+        return tuple(name for name in names if name in self.known.signals)
+
+    def _shown(self, plots) -> Plots:
+        """The plots that have a signal, each with those that there are."""
+        found = ((title, self._there(names)) for title, names in plots)
+        return tuple((title, names) for title, names in found if names)
+
+    # ---- how they look
+
+    @cached_property
+    def colours(self) -> dict[str, Colour]:
+        """Colour of each signal that has one."""
+        structure, found = self.structure, {}
+        for one in structure.of_role(parts.SOURCE):
+            found |= dict.fromkeys(self.measured(at=one.name), INPUT) | dict.fromkeys(self.own(one, "work", "speed"), INPUT)
+            found |= dict.fromkeys((*self.own(one, "torque"), *self.setpoints(one)), INPUT_PALE)
+        for one in structure.of_role(parts.LOAD):
+            found |= dict.fromkeys(self.measured(at=one.name), OUTPUT) | dict.fromkeys(self.own(one, "work"), OUTPUT)
+            found |= dict.fromkeys(self.own(one, "torque", "relief_setting"), OUTPUT_PALE)
+        if self.box:
+            found |= dict.fromkeys((self.box.input.torque, self.box.input.speed, "loss_in"), INPUT)
+            found |= dict.fromkeys((self.box.output.torque, self.box.output.speed, "loss_out"), OUTPUT)
+        for one in structure.of_role(parts.OIL):
+            found |= dict.fromkeys(self.measured(f"{structure.line_of(one.name)}.pressure", f"{one.name}.oil_temperature"), SUPPLY)
+        for place, clutch in enumerate(structure.clutches):
+            bright, pale = hues(place)
+            valve = structure.valve_of(clutch.name)
+            names = [*self.own(clutch, *_OF_CLUTCH), *self.measured(f"{structure.line_of(clutch.name)}.pressure")]
+            asked = [*self.own(clutch, "capacity")]
+            if valve is not None:
+                names += [*self.own(valve, *_OF_VALVE), *self.measured(f"{valve.name}.current")]
+                asked.append(f"I_set_{valve.key}")
+            if press := clutch.wires.get("press"):
+                names += self.measured(at=press, types=("pressure", "travel"))
+                asked += self.own(structure.device(press), "setting")
+            found |= dict.fromkeys(names, bright) | dict.fromkeys(asked, pale)
+        return found | dict.fromkeys(self.measured(types=("force",)), SECOND)
+
+    @cached_property
+    def _locked(self) -> dict[str, Colour]:
+        return {name: hues(place)[0] for place, clutch in enumerate(self.structure.clutches) for name in self.own(clutch, "mode")}
+
+    @cached_property
+    def _states(self) -> dict[str, Colour]:
+        return STATE_COLOURS | {gear.name: hues(place)[0] for place, gear in enumerate(self.structure.gears)}
+
+    @cached_property
+    def _drives(self) -> tuple[set[str], set[str]]:
+        """Torques of what drives, and what it is asked for."""
+        sources = self.structure.of_role(parts.SOURCE)
+        return set(self.each(sources, "torque")), {name for one in sources for name in self.setpoints(one)}
+
+    def colour(self, name: str) -> Colour:
+        """Colour of a signal, the same in every plot."""
+        return self.colours.get(name, OTHER)
+
+    def width(self, name: str) -> float:
+        """Width of a curve in pixels: what was asked for is seen on both sides of what was measured.
+
+        The viewer draws in the order of names: a motor's torque would hide the shaft's, so it is thin. A drive that holds its
+        speed within a step of the encoder leaves of its setpoint the edges alone.
+        """
+        torques, setpoints = self._drives
+        if name in torques:
+            return 1.0
+        if name in setpoints:
+            return 6.0
+        return 4.0 if self.colour(name) in PALE else 2.0
+
+    def state_colour(self, name: str, label: str) -> Colour:
+        """Colour of a state of a signal."""
+        return self._locked[name] if label == "locked" else self._states.get(label, OTHER)
