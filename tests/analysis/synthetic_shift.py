@@ -12,6 +12,9 @@ from types import SimpleNamespace
 import numpy as np
 
 from rig_nodes.analysis.metrics import Recording
+from rig_nodes.bags.rig_record import rig_record
+from rig_nodes.description.structure import structure_of
+from rig_nodes.transmission import transmission_of
 
 I1, I2 = 47 / 34, 41 / 40
 RPM = 30 / pi
@@ -49,7 +52,7 @@ class Shift:
         m_wyj = np.full(t.size, 80.0)
         m_wej = np.interp(t, [self.fall, self.end - 1e-2, self.end - 5e-3, self.end, self.settle],
                           [65.0, self.peak, self.peak, 150.0, 88.0])
-        kiss_old, kiss_new = (0.17e6, 0.36e6) if self.up else (0.36e6, 0.17e6)
+        kiss_old, kiss_new = (clutch.kiss_pressure for clutch in transmission_of().clutches[::1 if self.up else -1])
         bend = self.fall + (2.3e6 - 0.8e6) / self.fall_rate
         old_p = np.interp(t, [self.fall, bend, self.release, self.release + 0.06],
                           [2.3e6, 0.8e6, kiss_old, 0.0])
@@ -82,6 +85,13 @@ class FakeBag:
 
     began = True
     recorded_from = 0.0
+    types = {}
+    record = rig_record(None)
+    structure = structure_of(record["structure"])
+    transmission = transmission_of(record)
+
+    def run_info(self):
+        return {}
 
     def check_began(self):
         pass

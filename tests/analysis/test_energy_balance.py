@@ -13,6 +13,7 @@ import pytest
 
 from rig_nodes.analysis.energy import balance, energies_of
 from rig_nodes.errors import RigError
+from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.transmission import Inertias, transmission_of
 
 T = np.arange(0.0, 2.0001, 0.005)
@@ -69,7 +70,7 @@ def test_energies_out_of_a_bag():
     topics = {"/motor/state": {"work": 500.0 * T}, "/load_pump/state": {"work": 300.0 * T},
               "/clutch_s1/state": {"heat": 120.0 * T}, "/clutch_s2/state": {"heat": 30.0 * T},
               "/gearbox/state": {"heat": 10.0 * T, "w_wej": 100.0 + T, "w_wyj": 80.0 - T}}
-    bag = SimpleNamespace(fields=fields)
+    bag = SimpleNamespace(fields=fields, structure=load_rig().structure, transmission=transmission_of())
     box = replace(transmission_of(), inertias=Inertias(driving=2.0, driven=1.0, reduction=41 / 40))
     energies = energies_of(bag, box)
     result = balance(energies, 0.0, 1.0)

@@ -38,8 +38,8 @@ class Logged:
 
 @pytest.mark.parametrize("share", [0.8, 1.0, 1.2])
 def test_a_changed_inertia_comes_back_within_2_percent(share):
-    true = BASE.gearbox.inertia_in * share
-    bench = Logged(dataclasses.replace(BASE, gearbox=dataclasses.replace(BASE.gearbox, inertia_in=true)))
+    true = BASE.w0.inertia * share
+    bench = Logged(BASE.replaced(w0=dataclasses.replace(BASE.w0, inertia=true)))
     bench.rig.set_motor(470.0 * pi / 30.0, True)
     bench.advance(4.0)
     bench.rig.set_motor(0.0, False)

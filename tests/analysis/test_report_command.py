@@ -170,14 +170,14 @@ def test_a_loggers_csv_is_reported_and_nothing_is_written(rig_report, tmp_path, 
     out = capsys.readouterr().out
     assert "I -> II" in out and "factor 1.2" in out and "messages lost" not in out
     assert "computed with inertias (0.709 and 0.1273 kg m2) and instrument errors (1.01 Nm, 1" in out
-    assert "of the thesis (tab. 7.1, 7.3.1), ratios 1.3824 and 1.0250" in out
+    assert "of rig 'hydmag', ratios 1.3824 and 1.0250" in out
     assert rig_report(path, "--period", "0.1 ms", "--orders", "1:I-II", "--json") == 0
     report = json.loads(capsys.readouterr().out)
     row, = report["shifts"]
-    assert report["basis"]["rig"] is None and report["basis"]["inertia_driven"] == 0.1273
+    assert report["basis"]["rig"] == "hydmag" and report["basis"]["inertia_driven"] == 0.1273
     assert row["t_c_s"] == pytest.approx(0.70, abs=2e-3)
     known = ("--period", "0.1 ms", "--orders", "1:I-II", "--json")
-    assert rig_report(path, *known, "--set", "gearbox.inertia_out_z5=0.06 kg m2", "--set",
+    assert rig_report(path, *known, "--set", "z5.inertia=0.06 kg m2", "--set",
                       "instruments.torque_class=2 %") == 0
     other = json.loads(capsys.readouterr().out)
     assert other["basis"]["rig"] == "hydmag" and other["basis"]["inertia_driven"] == pytest.approx(0.06)
