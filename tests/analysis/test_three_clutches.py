@@ -19,6 +19,7 @@ from rig_nodes.analysis.metrics import Recording, shifts
 from rig_nodes.analysis.truth import states_of, truth_of
 from rig_nodes.analysis.uncertainty import Instrument, uncertainty
 from rig_nodes.errors import RigError
+from rig_nodes.testbench.configuration import load_rig
 
 INSTRUMENTS = {"torque": Instrument(500.0, 0.2), "speed": Instrument(300.0, 0.0, 0.1),
                "p_c1": Instrument(4e6, 0.25), "p_c2": Instrument(4e6, 0.25), "p_b1": Instrument(8e6, 0.25)}
@@ -122,7 +123,7 @@ def test_the_energy_balance_has_the_heat_of_all_clutches():
                   "/gearbox/state": {"heat": 0.0 * t, "w_wej": 100.0 + 0.0 * t, "w_wyj": 50.0 + 0.0 * t}}[topic]
         return t, [values[name] for name in names]
 
-    account = balance(energies_of(SimpleNamespace(fields=fields), BOX), 0.0, 1.0, BOX)
+    account = balance(energies_of(SimpleNamespace(fields=fields, structure=load_rig().structure), BOX), 0.0, 1.0, BOX)
     assert clutch_heat(account, BOX) == pytest.approx(60.0)
     assert account["residual_j"] == pytest.approx(0.0, abs=1e-9)
 

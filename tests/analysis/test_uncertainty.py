@@ -94,12 +94,12 @@ def test_what_is_missing_has_no_error():
 
 
 def test_the_printed_coast_down():
-    """1.01 of 8.32 Nm are 12 %, two encoder steps of 11.736 rad/s in the first second 1.8 %: J = 0.709 +- 0.099."""
+    """1.01 of 8.32 Nm are 12 %, two encoder steps (1 rpm each) of 11.736 rad/s in the first second 1.8 %: J = 0.709 +- 0.099."""
     printed = {"coast_down_m_wej_nm": 8.32, "coast_down_tangent_s": 4.198, "inertia": 0.709,
                "coefficients": [0.5735, -11.736, 49.274]}
     found = coast_down_uncertainty(printed)
     assert found["coast_down_m_wej_nm"] == pytest.approx(1.01)
-    assert found["coast_down_tangent_s"] == pytest.approx(4.198 * 0.2136 / 11.736, rel=1e-3)
+    assert found["coast_down_tangent_s"] == pytest.approx(4.198 * 0.20944 / 11.736, rel=1e-3)
     assert found["inertia"] == pytest.approx(0.709 * (1.01 / 8.32 + 0.0182), rel=1e-2)
 
 

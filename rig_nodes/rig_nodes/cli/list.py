@@ -7,34 +7,46 @@ from __future__ import annotations
 
 import json
 
+from ..config import RIGS_DIR
+from ..config.names import DEFAULT_RIG, find_config, installed, with_bases
+from ..errors import RigError
+from ..parts.part import VALUES
+
 HELP = "list sequences, procedures, rigs, topics or signals"
 # what can be listed, its line and the command that takes such a name
 WHAT = {
-    "sequences": ("tests that the rig walks through", "./rig simulate NAME"),
+    "sequences": ("tests that a rig walks through", "./rig simulate NAME"),
     "procedures": ("measuring procedures of the laboratory (their series: --labels)", "./rig procedure NAME"),
     "rigs": ("rigs with all their values", "./rig simulate demo --rig NAME"),
-    "controllers": ("settings of the Alfa46, which a rig's file names", "controller: NAME.yaml in a rig's .yaml"),
+    "controllers": ("settings of the Alfa46, which a rig's file names", "controller: NAME in a rig's rig.yaml"),
     "templates": ("starts for a controller of your own", "./rig controller new NAME DIR"),
-    "devices": ("devices of the rig, and which can be a node of your own", "./rig device NAME"),
-    "topics": ("ROS topics with type, node and rate", "./rig replay RUN --topics NAME"),
-    "signals": ("signals with unit, range, sign and topic", "a sequence's wait: {until: {signal: NAME, above: ...}}"),
+    "devices": ("devices of a rig, and which can be a node of your own", "./rig device NAME"),
+    "topics": ("ROS topics of a rig with type, node and rate", "./rig replay RUN --topics NAME"),
+    "signals": ("signals of a rig with unit, range, sign and topic", "a sequence's wait: {until: {signal: NAME, above: ...}}"),
 }
 
 
 def add_arguments(parser) -> None:
     parser.add_argument("what", nargs="?", choices=WHAT, help="what to list; alone: what there is to list")
+    parser.add_argument("--rig", metavar="NAME", help="rig, its folder or .yaml file: only its sequences and procedures (default: "
+                                                      f"all); whose devices, topics and signals (default: {DEFAULT_RIG})")
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="for programs")
     form.add_argument("--markdown", action="store_true", help="topics and signals as docs/signals.md has them")
 
 
 def main(args) -> int:
-    rows = _ROWS[args.what]() if args.what else [
-        {"list": f"./rig list {what}", "what": text, "goes into": use} for what, (text, use) in WHAT.items()]
+    if args.rig is not None and args.what not in OF_A_RIG:
+        raise RigError(f"--rig goes with {', '.join(OF_A_RIG)} only")
     if args.markdown:
         print(markdown(), end="")
-    elif args.json:
+        return 0
+    rows = (OF_A_RIG[args.what](args.rig) if args.what in OF_A_RIG else _ROWS[args.what]()) if args.what else [
+        {"list": f"./rig list {what}", "what": text, "goes into": use} for what, (text, use) in WHAT.items()]
+    if args.json:
         print(json.dumps(rows, indent=2, ensure_ascii=False))
+    elif not rows:
+        print(f"rig '{args.rig}' has no {args.what} of its own")
     else:
         lines = [list(rows[0]), *([str(value) for value in row.values()] for row in rows)]
         widths = [max(map(len, column)) for column in zip(*lines)]
@@ -43,12 +55,27 @@ def main(args) -> int:
     return 0
 
 
-def _files(kind: str):
-    def rows():
-        from ..config import CONFIG_DIR, load_yaml
+def _described(path) -> str:
+    from ..config import load_yaml
 
-        return [{"name": path.stem, "description": (load_yaml(path) or {}).get("description", "")}
-                for path in sorted((CONFIG_DIR / kind).glob("*.yaml"))]
+    return (load_yaml(path) or {}).get("description", "")
+
+
+def _rigs():
+    return [{"name": name, "description": _described(find_config("rigs", name))} for name in installed("rigs")]
+
+
+def _controllers():
+    return [{"name": name, "description": _described(find_config("controllers", name))} for name in installed("controllers")]
+
+
+def _of_rigs(kind: str):
+    """What stands in the folders of the installed rigs, or of one rig and those that it stands on."""
+    def rows(rig: str | None):
+        folders = ([(name, RIGS_DIR / name) for name in installed("rigs")] if rig is None
+                   else [(path.parent.name, path.parent) for path, _ in with_bases(rig)])
+        return [{"name": path.stem, "rig": name, "description": _described(path)}
+                for name, folder in folders for path in sorted((folder / kind).glob("*.yaml"))]
     return rows
 
 
@@ -58,17 +85,24 @@ def _templates():
     return [{"name": name, "then": kind.commands[0].format(dir="DIR")} for name, kind in KINDS.items()]
 
 
-def _devices():
-    from ..engine.outside import CUTTABLE, NOT_CUT
+def _known(rig: str | None):
+    from ..testbench.configuration import load_rig
 
-    return [{"name": name, "own node": "yes", "why not": ""} for name in CUTTABLE] + [
-        {"name": name, "own node": "no", "why not": why} for name, why in NOT_CUT.items()]
+    return load_rig(rig or DEFAULT_RIG)
 
 
-def _topics():
-    from ..catalogue import catalogue
+def _devices(rig: str | None):
+    from ..engine.outside import NOT_DEVICES, why_not
 
-    return _rows_of(catalogue().all_topics)
+    structure, rows = _known(rig).structure, []
+    for name in (*(device.name for device in structure.devices if device.role != VALUES), *(NOT_DEVICES if structure.gears else ())):
+        why = why_not(structure, name) or ""
+        rows.append({"name": name, "own node": "no" if why else "yes", "why not": why.partition(": ")[2]})
+    return rows
+
+
+def _topics(rig: str | None):
+    return _rows_of(_known(rig).catalogue.all_topics)
 
 
 def _setpoint_rows(known):
@@ -90,11 +124,9 @@ def _number(value: float) -> str:
     return f"{value:.6g}"
 
 
-def _signals():
-    from ..catalogue import catalogue
-
-    known = catalogue()
-    return _signal_rows(known.all_signals.values(), known.all_topics)
+def _signals(rig: str | None):
+    known = _known(rig).catalogue
+    return _signal_rows(known.signals.values(), known.all_topics)
 
 
 def _signal_rows(signals, topics):
@@ -105,49 +137,54 @@ def _signal_rows(signals, topics):
              "sign": s.sign, "meaning": s.text} for s in signals]
 
 
-_ROWS = {**{kind: _files(kind) for kind in ("sequences", "procedures", "rigs", "controllers")},
-         "templates": _templates, "devices": _devices, "topics": _topics, "signals": _signals}
+_ROWS = {"rigs": _rigs, "controllers": _controllers, "templates": _templates}
+OF_A_RIG = {"sequences": _of_rigs("sequences"), "procedures": _of_rigs("procedures"), "devices": _devices, "topics": _topics,
+            "signals": _signals}
 
 
 def markdown() -> str:
-    """docs/signals.md: every topic and every signal of the catalogue."""
-    from ..catalogue import catalogue
+    """docs/signals.md: every topic and every signal of the installed rigs."""
     from ..clocks import COMMAND_TIMEOUT
 
-    def table(rows):
-        head = list(rows[0])
-        lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
-        return lines + ["| " + " | ".join(str(v) for v in row.values()) + " |" for row in rows]
-
-    known = catalogue()
-    benches = []
-    for kind, other in known.others.items():
-        own = {name: topic for name, topic in other.topics.items() if name not in known.topics}
-        shared = [f"`{name}`" for name in other.topics if name not in own]
-        signals = [signal for name, signal in other.signals.items() if name not in known.signals]
-        benches += [f"## Kind {kind}: topics and signals", "",
-                    f"Rigs of chapter 8 ([benches.md](benches.md)). Beside these they have {', '.join(shared)}, and "
-                    "none of those above.", "", *table(_rows_of(own)), "", *table(_setpoint_rows(other)), "",
-                    *table(_signal_rows(signals, own)), ""]
+    kept: dict[str, tuple] = {}  # rig -> its catalogue and those that have the same
+    for name in (DEFAULT_RIG, *(name for name in installed("rigs") if name != DEFAULT_RIG)):
+        known = _known(name).catalogue
+        same = next((other for other, (have, _) in kept.items() if have == known), None)
+        if same is None:
+            kept[name] = known, []
+        else:
+            kept[same][1].append(name)
+    parts = [line for name, (known, others) in kept.items() for line in _page_of(name, known, others)]
     return "\n".join([
         "# Signals and topics", "",
-        "Made from the catalogue (`rig_nodes/rig_nodes/config/signals.yaml`) by `./rig list signals --markdown`; "
-        "a test keeps it in step.", "",
+        "Made from the installed rigs' folders by `./rig list signals --markdown`; a test keeps it in step. Topics and signals of "
+        "another rig, also of one in a folder of yours: `./rig list signals --rig FOLDER`.", "",
         "Units travel in SI, temperatures in degC; \"shown\" is what plots and reports use, and the range is given in it. Pressures are "
         "gauge. Every message of `rig_msgs` here starts with `header` (its stamp is simulated time, its frame_id empty) and "
         "`seq` (counted per topic from 0).", "",
-        "## Topics", "", *table(_rows_of(catalogue().topics)), "",
-        "Only in a run with `source: topic` for the device ([cuts.md](cuts.md)), once a tick of the cut:", "",
-        *table(_rows_of(catalogue().cut_topics)), "",
-        "Only in a run whose controller names signals of its own ([controllers.md](controllers.md)):", "",
-        *table(_rows_of(catalogue().controller_topics)), "",
-        "Actions: `/alfa46/shift` (`rig_msgs/action/Shift`), `/sequencer/run` (`rig_msgs/action/RunSequence`). "
-        "Services: `/rig/e_stop`, `/rig/reset` and `/rig/end` (`std_srvs/srv/Trigger`), `/alfa46/set_profile` "
-        "(`rig_msgs/srv/SetProfile`).", "",
+        "Actions of rigs with gears: `/alfa46/shift` (`rig_msgs/action/Shift`); of all: `/sequencer/run` "
+        "(`rig_msgs/action/RunSequence`). Services: `/rig/e_stop`, `/rig/reset` and `/rig/end` (`std_srvs/srv/Trigger`), and of rigs "
+        "with gears `/alfa46/set_profile` (`rig_msgs/srv/SetProfile`).", "",
         "Quality of service: all are reliable with depth 1000. command offers a deadline of "
         f"{COMMAND_TIMEOUT * 1e3:.0f} ms, and the rig "
         "asks for none; setting is sent on change; latched is transient local and sent once.", "",
         "Setpoints (`rig_msgs/msg/Setpoint`) carry their value in this unit and must keep to this range; every message "
-        "needs `enable: true` as well, for one without it switches the device off ([ros2.md](ros2.md)):", "",
-        *table(_setpoint_rows(known)), "",
-        "## Signals", "", *table(_signal_rows(known.signals.values(), known.topics)), "", *benches])
+        "needs `enable: true` as well, for one without it switches the device off ([ros2.md](ros2.md)).", "", *parts])
+
+
+def _page_of(rig: str, known, others: list[str]) -> list[str]:
+    """The lines on one rig, and on those that have the same topics and signals."""
+    def table(rows):
+        head = list(rows[0])
+        lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
+        return [*lines, *("| " + " | ".join(str(v) for v in row.values()) + " |" for row in rows), ""]
+
+    also = f"; so have {', '.join(f'`{name}`' for name in others)}" if others else ""
+    out = [f"## Rig `{rig}`", "", f"{_described(find_config('rigs', rig))}{also}.", "", "Topics:", "", *table(_rows_of(known.topics))]
+    for text, topics in (("Only in a run with `source: topic` for the device ([cuts.md](cuts.md)), once a tick of the cut:",
+                          known.cut_topics),
+                         ("Only in a run whose controller names signals of its own ([controllers.md](controllers.md)):",
+                          known.controller_topics)):
+        out += [text, "", *table(_rows_of(topics))] if topics else []
+    return [*out, "Setpoints:", "", *table(_setpoint_rows(known)),
+            "Signals:", "", *table(_signal_rows(known.signals.values(), known.topics))]
