@@ -11,14 +11,13 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import RigError
-from ..transmission import Transmission, transmission_of
+from ..transmission import Transmission
 from . import law
 from .settings import Alfa46Config
 
 
-def refusal(gear: int, current_gear: int, shifting: bool, transmission: Transmission | None = None) -> str | None:
-    """Why an order cannot be taken, or None. transmission: whose gears there are, the laboratory's by default."""
-    box = transmission or transmission_of()
+def refusal(gear: int, current_gear: int, shifting: bool, box: Transmission) -> str | None:
+    """Why an order cannot be taken, or None. box: whose gears there are."""
     if gear not in box.names:
         return f"there is no gear {gear}; order {box.spoken}"
     if gear > law.OUTPUTS:
@@ -33,12 +32,11 @@ def refusal(gear: int, current_gear: int, shifting: bool, transmission: Transmis
 class Alfa46:
     """The shift controller. Samples are counted by the rig; times are samples times the sample period.
 
-    transmission: whose gears can be ordered, the laboratory's by default; gear 1 moves output 1, gear 2 output 2 and so
-    on.
+    transmission: whose gears can be ordered; gear 1 moves output 1, gear 2 output 2 and so on.
     """
 
-    def __init__(self, config: Alfa46Config, transmission: Transmission | None = None):
-        self.config, self.transmission = config, transmission or transmission_of()
+    def __init__(self, config: Alfa46Config, transmission: Transmission):
+        self.config, self.transmission = config, transmission
         self._config = config.law_config()
         self._profiles = np.ascontiguousarray(config.profiles)
         self._outputs = np.zeros(law.OUTPUTS, law.LAW_OUTPUT)
@@ -47,9 +45,9 @@ class Alfa46:
         self._ordered: int | None = None
 
     @classmethod
-    def load(cls, config: Alfa46Config) -> None:
+    def load(cls, config: Alfa46Config, transmission: Transmission) -> None:
         """Load (or compile) everything the box will call, so that no sample waits for it."""
-        box = cls(config)
+        box = cls(config, transmission)
         box.order(law.GEAR_I)
         box.step(0, np.zeros(law.OUTPUTS))
 

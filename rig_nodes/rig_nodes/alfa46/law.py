@@ -12,11 +12,11 @@ import numpy as np
 from numba import njit
 
 OUTPUTS = 3  # the box drives up to three valves
-NEUTRAL, GEAR_I, GEAR_II = 0, 1, 2
+NEUTRAL, GEAR_I, GEAR_II, GEAR_III = 0, 1, 2, 3
 
 LAW_CONFIG = np.dtype([
     ("period", "f8"), ("supply_voltage", "f8"), ("gain_p", "f8"), ("gain_i", "f8"), ("gain_d", "f8"),
-    ("derivative_time", "f8"), ("t12", "f8"), ("t21", "f8"),
+    ("derivative_time", "f8"), ("t12", "f8"), ("t21", "f8"), ("t23", "f8"), ("t32", "f8"),
 ])
 # phase of an output: 0 off, 1 rising or on, 2 falling; start: sample of the switch signal of that phase
 LAW_OUTPUT = np.dtype([
@@ -50,7 +50,7 @@ def order_gear(gear, sample, config, profiles, outputs, state):
     """Take a gear order at a sample: schedules switch-on and switch-off with the delay of this change.
 
     A negative delay energises the engaging valve that much before the releasing one is switched off; a positive
-    one lets it wait. Orders are checked by the caller (gear already in, shift running).
+    one lets it wait; only changes to the next gear have one. Orders are checked by the caller (gear already in, shift running).
     """
     old = int(state.gear)
     delay = 0.0
@@ -58,6 +58,10 @@ def order_gear(gear, sample, config, profiles, outputs, state):
         delay = config.t12
     elif old == GEAR_II and gear == GEAR_I:
         delay = config.t21
+    elif old == GEAR_II and gear == GEAR_III:
+        delay = config.t23
+    elif old == GEAR_III and gear == GEAR_II:
+        delay = config.t32
     wait = round(delay / config.period)
     end = sample
     if gear != NEUTRAL:

@@ -25,7 +25,7 @@ OUTPUT_KEYS = tuple(f"output_{k + 1}" for k in range(law.OUTPUTS))
 
 @dataclass(frozen=True)
 class Alfa46Values:
-    """Scalar settings."""
+    """Scalar settings. t12 to t32: delays of the changes between two gears that follow each other."""
 
     sample_time: float = param("time", SAMPLE, SAMPLE)
     pwm_frequency: float = param("frequency", 10.0, 1e5)
@@ -37,6 +37,8 @@ class Alfa46Values:
     current_limit: float = param("current", 0.0, 0.8)
     t12: float = param("time", -5.0, 5.0)
     t21: float = param("time", -5.0, 5.0)
+    t23: float = param("time", -5.0, 5.0, 0.0)
+    t32: float = param("time", -5.0, 5.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -101,9 +103,8 @@ def check_profile(points: np.ndarray, what: str, limit: float) -> None:
 def read_alfa46(path, node=None) -> Alfa46Config:
     """The settings of a file (or of an already loaded map of it); RigError with file and line."""
     node = load_yaml(path) if node is None else node
-    keys = [f.name for f in fields(Alfa46Values)] + ["profiles"]
-    check_keys(path, node, keys, keys, "alfa46")
     values = build(Alfa46Values, node, path, "alfa46", others=("profiles",))
+    check_keys(path, node, node, ("profiles",), "alfa46")
     profiles = node["profiles"]
     check_keys(path, profiles, OUTPUT_KEYS, OUTPUT_KEYS, "alfa46.profiles")
     table = [read_profile(profiles[key], path, f"alfa46.profiles.{key}", values.current_limit)

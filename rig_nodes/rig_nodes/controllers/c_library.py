@@ -279,7 +279,7 @@ class CLibrary(Plug):
         found = self._hear(name, "while it was loaded")
         bits = _check_description(found, name, self._made_for)
         self._host.process = found["process"]
-        self.wants = checked_wants(found["wants"], name)
+        self.wants = checked_wants(found["wants"], name, self._made_for.all_transducers)
         self.signals = checked_signals(found["signals"], name)
         self.settings = checked_settings(dict(found["settings"]), name)
         outputs, transducers = len(self._made_for.outputs), len(self._made_for.transducers)

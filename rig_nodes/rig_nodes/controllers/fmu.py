@@ -54,8 +54,9 @@ class ControllerFmu(Plug):
         self._sample, self._told = struct.Struct(SAMPLE.format(outputs + len(names))), struct.Struct(ANSWER.format(2 * outputs))
         self._outputs = outputs
         command = [sys.executable, "-P", "-m", "rig_nodes.controllers.fmu_process", file, str(theirs.fileno()), str(said),
-                   str(os.getpid()), json.dumps({"outputs": outputs, "transducers": names, "record": record.number, "rig": record.rig, "valves": [
-                       k for k, output in enumerate(record.outputs, 1) if output.valve]})]
+                   str(os.getpid()), json.dumps({"outputs": outputs, "transducers": names, "known": record.all_transducers, "record": record.number,
+                                          "rig": record.rig, "valves": [k for k, output in enumerate(record.outputs, 1)
+                                                                        if output.valve]})]
         with theirs:
             self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
                                              stderr=subprocess.STDOUT, pass_fds=[theirs.fileno(), said], env=environment)
@@ -68,7 +69,8 @@ class ControllerFmu(Plug):
             found = self._hear(name)
             super().__init__(name, config, chosen_level(level, tuple(found["levels"]), name))
             self.level_from = f"{SAID} ({found['level_from']})" if found["level_from"] else DEFAULT
-            self.wants, self.signals = checked_wants(found["wants"], name), checked_signals(found["signals"], name)
+            self.wants = checked_wants(found["wants"], name, record.all_transducers)
+            self.signals = checked_signals(found["signals"], name)
             # a parameter that is named like one of the rig's has that one's value
             self.settings = checked_settings({key: value for key, value in found["settings"].items()
                                               if key not in self.info.parameters}, name)

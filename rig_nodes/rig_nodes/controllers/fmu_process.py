@@ -14,7 +14,6 @@ import socket
 import struct
 import sys
 
-from ..catalogue import catalogue
 from ..errors import RigError
 from ..fmu.importer import Fmu, FmuFailed
 from .fmu import ANSWER, SAMPLE
@@ -32,9 +31,11 @@ STATUS = {"discard": Status.DISCARD, "error": Status.ERROR, "fatal": Status.FATA
 class Names:
     """The variables of the seam for a rig's record, by what they are."""
 
-    def __init__(self, outputs: int, transducers: list[str], valves: list[int], record: int, rig: str):
-        """outputs: how many; valves: numbers of those that drive one, whose commands the FMU must have; record: its number."""
-        self.record, self.rig = record, rig
+    def __init__(self, outputs: int, transducers: list[str], known: list[str], valves: list[int], record: int, rig: str):
+        """outputs: how many; known: all transducers of the rig; valves: numbers of outputs that drive one, whose commands
+        the FMU must have; record: its number.
+        """
+        self.known, self.record, self.rig = set(known), record, rig
         numbers = range(1, outputs + 1)
         self.commands, self.setpoints = [f"command_{k}" for k in numbers], [f"setpoint_{k}" for k in numbers]
         self.inputs = ["gear_request", *(f"current_{k}" for k in numbers), *transducers]
@@ -62,8 +63,7 @@ def check_variables(fmu: Fmu, names: Names) -> list[str]:
 
 def wants_of(fmu: Fmu, names: Names) -> list[str]:
     """Further transducers: the FMU's other inputs that are named like one."""
-    known = {signal.name for signal in catalogue().signals.values() if signal.field == "value"}
-    return [name for name, v in fmu.variables.items() if v.causality == "input" and name in known - set(names.inputs)]
+    return [name for name, v in fmu.variables.items() if v.causality == "input" and name in names.known - set(names.inputs)]
 
 
 def signals_of(fmu: Fmu, names: Names) -> dict[str, str]:

@@ -113,7 +113,7 @@ class Plug(ABC):
 
     def __init__(self, name: str, config: RigConfig, level: str):
         self.name, self.level = name, level
-        self.rig_record = record_of(config)
+        self.rig_record, self.transmission = record_of(config), config.transmission
         self.info = controller_info(self.rig_record, config.alfa46, level)
         self._inputs = self.rig_record.inputs
         self.gear, self.shifting, self.flags = 0, False, 0
@@ -164,7 +164,7 @@ class Plug(ABC):
 
     def order(self, gear: int) -> None:
         """Request a gear; the controller sees it with the next sample. RigError with why when refused."""
-        why = refusal(gear, self._request if self._ordered else self.gear, self.shifting or self._ordered)
+        why = refusal(gear, self._request if self._ordered else self.gear, self.shifting or self._ordered, self.transmission)
         if why:
             raise RigError(f"shift refused: {why}")
         self._before, self._request, self._ordered = self._request, gear, True
@@ -299,8 +299,8 @@ class BuiltIn(Plug):
 
     def __init__(self, config: RigConfig, level: str | None = None):
         super().__init__("alfa46", config, chosen_level(level, LEVELS, "alfa46"))
-        Alfa46.load(config.alfa46)
-        self._box = Alfa46(config.alfa46)
+        Alfa46.load(config.alfa46, config.transmission)
+        self._box = Alfa46(config.alfa46, config.transmission)
         self._changed: Alfa46Config | None = None  # taken before the order of the same sample
         self._newest = config.alfa46
 

@@ -132,7 +132,7 @@ class PythonClass(Plug):
             )
         super().__init__(name, config, chosen_level(level, tuple(levels), name))
         self.level_from = SAID if hasattr(found, "levels") else DEFAULT
-        self.wants = checked_wants(getattr(found, "wants", ()), name)
+        self.wants = checked_wants(getattr(found, "wants", ()), name, self.rig_record.all_transducers)
         self.signals = checked_signals(getattr(found, "signals", ()), name)
         self.settings = checked_settings(getattr(found, "settings", {}), name)
         try:

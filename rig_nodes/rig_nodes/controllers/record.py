@@ -59,7 +59,8 @@ class ControllerRecord:
 
     rig: its name, for people;
     transducers: entries of the signal catalogue; like: by level, the signal whose unit and range a command has;
-    input_speed, output_speed: transducers of the shafts that ``Gear.ratio`` is between.
+    input_speed, output_speed: transducers of the shafts that ``Gear.ratio`` is between; all_transducers: those of the whole
+    rig, of which a controller may want more.
     """
 
     rig: str
@@ -69,6 +70,7 @@ class ControllerRecord:
     like: Mapping[str, Signal]
     input_speed: str
     output_speed: str
+    all_transducers: tuple[str, ...] = ()
 
     def __post_init__(self):
         for name in self.names:
@@ -166,4 +168,4 @@ def record_of(config) -> ControllerRecord:
     seen = box.input.speed, box.output.speed, *(clutch.pressure for clutch in box.clutches)
     like = {"duty": signals[first.valve_signal("duty")], "current": signals[first.setpoint]}
     return ControllerRecord(config.name, tuple(outputs), tuple(signals[name] for name in seen), gears, MappingProxyType(like),
-                            *seen[:2])
+                            *seen[:2], tuple(config.catalogue.measured().values()))

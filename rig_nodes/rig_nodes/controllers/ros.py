@@ -53,7 +53,7 @@ def ros_controller(rest: str, config: RigConfig, level: str | None = None) -> Pl
         plug = RosNode(spec, config, chosen_level(level, LEVELS, spec))
     plug.level_from = TOLD
     plug.other_side = _OtherSide(plug, name)
-    plug.wants = checked_wants(_items(options, "wants"), spec)
+    plug.wants = checked_wants(_items(options, "wants"), spec, plug.rig_record.all_transducers)
     plug.settings = checked_settings(dict(_setting(item, spec) for item in _items(options, "settings")), spec)
     plug.signals = checked_signals({item.partition(":")[0]: item.partition(":")[2] or "-"
                                     for item in _items(options, "signals")}, spec)

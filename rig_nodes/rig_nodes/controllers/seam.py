@@ -15,7 +15,6 @@ from dataclasses import dataclass, field, fields
 from enum import IntEnum
 
 from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config
-from ..catalogue import catalogue
 from ..config.names import unknown
 from ..errors import RigError
 
@@ -93,9 +92,8 @@ def flat_parameters(config: Alfa46Config) -> dict[str, float]:
     return out
 
 
-def checked_wants(names, name: str) -> tuple[str, ...]:
-    """Transducers that a controller asks for beside those that all get; RigError unless each is in the catalogue."""
-    known = [signal.name for signal in catalogue().signals.values() if signal.field == "value"]
+def checked_wants(names, name: str, known: Sequence[str]) -> tuple[str, ...]:
+    """Transducers that a controller asks for beside those that all get; RigError unless the rig has each. known: its own."""
     if isinstance(names, str) or not all(isinstance(item, str) for item in names):
         raise RigError(f"controller {name}: wants is {names!r}, expected names of transducers")
     for item in names:

@@ -204,7 +204,7 @@ class Udp(Plug):
         if self._count > 3 * MOST:
             raise RigError(f"it has {self._count} names of its own, expected up to {MOST} of each kind")
         names = [self._names[k] for k in range(self._count)]
-        wants = checked_wants([name for what, name, _, _ in names if what == WANT], self.name)
+        wants = checked_wants([name for what, name, _, _ in names if what == WANT], self.name, self.rig_record.all_transducers)
         signals = checked_signals({name: unit for what, name, _, unit in names if what == SIGNAL}, self.name)
         settings = checked_settings({name: value for what, name, value, _ in names if what == SETTING}, self.name)
         now, before = ((tuple(w), tuple(s.items()), tuple(t)) for w, s, t in (

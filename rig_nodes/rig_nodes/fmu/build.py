@@ -22,7 +22,6 @@ from pathlib import Path
 from types import MappingProxyType
 
 from .. import __version__
-from ..catalogue import catalogue
 from ..controllers.c_library import COMPILERS, INCLUDE, LEVEL_BITS, CLibrary
 from ..controllers.record import ControllerRecord, record_of
 from ..controllers.record_header import NAME, header_text
@@ -149,7 +148,7 @@ def controller_variables(config: RigConfig, levels: tuple[str, ...], wants: Sequ
     out = [level, Variable("rig_record", "integer", "parameter", f"Record {record.id} of the rig {record.rig}; it cannot be "
                            "changed", record.number, low=record.number, high=record.number)]
     for name, value in flat_parameters(config.alfa46).items():
-        unit = "s" if name.endswith(".time") or name in ("t12", "t21", "sample_time", "derivative_time") else (
+        unit = "s" if name.endswith(".time") or name in ("t12", "t21", "t23", "t32", "sample_time", "derivative_time") else (
             "A" if name.endswith(".current") or name == "current_limit" else "")
         out.append(Variable(name, "real", "parameter", f"Setting {name} of the Alfa46 [SI]", value, unit))
     out += [Variable(name, "real", "parameter", "Setting of the controller's own", value, tunable=True)
@@ -159,7 +158,7 @@ def controller_variables(config: RigConfig, levels: tuple[str, ...], wants: Sequ
                         low=min(record.gear_names), high=max(record.gear_names)))
     out += [Variable(f"current_{k}", "real", "input", f"Measured coil current of output {k}", 0.0, "A")
             for k in outputs]
-    known = catalogue().signals
+    known = config.catalogue.signals
     transducers = [*record.transducers, *(known[name] for name in wants)]
     out += [Variable(signal.name, "real", "input", signal.text, 0.0, signal.unit) for signal in transducers]
     text = f"duty 0 to 1, or current setpoint 0 to {limit:g} A, as level says"

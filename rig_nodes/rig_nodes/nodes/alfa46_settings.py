@@ -24,8 +24,8 @@ from ..errors import RigError
 from .settings import Setting, Settings
 
 SCALARS = {
-    "t12": "Delay from gear I to II; negative: the engaging valve is switched on that much earlier",
-    "t21": "Delay from gear II to I; negative: the engaging valve is switched on that much earlier",
+    **{f"t{old}{new}": f"Delay from gear {old} to {new}; negative: the engaging valve is switched on that much earlier"
+       for old, new in ((1, 2), (2, 1), (2, 3), (3, 2))},
     "gain_p": "Proportional gain of the current loop",
     "gain_i": "Integral gain of the current loop",
     "gain_d": "Derivative gain of the current loop",

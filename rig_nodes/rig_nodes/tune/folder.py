@@ -26,7 +26,8 @@ COUNTS = ("rigs", "better_rigs", "pairs", "better", "failed", "missed", "left_ou
 # the units in which the laboratory gave the settings
 SETTING_UNITS = {
     "sample_time": "ms", "pwm_frequency": "kHz", "supply_voltage": "V", "gain_p": "V/A", "gain_i": "V/(A s)",
-    "gain_d": "V s/A", "derivative_time": "ms", "current_limit": "mA", "t12": "ms", "t21": "ms",
+    "gain_d": "V s/A", "derivative_time": "ms", "current_limit": "mA", "t12": "ms", "t21": "ms", "t23": "ms",
+    "t32": "ms",
 }
 
 
@@ -55,7 +56,7 @@ def controller_yaml(settings: Alfa46Config, title: str) -> str:
              "# Values are [value with unit, \"its source\"]; profiles are [time, current] for P1 to P6.", ""]
     for field in fields(Alfa46Values):
         unit = SETTING_UNITS[field.name]
-        source = "rig tune" if field.name in ("t12", "t21") else "as in the settings it began from"
+        source = "rig tune" if field.name in ("t12", "t21", "t23", "t32") else "as in the settings it began from"
         value = getattr(settings.values, field.name) / UNITS[unit][1]
         lines.append(f'{field.name}: [{value:.10g} {unit}, "{source}"]')
     lines += ["", "# P1-P3 count from switch-on, P4-P6 from switch-off", "profiles:"]

@@ -3,7 +3,7 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* The Alfa46 law as a user's controller in C99: profiles P1-P6, delays t12 / t21, PID on the coil current.
+/* The Alfa46 law as a user's controller in C99: profiles P1-P6, delays t12 to t32, PID on the coil current.
  *
  *   cc -std=c99 -O2 -ffp-contract=off -fPIC -shared -I<this rig's include folder> -o alfa46.so alfa46.c -lm
  *   ./rig simulate demo --controller c:alfa46.so
@@ -29,7 +29,7 @@ typedef struct {
 } output_t;
 
 typedef struct {
-  double period, t12, t21, supply_voltage, gain_p, gain_i, gain_d, derivative_time;
+  double period, t12, t21, t23, t32, supply_voltage, gain_p, gain_i, gain_d, derivative_time;
   output_t outputs[OUTPUTS];
   uint32_t level, gear;
   double shift_end;                     /* sample */
@@ -73,6 +73,8 @@ static void order_gear(alfa46_t *box, uint32_t gear, double sample) {
   double delay = 0.0, wait;
   if (box->gear == 1 && gear == 2) delay = box->t12;
   if (box->gear == 2 && gear == 1) delay = box->t21;
+  if (box->gear == 2 && gear == 3) delay = box->t23;
+  if (box->gear == 3 && gear == 2) delay = box->t32;
   wait = rint(delay / box->period);
   box->shift_end = sample;
   if (gear) switch_output(box, gear, ON, sample + at_least(0.0, wait), 2);
@@ -140,6 +142,7 @@ int rig_controller_create(rig_controller_info *info, void **instance) {
   box->period = info->period;
   box->level = info->level;
   int found = read_parameter(info, "t12", &box->t12) && read_parameter(info, "t21", &box->t21) &&
+              read_parameter(info, "t23", &box->t23) && read_parameter(info, "t32", &box->t32) &&
               read_parameter(info, "supply_voltage", &box->supply_voltage) &&
               read_parameter(info, "gain_p", &box->gain_p) && read_parameter(info, "gain_i", &box->gain_i) &&
               read_parameter(info, "gain_d", &box->gain_d) &&
@@ -157,7 +160,7 @@ int rig_controller_step(void *instance, const rig_controller_inputs *inputs, rig
   alfa46_t *box = instance;
   const double sample = (double)inputs->sample;
   if (inputs->size != sizeof *inputs || outputs->size != sizeof *outputs) return RIG_FATAL;
-  if (inputs->gear_request > 2) {
+  if (inputs->gear_request > OUTPUTS) {
     snprintf(outputs->message, sizeof outputs->message, "there is no gear %u", (unsigned)inputs->gear_request);
     return RIG_ERROR;
   }

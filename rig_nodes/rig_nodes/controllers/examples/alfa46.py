@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The Alfa46 law as a user's controller in plain Python: profiles P1-P6, delays t12 / t21, current loop.
+"""The Alfa46 law as a user's controller in plain Python: profiles P1-P6, delays t12 to t32, current loop.
 
 ``./rig simulate demo --controller python:rig_nodes.controllers.examples.alfa46:Alfa46``; it gives the same
 bits as the built-in controller, at both levels.
@@ -71,7 +71,7 @@ class Alfa46:
 
     def order(self, gear, sample):
         """Switch the valves of the old and the new gear; the delay of this change lets one of them wait."""
-        delay = {(1, 2): self.parameters["t12"], (2, 1): self.parameters["t21"]}.get((self.gear, gear), 0.0)
+        delay = self.parameters.get(f"t{self.gear}{gear}", 0.0)  # t12, t21, t23, t32
         wait = round(delay / self.period)
         self.shift_end = sample
         for number, phase, begin, last in (

@@ -3,7 +3,7 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* The Alfa46 law in the form of generated code: profiles P1-P6, delays t12 / t21, PID on the coil current.
+/* The Alfa46 law in the form of generated code: profiles P1-P6, delays t12 to t32, PID on the coil current.
  *
  * Written by hand in that form, to show what the shim in rig_shim.c wraps. It gives the same bits as the built-in
  * controller: ./rig simulate demo --controller simulink:rig_nodes/rig_nodes/controllers/examples/simulink
@@ -33,6 +33,10 @@ static void alfa46_shift(uint8_T gear) {
     delay = rtP.t12;
   } else if (old == 2U && gear == 1U) {
     delay = rtP.t21;
+  } else if (old == 2U && gear == 3U) {
+    delay = rtP.t23;
+  } else if (old == 3U && gear == 2U) {
+    delay = rtP.t32;
   }
   wait = rint(delay / rtP.sample_time);
   rtDW.shift_end = rtU.sample;

@@ -35,6 +35,8 @@ typedef struct {
   real_T derivative_time;
   real_T t12;
   real_T t21;
+  real_T t23;
+  real_T t32;
   real_T time[18];    /* P1-P6 of output 1, then 2, then 3 [s] */
   real_T current[18]; /* [A] */
 } P;

@@ -37,6 +37,8 @@ static void rig_parameters(void) {
   rtP.derivative_time = rig_setting("derivative_time");
   rtP.t12 = rig_setting("t12");
   rtP.t21 = rig_setting("t21");
+  rtP.t23 = rig_setting("t23");
+  rtP.t32 = rig_setting("t32");
   for (int k = 0; k < 18; k++) {
     snprintf(name, sizeof name, "output_%d.P%d.time", k / 6 + 1, k % 6 + 1);
     rtP.time[k] = rig_setting(name);
