@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 
+from ..config.names import DEFAULT_RIG
 from .what_to_run import StepTimeout, step_timeout
 
 COME = 20.0  # s for a controller of its own program to come
@@ -22,7 +23,8 @@ def add_arguments(parser) -> None:
     check = verbs.add_parser("check", help="run a controller through the conformance set", allow_abbrev=False)
     check.add_argument("spec", metavar="PLUG", help="as for --controller, e.g. c:my_controller.c (docs/controllers.md)")
     check.add_argument("--level", choices=("duty", "current"), help="what it returns, when it knows both")
-    check.add_argument("--rig", default="hydmag", metavar="NAME", help="rig or .yaml file (default: hydmag)")
+    check.add_argument("--rig", default=DEFAULT_RIG, metavar="NAME",
+                       help=f"rig, its folder or .yaml file (default: {DEFAULT_RIG})")
     check.add_argument("--step-timeout", type=step_timeout, default=StepTimeout(5.0, COME),
                        metavar="S", help="seconds that it may take for one sample, and to come, or none "
                                          f"(default: 5, and {COME:.0f} to come)")
@@ -30,7 +32,8 @@ def add_arguments(parser) -> None:
     new = verbs.add_parser("new", help="write a template that shifts", allow_abbrev=False)
     new.add_argument("kind", choices=sorted(KINDS), help="what it is: " + ", ".join(KINDS))
     new.add_argument("folder", metavar="DIR", help="new or empty folder for it")
-    new.add_argument("--rig", default="hydmag", metavar="NAME", help="rig or .yaml file that it is for (default: hydmag)")
+    new.add_argument("--rig", default=DEFAULT_RIG, metavar="NAME",
+                     help=f"rig, its folder or .yaml file, that it is for (default: {DEFAULT_RIG})")
 
 
 def main(args) -> int:

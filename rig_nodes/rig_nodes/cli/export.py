@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ..config.names import DEFAULT_RIG
+
 INTERMIXED = True  # files may stand before and behind options
 HELP = "write an FMU, the CAN database, the Modbus registers or rig_record.h"
 DEFAULTS = {"fmu": "{rig}.fmu", "controller-fmu": "{source}.fmu", "dbc": "rig.dbc", "registers": "registers.csv",
@@ -26,7 +28,7 @@ def add_arguments(parser) -> None:
     parser.add_argument("-I", "--include", action="append", default=[], metavar="FOLDER",
                         help="of controller-fmu: folder of headers (may be repeated)")
     parser.add_argument("-o", "--out", metavar="FILE", help="file to write (default: named after what is exported)")
-    parser.add_argument("--rig", default="hydmag", metavar="NAME", help="rig or .yaml file (default: hydmag)")
+    parser.add_argument("--rig", default=DEFAULT_RIG, metavar="NAME", help=f"rig, its folder or .yaml file (default: {DEFAULT_RIG})")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
                         help="change one value of the rig, as for run (may be repeated)")
     parser.add_argument("--fmi", type=int, choices=(2, 3), default=2, help="version of FMI (default: 2)")
@@ -34,7 +36,9 @@ def add_arguments(parser) -> None:
 
 def main(args) -> int:
     """Write the file and say where it is."""
+    from ..config.names import find_config
     from ..errors import RigError
+    from ..testbench.configuration import rig_name
     from ..testbench.folders import parse_settings
 
     if args.sources and args.what != "controller-fmu":
@@ -47,7 +51,7 @@ def main(args) -> int:
     if args.what == "controller-fmu" and not args.sources:
         raise RigError("export controller-fmu needs the C file of your controller, e.g. my_controller.c")
     source = Path(args.sources[0]).stem if args.sources else ""
-    target = Path(args.out or DEFAULTS[args.what].format(rig=Path(args.rig).stem, source=source))
+    target = Path(args.out or DEFAULTS[args.what].format(rig=rig_name(find_config("rigs", args.rig)), source=source))
     _check_target(args.what, target, args.sources)
     _WRITERS[args.what](args, target, parse_settings(args.settings))
     print(f"written to {target}")

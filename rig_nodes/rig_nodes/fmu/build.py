@@ -26,6 +26,8 @@ from ..controllers.c_library import COMPILERS, INCLUDE, LEVEL_BITS, CLibrary
 from ..controllers.record import ControllerRecord, record_of
 from ..controllers.record_header import NAME, header_text
 from ..controllers.seam import flat_parameters
+from ..config import CONFIG_DIR, RIGS_DIR
+from ..config.names import DEFAULT_RIG, RIG_FILE, beside, find_config, with_bases
 from ..errors import RigError, no_file, printable
 from ..whole_file import write_whole
 from ..testbench.configuration import RigConfig, load_gearbox_rig
@@ -112,25 +114,48 @@ def write_fmu(target: Path, fmi: int, identifier: str, text: str, variables: Seq
         write_whole(target, whole.read_bytes())
 
 
-def build_rig_fmu(target: str | Path, rig: str = "hydmag", overrides: dict[str, str] | None = None,
+def build_rig_fmu(target: str | Path, rig: str = DEFAULT_RIG, overrides: dict[str, str] | None = None,
                   fmi: int = 2) -> None:
     """The rig as a co-simulation FMU of FMI 2.0 or 3.0.
 
-    rig, overrides: as testbench.configuration.load_rig takes them, with the gearbox; the rig's file must stay where it
-    is. The FMU starts this interpreter with this package (docs/fmu.md).
+    rig, overrides: as testbench.configuration.load_rig takes them, with gears. The files of a rig that is not installed go
+    into the FMU. The FMU starts this interpreter with this package (docs/fmu.md).
     """
     config = load_gearbox_rig(rig, overrides, "export fmu")
     if config.cut_out:
         raise RigError(f"{', '.join(config.cut_out)} is cut out of this rig; a rig as an FMU has all devices inside")
-    if rig.endswith((".yaml", ".yml")) or "/" in rig:
-        rig = str(Path(rig).expanduser().resolve())
+    file, files = files_of(rig)
+    origin = {"rig": rig, **({"file": file} if file else {}), "set": overrides or {}}
     resources = {
         "tool.txt": f"{sys.executable}\n{Path(__file__).resolve().parents[2]}\n",
-        "rig.json": json.dumps({"rig": rig, "set": overrides or {}}, indent=1) + "\n",
+        "rig.json": json.dumps(origin, indent=1) + "\n", **files,
     }
-    write_fmu(Path(target), fmi, "hydmag_rig" if config.name == "hydmag" else _identifier(config.name),
-              "The virtual powertrain test rig of the HydmAG two-speed powershift gearbox", rig_variables(config),
-              [SOURCES / "rig_process.c"], {}, resources, ["-Werror"])
+    write_fmu(Path(target), fmi, _identifier(f"{config.name}_rig"), f"The virtual powertrain test rig: {config.description}",
+              rig_variables(config), [SOURCES / "rig_process.c"], {}, resources, ["-Werror"])
+
+
+def files_of(rig: str) -> tuple[str, dict[str, str]]:
+    """The file of a rig that is not installed and all files that it is read from, name among an FMU's resources -> text.
+
+    They lie as their folders do, so that a base or a controller named by its way from there is found; an installed rig has
+    none. RigError for one that is named by its place on this machine.
+    """
+    found = []
+    for path, node in with_bases(rig):
+        found.append(Path(path).absolute())
+        for key in ("base", "controller"):
+            name = str(node.get(key, ""))
+            if os.path.isabs(os.path.expanduser(name)):
+                raise RigError(f"{path}: {key} is {name}, which an FMU cannot take along; name it by its way from this file")
+        if "controller" in node:
+            found.append(Path(find_config("controllers", beside(path, node["controller"]))).absolute())
+    own = [Path(os.path.normpath(path)) for path in found
+           if not path.is_relative_to(RIGS_DIR) and not path.is_relative_to(CONFIG_DIR)]
+    if not own:
+        return "", {}
+    root = os.path.commonpath([path.parent.parent if path.name == RIG_FILE else path.parent for path in own])
+    names = {path: f"rig/{path.relative_to(root).as_posix()}" for path in own}
+    return names[own[0]], {name: path.read_text(encoding="utf-8") for path, name in names.items()}
 
 
 def controller_variables(config: RigConfig, levels: tuple[str, ...], wants: Sequence[str] = (),
@@ -228,7 +253,7 @@ def build_controller_fmu(sources: Sequence[str | Path], target: str | Path, conf
         names = [v.name for v in variables]
         if twice := next((name for name in names if names.count(name) > 1), None):
             raise RigError(f"{files[0]}: its own '{twice}' is the name of another variable of the FMU; rename it")
-        write_fmu(target, fmi, identifier, "A shift controller for the HydmAG gearbox", variables, model,
+        write_fmu(target, fmi, identifier, f"A shift controller for the rig {config.name}", variables, model,
                   controller_defines(record, variables, *map(len, own)), {}, flags, more)
 
 

@@ -14,12 +14,11 @@ import argparse
 import sys
 from pathlib import Path
 
-from ..catalogue import catalogue
 from ..errors import RigError, printable
-from ..parts.load_pump import LoadConfig
-from ..testbench.configuration import load_rig
+from ..testbench.configuration import RigConfig, load_rig
 from ..testbench.sequence import Sequence, SequenceRunner, load_sequence
 from .importer import Fmu
+from .rig_variables import enable_of
 
 TICK = 5  # ms between two looks of a sequence
 SCALAR = 10  # ms between two messages of a transducer, whose newest one a sequence reads
@@ -28,10 +27,11 @@ SCALAR = 10  # ms between two messages of a transducer, whose newest one a seque
 class FmuBench:
     """The bench of a sequence (testbench.sequence.Bench) over the inputs and outputs of the FMU."""
 
-    def __init__(self, fmu: Fmu):
-        self.fmu = fmu
-        self.names = list(catalogue().signals)
-        measured = catalogue().measured().values()
+    def __init__(self, fmu: Fmu, config: RigConfig):
+        """config: of the rig in the FMU."""
+        self.fmu, self.setpoints = fmu, config.setpoints
+        self.names = list(config.catalogue.signals)
+        measured = config.catalogue.measured().values()
         self._states = [name not in measured for name in self.names]
         self._read = fmu.reader(self.names)
         self._told: dict[str, float] = {}
@@ -46,14 +46,9 @@ class FmuBench:
     def ready(self) -> bool:
         return True
 
-    def set_oil(self, pressure: float, enable: bool) -> None:
-        self.fmu.set(oil_pressure=pressure, oil_enable=enable)
-
-    def set_motor(self, speed: float, enable: bool) -> None:
-        self.fmu.set(motor_speed=speed, motor_enable=enable)
-
-    def set_load(self, pressure: float, enable: bool) -> None:
-        self.fmu.set(load_pressure=pressure, load_enable=enable)
+    def set(self, step: str, value: float, enable: bool) -> None:
+        setpoint = self.setpoints[step]
+        self.fmu.set(**{setpoint.name: value, enable_of(setpoint): enable})
 
     def order_gear(self, gear: int) -> None:
         self.fmu.set(gear_request=gear)
@@ -75,15 +70,16 @@ class FmuBench:
             print(f"            {printable(text)}", flush=True)
 
 
-def drive(fmu: Fmu, sequence: Sequence, load: LoadConfig, **parameters) -> float:
-    """Run the sequence on the FMU; returns its length [s]. parameters: e.g. record="runs/fmu-demo", seed=1.
+def drive(fmu: Fmu, sequence: Sequence, config: RigConfig, **parameters) -> float:
+    """Run the sequence on the FMU; returns its length [s]. config: of the rig in the FMU; parameters: e.g.
+    record="runs/fmu-demo", seed=1.
 
     FmuFailed when the rig trips, SequenceFailed when a step does not come to its end. The FMU is terminated.
     """
     fmu.set(**parameters)
     fmu.initialize()
-    bench = FmuBench(fmu)
-    runner = SequenceRunner(sequence, bench, load)
+    bench = FmuBench(fmu, config)
+    runner = SequenceRunner(sequence, bench, config)
     ms = 0
     try:
         while ms == 0 or not runner.poll(ms * 1e-3):
@@ -101,12 +97,15 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("fmu", help="what ./rig export fmu wrote")
     parser.add_argument("sequence", help="name of an installed sequence or a .yaml file")
     parser.add_argument("--out", help="folder for bag and report (default: none is recorded)")
+    parser.add_argument("--rig", help="the rig in the FMU (default: the one that the sequence is of)")
     parser.add_argument("--seed", type=int, default=1)
     parsed = parser.parse_args(arguments)
     try:
         record = str(Path(parsed.out).resolve()) if parsed.out else ""
         with Fmu(parsed.fmu) as fmu:
-            seconds = drive(fmu, load_sequence(parsed.sequence), load_rig().load_pump, record=record, seed=parsed.seed)
+            sequence = load_sequence(parsed.sequence, rig=parsed.rig)
+            config = load_rig(parsed.rig or sequence.rig)
+            seconds = drive(fmu, sequence, config, record=record, seed=parsed.seed)
         print(f"{seconds:g} s driven" + (f"; look at it with: ./rig report {parsed.out}" if parsed.out else ""))
     except RigError as error:
         print(f"rig: {printable(error)}", file=sys.stderr)

@@ -30,7 +30,6 @@ class Recording:
 
     def __init__(self, folder: Path, rig, config, seed: int):
         from ..bags.writer import BagWriter
-        from ..catalogue import catalogue
         from ..testbench.outputs import Outputs
         from ..testbench.sequence import Sequence
         from ..testbench.simulate import run_record
@@ -41,7 +40,7 @@ class Recording:
             raise RigError(f"the parameter record names the folder {folder}, which is not empty; name a new one")
         self.record = run_record(config, Sequence("fmu", "driven through FMI", 0.0), seed)
         self.outputs = Outputs(rig, self.record, commands=True)
-        self._types = {name: topic.ros_type for name, topic in catalogue().all_topics.items()}
+        self._types = {name: topic.ros_type for name, topic in config.catalogue.all_topics.items()}
         self._bag = BagWriter(folder, "fmu")
         self._bag.__enter__()
 
@@ -76,7 +75,7 @@ class RigModel:
         from .rig_variables import Values, rig_variables
 
         origin = json.loads((resources / "rig.json").read_text(encoding="utf-8"))
-        self.config = load_rig(origin["rig"], origin["set"])
+        self.config = load_rig(str(resources / origin["file"]) if "file" in origin else origin["rig"], origin["set"])
         self.values = Values(rig_variables(self.config))
         self.rig = self._recording = None
         self._given: dict[str, tuple] = {}
@@ -124,23 +123,24 @@ class RigModel:
         return self.rig.sample - first
 
     def _give_setpoints(self) -> None:
-        """Motor, load and oil, where their inputs have changed."""
+        """Those of devices, where their inputs have changed."""
+        from .rig_variables import enable_of
+
         values = self.values
-        for device, quantity in (("oil", "pressure"), ("motor", "speed"), ("load", "pressure")):
-            given = values[f"{device}_{quantity}"], values[f"{device}_enable"] != 0.0
-            if self._given.get(device, (0.0, False)) == given:
+        for step, setpoint in self.config.setpoints.items():
+            given = values[setpoint.name], values[enable_of(setpoint)] != 0.0
+            if self._given.get(step, (0.0, False)) == given:
                 continue
-            getattr(self.rig, f"set_{device}")(*given)
-            self._given[device] = given
+            self.rig.set(step, *given)
+            self._given[step] = given
             if self._recording is not None:
-                topic = {"oil": "/oil_supply", "motor": "/motor", "load": "/load_pump"}[device]
-                self._recording.outputs.setpoint(f"{topic}/command", *given)
+                self._recording.outputs.setpoint(setpoint.topic, *given)
 
     def _command(self) -> tuple:
         """(duty, setpoint, gear, shifting, flags) of the importer's controller."""
         values = self.values
-        three = [values[f"command_{k}"] for k in (1, 2, 3)]
-        return (three, three if self.rig.level == "current" else [0.0] * 3, int(values["command_gear"]),
+        asked = [values[f"command_{k}"] for k in range(1, len(self.rig.duty) + 1)]
+        return (asked, asked if self.rig.level == "current" else [0.0] * len(asked), int(values["command_gear"]),
                 values["command_shifting"] != 0.0, int(values["command_flags"]))
 
     def _order(self) -> None:
@@ -150,9 +150,7 @@ class RigModel:
             return
         self.rig.order_gear(request)
         if self._recording is not None:
-            from ..transmission import transmission_of
-
-            gear = transmission_of(self.rig.config).names[request]
+            gear = self.rig.config.transmission.names[request]
             self._recording.outputs.event("/controller/events", "shift_ordered", f"shift to {gear} ordered", request)
 
     def _until_shift_end(self, samples: int) -> int:

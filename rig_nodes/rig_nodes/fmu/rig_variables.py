@@ -14,12 +14,13 @@ from dataclasses import fields, replace
 import numpy as np
 
 from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config
-from ..catalogue import catalogue
-from ..controllers.record import record_of
 from ..config.units import SI, with_article
+from ..controllers.record import record_of
+from ..description.commands import Setpoint
 from ..errors import RigError
-from ..testbench.configuration import PARTS, RigConfig
-from ..testbench.rig import SETPOINTS, Rig
+from ..parts import part as parts
+from ..testbench.configuration import RigConfig
+from ..testbench.rig import Rig
 from ..testbench.together import check_together
 from ..testbench.topics import COMMAND, Heard, States
 from .description import Variable
@@ -62,38 +63,45 @@ def _parameters(config: RigConfig) -> list[Variable]:
 
 def _fields(config: RigConfig) -> dict:
     """Name as `--set` takes it -> (its part, field), of all values but words and the cutting of time."""
-    parts = {**{part: getattr(config, part) for part in PARTS}, "alfa46": config.alfa46.values}
-    return {f"{part}.{field.name}": (owner, field) for part, owner in parts.items() for field in fields(owner)
-            if field.metadata["dimension"] != "choice"}
+    known = {part: (config.values(part), names) for part, names in config.settings().items() if part not in ("kernel", "cut")}
+    return {f"{part}.{field.name}": (owner, field) for part, (owner, names) in known.items() for field in fields(owner)
+            if field.name in names and field.metadata["dimension"] != "choice"}
 
 
 def _inputs(config: RigConfig) -> list[Variable]:
     out, record = [], record_of(config)
-    outputs = len(record.outputs)
-    for name, text in (("motor_speed", "Speed setpoint of the drive"), ("load_pressure", "Relief setting of the load, gauge"),
-                       ("oil_pressure", "Relief setting of the clutch oil supply, gauge")):
-        signal = catalogue().signals[SETPOINTS[name]]
-        enable = name.partition("_")[0] + "_enable"
-        out += [Variable(name, "real", "input", text, 0.0, signal.unit, (signal.display_unit, signal.scale), signal.low,
-                         signal.high), Variable(enable, "boolean", "input", f"{text}: on", False)]
+    outputs, highest = len(record.outputs), max(record.gear_names)
+    for setpoint in config.setpoints.values():
+        signal = config.catalogue.signals[setpoint.like]
+        text = setpoint.command.text[0].upper() + setpoint.command.text[1:] + (", gauge" if signal.gauge else "")
+        out += [Variable(setpoint.name, "real", "input", text, 0.0, signal.unit, (signal.display_unit, signal.scale), signal.low,
+                         signal.high), Variable(enable_of(setpoint), "boolean", "input", f"{text}: on", False)]
     out.append(Variable("gear_request", "integer", "input", f"Gear ordered of the embedded Alfa46: {record.gears_told}; "
-                        "one that comes while a shift runs is taken at its end", 0, low=0, high=2))
+                        "one that comes while a shift runs is taken at its end", 0, low=0, high=highest))
     out += [Variable(f"command_{k}", "real", "input", f"Command of controller output {k}: duty 0 to 1, or current setpoint "
                      f"0 to {config.alfa46.values.current_limit:g} A, as the parameter controller says", 0.0)
             for k in range(1, outputs + 1)]
-    return [*out, Variable("command_gear", "integer", "input", "Gear that your controller has taken", 0, low=0, high=2),
+    return [*out, Variable("command_gear", "integer", "input", "Gear that your controller has taken", 0, low=0,
+                           high=highest),
             Variable("command_shifting", "boolean", "input", "Your controller's shift is still running", False),
             Variable("command_flags", "integer", "input", "Bit k: at controller = 2, output k stays on at a setpoint of zero",
                      0, low=0, high=2**outputs - 1)]
 
 
+def enable_of(setpoint: Setpoint) -> str:
+    """The name of a setpoint's switch."""
+    return f"{setpoint.step}_enable"
+
+
 def _outputs(config: RigConfig, parameters: Sequence[str]) -> list[Variable]:
     """The rig begins at rest: only its transducers and the oil's temperature show parameters at the initialization."""
-    out, temperature, outputs = [], "oil_supply.temperature", len(record_of(config).outputs)
+    out, outputs, known = [], len(record_of(config).outputs), config.catalogue
+    oils = {f"{one.name}.oil_temperature": f"{one.name}.temperature" for one in config.structure.of_role(parts.OIL)}
+    temperature = {one.name: (oils[one.shows],) for one in config.structure.transducers if one.shows in oils}
     transducers = tuple(name for name in parameters if name in ("seed", "effects.transducers")
                         or name.startswith("instruments."))
-    for signal in catalogue().signals.values():
-        by = (*transducers, temperature) if signal.name == "T_oil" else transducers if signal.topic in catalogue().measured() else ()
+    for signal in known.signals.values():
+        by = (*transducers, *temperature.get(signal.name, ())) if signal.topic in known.measured() else ()
         states = ", ".join(f"{key} {word}" for key, word in signal.states.items())
         text = f"{signal.text} {f'({states})' if states else signal.sign}"
         if signal.quantity == "state":
@@ -102,11 +110,11 @@ def _outputs(config: RigConfig, parameters: Sequence[str]) -> list[Variable]:
         else:
             out.append(Variable(signal.name, "real", "output", text, unit=UNITS.get(signal.unit, signal.unit),
                                 display=(signal.display_unit, signal.scale), initial_by=by))
-    for name in catalogue().measured().values():
-        signal = catalogue().signals[name]
+    for name in known.measured().values():
+        signal = known.signals[name]
         out.append(Variable(f"true.{name}", "real", "output", f"{signal.text} Without the transducer.", unit=signal.unit,
                             display=(signal.display_unit, signal.scale),
-                            initial_by=(temperature,) if name == "T_oil" else ()))
+                            initial_by=temperature.get(name, ())))
     currents = (Variable(f"current_{k}", "real", "output", f"Measured coil current at controller output {k}", unit="A",
                          initial_by=transducers)
                 for k in range(1, outputs + 1))
@@ -153,8 +161,8 @@ def with_parameters(config: RigConfig, values: Values) -> RigConfig:
     profiles = np.array([[[values[f"alfa46.{key}.{point}.{what}"] for what in ("time", "current")] for point in POINTS]
                          for key in OUTPUT_KEYS])
     settings = replace(config.alfa46.values, **changed.pop("alfa46", {}))
-    parts = {part: replace(getattr(config, part), **own) for part, own in changed.items()}
-    config = replace(config, alfa46=Alfa46Config(settings, profiles), **parts)
+    sections = {part: replace(config.values(part), **own) for part, own in changed.items()}
+    config = config.replaced(alfa46=Alfa46Config(settings, profiles), **sections)
     check_together(config, lambda keys: "parameter ")
     return config
 
@@ -164,14 +172,14 @@ class Reader:
 
     def __init__(self, rig: Rig, values: Values):
         self.rig, self.values = rig, values
-        self._states, self._heard = States(rig), Heard()
-        signals = catalogue().signals
+        known = rig.config.catalogue
+        self._states, self._heard, signals = States(rig), Heard(known), known.signals
         first = values.place[next(iter(signals))]
         measured = self._states.measured
         self._measured = [(first + k, measured[s.topic]) for k, s in enumerate(signals.values()) if s.topic in measured]
         self._others = [(first + k, name) for k, (name, s) in enumerate(signals.items()) if s.topic not in measured]
         self._true = [(values.place[f"true.{name}"], rig.world.source[rig.channels.index(name)])
-                      for name in catalogue().measured().values()]
+                      for name in known.measured().values()]
         self._currents = values.place["current_1"]
 
     def read(self) -> None:
