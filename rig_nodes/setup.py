@@ -11,8 +11,6 @@ from setuptools import find_packages, setup
 NAME = "rig_nodes"
 VERSION = re.search(r'__version__ = "(.+?)"', Path(NAME, "__init__.py").read_text(encoding="utf-8")).group(1)
 
-DEVICES = ("motor", "valve_zr_p1", "valve_zr_p2", "load_pump")  # that can stand outside the plant
-
 
 def share_files(folder: str, into: str, pattern: str) -> list[tuple[str, list[str]]]:
     """data_files entries that put `folder` below share/rig_nodes/<into>, one entry for each folder in it."""
@@ -26,12 +24,12 @@ def share_files(folder: str, into: str, pattern: str) -> list[tuple[str, list[st
 setup(
     name=NAME,
     version=VERSION,
-    description="The HydmAG virtual powertrain test rig as ROS 2 nodes",
+    description="A virtual powertrain test rig as ROS 2 nodes",
     license="Apache-2.0",
     maintainer="Virtual rig maintainers",
     maintainer_email="rig@example.invalid",
     packages=find_packages(include=[NAME, NAME + ".*"]),
-    package_data={NAME: ["config/**/*.yaml", "config/**/*.csv", "config/*.xml", "controllers/include/*.h*",
+    package_data={NAME: ["config/**/*.yaml", "config/*.xml", "rigs/**/*.yaml", "rigs/**/*.csv", "controllers/include/*.h*",
                          "controllers/examples/**/*.c*", "controllers/examples/**/*.h", "controllers/examples/**/*.xml",
                          "controllers/examples/**/CMakeLists.txt", "controllers/templates/**/*", "fmu/c/*",
                          "validation/*.yaml"]},
@@ -39,7 +37,8 @@ setup(
         ("share/ament_index/resource_index/packages", ["resource/" + NAME]),
         ("share/" + NAME, ["package.xml"]),
         *share_files(NAME + "/config", "config", "*.yaml"),
-        *share_files(NAME + "/config", "config", "*.csv"),
+        *share_files(NAME + "/rigs", "rigs", "*.yaml"),
+        *share_files(NAME + "/rigs", "rigs", "*.csv"),
         *share_files(NAME + "/config", "config", "*.xml"),
         *share_files("launch", "launch", "*.py"),
     ],
@@ -58,7 +57,7 @@ setup(
             "alfa46 = rig_nodes.nodes.alfa46:main",
             "sequencer = rig_nodes.nodes.sequencer:main",
             "recorder = rig_nodes.nodes.recorder:main",
-            *(f"{name} = rig_nodes.nodes.cut_device:{name}" for name in DEVICES),
+            "device = rig_nodes.nodes.cut_device:main",
         ],
     },
 )

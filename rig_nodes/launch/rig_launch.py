@@ -28,7 +28,7 @@ from launch.events.process import SignalProcess
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from rig_nodes.config.names import has_controller, rig_of
+from rig_nodes.config.names import DEFAULT_RIG, has_controller, rig_of
 from rig_nodes.errors import RigError
 from rig_nodes.graph.domain import check_namespace, from_environment
 from rig_nodes.graph.supervisor import MODULES, Order, processes_of
@@ -39,8 +39,8 @@ ARGUMENTS = (
     ("sequence", "", "name or .yaml file of a sequence, with whose end the launch ends; "
                      "empty: the rig runs until Ctrl-C and takes orders over ROS"),
     ("with", "", "values of the sequence's parameters, NAME=VALUE, several with commas between them"),
-    ("rig", "", "name or .yaml file of the rig's configuration; empty: the one that the sequence is written for, "
-                "hydmag without a sequence"),
+    ("rig", "", "name, folder or .yaml file of the rig; empty: the one that the sequence is written for, "
+                f"{DEFAULT_RIG} without a sequence"),
     ("set", "", "values of the rig to change, KEY=VALUE as for ./rig run --set, several with commas between them"),
     ("out", "", "new or empty folder for bag, report and logs; empty: runs/<sequence>-<n>"),
     ("seed", "1", "seed of the transducers' noise and errors"),
