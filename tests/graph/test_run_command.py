@@ -34,7 +34,7 @@ def test_a_run_ends_well(tmp_path):
     bag = Bag(run.folder)
     assert bag.gaps() == {}
     assert part["end"] == {"state": "ended", "reason": "the sequence ended"}
-    assert 2.0 < part["duration_s"] < 10.0
+    assert 3.0 < part["duration_s"] < 10.0
     assert part["ticks"] == pytest.approx(part["duration_s"] / 0.005) and part["overruns"] < 0.1 * part["ticks"]
     assert 0.0 <= part["lateness_ms"]["p50"] <= part["lateness_ms"]["p99"] <= part["lateness_ms"]["max"]
     assert [row["to_gear"] for row in report_of(run)["shifts"]] == [2]

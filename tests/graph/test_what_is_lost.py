@@ -41,7 +41,7 @@ def test_a_lost_message_is_named_in_the_last_line(tmp_path, allowed, code, word)
 def test_a_recorder_that_stood_still_costs_messages_and_the_run_says_so(tmp_path):
     run = RigRun(tmp_path / "run")
     run.until(CONNECTED)
-    stop_for(Traces(run).children["recorder"], 2.0)
+    stop_for(Traces(run).children["recorder"], 2.5)
     code, output = run.end()
     lost = part_of(run)["lost"]
     assert code == 3 and lost > 100

@@ -58,7 +58,7 @@ def test_a_run_without_a_supervisor_has_a_whole_report(tmp_path, domain):
     run = json.loads(printed.stdout)["run"]
     assert run["end"] == {"state": "ended", "reason": "the sequence ended"}
     assert run["lost"] == 0 and run["seed"] == 1 and run["mode"] == "run"
-    assert run["ticks"] > 400 and run["lateness_ms"]["p50"] >= 0.0
+    assert run["ticks"] > 500 and run["lateness_ms"]["p50"] >= 0.0
     assert set(run["processes"]) == {"recorder", "container", "alfa46", "sequencer"}
 
 
