@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""No test hangs: one that takes far longer than the slowest does is failed, and where Python cannot, its process ends."""
+"""No test hangs: one that takes far longer than the slowest is failed, and where Python cannot, its process ends."""
 
 import faulthandler
 import os

@@ -32,7 +32,7 @@ ONLY_CLOCK = f"{AGAINST_THE_CLOCK} and not campaign"
 AT_MOST = 5
 # folders that are not to be left to the end
 LONGEST_FIRST = ("controllers", "graph", "view", "testbench", "fmu", "sweep", "validation", "tune", "plant")
-MOST_PARTS = 4  # at a time; each takes up to 1 GB, and waits for its processes two fifths of its time
+MOST_PARTS = 4  # at a time; each takes up to 1 GB, and waits for its own processes for a part of its time
 PASSED, FAILED, NOTHING_THERE = 0, 1, 5  # exit codes of pytest
 PARTS, LAST_FAILED, CLOCK = ".pytest_cache/parts", "v/cache/lastfailed", "clock"
 
