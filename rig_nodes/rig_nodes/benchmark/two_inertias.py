@@ -11,11 +11,13 @@ lines are exact by luck, and both sides carry a torque, so that the common speed
 from __future__ import annotations
 
 import math
+from dataclasses import fields
 
 import numpy as np
 from numba import njit
 
-from ..plant.driveline import Driveline, System
+from ..engine.world import STEP, Sizes, driveline_dtype
+from ..plant.driveline import Driveline, State, System
 from ..plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LO0, LO1, LOCK, N_EVENTS
 from ..plant.driveline_kernel import driveline_step
 from ..plant.driveline_quiet import quiet_step
@@ -60,13 +62,13 @@ class Ours:
 
     def __init__(self, clutches: int = 1):
         self.system = s = chain(clutches)
-        self.state = s.state()
-        self.q = np.zeros((2, len(s.speeds)))
-        self.q[:, 0], self.q[:, -1] = DRIVE, LOAD
-        self.cap = s.limits()
-        x = self.state
-        self._arrays = (s.minv, s.w, s.sh, s.kc, self.q, self.cap, x.loss, x.v, x.twist, x.mode, x.el, x.shaft,
-                        x.e_in, x.events, x.count, x.work)
+        self._line = np.zeros(1, driveline_dtype(Sizes(speeds=clutches + 1, elements=clutches)))
+        line = self._line[0]
+        for name in ("minv", "w", "sh", "kc"):
+            line[name] = getattr(s, name)
+        line["q"][:, 0], line["q"][:, -1] = DRIVE, LOAD
+        line["cap"] = s.limits()
+        self.state = State(*(line[field.name] for field in fields(State)))
 
     def start(self) -> None:
         """To time 0."""
@@ -77,7 +79,7 @@ class Ours:
 
     def advance(self, step: float, steps: int) -> None:
         """So many steps [s]."""
-        _advance(self.t, steps, step, *self._arrays)
+        _advance(self.t, steps, step, self._line, *(self._line[0][name] for name in STEP))
         self.t += step * steps
 
     def run(self, step: float, parts: int = 1) -> float:
@@ -107,7 +109,9 @@ _capacity = njit(cache=True, error_model="numpy", nogil=True)(capacity)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _advance(begin, steps, h, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work):
+def _advance(begin, steps, h, lines, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work):
+    # the arrays are those of the line, once more without their sizes, so that the seldom part is compiled only once
+    line = lines[0]
     # the straight line through the capacity at the step's two Gauss points has its mean to the fourth order
     at = 0.5 - 0.5 / math.sqrt(3.0)
     for i in range(steps):
@@ -118,9 +122,9 @@ def _advance(begin, steps, h, minv, w, sh, kc, q, cap, loss, v, twist, mode, el,
             low, high = _capacity(t + at * h), _capacity(t + (1.0 - at) * h)
             slope = (high - low) / (1.0 - 2.0 * at)
             before, after = max(0.0, low - at * slope), high + at * slope
-        for f in range(w.shape[0]):
-            cap[KIN0, f], cap[KIN1, f] = before, after
-            cap[HI0, f], cap[HI1, f] = STICK * before, STICK * after
-            cap[LO0, f], cap[LO1, f] = -STICK * before, -STICK * after
-        if not quiet_step(h, minv, w, q, cap, loss, v, mode, el, e_in, work, 0):
+        for f in range(line.w.shape[0]):
+            line.cap[KIN0, f], line.cap[KIN1, f] = before, after
+            line.cap[HI0, f], line.cap[HI1, f] = STICK * before, STICK * after
+            line.cap[LO0, f], line.cap[LO1, f] = -STICK * before, -STICK * after
+        if not quiet_step(h, line):
             driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work)

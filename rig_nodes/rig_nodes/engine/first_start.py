@@ -23,16 +23,13 @@ import numpy as np
 from numba.core import types
 
 from ..plant.driveline_kernel import driveline_step
-from .world import Sizes, driveline_dtype
-
-_STEP = ("minv", "w", "sh", "kc", "q", "cap", "loss", "v", "twist", "mode", "el", "shaft", "e_in", "events", "count",
-         "work")
+from .world import STEP, Sizes, driveline_dtype
 
 
 def compile_driveline(sizes: str) -> None:
     """The driveline's step as the engine of a rig of these sizes (JSON) calls it, into the cache."""
     line = numba.from_dtype(driveline_dtype(Sizes(**json.loads(sizes))))
-    driveline_step.compile((types.float64, types.float64, *map(line.typeof, _STEP)))
+    driveline_step.compile((types.float64, types.float64, *map(line.typeof, STEP)))
 
 
 def compile_beside(world: np.dtype, sizes: Sizes, first: Callable[[], object]) -> None:

@@ -17,7 +17,7 @@ from ..config.schema import fill
 from ..errors import RigError
 from ..parts.part import part
 from ..plant.driveline import System
-from ..plant.driveline_losses import OWN
+from ..plant.driveline_losses import ON, OWN
 from .world import Sizes, places, world_dtype
 
 NONE = -1  # place of a wire that goes nowhere
@@ -90,11 +90,12 @@ class World:
         system, shapes = plan.system, {}
         for instance in plan.instances:
             shapes.update({name: table.shape for name, table in instance.tables.items()})
-        if len(plan.losses) not in (0, 2) or len(plan.losses) and plan.losses[1, OWN] != plan.losses[0, OWN] + 1:
-            raise RigError("a driveline has no losses by torque or two, whose elements lie side by side")
+        owned = tuple(int(element) for element in plan.losses[:, OWN])
+        if len(set(owned)) < len(owned) or not set(plan.losses[:, ON]) <= set(owned):
+            raise RigError("each loss by torque needs a friction element of its own, and brakes one that a loss owns")
         self.sizes = sizes = Sizes(
             speeds=len(system.speeds), elements=len(system.elements), shafts=len(system.shafts),
-            losses=len(plan.losses), first_loss=int(plan.losses[0, OWN]) if len(plan.losses) else 0,
+            losses=len(plan.losses), owned=owned,
             bodies=len(plan.bodies), meters=len(plan.meters), oil_lines=len(plan.oil_lines), outputs=plan.outputs)
         dtype = world_dtype({name: len(group) for name, group in self._by_part.items()}, sizes, shapes)
         self.record = np.zeros(1, dtype)

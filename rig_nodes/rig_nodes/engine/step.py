@@ -39,9 +39,7 @@ def plant_step(world, h, t):
                 total += line.bodies[b, j] * line.push[end, b]
             q[end, j] = total
         gain[j] = v[j]
-    # the quiet step knows no shafts
-    if line.sh.shape[0] > 0 or not quiet_step(h, line.minv, w, q, cap, line.loss, v, line.mode, el, line.e_in, line.work,
-                                              line.lossless.shape[0]):
+    if not quiet_step(h, line):
         driveline_step(h, t, line.minv, w, line.sh, line.kc, q, cap, line.loss, v, line.twist, line.mode, el, line.shaft,
                        line.e_in, line.events, line.count, line.work)
     bound(world)

@@ -24,17 +24,24 @@ OIL = np.dtype([("pressure", "f8"), ("rise", "f8"), ("drawn", "f8")])
 
 @dataclass(frozen=True)
 class Sizes:
-    """How many there are: bodies with a port (of a part or a transducer), and meters of the torque between bodies."""
+    """How many there are: bodies with a port (of a part or a transducer), and meters of the torque between bodies.
+
+    owned: the driveline's elements that its losses own.
+    """
 
     speeds: int
     elements: int
-    shafts: int
-    losses: int
-    first_loss: int
-    bodies: int
-    meters: int
-    oil_lines: int
-    outputs: int
+    shafts: int = 0
+    losses: int = 0
+    owned: tuple[int, ...] = ()
+    bodies: int = 0
+    meters: int = 0
+    oil_lines: int = 0
+    outputs: int = 0
+
+
+# arguments of driveline_kernel.driveline_step behind its times, all in the driveline's record
+STEP = ("minv", "w", "sh", "kc", "q", "cap", "loss", "v", "twist", "mode", "el", "shaft", "e_in", "events", "count", "work")
 
 
 def driveline_dtype(n: Sizes) -> np.dtype:
@@ -43,18 +50,20 @@ def driveline_dtype(n: Sizes) -> np.dtype:
     gain: of the speeds in the last step. speed, gained, rate: of the bodies with a port now, in the last step [rad/s] and
     at its end [rad/s2]; middle: speed that is expected in the middle of the step. push: torque of parts on these bodies at
     both ends of the step. bodies: their speeds by the driveline's. meter: torque between bodies, by the weights meter_of
-    of friction torques, pushes and accelerations.
+    of friction torques, pushes and accelerations. own: empty, its shape says which elements the losses own, so that the
+    compiler knows.
     """
     s, m = n.speeds, n.elements
     return np.dtype([
         ("v", "f8", (s,)), ("gain", "f8", (s,)), ("el", "f8", (4, m)), ("e_in", "f8", (s,)),
-        ("loss", "f8", (n.losses, loss_width(s, m))), ("lossless", "f8", (n.first_loss, 0)), ("twist", "f8", (n.shafts,)), ("shaft", "f8", (2, n.shafts)),
+        ("loss", "f8", (n.losses, loss_width(s, m))), ("own", "f8", (*n.owned, 0)),
+        ("twist", "f8", (n.shafts,)), ("shaft", "f8", (2, n.shafts)),
         ("speed", "f8", (n.bodies,)), ("gained", "f8", (n.bodies,)), ("rate", "f8", (n.bodies,)),
         ("meter", "f8", (n.meters,)), ("mode", "i8", (m,)),
         ("minv", "f8", (s, s)), ("w", "f8", (m, s)), ("sh", "f8", (n.shafts, s)), ("kc", "f8", (2, n.shafts)),
         ("q", "f8", (2, s)), ("cap", "f8", (7, m)), ("middle", "f8", (n.bodies,)), ("push", "f8", (2, n.bodies)),
         ("bodies", "f8", (n.bodies, s)), ("meter_of", "f8", (n.meters, m + n.bodies + s)), ("rates", "f8", (s,)),
-        ("events", "f8", (EVENTS, 3)), ("count", "i8", (2,)), ("work", "f8", (work_size(s, m, n.shafts),)),
+        ("events", "f8", (EVENTS, 3)), ("count", "i8", (2,)), ("work", "f8", (work_size(s, m, n.shafts, n.losses),)),
     ])
 
 

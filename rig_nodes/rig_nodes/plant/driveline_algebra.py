@@ -65,14 +65,18 @@ class Places(NamedTuple):
     torque0: int  # (m,) friction torque at the start
     torque1: int  # (m,) and at the end
     lossy: int  # (m,) 1 for an element whose capacity grows by a loss
-    rho: int  # (2, n) torque of each loss by a force
-    z: int  # (2, n) and by a speed, of what drags
+    rho: int  # (k, n) torque of each loss by a force
+    z: int  # (k, n) and by a speed, of what drags
+    given: int  # (k,) torque that each loss asks by, without any loss
+    fall: int  # (k, k) and how it falls by each of them
+    newton: int  # (k, k + 2) Newton's equations and their solution
+    row: int  # (n,) torque of one loss by a force, with all that is implicit
     size: int  # of all
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def places(n, m, s):
-    """Places of the work buffer for n speeds, m friction elements and s shafts."""
+def places(n, m, s, k):
+    """Places of the work buffer for n speeds, m friction elements, s shafts and k losses by torque."""
     p = HEAD + m
     wm = p + 2 * n * n + m * n
     g = wm + m * n
@@ -82,18 +86,21 @@ def places(n, m, s):
     state = rate + s
     slip0 = state + 5 * m
     rho = slip0 + 5 * m
+    given = rho + 2 * k * n
+    row = given + k + k * k + k * (k + 2)
     return Places(p, p + n * n, p + 2 * n * n, wm, g, g + m * m, g + 2 * m * m, b, b + n * n,
                   force, force + n, force + 2 * n, force + 3 * n, rate,
                   state, state + m, state + 2 * m, state + 3 * m, state + 4 * m,
-                  slip0, slip0 + m, slip0 + 2 * m, slip0 + 3 * m, slip0 + 4 * m, rho, rho + 2 * n, rho + 4 * n)
+                  slip0, slip0 + m, slip0 + 2 * m, slip0 + 3 * m, slip0 + 4 * m,
+                  rho, rho + k * n, given, given + k, given + k + k * k, row, row + n)
 
 
-def work_size(n, m, s):
-    """Length of the float64 work buffer for n speeds, m friction elements, s shafts.
+def work_size(n, m, s, k=0):
+    """Length of the float64 work buffer for n speeds, m friction elements, s shafts, k losses by torque.
 
     Start with zeros; give each driveline its own buffer and zero it when minv, w, sh or kc change.
     """
-    return places.py_func(n, m, s).size
+    return places.py_func(n, m, s, k).size
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
@@ -185,7 +192,7 @@ def project(minv, w, ost, work):
     apart()
     n = minv.shape[0]
     m = w.shape[0]
-    at = places(n, m, int(0))
+    at = places(n, m, int(0), int(0))
     op, orr, owm, og, ov, oi = at.p, at.r, at.wm, at.g, at.vectors, at.inverse
     nc = int(0)  # no literal, which would have pseudo_inverse compiled once more
     pattern = 1.0
@@ -237,7 +244,7 @@ def implicit(d, w, sh, kc, cap, work):
     apart()
     m, n = w.shape
     s = sh.shape[0]
-    at = places(n, m, s)
+    at = places(n, m, s, int(0))
     op, oh, ob, oa = at.p, at.h, at.b, at.a
     coupled = s > 0
     for f in range(m):
@@ -294,7 +301,7 @@ def implicit(d, w, sh, kc, cap, work):
 def implicit_pair(d, w, cap, work):
     """As `implicit` for two speeds without shafts, the same operations in the same order."""
     m = w.shape[0]
-    at = places(2, m, 0)
+    at = places(2, m, 0, 0)
     op, oh = at.p, at.h
     b00 = 0.0
     b01 = 0.0

@@ -57,9 +57,10 @@ def resolve(x, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, events, count, 
     n = minv.shape[0]
     m = w.shape[0]
     s = sh.shape[0]
-    at = places(n, m, s)
-    op, orr, of, oa, ost, ocand, oforce, oonce, oslip = (
-        at.p, at.r, at.force, at.accel, at.state, at.candidate, at.side, at.once, at.slip)
+    losses = loss.shape[0]
+    at = places(n, m, s, losses)
+    op, orr, of, oa, ost, ocand, oforce, oonce, oslip, oy, os, orow = (
+        at.p, at.r, at.force, at.accel, at.state, at.candidate, at.side, at.once, at.slip, at.given, at.fall, at.row)
     for f in range(m):
         work[oonce + f] = 0.0
         work[ost + f] = STUCK if work[ocand + f] != 0.0 else mode[f]
@@ -75,8 +76,8 @@ def resolve(x, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, events, count, 
                 changed = True
         put_losses(loss, cap, int(0), int(-1))
         put_losses(loss, cap, int(1), int(-1))
-        y0 = 0.0
-        y1 = 0.0
+        for k in range(losses):
+            work[oy + k] = 0.0
         for j in range(n):
             work[of + j] = lin(q[0, j], q[1, j], x)
         for a in range(s):
@@ -96,9 +97,8 @@ def resolve(x, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, events, count, 
                 torque = low(cap, f, x)
             else:
                 torque = state * lin(cap[KIN0, f], cap[KIN1, f], x)
-            if loss.shape[0] > 0:
-                y0 += loss[0, WEIGHTS + f] * torque
-                y1 += loss[1, WEIGHTS + f] * torque
+            for k in range(losses):
+                work[oy + k] += loss[k, WEIGHTS + f] * torque
             if work[ocand + f] == 0.0:
                 slip = 0.0
                 for j in range(n):
@@ -107,38 +107,35 @@ def resolve(x, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, events, count, 
             if torque != 0.0:
                 for j in range(n):
                     work[of + j] -= w[f, j] * torque
-        if loss.shape[0] > 0:
-            s00 = 0.0
-            s01 = 0.0
-            s10 = 0.0
-            s11 = 0.0
-            by0 = brakes(loss[0, FACTOR], work[ost + int(loss[0, ON])])
-            by1 = brakes(loss[1, FACTOR], work[ost + int(loss[1, ON])])
-            for j in range(n):
-                row0 = 0.0
-                row1 = 0.0
-                for f in range(m):
-                    if work[ost + f] == STUCK:
-                        row0 += loss[0, WEIGHTS + f] * work[orr + f * n + j]
-                        row1 += loss[1, WEIGHTS + f] * work[orr + f * n + j]
-                for i in range(n):
-                    row0 += loss[0, WEIGHTS + m + i] * work[op + i * n + j]
-                    row1 += loss[1, WEIGHTS + m + i] * work[op + i * n + j]
-                y0 += row0 * work[of + j]
-                y1 += row1 * work[of + j]
-                s00 += row0 * w[int(loss[0, ON]), j] * by0
-                s01 += row0 * w[int(loss[1, ON]), j] * by1
-                s10 += row1 * w[int(loss[0, ON]), j] * by0
-                s11 += row1 * w[int(loss[1, ON]), j] * by1
-            if not solve_losses(loss, y0, y1, s00, s01, s10, s11, v):
+        if losses > 0:
+            for k in range(losses):
+                for j in range(n):
+                    row = 0.0
+                    for f in range(m):
+                        if work[ost + f] == STUCK:
+                            row += loss[k, WEIGHTS + f] * work[orr + f * n + j]
+                    for i in range(n):
+                        row += loss[k, WEIGHTS + m + i] * work[op + i * n + j]
+                    work[orow + j] = row
+                    work[oy + k] += row * work[of + j]
+                for other in range(losses):
+                    on = int(loss[other, ON])
+                    by = brakes(loss[other, FACTOR], work[ost + on])
+                    fall = 0.0
+                    for j in range(n):
+                        fall += work[orow + j] * w[on, j] * by
+                    work[os + k * losses + other] = fall
+            if not solve_losses(loss, v, work, oy, os, at.newton):
                 count[N_CAPPED] += 1
-            loss[0, LAST] = loss[0, NEXT]
-            loss[1, LAST] = loss[1, NEXT]
+            for k in range(losses):
+                loss[k, LAST] = loss[k, NEXT]
             put_losses(loss, cap, int(0), LAST)
             put_losses(loss, cap, int(1), LAST)
-            for j in range(n):
-                work[of + j] -= w[int(loss[0, ON]), j] * (by0 * loss[0, LAST])
-                work[of + j] -= w[int(loss[1, ON]), j] * (by1 * loss[1, LAST])
+            for k in range(losses):
+                on = int(loss[k, ON])
+                torque = brakes(loss[k, FACTOR], work[ost + on]) * loss[k, LAST]
+                for j in range(n):
+                    work[of + j] -= w[on, j] * torque
         for i in range(n):
             total = 0.0
             for j in range(n):

@@ -57,62 +57,56 @@ def end_losses(d, w, sh, kc, cap, loss, v, mode, work):
     acceleration at the end by H F: mean and end of the trapezoidal rule.
     """
     m, n = w.shape
-    at = places(n, m, sh.shape[0])
-    oh, orr, of, oa, odf, ol1, orho, oz = (
-        at.h, at.r, at.force, at.accel, at.dforce, at.torque1, at.rho, at.z)
-    for k in range(2):
+    k = loss.shape[0]
+    at = places(n, m, sh.shape[0], k)
+    oh, orr, of, oa, odf, ol1, orho, oz, oy, os, orow = (
+        at.h, at.r, at.force, at.accel, at.dforce, at.torque1, at.rho, at.z, at.given, at.fall, at.row)
+    for a in range(k):
         for j in range(n):
             total = 0.0
             for f in range(m):
                 if mode[f] == STUCK:
-                    total += loss[k, WEIGHTS + f] * work[orr + f * n + j]
-            work[orho + k * n + j] = total
+                    total += loss[a, WEIGHTS + f] * work[orr + f * n + j]
+            work[orho + a * n + j] = total
         for j in range(n):
-            work[oz + k * n + j] = 0.0
+            work[oz + a * n + j] = 0.0
         for f in range(m):
             along = 0.0
             for j in range(n):
-                along += work[orho + k * n + j] * w[f, j]
+                along += work[orho + a * n + j] * w[f, j]
             for j in range(n):
-                work[oz + k * n + j] += cap[VISC, f] * along * w[f, j]
-        for a in range(sh.shape[0]):
+                work[oz + a * n + j] += cap[VISC, f] * along * w[f, j]
+        for i in range(sh.shape[0]):
             along = 0.0
             for j in range(n):
-                along += work[orho + k * n + j] * sh[a, j]
+                along += work[orho + a * n + j] * sh[i, j]
             for j in range(n):
-                work[oz + k * n + j] += (kc[1, a] + 0.5 * d * kc[0, a]) * along * sh[a, j]
-    y0 = 0.0
-    y1 = 0.0
-    for f in range(m):
-        if mode[f] != STUCK:
-            y0 += loss[0, WEIGHTS + f] * work[ol1 + f]
-            y1 += loss[1, WEIGHTS + f] * work[ol1 + f]
-    s00 = 0.0
-    s01 = 0.0
-    s10 = 0.0
-    s11 = 0.0
-    on0 = int(loss[0, ON])
-    on1 = int(loss[1, ON])
-    by0 = brakes(loss[0, FACTOR], mode[on0])
-    by1 = brakes(loss[1, FACTOR], mode[on1])
-    for j in range(n):
-        mean = 0.0
-        for i in range(n):
-            mean += work[oh + j * n + i] * (work[of + i] + 0.5 * work[odf + i])
-        end = 2.0 * mean - work[oa + j]
-        force = work[of + j] + work[odf + j]
-        y0 += work[orho + j] * force - work[oz + j] * d * mean + loss[0, WEIGHTS + m + j] * end
-        y1 += work[orho + n + j] * force - work[oz + n + j] * d * mean + loss[1, WEIGHTS + m + j] * end
-        row0 = work[orho + j]
-        row1 = work[orho + n + j]
-        for i in range(n):
-            row0 += (loss[0, WEIGHTS + m + i] - 0.5 * d * work[oz + i]) * work[oh + i * n + j]
-            row1 += (loss[1, WEIGHTS + m + i] - 0.5 * d * work[oz + n + i]) * work[oh + i * n + j]
-        s00 += row0 * w[on0, j] * by0
-        s01 += row0 * w[on1, j] * by1
-        s10 += row1 * w[on0, j] * by0
-        s11 += row1 * w[on1, j] * by1
-    return solve_losses(loss, y0, y1, s00, s01, s10, s11, v)
+                work[oz + a * n + j] += (kc[1, i] + 0.5 * d * kc[0, i]) * along * sh[i, j]
+    for a in range(k):
+        y = 0.0
+        for f in range(m):
+            if mode[f] != STUCK:
+                y += loss[a, WEIGHTS + f] * work[ol1 + f]
+        for j in range(n):
+            mean = 0.0
+            for i in range(n):
+                mean += work[oh + j * n + i] * (work[of + i] + 0.5 * work[odf + i])
+            end = 2.0 * mean - work[oa + j]
+            force = work[of + j] + work[odf + j]
+            y += work[orho + a * n + j] * force - work[oz + a * n + j] * d * mean + loss[a, WEIGHTS + m + j] * end
+            row = work[orho + a * n + j]
+            for i in range(n):
+                row += (loss[a, WEIGHTS + m + i] - 0.5 * d * work[oz + a * n + i]) * work[oh + i * n + j]
+            work[orow + j] = row
+        work[oy + a] = y
+        for b in range(k):
+            on = int(loss[b, ON])
+            by = brakes(loss[b, FACTOR], mode[on])
+            fall = 0.0
+            for j in range(n):
+                fall += work[orow + j] * w[on, j] * by
+            work[os + a * k + b] = fall
+    return solve_losses(loss, v, work, oy, os, at.newton)
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
@@ -131,7 +125,7 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
                 at both ends or at none), VISC drag coefficient over the step. Rows 0 and 1 of q and the
                 0/1 pairs hold the right limit at t and the left limit at t + h; linear in between, so
                 jumps belong on step boundaries. An element with kin, lo, hi zero at both ends is OPEN.
-                loss (2 or 0, loss_width(n, m)), columns in driveline_losses: losses that grow with a torque; the
+                loss (k, loss_width(n, m)), columns in driveline_losses: losses that grow with a torque; the
                 capacities of the elements that they own come from there, above 0.
     State       v (n,), twist (s,), mode (m,) int64: all changed in place. A mode OPEN is set by itself at
                 the start of the step; a locked element must have zero slip when it is handed in.
@@ -141,7 +135,7 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
     Events      events (rows, 3): time, element, kind, a ring filled from row 0; count (2,) int64: N_EVENTS
                 noted so far, N_CAPPED steps in which the bound on events or pivots was reached. Beyond
                 6 m + 12 events in one step the rest of it runs with the modes as they are.
-    work        float64, at least work_size(n, m, s), zeros at first.
+    work        float64, at least work_size(n, m, s, k), zeros at first.
 
     Method: with fixed modes the trapezoidal rule, which is exact where there is neither drag nor shaft
     (acceleration linear, speed quadratic in time) and A-stable where there is. Zero slip and overload are
@@ -154,7 +148,7 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
     n = minv.shape[0]
     m = w.shape[0]
     s = sh.shape[0]
-    at = places(n, m, s)
+    at = places(n, m, s, loss.shape[0])
     op, oh, orr, of, oa, odf, odv, orate = at.p, at.h, at.r, at.force, at.accel, at.dforce, at.dv, at.rate
     ost, ocand, oforce, olossy = at.state, at.candidate, at.side, at.lossy
     os0, os1, ol0, ol1 = at.slip0, at.slip1, at.torque0, at.torque1
@@ -322,7 +316,7 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
                 if not end_losses(d, w, sh, kc, cap, loss, v, mode, work):
                     count[N_CAPPED] += 1
                 put_losses(loss, cap, int(1), NEXT)
-                for k in range(2):
+                for k in range(loss.shape[0]):
                     f = int(loss[k, ON])
                     torque = brakes(loss[k, FACTOR], mode[f]) * loss[k, NEXT]
                     work[ol1 + f] += torque

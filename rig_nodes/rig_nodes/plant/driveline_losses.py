@@ -5,7 +5,7 @@
 
 Used by plant/driveline_kernel.py, plant/driveline_quiet.py and plant/driveline_joint.py. A loss is friction whose capacity depends on a torque of
 the same instant: carried by clutches, or felt by a meter behind an inertia. With modes that stand, that torque falls
-linearly by the loss, t = y - S g, and the loss is a parabola of it, g = p(|t|); two such losses are solved together. A quiet
+linearly by the losses, t = y - S g, and each loss is a parabola of its own, g = p(|t|); all are solved together. A quiet
 step foretells them and holds the torques that it ends with against them.
 """
 
@@ -15,10 +15,10 @@ from numba import njit
 
 from rig_nodes.plant.driveline_algebra import HI0, KIN0, LO0, OPEN, STUCK, apart
 
-# columns of `loss`, one row for each of the two losses: the parabola; the element whose other capacity, BASE, is given
-# here, and the one that the loss brakes, by FACTOR times the parabola; the speed that says which way power flows; what
-# the parabola was last, a step before that, and would be next; then the weights of m friction torques and n
-# accelerations in its torque.
+# columns of `loss`, one row for each loss: the parabola; the element of its own whose other capacity, BASE, is given
+# here, and the one that the loss brakes, its own or another's, by FACTOR times the parabola; the speed that says which
+# way power flows; what the parabola was last, a step before that, and would be next; then the weights of m friction
+# torques and n accelerations in its torque.
 CONSTANT, SHARE, SQUARE, OWN, ON, FACTOR, WAY, BASE, LAST, BEFORE, NEXT, WEIGHTS = range(12)
 STEEPEST = 0.5  # of what flows backwards: two losses of a path take no more than comes, as no mesh locks itself
 MOST = 1e15  # Nm, above which no loss is looked for
@@ -33,31 +33,25 @@ def loss_width(n, m):
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def put_losses(loss, cap, end, column):
-    """Capacities at one end (0 or 1) of the elements that are braked by losses: BASE, and what stands in ``column``.
+    """Capacities at one end (0 or 1) of the elements that losses own: BASE, and what stands in ``column``.
 
     ``column``: LAST or NEXT; -1 for BASE alone.
     """
-    if loss.shape[0] > 0:
-        put_on(loss, cap, end, column, int(loss[0, OWN]), int(loss[1, OWN]))
+    for k in range(loss.shape[0]):
+        put_loss(loss, cap, end, column, int(loss[k, OWN]), k)
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def put_on(loss, cap, end, column, first, second):
-    """:func:`put_losses` on two elements that are known, the OWN of both losses: no loss brakes any other."""
-    torque0 = loss[0, BASE]
-    torque1 = loss[1, BASE]
+def put_loss(loss, cap, end, column, own, k):
+    """:func:`put_losses` of loss k, whose own element is known."""
+    torque = loss[k, BASE]
     if column >= 0:
-        for k in range(2):
-            if loss[k, ON] == first:
-                torque0 += loss[k, FACTOR] * loss[k, column]
-            else:
-                torque1 += loss[k, FACTOR] * loss[k, column]
-    cap[KIN0 + end, first] = torque0
-    cap[HI0 + end, first] = torque0
-    cap[LO0 + end, first] = -torque0
-    cap[KIN0 + end, second] = torque1
-    cap[HI0 + end, second] = torque1
-    cap[LO0 + end, second] = -torque1
+        for other in range(loss.shape[0]):
+            if loss[other, ON] == own:
+                torque += loss[other, FACTOR] * loss[other, column]
+    cap[KIN0 + end, own] = torque
+    cap[HI0 + end, own] = torque
+    cap[LO0 + end, own] = -torque
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
@@ -96,8 +90,8 @@ def parabola(loss, k, x):
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def foretell_losses(loss):
-    """Leaves in NEXT the two losses as they have been going."""
-    for k in range(2):
+    """Leaves in NEXT the losses as they have been going."""
+    for k in range(loss.shape[0]):
         loss[k, NEXT] = max(0.0, 2.0 * loss[k, LAST] - loss[k, BEFORE])
 
 
@@ -107,82 +101,83 @@ def loss_at(loss, k, torque, speed):
     return parabola(loss, k, torque if speed >= 0.0 else -torque)[0]
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def solve_losses(loss, y0, y1, s00, s01, s10, s11, v):
-    """Leaves in NEXT the two losses at torques y less S times the losses; False where there are none.
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
+def solve_losses(loss, v, work, oy, os, oe):
+    """Leaves in NEXT the losses at torques y less S times the losses; False where there are none.
 
-    Newton from the last ones, which meets parabolas at once; where that does not settle, bisection. 1 + p' S is
-    positive throughout (the slopes are bounded backwards, and what inertia makes of a loss is less than the loss), so
-    there is one solution, and both find it.
+    y (k,) and S (k, k) stand in the work buffer at oy and os, at oe is room for (k, k + 2). Newton from the last losses,
+    which meets parabolas at once, with steps as long as they bring it nearer. 1 + p' S is positive throughout (the slopes
+    are bounded backwards, and what inertia makes of a loss is less than the loss), so there is one solution.
     """
-    way0 = 1.0 if v[int(loss[0, WAY])] >= 0.0 else -1.0
-    way1 = 1.0 if v[int(loss[1, WAY])] >= 0.0 else -1.0
-    y0 *= way0
-    s00 *= way0
-    s01 *= way0
-    y1 *= way1
-    s10 *= way1
-    s11 *= way1
-    g0 = loss[0, LAST]
-    g1 = loss[1, LAST]
-    for _ in range(8):
-        p0, d0 = parabola(loss, 0, y0 - s00 * g0 - s01 * g1)
-        p1, d1 = parabola(loss, 1, y1 - s10 * g0 - s11 * g1)
-        f0 = g0 - p0
-        f1 = g1 - p1
-        a = 1.0 + d0 * s00
-        b = d0 * s01
-        c = d1 * s10
-        d = 1.0 + d1 * s11
-        scale = 1.0 / (a * d - b * c)
-        e0 = scale * (d * f0 - b * f1)
-        e1 = scale * (a * f1 - c * f0)
-        g0 -= e0
-        g1 -= e1
-        if abs(e0) + abs(e1) <= CLOSE:
-            loss[0, NEXT] = max(0.0, g0)
-            loss[1, NEXT] = max(0.0, g1)
-            return True
-    return bisect_losses(loss, y0, y1, s00, s01, s10, s11)
-
-
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
-def _second(loss, y, s):
-    """The second loss g = p(y - s g) of its own torque alone."""
-    low, high = 0.0, 1.0
-    while not high - parabola(loss, 1, y - s * high)[0] >= 0.0:
-        high *= 2.0
-        if not high < MOST:
-            return high
-    for _ in range(100):
-        g = 0.5 * (low + high)
-        if g - parabola(loss, 1, y - s * g)[0] < 0.0:
-            low = g
-        else:
-            high = g
-    return high
-
-
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
-def bisect_losses(loss, y0, y1, s00, s01, s10, s11):
-    """As :func:`solve_losses`, torques and S with the sign of the power's way: the first by bisection, the second for
-    each of its values."""
     apart()
-    low, high = 0.0, 1.0
-    while True:
-        other = _second(loss, y1 - s10 * high, s11)
-        if high - parabola(loss, 0, y0 - s00 * high - s01 * other)[0] >= 0.0:
-            break
-        high *= 2.0
-        if not high < MOST:
+    count = loss.shape[0]
+    for k in range(count):
+        loss[k, NEXT] = loss[k, LAST]
+        if v[int(loss[k, WAY])] < 0.0:
+            work[oy + k] = -work[oy + k]
+            for i in range(count):
+                work[os + k * count + i] = -work[os + k * count + i]
+    missed = equations(loss, work, oy, os, oe)
+    for _ in range(60):
+        solve_equations(count, work, oe)
+        size = 0.0
+        for k in range(count):
+            change = work[oe + k * (count + 2) + count + 1]
+            loss[k, NEXT] -= change
+            size += abs(change)
+        if size <= CLOSE:
+            for k in range(count):
+                loss[k, NEXT] = max(0.0, loss[k, NEXT])
+            return True
+        before = missed
+        missed = equations(loss, work, oy, os, oe)
+        share = 1.0
+        while not missed < before and share > 1e-6:
+            share *= 0.5
+            for k in range(count):
+                loss[k, NEXT] += share * work[oe + k * (count + 2) + count + 1]
+            missed = equations(loss, work, oy, os, oe)
+        if not missed < MOST:
             return False
-    for _ in range(100):
-        g = 0.5 * (low + high)
-        other = _second(loss, y1 - s10 * g, s11)
-        if g - parabola(loss, 0, y0 - s00 * g - s01 * other)[0] < 0.0:
-            low = g
-        else:
-            high = g
-    loss[0, NEXT] = high
-    loss[1, NEXT] = _second(loss, y1 - s10 * high, s11)
-    return loss[1, NEXT] < MOST
+    return False
+
+
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
+def equations(loss, work, oy, os, oe):
+    """Newton's equations at the losses in NEXT into the rows at oe, matrix and right side; the sum of what they miss."""
+    count = loss.shape[0]
+    missed = 0.0
+    for k in range(count):
+        row = oe + k * (count + 2)
+        torque = work[oy + k]
+        for i in range(count):
+            torque -= work[os + k * count + i] * loss[i, NEXT]
+        g, slope = parabola(loss, k, torque)
+        for i in range(count):
+            work[row + i] = slope * work[os + k * count + i]
+        work[row + k] += 1.0
+        work[row + count] = loss[k, NEXT] - g
+        missed += abs(loss[k, NEXT] - g)
+    return missed
+
+
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
+def solve_equations(count, work, oe):
+    """The solution of the equations at oe into their last column, by elimination with the largest pivot of a column."""
+    width = count + 2
+    for col in range(count):
+        pivot = col
+        for k in range(col + 1, count):
+            if abs(work[oe + k * width + col]) > abs(work[oe + pivot * width + col]):
+                pivot = k
+        for i in range(count + 1):
+            x = work[oe + col * width + i]
+            work[oe + col * width + i] = work[oe + pivot * width + i]
+            work[oe + pivot * width + i] = x
+        for k in range(count):
+            if k != col:
+                share = work[oe + k * width + col] / work[oe + col * width + col]
+                for i in range(col, count + 1):
+                    work[oe + k * width + i] -= share * work[oe + col * width + i]
+    for k in range(count):
+        work[oe + k * width + count + 1] = work[oe + k * width + count] / work[oe + k * width + k]

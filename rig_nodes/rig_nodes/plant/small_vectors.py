@@ -1,0 +1,124 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Vectors of a few numbers in registers, for compiled code that knows their length from the types of its arrays.
+
+Used by plant/driveline_quiet.py. A vector is a tuple of floats; arrays are C-contiguous, of float64, and read by the place
+of their first number that is wanted, whatever their dimensions.
+"""
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+
+def _numbers(context, builder, array, value):
+    return context.make_array(array)(context, builder, value).data
+
+
+def _at(builder, data, begin, i):
+    return builder.gep(data, [builder.add(begin, ir.Constant(begin.type, i))])
+
+
+@intrinsic
+def vector(_context, array, begin, like):
+    """As many numbers of an array from its place ``begin`` on as ``like``, an array of known length, has."""
+    count = like.shape[0]
+
+    def build(context, builder, _signature, arguments):
+        data = _numbers(context, builder, array, arguments[0])
+        return cgutils.pack_array(builder, [builder.load(_at(builder, data, arguments[1], i)) for i in range(count)],
+                                  ty=ir.DoubleType())
+
+    return types.UniTuple(types.float64, count)(array, types.intp, like), build
+
+
+@intrinsic
+def put(_context, array, values):
+    """The values to the beginning of an array."""
+    def build(context, builder, _signature, arguments):
+        data, zero = _numbers(context, builder, array, arguments[0]), ir.Constant(ir.IntType(64), 0)
+        for i in range(values.count):
+            builder.store(builder.extract_value(arguments[1], i), _at(builder, data, zero, i))
+        return context.get_dummy_value()
+
+    return types.void(array, values), build
+
+
+def _times(builder, x, y):
+    return builder.fmul(x, y)
+
+
+def _plus(builder, x, y):
+    return builder.fadd(x, y)
+
+
+def _each(builder, of, *vectors):
+    items = zip(*(cgutils.unpack_tuple(builder, one) for one in vectors))
+    return cgutils.pack_array(builder, [of(*item) for item in items], ty=ir.DoubleType())
+
+
+def _sum(builder, one, other, count):
+    total = _times(builder, one(0), other(0))
+    for i in range(1, count):
+        total = _plus(builder, total, _times(builder, one(i), other(i)))
+    return total
+
+
+@intrinsic
+def dot(_context, a, b):
+    """The sum of a times b."""
+    def build(_, builder, _signature, arguments):
+        one, other = (cgutils.unpack_tuple(builder, value) for value in arguments)
+        return _sum(builder, one.__getitem__, other.__getitem__, a.count)
+
+    return types.float64(a, b), build
+
+
+@intrinsic
+def add(_context, a, share, b):
+    """a + share b."""
+    def build(_, builder, _signature, arguments):
+        return _each(builder, lambda x, y: _plus(builder, x, _times(builder, arguments[1], y)), arguments[0], arguments[2])
+
+    return a(a, types.float64, b), build
+
+
+@intrinsic
+def scaled(_context, share, a):
+    """share a."""
+    def build(_, builder, _signature, arguments):
+        return _each(builder, lambda x: _times(builder, arguments[0], x), arguments[1])
+
+    return a(types.float64, a), build
+
+
+@intrinsic
+def product(_context, array, begin, a):
+    """The square matrix that begins at a place of an array, row by row, times a."""
+    count = a.count
+
+    def build(context, builder, _signature, arguments):
+        data, values = _numbers(context, builder, array, arguments[0]), cgutils.unpack_tuple(builder, arguments[2])
+        return cgutils.pack_array(builder, [
+            _sum(builder, lambda j, i=i: builder.load(_at(builder, data, arguments[1], i * count + j)), values.__getitem__,
+                 count) for i in range(count)], ty=ir.DoubleType())
+
+    return a(array, types.intp, a), build
+
+
+@intrinsic
+def room(_context, like):
+    """An array on the stack with as many numbers as ``like``, an array of known length, has; nobody has set them."""
+    made, count = types.Array(types.float64, 1, "C"), like.shape[0]
+
+    def build(context, builder, _signature, _arguments):
+        place = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), max(count, 1)))
+        array = context.make_array(made)(context, builder)
+        size = context.get_constant(types.intp, 8)
+        context.populate_array(array, data=builder.bitcast(place, array.data.type),
+                               shape=[context.get_constant(types.intp, count)], strides=[size], itemsize=size, meminfo=None)
+        return array._getvalue()
+
+    return made(like), build

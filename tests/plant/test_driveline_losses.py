@@ -1,0 +1,141 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Any number of losses by torque, and the short way of a step in which nothing happens, against the whole one."""
+
+import numpy as np
+import pytest
+from numba import njit
+
+from rig_nodes.engine.world import STEP, Sizes, driveline_dtype
+from rig_nodes.plant.driveline import Driveline
+from rig_nodes.plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LAM, LO0, LO1, N_CAPPED, OPEN, VISC
+from rig_nodes.plant.driveline_kernel import driveline_step
+from rig_nodes.plant.driveline_losses import (
+    BASE, CONSTANT, FACTOR, ON, OWN, SHARE, SQUARE, WAY, WEIGHTS, loss_width)
+from rig_nodes.plant.driveline_quiet import quiet_step
+
+J = (0.4, 0.3, 0.2, 1.5)
+STEP_S = 1e-3
+LOSSES = ((0.5, 0.02, 1e-4), (0.0, 0.03, 0.0), (0.2, 0.05, -1e-5))  # parabolas by the torque of a clutch
+
+
+@njit
+def _quiet(h, lines):
+    return quiet_step(h, lines[0])
+
+
+def record_of(system, losses=np.zeros((0, 0))):
+    """The driveline's record of a system, all clutches closed at 500 Nm."""
+    owned = tuple(int(row[OWN]) for row in losses)
+    lines = np.zeros(1, driveline_dtype(Sizes(
+        speeds=len(system.speeds), elements=len(system.elements), shafts=len(system.shafts), losses=len(losses), owned=owned)))
+    line, start = lines[0], system.state()
+    for name in ("minv", "w", "sh", "kc"):
+        line[name] = getattr(system, name)
+    line["v"], line["twist"], line["mode"], line["cap"] = start.v, start.twist, start.mode, system.limits()
+    line["loss"] = losses.reshape(line["loss"].shape)
+    for f in range(len(system.elements)):
+        if f not in owned:
+            close(line, f, 500.0)
+    return lines
+
+
+def close(line, f, torque):
+    line["cap"][[KIN0, KIN1, HI0, HI1], f], line["cap"][[LO0, LO1], f] = torque, -torque
+
+
+def step(lines, t=0.0):
+    driveline_step(STEP_S, t, *(lines[0][name] for name in STEP))
+
+
+def chain(count):
+    """Four bodies in a row, clutches between them, `count` losses whose elements stand in no order."""
+    d = Driveline()
+    for name, j in zip("abcd", J):
+        d.inertia(name, j, speed=50.0)
+    for name, a, b in (("loss0", "b", None), ("ab", "a", "b"), ("loss2", "d", None), ("bc", "b", "c"), ("loss1", "c", None),
+                       ("cd", "c", "d")):
+        if b:
+            d.clutch(name, a, b)
+        elif int(name[-1]) < count:
+            d.brake(name, a)
+    system = d.build()
+    losses = np.zeros((count, loss_width(4, len(system.elements))))
+    for k, clutch in enumerate(("ab", "bc", "cd")[:count]):
+        losses[k, [CONSTANT, SHARE, SQUARE]] = LOSSES[k]
+        losses[k, OWN] = losses[k, ON] = system.elements.index(f"loss{k}")
+        losses[k, FACTOR], losses[k, WAY], losses[k, BASE] = 1.0, 0, 1e-9
+        losses[k, WEIGHTS + system.elements.index(clutch)] = 1.0
+    return system, losses
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+@pytest.mark.parametrize("drive", [80.0, -60.0])
+def test_losses_in_a_row_of_gears_take_their_parabolas_of_what_each_passes_on(count, drive):
+    system, losses = chain(count)
+    lines = record_of(system, losses)
+    line = lines[0]
+    line["q"][:] = drive * system.bodies_from_speeds[0]
+    before = 50.0
+    for i in range(5):
+        before = line["v"][0]
+        step(lines, i * STEP_S)
+    gain = (line["v"][0] - before) / STEP_S
+    assert line["v"] == pytest.approx([line["v"][0]] * 4, rel=1e-13) and line["count"][N_CAPPED] == 0
+    passed = drive - J[0] * gain
+    for k, clutch in enumerate(("ab", "bc", "cd")):
+        assert line["el"][LAM, system.elements.index(clutch)] == pytest.approx(passed, rel=1e-7)
+        if k < count:
+            constant, share, square = LOSSES[k]
+            lost = constant + share * abs(passed) + square * passed**2
+            assert line["cap"][KIN1, system.elements.index(f"loss{k}")] == pytest.approx(lost, rel=1e-6)
+            passed -= lost
+        passed -= J[k + 1] * gain
+    assert passed == pytest.approx(0.0, abs=1e-5)
+
+
+def test_a_loss_may_brake_the_element_that_another_one_owns():
+    system, losses = chain(2)
+    losses[1, ON] = losses[0, OWN]
+    lines = record_of(system, losses)
+    line = lines[0]
+    line["q"][:] = 80.0 * system.bodies_from_speeds[0]
+    step(lines)
+    ab, bc = (line["el"][LAM, system.elements.index(name)] for name in ("ab", "bc"))
+    both = sum(c + s * t + q * t * t for (c, s, q), t in zip(LOSSES, (ab, bc)))
+    assert line["cap"][KIN1, system.elements.index("loss0")] == pytest.approx(both, rel=1e-6)
+    assert line["cap"][KIN1, system.elements.index("loss1")] == pytest.approx(1e-9)
+
+
+def test_the_short_way_of_a_quiet_step_is_the_whole_one():
+    """Three speeds, a shaft, drag, slip and locked elements side by side: 400 steps by both."""
+    d = Driveline()
+    d.inertia("sun", 0.2, speed=120.0)
+    d.inertia("ring", 0.0)
+    d.inertia("carrier", 0.5, speed=40.0)
+    d.inertia("wheel", 3.0, speed=40.0)
+    d.planetary("set", "sun", "ring", "carrier", 2.0)
+    d.clutch("slipping", "sun", "carrier", drag=0.01)
+    d.brake("held", "ring")
+    d.brake("load", "wheel", drag=0.02)
+    d.shaft("shaft", "carrier", "wheel", stiffness=2e3, damping=2.0)
+    system = d.build()
+    one, other = record_of(system), record_of(system)
+    short = 0
+    for lines in (one, other):
+        line = lines[0]
+        close(line, 0, 20.0)
+        close(line, 2, 15.0)
+        line["cap"][VISC] = system.drag
+        for i in range(400):
+            line["q"][0] = 30.0 * system.bodies_from_speeds[0] * np.sin(0.02 * i)
+            line["q"][1] = 30.0 * system.bodies_from_speeds[0] * np.sin(0.02 * (i + 1))
+            if lines is one and _quiet(STEP_S, lines):
+                short += 1
+            else:
+                step(lines, i * STEP_S)
+    assert short > 350 and (one[0]["mode"] != OPEN).all()
+    for name in ("v", "twist", "el", "shaft", "e_in"):
+        assert one[0][name] == pytest.approx(other[0][name], rel=1e-10, abs=1e-10), name
+    assert np.array_equal(one[0]["mode"], other[0]["mode"])
