@@ -14,7 +14,6 @@ from rig_nodes.analysis.report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.outputs import Outputs
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import SequenceRunner, load_sequence

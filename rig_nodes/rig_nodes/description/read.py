@@ -302,7 +302,7 @@ class _Reader:
     def shown(self, node, what: str, devices) -> str:
         """What a transducer shows, when there is such a thing."""
         shows = str(node["shows"])
-        where, (owner, dot, state) = f"{self.at(node, 'shows')}: {what}.shows", shows.partition(".")
+        where, (owner, dot, _) = f"{self.at(node, 'shows')}: {what}.shows", shows.partition(".")
         meters = [device.name for device in devices if device.role == parts.METER]
         lines = {str(device.wires.get("line", device.name)) for device in devices if device.role in (parts.OIL, parts.CLUTCH)}
         by_name = {device.name: device for device in devices}

@@ -15,7 +15,7 @@ from numba import njit
 
 from ..config.schema import param
 from . import plates
-from .part import CLUTCH, Part, Shown, Wire
+from .part import CLUTCH, Part, Shown
 from .plates import PackFriction, PlatePack
 from .proportional_valve import fed, line_flow, orifice_speed
 
