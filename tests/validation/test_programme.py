@@ -250,7 +250,7 @@ def test_chapter_8_is_judged_by_what_the_bench_measured():
     assert steel.values["m_rest_nm"] is None and "M_rest" in steel.why["m_rest_nm"]
     # the gearbox's plates have the M_rest of its clutches, here too
     own = load_rig("hydmag").clutch_s1.rest_torque
-    assert series["50x76-10"].overrides["pack.rest_torque"] == f"{own:g} Nm"
+    assert series["50x76-10"].overrides["clutch_pack.rest_torque"] == f"{own:g} Nm"
     assert lined.values["m_rest_nm"] == pytest.approx(own, abs=5.0)
 
 

@@ -8,8 +8,9 @@ import io
 import numpy as np
 from PIL import Image
 
-from rig_nodes.view import layout
+from rig_nodes.view.pages import Pages
 
+PAGES = Pages()
 LONGEST = 300.0    # s for what one viewer is asked, on a busy machine
 DOT = 5           # px; a legend's dot holds a square of this size, no curve does
 LEGEND = 0.3      # of the width, in which the legend lies
@@ -63,5 +64,5 @@ def lanes(image: np.ndarray) -> list[np.ndarray]:
 
 def share(bar: np.ndarray, signal: str, label: str) -> float:
     """Part of a bar's length that has the colour of a state."""
-    colour = np.array(layout.state_colour(signal, label)) * BAR
+    colour = np.array(PAGES.state_colour(signal, label)) * BAR
     return float((np.abs(bar - colour).max(axis=1) <= 12).mean())

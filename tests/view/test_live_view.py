@@ -19,12 +19,14 @@ from rig_nodes.bags.reader import Bag
 from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.main import main
 from rig_nodes.graph.domain import allocate
-from rig_nodes.view import layout, live, picture
+from rig_nodes.view import live, picture
 from rig_nodes.view.live import Sender, Server, live_topics
+from rig_nodes.view.pages import FIRST, SECOND, SUPPLY, Pages
 
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 SHORT = Path(__file__).parents[1] / "graph" / "short.yaml"
 PATIENCE = 60.0
+PAGES = Pages()
 
 
 def plots(*groups):
@@ -33,7 +35,7 @@ def plots(*groups):
             for title, names in group]
 
 
-RUN, OTHER = plots(layout.RUN_LEFT, layout.RUN_RIGHT), plots(layout.other_plots())
+RUN, OTHER = plots(PAGES.run_left, PAGES.run_right), plots(PAGES.other_plots)
 needs_driver = pytest.mark.skipif(picture.software_driver() is None, reason=picture.NO_DRIVER)
 
 
@@ -62,7 +64,7 @@ def server():
 @pytest.fixture(scope="module")
 def messages(recorded):
     """(time [ns], topic, data) of what the live view shows of the demo run."""
-    return Bag(recorded).timeline([topic.name for topic in live_topics()])
+    return Bag(recorded).timeline([topic.name for topic in live_topics(PAGES)])
 
 
 def feed(sender, messages):
@@ -90,14 +92,14 @@ def seen(viewer, end, shown=frozenset(("Slip [rpm]", "States"))):
         return image_of(viewer.screenshot(ids[name]))
 
     until(lambda: all(curve_pixels(picture_of("Slip [rpm]"), colour, side="left") > 30
-                      for colour in (layout.S1, layout.S2)), "the curves of the slip")
+                      for colour in (FIRST, SECOND)), "the curves of the slip")
     return {name: picture_of(name) for name in ids}
 
 
 @needs_driver
 def test_a_late_viewer_and_one_after_a_killed_one_see_the_newest(server, messages, recorded):
     one = server(None)
-    sender = Sender(one.url, "test")
+    sender = Sender(one.url, "test", PAGES)
     half = next(i for i, (t, _, _) in enumerate(messages) if t > 5_000_000_000)
     feed(sender, messages[:half])
     with picture.HeadlessViewer([one.url], longest=LONGEST) as viewer:
@@ -113,13 +115,13 @@ def test_a_late_viewer_and_one_after_a_killed_one_see_the_newest(server, message
     assert listed == FIRST_TAB | {name for name, _ in OTHER}
     for name, names in RUN:
         for one_name in names:
-            assert curve_pixels(images[name], layout.colour(one_name), side="left") > 30, one_name
-            assert dots(images[name], layout.colour(one_name)), f"no legend of {one_name}"
+            assert curve_pixels(images[name], PAGES.colour(one_name), side="left") > 30, one_name
+            assert dots(images[name], PAGES.colour(one_name)), f"no legend of {one_name}"
     assert text_pixels(images["Report"]) > 200 and text_pixels(images["Events"]) > 200
     bars = lanes(images["States"])
-    assert len(bars) == len(layout.STATES)
+    assert len(bars) == len(PAGES.states)
     bag = Bag(recorded)
-    for bar, name in zip(bars, sorted(layout.STATES)):
+    for bar, name in zip(bars, sorted(PAGES.states)):
         t, values = bag.series(name)
         shown = values[t > end - live.WINDOW]
         for number, label in catalogue().signal(name).states.items():
@@ -141,7 +143,7 @@ def later_by(messages, seconds):
 @needs_driver
 def test_without_a_viewer_the_server_keeps_the_newest_and_stays_small(server, messages):
     one = server(None, memory="4MB")
-    sender = Sender(one.url, "test")
+    sender = Sender(one.url, "test", PAGES)
     length = messages[-1][0] / 1e9
     for number in range(2):
         feed(sender, later_by(messages, number * length))
@@ -152,14 +154,14 @@ def test_without_a_viewer_the_server_keeps_the_newest_and_stays_small(server, me
         ((oldest, _),) = spans(viewer)
         assert oldest / 1e9 > 0.5 * length, "the oldest data should be gone"
     # layout, colours and legends are older than what was dropped
-    assert dots(images["Slip [rpm]"], layout.S2) and len(lanes(images["States"])) == len(layout.STATES)
+    assert dots(images["Slip [rpm]"], SECOND) and len(lanes(images["States"])) == len(PAGES.states)
 
 
 @pytest.mark.against_the_clock
 def test_a_server_that_stands_still_costs_messages_but_no_time_and_no_memory(server, messages, monkeypatch):
     monkeypatch.setattr(live, "WAITING", 3000)
     one = server(None)
-    sender = Sender(one.url, "test")
+    sender = Sender(one.url, "test", PAGES)
     feed(sender, messages[:1000])
     one.process.send_signal(signal.SIGSTOP)
     rss, longest, count = psutil.Process().memory_info().rss, 0.0, 0
@@ -182,7 +184,7 @@ def test_a_server_that_stands_still_costs_messages_but_no_time_and_no_memory(ser
 
 def test_lost_and_unreadable_messages_are_counted(server):
     one = server(None)
-    sender = Sender(one.url, "test")
+    sender = Sender(one.url, "test", PAGES)
     whole = [data for _, data in Bag(SAMPLE).raw("/clutch_s1/p1")]
     for number, data in enumerate(whole):
         if number not in (7, 8, 20):
@@ -198,7 +200,7 @@ def test_lost_and_unreadable_messages_are_counted(server):
 @needs_driver
 def test_a_run_that_begins_anew_is_a_recording_of_its_own(server, messages):
     one = server(None)
-    sender = Sender(one.url, "ROS domain 7")
+    sender = Sender(one.url, "ROS domain 7", PAGES)
     short = [m for m in messages if m[0] < 3_000_000_000]
     feed(sender, short)
     feed(sender, short)
@@ -276,7 +278,7 @@ def test_it_shows_a_real_graph_listens_on_loopback_only_and_ends_in_time(live_co
     with picture.HeadlessViewer([url], longest=LONGEST) as viewer:
         until(lambda: any(newest > 10**9 for _, newest in spans(viewer)), "a second of data")
         pressure = next(v.view_id for v in viewer.state().views if v.name.startswith("Clutch and supply"))
-        until(lambda: curve_pixels(image_of(viewer.screenshot(pressure)), layout.SUPPLY, side="left") > 30,
+        until(lambda: curve_pixels(image_of(viewer.screenshot(pressure)), SUPPLY, side="left") > 30,
               "the curve of the supply pressure")
     family = live_command.family()
     tcp = [c for process in family for c in process.net_connections("tcp") if c.status == psutil.CONN_LISTEN]
@@ -314,5 +316,5 @@ def test_a_run_neither_waits_for_its_live_view_nor_ends_with_it(tmp_path):
 
 
 def test_every_signal_is_on_a_live_topic():
-    assert {signal.topic for signal in catalogue().signals.values()} <= {topic.name for topic in live_topics()}
-    assert {"/rig/events", "/controller/events", "/sequencer/events"} <= {topic.name for topic in live_topics()}
+    assert {signal.topic for signal in catalogue().signals.values()} <= {topic.name for topic in live_topics(PAGES)}
+    assert {"/rig/events", "/controller/events", "/sequencer/events"} <= {topic.name for topic in live_topics(PAGES)}

@@ -13,11 +13,13 @@ import pytest
 from rig_nodes.bags.reader import Bag
 from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.main import main
-from rig_nodes.view import layout
 from rig_nodes.view.other_tools import tabs
+from rig_nodes.view.pages import Pages
 
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 PLOTTED = re.compile(r"(?:float|int|uint)\d+|bool")
+
+PAGES = Pages()
 
 
 @pytest.fixture(scope="module")
@@ -65,12 +67,12 @@ def foxglove(made):
 
 def titles():
     """Tab -> titles of its plots as ours have them."""
-    return {tab: [title for column in columns for title, _ in column] for tab, columns in tabs()}
+    return {tab: [title for column in columns for title, _ in column] for tab, columns in tabs(PAGES)}
 
 
 def test_tabs_have_the_plots_of_our_own_view():
-    assert titles()["Shift"] == ["States", *(title for title, _ in layout.SHIFT_PLOTS)]
-    assert titles()["Run"] == ["States", *(title for title, _ in layout.RUN_LEFT + layout.RUN_RIGHT)]
+    assert titles()["Shift"] == ["States", *(title for title, _ in PAGES.shift_plots)]
+    assert titles()["Run"] == ["States", *(title for title, _ in PAGES.run_left + PAGES.run_right)]
 
 
 def test_plotjuggler_shows_every_signal_in_peoples_units(plotjuggler, fields):

@@ -17,8 +17,10 @@ from rig_nodes.errors import BagError, RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
+from rig_nodes.transmission import transmission_of
 from rig_nodes.view import convert, layout
 from rig_nodes.view.convert import make_view
+from rig_nodes.view.pages import Pages
 
 
 @pytest.fixture(scope="module")
@@ -213,10 +215,11 @@ def test_a_folder_without_a_bag_is_refused(tmp_path):
 
 
 def test_signals_of_one_plot_can_be_told_apart():
-    for _, names in layout.MARKED_PLOTS:
+    pages = Pages()
+    for _, names in pages.marked_plots:
         assert len({catalogue().signal(name).display_unit for name in names}) == 1
         for one, other in combinations(names, 2):
-            assert np.abs(np.subtract(layout.colour(one), layout.colour(other))).max() > 60, (one, other)
+            assert np.abs(np.subtract(pages.colour(one), pages.colour(other))).max() > 60, (one, other)
 
 
 ORDERS = {
@@ -230,7 +233,7 @@ ORDERS = {
 
 @pytest.mark.parametrize("orders, expected", ORDERS.values(), ids=ORDERS)
 def test_the_first_shift_each_way_is_shown(orders, expected):
-    found = [time for shift in layout.choose(layout.shifts_of(orders)) for time in (shift.order, shift.end)]
+    found = [time for shift in layout.choose(layout.shifts_of(orders, transmission_of())) for time in (shift.order, shift.end)]
     assert found == pytest.approx([time for pair in expected for time in pair])
 
 

@@ -20,15 +20,16 @@ from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.main import main
 from rig_nodes.view import layout
 from rig_nodes.view.convert import make_view, save_bare_layout
+from rig_nodes.view.pages import Pages
 from rig_nodes.view.picture import NO_DRIVER, SIZE, HeadlessViewer, software_driver
 
 pytestmark = pytest.mark.skipif(software_driver() is None, reason=NO_DRIVER)
 TABS = tuple(tab for tab in layout.TABS if tab != "controller")  # the built-in one names no signals of its own
-PLOTS = {"shifts": layout.SHIFT_PLOTS, "run": layout.RUN_LEFT + layout.RUN_RIGHT,
-         "other": tuple(layout.other_plots())}
+PAGES = Pages()
+PLOTS = {"shifts": PAGES.shift_plots, "run": PAGES.run_left + PAGES.run_right, "other": tuple(PAGES.other_plots)}
 EVERY_PLOT = [(tab, title, tuple(names)) for tab, plots in PLOTS.items() for title, names in plots]
 EVERY_CURVE = [(*plot[:2], name) for plot in EVERY_PLOT for name in plot[2]]
-COLOURS = set(layout.COLOURS.values())
+COLOURS = set(PAGES.colours.values())
 
 
 def heading(title, names):
@@ -55,7 +56,7 @@ def pictures(tabs, tab, title, names):
     """The pictures of the plots with a title: two of the shifts, else one; that with a legend first."""
     found = [image for name, image in tabs[tab].views if name == heading(title, names)]
     assert len(found) == (2 if tab == "shifts" else 1)
-    return sorted(found, key=lambda image: not dots(image, layout.colour(names[0])))
+    return sorted(found, key=lambda image: not dots(image, PAGES.colour(names[0])))
 
 
 @pytest.mark.parametrize("tab", TABS)
@@ -81,12 +82,12 @@ def test_the_picture_is_large_enough_to_read(tabs):
 def test_every_curve_is_seen_in_its_plot(tabs, tab, title, name):
     names = dict(PLOTS[tab])[title]
     for image in pictures(tabs, tab, title, names):
-        assert curve_pixels(image, layout.colour(name)) > 30
+        assert curve_pixels(image, PAGES.colour(name)) > 30
 
 
 @pytest.mark.parametrize("tab, title, names", EVERY_PLOT, ids=lambda part: str(part).replace(" ", "_"))
 def test_no_plot_shows_the_colour_of_another(tabs, tab, title, names):
-    others = COLOURS - {layout.colour(name) for name in names}
+    others = COLOURS - {PAGES.colour(name) for name in names}
     assert others
     for image in pictures(tabs, tab, title, names):
         assert {colour: count for colour in others if (count := curve_pixels(image, colour)) > 10} == {}
@@ -97,8 +98,8 @@ def test_legends_and_numbers_are_written(tabs, tab, title, names):
     image, *without = pictures(tabs, tab, title, names)
     for name in names:
         # thinnest letters, e.g. of p1 [MPa]
-        assert legend_text(image, layout.colour(name)) > 25, f"no text beside the dot of {name}"
-        assert not any(legend_text(other, layout.colour(name)) for other in without), "a legend that is off"
+        assert legend_text(image, PAGES.colour(name)) > 25, f"no text beside the dot of {name}"
+        assert not any(legend_text(other, PAGES.colour(name)) for other in without), "a legend that is off"
     ground = int(np.median(image))
     assert (image[-18:].max(axis=2) > ground + 60).sum() > 20, "no times below"
     assert (image[:-18, :26].max(axis=2) > ground + 60).sum() > 5, "no values at the left"
@@ -115,10 +116,10 @@ def windows(recorded):
     events = Bag(recorded).events()
     orders = [(t, int(value)) for t, _, name, _, value in events if name == "shift_ordered"]
     shifts = layout.choose(layout.shifts_of([(t, before, after) for (_, before), (t, after)
-                                             in zip([(0, 0), *orders], orders)]))
+                                             in zip([(0, 0), *orders], orders)], PAGES.box))
     whole = layout.with_room((shifts[0].window[0], shifts[-1].window[1]))
-    return {"States": (whole, sorted(layout.STATES)),
-            **{shift.title: (layout.with_room(shift.window), sorted(layout.SHIFT_STATES)) for shift in shifts}}
+    return {"States": (whole, sorted(PAGES.states)),
+            **{shift.title: (layout.with_room(shift.window), sorted(PAGES.shift_states)) for shift in shifts}}
 
 
 def test_every_state_has_its_colour_as_long_as_it_lasts(tabs, windows, recorded):

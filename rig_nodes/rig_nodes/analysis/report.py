@@ -18,7 +18,7 @@ import numpy as np
 
 from ..bags import limits
 from ..bags.reader import NOTHING, UNREADABLE
-from ..bags.rig_record import rig_record
+from ..bags.rig_record import rig_record, says_rig
 from ..errors import RigError, printable
 from ..transmission import NEUTRAL, Transmission, transmission_of
 from ..whole_file import write_whole
@@ -75,8 +75,6 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
         return _assembled(_run_data(bag, run), problems, {"shifts": [], "uncertainty": []},
                           {"run": None, "shifts": []}) | {"bench": plain(found)}
     recording = None
-    if not run.get("configuration") and not info_of(bag).get("configuration"):
-        problems.append(f"the bag does not say of which rig it is; taken as '{record['name']}', which its topics are most like")
     try:
         box, instruments = transmission_of(record), instruments_of(record)
     except UNREADABLE as error:
@@ -87,6 +85,8 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
         problems.append(f"no shift metrics: {error}")
     metrics = _metrics(recording, instruments, annex_a, problems, bag)
     metrics["basis"] = basis_of(record, box, instruments)
+    if not says_rig(run.get("configuration") or info_of(bag).get("configuration")):
+        metrics["basis"]["taken"] = True
     rows = metrics["shifts"]
     energy = {"run": None, "shifts": [None] * len(rows)}
     try:
@@ -175,7 +175,7 @@ def _metrics(recording: Recording | None, instruments: dict[str, Instrument], an
 
 
 def basis_of(record: Mapping, box: Transmission, instruments: dict[str, Instrument]) -> dict:
-    """With whose values a report was computed, SI."""
+    """With whose values a report was computed, SI; ``taken`` stands beside them where the bag does not say its rig."""
     pressures = [clutch.pressure for clutch in box.clutches if clutch.pressure]
     return {"rig": record.get("name", "without a name"), "inertia_driving": box.inertias.driving, "inertia_driven": box.inertias.driven,
             "ratios": {box.names[gear]: ratio for gear, ratio in box.ratios.items()},
@@ -362,7 +362,7 @@ def _basis_lines(report: dict) -> list[str]:
     ratios = " and ".join(f"{ratio:.4f}" for ratio in basis["ratios"].values())
     pressures = " and ".join(f"{error / 1e6:.3g}" for name, error in errors.items() if name not in ("torque", "speed"))
     return [f"computed with inertias ({basis['inertia_driving']:g} and {basis['inertia_driven']:g} kg m2) and instrument errors "
-            f"({errors['torque']:.3g} Nm, {errors['speed'] * RPM:.2g} rpm, {pressures} MPa) of rig '{basis['rig']}', ratios {ratios}"]
+            f"({errors['torque']:.3g} Nm, {errors['speed'] * RPM:.2g} rpm, {pressures} MPa) of rig '{basis['rig']}'{', as the bag does not say its own' if basis.get('taken') else ''}, ratios {ratios}"]
 
 
 def _bounded(run: dict) -> bool:

@@ -32,6 +32,11 @@ def rig_record(configuration: Mapping | None, topics: Collection[str] = ()) -> M
     return record
 
 
+def says_rig(configuration: Mapping | None) -> bool:
+    """What a bag or a report says has a rig's structure in it, or is of a rig of before."""
+    return "structure" in record_of_today(configuration or {})
+
+
 def _like(topics: frozenset[str]) -> str:
     """The installed rig with most of these topics, the default one among equals."""
     names = [DEFAULT_RIG, *(name for name in installed("rigs") if name != DEFAULT_RIG)]

@@ -18,13 +18,13 @@ HELP = "find valve profiles and delays for an operating range: a front of trade-
 
 
 def add_arguments(parser) -> None:
-    parser.add_argument("--ways", nargs="+", metavar="WAY", help="e.g. I-II (default: every shift to the next gear)")
+    parser.add_argument("--ways", nargs="+", metavar="WAY", help="names of both gears, e.g. I-II (default: every shift to the next gear)")
     parser.add_argument("--speeds", default="1000 rpm .. 2000 rpm", metavar="RANGE",
                         help="of the input shaft (default \"1000 rpm .. 2000 rpm\", the thesis's)")
     parser.add_argument("--load-up", default="40 Nm .. 120 Nm", metavar="RANGE",
-                        help="M_wyj before I-II (default the thesis's)")
+                        help="torque at the output before a shift up (default the thesis's)")
     parser.add_argument("--load-down", default="40 Nm .. 240 Nm", metavar="RANGE",
-                        help="before II-I (default the thesis's)")
+                        help="before a shift down (default the thesis's)")
     parser.add_argument("--objectives", default="peak,time", metavar="A,B",
                         help="two or more of peak, time, dip, energy, jerk (default peak,time); the first two are "
                              "drawn and chosen by")
@@ -127,12 +127,12 @@ def _check_folder(folder: Path, manifest: dict, spreads_are_known: bool) -> None
 def _problem(args):
     """What is asked for, without spreads where no file gives them; RigError before anything is compiled."""
     from ..errors import RigError
-    from ..testbench.configuration import load_rig
+    from ..testbench.configuration import load_gearbox_rig
     from ..testbench.folders import parse_settings
     from ..config.names import unknown
-    from ..transmission import transmission_of
     from ..tune.problem import OBJECTIVES, Range
     from ..tune.run import Problem
+    from ..tune.space import delay_of
     from ..tune.uncertainty import read_spreads
 
     objectives = tuple(args.objectives.split(","))
@@ -141,22 +141,23 @@ def _problem(args):
             raise RigError(f"--objectives: {unknown('objective', name, OBJECTIVES)}")
     if len(objectives) < 2 or len(set(objectives)) < len(objectives):
         raise RigError("--objectives: expected two or more different ones")
-    ways = transmission_of().ways()
+    config = load_gearbox_rig(args.rig, parse_settings(args.settings), "tune")
+    ways = config.transmission.ways()
     wanted = args.ways or list(ways)
     for way in wanted:
         if way not in ways:
             raise RigError(f"--ways: {unknown('way', way, ways)}")
+        delay_of(config.transmission, way)
     speeds = _range("--speeds", args.speeds, "angular velocity")
     up, down = _range("--load-up", args.load_up, "torque"), _range("--load-down", args.load_down, "torque")
     ranges = {way: Range(*speeds, *(up if to > of else down)) for way, (of, to) in ways.items()}
-    config = load_rig(args.rig, parse_settings(args.settings))
     if config.cut_out:
         raise RigError("rig tune searches on a whole rig; give it one without source: topic")
     if config.prescribed:
         raise RigError(f"rig '{config.name}' has prescribed pressures, which no setting of the controller changes")
     bounds, oil = _bounds(args.bounds), _range("--oil", args.oil, "temperature")
-    spreads = read_spreads(args.spreads) if args.spreads else {}
-    rig = args.rig if not args.rig.endswith((".yaml", ".yml")) else str(Path(args.rig).absolute())
+    spreads = read_spreads(args.spreads, config) if args.spreads else {}
+    rig = str(Path(args.rig).absolute()) if "/" in args.rig or args.rig.endswith((".yaml", ".yml")) else args.rig
     return Problem(rig, config, {way: ranges[way] for way in ways if way in wanted}, objectives, bounds,
                    spreads, oil, args.rigs, args.judge_rigs, args.points, args.fresh, args.seed,
                    args.generations, args.shifts)

@@ -19,11 +19,12 @@ from ..analysis.edges import odd_width, running_mean
 from ..analysis.metrics import BEFORE, TORQUE_SPEED_MEAN, Recording, shift_metrics
 from ..clocks import ROW, SAMPLE
 from ..errors import RigError
+from ..parts import part as parts
 from ..parts.load_pump import relief_setting_for
 from ..testbench.configuration import RigConfig
 from ..testbench.rig import Rig
 from ..testbench.timed import Tripped
-from ..transmission import NEUTRAL, Transmission, transmission_of
+from ..transmission import NEUTRAL, Transmission
 
 RPM = pi / 30.0
 OIL = 4e6  # Pa, as in all of the laboratory's tests
@@ -58,7 +59,7 @@ class Shift:
 
     peak: highest M_wej from the order to the end of the window; time: t_c, from the order to the new gear; t_dt: from
     the fall of the old pressure; dip: how far k lies below 1; heat: of both clutches; jerk: largest change of the
-    output's acceleration [rad/s3]; before: M_wej before the order; tripped: the rig went into its safe state.
+    output's acceleration [rad/s3]; before: torque in the input before the order; tripped: the rig went into its safe state.
     """
 
     peak: float | None
@@ -89,8 +90,10 @@ class Bench:
     """One rig with its operating points, each put aside when it was first needed."""
 
     def __init__(self, config: RigConfig):
-        self.config = replace(config, effects=replace(config.effects, transducers=False))
-        self.transmission = transmission_of(self.config)
+        self.config = config.replaced(effects=replace(config.effects, transducers=False))
+        self.transmission = self.config.transmission
+        source, load = (self.config.structure.of_role(role)[0].name for role in (parts.SOURCE, parts.LOAD))
+        self._source, self._load = self.config.values(source), self.config.values(load)
         self.gears = self.transmission.ways()
         self._rig = Rig(self.config)
         self._new = self._rig.snapshot()
@@ -174,10 +177,10 @@ class Bench:
         rig.restore(self._standing_in(self.gears[point.way][0]))
         rig.set_controller(self.config.alfa46)
         rig.set_motor(point.n_wej, True)
-        self._go(round(point.n_wej / self.config.motor.ramp + 1.0, 1))
+        self._go(round(point.n_wej / self._source.ramp + 1.0, 1))
         for _ in range(4):  # the load's torque depends on the speed, which it changes a little
-            setting = relief_setting_for(torque, rig.measurement(self.transmission.output.speed), self.config.load_pump)
-            rig.set_load(min(setting, self.config.load_pump.pressure_limit), True)
+            setting = relief_setting_for(torque, rig.measurement(self.transmission.output.speed), self._load)
+            rig.set_load(min(setting, self._load.pressure_limit), True)
             self._go(1.5)
             speed = rig.measurement(self.transmission.input.speed)
             miss = point.m_wyj - rig.measurement(self.transmission.output.torque)

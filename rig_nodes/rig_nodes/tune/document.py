@@ -96,7 +96,7 @@ def _share(shares: dict, name: str) -> str:
 
 
 def _largest_load(found: dict) -> str:
-    lines = [f"The largest load of II-I, on the rig itself ({found['tried']} settings sought for the least peak "
+    lines = [f"The largest load of {found['way']}, on the rig itself ({found['tried']} settings sought for the least peak "
              "alone); the last three columns are the loads up to which the engine's torque is kept:", "",
              "| speed | load | M_wej before the shift | least peak found | compared | engine | gear II alone | least "
              "peak | compared |", "| --- " * 9 + "|"]

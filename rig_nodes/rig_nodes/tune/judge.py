@@ -18,7 +18,6 @@ from ..testbench.campaign import Workers
 from ..testbench.configuration import RigConfig
 from ..testbench.record import record
 from ..testbench.sequence import load_sequence
-from ..transmission import transmission_of
 from .bench import RPM, Bench, Point, Shift
 from .problem import Ground, Task, excess, share
 
@@ -116,7 +115,7 @@ def _measured(config: RigConfig, item) -> dict | None:
     from dataclasses import replace
 
     settings, point, seed = item
-    gears = transmission_of(config).ways()[point.way]
+    gears = config.transmission.ways()[point.way]
     up, down = (point.m_wyj, point.m_wyj) if gears[1] > gears[0] else (40.0, point.m_wyj)
     sequence = load_sequence("grid_point", {"speed": f"{point.n_wej / RPM!r} rpm", "load_up": f"{up!r} Nm",
                                             "load_down": f"{min(down, 240.0)!r} Nm"})
@@ -131,7 +130,7 @@ def _measured(config: RigConfig, item) -> dict | None:
 
 @dataclass(frozen=True)
 class Heavy:
-    """Downshifts at one speed. Before the shift M_wej is ``before`` already, at ``load``; ``least`` and ``compared``
+    """Downshifts at one speed. Before the shift the input's torque is ``before`` already, at ``load``; ``least`` and ``compared``
     are the peaks with the settings sought for this and with the compared ones; the *_load are the largest loads [Nm]
     at which each of the three stays within the engine's torque.
     """
@@ -154,7 +153,7 @@ class Heavy:
 
 def heavy(config: RigConfig, best: Alfa46Config, compared: Alfa46Config, points: list[Point],
           workers: Workers) -> list[Heavy]:
-    """Each of the points, all II-I, on the rig itself."""
+    """Each of the points, all of one way down, on the rig itself."""
     return workers.map(partial(_heavy, config, best, compared), points)
 
 

@@ -25,20 +25,19 @@ from ..sweep.store import Journal
 from ..testbench.campaign import Workers
 from ..testbench.configuration import RigConfig
 from ..testbench.timed import Tripped
-from ..transmission import transmission_of
 from ..validation.pictures import write_pictures
 from ..whole_file import write_whole
 from . import folder as files
 from . import judge, scout, search
 from .bench import Bench, Point, Shift
 from .problem import Range, Task, held
-from .space import BEGIN, delay_of, settings, values_of
+from .space import begin_of, settings, values_of
 from .uncertainty import sampled_rigs
 
-LEAST = "least"  # the search for the smallest peak at the largest load of II-I
+LEAST = "least"  # the search for the smallest peak at the largest load, of the first gear's way down into it
 SCOUT = "scout "  # ahead of a way's name
-# parts of the shifts that are tried
-BUDGET = {"scout I-II": 33, "I-II": 10, "scout II-I": 33, "II-I": 11, LEAST: 3}
+# parts of the shifts that are tried: by the scout of each way, by the search of a way up and of one down, and for the least peak
+SCOUTING, UP, DOWN, LEAST_PART = 33, 10, 11, 3
 SCOUT_POINTS = slice(None, None, 2)  # of the search's: corners and middle of the grid
 FOUND = 20  # settings of a scout that a search begins with
 LIMIT = 1.0  # no share of any shift may be above it: nothing is bought with a shift that is worse than the compared one
@@ -141,12 +140,12 @@ def tune(problem: Problem, folder: Path, workers: Workers, journal: Journal,
                           f"points ({shifts[0].why}), so there is nothing to compare with; choose another range or rig")
     rigs = problem.sampled(points, problem.rigs, workers, SEARCH)
     studies: dict[str, search.Study | scout.Scout] = {}
-    ways = {name: "II-I" if name == LEAST else name.removeprefix(SCOUT) for name in BUDGET}
+    ways, parts = searches(problem.config)
     names = [name for name, way in ways.items() if way in problem.ranges]
     for name in names:
         study = _study(problem, name, ways[name], points[ways[name]], rigs, known.get(name, []), studies)
         studies[name] = study
-        budget = problem.shifts * BUDGET[name] / sum(BUDGET[other] for other in names)
+        budget = problem.shifts * parts[name] / sum(parts[other] for other in names)
 
         def until(study=study, budget=budget) -> bool:
             if progress:
@@ -165,14 +164,24 @@ def tune(problem: Problem, folder: Path, workers: Workers, journal: Journal,
     return _finish(problem, folder, studies, workers, said, sum(cpu))
 
 
+def searches(config: RigConfig) -> tuple[dict[str, str], dict[str, int]]:
+    """(search -> way that it is of, search -> its part of the shifts), in their order."""
+    ways, parts = {}, {}
+    for way, (of, to) in config.transmission.ways().items():
+        ways |= {SCOUT + way: way, way: way}
+        parts |= {SCOUT + way: SCOUTING, way: UP if to > of else DOWN}
+    heavy = next(way for way, (of, to) in config.transmission.ways().items() if to < of)
+    return ways | {LEAST: heavy}, parts | {LEAST: LEAST_PART}
+
+
 def _study(problem: Problem, name: str, way: str, points: list[Point], rigs: list[RigConfig], known: list[dict],
            studies: dict) -> search.Study | scout.Scout:
     config = problem.config
-    seed = problem.seed * 10 + list(BUDGET).index(name)
+    seed = problem.seed * 10 + list(searches(config)[0]).index(name)
     if name.startswith(SCOUT):
         task = problem.task(points[SCOUT_POINTS], rigs)
-        return scout.Scout(name, way, config.alfa46, task, BEGIN[way], seed, known)
-    base = values_of(config.alfa46, way, transmission_of(config))
+        return scout.Scout(name, way, config.alfa46, task, begin_of(config, way), seed, known)
+    base = values_of(config.alfa46, way, config.transmission)
     if name == LEAST:
         points, _ = held(config, problem.ranges[way].heaviest(way))
         points = [point for point in points if point.m_wyj == max(other.m_wyj for other in points)]
@@ -243,7 +252,7 @@ def _judged_front(problem: Problem, study: search.Study, task: Task, workers: Wo
     front = study.front()
     if len(front) > CANDIDATES:
         front = [front[k] for k in np.unique(np.linspace(0, len(front) - 1, CANDIDATES).round().astype(int))]
-    candidates = [settings(study.base, study.way, entry["values"], transmission_of(problem.config)) for entry in front]
+    candidates = [settings(study.base, study.way, entry["values"], problem.config.transmission) for entry in front]
     rows = []
     for entry, verdict in zip(front, judge.verdicts(task, candidates, workers)):
         row = {"way": study.way, "dominates": verdict.dominates,
@@ -286,7 +295,7 @@ def _write_controllers(problem: Problem, folder: Path, chosen: dict) -> dict[str
         controller = problem.config.alfa46
         for way, of in chosen.items():
             if name in of:
-                controller = settings(controller, way, of[name], transmission_of(problem.config))
+                controller = settings(controller, way, of[name], problem.config.transmission)
         path = folder / f"{name}.yaml"
         write_whole(path, files.controller_yaml(controller, f"Alfa46, '{name}', found by rig tune"))
         write_whole(folder / f"rig_{name}.yaml", files.rig_yaml(
@@ -319,10 +328,10 @@ def _measured(problem: Problem, controllers: dict[str, Alfa46Config], workers: W
 def _largest_load(study: search.Study, config: RigConfig, base: Alfa46Config, workers: Workers) -> dict:
     """The least peak found at the largest load, and up to which load each speed stays within the engine's torque."""
     front = study.front()
-    best = front[0]["values"] if front else values_of(base, study.way, transmission_of(config))
-    sought = settings(base, study.way, best, transmission_of(config))
+    best = front[0]["values"] if front else values_of(base, study.way, config.transmission)
+    sought = settings(base, study.way, best, config.transmission)
     found = judge.heavy(config, sought, base, list(study.task.points), workers)
-    return {"settings": best, "tried": len(study.entries), "speeds": [one.as_dict() for one in found]}
+    return {"way": study.way, "settings": best, "tried": len(study.entries), "speeds": [one.as_dict() for one in found]}
 
 
 def text(summary: dict, objectives) -> str:
@@ -338,7 +347,7 @@ def text(summary: dict, objectives) -> str:
         for name, row in summary["chosen"][way].items():
             shares = ", ".join(f"{key} {row[f'{key}_mean']:.3f}" for key in objectives
                                if row[f"{key}_mean"] is not None)
-            lines.append(f"  {name:<9} mean there: {shares}; {delay_of(transmission_of(), way)} {row['delay']} ms")
+            lines.append(f"  {name:<9} mean there: {shares}; delay {row['delay']} ms")
     lines.append("fresh rigs and points, that nothing was sought or chosen by (shares of the compared settings):")
     for number, verdict in enumerate(summary["verdicts"], 1):
         for name, ways in verdict.items():
@@ -350,11 +359,11 @@ def text(summary: dict, objectives) -> str:
         within = one["load_within_engine_nm"]
         kept = one["least_peak_nm"] is not None and one["least_peak_nm"] <= one["engine_nm"]
         lines.append(
-            f"II-I at {one['n_wej_rpm']:.0f} rpm, {one['load_nm']:.0f} Nm: least peak found "
+            f"{summary['largest_load']['way']} at {one['n_wej_rpm']:.0f} rpm, {one['load_nm']:.0f} Nm: least peak found "
             f"{one['least_peak_nm']:.0f} Nm (compared {one['compared_peak_nm']:.0f} Nm), "
             f"{one['m_wej_before_nm']:.0f} Nm before the shift already; {one['engine_nm']:.0f} Nm "
             f"{'can' if kept else 'cannot'} be kept. Up to "
-            f"{within['least_peak']:.0f} Nm of load it can (compared {within['compared']:.0f} Nm; gear II alone "
+            f"{within['least_peak']:.0f} Nm of load it can (compared {within['compared']:.0f} Nm; the gear before the shift alone "
             f"reaches it at {within['before_the_shift']:.0f} Nm)")
     folder = summary["folder"]
     lines.append(f"written to {folder}; try: ./rig simulate demo --rig {folder}/rig_balanced.yaml")

@@ -18,7 +18,6 @@ import numpy as np
 
 from ..alfa46.settings import Alfa46Config
 from ..testbench.campaign import Workers
-from ..transmission import transmission_of
 from .problem import INVALID, REFUSED, Ground, Task, excess, hardest_first, sought
 from .space import BOUNDS, refused, settings
 
@@ -152,7 +151,7 @@ def evaluate(pickled: bytes, way: str, base: Alfa46Config, cut: float, order: li
     too_much = refused(task.rigs[0], way, values)
     if too_much > 0.0:
         return found(REFUSED + too_much, 0, None)
-    config = settings(base, way, values, transmission_of(task.rigs[0]))
+    config = settings(base, way, values, task.rigs[0].transmission)
     places = [place for place in order if ground.compared_at(place).valid]
     total, most, hardest = 0.0, 0.0, None
     for tried, place in enumerate(places, 1):

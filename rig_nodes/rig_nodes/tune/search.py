@@ -20,7 +20,6 @@ from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
 from ..testbench.campaign import Workers
 from ..testbench.configuration import RigConfig
-from ..transmission import transmission_of
 from .problem import INVALID, REFUSED, Ground, Task, dominates, excess, front_of, hardest_first, sought
 from .space import BOUNDS, refused, settings
 
@@ -147,7 +146,7 @@ def evaluate(pickled: bytes, way: str, base: Alfa46Config, best: list[list[float
     too_much = REFUSED + refused(task.rigs[0], way, values)
     if too_much > REFUSED:
         return found([too_much] * count, too_much, 0, None)
-    config = settings(base, way, values, transmission_of(task.rigs[0]))
+    config = settings(base, way, values, task.rigs[0].transmission)
     worst, missed, beyond, hardest, most = [0.0] * count, 0.0, 0.0, None, 0.0
     places = [place for place in order if ground.compared_at(place).valid]
     for tried, place in enumerate(places, 1):

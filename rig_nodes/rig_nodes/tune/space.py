@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..alfa46.settings import Alfa46Config, check_profile
+from ..alfa46.settings import Alfa46Config, Alfa46Values, check_profile
 from ..errors import RigError
 from ..testbench.configuration import RigConfig
-from ..transmission import Clutch, Transmission, transmission_of
+from ..transmission import Clutch, Transmission
 
 # name -> (lowest, highest); gaps are times between a point and the one before it. P1 to P3 are the engaging valve's,
 # P4 to P6 the releasing one's; the current of P3 is given, that of P6 is 0: the coil is off after it
@@ -24,7 +24,8 @@ BOUNDS = {
     "P4.time": (5, 400), "P4.current": (0, 500), "P5.gap": (5, 350), "P5.current": (0, 400), "P6.gap": (5, 150),
     "delay": (-500, 200),
 }
-# where the search begins, in round numbers. I-II: the new clutch is filled at once, then clamped along a ramp; the old
+# where the search begins, in round numbers, for a change of the laboratory's gearbox; a search of another one begins where its
+# controller is. I-II: the new clutch is filled at once, then clamped along a ramp; the old
 # one is let go as fast as its coil allows. II-I: tab. 7.5's course of both pressures, with its ramp begun where the
 # valve opens and not 150 ms before, and both clutches a little quicker
 BEGIN = {
@@ -46,8 +47,11 @@ def moved(transmission: Transmission, way: str) -> tuple[Clutch, Clutch]:
 
 
 def delay_of(transmission: Transmission, way: str) -> str:
-    """Name of the box's delay of a shift, e.g. t12 of I to II."""
-    return "t{}{}".format(*transmission.ways()[way])
+    """Name of the box's delay of a shift, e.g. t12 of the first gear to the second; RigError where the box has none."""
+    name = "t{}{}".format(*transmission.ways()[way])
+    if name not in Alfa46Values.__dataclass_fields__:
+        raise RigError(f"the shift {way} has no delay of its own in the box, and only one that has can be tuned")
+    return name
 
 
 @dataclass(frozen=True)
@@ -60,7 +64,7 @@ class Rates:
 
     @classmethod
     def of(cls, config: RigConfig, clutch: Clutch) -> Rates:
-        coil = getattr(config, clutch.valve)
+        coil = config.values(clutch.valve)
         supply = min(coil.coil_voltage, config.alfa46.values.supply_voltage)
         return cls(supply, coil.coil_resistance, coil.coil_inductance)
 
@@ -76,6 +80,11 @@ class Rates:
 def whole(values: dict[str, int]) -> tuple[int, ...]:
     """The numbers in the order of BOUNDS."""
     return tuple(int(values[name]) for name in BOUNDS)
+
+
+def begin_of(config: RigConfig, way: str) -> dict[str, int]:
+    """Where the search of a way begins."""
+    return BEGIN.get(way) or values_of(config.alfa46, way, config.transmission)
 
 
 def values_of(config: Alfa46Config, way: str, transmission: Transmission) -> dict[str, int]:
@@ -106,7 +115,7 @@ def settings(base: Alfa46Config, way: str, values: dict[str, int], transmission:
 
 def refused(base: RigConfig, way: str, values: dict[str, int]) -> float:
     """By how much [s] settings ask for more than the hardware gives, slopes and length together; 0: not at all."""
-    box = transmission_of(base)
+    box = base.transmission
     config = settings(base.alfa46, way, values, box)
     engaging, releasing = moved(box, way)
     too_much = 0.0

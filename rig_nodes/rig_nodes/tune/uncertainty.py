@@ -27,21 +27,28 @@ from ..validation.calibration_rows import ROWS, calibrating
 DRAWN_BACK = (1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1, 0.05)  # shares of the way to a sampled value that are tried
 
 
-def parameters() -> dict[str, Parameter]:
-    """"stage.name" -> parameter, of all stages of the calibration."""
-    return {f"{stage}.{name}": p for stage, those in load_stages().items() for name, p in those.items()}
+def stages_of(config: RigConfig) -> dict[str, dict[str, Parameter]]:
+    """The stages of the calibration, none for a rig that has not the values that they are about: it was never calibrated."""
+    stages = load_stages()
+    places = {place.partition(".")[0] for those in stages.values() for one in those.values() for place in one.of}
+    return stages if all(config.values(name) is not None for name in places) else {}
+
+
+def parameters(config: RigConfig) -> dict[str, Parameter]:
+    """"stage.name" -> parameter, of all stages of a rig's calibration."""
+    return {f"{stage}.{name}": p for stage, those in stages_of(config).items() for name, p in those.items()}
 
 
 def values_now(config: RigConfig) -> dict[str, float]:
     """"stage.name" -> its value in this rig [SI], within the bounds of the calibration."""
-    known = parameters()
+    known = parameters(config)
     shares = shares_of(config, known)
     return {name: p.low + (p.high - p.low) * share for (name, p), share in zip(known.items(), shares)}
 
 
 def spreads_of(config: RigConfig, workers: Workers) -> dict[str, float]:
     """Spread of each calibrated parameter of this rig [SI], as ``rig calibrate`` determines it; some seconds."""
-    found = workers.map(partial(_stage_spread, config), list(load_stages()))
+    found = workers.map(partial(_stage_spread, config), list(stages_of(config)))
     return {name: value for one in found for name, value in one.items()}
 
 
@@ -52,7 +59,7 @@ def _stage_spread(config: RigConfig, stage: str) -> dict[str, float]:
     return {f"{stage}.{name}": float(value) for name, value in spread.items()}
 
 
-def read_spreads(path: str | Path) -> dict[str, float]:
+def read_spreads(path: str | Path, config: RigConfig) -> dict[str, float]:
     """The spreads in a file of ``rig calibrate --json``; RigError when it is none or is of another calibration."""
     try:
         spread = json.loads(Path(path).read_text(encoding="utf-8"))["spread"]
@@ -60,7 +67,7 @@ def read_spreads(path: str | Path) -> dict[str, float]:
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise RigError(f"{path}: holds no spreads ({error}); make it with: ./rig calibrate --json FILE") from None
     for name in spread:
-        if name not in parameters():
+        if name not in parameters(config):
             raise RigError(f"{path}: the calibration has no parameter '{name}'; make the file anew")
     return spread
 
@@ -71,7 +78,7 @@ def sampled_rigs(config: RigConfig, spreads: dict[str, float], oil: tuple[float,
     two temperatures [degC], by a Latin hypercube of this seed; each stage drawn back until its rows allow it.
     mapped: as ``map``, of Workers for instance.
     """
-    known, now = parameters(), values_now(config)
+    known, now = parameters(config), values_now(config)
     names = [name for name in known if spreads.get(name, 0.0) > 0.0]
     draws = []
     for row in qmc.LatinHypercube(len(names) + 1, seed=np.random.default_rng(seed)).random(count).tolist():
@@ -97,7 +104,7 @@ def _allowed(config: RigConfig, values: dict[str, float], now: dict[str, float])
     the laboratory's rows allow.
     """
     rig = config
-    for stage, those in load_stages().items():
+    for stage, those in stages_of(config).items():
         moved = {name: values[f"{stage}.{name}"] for name in those if f"{stage}.{name}" in values}
         limit = _misses(config, stage) + len(moved)
         for part in DRAWN_BACK:

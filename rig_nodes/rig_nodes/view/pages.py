@@ -36,9 +36,9 @@ IDLE, WAITING, ALARM = (0x55, 0x5B, 0x63), (0xC9, 0xB4, 0x2B), (0xD6, 0x45, 0x50
 STATE_COLOURS = {
     "none": IDLE, "neutral": IDLE, "open": IDLE, "starting": IDLE, "slipping": WAITING,
     "ready": WAITING, "running": INPUT, "tripped": ALARM}
-# what people call the plots of the other signals, which are gathered by quantity
-OTHER_TITLES = {"torque": "Gearbox losses", "pressure": "Load pressure", "energy": "Work since time 0",
-                "force": "Clamp force", "ratio": "Valve duty", "temperature": "Oil temperature"}
+# what people call the plots of the other signals, which are gathered by quantity; those of more quantities come last
+OTHER_TITLES = {"pressure": "Load pressure", "temperature": "Oil temperature", "energy": "Work since time 0",
+                "torque": "Gearbox losses", "force": "Clamp force", "ratio": "Valve duty"}
 _OF_CLUTCH = ("torque", "slip", "clamp", "piston")  # what clutches show, in their hue
 _OF_VALVE = ("duty", "flow")
 
@@ -161,7 +161,8 @@ class Pages:
         for signal in self.known.signals.values():
             if signal.name not in shown and not signal.states:
                 groups.setdefault(signal.quantity, []).append(signal.name)
-        return [(OTHER_TITLES.get(quantity, quantity.capitalize()), names) for quantity, names in groups.items()]
+        order = [*(quantity for quantity in OTHER_TITLES if quantity in groups), *groups]
+        return [(OTHER_TITLES.get(quantity, quantity.capitalize()), groups[quantity]) for quantity in dict.fromkeys(order)]
 
     def _there(self, names) -> tuple[str, ...]:
         return tuple(name for name in names if name in self.known.signals)

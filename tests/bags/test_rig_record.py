@@ -1,0 +1,106 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Which rig a bag is of: its own record, of any age and also after the rig's folder is gone; else the topics say it."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from rig_nodes.bags.index import BagIndex
+from rig_nodes.bags.old_form import record_of_today
+from rig_nodes.bags.reader import Bag
+from rig_nodes.bags.rig_record import rig_record
+from rig_nodes.cli.main import main
+from rig_nodes.config import RIGS_DIR
+from rig_nodes.errors import BagError
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.sequence import load_sequence
+from rig_nodes.testbench.simulate import simulate
+
+SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
+SHORT = """
+rig: ./mine
+description: a gear laid in
+steps:
+  - oil: {pressure: 4 MPa}
+  - wait: {for: 300 ms}
+  - shift: {to: 1}
+  - wait: {for: 200 ms}
+"""
+
+
+@pytest.fixture(scope="module")
+def foreign(tmp_path_factory):
+    """The run of a rig in a folder of its own, which is gone since."""
+    folder = tmp_path_factory.mktemp("foreign")
+    mine = folder / "mine"
+    shutil.copytree(RIGS_DIR / "three_speed", mine)
+    rig = (mine / "rig.yaml").read_text().replace("n_out", "n_wheel").replace("called: C2", "called: K2")
+    (mine / "rig.yaml").write_text(rig)
+    sequence = folder / "short.yaml"
+    sequence.write_text(SHORT)
+    simulate(load_rig(mine), load_sequence(sequence), folder / "run")
+    shutil.rmtree(mine)
+    return folder / "run"
+
+
+def test_a_bag_knows_its_rig_after_the_rigs_folder_is_gone(foreign):
+    bag = Bag(foreign)
+    assert [clutch.name for clutch in bag.transmission.clutches] == ["B1", "K2", "C3"]
+    assert bag.series("n_wheel")[0].size and "n_out" not in bag.catalogue.signals
+    assert set(bag.types) <= set(bag.catalogue.all_topics)
+    with BagIndex(foreign) as index:
+        assert index.catalogue == bag.catalogue
+
+
+def test_such_a_bag_is_reported_and_viewed_under_its_own_names(foreign, capsys):
+    assert main(["report", str(foreign)]) == 0
+    report = json.loads((foreign / "report.json").read_text())
+    assert "heat_k2_j" in report["energy"]["run"] and report["basis"]["rig"] == "mine"
+    capsys.readouterr()
+    assert main(["view", str(foreign), "--no-open"]) == 0
+    out = capsys.readouterr()
+    assert "written" in out.out and "holds nothing of" not in out.err
+
+
+def test_a_record_of_before_has_the_structure_and_values_of_today():
+    old = Bag(SAMPLE).run_info()["configuration"]
+    record, today = rig_record(old), load_rig("hydmag").as_dict()
+    assert "structure" not in old and record["structure"] == today["structure"]
+    changed = {**old, "gearbox": {**old["gearbox"], "inertia_in": 0.5, "loss_out_constant": 3.0}}
+    record = record_of_today(changed)
+    assert (record["w0"]["inertia"], record["loss_out"]["drag"], record["loss_in"]["at_470"]) == (0.5, 3.0, 7.5554)
+    assert record["clutch_s1"] == old["clutch_s1"] and "gearbox" not in record
+    assert record["alfa46"] == {**today["alfa46"], **old["alfa46"]}
+    assert record_of_today(today) is today
+
+
+def test_a_bench_of_before_is_read_likewise():
+    old = {"kind": "clutch_bench", "name": "mine", "hydraulic_motor": {"inertia": 0.07, "friction": 5.0},
+           "shaft": {"inertia": 0.04, "meter_stiffness": 4e4, "meter_damping": 9.0}, "pack": {"rest_torque": 12.0},
+           "plate_pack": {"surfaces": 10.0}}
+    record = record_of_today(old)
+    assert record["motor"] == {"inertia": 0.07} and record["shaft"] == {"inertia": 0.04}
+    assert record["torque_meter"] == {"stiffness": 4e4, "damping": 9.0} and record["clutch_pack"]["rest_torque"] == 12.0
+    assert record["hydraulic_motor"]["friction"] == 5.0 and "inertia" not in record["hydraulic_motor"]
+    assert record["plate_pack"]["surfaces"] == 10.0 and record["plate_pack"]["inner_radius"] == 0.04 and record["name"] == "mine"
+
+
+@pytest.mark.parametrize("rig", ["hydmag", "clutch_bench", "three_speed"])
+def test_a_bag_that_says_nothing_of_its_rig_is_of_the_one_with_its_topics(rig):
+    config = load_rig(rig)
+    assert rig_record(None, config.catalogue.topics)["structure"] == config.as_dict()["structure"]
+
+
+@pytest.mark.parametrize("record", [
+    {"gearbox": 3}, {"structure": {}}, {"structure": 3}, {"structure": {"bodies": ["a"] * 1000}},
+    {"structure": {**load_rig("hydmag").as_dict()["structure"], "devices": [{"name": "x", "part": "os"}]}}],
+    ids=["values that are none", "empty", "a number", "a thousand bodies", "a part that there is not"])
+def test_a_record_that_is_none_is_refused_in_one_sentence(record, monkeypatch):
+    bag = Bag(SAMPLE)
+    monkeypatch.setattr(bag, "run_info", lambda: {"configuration": record})
+    with pytest.raises(BagError, match="what it says of its rig cannot be used"):
+        bag.catalogue
