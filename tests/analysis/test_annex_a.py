@@ -92,7 +92,7 @@ def test_factors_are_settings():
     assert up(b=1.5)["t_o_s"] < up(b=1.05)["t_o_s"]
     rate = transmission_of().clutches[1].kiss_pressure / 1e5 / 0.1  # bar/s, of the fill
     assert up(c=2.0)["t_c_s"] == pytest.approx(up(c=0.5)["t_c_s"] - 1.5 / rate, abs=1e-3)
-    assert up(n_wej=1520 / RPM)["why"] == ["n_wej did not come back to its set speed"]
+    assert up(set_speed=1520 / RPM)["why"] == ["n_wej did not come back to its set speed"]
     with pytest.raises(RigError, match="upper edge of a band"):
         up(b=0.95)
 

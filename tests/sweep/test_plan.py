@@ -49,7 +49,7 @@ def test_a_latin_hypercube_has_one_sample_in_each_stratum_of_each_parameter():
 
 
 def test_random_fills_the_range_and_its_logarithm():
-    plan = make_plan("demo", {"gearbox.inertia_in": "0.1 kg m2 .. 10 kg m2 log"}, method="random", samples=400)
+    plan = make_plan("demo", {"w0.inertia": "0.1 kg m2 .. 10 kg m2 log"}, method="random", samples=400)
     values = np.array(points(plan))[:, 0]
     assert values.min() > 0.1 and values.max() < 10.0
     assert abs(np.mean(values < 1.0) - 0.5) < 0.08  # half of a decade pair lies below its middle, 1

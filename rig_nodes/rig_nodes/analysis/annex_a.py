@@ -19,7 +19,7 @@ PERIOD = 1e-4  # s; the program counts samples of 10 kHz
 BLOCK = 10  # samples in a mean of a pressure
 BAR = 1e5
 PI = 3.14  # as printed
-# The program asks for these: bands of the torque after a down- and an upshift, and the rise of p2 [bar] that counts as
+# The program asks for these: bands of the torque after a down- and an upshift, and the rise of pressure [bar] that counts as
 # the valve's reaction. What the laboratory typed in is not printed; 1.05 is the band of metrics.SETTLED_BAND.
 FACTOR_A, FACTOR_B, RISE_C = 1.05, 1.05, 0.5
 UP_FROM, UP_BELOW, UP_FALLS, UP_LATER = 20.0, 20.0, 4, 50  # bar, bar, means in a row, means later
@@ -40,14 +40,14 @@ def shifts_annex_a(recording: Recording, **factors) -> list[dict]:
 
 
 def shift_metrics_annex_a(recording: Recording, order: tuple[float, int, int], next_order_time: float | None = None,
-                          n_wej: float | None = None, a: float = FACTOR_A, b: float = FACTOR_B,
+                          set_speed: float | None = None, a: float = FACTOR_A, b: float = FACTOR_B,
                           c: float = RISE_C) -> dict:
     """The metrics of one shift by Annex A, under the keys of :data:`metrics.KEYS`.
 
     recording, order, next_order_time: as in metrics.shift_metrics, of a transmission of two gears that share no clutch;
     nothing after the next order is read.
-    n_wej: the set input speed [rad/s] the program asks for, by default the mean of 0.2 s before the order. a, b:
-    factors of the torque bands after II-I and I-II; c: rise of p2 over its rest [bar]. What the recipe does not give
+    set_speed: the set input speed [rad/s] the program asks for, by default the mean of 0.2 s before the order. a, b:
+    factors of the torque bands after II-I and I-II; c: rise of the engaging pressure over its rest [bar]. What the recipe does not give
     is None, with its reason in ``why``; overlap_s is not in it and has no reason. Engagements from neutral are none
     of its cases. Raises RigError for a recording that is not sampled at 10 kHz, or a factor not above 1.
     """
@@ -64,7 +64,7 @@ def shift_metrics_annex_a(recording: Recording, order: tuple[float, int, int], n
     if set(box.ratios) != {from_gear, to_gear} or len(moved.releasing) != 1 or len(moved.engaging) != 1:
         row["why"].append(f"Annex A knows only changes between {' and '.join(map(box.names.get, sorted(box.ratios)))}")
         return row
-    _Program(recording, order, next_order_time, n_wej, row).run(a if to_gear < from_gear else b, c)
+    _Program(recording, order, next_order_time, set_speed, row).run(a if to_gear < from_gear else b, c)
     row["valid"] = not row["why"]
     return row
 
@@ -72,7 +72,7 @@ def shift_metrics_annex_a(recording: Recording, order: tuple[float, int, int], n
 class _Program:
     """The channels in the program's units (bar, rpm, Nm); indices count from 0."""
 
-    def __init__(self, recording, order, next_order_time, n_wej, row):
+    def __init__(self, recording, order, next_order_time, set_speed, row):
         until = recording.rows if next_order_time is None else \
             min(recording.rows, int(np.ceil((next_order_time - recording.t0) / PERIOD)))
         self.order = int(np.ceil((order[0] - recording.t0) / PERIOD - 1e-6))
@@ -86,7 +86,7 @@ class _Program:
         self.old_p, self.new_p = cut[self.old_name] / BAR, cut[self.new_name] / BAR
         self.m_in, self.m_out = cut[into.torque], cut[output.torque]
         self.n_in, self.n_out = cut[into.speed] * RPM, cut[output.speed] * RPM
-        self.set_speed = None if n_wej is None else n_wej * RPM
+        self.set_speed = None if set_speed is None else set_speed * RPM
 
     def run(self, factor: float, c: float) -> None:
         """Fill the row in the program's order of steps; each needs what the one before found."""
@@ -178,7 +178,7 @@ class _Program:
         back = mean > SPEED_UP * self.set_speed if self.up else mean < SPEED_DOWN * self.set_speed
         at = first_true(back, end)
         if at is None:
-            self.why.append("n_wej did not come back to its set speed")
+            self.why.append(f"{self.box.input.speed} did not come back to its set speed")
         return at
 
     def settled(self, end: int, recovered: int, factor: float) -> int | None:
@@ -197,7 +197,7 @@ class _Program:
         met = (outside[last] - outside[at + 1] == 0) & (self.new_p[at] > CLAMPED) & (at + SETTLED_FOR <= self.m_in.size)
         hit = first_true(met)
         if hit is None:
-            self.why.append(f"M_wej did not stay within {factor:g} of {value:.1f} Nm for 999 samples")
+            self.why.append(f"{self.box.input.torque} did not stay within {factor:g} of {value:.1f} Nm for 999 samples")
             return None
         return int(at[hit])
 
@@ -210,12 +210,12 @@ class _Program:
         return None if rise is None else (end - rise) * PERIOD + (VALVE_DELAY_UP if self.up else VALVE_DELAY_DOWN)
 
     def rise_up(self, start: int, end: int, c: float) -> int | None:
-        """Of p2 in I to II, backwards from the slip end: below 3 bar, then five samples in a row at most c above rest."""
-        p2 = self.new_p
-        rest = float(np.mean(p2[start - REST_BEFORE + 1 : start - REST_BEFORE + 1 + REST_FOR]))
-        low = np.flatnonzero(p2[: end + 1] <= OPEN)
+        """Of the engaging pressure of an upshift, backwards from the slip end: below 3 bar, then five samples in a row at most c above rest."""
+        pressure = self.new_p
+        rest = float(np.mean(pressure[start - REST_BEFORE + 1 : start - REST_BEFORE + 1 + REST_FOR]))
+        low = np.flatnonzero(pressure[: end + 1] <= OPEN)
         if low.size:
-            calm = np.convolve(p2[: low[-1] + 1] > rest + c, np.ones(5), "valid") < 0.5
+            calm = np.convolve(pressure[: low[-1] + 1] > rest + c, np.ones(5), "valid") < 0.5
             hits = np.flatnonzero(calm)
             if hits.size:
                 return int(hits[-1]) + 4 - 5
@@ -223,7 +223,7 @@ class _Program:
         return None
 
     def rise_down(self, start: int) -> int | None:
-        """Of p1 in II to I: from 1 s before the start on: where three samples of p1 in a row are not exactly zero."""
+        """Of that of a downshift: from 1 s before the start on: where three samples of it in a row are not exactly zero."""
         first = start - REST_BEFORE
         zero = self.new_p[first : start + 1] == 0.0
         near = zero[:-2] | zero[1:-1] | zero[2:]
@@ -235,7 +235,7 @@ class _Program:
         return first + at
 
     def speed_change(self, start: int, end: int) -> float | None:
-        """t_p: from the departure of n_wyj by the printed rules to the slip end."""
+        """t_p: from the departure of the output's speed by the printed rules to the slip end."""
         n, i = self.n_out, np.arange(start, end + 1)
 
         def at(later: int) -> np.ndarray:
@@ -253,7 +253,7 @@ class _Program:
             met = (at(0) < old) & (at(10) <= at(0)) & (at(1) > at(2)) & (at(100) <= 0.95 * old)
         departure = first_true(met)
         if departure is None:
-            self.why.append("n_wyj has no departure by Annex A's rule")
+            self.why.append(f"{self.box.output.speed} has no departure by Annex A's rule")
             return None
         return (end - int(i[departure])) * PERIOD
 

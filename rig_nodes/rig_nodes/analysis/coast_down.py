@@ -23,7 +23,7 @@ def coast_down(t: np.ndarray, w: np.ndarray, torque, t_cut: float | None = None,
                degree: int = 2) -> dict[str, float | list[float] | None]:
     """Coast-down by (7.7), (7.8) and (6.110).
 
-    t: equally spaced times [s]; w: speed of the input shaft [rad/s], 1-D of the same length; torque: M_wej noted
+    t: equally spaced times [s]; w: speed of the input shaft [rad/s], 1-D of the same length; torque: of the input noted
     before the drive is cut off [Nm], or its channel, whose mean over 0.5 s before the cut is taken. t_cut: when the
     drive is cut off [s]; by default the speed's start of fall, followed back along its slope. Fitted is from the cut
     until the speed has fallen to ``down_to`` of the one before (to standstill by default, as in the thesis), counted
@@ -78,7 +78,7 @@ def _tangent(fit: np.ndarray, torque: float) -> tuple[float, float]:
 
 
 def _torque(t: np.ndarray, torque, before: np.ndarray) -> float:
-    """M_wej before the cut: a number that was noted, or the mean of the channel."""
+    """The torque before the cut: a number that was noted, or the mean of the channel."""
     if np.ndim(torque) == 0:
         return float(torque)
     torque = np.asarray(torque, dtype=float)

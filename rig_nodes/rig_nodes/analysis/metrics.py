@@ -48,7 +48,7 @@ HOLD = 20e-3  # s for which the mean slip must stay within the threshold
 SLIP_UP, SLIP_DOWN = 0.05e-2, 0.1e-2  # thesis 7.1.5
 SLIP_INSTRUMENT_LIMIT = 0.3e-2
 SLIP_OLD_GEAR = 1e-2  # above it a gear is taken as not engaged before an order
-DIP = 0.05  # the minimum counts as a dip below 0.95 n_wej / i1 (Annex A)
+DIP = 0.05  # the minimum counts as a dip below 0.95 of the input speed over i1 (Annex A)
 DIP_SEARCH = 2.0  # s in which Annex A looks for the minimum of a downshift
 # Annex A leaves its factor open; 2 Nm is twice the torque meter's largest error
 SETTLED_BAND, SETTLED_BAND_NM = 0.05, 2.0
@@ -228,7 +228,7 @@ class _Shift:
         lowest = float(self.smooth[self.box.output.speed][first : end + 1].min())
         row["n_wyj_min_rpm"] = lowest * RPM
         if self.old is not None:
-            # n_wej is the one before the order, the laboratory's nominal one
+            # the input speed is the one before the order, the laboratory's nominal one
             row["k"] = lowest / self.before(self.box.input.speed) * self.box.slower_ratio(self.old, self.new)
             self.check_standstill(first, end)
         row["e_loss_j"] = self.energy_loss(first, end)
@@ -317,7 +317,7 @@ class _Shift:
     def slip_end(self, start: float | None) -> int | None:
         """End of the shift: slip of the new gear below its threshold and staying there [sample], or None.
 
-        Upshifts: below +0.05 %. Downshifts: within +-0.1 %, and if the output dips below 0.95 n_wej / i of the new gear
+        Upshifts: below +0.05 %. Downshifts: within +-0.1 %, and if the output dips below 0.95 of the input speed over i of the new gear
         (taken at the input speed of the moment, so that a slowing input is no dip) only after the deepest
         point of the dip.
         """
@@ -349,7 +349,7 @@ class _Shift:
         """A reason where the new gear's clutches are steadily pressed and slip: what they carry, and what was asked.
 
         Behind the clutches the torque meter at the output shows what they carry, and the output's inertia what of it
-        the load did not get: M_wyj + J dw/dt. Asked is the M_wyj from before the order.
+        the load did not get: output torque + J dw/dt. Asked is the one from before the order.
         """
         tail = slice(-self.samples(SETTLED_FOR), None)
         mean = {name: float(np.mean(values[tail])) for name, values in self.raw.items()}

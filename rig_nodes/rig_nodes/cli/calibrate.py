@@ -13,8 +13,8 @@ HELP = "find the rig's unknown parameters on the laboratory's rows"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--write", action="store_true", help="put what was found into rigs/hydmag.yaml and "
-                        "controllers/alfa46.yaml of rig_nodes/rig_nodes/config; without it nothing is changed")
+    parser.add_argument("--write", action="store_true", help="put what was found into rigs/hydmag/rig.yaml and "
+                        "config/controllers/alfa46.yaml of the package; without it nothing is changed")
     parser.add_argument("--json", metavar="FILE", help="write values, misses, sensitivities and spreads")
     parser.add_argument("--generations", type=int, default=120, metavar="N",
                         help="of the search over the bounds (default 120, some 10 min); 0: only from where the rig is, "
@@ -62,7 +62,7 @@ def main(args: argparse.Namespace) -> int:
 
     curves = []
     try:
-        found, rig = c.calibrate(load_rig(), args.generations, args.jobs, args.seed, args.stages, progress,
+        found, rig = c.calibrate(load_rig(c.LABORATORY), args.generations, args.jobs, args.seed, args.stages, progress,
                                  args.starts)
         if args.trade_offs:
             curves = trade_offs(rig, found.after, found.sensitivities, args.jobs, pair)
@@ -90,6 +90,6 @@ def main(args: argparse.Namespace) -> int:
             "trade_offs": [asdict(curve) for curve in curves],
             "bounds": {n: [p.low, p.high] for n, p in parameters.items()}, "units": SI})
     if args.write:
-        c.write_values(found.values, find_config("rigs", "hydmag"), find_config("controllers", "alfa46"))
+        c.write_values(found.values, find_config("rigs", c.LABORATORY), find_config("controllers", "alfa46"))
         print("written to the rig's configuration")
     return 0

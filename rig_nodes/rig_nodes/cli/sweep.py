@@ -15,7 +15,7 @@ from .progress import ProgressLine
 from .what_to_run import delay
 
 HELP = "run a sequence for many values of its parameters, on all cores or a cluster"
-SHOWN = (("t_dt_s", "t_d ms", 1e3, 0), ("t_c_s", "t_c ms", 1e3, 0), ("m_wej_max_nm", "M_wej max Nm", 1.0, 1),
+SHOWN = (("t_dt_s", "t_d ms", 1e3, 0), ("t_c_s", "t_c ms", 1e3, 0), ("m_wej_max_nm", "peak Nm", 1.0, 1),
          ("k", "k", 1.0, 3), ("e_loss_j", "E_loss J", 1.0, 0))
 MOST_REASONS = 5
 OF_A_PLAN = ("vary", "method", "samples", "seed", "repeats", "settings", "parameters", "rig", "controller", "level",
@@ -102,7 +102,7 @@ def main(args) -> int:
         summary = {"folder": str(folder), "results": None if interrupted else str(folder / RESULTS), "members": of,
                    "finished": len(store.done), "finished_before": begun, "seconds": round(seconds, 3),
                    "members_per_second": round(now / seconds, 3) if now and seconds else None,
-                   **_what_came(store.entries())}
+                   **_what_came(store.entries(), load_rig(plan.rig, plan.fixed))}
     if args.json:
         print(json.dumps(summary, indent=1, ensure_ascii=False))
     else:
@@ -160,13 +160,11 @@ def _stream(args):
         yield workers.stream
 
 
-def _what_came(entries) -> dict:
+def _what_came(entries, config) -> dict:
     """Ends, reasons and the metrics' spread of what is finished."""
     import numpy as np
 
-    from ..transmission import transmission_of
-
-    box = transmission_of()
+    box = config.transmission if config.structure.gears else None  # without gears there are no shifts
     ends: dict[str, int] = {}
     reasons: dict[str, int] = {}
     values: dict[str, dict[str, list[float]]] = {}

@@ -11,6 +11,7 @@ import sys
 import time
 from pathlib import Path
 
+from ..config.names import DEFAULT_RIG
 from .progress import ProgressLine
 
 HELP = "hold the rig against everything that the laboratory printed"
@@ -26,7 +27,8 @@ def add_arguments(parser) -> None:
     parser.add_argument("--pictures", metavar="FOLDER", help="write the figures of chapters 7 to 9 as SVG")
     parser.add_argument("--write-docs", action="store_true", help="write docs/validation.md of the checkout")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes that run series (default: 2)")
-    parser.add_argument("--rig", default="hydmag", metavar="NAME", help="rig or .yaml file (default: hydmag)")
+    parser.add_argument("--rig", default=DEFAULT_RIG, metavar="NAME",
+                        help=f"rig, its folder or .yaml file (default: {DEFAULT_RIG})")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
                         help="change one value of the rig (may be repeated)")
 

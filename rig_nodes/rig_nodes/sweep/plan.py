@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -200,7 +202,8 @@ def make_plan(sequence: str, vary: dict, rig: str | None = None, method: str | N
     RigError when a name, a unit or a value does not fit the rig or the sequence, or the method does not fit them.
     """
     fixed, fixed_with = fixed or {}, fixed_with or {}
-    loaded = load_sequence(sequence, fixed_with)
+    load = partial(load_sequence, sequence, rig=rig)
+    loaded = load(fixed_with)
     rig = rig or loaded.rig
     config = load_rig(rig, fixed)
     loaded.check_rig(config)
@@ -214,7 +217,7 @@ def make_plan(sequence: str, vary: dict, rig: str | None = None, method: str | N
         where = (wheres or {}).get(name, f"--vary {name}")
         if name in fixed or name in fixed_with:
             raise RigError(f"{where}: it is set for all members too; give it once")
-        varied.append(_read(name, spec, where, config, sequence, loaded))
+        varied.append(_read(name, spec, where, config, load, loaded))
     if not varied:
         raise RigError("a sweep needs something to vary: --vary NAME=\"LOW .. HIGH\" or NAME=\"A, B, C\"")
     for name, value, low, high in (("samples", samples, 1, MOST_MEMBERS), ("seed", seed, 0, 2**62),
@@ -256,13 +259,13 @@ def _check_method(method: str, samples: int | None, varied: list[Varied], wheres
 # ---- reading what a parameter takes
 
 
-def _read(name: str, spec, where: str, config, sequence: str, loaded) -> Varied:
+def _read(name: str, spec, where: str, config, load: Callable, loaded) -> Varied:
     of, dimension = _dimension(name, where, config, loaded)
     texts = spec if isinstance(spec, list) else None
     if texts is None and isinstance(spec, str):
         match = _RANGE.fullmatch(spec) if dimension is not None else None
         if match:
-            return _range(name, of, dimension, match, where, config, sequence)
+            return _range(name, of, dimension, match, where, config, load)
         texts = spec.split(",")
     if texts is None:
         texts = [spec]
@@ -276,7 +279,7 @@ def _read(name: str, spec, where: str, config, sequence: str, loaded) -> Varied:
         values = tuple(_number(text, dimension, unit, where) for text in texts)
     one = Varied(name, of, unit, values)
     for value in values:
-        _check(one, value, where, config, sequence)
+        _check(one, value, where, config, load)
     return one
 
 
@@ -294,9 +297,7 @@ def _dimension(name: str, where: str, config, sequence) -> tuple[str, str | None
     if match := _POINT_PART.fullmatch(name):
         return "rig", match[2]
     part, _, key = name.partition(".")
-    owner = getattr(config, part, None)
-    if part == "alfa46" and owner is not None:
-        owner = owner.values
+    owner = config.values(part)
     about = getattr(type(owner), "__dataclass_fields__", {}).get(key)
     dimension = about.metadata.get("dimension") if about is not None else None
     return "rig", None if dimension in (None, "choice", "switch") else dimension
@@ -321,7 +322,7 @@ def _number(text: str, dimension: str, unit: str, where: str) -> float | int:
     return float(number) if (own or "-") == unit else value / UNITS[unit][1]
 
 
-def _range(name: str, of: str, dimension: str, match, where: str, config, sequence: str) -> Varied:
+def _range(name: str, of: str, dimension: str, match, where: str, config, load: Callable) -> Varied:
     low_text, high_text, count, step_text, log = match.groups()
     if dimension != "whole" and dimension_of(low_text) is None and dimension_of(high_text) is not None:
         low_text = f"{low_text} {_NUMBER.fullmatch(high_text)[2]}"  # "-250 .. -150 ms"
@@ -335,7 +336,7 @@ def _range(name: str, of: str, dimension: str, match, where: str, config, sequen
         raise RigError(f"{where}: a range takes 'in' or 'step', not both")
     one = Varied(name, of, unit, (), low, high, bool(log))
     for value in (low, high):
-        _check(one, value, where, config, sequence)
+        _check(one, value, where, config, load)
     if not (count or step_text):
         return one
     if step_text:
@@ -357,11 +358,11 @@ def _range(name: str, of: str, dimension: str, match, where: str, config, sequen
     return Varied(name, of, unit, tuple(values))
 
 
-def _check(one: Varied, value, where: str, config, sequence) -> None:
+def _check(one: Varied, value, where: str, config, load: Callable) -> None:
     """RigError when rig or sequence would refuse this value by itself; what does not fit others, a run shows."""
     if one.of == "sequence":
         try:
-            load_sequence(sequence, {one.name: one.text(value)})
+            load({one.name: one.text(value)})
         except RigError as error:
             raise RigError(f"{where}: {error}") from None
     if one.of != "rig":

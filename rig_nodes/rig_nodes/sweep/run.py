@@ -24,7 +24,7 @@ from ..analysis.metrics import Recording, shifts
 from ..analysis.report import build_report, plain, write_report
 from ..bags.reader import Bag
 from ..compiled import sources_key
-from ..config.names import find_config
+from ..config.names import find_of_rigs
 from ..controllers.plug import Plug
 from ..errors import RigError
 from ..testbench.configuration import load_rig
@@ -40,7 +40,7 @@ Stream = Callable[[Callable, Iterable], Iterator[tuple[int, dict, Exception | No
 
 def manifest_of(plan: Plan, bags: bool) -> dict:
     """What decides the results of a sweep: plan, configuration, sequence and versions; no clock, host or folder."""
-    text = find_config("sequences", plan.sequence).read_text(encoding="utf-8")
+    text = find_of_rigs("sequences", plan.sequence, plan.rig).read_text(encoding="utf-8")
     return {"plan": plan.as_dict(), "members": plan.count(), "bags": bags,
             "configuration": load_rig(plan.rig, plan.fixed).as_dict(),
             "sequence": hashlib.sha256(text.encode()).hexdigest(),
@@ -56,7 +56,7 @@ def run_sweep(plan: Plan, store: Store, stream: Stream, progress: Callable[[int,
     """
     left = [member for member in plan.members() if member.number not in store.done]
     bags = str(store.folder.absolute() / BAGS) if store.manifest["bags"] else None
-    setup = pickle.dumps((load_rig(plan.rig, plan.fixed), plan.sequence, bags, plan.plugged))
+    setup = pickle.dumps((load_rig(plan.rig, plan.fixed), plan.rig, plan.sequence, bags, plan.plugged))
     for place, entry, error in stream(partial(run_member, setup), left):
         if error is not None:
             entry = failed(left[place], error)
@@ -73,11 +73,11 @@ def _setup(pickled: bytes):
 
 def run_member(setup: bytes, member: Member) -> dict:
     """What is noted of one run: its end and the metrics of its shifts. setup: as run_sweep makes it."""
-    base, name, bags, plugged = _setup(setup)
+    base, rig, name, bags, plugged = _setup(setup)
     plug, delay = None, plugged.delay if plugged else 1
     try:
         config = with_member(base, member.overrides)
-        sequence = load_sequence(name, member.parameters)
+        sequence = load_sequence(name, member.parameters, rig)
         plug = plugged.load(config) if plugged else None
         if bags:
             end, metrics = _into_bag(config, sequence, member, Path(bags), plug, delay)

@@ -32,7 +32,7 @@ LEAD = 0.25  # s at rest before the order
 AFTER = 0.25  # s recorded after the last point of both profiles
 LEAST_WINDOW, WINDOW = 0.9, 1.75  # s after the order; the longer one where the shift has not ended by then
 JERK_MEAN = 20e-3  # s over which the output's speed is averaged before its second derivative is taken
-LOAD_WITHIN = 1.0  # Nm within which M_wyj is brought to the operating point's
+LOAD_WITHIN = 1.0  # Nm within which the output's torque is brought to the operating point's
 SPEED_WITHIN = 8.0 * RPM  # as in the sequence grid_point
 OPEN = 1.0  # of its kiss pressure: a released clutch has less when the shift is over
 # t_o is no objective, and a dip down to standstill is one
@@ -57,7 +57,7 @@ class Point:
 class Shift:
     """What one shift gave, SI; missing numbers are None where it did not come to its end (``why`` says why).
 
-    peak: highest M_wej from the order to the end of the window; time: t_c, from the order to the new gear; t_dt: from
+    peak: highest torque of the input from the order to the end of the window; time: t_c, from the order to the new gear; t_dt: from
     the fall of the old pressure; dip: how far k lies below 1; heat: of both clutches; jerk: largest change of the
     output's acceleration [rad/s3]; before: torque in the input before the order; tripped: the rig went into its safe state.
     """

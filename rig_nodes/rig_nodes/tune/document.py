@@ -98,7 +98,7 @@ def _share(shares: dict, name: str) -> str:
 def _largest_load(found: dict) -> str:
     lines = [f"The largest load of {found['way']}, on the rig itself ({found['tried']} settings sought for the least peak "
              "alone); the last three columns are the loads up to which the engine's torque is kept:", "",
-             "| speed | load | M_wej before the shift | least peak found | compared | engine | gear II alone | least "
+             "| speed | load | torque before the shift | least peak found | compared | engine | gear alone | least "
              "peak | compared |", "| --- " * 9 + "|"]
     for one in found["speeds"]:
         within = one["load_within_engine_nm"]

@@ -22,7 +22,7 @@ from .bench import Bench, NotHeld, Point, Shift
 
 # objective -> (what it is, unit). All but the dip are shares of what the compared settings give in the same shift
 OBJECTIVES = {
-    "peak": ("highest M_wej from the order until everything is at rest", "Nm"),
+    "peak": ("highest torque of the input from the order until everything is at rest", "Nm"),
     "time": ("t_c, from the order to the new gear; as a share, the larger one of t_c and t_dt", "s"),
     "dip": ("by how much k lies below 1", "-"),
     "energy": ("heat of both clutches", "J"),
@@ -32,7 +32,7 @@ FIELDS = {"peak": "peak", "time": "time", "t_c": "time", "t_dt": "t_dt", "dip": 
 DIP = 0.05  # what Annex A calls a dip: no settings may dip further than this, or than the compared ones
 # objectives of settings that are no shift at all, all the same, so that nothing that shifts is worse
 REFUSED, INVALID = 10.0, 5.0
-RISE = 15.0  # Nm: a smaller rise of M_wej counts as this much, or a Nm would be the most of what is sought
+RISE = 15.0  # Nm: a smaller rise of that torque counts as this much, or a Nm would be the most of what is sought
 LOAD_STEP = 10.0  # Nm in which a load that the rig does not hold is lowered
 
 
@@ -136,7 +136,7 @@ def held(config: RigConfig, points: list[Point]) -> tuple[list[Point], list[str]
 
 def share(name: str, shift: Shift, compared: Shift) -> float:
     """An objective of one shift: a share of the compared one's, the dip as it is. Beside the objectives ``rise``, of
-    the peak above M_wej before the shift (by how much the peaks differ, over the compared rise or RISE), and ``t_c`` and
+    the peak above the torque before the shift (by how much the peaks differ, over the compared rise or RISE), and ``t_c`` and
     ``t_dt`` by themselves.
     """
     if name == "dip":
@@ -157,8 +157,8 @@ def excess(task: Task, shift: Shift, compared: Shift) -> float:
 
 
 def sought(name: str, shift: Shift, compared: Shift) -> float:
-    """What the search lowers: the share, of the peak that of its rise above M_wej before the shift. No settings change
-    what M_wej is before, and against that a heavy load's few Nm would not be seen. Either is below 1 when the other is.
+    """What the search lowers: the share, of the peak that of its rise above the torque before the shift. No settings change
+    what it is before, and against that a heavy load's few Nm would not be seen. Either is below 1 when the other is.
     """
     return share("rise" if name == "peak" else name, shift, compared)
 

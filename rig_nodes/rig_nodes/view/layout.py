@@ -82,7 +82,7 @@ def choose(shifts: list[Shift]) -> list[Shift]:
 
 
 def entity(signal: Signal) -> str:
-    """Where a signal lies in the view's file: its quantity, then its name, e.g. ``torque/M_wej``."""
+    """Where a signal lies in the view's file: its quantity, then its name, e.g. ``torque/NAME``."""
     return f"{signal.quantity.replace(' ', '_')}/{signal.name}"
 
 
