@@ -12,8 +12,9 @@ from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 
 
-def box_with(**settings):
-    return Alfa46(load_rig("hydmag", {f"alfa46.{key}": value for key, value in settings.items()}).alfa46)
+def box_with(rig="hydmag", **settings):
+    config = load_rig(rig, {f"alfa46.{key}": value for key, value in settings.items()})
+    return Alfa46(config.alfa46, config.transmission)
 
 
 def setpoints(box, first, samples):
@@ -60,12 +61,33 @@ def test_downshift_uses_its_own_delay_and_profiles():
     assert seen[:, 1] == pytest.approx(np.interp(ms, *OFF), abs=1e-9)
 
 
+@pytest.mark.parametrize("old, new, delay, wait", [
+    (2, 3, "t23", 60), (3, 2, "t32", -40), (1, 3, "t23", None), (3, 1, "t32", None),
+])
+def test_the_third_gear_drives_the_third_output_with_delays_of_its_own(old, new, delay, wait):
+    """A change past a gear has no delay."""
+    box = box_with("three_speed", **{delay: "60 ms" if wait is None else f"{wait} ms"})
+    wait = wait or 0
+    box.order(old)
+    setpoints(box, 0, 1000)
+    box.order(new)
+    seen = setpoints(box, 1000, 1000)
+    engages, lets_go = np.flatnonzero(seen[:, new - 1])[0], np.flatnonzero(seen[:, old - 1] < 740.0 - 1e-9)[0]
+    assert (engages - 1, lets_go - 1) == (max(0, wait), max(0, -wait))
+    assert not seen[:, ({1, 2, 3} - {old, new}).pop() - 1].any()
+
+
+def test_files_may_leave_out_the_delays_of_a_third_gear():
+    values = load_rig("hydmag").alfa46.values
+    assert (values.t12, values.t23, values.t32) == (-0.22, 0.0, 0.0)
+
+
 def test_falling_starts_from_the_current_of_that_moment():
     """Neutral ordered in gear with P3 lowered: P4 is reached from the lowered current."""
-    config = load_rig("hydmag").alfa46
-    profiles = config.profiles.copy()
+    config = load_rig("hydmag")
+    profiles = config.alfa46.profiles.copy()
     profiles[0, 2, 1] = 0.5
-    box = Alfa46(Alfa46Config(config.values, profiles))
+    box = Alfa46(Alfa46Config(config.alfa46.values, profiles), config.transmission)
     box.order(1)
     setpoints(box, 0, 700)
     box.order(0)

@@ -17,7 +17,7 @@ from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
 
-from .conftest import PYTHON, SIMULINK, C
+from .conftest import ALFA46_C, PYTHON, SIMULINK, C
 
 ROS = "ros:same_bits"
 UP_AND_DOWN = """
@@ -103,7 +103,7 @@ def random_settings(rng) -> Alfa46Config:
     values = load_rig("hydmag").alfa46.values
     changed = {
         "t12": rng.choice((-0.22, 0.0, 0.0005, 0.0015, 0.0025, -0.0025, rng.uniform(-0.5, 0.5))),
-        "t21": rng.uniform(-0.5, 0.5),
+        "t21": rng.uniform(-0.5, 0.5), "t23": rng.uniform(-0.5, 0.5), "t32": rng.uniform(-0.5, 0.5),
         "gain_d": rng.choice((0.0, 1.0)),
         "gain_i": rng.uniform(0.0, 3000.0),
     }
@@ -119,15 +119,20 @@ def random_settings(rng) -> Alfa46Config:
 
 
 @pytest.mark.parametrize("level", ["duty", "current"])
-@pytest.mark.parametrize("seed", range(4))
-def test_any_settings_orders_and_currents_give_the_same_bits(seed, level):
+@pytest.mark.parametrize("seed, rig", [*((seed, "hydmag") for seed in range(4)), (4, "three_speed"), (5, "three_speed")])
+def test_any_settings_orders_and_currents_give_the_same_bits(tmp_path, seed, rig, level):
     rng = random.Random(seed)
-    settings = replace(load_rig("hydmag"), alfa46=random_settings(rng))
-    plugs = [load_controller(spec, settings, level) for spec in (None, PYTHON, C, SIMULINK)]
+    settings = replace(load_rig(rig), alfa46=random_settings(rng))
+    source, specs = "alfa46.c", (None, PYTHON, C, SIMULINK)
+    if rig != "hydmag":  # the examples bring the record of that rig: elsewhere the C file takes the one made for the rig
+        (tmp_path / source).write_text(ALFA46_C.read_text())
+        specs = (None, PYTHON, f"c:{tmp_path / source}")
+    plugs = [load_controller(spec, settings, level) for spec in specs]
+    transducers = [float(k) for k in range(len(plugs[0].rig_record.transducers))]
     taken = 0
     for sample in range(4000):
         if rng.random() < 0.01:
-            gear, said = rng.randrange(3), set()
+            gear, said = rng.choice(list(settings.transmission.names)), set()
             for plug in plugs:
                 try:
                     plug.order(gear)
@@ -138,7 +143,7 @@ def test_any_settings_orders_and_currents_give_the_same_bits(seed, level):
             taken += said == {""}
         current = [rng.choice((0.0, rng.uniform(0.0, 0.9))) for _ in range(3)]
         seen = {
-            (repr(plug.step(sample, current, [1.0, 2.0, 3.0, 4.0])), plug.gear, plug.shifting, plug.flags)
+            (repr(plug.step(sample, current, transducers)), plug.gear, plug.shifting, plug.flags)
             for plug in plugs
         }
         assert len(seen) == 1, f"sample {sample}"

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from rig_nodes.bags.reader import Bag
-from rig_nodes.catalogue import catalogue
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.record import record
 from rig_nodes.testbench.sequence import load_sequence
@@ -37,7 +36,7 @@ def run(tmp_path_factory):
 def test_every_topic_of_the_bench_is_in_the_bag_and_nothing_is_lost(run):
     folder, out = run
     bag = Bag(folder)
-    assert set(catalogue("clutch_bench").topics) - set(bag.counts) == {"/testing_machine/command"}
+    assert set(load_rig("clutch_bench").catalogue.topics) - set(bag.counts) == {"/testing_machine/command"}
     assert bag.check() == [] and "messages lost: 0" in out
     report = json.loads((folder / "report.json").read_text())
     assert set(report["run"]["processes"]) == {"container", "sequencer", "recorder"}

@@ -127,7 +127,7 @@ def test_an_oil_supply_without_its_pressure_is_a_warning(user):
 
     user.until(on, "pressure that has to build up")
     assert "10 % below" in user.newest["rig/oil_supply"].message
-    assert float(user.shows("rig/oil_supply", OK, "at its pressure")["pressure_pa"]) > 3.6e6
+    assert float(user.shows("rig/oil_supply", OK, "at its pressure")["pressure"]) > 3.6e6
 
 
 def test_a_box_without_samples_is_stale(graph, user):

@@ -303,8 +303,9 @@ def test_a_controller_of_ones_own_refuses_settings_while_it_runs():
 
 
 def test_the_same_settings_again_change_no_bit():
-    config = load_rig().alfa46
-    one, other = Alfa46(config), Alfa46(config)
+    rig = load_rig()
+    config, box = rig.alfa46, rig.transmission
+    one, other = Alfa46(config, box), Alfa46(config, box)
     for box in (one, other):
         box.order(law.GEAR_I)
     for sample in range(2000):
@@ -315,7 +316,7 @@ def test_the_same_settings_again_change_no_bit():
 
 @pytest.mark.parametrize("name, value, sentence", [
     ("oil_supply.temperature", NAN, "expected -30 to 150 degC"), ("instruments.noise.T_oil", 1.0, "no noise to set"),
-    ("instruments.noise.p1", -1.0, "expected 0 to"), ("gearbox.inertia_in", 1.0, "cannot be set while the rig runs"),
+    ("instruments.noise.p1", -1.0, "expected 0 to"), ("w0.inertia", 1.0, "cannot be set while the rig runs"),
 ])
 def test_the_rig_refuses_what_cannot_be_set(name, value, sentence):
     with pytest.raises(RigError, match=sentence):

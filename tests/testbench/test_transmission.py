@@ -120,6 +120,6 @@ def test_the_box_takes_the_gears_that_there_are_and_has_three_outputs(config):
         _, setpoint = three.step(sample, [0.0] * 3)
     assert three.gear == 3 and setpoint[2] > 0.0 and not setpoint[:2].any()
     with pytest.raises(RigError, match=r"there is no gear 3; order 0 \(neutral\), 1 \(I\) or 2 \(II\)"):
-        Alfa46(config.alfa46).order(3)
+        Alfa46(config.alfa46, config.transmission).order(3)
     with pytest.raises(RigError, match="gear IIII has no output; the box drives one of 3 in each gear"):
         Alfa46(config.alfa46, with_gears(4)).order(4)
