@@ -45,9 +45,9 @@ One step of the reference controller through each plug ([controllers.md](control
 One run in gear, second by second: neither the cost nor the memory may grow with its length. What fades for ever (a
 coil's current, a line's pressure) is zero below 1e-200, because denormal numbers slowed a run down by a fifth after
 ten seconds. Into a bag, the index of the chunks stays in memory until the file is closed, 4 KB per simulated second.
-Clutches: a row of bodies with a clutch between each two, all closing at once, at a step of 100 us; one clutch takes
-the short way of two speeds. The sweep's members are whole runs of `demo` with metrics, on processes that are warm,
-the table included; the best of three sweeps with each number of processes in turn.""",
+Clutches: a row of bodies with a clutch between each two, all closing at once, at a step of 100 us. The sweep's
+members are whole runs of `demo` with metrics, on processes that are warm, the table included; the best of three sweeps
+with each number of processes in turn.""",
     "peers": """\
 Two inertias (0.7 and 0.127 kg m2, 1500 rpm and 0), a clutch whose capacity rises to 264 Nm in 45 ms, 2 s; 60 Nm drive
 the one, 40 Nm brake the other. Exact lock-up: {lock:.9f} s. Every tool is tried with many settings; shown is the
