@@ -43,7 +43,7 @@ def locked(rig):
 
 def state_of(rig):
     """The rig's present state, as the reference has it."""
-    y = [*rig.v, rig.motor["torque"], rig.motor["integral"], rig.load["pressure"], rig.oil["pressure"]]
+    y = [rig.true("w0.speed"), rig.true("wk.speed"), rig.motor["torque"], rig.motor["integral"], rig.load["pressure"], rig.oil["pressure"]]
     for k, (valve, clutch) in enumerate(zip(rig.valves, rig.clutches)):
         y += [valve["spool"], rig.line_pressure(k), *(clutch[name] for name in (
             "chamber", "piston", "held", "rest", "temperature", "wear"))]
@@ -66,7 +66,7 @@ class RigShift:
         rig.advance(1.5)
         rig.set_motor(rpm * RPM, True)
         rig.advance(4.0)
-        rig.set_load(relief_setting_for(load, rig.v[1], config.load_pump), True)
+        rig.set_load(relief_setting_for(load, rig.true("wk.speed"), config.load_pump), True)
         rig.advance(3.0)
         assert rig.locked_gear() == old
         self.start, first = state_of(rig), rig.sample

@@ -181,7 +181,7 @@ def test_a_clutch_that_holds_longer_lets_the_dip_begin_later(config):
 
 def test_a_downshift_that_does_not_end_counts_in_every_row(config):
     """As many misses as otherwise, or a search by least squares could not compare the two."""
-    weak = dataclasses.replace(config, clutch_s1=dataclasses.replace(config.clutch_s1, friction_correction=0.4))
+    weak = config.replaced(clutch_s1=dataclasses.replace(config.clutch_s1, friction_correction=0.4))
     ends, never = (rows.s2_releases(one, TARGETS) for one in (config, weak))
     assert [miss.row for miss in never] == [miss.row for miss in ends]
     assert {miss.tolerances for miss in never} == {rows.UNSHIFTED}

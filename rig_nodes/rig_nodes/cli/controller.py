@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 from ..config.names import DEFAULT_RIG
 from .what_to_run import StepTimeout, step_timeout
@@ -68,6 +69,7 @@ def check(args) -> int:
 def new(args) -> int:
     """Write the template, print what to do with it."""
     from ..controllers.record import record_of
+    from ..config.names import DEFAULT_RIG
     from ..controllers.templates import write_template
     from ..testbench.configuration import load_gearbox_rig
 
@@ -75,5 +77,7 @@ def new(args) -> int:
     files, commands = write_template(args.kind, args.folder, record)
     print("\n".join(f"wrote {path}" for path in files))
     print("next:")
-    print("\n".join(f"    {command}" for command in commands))
+    given = "" if args.rig == DEFAULT_RIG else f" --rig {args.rig}"
+    for command in commands:
+        print("    " + re.sub(r"^(\./rig (?:simulate demo|export [\w-]+))", rf"\g<1>{given}", command))
     return 0

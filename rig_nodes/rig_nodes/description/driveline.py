@@ -61,7 +61,7 @@ def held_ratio(system: System, clutches: Iterable[str], at_input: str, at_output
 
     ValueError where they leave that open, or let the output stand.
     """
-    free = _left_free(np.array([system.w[system.elements.index(name)] for name in clutches]))
+    free = _left_free(system.w[[system.elements.index(name) for name in clutches]])
     into, out = (system.bodies_from_speeds[system.bodies.index(name)] for name in (at_input, at_output))
     if len(free) == 0:
         raise ValueError("they let nothing turn")

@@ -140,7 +140,7 @@ class _Planner:
 
     def planned(self) -> Planned:
         instances, structure = [], self.structure
-        for role in (parts.OIL, parts.SOURCE, parts.LOAD, parts.LOSS, parts.VALVE, parts.PRESS, parts.CLUTCH):
+        for role in (parts.OIL, parts.CLUTCH, parts.PRESS, parts.VALVE, parts.SOURCE, parts.LOAD, parts.LOSS):
             instances += map(self._instance, structure.of_role(role))
         if self.config.prescribed is not None and self.config.prescribed.bounded:
             instances.append(self._bounds())

@@ -138,7 +138,14 @@ def load_sequence(name: str | Path, values: dict[str, str] | None = None, rig: s
     if "ready" in node:
         check_keys(path, node["ready"], ("timeout",), ("timeout",), "ready", where_of(path, node, "ready"))
         timeout = _time(node["ready"]["timeout"], f"{where_of(path, node, 'ready')}: ready.timeout")
-    steps = _steps(nodes, path, "steps", config, where_of(path, node, "steps"))
+    try:
+        steps = _steps(nodes, path, "steps", config, where_of(path, node, "steps"))
+    except RigError as error:
+        written_for = beside(path, node["rig"]) if "rig" in node else rig_with(path)
+        if own or str(written_for) in (str(rig), config.name):
+            raise
+        raise RigError(f"sequence '{Path(path).stem}' is for a rig like {written_for}, not for '{config.name}': {error}; leave out "
+                       f"--rig, or name one like {written_for}") from None
     least = sum((step.value if step.condition is None else step.hold) for step in steps if step.kind == "wait")
     if least > LONGEST_TIME:
         raise RigError(f"{where_of(path, node, 'steps')}: the waits of the sequence take {least:.6g} s in all, expected at "

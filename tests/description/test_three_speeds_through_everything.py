@@ -1,0 +1,125 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The three-speed gearbox, which is a folder only, through every verb and plug that the laboratory's rig goes through."""
+
+import json
+import os
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rig_nodes.bags.reader import Bag
+from rig_nodes.cli.main import main
+from rig_nodes.fmu.drive import main as drive
+from rig_nodes.graph.domain import allocate, use_own_transports
+
+SEQUENCE = str(Path(__file__).with_name("three.yaml"))
+RIG = ("--rig", "three_speed")
+
+
+def shifts(folder) -> list[tuple[int, int, bool]]:
+    """What a report says of the changes of gear."""
+    report = json.loads((Path(folder) / "report.json").read_text())
+    assert report["run"]["lost"] == 0 and report["run"]["end"]["state"] == "ended", report["run"]["end"]
+    return [(one["from_gear"], one["to_gear"], one["valid"]) for one in report["shifts"]]
+
+
+BOTH = [(1, 2, True), (2, 3, True)]
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory):
+    """The folder of a simulated run."""
+    folder = tmp_path_factory.mktemp("runs") / "simulated"
+    assert main(["simulate", SEQUENCE, *RIG, "--out", str(folder)]) == 0
+    return folder
+
+
+def rig(*arguments, **keywords):
+    return subprocess.run([sys.executable, "-m", "rig_nodes.cli.main", *arguments], text=True, capture_output=True, timeout=200,
+                          **keywords)
+
+
+def test_simulate_and_report(simulated, capsys):
+    assert shifts(simulated) == BOTH
+    assert main(["report", str(simulated)]) == 0
+    said = capsys.readouterr().out
+    assert "1 -> 2" in said and "2 -> 3" in said and "n_in rpm" in said
+
+
+def test_run_in_lockstep_has_the_same_bits(simulated, tmp_path):
+    done = rig("run", SEQUENCE, *RIG, "--speed", "max", "--out", str(tmp_path / "run"))
+    assert done.returncode == 0, done.stdout + done.stderr
+    mine, its = Bag(tmp_path / "run").canonical_hash(), Bag(simulated).canonical_hash()
+    # orders reach the box over ROS: when it says so is its own affair
+    assert {topic: mine[topic] for topic in its if topic not in ("/controller/events", "all")} == {
+        topic: its[topic] for topic in its if topic not in ("/controller/events", "all")}
+
+
+@pytest.mark.against_the_clock
+def test_run_in_real_time_and_replay(tmp_path):
+    done = rig("run", SEQUENCE, *RIG, "--out", str(tmp_path / "run"))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert shifts(tmp_path / "run") == BOTH
+    done = rig("replay", str(tmp_path / "run"), "--rate", "20")
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_view_has_the_rigs_own_clutches(simulated):
+    pytest.importorskip("rerun")
+    done = rig("view", str(simulated), "--no-open")
+    assert done.returncode == 0, done.stderr
+    assert (simulated / "view.rrd").stat().st_size > 100_000
+
+
+def test_sweep_over_a_delay_of_its_third_gear(tmp_path):
+    out = tmp_path / "sweep"
+    assert main(["sweep", SEQUENCE, *RIG, "--vary", "alfa46.t23=-250 ms, -150 ms", "--out", str(out), "--jobs", "2"]) == 0
+    assert any(out.rglob("*.csv")) or any(out.rglob("*.parquet"))
+
+
+def test_an_fmu_of_it_shifts(tmp_path):
+    fmu = tmp_path / "three.fmu"
+    assert main(["export", "fmu", *RIG, "-o", str(fmu)]) == 0
+    assert drive([str(fmu), SEQUENCE, *RIG, "--out", str(tmp_path / "run")]) == 0
+    assert shifts(tmp_path / "run") == BOTH
+
+
+@pytest.mark.parametrize("kind", ["c", "python", "udp-python", "ros-python"])
+def test_a_controller_of_ones_own_shifts_it(kind, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["controller", "new", kind, "mine", *RIG]) == 0
+    commands = capsys.readouterr().out.split("next:\n")[1]
+    programs = []
+    with allocate() as domain:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain.number))
+        before = dict(os.environ)
+        use_own_transports()
+        try:
+            for line in commands.splitlines():
+                command = shlex.split(line, comments=True)
+                if command[0] == "./rig":
+                    command[command.index("demo")] = SEQUENCE
+                    assert command[3:5] == ["--rig", "three_speed"], "the printed command is for the rig that was asked for"
+                    assert main([*command[1:], "--out", "run"]) == 0, capsys.readouterr().err
+                elif command[-1] == "&":
+                    programs.append(subprocess.Popen([sys.executable, *command[1:-1]], stderr=subprocess.PIPE, text=True))
+        finally:
+            for program in programs:
+                program.kill()
+                program.communicate()
+            os.environ.clear()
+            os.environ.update(before)
+    assert shifts("run") == BOTH
+
+
+@pytest.mark.parametrize("kind", ["c", "python"])
+def test_a_controller_for_it_passes_the_conformance_set(kind, tmp_path, capsys):
+    assert main(["controller", "new", kind, str(tmp_path / "mine"), *RIG]) == 0
+    spec = {"c": f"c:{tmp_path}/mine/my_controller.c", "python": f"python:{tmp_path}/mine/my_controller.py:MyController"}[kind]
+    assert main(["controller", "check", spec, *RIG]) == 0, capsys.readouterr().out
+    assert "13 of 13 passed" in capsys.readouterr().out
