@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rig_nodes.cli.main import main
-from rig_nodes.config import CONFIG_DIR
+from rig_nodes.config import CONFIG_DIR, RIGS_DIR
 from rig_nodes.errors import RigError
 from rig_nodes.plant.kiss_point import kiss_pressure
 from rig_nodes.testbench.configuration import load_rig
@@ -31,13 +31,12 @@ def test_the_rig_lies_within_what_may_change(config):
         for name, p in parameters.items():
             place, times = next(iter(p.of.items()))
             part, _, key = place.partition(".")
-            owner = config.alfa46.values if part == "alfa46" else getattr(config, part)
-            assert p.low <= getattr(owner, key) / times <= p.high, f"{stage}.{name}"
+            assert p.low <= getattr(config.values(part), key) / times <= p.high, f"{stage}.{name}"
 
 
 @pytest.mark.parametrize("old, new, sentence", [
     ("losses:", "loses:", "unknown key 'loses'"), ("low: 4 Nm", "low: 40 Nm", "low must be below high"),
-    ("[gearbox.loss_in_at_rest]", "[gearbox.loss]", "no value 'gearbox.loss'"),
+    ("[loss_in.at_rest]", "[loss_in.at]", "no value 'loss_in.at'"),
     ("high: 15 Nm", "high: 15 rpm", "expected a torque")])
 def test_a_wrong_list_of_parameters_is_refused(tmp_path, old, new, sentence):
     text = c.CALIBRATION_FILE.read_text()
@@ -81,17 +80,19 @@ def test_losses_are_found_again(config):
 
 
 def test_what_is_found_is_written_where_the_rig_reads_it(tmp_path):
-    for kind in ("rigs", "controllers"):
-        shutil.copytree(CONFIG_DIR / kind, tmp_path / kind)
-    rig, controller = tmp_path / "rigs" / "hydmag.yaml", tmp_path / "controllers" / "alfa46.yaml"
+    shutil.copytree(RIGS_DIR / "hydmag", tmp_path / "hydmag")
+    shutil.copytree(CONFIG_DIR / "controllers", tmp_path / "controllers")
+    rig, controller = tmp_path / "hydmag" / "rig.yaml", tmp_path / "controllers" / "alfa46.yaml"
     lines = len(rig.read_text().splitlines())
-    c.write_values({"losses.loss_at_470": 6.25, "clutch_s2.clearance": 5.25e-3}, rig, controller)
+    c.write_values({"losses.loss_at_470": 6.25, "losses.loss_out_constant": 2.5, "clutch_s2.clearance": 5.25e-3}, rig, controller)
     read = load_rig(rig, {})
-    assert read.gearbox.loss_in_at_470 == 6.25 and read.clutch_s2.clearance == pytest.approx(5.25e-3)
-    assert 'loss_in_at_470: [6.25 Nm, "calibrated: rig calibrate"]' in rig.read_text()
+    assert read.loss_in.at_470 == 6.25 and read.clutch_s2.clearance == pytest.approx(5.25e-3)
+    assert read.loss_out.drag == 2.5 and read.loss_out.at_470 == read.loss_in.drag == 0.0, "those of the other loss stay"
+    assert read.clutch_s1.clearance == load_rig("hydmag").clutch_s1.clearance
+    assert '    at_470: [6.25 Nm, "calibrated: rig calibrate"]' in rig.read_text()
     assert len(rig.read_text().splitlines()) == lines
-    rig.write_text(rig.read_text().replace("  loss_in_at_470: ", "  loss_in_at_47: "))
-    with pytest.raises(RigError, match="no line 'loss_in_at_470"):
+    rig.write_text(rig.read_text().replace("    at_470: [6.25", "    at_47: [6.25"))
+    with pytest.raises(RigError, match="no line 'at_470.* in loss_in"):
         c.write_values({"losses.loss_at_470": 6.25}, rig, controller)
 
 
@@ -105,7 +106,7 @@ def test_wrong_arguments_are_refused(capsys, arguments, sentence):
 
 def made_up(config, targets):
     """Two rows that a driven side's constant loss of 2 and of 6 Nm would meet, and one that it does not touch."""
-    loss = config.gearbox.loss_out_constant
+    loss = config.loss_out.drag
     return [rows.Miss("low", loss, loss - 2.0), rows.Miss("high", loss, (loss - 6.0) / 2.0), rows.Miss("far", 0.0, 3.0)]
 
 
@@ -129,7 +130,7 @@ def test_the_spread_moves_the_sum_of_squared_misses_by_one(config):
     """Of a curve that 2.8 Nm meet best: (3 d + 1)^2 + (1 - 3 d)^2 = 2 + 18 d^2 is 1 more at d = 0.2357 Nm."""
 
     def curve(config, targets):
-        parts = tuple(way * 3.0 * (config.gearbox.loss_out_constant - 2.8) + 1.0 for way in (1.0, -1.0))
+        parts = tuple(way * 3.0 * (config.loss_out.drag - 2.8) + 1.0 for way in (1.0, -1.0))
         return [rows.Miss("curve", 0.0, float(np.hypot(*parts)), parts)]
 
     parameters = {"loss_out_constant": c.load_stages()["losses"]["loss_out_constant"]}

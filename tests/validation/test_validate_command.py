@@ -38,7 +38,7 @@ def shift(rpm, nm, **values):
 
 
 def test_rows_come_back_as_json_and_misses_do_not_fail(capsys):
-    arguments = ["--rows", "coast_down_inertia", "ch9_load_law_minimum", "--set", "gearbox.inertia_in=1.4 kg m2"]
+    arguments = ["--rows", "coast_down_inertia", "ch9_load_law_minimum", "--set", "w0.inertia=1.4 kg m2"]
     assert main(["validate", *arguments, "--jobs", "1", "--json", "-"]) == 0
     out = capsys.readouterr()
     content = json.loads(out.out)
