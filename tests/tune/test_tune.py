@@ -226,7 +226,7 @@ def test_sampled_rigs_keep_to_spreads_and_bounds(config):
     orifices = [rig.valve_zr_p2.orifice_area for rig in rigs]
     away = [abs(area - config.valve_zr_p2.orifice_area) for area in orifices]
     assert len(set(orifices)) == 4 and max(away) <= 3e-8 * 1.000001
-    bounds = uncertainty.parameters()["clutch_s1.clearance"]
+    bounds = uncertainty.parameters(config)["clutch_s1.clearance"]
     assert all(bounds.low <= rig.clutch_s1.clearance <= bounds.high for rig in rigs)
     temperatures = sorted(rig.oil_supply.temperature for rig in rigs)
     assert [int((t - 20.0) / 10.0) for t in temperatures] == list(range(4))
@@ -234,15 +234,15 @@ def test_sampled_rigs_keep_to_spreads_and_bounds(config):
     assert [rig.valve_zr_p2.orifice_area for rig in again] == orifices
 
 
-def test_spreads_from_a_file(tmp_path):
+def test_spreads_from_a_file(tmp_path, config):
     (tmp_path / "s.json").write_text(json.dumps({"spread": {"clutch_s2.orifice": 1e-8}, "values": {}}))
-    assert uncertainty.read_spreads(tmp_path / "s.json") == {"clutch_s2.orifice": 1e-8}
+    assert uncertainty.read_spreads(tmp_path / "s.json", config) == {"clutch_s2.orifice": 1e-8}
     (tmp_path / "t.json").write_text(json.dumps({"spread": {"clutch_s2.nothing": 1e-8}}))
     with pytest.raises(RigError, match="has no parameter 'clutch_s2.nothing'"):
-        uncertainty.read_spreads(tmp_path / "t.json")
+        uncertainty.read_spreads(tmp_path / "t.json", config)
     (tmp_path / "u.json").write_text("{}")
     with pytest.raises(RigError, match="holds no spreads"):
-        uncertainty.read_spreads(tmp_path / "u.json")
+        uncertainty.read_spreads(tmp_path / "u.json", config)
 
 
 def test_a_controller_file_is_the_settings(config, tmp_path):
@@ -436,3 +436,15 @@ def test_what_is_wrong_is_said_before_anything_is_computed(capsys, tmp_path, mon
     assert "other holds another tuning (rig is not the same)" in capsys.readouterr().err
     with pytest.raises(AssertionError, match="processes are started"):
         main(["tune", "--out", str(tmp_path / "new"), "--bound", "dip=0 %"])
+
+
+def test_another_gearbox_has_ways_and_delays_of_its_own():
+    rig = load_rig("three_speed")
+    ways, parts = run.searches(rig)
+    assert list(ways) == [name for way in ("1-2", "2-1", "2-3", "3-2") for name in (f"scout {way}", way)] + ["least"]
+    assert ways["least"] == "2-1" and set(parts) == set(ways)
+    assert space.delay_of(rig.transmission, "2-3") == "t23"
+    assert space.begin_of(rig, "2-3") == space.values_of(rig.alfa46, "2-3", rig.transmission)
+    assert uncertainty.parameters(rig) == {}, "nothing of it was calibrated"
+    cold, warm = (one.oil_supply.temperature for one in uncertainty.sampled_rigs(rig, {}, (20.0, 60.0), 2, 5))
+    assert 20.0 <= min(cold, warm) < max(cold, warm) <= 60.0

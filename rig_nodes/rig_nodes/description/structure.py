@@ -177,8 +177,15 @@ class Structure:
         return str(self.device(name).wires.get("line", name))
 
     def plain(self) -> dict:
-        """What JSON can hold, for the run's record; :func:`structure_of` reads it."""
-        return asdict(self)
+        """What JSON can hold, with lists as it gives them back, for the run's record; :func:`structure_of` reads it."""
+        return _listed(asdict(self))
+
+
+def _listed(value):
+    """The same with lists in place of tuples."""
+    if isinstance(value, dict):
+        return {name: _listed(one) for name, one in value.items()}
+    return [_listed(one) for one in value] if isinstance(value, (list, tuple)) else value
 
 
 def structure_of(plain: Mapping) -> Structure:
