@@ -46,12 +46,13 @@ def put(_context, array, values):
     return types.void(array, values), build
 
 
+# "contract": a product and a sum may become one instruction
 def _times(builder, x, y):
-    return builder.fmul(x, y)
+    return builder.fmul(x, y, flags=("contract",))
 
 
 def _plus(builder, x, y):
-    return builder.fadd(x, y)
+    return builder.fadd(x, y, flags=("contract",))
 
 
 def _each(builder, of, *vectors):
