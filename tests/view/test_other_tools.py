@@ -135,7 +135,7 @@ def test_foxglove_finds_each_panel_once(foxglove):
     shown = {title: [foxglove["configById"][key]["foxglovePanelTitle"].partition(" [")[0] for key in keys]
              for title, keys in placed.items()}
     assert shown == titles()
-    for columns in tabs():
+    for columns in tabs(PAGES):
         parts = foxglove["configById"][placed[columns[0]][0]]
         assert len({path["color"] for path in parts["paths"]}) == len(parts["paths"])
 
@@ -146,3 +146,12 @@ def test_other_tools_read_the_rigs_time_from_the_file():
     with open(SAMPLE / "sample_0.mcap", "rb") as file:
         messages = list(make_reader(file).iter_messages(topics=["/clutch_s1/p1"]))
     assert messages and all(message.publish_time == message.log_time for _, _, message in messages)
+
+
+def test_a_layout_of_another_rig_has_its_signals_and_clutches(tmp_path):
+    path = tmp_path / "layout"
+    assert main(["view", "--layout", "foxglove", "--rig", "three_speed", "--out", str(path)]) == 0
+    text = path.read_text()
+    assert all(f'"{name} [' in text for name in ("n_in", "p_b1", "b1_torque", "c3_slip", "v_c2_duty")) and "s1_" not in text
+    assert main(["view", "--layout", "plotjuggler", "--rig", "clutch_bench", "--out", str(path)]) == 0
+    assert 'tab_name="Shift"' not in path.read_text() and "M_e [Nm]" in path.read_text()
