@@ -15,7 +15,6 @@ from pathlib import Path
 from statistics import median
 
 from ..bags.writer import BagWriter
-from ..catalogue import catalogue
 from ..sweep.plan import make_plan
 from ..sweep.run import manifest_of, run_sweep
 from ..sweep.store import Store
@@ -40,7 +39,7 @@ def _memory() -> float:
 
 def by_length(tell=lambda text: None) -> list[dict]:
     """Cost per simulated second of each part of one run in gear under load; the median second of the part."""
-    rig = Rig(load_rig("hydmag"))
+    rig = Rig(load_rig())
     drive(rig, lambda _phase, seconds: rig.advance(seconds))
     out = []
     for begin in range(0, LENGTH, PART):
@@ -57,9 +56,9 @@ def by_length(tell=lambda text: None) -> list[dict]:
 
 def streaming(tell=lambda text: None) -> list[dict]:
     """The same into a bag, as ``simulate`` writes it: all topics, on disk."""
-    rig = Rig(load_rig("hydmag"))
+    rig = Rig(load_rig())
     outputs = Outputs(rig, {}, commands=True)
-    types = {name: topic.ros_type for name, topic in catalogue().all_topics.items()}
+    types = {name: topic.ros_type for name, topic in rig.config.catalogue.all_topics.items()}
     out, size = [], 0
     with tempfile.TemporaryDirectory(prefix="rig-bench-") as folder, BagWriter(folder, "long") as bag:
 

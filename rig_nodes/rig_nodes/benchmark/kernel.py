@@ -72,7 +72,7 @@ def drive(rig: Rig, go) -> None:
 
 def variant(settings: dict[str, str], rows: bool, repeats: int) -> dict:
     """Fastest of some drives: real-time factor of all of it, ns per step of each phase."""
-    config = load_rig("hydmag", settings)
+    config = load_rig(overrides=settings)
     step = config.kernel.step
     Rig(config).advance_samples(1)  # compiles what is not compiled yet
     best: dict[str, tuple[int, float]] = {}

@@ -84,7 +84,7 @@ def _measure(part: str, repeats: int, tell):
         from ..testbench.configuration import load_rig
 
         tell("every plug")
-        rows = [cost._asdict() for cost in controllers_table(load_rig("hydmag"))]
+        rows = [cost._asdict() for cost in controllers_table(load_rig())]
         return [{**row, "median_us": None, "p99_us": None} if row["missing"] else row for row in rows]
     if part == "scaling":
         from ..benchmark.growth import bench_scaling
