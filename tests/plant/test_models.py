@@ -217,7 +217,8 @@ def test_load_is_what_the_relief_valve_makes_of_the_speed(config):
 def test_the_loss_by_speed_runs_down_along_the_printed_parabola():
     """(7.7): w = 0.5735 t2 - 11.736 t + 49.274, so dw/dt is -11.736 rad/s2 at first, -7.148 rad/s2 after 4 s at 11.506
     rad/s; the torques are those times 0.709 kg m2, and 3.522 Nm where the parabola ends, at 4.967 rad/s2."""
-    loss = record(GearLossConfig(by_speed=0.0, at_rest=3.522, at_470=8.321, drag=0.0))
+    loss = record(GearLossConfig(by_speed=0.0, at_rest=3.522, at_470=8.321, drag=0.0, constant=0.0, share=0.0, square=0.0,
+                                 torque_side="driven"))
     assert loss_by_speed(49.274, loss) == pytest.approx(0.709 * 11.736, rel=1e-3)
     assert loss_by_speed(11.506, loss) == pytest.approx(0.709 * 7.148, rel=2e-3)
     assert loss_by_speed(0.0, loss) == pytest.approx(3.522)

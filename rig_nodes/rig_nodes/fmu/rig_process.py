@@ -41,7 +41,7 @@ class Recording:
         self.record = run_record(config, Sequence("fmu", "driven through FMI", 0.0), seed)
         self.outputs = Outputs(rig, self.record, commands=True)
         self._types = {name: topic.ros_type for name, topic in config.catalogue.all_topics.items()}
-        self._bag = BagWriter(folder, "fmu")
+        self._bag = BagWriter(folder, "fmu", topics=config.catalogue.all_topics)
         self._bag.__enter__()
 
     def due(self) -> None:

@@ -44,7 +44,8 @@ def join_pieces(folder: Path) -> None:
         return
     joined = folder / "joined"
     sent: set[tuple[str, bytes]] = set()  # on latched topics
-    with BagWriter(joined, pieces[0].stem.rpartition("_")[0]) as writer:
+    of_rig = Bag(pieces[0], recover=True).catalogue.all_topics
+    with BagWriter(joined, pieces[0].stem.rpartition("_")[0], topics=of_rig) as writer:
         for piece in pieces:
             bag = Bag(piece, recover=True)
             classes = {topic: _class_of(bag, topic) for topic in bag.counts}

@@ -255,7 +255,7 @@ def work(process) -> None:
     """Record until told to stop, then take in what is on its way."""
     arguments = process.arguments
     (topics, wanted), choice = topics_of(arguments), TopicChoice(arguments.topics, arguments.exclude)
-    with BagWriter(arguments.out, arguments.name, arguments.piece) as writer:
+    with BagWriter(arguments.out, arguments.name, arguments.piece, topics) as writer:
         process.status("recording")
         sys.setswitchinterval(0.0005)  # callbacks do not wait long for the writer
         executor = process.start_ros()
