@@ -13,7 +13,7 @@ from rig_nodes.testbench.configuration import load_rig
 
 ROOT = Path(rig_nodes.__file__).parent
 # What evaluates the laboratory's own printed pages and tests, beside the rigs' folders and examples for users
-OF_THE_LABORATORY = ("rigs/", "validation/", "controllers/examples/", "analysis/annex_a.py", "analysis/slip_tests.py",
+OF_THE_LABORATORY = ("rigs/", "validation/", "cli/calibrate.py", "config/conditions.py", "controllers/examples/", "analysis/annex_a.py", "analysis/slip_tests.py",
                      "analysis/bench_report.py", "analysis/coast_down.py", "plant/friction/bench.py", "bags/old_form.py")
 
 

@@ -46,11 +46,11 @@ class Point:
     """
 
     way: str
-    n_wej: float
+    speed: float
     m_wyj: float
 
     def text(self) -> str:
-        return f"{self.way} {self.n_wej / RPM:.0f} rpm {self.m_wyj:.0f} Nm"
+        return f"{self.way} {self.speed / RPM:.0f} rpm {self.m_wyj:.0f} Nm"
 
 
 @dataclass(frozen=True)
@@ -176,15 +176,15 @@ class Bench:
         rig, torque = self._rig, point.m_wyj
         rig.restore(self._standing_in(self.gears[point.way][0]))
         rig.set_controller(self.config.alfa46)
-        rig.set_motor(point.n_wej, True)
-        self._go(round(point.n_wej / self._source.ramp + 1.0, 1))
+        rig.set_motor(point.speed, True)
+        self._go(round(point.speed / self._source.ramp + 1.0, 1))
         for _ in range(4):  # the load's torque depends on the speed, which it changes a little
             setting = relief_setting_for(torque, rig.measurement(self.transmission.output.speed), self._load)
             rig.set_load(min(setting, self._load.pressure_limit), True)
             self._go(1.5)
             speed = rig.measurement(self.transmission.input.speed)
             miss = point.m_wyj - rig.measurement(self.transmission.output.torque)
-            if abs(miss) < LOAD_WITHIN and abs(speed - point.n_wej) < SPEED_WITHIN:
+            if abs(miss) < LOAD_WITHIN and abs(speed - point.speed) < SPEED_WITHIN:
                 self._go(LEAD)
                 before = round(BEFORE / ROW)
                 return rig.snapshot(), rig.rows_at(ROW, round(rig.time / ROW) - before, before)

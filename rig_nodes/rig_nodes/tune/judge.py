@@ -117,7 +117,7 @@ def _measured(config: RigConfig, item) -> dict | None:
     settings, point, seed = item
     gears = config.transmission.ways()[point.way]
     up, down = (point.m_wyj, point.m_wyj) if gears[1] > gears[0] else (40.0, point.m_wyj)
-    sequence = load_sequence("grid_point", {"speed": f"{point.n_wej / RPM!r} rpm", "load_up": f"{up!r} Nm",
+    sequence = load_sequence("grid_point", {"speed": f"{point.speed / RPM!r} rpm", "load_up": f"{up!r} Nm",
                                             "load_down": f"{min(down, 240.0)!r} Nm"})
     run = record(replace(config, alfa46=settings), sequence, seed)
     rows = [row for row in shifts(run.recording) if (row["from_gear"], row["to_gear"]) == gears
@@ -135,7 +135,7 @@ class Heavy:
     at which each of the three stays within the engine's torque.
     """
 
-    n_wej: float
+    speed: float
     load: float
     before: float
     least: float | None
@@ -145,7 +145,7 @@ class Heavy:
     compared_load: float
 
     def as_dict(self) -> dict:
-        return {"n_wej_rpm": self.n_wej / RPM, "load_nm": self.load, "m_wej_before_nm": self.before,
+        return {"n_wej_rpm": self.speed / RPM, "load_nm": self.load, "m_wej_before_nm": self.before,
                 "least_peak_nm": self.least, "compared_peak_nm": self.compared, "engine_nm": ENGINE,
                 "load_within_engine_nm": {"before_the_shift": self.before_load, "least_peak": self.least_load,
                                           "compared": self.compared_load}}
@@ -173,10 +173,10 @@ def _heavy(config: RigConfig, best: Alfa46Config, compared: Alfa46Config, point:
 
     def peak(settings):
         def read(load: float) -> float:
-            shift = bench.shift(Point(point.way, point.n_wej, load), settings)
+            shift = bench.shift(Point(point.way, point.speed, load), settings)
             return shift.peak if shift.valid else float("inf")
         return read
 
-    return Heavy(point.n_wej, point.m_wyj, ours.before, ours.peak, theirs.peak,
-                 within(lambda load: bench.shift(Point(point.way, point.n_wej, load), compared).before),
+    return Heavy(point.speed, point.m_wyj, ours.before, ours.peak, theirs.peak,
+                 within(lambda load: bench.shift(Point(point.way, point.speed, load), compared).before),
                  within(peak(best)), within(peak(compared)))

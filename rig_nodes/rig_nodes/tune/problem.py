@@ -60,7 +60,7 @@ class Range:
         places = qmc.LatinHypercube(2, seed=np.random.default_rng(seed)).random(count).tolist()
         points = [Point(way, self.low_speed + a * (self.high_speed - self.low_speed),
                         self.low_load + b * (self.high_load - self.low_load)) for a, b in places]
-        return [Point(way, points[0].n_wej, self.high_load), *points[1:]]
+        return [Point(way, points[0].speed, self.high_load), *points[1:]]
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def held(config: RigConfig, points: list[Point]) -> tuple[list[Point], list[str]
             except NotHeld:
                 if chosen.m_wyj <= LOAD_STEP:
                     raise
-                chosen = Point(point.way, point.n_wej, chosen.m_wyj - LOAD_STEP)
+                chosen = Point(point.way, point.speed, chosen.m_wyj - LOAD_STEP)
         if chosen != point:
             said.append(f"{point.text()} is more than the rig holds; {chosen.text()} in its place")
         if chosen not in out:
