@@ -29,7 +29,7 @@ setup(
     maintainer="Virtual rig maintainers",
     maintainer_email="rig@example.invalid",
     packages=find_packages(include=[NAME, NAME + ".*"]),
-    package_data={NAME: ["config/**/*.yaml", "config/*.xml", "rigs/**/*.yaml", "rigs/**/*.csv", "controllers/include/*.h*",
+    package_data={NAME: ["config/**/*.yaml", "config/*.xml", "rigs/**/*.yaml", "rigs/**/*.csv", "description/template/**/*.yaml", "controllers/include/*.h*",
                          "controllers/examples/**/*.c*", "controllers/examples/**/*.h", "controllers/examples/**/*.xml",
                          "controllers/examples/**/CMakeLists.txt", "controllers/templates/**/*", "fmu/c/*",
                          "validation/*.yaml"]},

@@ -50,7 +50,7 @@ def works(sequence, values) -> dict[str, tuple[float, float]]:
     config = load_rig("hydmag", values)
     rig = Rig(config)
     outputs = Outputs(rig, {}, commands=True)
-    runner = SequenceRunner(sequence, LocalBench(rig, outputs), config.load_pump)
+    runner = SequenceRunner(sequence, LocalBench(rig, outputs), config)
     while not (rig.sample and rig.sample % 5 == 0 and runner.poll(rig.time)):
         list(outputs.due())
         rig.advance_samples(1)

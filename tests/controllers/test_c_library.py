@@ -204,7 +204,7 @@ static void give(const char *name, double value) {
 }
 int main(void) {
   char name[32];
-  give("sample_time", 1e-3); give("t12", -0.22); give("t21", 0.1);
+  give("sample_time", 1e-3); give("t12", -0.22); give("t21", 0.1); give("t23", 0); give("t32", 0);
   give("supply_voltage", 24); give("gain_p", 20); give("gain_i", 1000);
   give("gain_d", 1); give("derivative_time", 0.02);
   for (int k = 1; k <= 3; k++) for (int n = 1; n <= 6; n++) {

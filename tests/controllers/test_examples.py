@@ -14,11 +14,11 @@ from rig_nodes.controllers.examples.command import run
 
 @pytest.mark.parametrize(("module", "arguments", "sentence"), [
     ("can_alfa46", "x --interface virtual --rig nowhere", "there is no rig 'nowhere'; known are "),
-    ("can_alfa46", "x --interface virtual --rig clutch_bench", "this example is for a rig with the gearbox"),
+    ("can_alfa46", "x --interface virtual --rig clutch_bench", "this example is for a rig with gears"),
     ("can_alfa46", "x --interface telepathy", "the bus x cannot be opened with the interface telepathy"),
     ("can_alfa46", "", "the following arguments are required: channel"),
     ("modbus_alfa46", "5020 --rig nowhere.yaml", "nowhere.yaml: there is no such file"),
-    ("modbus_alfa46", "5020 --rig clutch_bench", "this example is for a rig with the gearbox"),
+    ("modbus_alfa46", "5020 --rig clutch_bench", "this example is for a rig with gears"),
     ("modbus_alfa46", "70000", "'70000' is no port; expected 1 to 65535"),
     ("modbus_alfa46", "5020 --host no.such.machine.invalid", "there is no machine 'no.such.machine.invalid'"),
     ("alfa46_ros", "9lives", "'9lives' is no name of topics; expected letters, digits and single underscores"),

@@ -111,7 +111,7 @@ def test_a_setting_that_is_not_answered_yet_is_looked_at_with_every_tick(tmp_pat
             return False
 
     (tmp_path / "sequence.yaml").write_text("description: late\nsteps:\n  - controller: {held: 900}\n")
-    runner = SequenceRunner(load_sequence(tmp_path / "sequence.yaml"), Late())
+    runner = SequenceRunner(load_sequence(tmp_path / "sequence.yaml"), Late(), load_rig())
     assert not runner.poll(0.25) and runner.bench.given == ("held", 900.0)
     assert runner.next_look() == {"until": 0.25}
 

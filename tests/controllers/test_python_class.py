@@ -30,7 +30,7 @@ def test_it_gets_the_settings_of_the_rig_as_flat_names(python_controller, config
     given = python_controller("return Out()").info.parameters
     assert given["t12"] == -0.22 and given["gain_i"] == 2000.0
     assert (given["output_1.P1.time"], given["output_1.P1.current"]) == (0.2, 0.16)
-    assert len(given) == 10 + 3 * 6 * 2
+    assert len(given) == 12 + 3 * 6 * 2
 
 
 def test_numpy_answers_and_answers_of_their_own_type_are_taken(python_controller):

@@ -22,7 +22,7 @@ from rig_nodes.config.schema import limits
 from rig_nodes.controllers.load import load_controller
 from rig_nodes.errors import RigError
 from rig_nodes.graph.result import facts_of, lost_messages
-from rig_nodes.testbench.configuration import InstrumentsConfig, load_rig
+from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 
 pytestmark = pytest.mark.against_the_clock
@@ -151,7 +151,7 @@ def test_noise_is_set_per_channel_and_switched_off_and_on(user):
             lambda: (b := [b for b in blocks if seconds(b) >= since + TWO_TICKS])[3:] and b, "logger blocks")
         return max(np.ptp(np.reshape(block.data, (block.rows, -1))[:, column]) for block in later)
 
-    usual, most = spread(0.0), limits(InstrumentsConfig, "p1_noise")[1]
+    usual, most = spread(0.0), limits(type(load_rig().instruments), "p1_noise")[1]
     # below zero only its largest error is shown, so half of the noise remains at an idle clutch
     assert spread(user.set("instruments", noise__p1=most)) > 5.0 * usual
     assert spread(user.set("instruments", noise=False)) == 0.0

@@ -12,8 +12,7 @@ import pytest
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 PACKAGE = CHECKOUT / "rig_nodes"
-SCRIPTS = {"alfa46", "load_pump", "motor", "recorder", "replay", "rig", "rig_container", "sequencer", "valve_zr_p1",
-           "valve_zr_p2"}
+SCRIPTS = {"alfa46", "device", "recorder", "replay", "rig", "rig_container", "sequencer"}
 
 
 @pytest.fixture(scope="module")

@@ -78,10 +78,10 @@ TRIPPED = {"container": {"reason": "no command", "interrupted": False}}
     ({}, "container", "failed", "container left no counts, as a process that was killed"),
 ])
 def test_how_a_run_ended_is_told_from_what_its_processes_left(change, lost, state, reason):
-    end = end_of({name: fact for name, fact in (WELL | change).items() if name != lost})
+    end = end_of({name: fact for name, fact in (WELL | change).items() if name != lost}, shifts=True)
     assert (end.state, end.reason) == (state, reason)
 
 
 def test_a_bench_ends_well_without_the_shift_controller_that_it_does_not_have():
-    end = end_of({name: fact for name, fact in (WELL | DONE).items() if name != "alfa46"}, "clutch_bench")
+    end = end_of({name: fact for name, fact in (WELL | DONE).items() if name != "alfa46"}, shifts=False)
     assert (end.state, end.reason) == ("ended", "the sequence ended")

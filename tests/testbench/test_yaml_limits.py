@@ -48,8 +48,8 @@ TOO_MUCH = {
     "no number": (load_yaml, "a: .nan", ":1: .nan is no finite number"),
     "two documents": (load_yaml, "a: 1\n---\nb: 1\n", ":2: a second document begins here"),
     "a tag": (load_yaml, "a: !!python/object:os.system x", ":1: the tag .* is not known here"),
-    "a long list in a sentence": (load_rig, f"description: x\nbase: hydmag\nmotor: [{MANY}]\n",
-                                  r":3: motor must be a map of keys, found \[0, 1, 2"),
+    "a long list in a sentence": (load_rig, f"description: x\nbase: hydmag\nparts: {{motor: [{MANY}]}}\n",
+                                  r":3: parts.motor must be a map with the key 'part', found \[0, 1, 2"),
     "each in each": (load_sequence, steps(
         f"  - repeat:\n      each: {{a: [{MANY}]}}\n      steps:\n        - repeat:\n            each: {{b: [{MANY}]}}\n"
         "            steps: [{wait: {for: 1 ms}}]"), "repeats make more than 200000 values of the steps"),
@@ -107,7 +107,7 @@ def test_a_circle_of_several_files_and_a_long_row_of_them(tmp_path):
 
 def test_a_base_is_named_as_seen_from_the_file_that_names_it(tmp_path, monkeypatch):
     (tmp_path / "one").mkdir()
-    (tmp_path / "one" / "base.yaml").write_text('description: x\nbase: hydmag\nmotor: {ramp: [700 rpm/s, "x"]}\n')
+    (tmp_path / "one" / "base.yaml").write_text('description: x\nbase: hydmag\nparts: {motor: {ramp: [700 rpm/s, "x"]}}\n')
     (tmp_path / "one" / "mine.yaml").write_text("description: x\nbase: base.yaml\n")
     (tmp_path / "one" / "s.yaml").write_text(f"rig: mine.yaml\n{steps('  - wait: {for: 1 s}')}")
     monkeypatch.chdir(tmp_path)
@@ -175,7 +175,7 @@ def test_mistakes_in_a_sequence_are_named_with_what_would_be_right(tmp_path, old
     ("alfa64.t12", "1 ms", "there is no value 'alfa64.t12'; did you mean 'alfa46.t12'"),
     ("t12", "1 ms", "there is no value 't12'; did you mean 'alfa46.t12'"),
     ("motor", "1", "'motor' is a part of the rig; name one of its values, e.g. motor.torque_limit"),
-    ("kitchen", "1", "there is no part of the rig 'kitchen'; known are kernel, cut, motor"),
+    ("kitchen", "1", "there is no part of the rig 'kitchen'; known are kernel, cut, w0, z5, motor"),
 ])
 def test_settings_say_the_range_in_the_unit_that_was_typed_and_what_was_meant(key, text, sentence):
     with pytest.raises(RigError, match=f"^setting {re.escape(f'{key}={text}')}: (the value )?{sentence}"):
@@ -186,7 +186,7 @@ def test_settings_say_the_range_in_the_unit_that_was_typed_and_what_was_meant(ke
 
 SWEEP = ('sequence: demo\nvary:\n  alfa46.t12: "-250 ms .. -150 ms in 5"\n  alfa46.output_1.P1.current: [150 mA, 160 mA]\n'
          "method: grid\nseed: 3\nset: {alfa46.t21: 10 ms}\n")
-ON_BASE = 'description: "x"\nbase: hydmag\nmotor:\n  ramp: [700 rpm/s, "x"]\ncontroller_values:\n  t12: [1 ms, "x"]\n'
+ON_BASE = 'description: "x"\nbase: hydmag\nparts:\n  motor:\n    ramp: [700 rpm/s, "x"]\ncontroller_values:\n  t12: [1 ms, "x"]\n'
 VALUES = ["null", "true", "off", "[]", "{}", "[1, 2]", "{a: 1}", "1", "-1", "0", "1e400", "1e308", "9" * 40, ".inf", "2001-01-01",
           "0x1F", "!!binary aGk=", "&a x", "*a", "'", '"', '"\\e[31m"', "\u202e", "\t", "| ", "? x", "${x", "${a+1}", "$a", "NaN",
           "inf s", "1 rpm", "-5 rpm", "1500", "1500rpm", "x" * 3000, "- 1", '""', "~nobody/x.yaml", "/dev/zero.yaml",

@@ -20,7 +20,7 @@ from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.main import main
 from rig_nodes.view import layout
 from rig_nodes.view.convert import make_view, save_bare_layout
-from rig_nodes.view.pages import Pages
+from rig_nodes.view.pages import SUPPLY, Pages
 from rig_nodes.view.picture import NO_DRIVER, SIZE, HeadlessViewer, software_driver
 
 pytestmark = pytest.mark.skipif(software_driver() is None, reason=NO_DRIVER)
@@ -146,7 +146,7 @@ def test_window_and_tab_of_a_picture_can_be_chosen(run, tabs, tmp_path):
     assert main(["view", str(run), "--window", "1.2,2.6", "--tab", "other", "--picture", str(picture)]) == 0
     image = image_of(picture.read_bytes())
     assert image.shape == tabs["other"].whole.shape and (image != tabs["other"].whole).mean() > 0.02
-    assert curve_pixels(image, layout.SUPPLY) > 100, "the oil's temperature is in this tab"
+    assert curve_pixels(image, SUPPLY) > 100, "the oil's temperature is in this tab"
 
 
 def test_a_killed_command_leaves_no_viewer(recorded, tmp_path):

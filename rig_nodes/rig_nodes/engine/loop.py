@@ -26,7 +26,7 @@ load_numba()
 EXPONENT = 0x7FF << 52  # of a double whose bits are read as an integer: all set where it is no finite number
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def true_row(numbers, shown):
     """The values at the end of a step into the row of ``shown``; False where one is no finite number.
 
@@ -43,7 +43,7 @@ def true_row(numbers, shown):
     return wrong == 0
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def measure(index, h, world, shown):
     """One logger row of a true one: as transducers, encoders and converter show it.
 
@@ -57,7 +57,7 @@ def measure(index, h, world, shown):
         transducers.show(shown, index)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def put_row(log, place, shown):
     """What is shown into a row of the ring."""
     count = shown.source.shape[0]
@@ -67,7 +67,7 @@ def put_row(log, place, shown):
         log[place, count + c] = shown.untouched[c]
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(cache=True, error_model="numpy")
 def power_stage(row, world, outputs, config):
     """The plant's current driver, for controllers that return setpoints: the box's current loop for each output.
 
@@ -80,7 +80,7 @@ def power_stage(row, world, outputs, config):
         current_loop(out.phase != OFF and world.safe == 0.0, world.current[k], out, config)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(cache=True, error_model="numpy")
 def first_row(log, h, worlds, numbers, showns, table, keys, hum, state, counts):
     """The logger's row of time 0."""
     shown = showns[0]
@@ -96,7 +96,7 @@ def first_row(log, h, worlds, numbers, showns, table, keys, hum, state, counts):
     transducers.give(shown, state)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=False)
+@njit(cache=True, error_model="numpy", forceinline=False)
 def put_back(world, moved, kept):
     """The state of the sample's beginning, the one that is given up into ``kept``."""
     for i in range(kept.shape[1]):
@@ -105,7 +105,7 @@ def put_back(world, moved, kept):
     world.driveline.work[:] = 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@njit(cache=True, nogil=True, error_model="numpy")
 def advance(samples, first_sample, steps_per_sample, h, drive, worlds, numbers, showns, table, keys, hum, gauge_state,
             counts, law_config, law_profiles, law_outputs, law_state, log, moved, finite, kept):
     """Move everything by whole controller samples; row j of the ring ``log`` is the time j * h after 0.

@@ -15,7 +15,7 @@ from numba.extending import overload
 
 from ..parts.part import STAGES, part
 
-_OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}, "forceinline": True}
+_OPTIONS = {"error_model": "numpy", "forceinline": True}
 
 
 def _parts_in(world) -> list:

@@ -20,7 +20,7 @@ from ..plant.driveline_quiet import quiet_step
 from .stages import after, before, bound
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def plant_step(world, h, t):
     """The plant from t to t + h."""
     line = world.driveline
@@ -49,7 +49,7 @@ def plant_step(world, h, t):
     after(world, h)
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def measure_driveline(line):
     """Speeds and accelerations of the bodies with a port, and torques between bodies, at the end of a step."""
     v, q, cap, el, w, rates = line.v, line.q, line.cap, line.el, line.w, line.rates

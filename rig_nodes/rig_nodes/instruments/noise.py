@@ -15,7 +15,7 @@ _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _CHANNEL = np.uint64(0xD1B54A32D192ED03)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _mix(z):
     # splitmix64 finaliser (Steele, Lea, Flood 2014): full avalanche of a 64-bit counter
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -23,13 +23,13 @@ def _mix(z):
     return z ^ (z >> np.uint64(31))
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def channel_key(seed, channel):
     """Where the numbers of a channel begin (uint64), for :func:`noise_at`."""
     return _mix(np.uint64(seed) * _GOLDEN + np.uint64(channel) * _CHANNEL)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def noise_at(key, sample):
     """A number of zero mean and unit variance: sum of four 16-bit uniforms, so never beyond 3.5."""
     z = _mix(key + np.uint64(sample) * _GOLDEN)
@@ -40,7 +40,7 @@ def noise_at(key, sample):
     return (total - 131070.0) * (1.0 / 37837.22722)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def uniform(seed, channel, sample):
     """A number from 0 to below 1, each as likely as the other."""
     z = _mix(channel_key(seed, channel) + np.uint64(sample) * _GOLDEN)

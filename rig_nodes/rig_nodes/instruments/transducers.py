@@ -56,7 +56,7 @@ def mains(step: float, frequency: float, phase: float) -> np.ndarray:
     return sum(share * np.sin(order * angle) for order, share in HARMONICS.items())
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def analog(true, disturbance, c, table, state):
     """Output of an analog transducer behind its first-order low pass, whose last output stands in ``state``.
 
@@ -67,7 +67,7 @@ def analog(true, disturbance, c, table, state):
     return state[c]
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def encoder(speed, index, c, key, table, state, counts):
     """Speed [rad/s] from the pulses of an incremental encoder, counted over the gate that ends with this row.
 
@@ -87,7 +87,7 @@ def encoder(speed, index, c, key, table, state, counts):
     return reading
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def logged(value, c, table):
     """The value held inside the channel's range, in steps of the logger's converter."""
     value = min(max(value, table[LOW, c]), table[HIGH, c])
@@ -95,7 +95,7 @@ def logged(value, c, table):
     return round(value / quantum) * quantum if quantum > 0.0 else value
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(cache=True, error_model="numpy")
 def take(shown, table, keys, state):
     """Copy the arrays of testbench.gauges, into a record of :func:`shown_dtype`."""
     shown.pickup = shown.noisy = 0.0
@@ -112,14 +112,14 @@ def take(shown, table, keys, state):
             shown.noisy = 1.0
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(cache=True, error_model="numpy")
 def give(shown, state):
     """Copy what transducers remember back into the array of testbench.gauges."""
     for c in range(shown.source.shape[0]):
         state[c] = shown.angle[c] if shown.table[STEP, c] > 0.0 else shown.state[c]
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def encode(shown, c, index):
     """:func:`encoder` on a channel of a record of :func:`shown_dtype`, if it has one."""
     table = shown.table
@@ -133,7 +133,7 @@ def encode(shown, c, index):
         shown.counted[c] = count
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def show(shown, index):
     """True values in a record of :func:`shown_dtype` as analog transducers and the converter show them, all channels at once.
 

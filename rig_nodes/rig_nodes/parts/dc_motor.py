@@ -30,26 +30,26 @@ class MotorConfig:
     ramp: float = param("angular acceleration", 0.1, 1e5)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def ramp_setpoint(setpoint, target, h, motor):
     """The speed setpoint after h, moved towards its target by the drive's ramp."""
     change = motor.ramp * h
     return setpoint + min(max(target - setpoint, -change), change)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def next_setpoint(setpoint, target, speed, enabled, h, motor):
     """The speed setpoint after h: ramped towards its target; that of a disabled drive follows the shaft."""
     return ramp_setpoint(setpoint, target, h, motor) if enabled else speed
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def drive_torque(torque, integral, setpoint, speed, enabled, h, motor):
     """(torque [Nm], integral part [Nm]) after h: PI with clamped integral; a disabled drive has no torque."""
     return torque_after(torque, integral, setpoint, speed, enabled, h, exp(-h / motor.torque_time), motor)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def torque_after(torque, integral, setpoint, speed, enabled, h, decay, motor):
     """:func:`drive_torque` over a time h in which the share ``decay`` of a change of torque is still to come."""
     if not enabled:
@@ -62,13 +62,13 @@ def torque_after(torque, integral, setpoint, speed, enabled, h, decay, motor):
     return asked + (torque - asked) * decay, integral
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def fill(world, k, h):
     """Share of a change of torque that is still to come after a step."""
     world.values.dc_motor[k].decay = exp(-h / world.values.dc_motor[k].torque_time)
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def before(world, k, h, t):
     """Torque on its body at both ends of the step, by the speed in the middle of it."""
     me, my, line = world.parts.dc_motor[k], world.values.dc_motor[k], world.driveline
@@ -90,7 +90,7 @@ def before(world, k, h, t):
     line.push[1, my.body] += me.torque
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def after(world, k, h):
     """What gives a body that is held at its speed that speed, without what was put on it."""
     me, my, line = world.parts.dc_motor[k], world.values.dc_motor[k], world.driveline

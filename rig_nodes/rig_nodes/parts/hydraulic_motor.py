@@ -55,7 +55,7 @@ def line_pressure(pressure, flow, speed, setting, h, bulk_modulus, motor):
     return max(0.0, free)
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def before(world, k, h, t):
     """Relief setting, line pressure and torque over the step."""
     me, my, line = world.parts.hydraulic_motor[k], world.values.hydraulic_motor[k], world.driveline

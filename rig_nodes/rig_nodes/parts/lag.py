@@ -8,7 +8,7 @@ from __future__ import annotations
 from numba import njit
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def lagged(value, target, decay):
     """A value that is never negative on its way to ``target``, with the share ``decay`` of the way still to come.
 

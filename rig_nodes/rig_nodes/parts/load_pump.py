@@ -31,20 +31,20 @@ class LoadConfig:
     pressure_limit: float = param("pressure", 1e5, 1e8)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def relief_factor(speed):
     """Pressure over setting of the relief valve against speed [rad/s]: f(n) of Annex D, n in rpm."""
     n = abs(speed) * PER_RPM
     return 3.84e-7 * n * n - 6.36e-4 * n + 1.32
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def line_pressure(pressure, setting, enabled, speed, h, load):
     """Pressure [Pa] of the pump's pressure line after h; an opened relief valve leaves none."""
     return pressure_after(pressure, setting, enabled, speed, exp(-h / load.pressure_time), load)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def pressure_after(pressure, setting, enabled, speed, decay, load):
     """:func:`line_pressure` over a time in which the share ``decay`` of a change is still to come."""
     target = 0.0
@@ -53,7 +53,7 @@ def pressure_after(pressure, setting, enabled, speed, decay, load):
     return lagged(pressure, target, decay)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def torque_capacity(pressure, load):
     """Torque [Nm] with which the pump resists turning: V/(2 pi) p plus its own friction."""
     return load.displacement * pressure + load.mechanical_loss
@@ -69,13 +69,13 @@ def relief_setting_for(torque: float, speed: float, load: LoadConfig) -> float:
     return max(0.0, torque - load.mechanical_loss) / (load.displacement * relief_factor(speed))
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def fill(world, k, h):
     """Share of a change of pressure that is still to come after a step."""
     world.values.load_pump[k].decay = exp(-h / world.values.load_pump[k].pressure_time)
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def before(world, k, h, t):
     """Pressure and capacity by the speed in the middle of the step."""
     me, my, line = world.parts.load_pump[k], world.values.load_pump[k], world.driveline

@@ -32,19 +32,19 @@ class OilSupplyConfig:
     temperature: float = param("temperature", -30.0, 150.0)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def viscosity_at(temperature, oil):
     """Dynamic viscosity [Pa s] at a temperature [degC]: exponential around that of ``viscosity_temperature``."""
     return oil.viscosity * exp(-oil.viscosity_per_kelvin * (temperature - oil.viscosity_temperature))
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def supply_pressure(pressure, setting, enabled, flow, h, oil):
     """Supply pressure [Pa] after h: towards the relief setting less its droop with the flow drawn."""
     return supply_after(pressure, setting, enabled, flow, exp(-h / oil.pressure_time), oil)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def supply_after(pressure, setting, enabled, flow, decay, oil):
     """:func:`supply_pressure` over a time in which the share ``decay`` of a change is still to come."""
     target = 0.0
@@ -53,13 +53,13 @@ def supply_after(pressure, setting, enabled, flow, decay, oil):
     return lagged(pressure, target, decay)
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def fill(world, k, h):
     """Share of a change of pressure that is still to come after a step."""
     world.values.oil_supply[k].decay = exp(-h / world.values.oil_supply[k].pressure_time)
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def before(world, k, h, t):
     """Pressure by what was drawn in the last step."""
     me, my = world.parts.oil_supply[k], world.values.oil_supply[k]

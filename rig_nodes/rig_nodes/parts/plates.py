@@ -93,20 +93,20 @@ def drag_factor(pack: PlatePack, model: str = "kitabayashi") -> float:
         raise RigError(f"plate_pack: {error}") from None
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def friction_factor(temperature, clutch):
     """Friction of the plates at their temperature [degC] over that at ``friction_temperature``."""
     return max(0.2, 1.0 + clutch.friction_per_kelvin * (temperature - clutch.friction_temperature))
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def plates_cooling(h, clutch):
     """(share of a difference to the oil's temperature that is left after h, rise by heat that comes evenly [K/J])."""
     spent = h * clutch.cooling / clutch.heat_capacity
     return exp(-spent), (-expm1(-spent) / spent if spent > 0.0 else 1.0) / clutch.heat_capacity
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def plates_after(temperature, wear, heat, oil_temperature, left, rise, clutch):
     """(temperature [degC], wear of the whole pack [m]) of the plates after a step in which they took ``heat`` [J].
 
@@ -116,7 +116,7 @@ def plates_after(temperature, wear, heat, oil_temperature, left, rise, clutch):
     return oil_temperature + (temperature - oil_temperature) * left + heat * rise, wear + rate * heat
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def drag_coefficient(piston, clamp, viscosity, clutch):
     """Viscous torque per slip [Nm s/rad]: oil sheared in the gaps, giving way to the asperities as they carry."""
     gap = max((clutch.clearance - piston) / clutch.surfaces, clutch.film_gap)
@@ -124,14 +124,14 @@ def drag_coefficient(piston, clamp, viscosity, clutch):
     return clutch.drag_factor * viscosity / gap * film_share
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def held_torque(before, clamp, engaging, releasing):
     """Torque [Nm] at which a stuck pack slips, with the memory of the splines: rises along ``engaging`` times the clamp
     force, stays while the plates stick on their splines, falls along ``releasing`` times the clamp force [Nm/N]."""
     return min(max(before, engaging * clamp), releasing * clamp)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def rest_share(before, piston, clamp, clutch):
     """Share of M_rest of (6.56), what an unclamped pack still asks for, with the memory of the contact.
 
@@ -165,7 +165,7 @@ def derived(plates: PlatePack, pack: PackFriction, clearance: float, spline_hyst
             "drag_factor": drag_factor(plates, pack.drag_model), "new_clearance": clearance}
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def film_viscosity(me, oil):
     """Viscosity [Pa s] of the oil between the plates: the exponential's series around a temperature near by.
 
@@ -179,13 +179,13 @@ def film_viscosity(me, oil):
     return me.film_viscosity * (1.0 + x * (1.0 + x * (0.5 + x * (1.0 / 6.0 + x * (1.0 / 24.0)))))
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def fill_plates(my, h):
     """What the step's length makes of the plates' cooling."""
     my.plates_left, my.plates_rise = plates_cooling(h, my)
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def capacities_before(me, my, cap):
     """Leave the pack's torques at the step's start with the driveline; the drag of then."""
     f = my.element
@@ -193,7 +193,7 @@ def capacities_before(me, my, cap):
     return me.drag
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def capacities_after(me, my, piston, drag, world):
     """What the pack can carry at its clamp force, with its memory, and the drag over the step, to the driveline.
 
@@ -214,7 +214,7 @@ def capacities_after(me, my, piston, drag, world):
     cap[VISC, f] = 0.5 * (drag + me.drag)
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def heat_plates(me, my, world):
     """Temperature and wear by the heat of the step."""
     el, f = world.driveline.el, my.element

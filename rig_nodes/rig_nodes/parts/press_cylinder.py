@@ -95,7 +95,7 @@ def piston_step(travel, pressure, h, cylinder):
     return max(0.0, x)
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def before(world, k, h, t):
     """The lever valve, chamber, piston and springs over the step, or the testing machine in their place."""
     me, my = world.parts.press_cylinder[k], world.values.press_cylinder[k]

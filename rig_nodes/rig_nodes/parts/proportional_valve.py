@@ -41,26 +41,26 @@ class ValveConfig:
     drain_area: float = param("area", 1e-9, 1e-3)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def coil_current(current, duty, h, valve):
     """Coil current after h [s] at an averaged PWM duty: exact solution of L di/dt + R i = duty U, diode i >= 0."""
     return coil_after(current, duty, coil_decay(h, valve), valve)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def coil_decay(h, valve):
     """Share of a change of the coil's current that is still to come after h [s]."""
     return exp(-h * valve.coil_resistance / valve.coil_inductance)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def coil_after(current, duty, decay, valve):
     """:func:`coil_current` over a time whose ``decay`` is known."""
     steady = duty * valve.coil_voltage / valve.coil_resistance
     return lagged(current, steady, decay)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def on_share(t, h, duty, frequency):
     """Share of the time from t to t + h in which a PWM of this frequency [Hz] is on; on from the start of a period."""
     first, last = t * frequency, (t + h) * frequency
@@ -72,7 +72,7 @@ def on_share(t, h, duty, frequency):
     return min(1.0, on / (h * frequency))
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def magnet_pressure(before, current, valve):
     """Magnet's force [Pa of port pressure]: g i with hysteresis, the share of the force that iron and armature keep.
 
@@ -83,7 +83,7 @@ def magnet_pressure(before, current, valve):
     return min(max(before, (1.0 - valve.hysteresis) * force), (1.0 + valve.hysteresis) * force)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def held_pressures(magnet, valve):
     """(lowest, highest) port pressure [Pa, gauge] at which the spool stays where it is, by the magnet's force [Pa].
 
@@ -95,7 +95,7 @@ def held_pressures(magnet, valve):
             min(middle + valve.friction_pressure, valve.pressure_limit))
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def spool_position(spool, magnet, port_pressure, h, valve):
     """Spool position [m] after h: first-order towards the band that friction holds it in, between its stops.
 
@@ -104,13 +104,13 @@ def spool_position(spool, magnet, port_pressure, h, valve):
     return spool_after(spool, magnet, port_pressure, spool_decay(h, valve), valve)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def spool_decay(h, valve):
     """Share of the spool's way that is still to come after h [s]."""
     return exp(-h / valve.spool_time)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def spool_after(spool, magnet, port_pressure, decay, valve):
     """:func:`spool_position` over a time whose ``decay`` is known."""
     lowest, highest = held_pressures(magnet, valve)
@@ -120,7 +120,7 @@ def spool_after(spool, magnet, port_pressure, decay, valve):
     return target + (spool - target) * decay
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def closing_pressure(spool, reducing, magnet, h, valve):
     """Port pressure [Pa] that, held over h, brings the spool to its edge; infinite where none does.
 
@@ -137,7 +137,7 @@ def closing_pressure(spool, reducing, magnet, h, valve):
     return held - target / valve.spool_stroke * valve.full_opening_pressure
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def opening(spool, valve):
     """Share of the full orifice, -1 (drain) to 1 (supply); 0 inside the dead band."""
     if spool > 0.0:
@@ -147,13 +147,13 @@ def opening(spool, valve):
     return 0.0
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def orifice_speed(density):
     """sqrt(2 / rho) of the orifice law [m3/2 kg-1/2], for :func:`port_flow`."""
     return sqrt(2.0 / density)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def port_flow(share, port_pressure, supply_pressure, speed, valve):
     """(flow to the clutch [m3/s], d flow/d port pressure): orifice law Q = A sqrt(2 dp / rho).
 
@@ -177,7 +177,7 @@ def port_flow(share, port_pressure, supply_pressure, speed, valve):
     return sign * flow, -slope
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def held_flow(state, port_pressure, supply_pressure, most):
     """As :func:`port_flow` for a valve outside the plant: its answer, Q0 + slope (p - p0), held for a tick.
 
@@ -195,14 +195,14 @@ def held_flow(state, port_pressure, supply_pressure, most):
     return flow, state.cut_slope
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def fill(world, k, h):
     """Shares of the coil's and the spool's way that are left after a step."""
     my = world.values.proportional_valve[k]
     my.coil_left, my.spool_left = coil_decay(h, my), spool_decay(h, my)
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def command(world, k, outputs, drive):
     """Duty of this sample; where the current is its setpoint, that of the last sample, as the duty would be."""
     me, my = world.parts.proportional_valve[k], world.values.proportional_valve[k]
@@ -214,7 +214,7 @@ def command(world, k, outputs, drive):
     me.duty = 0.0 if safe else me.pending
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def before(world, k, h, t):
     """Coil, magnet and spool over the step; the flow is solved with the line that it fills."""
     me, my = world.parts.proportional_valve[k], world.values.proportional_valve[k]
@@ -230,7 +230,7 @@ def before(world, k, h, t):
         me.share = opening(me.spool, my)
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def pickup(world, k, h, index, shown):
     """Voltage of the coil less its mean, in the wire of the transducer beside it."""
     me, my = world.parts.proportional_valve[k], world.values.proportional_valve[k]
@@ -240,7 +240,7 @@ def pickup(world, k, h, index, shown):
         shown.induced[my.beside] = on - me.duty
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def line_flow(valve, line, supply, speed, most, values):
     """(flow into the line [m3/s], its slope): of the spool, or of a valve that stands outside the plant."""
     if valve.cut > 0.0:
@@ -248,7 +248,7 @@ def line_flow(valve, line, supply, speed, most, values):
     return port_flow(valve.share, line, supply, speed, values)
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def fed(world, k, line, flow, h):
     """Note what the valve has given to its line over a step, by whoever has solved it."""
     me = world.parts.proportional_valve[k]

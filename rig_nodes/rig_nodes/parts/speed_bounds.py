@@ -13,7 +13,7 @@ from numba import njit
 from .part import Part
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def bound(world, k):
     """Put the speed back between its bounds, after the driveline's step."""
     my, v = world.values.speed_bounds[k], world.driveline.v

@@ -41,7 +41,7 @@ class Cylinder(PackFriction):
     feed_area: float = param("area", 1e-8, 1e-2)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def pack_force(piston, clutch):
     """(force on the plates [N], its slope [N/m]): none up to the kiss point, then the waves of the steel plates.
 
@@ -54,7 +54,7 @@ def pack_force(piston, clutch):
     return clutch.pack_rate * squeeze / left, clutch.pack_rate / (left * left)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def piston_step(piston, pressure, h, clutch):
     """(piston position after h, its derivative by pressure): implicit step of the massless, damped piston.
 
@@ -87,7 +87,7 @@ def piston_step(piston, pressure, h, clutch):
     return x, gain / stiff
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def oil_stiffness(h, oil, clutch):
     """(flow that raises the line's pressure [m3/(s Pa)], that of the chamber by backward differences, pressure that the
     feed orifice takes per flow squared [Pa s2/m6]), for steps of h: constants of :func:`cylinder_step`.
@@ -96,7 +96,7 @@ def oil_stiffness(h, oil, clutch):
             oil.density / (2.0 * clutch.feed_area * clutch.feed_area))
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def cylinder_step(cylinder, port, state, supply, h, full_line, stiff_chamber, inertia_drop, speed_by_root, valve, clutch):
     """One implicit step of line, feed orifice, chamber and piston from where they are in ``port`` and ``cylinder``.
 
@@ -147,7 +147,7 @@ def cylinder_step(cylinder, port, state, supply, h, full_line, stiff_chamber, in
     return line - miss / stiff_line, p, x, speed, flow
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def fill(world, k, h):
     """What the step's length makes of the oil's stiffness and the plates' cooling."""
     my = world.values.wet_clutch[k]
@@ -156,7 +156,7 @@ def fill(world, k, h):
     plates.fill_plates(my, h)
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def before(world, k, h, t):
     """Line, chamber, piston and pack over the step."""
     me, my = world.parts.wet_clutch[k], world.values.wet_clutch[k]
@@ -174,7 +174,7 @@ def before(world, k, h, t):
     plates.capacities_after(me, my, me.piston, drag, world)
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def after(world, k, h):
     """Heat and wear of the plates."""
     plates.heat_plates(world.parts.wet_clutch[k], world.values.wet_clutch[k], world)

@@ -74,7 +74,7 @@ class Places(NamedTuple):
     size: int  # of all
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, nogil=True, forceinline=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def places(n, m, s, k):
     """Places of the work buffer for n speeds, m friction elements, s shafts and k losses by torque."""
     p = HEAD + m
@@ -103,7 +103,7 @@ def work_size(n, m, s, k=0):
     return places.py_func(n, m, s, k).size
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, nogil=True, forceinline=False)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def lin(a, b, x):
     # a == b also keeps infinite limits out of inf - inf
     if x <= 0.0:
@@ -113,23 +113,23 @@ def lin(a, b, x):
     return a + (b - a) * x
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, nogil=True, forceinline=False)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def high(cap, f, x):
     return max(lin(cap[HI0, f], cap[HI1, f], x), lin(cap[KIN0, f], cap[KIN1, f], x))
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, nogil=True, forceinline=False)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def low(cap, f, x):
     return min(lin(cap[LO0, f], cap[LO1, f], x), -lin(cap[KIN0, f], cap[KIN1, f], x))
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, nogil=True, forceinline=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def has_capacity(cap, f):
     return (cap[KIN0, f] > 0.0 or cap[KIN1, f] > 0.0 or cap[HI0, f] > 0.0 or cap[HI1, f] > 0.0
             or cap[LO0, f] < 0.0 or cap[LO1, f] < 0.0)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, nogil=True, forceinline=False)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def pseudo_inverse(work, og, ov, oi, nc, m):
     """Least-norm inverse of the symmetric nc x nc matrix at og (stride m) into oi; cyclic Jacobi."""
     apart()
@@ -183,7 +183,7 @@ def pseudo_inverse(work, og, ov, oi, nc, m):
             work[oi + i * m + j] = total
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, nogil=True, forceinline=False)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def project(minv, w, ost, work):
     """R (stuck torque = R f) and P (acceleration = P f) for the elements whose flag at ost is STUCK.
 
@@ -238,7 +238,7 @@ def project(minv, w, ost, work):
     return pattern
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, nogil=True, forceinline=False)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def implicit(d, w, sh, kc, cap, work):
     """H = (I + d/2 P B)^-1 P with B = W^T visc W + S^T (c + k d/2) S; H = P where nothing is implicit."""
     apart()
@@ -297,7 +297,7 @@ def implicit(d, w, sh, kc, cap, work):
                     work[oh + i * n + j] -= x * work[oh + col * n + j]
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, nogil=True, forceinline=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def implicit_pair(d, w, cap, work):
     """As `implicit` for two speeds without shafts, the same operations in the same order."""
     m = w.shape[0]

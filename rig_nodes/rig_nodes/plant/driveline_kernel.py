@@ -20,7 +20,7 @@ from rig_nodes.plant.driveline_losses import (
     BEFORE, FACTOR, LAST, NEXT, ON, OWN, WEIGHTS, brakes, put_losses, solve_losses)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, nogil=True, forceinline=False)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def first_down(y0, b, y1, d, tol):
     """First time in [0, d] at which y0 + b t + a t^2 (end value y1) goes below zero; inf if it does not."""
     # the parabola lies above its chord or above its tangent at the start
@@ -49,7 +49,7 @@ def first_down(y0, b, y1, d, tol):
     return -b / a if b > 0.0 else 0.0
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, nogil=True, forceinline=False)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def end_losses(d, w, sh, kc, cap, loss, v, mode, work):
     """The losses at the end of a sub-step of d into NEXT, from its forces without them; False where there are none.
 
@@ -109,7 +109,7 @@ def end_losses(d, w, sh, kc, cap, loss, v, mode, work):
     return solve_losses(loss, v, work, oy, os, at.newton)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, nogil=True, forceinline=False)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work):
     """Move a driveline from t to t + h; returns the number of events in the step.
 

@@ -16,7 +16,7 @@ from rig_nodes.plant.driveline_losses import (
 from rig_nodes.plant.small_vectors import add, dot, product, put, room, scaled, vector
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, nogil=True, forceinline=True)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def quiet_step(h, line):
     """As `driveline_step` on a driveline's record (engine.world.driveline_dtype), where a look shows that nothing happens.
 

@@ -71,7 +71,7 @@ class Result:
         return self.e_in - (self.stored - self.stored[0]) - losses
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True)
 def _run_steps(t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work,
                out_v, out_twist, out_mode, out_el, out_shaft, out_e_in):
     for i in range(q.shape[0]):

@@ -340,7 +340,7 @@ def _with_points(config: RigConfig, points: dict[tuple[str, str], str]) -> RigCo
 
 
 def _override(config: RigConfig, key: str, text: str) -> RigConfig:
-    where = f"setting {key}={text}"
+    where = f"setting {key}={text if len(text) < 200 else brief(text)}"
     if key == "wiring":
         if text != "swapped" or len(config.wiring) != 2:
             raise RigError(f"{where}: the only other wiring is 'swapped', of a rig with two valves")
