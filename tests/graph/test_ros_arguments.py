@@ -22,7 +22,7 @@ from rig_nodes.testbench.rig import Rig
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 PATIENCE = 60.0
 REPLAY = "from rig_nodes.cli.replay import node; import sys; sys.exit(node())"
-DEVICE = "from rig_nodes.nodes.cut_device import motor; import sys; sys.exit(motor())"
+DEVICE = "from rig_nodes.nodes.cut_device import main; import sys; sys.exit(main())"
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ NAMESPACE = "--ros-args -r __ns:=/left: the rig has no namespace"
 
 @pytest.mark.parametrize("start, arguments", [
     (module("rig_container"), []), (module("alfa46"), []), (module("sequencer"), ["--sequence", "demo"]),
-    (module("recorder"), ["--out", "nowhere", "--name", "x"]), (["-c", DEVICE], []), (["-c", REPLAY], [str(SAMPLE)]),
+    (module("recorder"), ["--out", "nowhere", "--name", "x"]), (["-c", DEVICE], ["motor"]), (["-c", REPLAY], [str(SAMPLE)]),
 ], ids=["container", "alfa46", "sequencer", "recorder", "device", "replay"])
 def test_no_executable_takes_a_namespace(domain, tmp_path, monkeypatch, start, arguments):
     monkeypatch.chdir(tmp_path)
