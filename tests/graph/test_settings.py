@@ -278,7 +278,7 @@ def test_every_setting_is_described(user, node):
             assert descriptor.floating_point_range[0].to_value >= 0.1, descriptor.name
         if descriptor.type == Parameter.Type.DOUBLE_ARRAY.value:
             assert descriptor.description.endswith("]") and descriptor.additional_constraints, descriptor.name
-    assert len(ours) == {"alfa46": 12, "motor": 2, "load_pump": 2, "oil_supply": 3, "instruments": 11}[node]
+    assert len(ours) == {"alfa46": 14, "motor": 2, "load_pump": 2, "oil_supply": 3, "instruments": 11}[node]
 
 
 def test_all_of_it_stands_in_the_bag(graph, user):
