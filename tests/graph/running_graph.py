@@ -66,7 +66,12 @@ class Client:
         self.node = rclpy.create_node("user", context=self.context)
         self.executor = EventsExecutor(context=self.context)
         self.executor.add_node(self.node)
-        self._services = {}
+        self._services, self._heard = {}, []
+
+    def forget(self):
+        """Listen to nothing any more: what nobody reads keeps the executor from ever being done."""
+        while self._heard:
+            self.node.destroy_subscription(self._heard.pop())
 
     def close(self):
         self.executor.remove_node(self.node)
@@ -86,6 +91,7 @@ class Client:
         messages = []
         kind = message_class(catalogue().topics[topic].ros_type)
         subscription = self.node.create_subscription(kind, topic, messages.append, QoSProfile(depth=1000))
+        self._heard.append(subscription)
         self.until(subscription.get_publisher_count, f"a publisher of {topic}")
         return messages
 

@@ -31,10 +31,16 @@ def graph(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def user(graph):
+def client(graph):
     client = Client(graph.domain)
     yield client
     client.close()
+
+
+@pytest.fixture
+def user(client):
+    yield client
+    client.forget()
 
 
 @pytest.fixture
