@@ -11,11 +11,12 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Protocol
 
 from ..config import load_yaml
-from ..config.names import DEFAULT_RIG, beside, find_of_rigs, rig_with, unknown
+from ..config.names import DEFAULT_RIG, beside, find_of_rigs, rig_with, unknown, with_bases
 from ..config.schema import check_keys, where_of
 from ..config.units import dimension_of, quantity, span
 from ..config.yaml_file import List, Map
@@ -128,7 +129,7 @@ def load_sequence(name: str | Path, values: dict[str, str] | None = None, rig: s
     own = rig is None and "rig" in node
     rig = beside(path, node["rig"]) if own else rig or rig_with(path)
     try:
-        config = load_rig(rig)
+        config = _read_rig(str(rig), tuple((str(base), base.stat().st_mtime_ns) for base, _ in with_bases(rig)))
     except RigError as error:
         raise RigError(f"{where_of(path, node, 'rig')}: rig: {error}" if own else str(error)) from None
     parameters = _parameters(node, path, values or {})
@@ -151,6 +152,12 @@ def load_sequence(name: str | Path, values: dict[str, str] | None = None, rig: s
         raise RigError(f"{where_of(path, node, 'steps')}: the waits of the sequence take {least:.6g} s in all, expected at "
                        f"most {LONGEST_TIME:.6g} s, which is a day")
     return Sequence(Path(path).stem, str(node["description"]), timeout, steps, parameters, str(rig))
+
+
+@lru_cache(maxsize=8)
+def _read_rig(rig: str, _files: tuple) -> RigConfig:
+    """The rig of a sequence, read once as long as its files stay as they are: a sweep reads its sequence for each member."""
+    return load_rig(rig)
 
 
 def _parameters(node, path, values: dict[str, str]) -> dict[str, str | int]:
