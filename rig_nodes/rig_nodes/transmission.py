@@ -15,19 +15,10 @@ from functools import cached_property, lru_cache
 from types import SimpleNamespace
 
 from .description.driveline import build_driveline, held_ratio, inertias_of
-from .description.structure import key_of, structure_of
+from .description.structure import End, key_of, structure_of
 from .plant.kiss_point import kiss_pressure
 
 NEUTRAL = 0  # number of the gear in which nothing is driven
-
-
-@dataclass(frozen=True)
-class Shaft:
-    """A shaft with transducers: its name and the signals of its speed and of the torque in it."""
-
-    name: str
-    speed: str
-    torque: str
 
 
 @dataclass(frozen=True)
@@ -136,8 +127,8 @@ class Shift:
 class Transmission:
     """Shafts, clutches and gears of a rig; gears in order of their numbers, neutral first."""
 
-    input: Shaft
-    output: Shaft
+    input: End
+    output: End
     clutches: tuple[Clutch, ...]
     gears: tuple[Gear, ...]
     inertias: Inertias
@@ -258,9 +249,7 @@ def made_of(record: Mapping) -> Transmission:
     clutches = tuple(_clutch(one, structure, record, wiring) for one in structure.clutches)
     driving, one = tied_to(structure, inertias, ends[0])
     driven, reduction = tied_to(structure, inertias, ends[1])
-    return Transmission(Shaft(structure.input.body, structure.input.speed, structure.input.torque),
-                        Shaft(structure.output.body, structure.output.speed, structure.output.torque), clutches, tuple(gears),
-                        Inertias(driving * one**2, driven, reduction))
+    return Transmission(structure.input, structure.output, clutches, tuple(gears), Inertias(driving * one**2, driven, reduction))
 
 
 def _clutch(device, structure, record: Mapping, wiring: Mapping[str, int]) -> Clutch:

@@ -11,7 +11,8 @@ import numpy as np
 from synthetic_shift import PERIOD, RPM
 
 from rig_nodes.analysis.metrics import Recording
-from rig_nodes.transmission import Clutch, Gear, Inertias, Shaft, Transmission
+from rig_nodes.description.structure import End
+from rig_nodes.transmission import Clutch, Gear, Inertias, Transmission
 
 KISS = {"C1": 0.2e6, "C2": 0.3e6, "B1": 0.25e6}
 GEARS = {1: ("C1", "B1"), 2: ("C1", "C2"), 3: ("C2", "B1")}
@@ -20,7 +21,7 @@ CLUTCHES = tuple(Clutch(name, f"clutch_{name.lower()}", f"valve_{name.lower()}",
                         f"I_{name.lower()}", f"I_set_{name.lower()}", kiss, 13e6)
                  for k, (name, kiss) in enumerate(KISS.items()))
 BOX = Transmission(
-    Shaft("in", "n_in", "M_in"), Shaft("out", "n_out", "M_out"), CLUTCHES,
+    End("in", "n_in", "M_in"), End("out", "n_out", "M_out"), CLUTCHES,
     (Gear(0, "N"), *(Gear(number, f"{number}.", held, RATIOS[number]) for number, held in GEARS.items())),
     Inertias(0.5, 0.2))
 

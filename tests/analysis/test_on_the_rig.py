@@ -40,9 +40,9 @@ class Logged:
 def test_a_changed_inertia_comes_back_within_2_percent(share):
     true = BASE.w0.inertia * share
     bench = Logged(BASE.replaced(w0=dataclasses.replace(BASE.w0, inertia=true)))
-    bench.rig.set_motor(470.0 * pi / 30.0, True)
+    bench.rig.set("motor", 470.0 * pi / 30.0, True)
     bench.advance(4.0)
-    bench.rig.set_motor(0.0, False)
+    bench.rig.set("motor", 0.0, False)
     bench.advance(10.0)
     channels = bench.channels()
     t = 1e-4 * np.arange(len(channels["n_wej"]))
@@ -58,12 +58,12 @@ def test_an_engagement_whose_current_stays_level_has_a_hold_phase():
     profiles[0, :3] = [[0.125, 0.250], [0.400, 0.250], [0.700, 0.740]]
     bench = Logged(dataclasses.replace(BASE, alfa46=dataclasses.replace(BASE.alfa46, profiles=profiles)))
     rig, w = bench.rig, 500.0 * pi / 30.0
-    rig.set_oil(4e6, True)
+    rig.set("oil", 4e6, True)
     bench.advance(0.3)
     rig.order_gear(1)
     bench.advance(1.0)
-    rig.set_motor(w, True)
-    rig.set_load(relief_setting_for(30.0, w * 34 / 47, BASE.load_pump), True)
+    rig.set("motor", w, True)
+    rig.set("load", relief_setting_for(30.0, w * 34 / 47, BASE.load_pump), True)
     bench.advance(2.5)
     rig.order_gear(0)
     bench.advance(2.5)

@@ -196,7 +196,7 @@ def test_either_level_and_either_gear(config, example, kind):
     """At level duty the current loop is closed over the wire: the coil comes near its setpoint all the same."""
     plug = here(example(kind).spec, config, "duty")
     rig = Rig(config, controller="external", level="duty")
-    rig.set_oil(4e6, True)
+    rig.set("oil", 4e6, True)
     plug.order(2)
     for _ in range(1000):
         advance_with(rig, plug)

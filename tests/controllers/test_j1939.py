@@ -95,8 +95,8 @@ def test_the_current_gear_is_what_the_clutches_hold(config):
     rig, seen, locked_at = Rig(config, controller="external", level="current"), [], {}
     try:
         plug.wait(10)
-        rig.set_oil(4e6, True)
-        rig.set_motor(60.0, True)
+        rig.set("oil", 4e6, True)
+        rig.set("motor", 60.0, True)
         for gear in (0, 1, 2, 0):
             if gear != plug.gear:
                 plug.order(gear)

@@ -131,7 +131,7 @@ def test_silence_ends_in_the_safe_state_at_level_current_too(config):
 def test_after_a_reset_a_clutch_is_clamped_only_when_it_is_ordered_anew(config, spec):
     plug = load_controller(spec, config)
     rig = Rig(config, controller="external", level=plug.level)
-    rig.set_oil(4e6, True)
+    rig.set("oil", 4e6, True)
 
     def moved(samples):
         for _ in range(samples):

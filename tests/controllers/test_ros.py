@@ -190,7 +190,7 @@ def test_a_controller_that_comes_later_is_waited_for_and_its_death_is_seen_at_on
     timer.start()
     plug.wait(20.0)
     rig = Rig(config, controller="external")
-    rig.set_oil(4.0e6, True)
+    rig.set("oil", 4.0e6, True)
     plug.order(1)
     for _ in range(400):
         advance_with(rig, plug)

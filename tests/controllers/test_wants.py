@@ -28,7 +28,7 @@ void rig_controller_wanted(void *instance, const double *values, uint32_t count)
 def seen_on_the_rig(config, plug, samples=300):
     """(what the wires carry, what the controller showed as its setpoints) for each sample."""
     rig, out = Rig(config, controller="external"), []
-    rig.set_oil(4.0e6, True)
+    rig.set("oil", 4.0e6, True)
     for _ in range(samples):
         wires = rig.measurement("p_p"), rig.measurement("T_oil")
         advance_with(rig, plug)

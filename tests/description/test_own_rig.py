@@ -79,12 +79,12 @@ def test_the_ratios_follow_from_the_teeth(three):
 def test_steady_states_are_those_of_a_calculation_by_hand(three, gear):
     """The load's torque, drag of 3 Nm at the output, drag of open clutches, 2 Nm and 2 % of what the clutches take at the input."""
     rig = Rig(three)
-    rig.set_oil(4e6, True)
+    rig.set("oil", 4e6, True)
     rig.advance(0.3)
     rig.order_gear(gear)
     rig.advance(1.5)
-    rig.set_motor(100.0, True)
-    rig.set_load(3e6, True)
+    rig.set("motor", 100.0, True)
+    rig.set("load", 3e6, True)
     rig.advance(6.0)
     assert rig.locked_gear() == gear
     w_in, w_out = rig.true("input.speed"), rig.true("output.speed")
@@ -119,12 +119,12 @@ def test_all_gears_up_and_down_under_load(three):
 
 def test_the_energy_of_a_run_closes(three):
     rig = Rig(three)
-    rig.set_oil(4e6, True)
+    rig.set("oil", 4e6, True)
     rig.advance(0.3)
     for gear in (1, 2, 3):
         rig.order_gear(gear)
-        rig.set_motor(100.0, True)
-        rig.set_load(3e6, True)
+        rig.set("motor", 100.0, True)
+        rig.set("load", 3e6, True)
         rig.advance(3.0)
     energy = rig.energy()
     assert energy["motor"] > 1e4 and abs(energy["residual"]) < 1e-9 * energy["motor"]

@@ -79,11 +79,11 @@ def shift_into_first(step, request_at=300):
 def test_any_step_of_whole_milliseconds_gives_the_bits_of_the_rig(fmu, step):
     """The rig is advanced by hand in one piece where the inputs stay."""
     rig = Rig(load_rig(), seed=7)
-    rig.set_oil(4 * MPA, True)
+    rig.set("oil", 4 * MPA, True)
     rig.advance(0.3)
     rig.order_gear(1)
     rig.advance(0.3)
-    rig.set_motor(300 * RPM, True)
+    rig.set("motor", 300 * RPM, True)
     rig.advance(0.6)
     fmu.set(seed=7)
     fmu.initialize(oil_pressure=4 * MPA, oil_enable=True)

@@ -60,13 +60,13 @@ class RigShift:
     def __init__(self, config, old, new, rpm, load):
         self.config, self.order = config, (BEFORE * 1e-3, old, new)
         rig = Rig(config)
-        rig.set_oil(4e6, True)
+        rig.set("oil", 4e6, True)
         rig.advance(0.3)
         rig.order_gear(old)
         rig.advance(1.5)
-        rig.set_motor(rpm * RPM, True)
+        rig.set("motor", rpm * RPM, True)
         rig.advance(4.0)
-        rig.set_load(relief_setting_for(load, rig.true("wk.speed"), config.load_pump), True)
+        rig.set("load", relief_setting_for(load, rig.true("wk.speed"), config.load_pump), True)
         rig.advance(3.0)
         assert rig.locked_gear() == old
         self.start, first = state_of(rig), rig.sample

@@ -35,12 +35,12 @@ def steady_rig(config):
 
     def make(gear: int, rpm: float, relief: float, seed: int = 1) -> Rig:
         rig = Rig(config, seed)
-        rig.set_oil(4e6, True)
+        rig.set("oil", 4e6, True)
         rig.advance(0.3)
         rig.order_gear(gear)
         rig.advance(1.0)
-        rig.set_motor(rpm * RPM, True)
-        rig.set_load(relief, True)
+        rig.set("motor", rpm * RPM, True)
+        rig.set("load", relief, True)
         rig.advance(round(rpm / 750.0) + 6.0)
         return rig
 

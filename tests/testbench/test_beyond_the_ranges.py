@@ -35,12 +35,12 @@ def shift_up_and_down(settings):
             rig.advance(0.1)
             rows.append(rig.rows_at(1e-4, round(rig.time * 1e4) - 999, 1000))
 
-    rig.set_oil(4e6, True)
+    rig.set("oil", 4e6, True)
     rig.order_gear(1)
     go(0.8)
-    rig.set_motor(1000.0 * RPM, True)
+    rig.set("motor", 1000.0 * RPM, True)
     go(1.6)
-    rig.set_load(5e6, True)
+    rig.set("load", 5e6, True)
     go(0.4)
     for gear in (2, 1):
         if rig.status != RigStatus.TRIPPED:
@@ -144,9 +144,9 @@ def run_drawn(seed):
     except RigError:
         return None
     rows = []
-    rig.set_oil(4e6, True)
-    for seconds, act in ((0.8, lambda: rig.order_gear(1)), (1.0, lambda: rig.set_motor(100.0, True)),
-                         (0.3, lambda: rig.set_load(5e6, True)), (1.5, lambda: rig.order_gear(2)),
+    rig.set("oil", 4e6, True)
+    for seconds, act in ((0.8, lambda: rig.order_gear(1)), (1.0, lambda: rig.set("motor", 100.0, True)),
+                         (0.3, lambda: rig.set("load", 5e6, True)), (1.5, lambda: rig.order_gear(2)),
                          (1.0, lambda: rig.order_gear(1))):
         if rig.status != RigStatus.TRIPPED:
             act()

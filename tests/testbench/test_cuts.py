@@ -65,15 +65,15 @@ def test_nothing_moves_at_standstill_and_nothing_chatters_in_gear(tick):
                          rig.valves[k]["flow"], rig.load_torque()))
         return np.array(seen)
 
-    rig.set_oil(4e6, True)
+    rig.set("oil", 4e6, True)
     rig.advance(0.5)
     rig.order_gear(1)
-    rig.set_motor(0.0, True)
-    rig.set_load(5e6, True)
+    rig.set("motor", 0.0, True)
+    rig.set("load", 5e6, True)
     rig.advance(1.0)
     assert not watched(2.0)[:, :4].any(), "speeds, motor torque and slip are zero, not nearly zero"
     assert rig.energy()["motor"] == 0.0
-    rig.set_motor(150.0, True)
+    rig.set("motor", 150.0, True)
     rig.advance(5.0)
     for gear in (1, 2):
         if gear == 2:
@@ -92,12 +92,12 @@ def test_nothing_moves_at_standstill_and_nothing_chatters_in_gear(tick):
 @pytest.mark.parametrize("tick, share", [("1 ms", 0.001), ("5 ms", 0.01)])
 def test_both_sides_of_a_shaft_count_the_same_work(tick, share):
     rig = cut_rig(("motor", "load_pump"), tick)
-    rig.set_oil(4e6, True)
+    rig.set("oil", 4e6, True)
     rig.advance(0.3)
     rig.order_gear(1)
     rig.advance(1.0)
-    rig.set_motor(150.0, True)
-    rig.set_load(5e6, True)
+    rig.set("motor", 150.0, True)
+    rig.set("load", 5e6, True)
     rig.advance(5.0)
     rig.order_gear(2)
     rig.advance(2.0)
@@ -116,7 +116,7 @@ def answer_all(rig, **answers):
 
 def test_whatever_a_valve_answers_the_port_stays_between_tank_and_supply():
     rig = cut_rig(("valve_zr_p1",), devices="external")
-    rig.set_oil(4e6, True)
+    rig.set("oil", 4e6, True)
     rig.advance_samples(80)
     numbers = np.random.default_rng(1)
     high = low = 0.0
@@ -141,7 +141,7 @@ def test_a_load_that_answers_a_negative_torque_does_not_drive():
 @pytest.mark.parametrize("device", CUTTABLE)
 def test_a_silent_device_trips_the_rig_within_100_ms_and_is_named(device):
     rig = cut_rig((device,), devices="external")
-    rig.set_oil(4e6, True)
+    rig.set("oil", 4e6, True)
     fill = Answer(torque=20.0, flow=2e-5, pressure=0.0)
     for _ in range(200):
         answer_all(rig, **{device: fill})
@@ -173,7 +173,7 @@ def test_bad_answers_are_refused(answer, sentence):
 
 def test_the_safe_state_takes_the_torque_of_a_motor_that_goes_on_answering():
     rig = cut_rig(("motor",), devices="external")
-    rig.set_motor(100.0, True)
+    rig.set("motor", 100.0, True)
     for _ in range(300):
         answer_all(rig, motor=Answer(torque=50.0))
     work = rig.energy()["motor"]
@@ -188,8 +188,8 @@ def test_the_safe_state_takes_the_torque_of_a_motor_that_goes_on_answering():
 def test_cutting_time_into_calls_changes_nothing():
     def whole(chunks):
         rig = cut_rig(tick="5 ms")
-        rig.set_oil(4e6, True)
-        rig.set_motor(100.0, True)
+        rig.set("oil", 4e6, True)
+        rig.set("motor", 100.0, True)
         rig.order_gear(1)
         for samples in chunks:
             rig.advance_samples(samples)

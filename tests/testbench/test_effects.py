@@ -42,13 +42,13 @@ class Shift:
 
     def __init__(self, config):
         rig = Rig(config)
-        rig.set_oil(4e6, True)
+        rig.set("oil", 4e6, True)
         rig.advance(0.3)
         rig.order_gear(1)
         rig.advance(1.0)
-        rig.set_motor(SPEED, True)
+        rig.set("motor", SPEED, True)
         rig.advance(3.0)
-        rig.set_load(3.6e6, True)
+        rig.set("load", 3.6e6, True)
         rig.advance(2.0)
         assert rig.locked_gear() == 1
         rig.order_gear(2)
@@ -103,7 +103,7 @@ def test_without_the_current_loop_setpoints_act_alike_from_inside_and_outside_an
     inside, box = Rig(config), load_controller("alfa46@current", config)
     outside = Rig(config, controller="external", level=None)
     for rig in (inside, outside):
-        rig.set_oil(4e6, True)
+        rig.set("oil", 4e6, True)
     with pytest.raises(RigError, match="current_loop=off makes the coil current its setpoint.*--level current"):
         outside.set_duty(0, (0.5, 0.0, 0.0), (0.3, 0.0, 0.0), 1, True)
     with pytest.raises(RigError, match="current_loop=off"):

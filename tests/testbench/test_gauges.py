@@ -42,12 +42,12 @@ def only(seed=1, **parts) -> Rig:
 
 def turned(rig, rpm: float = 1500.0) -> Rig:
     """With oil, in gear I, at a speed and under a load."""
-    rig.set_oil(4e6, True)
+    rig.set("oil", 4e6, True)
     rig.advance(0.3)
     rig.order_gear(1)
     rig.advance(1.0)
-    rig.set_motor(rpm * RPM, True)
-    rig.set_load(5e6, True)
+    rig.set("motor", rpm * RPM, True)
+    rig.set("load", 5e6, True)
     rig.advance(3.5)
     return rig
 

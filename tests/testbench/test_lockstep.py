@@ -15,12 +15,12 @@ from rig_nodes.testbench.timed import RigStatus
 def shift_up(config, chunks, seed=1):
     """A rig through a whole upshift, advanced in the given pieces (controller samples)."""
     rig = Rig(config, seed)
-    rig.set_oil(4e6, True)
+    rig.set("oil", 4e6, True)
     rig.advance(0.3)
     rig.order_gear(1)
     rig.advance(1.0)
-    rig.set_motor(150.0, True)
-    rig.set_load(5e6, True)
+    rig.set("motor", 150.0, True)
+    rig.set("load", 5e6, True)
     rig.advance(3.0)
     rig.order_gear(2)
     for samples in chunks:
@@ -55,8 +55,8 @@ def test_halving_the_step_changes_little(config):
 
 def external(config):
     rig = Rig(config, controller="external")
-    rig.set_oil(4e6, True)
-    rig.set_motor(100.0, True)
+    rig.set("oil", 4e6, True)
+    rig.set("motor", 100.0, True)
     for sample in range(200):
         rig.set_duty(sample, [0.5, 0.0, 0.0], [0.5, 0.0, 0.0], 1, True)
         rig.advance_samples(1)
@@ -81,7 +81,7 @@ def test_a_silent_controller_ends_in_the_safe_state(config):
 def test_e_stop_beats_commands_until_reset(config):
     rig = external(config)
     rig.e_stop()
-    rig.set_motor(150.0, True)
+    rig.set("motor", 150.0, True)
     rig.set_duty(rig.sample, [1.0, 1.0, 0.0], [0.8, 0.8, 0.0], 1, True)
     rig.advance(0.05)
     assert rig.status == RigStatus.TRIPPED and rig.reason == "emergency stop" and rig.stopped_by_person
@@ -116,7 +116,7 @@ def test_a_reset_of_a_rig_that_is_not_stopped_changes_nothing(config):
 
 def test_the_embedded_controller_begins_in_neutral_after_a_reset(config):
     rig = Rig(config)
-    rig.set_oil(4e6, True)
+    rig.set("oil", 4e6, True)
     rig.order_gear(1)
     rig.advance(1.0)
     assert rig.clutch_mode(0) == 2 and rig.measurement("p1") > 1.5e6
@@ -148,10 +148,10 @@ def test_a_repeated_command_is_not_a_fresh_one(config):
 
 
 @pytest.mark.parametrize("call, sentence", [
-    (lambda rig: rig.set_motor(float("nan"), True), "motor_speed"),
-    (lambda rig: rig.set_motor(-5.0, True), "0 to 314.2"),
-    (lambda rig: rig.set_load(1e9, True), "load_pressure"),
-    (lambda rig: rig.set_oil(float("inf"), True), "oil_pressure"),
+    (lambda rig: rig.set("motor", float("nan"), True), "motor_speed"),
+    (lambda rig: rig.set("motor", -5.0, True), "0 to 314.2"),
+    (lambda rig: rig.set("load", 1e9, True), "load_pressure"),
+    (lambda rig: rig.set("oil", float("inf"), True), "oil_pressure"),
 ])
 def test_impossible_settings_are_refused(config, call, sentence):
     with pytest.raises(RigError, match=sentence):

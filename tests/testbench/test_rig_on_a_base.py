@@ -61,8 +61,8 @@ def shift_up(rig):
     """Speeds of input and output [rad/s] every ms of 0.6 s from the order I to II on, at 100 rad/s under load."""
     rig.order_gear(1)
     rig.advance(1.3)
-    rig.set_motor(100.0, True)
-    rig.set_load(5e6, True)
+    rig.set("motor", 100.0, True)
+    rig.set("load", 5e6, True)
     rig.advance(4.0)
     rig.order_gear(2)
     out = []

@@ -58,12 +58,12 @@ def test_the_loss_by_load_costs_the_motor_the_same_on_either_side(config):
         rig = Rig(config.replaced(
             loss_in=dataclasses.replace(config.loss_in, constant=0.0, share=0.0, square=0.0),
             loss_out=dataclasses.replace(config.loss_out, torque_side=side)))
-        rig.set_oil(4e6, True)
+        rig.set("oil", 4e6, True)
         rig.advance(0.3)
         rig.order_gear(2)
         rig.advance(1.0)
-        rig.set_motor(1000 * math.pi / 30, True)
-        rig.set_load(RELIEF, True)
+        rig.set("motor", 1000 * math.pi / 30, True)
+        rig.set("load", RELIEF, True)
         rig.advance(6.0)
         found.append((rig.true("M_wej"), rig.clutch_torque(1)))
     assert found[0][0] == pytest.approx(found[1][0], rel=1e-4)

@@ -32,7 +32,7 @@ def test_ratios_are_those_of_tab_3_1_and_of_the_driveline(config):
     for number, ratio in box.ratios.items():
         clutch, = box.engaged(number)
         slip = system.w[system.elements.index(clutch.instance)]
-        into, out = (system.bodies_from_speeds[system.bodies.index(end.name)] for end in (box.input, box.output))
+        into, out = (system.bodies_from_speeds[system.bodies.index(end.body)] for end in (box.input, box.output))
         speeds = np.linalg.solve([into, out], [ratio, 1.0])
         assert slip @ speeds == pytest.approx(0.0, abs=1e-12), "where the speeds have its ratio the gear's clutch does not slip"
 

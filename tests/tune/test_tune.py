@@ -43,13 +43,13 @@ def bench(config):
 
 def test_a_restored_rig_goes_on_bit_for_bit(config):
     rig = Rig(config, 3)
-    rig.set_oil(4e6, True)
+    rig.set("oil", 4e6, True)
     rig.order_gear(1)
     rig.advance(0.4)
     snapshot = rig.snapshot()
     rig.advance(0.3)
     there, rows = rig.state_hash(), rig.rows_at(1e-4, 4001, 2999)
-    rig.set_motor(50.0, True)
+    rig.set("motor", 50.0, True)
     rig.set_controller(replace(config.alfa46, profiles=0.9 * config.alfa46.profiles))
     rig.advance(0.5)
     rig.restore(snapshot)

@@ -54,13 +54,13 @@ def drive(rig: Rig, go) -> None:
 
     go(phase, seconds): moves it; phases are standing, running and shifting.
     """
-    rig.set_oil(4e6, True)
+    rig.set("oil", 4e6, True)
     go("standing", 0.5)
     rig.order_gear(1)
     go("standing", 1.5)
-    rig.set_motor(1500.0 * RPM, True)
+    rig.set("motor", 1500.0 * RPM, True)
     go("running", 2.5)
-    rig.set_load(5e6, True)
+    rig.set("load", 5e6, True)
     go("running", 1.5)
     rig.order_gear(2)
     go("shifting", 0.6)

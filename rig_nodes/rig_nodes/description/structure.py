@@ -91,7 +91,7 @@ class GearHeld:
 
 @dataclass(frozen=True)
 class End:
-    """The input or the output of the transmission: a body, and the transducers of its speed and torque."""
+    """The input or the output of a transmission: a body, and the signals of its speed and of the torque in it."""
 
     body: str
     speed: str

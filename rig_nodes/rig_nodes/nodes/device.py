@@ -61,8 +61,7 @@ def receive(node: Node, topic: Topic, callback, profile=None, refuse=None) -> ob
 
 def setpoints_taken(config) -> list[Setpoint]:
     """The setpoints that somebody takes on this rig: not those of what its configuration leaves out."""
-    return [one for one in config.setpoints.values()
-            if not one.command.only or getattr(getattr(config, one.device), one.command.only)]
+    return [one for one in config.setpoints.values() if config.takes(one)]
 
 
 def device_names(config) -> list[str]:

@@ -165,6 +165,13 @@ def derived(plates: PlatePack, pack: PackFriction, clearance: float, spline_hyst
             "drag_factor": drag_factor(plates, pack.drag_model), "new_clearance": clearance}
 
 
+def said(rig, name: str, pressure: float, travel: float) -> tuple:
+    """Fields of a pack's ClutchState, with the pressure [Pa] that presses it and the way [m] of what does."""
+    me, slip = rig.device(name), rig.slip(name)
+    return (rig.clutch_mode(name), rig.friction_torque(name), float(me["drag"]) * slip, float(me["kinetic"]),
+            float(me["static"]), slip, float(me["clamp"]), pressure, travel, rig.energies[rig.heat_of(name)])
+
+
 @njit(error_model="numpy", forceinline=True)
 def film_viscosity(me, oil):
     """Viscosity [Pa s] of the oil between the plates: the exponential's series around a temperature near by.

@@ -40,10 +40,8 @@ def after(world, k, h):
 
 def says(rig, name):
     """Fields of its ClutchState."""
-    me, press, slip = rig.device(name), rig.device(rig.wire(name, "press")), rig.slip(name)
-    return (rig.clutch_mode(name), rig.friction_torque(name), float(me["drag"]) * slip, float(me["kinetic"]),
-            float(me["static"]), slip, float(me["clamp"]), float(press["pressure"]), float(press["travel"]),
-            rig.energies[rig.heat_of(name)])
+    press = rig.device(rig.wire(name, "press"))
+    return plates.said(rig, name, float(press["pressure"]), float(press["travel"]))
 
 
 PART = Part("pressed_clutch", 20, (PackFriction, PlatePack), state=plates.STATE, derived=(*plates.DERIVED, "clearance"),

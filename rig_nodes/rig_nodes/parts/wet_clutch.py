@@ -196,10 +196,8 @@ EFFECTS = {"seal_friction": {"seal_friction": 0.0, "seal_friction_share": 0.0}}
 
 def says(rig, name):
     """Fields of its ClutchState."""
-    me, slip = rig.device(name), rig.slip(name)
-    return (rig.clutch_mode(name), rig.friction_torque(name), float(me["drag"]) * slip, float(me["kinetic"]),
-            float(me["static"]), slip, float(me["clamp"]), float(me["chamber"]), float(me["piston"]),
-            rig.energies[rig.heat_of(name)])
+    me = rig.device(name)
+    return plates.said(rig, name, float(me["chamber"]), float(me["piston"]))
 
 
 PART = Part("wet_clutch", 20, (Cylinder, PlatePack),

@@ -46,24 +46,15 @@ def put(_context, array, values):
     return types.void(array, values), build
 
 
-# "contract": a product and a sum may become one instruction
-def _times(builder, x, y):
-    return builder.fmul(x, y, flags=("contract",))
-
-
-def _plus(builder, x, y):
-    return builder.fadd(x, y, flags=("contract",))
-
-
 def _each(builder, of, *vectors):
     items = zip(*(cgutils.unpack_tuple(builder, one) for one in vectors))
     return cgutils.pack_array(builder, [of(*item) for item in items], ty=ir.DoubleType())
 
 
 def _sum(builder, one, other, count):
-    total = _times(builder, one(0), other(0))
+    total = builder.fmul(one(0), other(0))
     for i in range(1, count):
-        total = _plus(builder, total, _times(builder, one(i), other(i)))
+        total = builder.fadd(total, builder.fmul(one(i), other(i)))
     return total
 
 
@@ -81,7 +72,7 @@ def dot(_context, a, b):
 def add(_context, a, share, b):
     """a + share b."""
     def build(_, builder, _signature, arguments):
-        return _each(builder, lambda x, y: _plus(builder, x, _times(builder, arguments[1], y)), arguments[0], arguments[2])
+        return _each(builder, lambda x, y: builder.fadd(x, builder.fmul(arguments[1], y)), arguments[0], arguments[2])
 
     return a(a, types.float64, b), build
 
@@ -90,7 +81,7 @@ def add(_context, a, share, b):
 def scaled(_context, share, a):
     """share a."""
     def build(_, builder, _signature, arguments):
-        return _each(builder, lambda x: _times(builder, arguments[0], x), arguments[1])
+        return _each(builder, lambda x: builder.fmul(arguments[0], x), arguments[1])
 
     return a(types.float64, a), build
 

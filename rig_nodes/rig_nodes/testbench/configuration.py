@@ -17,7 +17,7 @@ from pathlib import Path
 from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, Alfa46Values, read_alfa46
 from ..catalogue import Catalogue, catalogue_of
 from ..clocks import SAMPLE
-from ..config.names import beside, find_config, unknown_value, with_bases
+from ..config.names import DEFAULT_RIG, RIG_FILE, beside, find_config, unknown_value, with_bases
 from ..config.schema import build, check_keys, entry, field_value, param, where_of
 from ..config.units import quantity
 from ..config.yaml_file import Map, file_of, merged, stamped
@@ -101,11 +101,6 @@ class RigConfig:
         """Its gears, clutches and shafts; ValueError for a rig without any."""
         return made_of(self.as_dict())
 
-    @property
-    def instruments_not_fitted(self) -> set[str]:
-        """Transducers that the rig has a place for and that are not there."""
-        return {one.name for one in self.structure.transducers if not getattr(self.instruments, f"{one.like}_fitted", True)}
-
     @cached_property
     def catalogue(self) -> Catalogue:
         """Its topics and signals."""
@@ -115,6 +110,11 @@ class RigConfig:
     def setpoints(self) -> dict[str, Setpoint]:
         """What its devices take, by the key in sequences."""
         return setpoints_of(self.structure)
+
+    def takes(self, setpoint: Setpoint) -> bool:
+        """False for a setpoint of what this rig leaves out, e.g. of a testing machine that is not there."""
+        only = setpoint.command.only
+        return not only or getattr(self.sections[setpoint.device], only)
 
     def settings(self) -> dict[str, list[str]]:
         """All values that can be set, by the name of what they belong to."""
@@ -278,7 +278,7 @@ def _where_written(node, path, keys: tuple[str, ...]) -> str:
     return f"{path}: "
 
 
-def load_rig(name: str | Path = "hydmag", overrides: dict[str, str] | None = None) -> RigConfig:
+def load_rig(name: str | Path = DEFAULT_RIG, overrides: dict[str, str] | None = None) -> RigConfig:
     """The rig of this name, folder or file.
 
     ``overrides``: e.g. {"alfa46.t12": "200 ms", "wiring": "swapped", "alfa46.output_1.P1": "200 ms 160 mA"}.
@@ -296,7 +296,7 @@ def load_rig(name: str | Path = "hydmag", overrides: dict[str, str] | None = Non
 def rig_name(path: str | Path) -> str:
     """What a rig of this file is called: its folder's name, or the file's own."""
     path = Path(path)
-    return path.absolute().parent.name if path.name == "rig.yaml" else path.stem
+    return path.absolute().parent.name if path.name == RIG_FILE else path.stem
 
 
 def load_gearbox_rig(name: str | Path, overrides: dict[str, str] | None, what: str) -> RigConfig:

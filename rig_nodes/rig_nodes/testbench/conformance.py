@@ -268,11 +268,11 @@ class Check:
         first, *others = box.ratios
         try:
             rig = Rig(self.config, controller="external", level=plug.level)
-            rig.set_oil(4.0e6, True)
+            rig.set("oil", 4.0e6, True)
             text = []
             for gear in (first, *others, first, NEUTRAL):
                 if gear == first and not text:
-                    rig.set_motor(30.0, True)
+                    rig.set("motor", 30.0, True)
                 self._run(rig, plug, 0.3)
                 plug.order(gear)
                 began = rig.time

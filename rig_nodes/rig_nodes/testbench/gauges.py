@@ -49,7 +49,8 @@ class Gauges:
         if on:
             for name, one in fitted.items():
                 self._fill(name, one.type, one.like, name in beside, seed, step)
-        self.table[:, [name in rig.instruments_not_fitted for name in channels]] = 0.0
+        absent = {one.name for one in rig.structure.transducers} - fitted.keys()
+        self.table[:, [name in absent for name in channels]] = 0.0
         keys = np.array([channel_key(seed, c) for c in range(size)], np.uint64)
         hum = parts.mains(step, config.hum_frequency, uniform(seed, DRAWS, 0))
         self.arrays = self.table, keys, hum, self.state, self.counts

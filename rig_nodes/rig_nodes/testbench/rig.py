@@ -158,24 +158,12 @@ class Rig(Timed):
         if step not in self.config.setpoints:
             raise RigError(unknown("setpoint", step, self.config.setpoints))
         setpoint = self.config.setpoints[step]
-        if setpoint.command.only and not getattr(getattr(self.config, setpoint.device), setpoint.command.only):
+        if not self.config.takes(setpoint):
             what = setpoint.command.only.replace("_", " ")
             raise RigError(f"'{self.config.name}' has no {what}; its {setpoint.device}.{setpoint.command.only} is off")
         check_setpoint(self.config, step, value)
         me = self.device(setpoint.device)
         me[setpoint.command.target], me[setpoint.command.enabled] = value, enable
-
-    def set_motor(self, speed: float, enable: bool) -> None:
-        """Speed setpoint [rad/s] of what drives the rig."""
-        self.set("motor", speed, enable)
-
-    def set_load(self, pressure: float, enable: bool) -> None:
-        """Relief setting [Pa, gauge] of the load."""
-        self.set("load", pressure, enable)
-
-    def set_oil(self, pressure: float, enable: bool) -> None:
-        """Relief setting [Pa, gauge] of the clutch oil supply."""
-        self.set("oil", pressure, enable)
 
     def set_value(self, name: str, value: float) -> None:
         """Change what is no device's setpoint: "<oil supply>.temperature" [degC], "instruments.noise" (on or off),

@@ -161,7 +161,7 @@ class Bench:
             rig = self._rig
             rig.restore(self._new)
             rig.set_controller(self.config.alfa46)
-            rig.set_oil(OIL, True)
+            rig.set("oil", OIL, True)
             self._go(0.5)
             first = next(other for other in self.transmission.ratios if other != gear)
             for order in (first, NEUTRAL, gear):
@@ -176,11 +176,11 @@ class Bench:
         rig, torque = self._rig, point.m_wyj
         rig.restore(self._standing_in(self.gears[point.way][0]))
         rig.set_controller(self.config.alfa46)
-        rig.set_motor(point.speed, True)
+        rig.set("motor", point.speed, True)
         self._go(round(point.speed / self._source.ramp + 1.0, 1))
         for _ in range(4):  # the load's torque depends on the speed, which it changes a little
             setting = relief_setting_for(torque, rig.measurement(self.transmission.output.speed), self._load)
-            rig.set_load(min(setting, self._load.pressure_limit), True)
+            rig.set("load", min(setting, self._load.pressure_limit), True)
             self._go(1.5)
             speed = rig.measurement(self.transmission.input.speed)
             miss = point.m_wyj - rig.measurement(self.transmission.output.torque)

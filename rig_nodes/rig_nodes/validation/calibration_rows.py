@@ -65,7 +65,7 @@ def pressures(config: RigConfig, name: str) -> tuple[np.ndarray, np.ndarray]:
     never moved lies deeper than its seals let it return.
     """
     rig = Rig(config.replaced(effects=replace(config.effects, transducers=False)))
-    rig.set_oil(SUPPLY, True)
+    rig.set("oil", SUPPLY, True)
     _go(rig, SETTLE)
     rig.take_rows(10 * SETTLE)
     clutch, own = alone(transmission_of(config), name)
@@ -159,14 +159,14 @@ def hydraulic_misses(config: RigConfig, targets: dict[str, Target], name: str) -
 def steady_torque(config: RigConfig, gear: int, speed: float, load: float) -> float:
     """M_wej [Nm] that turns the rig in a gear (0: neutral) at an input speed [rad/s] under a load [Nm], true value."""
     rig = Rig(config.replaced(effects=replace(config.effects, transducers=False)))
-    rig.set_oil(SUPPLY, True)
+    rig.set("oil", SUPPLY, True)
     _go(rig, SETTLE)
     if gear:
         rig.order_gear(gear)
         _go(rig, 1200)
-    rig.set_motor(speed, True)
+    rig.set("motor", speed, True)
     _go(rig, 2000)
-    rig.set_load(relief_setting_for(load, rig.speed_at("load_pump"), config.load_pump), load > 0.0)
+    rig.set("load", relief_setting_for(load, rig.speed_at("load_pump"), config.load_pump), load > 0.0)
     _go(rig, 3000)
     return rig.true("M_wej")
 
@@ -207,17 +207,17 @@ def shift(config: RigConfig, to: int, t12: float | None = None, speed: float = 5
     config = config.replaced(effects=replace(config.effects, transducers=False),
                              alfa46=Alfa46Config(values, config.alfa46.profiles))
     rig = Rig(config)
-    rig.set_oil(SUPPLY, True)
+    rig.set("oil", SUPPLY, True)
     _go(rig, SETTLE)
     box = transmission_of(config)
     of = next(gear for gear in box.ratios if gear != to)
     for gear in (to, of):  # a piston that has never moved lies deeper than its seals let it return
         rig.order_gear(gear)
         _go(rig, 1600)
-    rig.set_motor(speed, True)
+    rig.set("motor", speed, True)
     _go(rig, max(1500, 1000 + round(1000.0 * speed / config.motor.ramp)))
     output = speed / box.ratios[set_in or of]
-    rig.set_load(relief_setting_for(load, output, config.load_pump), True)
+    rig.set("load", relief_setting_for(load, output, config.load_pump), True)
     _go(rig, 1500)
     order, before, after = rig.sample, 150, 1700
     rig.order_gear(to)
