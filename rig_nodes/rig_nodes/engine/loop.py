@@ -16,6 +16,7 @@ from numba import njit
 from ..alfa46.law import OFF, current_loop, law_step
 from ..compiled import load_numba
 from ..instruments import transducers
+from ..parts.part import NOWHERE
 from ..parts.proportional_valve import BY_LAW, BY_SETPOINT
 from ..plant.driveline_algebra import N_CAPPED
 from .outcome import NOT_FINITE, NOT_SETTLED, WHOLE
@@ -74,7 +75,7 @@ def power_stage(row, world, outputs, config):
     Reads the coil currents of the logger row ``row`` and the setpoints in ``outputs``; leaves its duty there.
     """
     for k in range(world.channel.shape[0]):
-        if world.channel[k] >= 0:
+        if world.channel[k] != NOWHERE:
             world.current[k] = row[world.channel[k]]
         out = outputs[k]
         current_loop(out.phase != OFF and world.safe == 0.0, world.current[k], out, config)
@@ -132,7 +133,7 @@ def advance(samples, first_sample, steps_per_sample, h, drive, worlds, numbers, 
         command(world, law_outputs, drive)
         if drive == BY_LAW:
             for k in range(world.channel.shape[0]):
-                if world.channel[k] >= 0:
+                if world.channel[k] != NOWHERE:
                     world.current[k] = log[newest, world.channel[k]]
             law_step(s, world.current, law_config[0], law_profiles, law_outputs, law_state[0])
         ordered(world, law_outputs, steps_per_sample, h)

@@ -15,12 +15,10 @@ import numpy as np
 
 from ..config.schema import fill
 from ..errors import RigError
-from ..parts.part import part
+from ..parts.part import NOWHERE, part
 from ..plant.driveline import System
 from ..plant.driveline_losses import ON, OWN
 from .world import Sizes, places, world_dtype
-
-NONE = -1  # place of a wire that goes nowhere
 
 
 @dataclass(frozen=True)
@@ -111,7 +109,7 @@ class World:
         self._fill_driveline(system)
         for instance in plan.instances:
             self._fill_instance(instance)
-        self.record["channel"] = NONE
+        self.record["channel"] = NOWHERE
         channels = list(plan.channels)
         for name, channel in plan.currents.items():
             self.record["channel"][0, self.values(name)["output"]] = channels.index(channel)
@@ -209,7 +207,7 @@ class World:
         for name, table in instance.tables.items():
             values[name] = table
         for name in part(instance.part).wires:
-            values[name] = self._wire(name, instance.wires.get(name, NONE))
+            values[name] = self._wire(name, instance.wires.get(name, NOWHERE))
         for name, number in instance.start.items():
             state[name] = number
 

@@ -17,6 +17,7 @@ from numba import njit
 from ..plant.driveline_algebra import LAM, VISC
 from ..plant.driveline_kernel import driveline_step
 from ..plant.driveline_quiet import quiet_step
+from ..plant.small_vectors import add, dot, product, put, scaled, vector
 from .stages import after, before, bound
 
 
@@ -24,27 +25,24 @@ from .stages import after, before, bound
 def plant_step(world, h, t):
     """The plant from t to t + h."""
     line = world.driveline
-    v, gain, q, cap, el, w = line.v, line.gain, line.q, line.cap, line.el, line.w
-    for b in range(line.middle.shape[0]):
-        total = 0.0
-        for j in range(v.shape[0]):
-            total += line.bodies[b, j] * (v[j] + 0.5 * gain[j])
-        line.middle[b] = total
+    v, gain, q, el, pushed = line.v, line.gain, line.q, line.el, line.middle.shape[0]
+    n = v.shape[0]
+    middle = add(vector(v, 0, v), 0.5, vector(gain, 0, v))
+    for b in range(pushed):
+        line.middle[b] = dot(vector(line.bodies, b * n, v), middle)
         line.push[0, b] = line.push[1, b] = 0.0
     before(world, h, t)
-    for j in range(v.shape[0]):
-        for end in range(2):
-            total = 0.0
-            for b in range(line.middle.shape[0]):
-                total += line.bodies[b, j] * line.push[end, b]
-            q[end, j] = total
-        gain[j] = v[j]
+    for end in range(2):
+        on = scaled(0.0, middle)
+        for b in range(pushed):
+            on = add(on, line.push[end, b], vector(line.bodies, b * n, v))
+        put(q, end * n, on)
+    put(gain, 0, vector(v, 0, v))
     if not quiet_step(h, line):
-        driveline_step(h, t, line.minv, w, line.sh, line.kc, q, cap, line.loss, v, line.twist, line.mode, el, line.shaft,
-                       line.e_in, line.events, line.count, line.work)
+        driveline_step(h, t, line.minv, line.w, line.sh, line.kc, q, line.cap, line.loss, v, line.twist, line.mode, el,
+                       line.shaft, line.e_in, line.events, line.count, line.work)
     bound(world)
-    for j in range(v.shape[0]):
-        gain[j] = v[j] - gain[j]
+    put(gain, 0, add(vector(v, 0, v), -1.0, vector(gain, 0, v)))
     measure_driveline(line)
     after(world, h)
 
@@ -52,33 +50,24 @@ def plant_step(world, h, t):
 @njit(error_model="numpy", forceinline=True)
 def measure_driveline(line):
     """Speeds and accelerations of the bodies with a port, and torques between bodies, at the end of a step."""
-    v, q, cap, el, w, rates = line.v, line.q, line.cap, line.el, line.w, line.rates
-    m = el.shape[1]
-    for j in range(v.shape[0]):
-        rates[j] = 0.0
-    for i in range(v.shape[0]):
-        on = q[1, i]
-        for f in range(m):
-            slip = 0.0
-            for j in range(v.shape[0]):
-                slip += w[f, j] * v[j]
-            on -= w[f, i] * (el[LAM, f] + cap[VISC, f] * slip)
-        for j in range(v.shape[0]):
-            rates[j] += line.minv[j, i] * on
-    for b in range(line.speed.shape[0]):
-        speed, rate = 0.0, 0.0
-        for j in range(v.shape[0]):
-            speed += line.bodies[b, j] * v[j]
-            rate += line.bodies[b, j] * rates[j]
+    v, w, cap, el, own = line.v, line.w, line.cap, line.el, line.speed.shape[0]
+    m, n = w.shape
+    speeds = vector(v, 0, v)
+    on = vector(line.q, n, v)
+    for f in range(m):
+        along = vector(w, f * n, v)
+        on = add(on, -(el[LAM, f] + cap[VISC, f] * dot(along, speeds)), along)
+    rates = product(line.minv, 0, on)
+    for b in range(own):
+        turns = vector(line.bodies, b * n, v)
+        speed = dot(turns, speeds)
         line.gained[b] = speed - line.speed[b]
-        line.speed[b], line.rate[b] = speed, rate
+        line.speed[b], line.rate[b] = speed, dot(turns, rates)
     for k in range(line.meter.shape[0]):
         # three sums, so that none waits for the other
-        friction, pushed, inertia = 0.0, 0.0, 0.0
+        friction, pushed = 0.0, 0.0
         for f in range(m):
             friction += line.meter_of[k, f] * el[LAM, f]
-        for b in range(line.speed.shape[0]):
+        for b in range(own):
             pushed += line.meter_of[k, m + b] * line.push[1, b]
-        for j in range(v.shape[0]):
-            inertia += line.meter_of[k, m + line.speed.shape[0] + j] * rates[j]
-        line.meter[k] = friction + pushed + inertia
+        line.meter[k] = friction + pushed + dot(vector(line.meter_of, k * (m + own + n) + m + own, v), rates)

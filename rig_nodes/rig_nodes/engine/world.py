@@ -62,7 +62,7 @@ def driveline_dtype(n: Sizes) -> np.dtype:
         ("meter", "f8", (n.meters,)), ("mode", "i8", (m,)),
         ("minv", "f8", (s, s)), ("w", "f8", (m, s)), ("sh", "f8", (n.shafts, s)), ("kc", "f8", (2, n.shafts)),
         ("q", "f8", (2, s)), ("cap", "f8", (7, m)), ("middle", "f8", (n.bodies,)), ("push", "f8", (2, n.bodies)),
-        ("bodies", "f8", (n.bodies, s)), ("meter_of", "f8", (n.meters, m + n.bodies + s)), ("rates", "f8", (s,)),
+        ("bodies", "f8", (n.bodies, s)), ("meter_of", "f8", (n.meters, m + n.bodies + s)),
         ("events", "f8", (EVENTS, 3)), ("count", "i8", (2,)), ("work", "f8", (work_size(s, m, n.shafts, n.losses),)),
     ])
 
@@ -71,12 +71,12 @@ def world_dtype(counts: dict[str, int], sizes: Sizes, shapes: dict[str, tuple[in
     """The record of a rig with so many instances of each part; shapes: of the parts' tables.
 
     safe > 0: the rig is in its safe state. channel: column of the logger with the coil current of each output of the
-    controller, -1 without one; current: these currents.
+    controller, NOWHERE without one; current: these currents.
     """
     states = np.dtype([(name, part(name).state_dtype(), (count,)) for name, count in counts.items()])
     values = np.dtype([(name, part(name).values_dtype(shapes), (count,)) for name, count in counts.items()])
     return np.dtype([("safe", "f8"), ("oil", OIL, (sizes.oil_lines,)), ("parts", states),
-                     ("driveline", driveline_dtype(sizes)), ("values", values), ("channel", "i8", (sizes.outputs,)),
+                     ("driveline", driveline_dtype(sizes)), ("values", values), ("channel", "u8", (sizes.outputs,)),
                      ("current", "f8", (sizes.outputs,))])
 
 

@@ -41,8 +41,8 @@ def shown_dtype(channels: int, untouched: int, encoders: int) -> np.dtype:
         ("table", "f8", (ROWS, lanes)), ("white", "f8", (lanes,)), ("keys", "u8", (lanes,)), ("state", "f8", (lanes,)),
         ("angle", "f8", (lanes,)), ("counted", "f8", (lanes,)), ("fineness", "f8", (lanes,)),
         ("induced", "f8", (lanes,)), ("row", "f8", (lanes,)), ("mains", "f8"), ("pickup", "f8"), ("noisy", "f8"),
-        ("present", "f8"), ("encoder", "i8", (encoders,)), ("source", "i8", (channels,)),
-        ("untouched", "f8", (untouched,)), ("untouched_source", "i8", (untouched,)),
+        ("present", "f8"), ("encoder", "u8", (encoders,)), ("source", "u8", (channels,)),
+        ("untouched", "f8", (untouched,)), ("untouched_source", "u8", (untouched,)),
     ])
 
 
@@ -128,7 +128,7 @@ def encode(shown, c, index):
         place = shown.angle[c] = shown.angle[c] + table[TURN, c] * speed
         if table[NOISE, c] > 0.0 and speed != 0.0:
             place += table[NOISE, c] / (SQRT2 * table[STEP, c]) * noise_at(shown.keys[c], index)
-        count = floor(place)
+        count = np.floor(place)  # a float, which takes no way through whole numbers
         shown.row[c] = (count - shown.counted[c]) * table[STEP, c]
         shown.counted[c] = count
 

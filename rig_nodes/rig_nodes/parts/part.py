@@ -27,6 +27,9 @@ BODY, BODIES, TORQUE, TRANSDUCER, OUTPUT, LINE = "body", "bodies", "torque", "tr
 SOURCE, LOAD, CLUTCH, VALVE, LOSS, OIL, PRESS, METER, VALUES = (
     "source", "load", "clutch", "valve", "loss", "oil", "press", "meter", "values")
 
+# Place of a wire that goes nowhere. Places are unsigned: compiled code need not look whether one counts from the end.
+NOWHERE = 2**64 - 1
+
 # Stages of the engine, in which a part may take part by a compiled function; k is the instance of this part:
 # fill(world, k, h): what the step's length makes of its values, at the start of every call of the engine
 # command(world, k, outputs, drive): the controller's newest answer, once a controller sample
@@ -126,9 +129,9 @@ class Part:
         return np.dtype([(name, "f8") for name in self.state])
 
     def values_dtype(self, shapes: dict[str, tuple[int, ...]]) -> np.dtype:
-        """Configuration and derived numbers as float64, wires as int64, tables of these shapes."""
+        """Configuration and derived numbers as float64, wires as uint64, tables of these shapes."""
         return np.dtype([*record_dtype(*self.configs).descr, *((name, "f8") for name in self.derived),
-                         *((name, "i8") for name in self.wires),
+                         *((name, "u8") for name in self.wires),
                          *((name, "f8", shapes[name]) for name in self.tables)])
 
 

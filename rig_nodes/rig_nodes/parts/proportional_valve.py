@@ -9,13 +9,14 @@ A part of the engine, for ZR-P1 and ZR-P2 (type 3WZCDE6, thesis tab. 3.4); nothi
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp, floor, inf, sqrt
+from math import exp, inf, sqrt
 
+import numpy as np
 from numba import njit
 
 from ..config.schema import param
 from .lag import lagged
-from .part import VALVE, Part, Shown, Wire
+from .part import NOWHERE, VALVE, Part, Shown, Wire
 
 # who drives the coils: duty from outside, the embedded law, or the plant's power stage on setpoints from outside
 BY_DUTY, BY_LAW, BY_SETPOINT = range(3)
@@ -64,7 +65,7 @@ def coil_after(current, duty, decay, valve):
 def on_share(t, h, duty, frequency):
     """Share of the time from t to t + h in which a PWM of this frequency [Hz] is on; on from the start of a period."""
     first, last = t * frequency, (t + h) * frequency
-    turns = floor(first)
+    turns = np.floor(first)  # a float, which takes no way through whole numbers
     on = 0.0
     while turns < last:
         on += max(0.0, min(last, turns + duty) - max(first, turns))
@@ -171,6 +172,8 @@ def port_flow(share, port_pressure, supply_pressure, speed, valve):
     else:
         return 0.0, 0.0
     laminar = 2.0e3  # Pa: below this the orifice flow turns laminar; far under every pressure of interest
+    if drop == 0.0:  # an empty line: most lines at most times, and the roots below are long ones
+        return 0.0, -area * (speed / sqrt(laminar))
     root = speed / sqrt(sqrt(drop * drop + laminar * laminar))
     flow = area * drop * root
     slope = area * root * (1.0 - 0.5 * drop * drop / (drop * drop + laminar * laminar))
@@ -234,7 +237,7 @@ def before(world, k, h, t):
 def pickup(world, k, h, index, shown):
     """Voltage of the coil less its mean, in the wire of the transducer beside it."""
     me, my = world.parts.proportional_valve[k], world.values.proportional_valve[k]
-    if my.beside >= 0:
+    if my.beside != NOWHERE:
         # nothing is induced by the mean
         on = on_share((index - 1) * h, h, me.duty, my.pulses) if me.duty > 0.0 else 0.0
         shown.induced[my.beside] = on - me.duty

@@ -26,6 +26,7 @@ TAU, E_SHAFT = 0, 1
 N_EVENTS, N_CAPPED = 0, 1
 
 RANK = 1e-10       # relative size below which a constraint counts as dependent on the others
+UNSEEN = 1e-12     # share of a change of speed in a step that a change of drag may make before H is made anew
 HEAD = 4           # work[0] set of P and R, [1] set of H, [2] step of H, [3] 1 if anything is implicit
 
 
@@ -39,7 +40,7 @@ def apart(_context):
 
 
 class Places(NamedTuple):
-    """Where the parts of the work buffer begin, behind HEAD and the drag coefficients that H was made with."""
+    """Where the parts of the work buffer begin, behind HEAD, the drag coefficients that H was made with, and how far they may go from them."""
 
     p: int  # (n, n) acceleration by a force, with the stuck elements held
     h: int  # (n, n) the same over a step, with all that is implicit
@@ -77,7 +78,7 @@ class Places(NamedTuple):
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def places(n, m, s, k):
     """Places of the work buffer for n speeds, m friction elements, s shafts and k losses by torque."""
-    p = HEAD + m
+    p = HEAD + 2 * m
     wm = p + 2 * n * n + m * n
     g = wm + m * n
     b = g + 3 * m * m
@@ -238,6 +239,19 @@ def project(minv, w, ost, work):
     return pattern
 
 
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+def stale(d, pattern, cap, work):
+    """Whether :func:`implicit` has to make H anew: other stuck elements, another step, or drag that has gone too far.
+
+    What turns in oil warms it, so its drag goes on a little in every step, by far less than a step can tell.
+    """
+    gone = work[1] != pattern or (work[3] != 0.0 and work[2] != d)
+    m = cap.shape[1]
+    for f in range(m):
+        gone = gone or not abs(work[HEAD + f] - cap[VISC, f]) <= work[HEAD + m + f]
+    return gone
+
+
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def implicit(d, w, sh, kc, cap, work):
     """H = (I + d/2 P B)^-1 P with B = W^T visc W + S^T (c + k d/2) S; H = P where nothing is implicit."""
@@ -248,6 +262,11 @@ def implicit(d, w, sh, kc, cap, work):
     op, oh, ob, oa = at.p, at.h, at.b, at.a
     coupled = s > 0
     for f in range(m):
+        moved = 0.0
+        for i in range(n):
+            for j in range(n):
+                moved += w[f, i] * work[op + i * n + j] * w[f, j]
+        work[HEAD + m + f] = UNSEEN / max(0.5 * d * moved, UNSEEN * UNSEEN)
         work[HEAD + f] = cap[VISC, f]
         if cap[VISC, f] > 0.0:
             coupled = True
@@ -295,61 +314,3 @@ def implicit(d, w, sh, kc, cap, work):
                 for j in range(n):
                     work[oa + i * n + j] -= x * work[oa + col * n + j]
                     work[oh + i * n + j] -= x * work[oh + col * n + j]
-
-
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def implicit_pair(d, w, cap, work):
-    """As `implicit` for two speeds without shafts, the same operations in the same order."""
-    m = w.shape[0]
-    at = places(2, m, 0, 0)
-    op, oh = at.p, at.h
-    b00 = 0.0
-    b01 = 0.0
-    b11 = 0.0
-    coupled = False
-    for f in range(m):
-        visc = cap[VISC, f]
-        work[HEAD + f] = visc
-        coupled = coupled or visc > 0.0
-        b00 += visc * w[f, 0] * w[f, 0]
-        b01 += visc * w[f, 0] * w[f, 1]
-        b11 += visc * w[f, 1] * w[f, 1]
-    b10 = 0.0
-    for f in range(m):
-        b10 += cap[VISC, f] * w[f, 1] * w[f, 0]
-    h00 = work[op]
-    h01 = work[op + 1]
-    h10 = work[op + 2]
-    h11 = work[op + 3]
-    work[1] = work[0]
-    work[2] = d
-    work[3] = 1.0 if coupled else 0.0
-    if coupled:
-        half = 0.5 * d
-        a00 = 1.0 + half * h00 * b00 + half * h01 * b10
-        a01 = 0.0 + half * h00 * b01 + half * h01 * b11
-        a10 = 0.0 + half * h10 * b00 + half * h11 * b10
-        a11 = 1.0 + half * h10 * b01 + half * h11 * b11
-        if abs(a10) > abs(a00):
-            a00, a10 = a10, a00
-            a01, a11 = a11, a01
-            h00, h10 = h10, h00
-            h01, h11 = h11, h01
-        scale = 1.0 / a00
-        a01 *= scale
-        h00 *= scale
-        h01 *= scale
-        if a10 != 0.0:
-            a11 -= a10 * a01
-            h10 -= a10 * h00
-            h11 -= a10 * h01
-        scale = 1.0 / a11
-        h10 *= scale
-        h11 *= scale
-        if a01 != 0.0:
-            h00 -= a01 * h10
-            h01 -= a01 * h11
-    work[oh] = h00
-    work[oh + 1] = h01
-    work[oh + 2] = h10
-    work[oh + 3] = h11

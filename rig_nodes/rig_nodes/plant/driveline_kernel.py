@@ -13,8 +13,8 @@ import numpy as np
 from numba import njit
 
 from rig_nodes.plant.driveline_algebra import (
-    BACKWARD, CLOSE, CROSS, E_FRIC, E_SHAFT, E_VISC, FORWARD, FREE, HEAD, IMPULSE, KIN0, KIN1, LAM, LOCKED_HIGH,
-    LOCKED_LOW, N_CAPPED, OPEN, STUCK, TAU, VISC, apart, has_capacity, high, implicit, lin, low, places, project)
+    BACKWARD, CLOSE, CROSS, E_FRIC, E_SHAFT, E_VISC, FORWARD, FREE, IMPULSE, KIN0, KIN1, LAM, LOCKED_HIGH,
+    LOCKED_LOW, N_CAPPED, OPEN, STUCK, TAU, VISC, apart, has_capacity, high, implicit, lin, low, places, project, stale)
 from rig_nodes.plant.driveline_joint import note, resolve
 from rig_nodes.plant.driveline_losses import (
     BEFORE, FACTOR, LAST, NEXT, ON, OWN, WEIGHTS, brakes, put_losses, solve_losses)
@@ -281,11 +281,7 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
         tries = 0
         missed = False
         while True:
-            stale = work[1] != pattern or (work[3] != 0.0 and work[2] != d)
-            for f in range(m):
-                if work[HEAD + f] != cap[VISC, f]:
-                    stale = True
-            if stale:
+            if stale(d, pattern, cap, work):
                 implicit(d, w, sh, kc, cap, work)
             xb = 1.0 if d == left else (tl + d) / h
             put_losses(loss, cap, int(1), int(-1))

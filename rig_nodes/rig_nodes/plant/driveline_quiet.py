@@ -9,8 +9,8 @@ Called by the engine before plant/driveline_kernel.py, which does what this one 
 from numba import njit
 
 from rig_nodes.plant.driveline_algebra import (
-    BACKWARD, E_FRIC, E_SHAFT, E_VISC, FORWARD, HEAD, HI0, HI1, IMPULSE, KIN0, KIN1, LAM, LO0, LO1, OPEN, STUCK, TAU, VISC,
-    has_capacity, implicit, implicit_pair, places)
+    BACKWARD, E_FRIC, E_SHAFT, E_VISC, FORWARD, HI0, HI1, IMPULSE, KIN0, KIN1, LAM, LO0, LO1, OPEN, STUCK, TAU, VISC,
+    has_capacity, implicit, places, stale)
 from rig_nodes.plant.driveline_losses import (
     BEFORE, FORETOLD, LAST, NEXT, WAY, WEIGHTS, foretell_losses, loss_at, put_loss)
 from rig_nodes.plant.small_vectors import add, dot, product, put, room, scaled, vector
@@ -50,7 +50,6 @@ def quiet_step(h, line):
         force = add(force, -(kc[0, a] * twist[a] + kc[1, a] * rate[a]), along)
     pattern = 1.0
     bit = 1.0
-    same = True
     for f in range(m):
         mo = mode[f]
         along = vector(w, f * n, v)
@@ -67,14 +66,10 @@ def quiet_step(h, line):
         slip0[f] = slip
         torque0[f] = torque
         force = add(force, -(torque + cap[VISC, f] * slip), along)
-        same = same and work[HEAD + f] == cap[VISC, f]
     if work[0] != pattern:
         return False
-    if not same or work[1] != pattern or (work[3] != 0.0 and work[2] != h):
-        if n == 2 and s == 0:
-            implicit_pair(h, w, cap, work)
-        else:
-            implicit(h, w, sh, kc, cap, work)
+    if stale(h, pattern, cap, work):
+        implicit(h, w, sh, kc, cap, work)
     # acceleration at the start, without what is implicit
     accel = product(work, op, force)
     for f in range(m):
@@ -153,5 +148,5 @@ def quiet_step(h, line):
         for f in range(m):
             if mode[f] == STUCK:
                 held = add(held, -dot(vector(w, f * n, v), speed), vector(work, orr + f * n, v))
-    put(v, held)
+    put(v, 0, held)
     return True

@@ -3,7 +3,7 @@
 
 """Vectors of a few numbers in registers, for compiled code that knows their length from the types of its arrays.
 
-Used by plant/driveline_quiet.py. A vector is a tuple of floats; arrays are C-contiguous, of float64, and read by the place
+Used by plant/driveline_quiet.py and engine/step.py. A vector is a tuple of floats; arrays are C-contiguous, of float64, and read by the place
 of their first number that is wanted, whatever their dimensions.
 """
 
@@ -35,15 +35,15 @@ def vector(_context, array, begin, like):
 
 
 @intrinsic
-def put(_context, array, values):
-    """The values to the beginning of an array."""
+def put(_context, array, begin, values):
+    """The values to an array, from its place ``begin`` on."""
     def build(context, builder, _signature, arguments):
-        data, zero = _numbers(context, builder, array, arguments[0]), ir.Constant(ir.IntType(64), 0)
+        data = _numbers(context, builder, array, arguments[0])
         for i in range(values.count):
-            builder.store(builder.extract_value(arguments[1], i), _at(builder, data, zero, i))
+            builder.store(builder.extract_value(arguments[2], i), _at(builder, data, arguments[1], i))
         return context.get_dummy_value()
 
-    return types.void(array, values), build
+    return types.void(array, types.intp, values), build
 
 
 def _each(builder, of, *vectors):

@@ -190,7 +190,7 @@ class _Planner:
             "element": lambda: device.name, "body": lambda: wires["body"], "oil": lambda: oil, "press": lambda: wires["press"],
             "line": lambda: structure.line_of(wires.get("feeds", device.name)), "supply": lambda: structure.line_of(oil),
             "valve": lambda: valve.name, "output": lambda: self.config.wiring[structure.valves.index(driven)],
-            "beside": lambda: wires.get("beside", -1), "row": lambda: self.losses.index(device),
+            "beside": lambda: wires.get("beside", parts.NOWHERE), "row": lambda: self.losses.index(device),
             "braked": lambda: structure.device(self.elsewhere(device)).wires["body"] if self.elsewhere(device) else wires["body"]}
         return {wire: known[wire]() for wire in parts.part(part).wires}
 
