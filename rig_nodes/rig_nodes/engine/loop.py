@@ -9,8 +9,6 @@ of rows: it allocates nothing and holds no lock.
 
 from __future__ import annotations
 
-from math import inf
-
 from numba import njit
 
 from ..alfa46.law import OFF, current_loop, law_step
@@ -33,15 +31,16 @@ def true_row(numbers, shown):
 
     numbers: the beginning of the world, of which every channel shows one.
     """
-    row, wrong = shown.row, 0
+    nothing = 0.0  # what a finite number less itself is
     for c in range(shown.source.shape[0]):
-        row[c] = numbers[shown.source[c]]
+        value = numbers[shown.source[c]]
+        shown.row[c] = value
+        nothing += value - value
     for c in range(shown.untouched.shape[0]):
-        shown.untouched[c] = numbers[shown.untouched_source[c]]
-        wrong += 0 if abs(shown.untouched[c]) < inf else 1
-    for c in range(row.shape[0]):
-        wrong += 0 if abs(row[c]) < inf else 1
-    return wrong == 0
+        value = numbers[shown.untouched_source[c]]
+        shown.untouched[c] = value
+        nothing += value - value
+    return nothing == 0.0
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

@@ -19,6 +19,7 @@ from .part import CLUTCH, Part, Shown
 from .plates import PackFriction, PlatePack
 from .proportional_valve import fed, line_flow, orifice_speed
 
+THIRD = 1.0 / 3.0
 LOWEST = -1e4  # Pa: to which the tank's pressure may be missed by the order of the integration
 
 
@@ -110,8 +111,8 @@ def cylinder_step(cylinder, port, state, supply, h, full_line, stiff_chamber, in
     """
     stiff_line = 1.5 * full_line
     # (3 p - 4 p0 + p00) / 2 h = 1.5 (p - (p0 + rise / 3)) / h
-    chamber_before = cylinder.chamber + cylinder.chamber_rise / 3.0
-    line_before = port.pressure + port.rise / 3.0
+    chamber_before = cylinder.chamber + cylinder.chamber_rise * THIRD
+    line_before = port.pressure + port.rise * THIRD
     # what fell this fast, and stopped, would fall on below the tank's pressure by the step before alone: there a backward
     # step, with which no volume gets below the tank, as nothing draws from it
     if line_before < LOWEST:
@@ -120,14 +121,14 @@ def cylinder_step(cylinder, port, state, supply, h, full_line, stiff_chamber, in
         chamber_before, stiff_chamber = cylinder.chamber, stiff_chamber / 1.5
     low, high = -0.1e6, inf
     p = max(cylinder.chamber, low)
-    half = 0.5 * h
+    half, per_half = 0.5 * h, 2.0 / h
     start = max(0.0, cylinder.piston + half * cylinder.speed)
     line, x, flow, speed = port.pressure, start, 0.0, 0.0
     for turn in range(120):
         x, dx = piston_step(start, p, half, clutch)
-        speed = (x - start) / half
+        speed = (x - start) * per_half
         feed = stiff_chamber * (p - chamber_before) + clutch.piston_area * speed
-        dfeed = stiff_chamber + clutch.piston_area * dx / half
+        dfeed = stiff_chamber + clutch.piston_area * dx * per_half
         line = p + inertia_drop * feed * abs(feed)
         dline = 1.0 + 2.0 * inertia_drop * abs(feed) * dfeed
         flow, dflow = line_flow(state, line, supply, speed_by_root, full_line, valve)
