@@ -13,47 +13,47 @@ from __future__ import annotations
 from numba import njit
 from numba.extending import overload
 
+from ..compiled import INNER
 from ..parts.part import STAGES, part
-
-_OPTIONS = {"error_model": "numpy", "forceinline": True}
-
 
 def _parts_in(world) -> list:
     """The parts of a world by the type of its record, in the order of their stages."""
     return sorted((part(name) for name in world.typeof("parts").fields), key=lambda one: one.order)
 
 
-_AT_ONCE = 4
-
-
-@njit(**_OPTIONS)
-def _nothing(world, *arguments):
-    pass
-
-
-def _calls(world, stage: str):
-    """One compiled function that calls a stage of each part that has it, for each of its instances."""
+def _calls(world, stage: str) -> list:
+    """Pairs (instances, compiled stage) of the parts that take part in a stage."""
     states = world.typeof("parts")
-    calls = [(states.typeof(one.name).shape[0], one.stages[stage]) for one in _parts_in(world) if stage in one.stages]
-    return _one_after_other(calls) if calls else _nothing
+    return [(states.typeof(one.name).shape[0], one.stages[stage]) for one in _parts_in(world) if stage in one.stages]
 
 
 def _one_after_other(calls: list):
-    """As :func:`_calls`, of pairs (instances, stage); some at once, because every function costs the compiler time."""
-    (m0, call0), (m1, call1), (m2, call2), (m3, call3) = (calls + [(0, _nothing)] * _AT_ONCE)[:_AT_ONCE]
-    others = _one_after_other(calls[_AT_ONCE:]) if len(calls) > _AT_ONCE else _nothing
+    """A function that calls stages of pairs (instances, stage); some at once, as every function costs the compiler time."""
+    if not calls:
+        return lambda world, *arguments: None
+    if len(calls) == 1:
+        (m0, call0), = calls
 
-    @njit(**_OPTIONS)
-    def run(world, *arguments):
-        for k in range(m0):
-            call0(world, k, *arguments)
-        for k in range(m1):
-            call1(world, k, *arguments)
-        for k in range(m2):
-            call2(world, k, *arguments)
-        for k in range(m3):
-            call3(world, k, *arguments)
-        others(world, *arguments)
+        def run(world, *arguments):
+            for k in range(m0):
+                call0(world, k, *arguments)
+    elif len(calls) == 2:
+        (m0, call0), (m1, call1) = calls
+
+        def run(world, *arguments):
+            for k in range(m0):
+                call0(world, k, *arguments)
+            for k in range(m1):
+                call1(world, k, *arguments)
+    else:
+        (m0, call0), (m1, call1), others = *calls[:2], njit(**INNER)(_one_after_other(calls[2:]))
+
+        def run(world, *arguments):
+            for k in range(m0):
+                call0(world, k, *arguments)
+            for k in range(m1):
+                call1(world, k, *arguments)
+            others(world, *arguments)
     return run
 
 
@@ -62,10 +62,9 @@ def _stage(name: str):
     def stage(world, *arguments):
         raise TypeError(f"the stage '{name}' of the engine is called from compiled code only")
 
-    @overload(stage, jit_options=_OPTIONS)
+    @overload(stage, jit_options=INNER)
     def chosen(world, *arguments):
-        run = _calls(world, name)
-        return lambda world, *arguments: run(world, *arguments)
+        return _one_after_other(_calls(world, name))
     return stage
 
 

@@ -14,18 +14,19 @@ from __future__ import annotations
 
 from numba import njit
 
+from ..compiled import INNER
 from ..plant.driveline_algebra import LAM, VISC
-from ..plant.driveline_kernel import driveline_step
 from ..plant.driveline_quiet import quiet_step
 from ..plant.small_vectors import add, dot, product, put, scaled, vector
+from .general_step import general_step
 from .stages import after, before, bound
 
 
-@njit(error_model="numpy", forceinline=True)
-def plant_step(world, h, t):
-    """The plant from t to t + h."""
+@njit(**INNER)
+def plant_step(world, general, h, t):
+    """The plant from t to t + h; general: address of the driveline's general step."""
     line = world.driveline
-    v, gain, q, el, pushed = line.v, line.gain, line.q, line.el, line.middle.shape[0]
+    v, gain, q, pushed = line.v, line.gain, line.q, line.middle.shape[0]
     n = v.shape[0]
     middle = add(vector(v, 0, v), 0.5, vector(gain, 0, v))
     for b in range(pushed):
@@ -39,15 +40,14 @@ def plant_step(world, h, t):
         put(q, end * n, on)
     put(gain, 0, vector(v, 0, v))
     if not quiet_step(h, line):
-        driveline_step(h, t, line.minv, line.w, line.sh, line.kc, q, line.cap, line.loss, v, line.twist, line.mode, el,
-                       line.shaft, line.e_in, line.events, line.count, line.work)
+        general_step(general, h, t, line)
     bound(world)
     put(gain, 0, add(vector(v, 0, v), -1.0, vector(gain, 0, v)))
     measure_driveline(line)
     after(world, h)
 
 
-@njit(error_model="numpy", forceinline=True)
+@njit(**INNER)
 def measure_driveline(line):
     """Speeds and accelerations of the bodies with a port, and torques between bodies, at the end of a step."""
     v, w, cap, el, own = line.v, line.w, line.cap, line.el, line.speed.shape[0]

@@ -40,9 +40,6 @@ class Sizes:
     outputs: int = 0
 
 
-# arguments of driveline_kernel.driveline_step behind its times, all in the driveline's record
-STEP = ("minv", "w", "sh", "kc", "q", "cap", "loss", "v", "twist", "mode", "el", "shaft", "e_in", "events", "count", "work")
-
 
 def driveline_dtype(n: Sizes) -> np.dtype:
     """Arguments of driveline_kernel.driveline_step, those that a step changes first, and what parts need of it.

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from numba import njit
 
+from ..compiled import INNER
 from ..config.schema import param, switch
 from ..plant.friction.bench import SPRING_FORCE, SPRING_TRAVEL
 from .oil_supply import supply_pressure
@@ -95,7 +96,7 @@ def piston_step(travel, pressure, h, cylinder):
     return max(0.0, x)
 
 
-@njit(error_model="numpy", forceinline=True)
+@njit(**INNER)
 def before(world, k, h, t):
     """The lever valve, chamber, piston and springs over the step, or the testing machine in their place."""
     me, my = world.parts.press_cylinder[k], world.values.press_cylinder[k]

@@ -10,18 +10,19 @@ from __future__ import annotations
 
 from numba import njit
 
+from ..compiled import INNER
 from . import plates
 from .part import CLUTCH, Part, Shown, Wire
 from .plates import PackFriction, PlatePack
 
 
-@njit(error_model="numpy", forceinline=True)
+@njit(**INNER)
 def fill(world, k, h):
     """What the step's length makes of the plates' cooling."""
     plates.fill_plates(world.values.pressed_clutch[k], h)
 
 
-@njit(error_model="numpy", forceinline=True)
+@njit(**INNER)
 def before(world, k, h, t):
     """The pack under the force of its cylinder."""
     me, my = world.parts.pressed_clutch[k], world.values.pressed_clutch[k]
@@ -32,7 +33,7 @@ def before(world, k, h, t):
     plates.capacities_after(me, my, press.travel, drag, world)
 
 
-@njit(error_model="numpy", forceinline=True)
+@njit(**INNER)
 def after(world, k, h):
     """Heat and wear of the plates."""
     plates.heat_plates(world.parts.pressed_clutch[k], world.values.pressed_clutch[k], world)

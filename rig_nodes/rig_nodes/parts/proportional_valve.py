@@ -14,6 +14,7 @@ from math import exp, inf, sqrt
 import numpy as np
 from numba import njit
 
+from ..compiled import INNER
 from ..config.schema import param
 from .lag import lagged
 from .part import NOWHERE, VALVE, Part, Shown, Wire
@@ -198,14 +199,14 @@ def held_flow(state, port_pressure, supply_pressure, most):
     return flow, state.cut_slope
 
 
-@njit(error_model="numpy", forceinline=True)
+@njit(**INNER)
 def fill(world, k, h):
     """Shares of the coil's and the spool's way that are left after a step."""
     my = world.values.proportional_valve[k]
     my.coil_left, my.spool_left = coil_decay(h, my), spool_decay(h, my)
 
 
-@njit(error_model="numpy", forceinline=True)
+@njit(**INNER)
 def command(world, k, outputs, drive):
     """Duty of this sample; where the current is its setpoint, that of the last sample, as the duty would be."""
     me, my = world.parts.proportional_valve[k], world.values.proportional_valve[k]
@@ -217,7 +218,7 @@ def command(world, k, outputs, drive):
     me.duty = 0.0 if safe else me.pending
 
 
-@njit(error_model="numpy", forceinline=True)
+@njit(**INNER)
 def before(world, k, h, t):
     """Coil, magnet and spool over the step; the flow is solved with the line that it fills."""
     me, my = world.parts.proportional_valve[k], world.values.proportional_valve[k]
@@ -233,7 +234,7 @@ def before(world, k, h, t):
         me.share = opening(me.spool, my)
 
 
-@njit(error_model="numpy", forceinline=True)
+@njit(**INNER)
 def pickup(world, k, h, index, shown):
     """Voltage of the coil less its mean, in the wire of the transducer beside it."""
     me, my = world.parts.proportional_valve[k], world.values.proportional_valve[k]
@@ -243,7 +244,7 @@ def pickup(world, k, h, index, shown):
         shown.induced[my.beside] = on - me.duty
 
 
-@njit(error_model="numpy", forceinline=True)
+@njit(**INNER)
 def line_flow(valve, line, supply, speed, most, values):
     """(flow into the line [m3/s], its slope): of the spool, or of a valve that stands outside the plant."""
     if valve.cut > 0.0:
@@ -251,7 +252,7 @@ def line_flow(valve, line, supply, speed, most, values):
     return port_flow(valve.share, line, supply, speed, values)
 
 
-@njit(error_model="numpy", forceinline=True)
+@njit(**INNER)
 def fed(world, k, line, flow, h):
     """Note what the valve has given to its line over a step, by whoever has solved it."""
     me = world.parts.proportional_valve[k]

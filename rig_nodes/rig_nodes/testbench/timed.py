@@ -19,8 +19,8 @@ from ..alfa46 import law
 from ..catalogue import Catalogue, Signal
 from ..clocks import ROW, SAMPLE, SAMPLE_NS
 from ..config.schema import param
-from ..engine import loop
-from ..engine.first_start import compile_beside
+from ..engine import general_step, loop
+from ..engine.first_start import compiling_beside
 from ..engine.plan import Plan, World
 from ..errors import RigError
 from ..instruments import transducers
@@ -105,21 +105,29 @@ class Timed(ABC):
         self._shown["untouched_source"] = self.world.source[count:]
         self._shown["encoder"] = [self.channels.index(name) for name in plan.encoders]
         world = self.world
-        compile_beside(world.record.dtype, world.sizes, lambda: loop.first_row(
-            self._log, self.step, world.record, world.numbers, self._shown, *gauges.arrays))
+        self._general = 0
+        with compiling_beside() as cold:
+            loop.first_row(self._log, self.step, world.record, world.numbers, self._shown, *gauges.arrays)
+            if cold:
+                self._advance(0)
+        self._general = general_step.address()
 
     def move(self, samples: int) -> bool:
         """Move on by samples; False when the plant trips the rig. One that is tripped moves on as far as it can."""
         end, world = self.sample + samples, self.world
         while self.sample < end:
-            self.sample, how = loop.advance(
-                end - self.sample, self.sample, self._steps_per_sample, self.step, self._by, world.record, world.numbers,
-                self._shown, *self.gauges.arrays, self._law_config, self._law_profiles, self._law_outputs,
-                self._law_state, self._log, world.moved, world.finite, world.kept)
+            self.sample, how = self._advance(end - self.sample)
             if how != WHOLE and self.status != RigStatus.TRIPPED:
                 self.trip_for(how, world.names, world.kept[1, :world.finite].view(float))
                 return False
         return True
+
+    def _advance(self, samples: int) -> tuple[int, int]:
+        world = self.world
+        return loop.advance(
+            samples, self.sample, self._steps_per_sample, self.step, self._by, self._general, world.record,
+            world.numbers, self._shown, *self.gauges.arrays, self._law_config, self._law_profiles, self._law_outputs, self._law_state,
+            self._log, world.moved, world.finite, world.kept)
 
     def device(self, name: str) -> np.void:
         """The states of a device by name, SI, to be read and set."""
