@@ -20,8 +20,9 @@ from pathlib import Path
 from .errors import RigError
 
 # Options of numba for what only compiled code calls: without the two functions by which Python and C would call it, which
-# cost a third of the time to compile a small one.
-INNER = {"error_model": "numpy", "forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+# cost a third of the time to compile a small one. forceinline is said, because numba would take the caller's.
+INNER = {"error_model": "numpy", "forceinline": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+INLINED = {**INNER, "forceinline": True}
 _SOURCES = ("engine", "parts", "plant", "plant/friction", "alfa46", "instruments")
 
 

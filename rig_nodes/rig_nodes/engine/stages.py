@@ -13,7 +13,7 @@ from __future__ import annotations
 from numba import njit
 from numba.extending import overload
 
-from ..compiled import INNER
+from ..compiled import INLINED
 from ..parts.part import STAGES, part
 
 def _parts_in(world) -> list:
@@ -46,7 +46,7 @@ def _one_after_other(calls: list):
             for k in range(m1):
                 call1(world, k, *arguments)
     else:
-        (m0, call0), (m1, call1), others = *calls[:2], njit(**INNER)(_one_after_other(calls[2:]))
+        (m0, call0), (m1, call1), others = *calls[:2], njit(**INLINED)(_one_after_other(calls[2:]))
 
         def run(world, *arguments):
             for k in range(m0):
@@ -62,7 +62,7 @@ def _stage(name: str):
     def stage(world, *arguments):
         raise TypeError(f"the stage '{name}' of the engine is called from compiled code only")
 
-    @overload(stage, jit_options=INNER)
+    @overload(stage, jit_options=INLINED)
     def chosen(world, *arguments):
         return _one_after_other(_calls(world, name))
     return stage

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from ..compiled import INNER
+from ..compiled import INLINED
 from ..plant.driveline_algebra import LAM, VISC
 from ..plant.driveline_quiet import quiet_step
 from ..plant.small_vectors import add, dot, product, put, scaled, vector
@@ -22,7 +22,7 @@ from .general_step import general_step
 from .stages import after, before, bound
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def plant_step(world, general, h, t):
     """The plant from t to t + h; general: address of the driveline's general step."""
     line = world.driveline
@@ -47,7 +47,7 @@ def plant_step(world, general, h, t):
     after(world, h)
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def measure_driveline(line):
     """Speeds and accelerations of the bodies with a port, and torques between bodies, at the end of a step."""
     v, w, cap, el, own = line.v, line.w, line.cap, line.el, line.speed.shape[0]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from numba import njit
 
 from ..alfa46.law import OFF, ON
-from ..compiled import INNER
+from ..compiled import INLINED
 from ..config.schema import param
 from . import plates
 from .part import CLUTCH, Part
@@ -31,7 +31,7 @@ class Force:
     contact_force: float = param("force", 0.0, 1e5)
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def prescribed_clamp(pressure, clutch):
     """Clamp force [N] at a prescribed pressure [Pa]: F_p of Annex D less the springs' force at the kiss point."""
     push = (clutch.force_square * pressure + clutch.force_linear) * pressure + clutch.force_offset
@@ -56,20 +56,20 @@ def prescribed_pressure(since, phase, pieces):
     return 0.0
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def fill(world, k, h):
     """What the step's length makes of the plates' cooling."""
     plates.fill_plates(world.values.curve_clutch[k], h)
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def ordered(world, k, outputs, steps_per_sample, h):
     """Note when which way of the curve began."""
     me, out = world.parts.curve_clutch[k], outputs[world.values.curve_clutch[k].output]
     me.phase, me.began = out.phase, out.start * steps_per_sample
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def before(world, k, h, t):
     """Pressure of the curve at the step's end, and the pack under it."""
     me, my = world.parts.curve_clutch[k], world.values.curve_clutch[k]
@@ -81,7 +81,7 @@ def before(world, k, h, t):
     plates.capacities_after(me, my, me.piston, drag, world)
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def after(world, k, h):
     """Heat and wear of the plates."""
     plates.heat_plates(world.parts.curve_clutch[k], world.values.curve_clutch[k], world)

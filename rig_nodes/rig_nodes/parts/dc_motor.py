@@ -13,7 +13,7 @@ from math import exp
 
 from numba import njit
 
-from ..compiled import INNER
+from ..compiled import INLINED
 from ..config.schema import param
 from .part import SOURCE, Command, Part, Shown, Wire
 
@@ -63,13 +63,13 @@ def torque_after(torque, integral, setpoint, speed, enabled, h, decay, motor):
     return asked + (torque - asked) * decay, integral
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def fill(world, k, h):
     """Share of a change of torque that is still to come after a step."""
     world.values.dc_motor[k].decay = exp(-h / world.values.dc_motor[k].torque_time)
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def before(world, k, h, t):
     """Torque on its body at both ends of the step, by the speed in the middle of it."""
     me, my, line = world.parts.dc_motor[k], world.values.dc_motor[k], world.driveline
@@ -91,7 +91,7 @@ def before(world, k, h, t):
     line.push[1, my.body] += me.torque
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def after(world, k, h):
     """What gives a body that is held at its speed that speed, without what was put on it."""
     me, my, line = world.parts.dc_motor[k], world.values.dc_motor[k], world.driveline

@@ -13,7 +13,7 @@ from math import pi, sqrt
 
 from numba import njit
 
-from ..compiled import INNER
+from ..compiled import INLINED
 from ..config.schema import choice, param
 from ..plant.driveline_algebra import KIN1
 from ..plant.driveline_losses import BASE, FACTOR
@@ -47,7 +47,7 @@ class GearLossConfig:
     torque_side: str = choice("driven", "driving")
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def loss_by_speed(speed, loss):
     """Loss torque [Nm] by the shaft's speed [rad/s], (6.72), (7.7) and Annex D."""
     total = 0.0
@@ -60,7 +60,7 @@ def loss_by_speed(speed, loss):
     return total
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def before(world, k, h, t):
     """What is by speed, held over the step; what comes by torque is the driveline's to solve."""
     my, line = world.values.gear_loss[k], world.driveline
@@ -70,7 +70,7 @@ def before(world, k, h, t):
         line.loss[my.row, FACTOR] = min(1.0, max(0.0, line.middle[my.body] / there)) if there > 1.0 else 0.0
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def after(world, k, h):
     """The torque that brakes its shaft now."""
     world.parts.gear_loss[k].torque = world.driveline.cap[KIN1, world.values.gear_loss[k].element]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from numba import njit
 
-from ..compiled import INNER
+from ..compiled import INLINED
 from ..config.schema import param
 from ..plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LO0, LO1
 from .part import SOURCE, Command, Part, Shown, Wire
@@ -56,7 +56,7 @@ def line_pressure(pressure, flow, speed, setting, h, bulk_modulus, motor):
     return max(0.0, free)
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def before(world, k, h, t):
     """Relief setting, line pressure and torque over the step."""
     me, my, line = world.parts.hydraulic_motor[k], world.values.hydraulic_motor[k], world.driveline

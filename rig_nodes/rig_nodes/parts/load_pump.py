@@ -13,7 +13,7 @@ from math import exp, pi
 
 from numba import njit
 
-from ..compiled import INNER
+from ..compiled import INLINED
 from ..config.schema import param
 from ..plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LO0, LO1
 from .lag import lagged
@@ -70,13 +70,13 @@ def relief_setting_for(torque: float, speed: float, load: LoadConfig) -> float:
     return max(0.0, torque - load.mechanical_loss) / (load.displacement * relief_factor(speed))
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def fill(world, k, h):
     """Share of a change of pressure that is still to come after a step."""
     world.values.load_pump[k].decay = exp(-h / world.values.load_pump[k].pressure_time)
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def before(world, k, h, t):
     """Pressure and capacity by the speed in the middle of the step."""
     me, my, line = world.parts.load_pump[k], world.values.load_pump[k], world.driveline

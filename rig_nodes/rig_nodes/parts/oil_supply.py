@@ -13,7 +13,7 @@ from math import exp
 
 from numba import njit
 
-from ..compiled import INNER
+from ..compiled import INLINED
 from ..config.schema import param
 from .lag import lagged
 from .part import OIL, Command, Part, Wire
@@ -54,13 +54,13 @@ def supply_after(pressure, setting, enabled, flow, decay, oil):
     return lagged(pressure, target, decay)
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def fill(world, k, h):
     """Share of a change of pressure that is still to come after a step."""
     world.values.oil_supply[k].decay = exp(-h / world.values.oil_supply[k].pressure_time)
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def before(world, k, h, t):
     """Pressure by what was drawn in the last step."""
     me, my = world.parts.oil_supply[k], world.values.oil_supply[k]

@@ -14,7 +14,7 @@ from math import exp, expm1
 
 from numba import njit
 
-from ..compiled import INNER
+from ..compiled import INLINED
 from ..config.schema import choice, param
 from ..errors import RigError
 from ..plant.driveline_algebra import E_FRIC, E_VISC, HI0, HI1, KIN0, KIN1, LO0, LO1, VISC
@@ -173,7 +173,7 @@ def said(rig, name: str, pressure: float, travel: float) -> tuple:
             float(me["static"]), slip, float(me["clamp"]), pressure, travel, rig.energies[rig.heat_of(name)])
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def film_viscosity(me, oil):
     """Viscosity [Pa s] of the oil between the plates: the exponential's series around a temperature near by.
 
@@ -187,13 +187,13 @@ def film_viscosity(me, oil):
     return me.film_viscosity * (1.0 + x * (1.0 + x * (0.5 + x * (1.0 / 6.0 + x * (1.0 / 24.0)))))
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def fill_plates(my, h):
     """What the step's length makes of the plates' cooling."""
     my.plates_left, my.plates_rise = plates_cooling(h, my)
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def capacities_before(me, my, cap):
     """Leave the pack's torques at the step's start with the driveline; the drag of then."""
     f = my.element
@@ -201,7 +201,7 @@ def capacities_before(me, my, cap):
     return me.drag
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def capacities_after(me, my, piston, drag, world):
     """What the pack can carry at its clamp force, with its memory, and the drag over the step, to the driveline.
 
@@ -222,7 +222,7 @@ def capacities_after(me, my, piston, drag, world):
     cap[VISC, f] = 0.5 * (drag + me.drag)
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def heat_plates(me, my, world):
     """Temperature and wear by the heat of the step."""
     el, f = world.driveline.el, my.element

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from numba import njit
 
-from ..compiled import INNER
+from ..compiled import INLINED
 from ..config.schema import param, switch
 from ..plant.friction.bench import SPRING_FORCE, SPRING_TRAVEL
 from .oil_supply import supply_pressure
@@ -96,7 +96,7 @@ def piston_step(travel, pressure, h, cylinder):
     return max(0.0, x)
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def before(world, k, h, t):
     """The lever valve, chamber, piston and springs over the step, or the testing machine in their place."""
     me, my = world.parts.press_cylinder[k], world.values.press_cylinder[k]

@@ -10,19 +10,19 @@ from __future__ import annotations
 
 from numba import njit
 
-from ..compiled import INNER
+from ..compiled import INLINED
 from . import plates
 from .part import CLUTCH, Part, Shown, Wire
 from .plates import PackFriction, PlatePack
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def fill(world, k, h):
     """What the step's length makes of the plates' cooling."""
     plates.fill_plates(world.values.pressed_clutch[k], h)
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def before(world, k, h, t):
     """The pack under the force of its cylinder."""
     me, my = world.parts.pressed_clutch[k], world.values.pressed_clutch[k]
@@ -33,7 +33,7 @@ def before(world, k, h, t):
     plates.capacities_after(me, my, press.travel, drag, world)
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def after(world, k, h):
     """Heat and wear of the plates."""
     plates.heat_plates(world.parts.pressed_clutch[k], world.values.pressed_clutch[k], world)

@@ -14,7 +14,7 @@ from math import exp, inf, sqrt
 import numpy as np
 from numba import njit
 
-from ..compiled import INNER
+from ..compiled import INLINED
 from ..config.schema import param
 from .lag import lagged
 from .part import NOWHERE, VALVE, Part, Shown, Wire
@@ -199,14 +199,14 @@ def held_flow(state, port_pressure, supply_pressure, most):
     return flow, state.cut_slope
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def fill(world, k, h):
     """Shares of the coil's and the spool's way that are left after a step."""
     my = world.values.proportional_valve[k]
     my.coil_left, my.spool_left = coil_decay(h, my), spool_decay(h, my)
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def command(world, k, outputs, drive):
     """Duty of this sample; where the current is its setpoint, that of the last sample, as the duty would be."""
     me, my = world.parts.proportional_valve[k], world.values.proportional_valve[k]
@@ -218,7 +218,7 @@ def command(world, k, outputs, drive):
     me.duty = 0.0 if safe else me.pending
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def before(world, k, h, t):
     """Coil, magnet and spool over the step; the flow is solved with the line that it fills."""
     me, my = world.parts.proportional_valve[k], world.values.proportional_valve[k]
@@ -234,7 +234,7 @@ def before(world, k, h, t):
         me.share = opening(me.spool, my)
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def pickup(world, k, h, index, shown):
     """Voltage of the coil less its mean, in the wire of the transducer beside it."""
     me, my = world.parts.proportional_valve[k], world.values.proportional_valve[k]
@@ -244,7 +244,7 @@ def pickup(world, k, h, index, shown):
         shown.induced[my.beside] = on - me.duty
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def line_flow(valve, line, supply, speed, most, values):
     """(flow into the line [m3/s], its slope): of the spool, or of a valve that stands outside the plant."""
     if valve.cut > 0.0:
@@ -252,7 +252,7 @@ def line_flow(valve, line, supply, speed, most, values):
     return port_flow(valve.share, line, supply, speed, values)
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def fed(world, k, line, flow, h):
     """Note what the valve has given to its line over a step, by whoever has solved it."""
     me = world.parts.proportional_valve[k]

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from numba import njit
 
-from ..compiled import INNER
+from ..compiled import INLINED
 from .part import Part
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def bound(world, k):
     """Put the speed back between its bounds, after the driveline's step."""
     my, v = world.values.speed_bounds[k], world.driveline.v

@@ -13,7 +13,7 @@ from math import inf, sqrt
 
 from numba import njit
 
-from ..compiled import INNER
+from ..compiled import INLINED
 from ..config.schema import param
 from . import plates
 from .part import CLUTCH, Part, Shown
@@ -149,7 +149,7 @@ def cylinder_step(cylinder, port, state, supply, h, full_line, stiff_chamber, in
     return line - miss / stiff_line, p, x, speed, flow
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def fill(world, k, h):
     """What the step's length makes of the oil's stiffness and the plates' cooling."""
     my = world.values.wet_clutch[k]
@@ -158,7 +158,7 @@ def fill(world, k, h):
     plates.fill_plates(my, h)
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def before(world, k, h, t):
     """Line, chamber, piston and pack over the step."""
     me, my = world.parts.wet_clutch[k], world.values.wet_clutch[k]
@@ -176,7 +176,7 @@ def before(world, k, h, t):
     plates.capacities_after(me, my, me.piston, drag, world)
 
 
-@njit(**INNER)
+@njit(**INLINED)
 def after(world, k, h):
     """Heat and wear of the plates."""
     plates.heat_plates(world.parts.wet_clutch[k], world.values.wet_clutch[k], world)

@@ -12,6 +12,8 @@ from typing import NamedTuple
 from numba import njit, types
 from numba.extending import intrinsic
 
+from rig_nodes.compiled import INLINED, INNER
+
 # Modes of a friction element. LOCKED_* carry their stick limit while other locked elements hold them
 # (statically indeterminate share); they stand still like STUCK. abs(mode) >= 2 means no slip.
 OPEN, FORWARD, BACKWARD, STUCK, LOCKED_HIGH, LOCKED_LOW = 0, 1, -1, 2, 3, -3
@@ -75,7 +77,7 @@ class Places(NamedTuple):
     size: int  # of all
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+@njit(**INLINED)
 def places(n, m, s, k):
     """Places of the work buffer for n speeds, m friction elements, s shafts and k losses by torque."""
     p = HEAD + 2 * m
@@ -104,7 +106,7 @@ def work_size(n, m, s, k=0):
     return places.py_func(n, m, s, k).size
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
+@njit(**INNER)
 def lin(a, b, x):
     # a == b also keeps infinite limits out of inf - inf
     if x <= 0.0:
@@ -114,23 +116,23 @@ def lin(a, b, x):
     return a + (b - a) * x
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
+@njit(**INNER)
 def high(cap, f, x):
     return max(lin(cap[HI0, f], cap[HI1, f], x), lin(cap[KIN0, f], cap[KIN1, f], x))
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
+@njit(**INNER)
 def low(cap, f, x):
     return min(lin(cap[LO0, f], cap[LO1, f], x), -lin(cap[KIN0, f], cap[KIN1, f], x))
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+@njit(**INLINED)
 def has_capacity(cap, f):
     return (cap[KIN0, f] > 0.0 or cap[KIN1, f] > 0.0 or cap[HI0, f] > 0.0 or cap[HI1, f] > 0.0
             or cap[LO0, f] < 0.0 or cap[LO1, f] < 0.0)
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
+@njit(**INNER)
 def pseudo_inverse(work, og, ov, oi, nc, m):
     """Least-norm inverse of the symmetric nc x nc matrix at og (stride m) into oi; cyclic Jacobi."""
     apart()
@@ -184,7 +186,7 @@ def pseudo_inverse(work, og, ov, oi, nc, m):
             work[oi + i * m + j] = total
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
+@njit(**INNER)
 def project(minv, w, ost, work):
     """R (stuck torque = R f) and P (acceleration = P f) for the elements whose flag at ost is STUCK.
 
@@ -239,7 +241,7 @@ def project(minv, w, ost, work):
     return pattern
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+@njit(**INLINED)
 def stale(d, pattern, cap, work):
     """Whether :func:`implicit` has to make H anew: other stuck elements, another step, or drag that has gone too far.
 
@@ -252,7 +254,7 @@ def stale(d, pattern, cap, work):
     return gone
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
+@njit(**INNER)
 def implicit(d, w, sh, kc, cap, work):
     """H = (I + d/2 P B)^-1 P with B = W^T visc W + S^T (c + k d/2) S; H = P where nothing is implicit."""
     apart()

@@ -9,6 +9,7 @@ Used by plant/driveline_kernel.py at every event inside a step.
 import numpy as np
 from numba import njit
 
+from rig_nodes.compiled import INNER
 from rig_nodes.plant.driveline_algebra import (
     BACKWARD, BREAK, CLOSE, CROSS, FORWARD, KIN0, KIN1, LOCK, LOCKED_HIGH, LOCKED_LOW, N_CAPPED,
     N_EVENTS, RANK, STUCK, VISC, apart, high, lin, low, places, project)
@@ -19,7 +20,7 @@ from rig_nodes.plant.driveline_losses import (
 # int() around a constant argument or start value: a literal would have the callee compiled once more
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
+@njit(**INNER)
 def note(t, f, kind, events, count):
     if events.shape[0] > 0:
         row = count[N_EVENTS] % events.shape[0]
@@ -29,7 +30,7 @@ def note(t, f, kind, events, count):
     count[N_EVENTS] += 1
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
+@njit(**INNER)
 def dependent(f, w, minv, work, op):
     """True if the elements that are stuck now also hold element f (its slip cannot accelerate)."""
     n = w.shape[1]
@@ -42,7 +43,7 @@ def dependent(f, w, minv, work, op):
     return held <= RANK * alone
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
+@njit(**INNER)
 def resolve(x, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, events, count, work):
     """Joint stick or slip of all zero-slip elements (flagged as candidates) at acceleration level.
 

@@ -12,6 +12,7 @@ import math
 import numpy as np
 from numba import njit
 
+from rig_nodes.compiled import INNER
 from rig_nodes.plant.driveline_algebra import (
     BACKWARD, CLOSE, CROSS, E_FRIC, E_SHAFT, E_VISC, FORWARD, FREE, IMPULSE, KIN0, KIN1, LAM, LOCKED_HIGH,
     LOCKED_LOW, N_CAPPED, OPEN, STUCK, TAU, VISC, apart, has_capacity, high, implicit, lin, low, places, project, stale)
@@ -20,7 +21,7 @@ from rig_nodes.plant.driveline_losses import (
     BEFORE, FACTOR, LAST, NEXT, ON, OWN, WEIGHTS, brakes, put_losses, solve_losses)
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
+@njit(**INNER)
 def first_down(y0, b, y1, d, tol):
     """First time in [0, d] at which y0 + b t + a t^2 (end value y1) goes below zero; inf if it does not."""
     # the parabola lies above its chord or above its tangent at the start
@@ -49,7 +50,7 @@ def first_down(y0, b, y1, d, tol):
     return -b / a if b > 0.0 else 0.0
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
+@njit(**INNER)
 def end_losses(d, w, sh, kc, cap, loss, v, mode, work):
     """The losses at the end of a sub-step of d into NEXT, from its forces without them; False where there are none.
 

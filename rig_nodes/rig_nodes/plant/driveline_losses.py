@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from numba import njit
 
+from rig_nodes.compiled import INLINED, INNER
 from rig_nodes.plant.driveline_algebra import HI0, KIN0, LO0, OPEN, STUCK, apart
 
 # columns of `loss`, one row for each loss: the parabola; the element of its own whose other capacity, BASE, is given
@@ -31,7 +32,7 @@ def loss_width(n, m):
     return WEIGHTS + m + n
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+@njit(**INLINED)
 def put_losses(loss, cap, end, column):
     """Capacities at one end (0 or 1) of the elements that losses own: BASE, and what stands in ``column``.
 
@@ -41,7 +42,7 @@ def put_losses(loss, cap, end, column):
         put_loss(loss, cap, end, column, int(loss[k, OWN]), k)
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+@njit(**INLINED)
 def put_loss(loss, cap, end, column, own, k):
     """:func:`put_losses` of loss k, whose own element is known."""
     torque = loss[k, BASE]
@@ -54,7 +55,7 @@ def put_loss(loss, cap, end, column, own, k):
     cap[LO0 + end, own] = -torque
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+@njit(**INLINED)
 def brakes(factor, mode):
     """Torque on an element per loss: against its slip or the way it is loaded, none while it sticks or is open."""
     if mode == STUCK or mode == OPEN:
@@ -62,7 +63,7 @@ def brakes(factor, mode):
     return factor if mode > 0 else -factor
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+@njit(**INLINED)
 def parabola(loss, k, x):
     """(loss, its slope over x) at a torque x, positive where power goes from the drive to the load.
 
@@ -88,20 +89,20 @@ def parabola(loss, k, x):
     return g, slope if x >= 0.0 else -slope
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+@njit(**INLINED)
 def foretell_losses(loss):
     """Leaves in NEXT the losses as they have been going."""
     for k in range(loss.shape[0]):
         loss[k, NEXT] = max(0.0, 2.0 * loss[k, LAST] - loss[k, BEFORE])
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+@njit(**INLINED)
 def loss_at(loss, k, torque, speed):
     """The loss that a torque asks for at the speed of its WAY."""
     return parabola(loss, k, torque if speed >= 0.0 else -torque)[0]
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
+@njit(**INNER)
 def solve_losses(loss, v, work, oy, os, oe):
     """Leaves in NEXT the losses at torques y less S times the losses; False where there are none.
 
@@ -142,7 +143,7 @@ def solve_losses(loss, v, work, oy, os, oe):
     return False
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
+@njit(**INNER)
 def equations(loss, work, oy, os, oe):
     """Newton's equations at the losses in NEXT into the rows at oe, matrix and right side; the sum of what they miss."""
     count = loss.shape[0]
@@ -161,7 +162,7 @@ def equations(loss, work, oy, os, oe):
     return missed
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
+@njit(**INNER)
 def solve_equations(count, work, oe):
     """The solution of the equations at oe into their last column, by elimination with the largest pivot of a column."""
     width = count + 2
