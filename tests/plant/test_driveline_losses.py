@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from numba import njit
 
-from rig_nodes.engine.world import STEP, Sizes, driveline_dtype
+from rig_nodes.engine.general_step import ARGUMENTS
+from rig_nodes.engine.world import Sizes, driveline_dtype
 from rig_nodes.plant.driveline import Driveline
 from rig_nodes.plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LAM, LO0, LO1, N_CAPPED, OPEN, VISC
 from rig_nodes.plant.driveline_kernel import driveline_step
@@ -46,7 +47,7 @@ def close(line, f, torque):
 
 
 def step(lines, t=0.0):
-    driveline_step(STEP_S, t, *(lines[0][name] for name in STEP))
+    driveline_step(STEP_S, t, *(lines[0][name] for name in ARGUMENTS))
 
 
 def chain(count):

@@ -47,7 +47,7 @@ class GearLossConfig:
     torque_side: str = choice("driven", "driving")
 
 
-@njit(**INLINED)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def loss_by_speed(speed, loss):
     """Loss torque [Nm] by the shaft's speed [rad/s], (6.72), (7.7) and Annex D."""
     total = 0.0
