@@ -25,20 +25,24 @@ OUTPUT_KEYS = tuple(f"output_{k + 1}" for k in range(law.OUTPUTS))
 
 @dataclass(frozen=True)
 class Alfa46Values:
-    """Scalar settings. t12 to t32: delays of the changes between two gears that follow each other."""
+    """Scalar settings; delays are those of the changes between two gears that follow each other."""
 
-    sample_time: float = param("time", SAMPLE, SAMPLE)
-    pwm_frequency: float = param("frequency", 10.0, 1e5)
-    supply_voltage: float = param("voltage", 1.0, 100.0)
-    gain_p: float = param("resistance", 0.0, 1e5)
-    gain_i: float = param("gain integral", 0.0, 1e7)
-    gain_d: float = param("inductance", 0.0, 1e3)
-    derivative_time: float = param("time", 1e-3, 10.0)
-    current_limit: float = param("current", 0.0, 0.8)
-    t12: float = param("time", -5.0, 5.0)
-    t21: float = param("time", -5.0, 5.0)
-    t23: float = param("time", -5.0, 5.0, 0.0)
-    t32: float = param("time", -5.0, 5.0, 0.0)
+    sample_time: float = param("time", SAMPLE, SAMPLE, "Time between two samples of the controller")
+    pwm_frequency: float = param("frequency", 10.0, 1e5, "Frequency of the PWM on the coils")
+    supply_voltage: float = param("voltage", 1.0, 100.0, "Voltage that the power stage switches to the coils")
+    gain_p: float = param("resistance", 0.0, 1e5, "Proportional gain of the current loop")
+    gain_i: float = param("gain integral", 0.0, 1e7, "Integral gain of the current loop")
+    gain_d: float = param("inductance", 0.0, 1e3, "Derivative gain of the current loop")
+    derivative_time: float = param("time", 1e-3, 10.0, "Filter time of the derivative in the current loop")
+    current_limit: float = param("current", 0.0, 0.8, "Largest current that a profile may ask for")
+    t12: float = param("time", -5.0, 5.0,
+                       "Delay from gear 1 to 2; negative: the engaging valve is switched on that much earlier")
+    t21: float = param("time", -5.0, 5.0,
+                       "Delay from gear 2 to 1; negative: the engaging valve is switched on that much earlier")
+    t23: float = param("time", -5.0, 5.0,
+                       "Delay from gear 2 to 3; negative: the engaging valve is switched on that much earlier", 0.0)
+    t32: float = param("time", -5.0, 5.0,
+                       "Delay from gear 3 to 2; negative: the engaging valve is switched on that much earlier", 0.0)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``rig list WHAT``: what is installed, topics and signals; ``--markdown`` writes docs/signals.md. Alone: what it lists."""
+"""``rig list WHAT``: what is installed, topics, signals, parts; ``--markdown`` writes docs/signals.md and docs/parameters.md.
+Alone: what it lists.
+"""
 
 from __future__ import annotations
 
@@ -21,6 +23,7 @@ WHAT = {
     "controllers": ("settings of the Alfa46, which a rig's file names", "controller: NAME in a rig's rig.yaml"),
     "templates": ("starts for a controller of your own", "./rig controller new NAME DIR"),
     "devices": ("devices of a rig, and which can be a node of your own", "./rig device NAME"),
+    "parts": ("types of devices with unit and range of each value", "part: NAME in a rig's rig.yaml"),
     "topics": ("ROS topics of a rig with type, node and rate", "./rig replay RUN --topics NAME"),
     "signals": ("signals of a rig with unit, range, sign and topic", "a sequence's wait: {until: {signal: NAME, above: ...}}"),
 }
@@ -32,14 +35,16 @@ def add_arguments(parser) -> None:
                                                       f"all); whose devices, topics and signals (default: {DEFAULT_RIG})")
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="for programs")
-    form.add_argument("--markdown", action="store_true", help="topics and signals as docs/signals.md has them")
+    form.add_argument("--markdown", action="store_true", help="signals: docs/signals.md, with the topics; parts: docs/parameters.md")
 
 
 def main(args) -> int:
     if args.rig is not None and args.what not in OF_A_RIG:
         raise RigError(f"--rig goes with {', '.join(OF_A_RIG)} only")
     if args.markdown:
-        print(markdown(), end="")
+        if args.what not in PAGES:
+            raise RigError(f"--markdown goes with {' and '.join(PAGES)} only")
+        print(PAGES[args.what](), end="")
         return 0
     rows = (OF_A_RIG[args.what](args.rig) if args.what in OF_A_RIG else _ROWS[args.what]()) if args.what else [
         {"list": f"./rig list {what}", "what": text, "goes into": use} for what, (text, use) in WHAT.items()]
@@ -137,7 +142,20 @@ def _signal_rows(signals, topics):
              "sign": s.sign, "meaning": s.text} for s in signals]
 
 
-_ROWS = {"rigs": _rigs, "controllers": _controllers, "templates": _templates}
+def _parts():
+    from ..description.reference import rows_of_parts
+
+    return rows_of_parts()
+
+
+def parameters() -> str:
+    """docs/parameters.md."""
+    from ..description.reference import page
+
+    return page()
+
+
+_ROWS = {"rigs": _rigs, "controllers": _controllers, "templates": _templates, "parts": _parts}
 OF_A_RIG = {"sequences": _of_rigs("sequences"), "procedures": _of_rigs("procedures"), "devices": _devices, "topics": _topics,
             "signals": _signals}
 
@@ -170,6 +188,9 @@ def markdown() -> str:
         "asks for none; setting is sent on change; latched is transient local and sent once.", "",
         "Setpoints (`rig_msgs/msg/Setpoint`) carry their value in this unit and must keep to this range; every message "
         "needs `enable: true` as well, for one without it switches the device off ([ros2.md](ros2.md)).", "", *parts])
+
+
+PAGES = {"signals": markdown, "parts": parameters}
 
 
 def _page_of(rig: str, known, others: list[str]) -> list[str]:

@@ -19,19 +19,23 @@ from .units import quantity, span
 from .yaml_file import no_space, where_of
 
 
-def param(dimension: str, low: float, high: float, default=dataclasses.MISSING):
-    """A dataclass field: SI value of this dimension between low and high (SI, inclusive); one with a default may be left out."""
-    return dataclasses.field(default=default, metadata={"dimension": dimension, "low": low, "high": high})
+def param(dimension: str, low: float, high: float, text: str, default=dataclasses.MISSING):
+    """A dataclass field: SI value of this dimension between low and high (SI, inclusive); one with a default may be left out.
+
+    text: what it is, in one sentence without a full stop, its unit or its range; so for the others below. People see it
+    wherever the value can be set.
+    """
+    return dataclasses.field(default=default, metadata={"dimension": dimension, "low": low, "high": high, "text": text})
 
 
-def choice(*names: str):
+def choice(text: str, *names: str):
     """A dataclass field: one of these words."""
-    return dataclasses.field(metadata={"dimension": "choice", "choices": names})
+    return dataclasses.field(metadata={"dimension": "choice", "choices": names, "text": text})
 
 
-def switch(default=dataclasses.MISSING):
+def switch(text: str, default=dataclasses.MISSING):
     """A dataclass field: True or False, written on or off; one with a default may be left out."""
-    return dataclasses.field(default=default, metadata={"dimension": "switch", "choices": ("on", "off")})
+    return dataclasses.field(default=default, metadata={"dimension": "switch", "choices": ("on", "off"), "text": text})
 
 
 def limits(cls, name: str) -> tuple[float, float]:

@@ -43,6 +43,9 @@ UNITS: dict[str, tuple[str, float]] = {
     "N/MPa2": ("force per pressure squared", 1e-12), "N/MPa": ("area", 1e-6),
 }
 SI = {dimension: unit for unit, (dimension, factor) in reversed(UNITS.items()) if factor == 1.0}
+# the unit of factor 1 of dimensions that nobody writes in it
+NOT_WRITTEN = {"displacement": "m3/rad", "pressure per current": "Pa/A", "cubic stiffness": "N/m3", "wear rate": "m/J",
+               "force per pressure squared": "N/Pa2"}
 _QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)", re.DOTALL)
 
 
@@ -50,6 +53,13 @@ def dimension_of(text: str) -> str | None:
     """Dimension of e.g. ``"1500 rpm"``; None when it is no number with a known unit."""
     match = _QUANTITY.fullmatch(text.strip())
     return None if match is None or match[2] not in UNITS else UNITS[match[2]][0]
+
+
+def shown_in(dimension: str) -> tuple[str, float]:
+    """(unit, its factor to SI) in which ranges of a dimension are shown: SI where it can be written, else the first that can."""
+    if dimension in SI:
+        return SI[dimension], 1.0
+    return next((unit, factor) for unit, (kind, factor) in UNITS.items() if kind == dimension)
 
 
 def with_article(name: str) -> str:

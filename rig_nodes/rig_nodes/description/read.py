@@ -196,7 +196,7 @@ class _Reader:
             if key in node:
                 wires[key] = self.wire(node[key], wire.to, self.at(node, key), f"{what}.{key}")
             elif wire.needed:
-                raise RigError(f"{self.at(node)}: {what} lacks the key '{key}', {_meaning(wire.to)}")
+                raise RigError(f"{self.at(node)}: {what} lacks the key '{key}', {meaning(wire.to)}")
         if kind.role == parts.CLUTCH and ("joins" in node) == ("brakes" in node):
             raise RigError(f"{self.at(node)}: {what} must have one of the keys joins, for a clutch between two bodies, and brakes, "
                            "for a brake of one")
@@ -234,7 +234,7 @@ class _Reader:
         else:
             known = [name for name, kind in self.kinds.items() if kind.role == to]
         if value not in known:
-            raise RigError(f"{where}: {what} names {brief(value)}, expected {_meaning(to)}; {meant(value, known)}")
+            raise RigError(f"{where}: {what} names {brief(value)}, expected {meaning(to)}; {meant(value, known)}")
         return value
 
     def check_pairs(self, devices: tuple[Device, ...], nodes) -> None:
@@ -370,7 +370,8 @@ class _Reader:
             raise RigError(f"{self.at(self.node, 'gears')}: a rig with gears needs a motor among its parts, e.g. part: dc_motor")
 
 
-def _meaning(to: str) -> str:
+def meaning(to: str) -> str:
+    """What a wire leads to, for people."""
     return {parts.BODY: "a body", parts.BODIES: "two bodies", parts.TORQUE: f"a torque meter or '{CLUTCHES}'",
             parts.TRANSDUCER: "a transducer", parts.OUTPUT: "an output of the controller", parts.LINE: "a name",
             parts.VALUES: "a part whose values it shares", parts.OIL: "an oil supply"}.get(to, f"a {to}")

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Values of a rig that belong to no device: of its bodies, shafts, instruments and of the effects that can be left out.
+"""Values of a rig that belong to no device: of its bodies, shafts, instruments, step, and of the effects that can be left out.
 
 Read by testbench.configuration; every field has its dimension and range, as a part's have.
 """
@@ -11,86 +11,115 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, make_dataclass
 from functools import lru_cache
 
+from ..clocks import SAMPLE
 from ..config.schema import param, switch
 from .structure import Structure
 
 
 @dataclass(frozen=True)
-class BodyConfig:
-    """A body that turns: its inertia about its own axis."""
+class KernelConfig:
+    """How time is cut."""
 
-    inertia: float = param("inertia", 1e-6, 1e4)
+    step: float = param("time", 1e-6, 1e-4, "Time by which the plant moves at once")
+
+
+@dataclass(frozen=True)
+class CutConfig:
+    """How devices outside the plant are reached."""
+
+    tick: float = param("time", SAMPLE, 1e-2, "Time for which both sides of a cut hold what the other one gave")
+
+
+@dataclass(frozen=True)
+class BodyConfig:
+    """A body that turns."""
+
+    inertia: float = param("inertia", 1e-6, 1e4, "Inertia of the body about its own axis, with all that is fixed to it")
 
 
 @dataclass(frozen=True)
 class ShaftConfig:
-    """A compliant shaft; damping acts on the difference of its ends' speeds."""
+    """A compliant shaft."""
 
-    stiffness: float = param("torque per angle", 1e2, 1e8)
-    damping: float = param("torque per speed", 0.0, 1e5)
+    stiffness: float = param("torque per angle", 1e2, 1e8, "Torque of the shaft per angle of twist")
+    damping: float = param("torque per speed", 0.0, 1e5, "Torque of the shaft per difference of its ends' speeds")
 
 
 @dataclass(frozen=True)
 class EffectsConfig:
     """On: as in the laboratory. Off: as in a simulation that leaves it out (thesis chapters 9.2 and 10).
 
-    current_loop: coil and controller form the current, with the overshoot of the PID; off: it is the setpoint.
-    motor_speed: the input gives way under load; off: it is the setpoint. torque_losses: losses by torque; off: by speed
-    alone. valve_hysteresis: iron and friction of the magnet. seal_friction: rise and release of a piston differ.
-    spline_hysteresis: capacity outlasts the clamp force on release. oil_temperature: viscosity by temperature.
-    plate_heat: friction by the plates' temperature. wear: clearance grows with slip. transducers: errors, disturbances,
-    range and resolution of what is measured; off: the true values. pwm_frequency: of the resolved PWM, 0 Hz for its
-    average. What a rig does not name is on, with averaged PWM.
+    What a rig does not name is on, with averaged PWM.
     """
 
-    current_loop: bool = switch(True)
-    motor_speed: bool = switch(True)
-    torque_losses: bool = switch(True)
-    valve_hysteresis: bool = switch(True)
-    seal_friction: bool = switch(True)
-    spline_hysteresis: bool = switch(True)
-    oil_temperature: bool = switch(True)
-    plate_heat: bool = switch(True)
-    wear: bool = switch(True)
-    transducers: bool = switch(True)
-    pwm_frequency: float = param("frequency", 0.0, 1e5, 0.0)
+    current_loop: bool = switch("Coil and controller form the current, with the overshoot of the loop; off: the "
+                                "current is its setpoint", True)
+    motor_speed: bool = switch("The input gives way under load; off: its speed is the setpoint", True)
+    torque_losses: bool = switch("Gears lose by torque too; off: by speed alone", True)
+    valve_hysteresis: bool = switch("Iron and friction of the valves' magnets; off: none", True)
+    seal_friction: bool = switch("Pistons rise and release at different pressures, by the friction of their "
+                                 "seals; off: at the same", True)
+    spline_hysteresis: bool = switch("Plates stick on their splines, so that capacity outlasts the clamp force; "
+                                     "off: it follows the force", True)
+    oil_temperature: bool = switch("The oil's viscosity follows its temperature; off: it is that of the "
+                                   "reference temperature", True)
+    plate_heat: bool = switch("Friction follows the plates' temperature; off: it is that of the reference "
+                              "temperature", True)
+    wear: bool = switch("Clearances grow with slip; off: they stay", True)
+    transducers: bool = switch("Errors, disturbances, range and resolution of what is measured; off: true "
+                               "values are shown", True)
+    pwm_frequency: float = param("frequency", 0.0, 1e5,
+                                 "Frequency of the resolved PWM of the coils; at 0 its average acts", 0.0)
 
 
-def _pressure_fields() -> dict:
-    return {"noise": param("pressure", 0.0, 1e7, 0.0), "range": param("pressure", 1e5, 1e9),
-            "class": param("ratio", 0.0, 0.1, 0.0), "hum": param("pressure", 0.0, 1e6, 0.0),
-            "pickup": param("pressure", 0.0, 1e6, 0.0)}
+_NOISE, _RANGE, _CLASS, _HUM = ("Standard deviation of its noise", "End of its range",
+                                "Largest error as a share of the range, its class", "Amplitude of the mains' hum in it")
 
 
-# type of transducer -> what its values are: noise (standard deviation), range, class (largest error as a share of the range,
-# (7.1)), amplitude of the hum, height of the coil pulses that it picks up; of an encoder what it resolves and the time in which
-# its pulses are counted; of a thermometer offset and gain of (7.2)
+def _class():
+    return param("ratio", 0.0, 0.1, _CLASS, 0.0)
+
+
+# type of transducer -> what its values are: class by (7.1), offset and gain by (7.2)
 TYPES = {
-    "torque": lambda: {"noise": param("torque", 0.0, 100.0, 0.0), "range": param("torque", 1.0, 1e5),
-                       "class": param("ratio", 0.0, 0.1, 0.0), "hum": param("torque", 0.0, 100.0, 0.0)},
-    "speed": lambda: {"noise": param("angular velocity", 0.0, 100.0, 0.0), "range": param("angular velocity", 0.1, 1e5),
-                      "step": param("angular velocity", 0.0, 10.0, 0.0), "gate": param("time", 1e-6, 0.1)},
-    "pressure": _pressure_fields,
-    "current": lambda: {"noise": param("current", 0.0, 0.1, 0.0), "range": param("current", 0.1, 100.0)},
-    "temperature": lambda: {"range": param("temperature", 1.0, 1e3), "offset": param("temperature", 0.0, 10.0, 0.0),
-                            "gain": param("ratio", 0.0, 0.1, 0.0)},
-    "travel": lambda: {"noise": param("length", 0.0, 1e-3, 0.0), "range": param("length", 1e-4, 1.0),
-                       "class": param("ratio", 0.0, 0.1, 0.0)},
-    "force": lambda: {"noise": param("force", 0.0, 1e4, 0.0), "range": param("force", 1.0, 1e6),
-                      "class": param("ratio", 0.0, 0.1, 0.0), "fitted": switch(True)},
+    "torque": lambda: {"noise": param("torque", 0.0, 100.0, _NOISE, 0.0), "range": param("torque", 1.0, 1e5, _RANGE),
+                       "class": _class(), "hum": param("torque", 0.0, 100.0, _HUM, 0.0)},
+    "speed": lambda: {"noise": param("angular velocity", 0.0, 100.0,
+                                     "Standard deviation of the unevenness of the encoder's pulses", 0.0),
+                      "range": param("angular velocity", 0.1, 1e5, _RANGE),
+                      "step": param("angular velocity", 0.0, 10.0, "What the encoder resolves; at 0 everything", 0.0),
+                      "gate": param("time", 1e-6, 0.1, "Time in which the encoder's pulses are counted")},
+    "pressure": lambda: {"noise": param("pressure", 0.0, 1e7, _NOISE, 0.0), "range": param("pressure", 1e5, 1e9, _RANGE),
+                         "class": _class(), "hum": param("pressure", 0.0, 1e6, _HUM, 0.0),
+                         "pickup": param("pressure", 0.0, 1e6,
+                                         "Height of the coil pulses that a valve's wire induces in it", 0.0)},
+    "current": lambda: {"noise": param("current", 0.0, 0.1, _NOISE, 0.0), "range": param("current", 0.1, 100.0, _RANGE)},
+    "temperature": lambda: {"range": param("temperature", 1.0, 1e3, _RANGE),
+                            "offset": param("temperature", 0.0, 10.0, "Largest error at 0 degC", 0.0),
+                            "gain": param("ratio", 0.0, 0.1,
+                                          "Largest error as a share of the temperature, beside the offset", 0.0)},
+    "travel": lambda: {"noise": param("length", 0.0, 1e-3, _NOISE, 0.0), "range": param("length", 1e-4, 1.0, _RANGE),
+                       "class": _class()},
+    "force": lambda: {"noise": param("force", 0.0, 1e4, _NOISE, 0.0), "range": param("force", 1.0, 1e6, _RANGE),
+                      "class": _class(),
+                      "fitted": switch("Whether there is such a transducer; off: its channel shows nothing", True)},
+}
+OF_THE_LOGGER = {
+    "hum_frequency": lambda: param("frequency", 1.0, 1e3, "Frequency of the mains"),
+    "anti_alias": lambda: param("frequency", 0.0, 1e5,
+                                "Corner frequency of the analog channels' low pass; at 0 there is none", 0.0),
+    "resolution_bits": lambda: param("ratio", 0.0, 32.0,
+                                     "Bits into which the analog channels' converter cuts the range; at 0 it cuts nothing", 0.0),
 }
 
 
 @lru_cache(maxsize=32)
 def instruments_class(kinds: tuple[tuple[str, str], ...]) -> type:
-    """The dataclass of a rig's instruments: fields ``<like>_<what>`` of each pair (like, type) of its transducers.
-
-    Beside them hum_frequency, anti_alias: corner frequency of the low pass, and resolution_bits: of the range, of analog
-    channels; both 0 where there is none.
+    """The dataclass of a rig's instruments: fields ``<like>_<what>`` of each pair (like, type) of its transducers, and those
+    of the logger.
     """
     out = [(f"{like}_{what}", float, one) for like, kind in kinds for what, one in TYPES[kind]().items()]
-    out += [("hum_frequency", float, param("frequency", 1.0, 1e3)), ("anti_alias", float, param("frequency", 0.0, 1e5, 0.0)),
-            ("resolution_bits", float, param("ratio", 0.0, 32.0, 0.0))]
+    out += [(name, float, one()) for name, one in OF_THE_LOGGER.items()]
 
     def reduce(self):  # so that a process can send one to another
         return _instruments, (kinds, tuple(getattr(self, one.name) for one in fields(self)))

@@ -14,7 +14,7 @@ from dataclasses import fields, replace
 import numpy as np
 
 from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config
-from ..config.units import SI, with_article
+from ..config.units import NOT_WRITTEN, SI
 from ..controllers.record import record_of
 from ..description.commands import Setpoint
 from ..errors import RigError
@@ -25,11 +25,9 @@ from ..testbench.together import check_together
 from ..testbench.topics import COMMAND, Heard, States
 from .description import Variable
 
-# units of the configuration as FMI writes them, and of dimensions that have no unit of factor 1 there
+# units of the configuration as FMI writes them
 UNITS = {"-": "1", "Nm": "N.m", "1/Nm": "1/(N.m)", "kg m2": "kg.m2", "Nm s/rad": "N.m.s/rad", "Nm/rad": "N.m/rad",
          "N s/m": "N.s/m", "Pa s": "Pa.s", "Pa s/m3": "Pa.s/m3", "V/(A s)": "V/(A.s)"}
-OTHER_UNITS = {"displacement": "m3/rad", "pressure per current": "Pa/A", "cubic stiffness": "N/m3", "wear rate": "m/J",
-               "force per pressure squared": "N/Pa2"}
 CONTROLLERS = ("embedded", "duty", "current")  # values of the parameter controller
 
 
@@ -47,10 +45,10 @@ def _parameters(config: RigConfig) -> list[Variable]:
     for name, (owner, field) in _fields(config).items():
         meta, value = field.metadata, getattr(owner, field.name)
         if meta["dimension"] == "switch":
-            out.append(Variable(name, "boolean", "parameter", f"{name}, on or off", bool(value)))
+            out.append(Variable(name, "boolean", "parameter", meta["text"], bool(value)))
         else:
-            unit = SI.get(meta["dimension"]) or OTHER_UNITS[meta["dimension"]]
-            out.append(Variable(name, "real", "parameter", f"{name}, {with_article(meta['dimension'])}", float(value),
+            unit = SI.get(meta["dimension"]) or NOT_WRITTEN[meta["dimension"]]
+            out.append(Variable(name, "real", "parameter", meta["text"], float(value),
                                 UNITS.get(unit, unit), low=meta["low"], high=meta["high"]))
     for key, points in zip(OUTPUT_KEYS, config.alfa46.profiles, strict=True):
         for point, (time, current) in zip(POINTS, points, strict=True):

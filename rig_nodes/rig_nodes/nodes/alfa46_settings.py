@@ -18,19 +18,11 @@ from rclpy.parameter import Parameter
 from rig_msgs.srv import SetProfile
 
 from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, Alfa46Values, check_profile
-from ..config.schema import limits
 from ..config.units import SI
 from ..errors import RigError
 from .settings import Setting, Settings
 
-SCALARS = {
-    **{f"t{old}{new}": f"Delay from gear {old} to {new}; negative: the engaging valve is switched on that much earlier"
-       for old, new in ((1, 2), (2, 1), (2, 3), (3, 2))},
-    "gain_p": "Proportional gain of the current loop",
-    "gain_i": "Integral gain of the current loop",
-    "gain_d": "Derivative gain of the current loop",
-    "derivative_time": "Filter time of the derivative",
-}
+SCALARS = ("t12", "t21", "t23", "t32", "gain_p", "gain_i", "gain_d", "derivative_time")
 OWN, OWN_BOUNDS = "controller.", (-1e15, 1e15)  # parameters that a user's controller names as its own settings
 CURRENT_LOOP = ("gain_p", "gain_i", "gain_d", "derivative_time")
 COLUMNS = {
@@ -45,9 +37,10 @@ class BoxSettings(Settings):
         """box: plug of the controller."""
         self.box, self.config, self.news = box, config, deque()
         settings = []
-        for name, text in SCALARS.items():
-            unit = SI[Alfa46Values.__dataclass_fields__[name].metadata["dimension"]]
-            settings.append(Setting(name, text, getattr(config.values, name), unit, limits(Alfa46Values, name)))
+        for name in SCALARS:
+            meta = Alfa46Values.__dataclass_fields__[name].metadata
+            settings.append(Setting(name, meta["text"], getattr(config.values, name), SI[meta["dimension"]],
+                                    (meta["low"], meta["high"])))
         rules = {"times": "6 numbers, P1 to P6; P1-P3 count from switch-on, P4-P6 from switch-off, each half increases",
                  "currents": f"6 numbers, P1 to P6; 0 to {config.values.current_limit:g} A"}
         for k, key in enumerate(OUTPUT_KEYS):

@@ -14,7 +14,6 @@ from rclpy.node import Node
 
 from ..bags.cdr import Fields
 from ..catalogue import Catalogue, Topic
-from ..config.schema import limits
 from ..description.commands import Setpoint
 from ..errors import RigError
 from ..parts import part as parts
@@ -131,6 +130,6 @@ class DeviceNode(Device):
         def temperature() -> float:
             return getattr(rig.config, name).temperature
 
-        setting = Setting("temperature", "Temperature of the oil", temperature(), "degC",
-                          limits(type(getattr(rig.config, name)), "temperature"))
+        meta = type(getattr(rig.config, name)).__dataclass_fields__["temperature"].metadata
+        setting = Setting("temperature", meta["text"], temperature(), "degC", (meta["low"], meta["high"]))
         return Knob(setting, temperature, partial(rig.set_value, f"{name}.temperature"))

@@ -25,10 +25,11 @@ from .wet_clutch import SHOWS, Cylinder, says
 class Force:
     """Force on the plates: square p^2 + linear p + offset (Annex D) less the springs' at the kiss point."""
 
-    force_square: float = param("force per pressure squared", 0.0, 1e-6)
-    force_linear: float = param("area", 0.0, 1.0)
-    force_offset: float = param("force", -1e5, 1e5)
-    contact_force: float = param("force", 0.0, 1e5)
+    force_square: float = param("force per pressure squared", 0.0, 1e-6, "Force on the plates per pressure squared")
+    force_linear: float = param("area", 0.0, 1.0, "Force on the plates per pressure, beside the square one")
+    force_offset: float = param("force", -1e5, 1e5,
+                                "Force on the plates without pressure, negative as springs push the piston back")
+    contact_force: float = param("force", 0.0, 1e5, "Force at the kiss point, which the springs keep from the plates")
 
 
 @njit(**INLINED)

@@ -22,13 +22,17 @@ from .part import SOURCE, Command, Part, Shown, Wire
 class MotorConfig:
     """Drive data; the torque limit is the smaller of torque_limit and power_limit / speed."""
 
-    torque_limit: float = param("torque", 1.0, 1e5)
-    braking_limit: float = param("torque", 0.0, 1e5)
-    power_limit: float = param("power", 1.0, 1e7)
-    torque_time: float = param("time", 1e-4, 1.0)
-    speed_gain: float = param("torque per speed", 0.0, 1e4)
-    speed_gain_integral: float = param("torque per angle", 0.0, 1e5)
-    ramp: float = param("angular acceleration", 0.1, 1e5)
+    torque_limit: float = param("torque", 1.0, 1e5,
+                                "Largest driving torque, which holds as long as the power limit does not ask for less")
+    braking_limit: float = param("torque", 0.0, 1e5, "Largest braking torque")
+    power_limit: float = param("power", 1.0, 1e7,
+                               "Largest driving power; beyond its speed the torque falls with the speed's reciprocal")
+    torque_time: float = param("time", 1e-4, 1.0,
+                               "Time constant with which the air-gap torque follows the torque that the speed loop "
+                               "asks for")
+    speed_gain: float = param("torque per speed", 0.0, 1e4, "Proportional gain of the speed loop")
+    speed_gain_integral: float = param("torque per angle", 0.0, 1e5, "Integral gain of the speed loop")
+    ramp: float = param("angular acceleration", 0.1, 1e5, "How fast the speed setpoint moves towards what was ordered")
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

@@ -27,24 +27,25 @@ LEAST_LOSS = 1e-9  # Nm: what may brake as soon as a torque comes is never open
 
 @dataclass(frozen=True)
 class GearLossConfig:
-    """Loss torque on a shaft: by its speed, and a parabola of the torque passed on, which the driveline solves.
+    """Loss torque on a shaft: by its speed, and a parabola of the torque passed on (Annex D), which the driveline solves.
 
-    by_speed: times Annex D's parabola, which falls above 1300 rpm. at_rest, at_470: the one that the printed coast-down
-    (7.7) has: its speed is a parabola of time, so the torque's square is linear in the speed, from ``at_rest`` to
-    ``at_470`` where it began. drag: whatever the speed and torque are. constant, share, square: of the parabola (Annex D).
-    torque_side: where the part by torque brakes, this shaft (driven, as Annex D has its output's loss), or with the same power
-    the shaft of the loss before the clutches (driving); the torque at the input in steady state is the same, what the
-    clutches carry is not.
+    Of the two losses by speed one is Annex D's, the other that of the printed coast-down (7.7): its speed is a parabola of
+    time, so the torque's square is linear in the speed. Whichever side the part by torque brakes (Annex D has its output's
+    on its own), the torque at the input in steady state is the same, what the clutches carry is not.
     """
 
-    by_speed: float = param("ratio", 0.0, 10.0)
-    at_rest: float = param("torque", 0.0, 100.0)
-    at_470: float = param("torque", 0.0, 100.0)
-    drag: float = param("torque", 0.0, 100.0)
-    constant: float = param("torque", -100.0, 100.0)
-    share: float = param("ratio", -0.5, 0.5)
-    square: float = param("torque per torque squared", -0.01, 0.01)
-    torque_side: str = choice("driven", "driving")
+    by_speed: float = param("ratio", 0.0, 10.0, "Factor on Annex D's parabola of the speed, which falls above 1300 rpm")
+    at_rest: float = param("torque", 0.0, 100.0, "Loss by speed at a standstill, as the coast-down has it")
+    at_470: float = param("torque", 0.0, 100.0,
+                          "Loss by speed where the coast-down began; its square is linear in the speed from that at "
+                          "rest")
+    drag: float = param("torque", 0.0, 100.0, "Loss whatever speed and torque are")
+    constant: float = param("torque", -100.0, 100.0, "Constant part of the parabola of the torque passed on")
+    share: float = param("ratio", -0.5, 0.5, "Linear part of the parabola of the torque passed on")
+    square: float = param("torque per torque squared", -0.01, 0.01,
+                          "Square part of the parabola of the torque passed on")
+    torque_side: str = choice("Which shaft the part by torque brakes: its own (driven) or, with the same power, that of the "
+                              "loss before the clutches (driving)", "driven", "driving")
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

@@ -19,14 +19,17 @@ from .part import SOURCE, Command, Part, Shown, Wire
 
 @dataclass(frozen=True)
 class HydraulicMotorConfig:
-    """Motor, its line and its valves. relief_rate: how fast ZP_2 is turned; relief_droop: of ZP_2, by its flow."""
+    """Motor, its line and its valves; the maximum valve is the thesis's ZP_2."""
 
-    displacement: float = param("displacement", 1e-7, 1e-3)
-    friction: float = param("torque", 0.0, 100.0)
-    line_volume: float = param("volume", 1e-6, 1e-1)
-    supply_pressure: float = param("pressure", 1e5, 1e8)
-    relief_droop: float = param("hydraulic resistance", 1e6, 1e12)
-    relief_rate: float = param("pressure rate", 1e3, 1e9)
+    displacement: float = param("displacement", 1e-7, 1e-3, "Displacement of the motor")
+    friction: float = param("torque", 0.0, 100.0, "The motor's own friction on its body")
+    line_volume: float = param("volume", 1e-6, 1e-1, "Volume of the oil between flow regulator and motor")
+    supply_pressure: float = param("pressure", 1e5, 1e8,
+                                   "Pressure of the pump's line, which no setting of the maximum valve exceeds")
+    relief_droop: float = param("hydraulic resistance", 1e6, 1e12,
+                                "How far the line's pressure rises above the setting of the maximum valve with the "
+                                "flow that the valve lets off")
+    relief_rate: float = param("pressure rate", 1e3, 1e9, "How fast the maximum valve is turned towards its setpoint")
 
 
 @njit(cache=True)

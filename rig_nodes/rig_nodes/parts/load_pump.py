@@ -26,10 +26,14 @@ PER_RPM = 30.0 / pi
 class LoadConfig:
     """Pump and relief valve."""
 
-    displacement: float = param("displacement", 1e-8, 1e-3)
-    mechanical_loss: float = param("torque", 0.0, 100.0)
-    pressure_time: float = param("time", 1e-4, 1.0)
-    pressure_limit: float = param("pressure", 1e5, 1e8)
+    displacement: float = param("displacement", 1e-8, 1e-3, "Displacement of the pump")
+    mechanical_loss: float = param("torque", 0.0, 100.0, "The pump's own friction on its body, whatever the pressure")
+    pressure_time: float = param("time", 1e-4, 1.0,
+                                 "Time constant with which the pressure in the pump's pressure line follows the "
+                                 "relief valve")
+    pressure_limit: float = param("pressure", 1e5, 1e8,
+                                  "Largest pressure in the pump's pressure line, whatever the setting of the relief "
+                                  "valve")
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

@@ -23,14 +23,19 @@ from .part import OIL, Command, Part, Wire
 class OilSupplyConfig:
     """Relief valve and oil."""
 
-    relief_droop: float = param("hydraulic resistance", 0.0, 1e12)
-    pressure_time: float = param("time", 1e-4, 5.0)
-    bulk_modulus: float = param("pressure", 1e7, 3e9)
-    density: float = param("density", 500.0, 1200.0)
-    viscosity: float = param("viscosity", 1e-4, 5.0)
-    viscosity_per_kelvin: float = param("per temperature", 0.0, 0.2)
-    viscosity_temperature: float = param("temperature", -30.0, 150.0)
-    temperature: float = param("temperature", -30.0, 150.0)
+    relief_droop: float = param("hydraulic resistance", 0.0, 1e12,
+                                "How far the supply pressure falls below its setting with the flow that is drawn")
+    pressure_time: float = param("time", 1e-4, 5.0,
+                                 "Time constant with which the supply pressure follows the relief valve")
+    bulk_modulus: float = param("pressure", 1e7, 3e9,
+                                "Bulk modulus of the oil with its share of air and the hoses' give")
+    density: float = param("density", 500.0, 1200.0, "Density of the oil")
+    viscosity: float = param("viscosity", 1e-4, 5.0, "Dynamic viscosity of the oil at the reference temperature")
+    viscosity_per_kelvin: float = param("per temperature", 0.0, 0.2,
+                                        "Share by which the viscosity falls with each degree")
+    viscosity_temperature: float = param("temperature", -30.0, 150.0,
+                                         "Reference temperature, at which the viscosity is stated")
+    temperature: float = param("temperature", -30.0, 150.0, "Temperature of the oil, to which the plates cool")
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

@@ -32,33 +32,52 @@ DRAG_MODELS = ("kitabayashi", "davis", "pahlovy", "peng_yuan", "iqbal")
 class PlatePack(PackGeometry):
     """Geometry and friction of the plates (thesis tab. 3.3)."""
 
-    friction_static: float = param("ratio", 0.0, 1.0)
-    friction_kinetic: float = param("ratio", 0.0, 1.0)
-    friction_spline: float = param("ratio", 0.0, 1.0)
-    friction_spline_static: float = param("ratio", 0.0, 1.0)
-    film_gap: float = param("length", 1e-6, 1e-2)
-    film_force: float = param("force", 1.0, 1e5)
-    film_radius: float = param("length", 1e-3, 1.0)
-    liquid_share: float = param("ratio", 0.0, 1.0)
-    mist_viscosity_share: float = param("ratio", 0.0, 1.0)
-    heat_capacity: float = param("heat capacity", 1.0, 1e6)
-    cooling: float = param("thermal conductance", 0.0, 1e6)
-    friction_per_kelvin: float = param("per temperature", -0.02, 0.02)
-    friction_temperature: float = param("temperature", -30.0, 300.0)
-    wear_rate: float = param("wear rate", 0.0, 1e-6)
-    wear_per_kelvin: float = param("per temperature", 0.0, 1.0)
+    friction_static: float = param("ratio", 0.0, 1.0, "Coefficient of friction of plates that stick")
+    friction_kinetic: float = param("ratio", 0.0, 1.0, "Coefficient of friction of plates that slip")
+    friction_spline: float = param("ratio", 0.0, 1.0,
+                                   "Coefficient of friction of the plates on their splines as the pack is pressed")
+    friction_spline_static: float = param("ratio", 0.0, 1.0,
+                                          "Coefficient of friction of the plates on their splines as the pack is let "
+                                          "go")
+    film_gap: float = param("length", 1e-6, 1e-2,
+                            "Height of the oil film between two plates that are not pressed; drag knows no smaller "
+                            "gap")
+    film_force: float = param("force", 1.0, 1e5,
+                              "Clamp force at which the asperities carry everything and no film is sheared")
+    film_radius: float = param("length", 1e-3, 1.0,
+                               "Radius at which the closed oil film ends, in the drag models that know one")
+    liquid_share: float = param("ratio", 0.0, 1.0,
+                                "Share of liquid in the oil beyond the closed film, in the drag model iqbal")
+    mist_viscosity_share: float = param("ratio", 0.0, 1.0,
+                                        "Viscosity of the mist beyond the closed film over that of the oil, in the "
+                                        "drag model iqbal")
+    heat_capacity: float = param("heat capacity", 1.0, 1e6, "Heat capacity of all plates of the pack")
+    cooling: float = param("thermal conductance", 0.0, 1e6,
+                           "Heat that goes from the plates to the oil with each degree between them")
+    friction_per_kelvin: float = param("per temperature", -0.02, 0.02,
+                                       "Share by which the friction of the plates changes with each degree")
+    friction_temperature: float = param("temperature", -30.0, 300.0,
+                                        "Temperature of the plates at which their coefficients of friction and their "
+                                        "wear rate are stated")
+    wear_rate: float = param("wear rate", 0.0, 1e-6, "Growth of the whole pack's clearance with the heat of friction")
+    wear_per_kelvin: float = param("per temperature", 0.0, 1.0, "Share by which the wear rate grows with each degree")
 
 
 @dataclass(frozen=True)
 class PackFriction:
     """How much of its model's torque a pack has, and what it holds without being pressed (6.56)."""
 
-    friction_model: str = choice(*FRICTION_MODELS)
-    drag_model: str = choice(*DRAG_MODELS)
-    friction_correction: float = param("ratio", 0.1, 10.0)
-    rest_torque: float = param("torque", 0.0, 500.0)
-    rest_sliding: float = param("ratio", 0.0, 1.0)
-    spline_hold: float = param("ratio", 0.0, 1.0)
+    friction_model: str = choice("Model of the torque by the clamp force", *FRICTION_MODELS)
+    drag_model: str = choice("Model of the viscous drag of the open pack", *DRAG_MODELS)
+    friction_correction: float = param("ratio", 0.1, 10.0, "Factor on the torque of the friction model")
+    rest_torque: float = param("torque", 0.0, 500.0,
+                               "Torque that the pack holds at rest without being pressed, once its plates have "
+                               "touched")
+    rest_sliding: float = param("ratio", 0.0, 1.0,
+                                "Share of the torque held without being pressed that is left while the pack slips")
+    spline_hold: float = param("ratio", 0.0, 1.0,
+                               "How much of the plates' sticking on their splines outlasts the clamp force: none at "
+                               "0, all at 1")
 
 
 def torque_per_force(pack: PlatePack, friction: float, releasing: bool = False, model: str = "thesis") -> float:

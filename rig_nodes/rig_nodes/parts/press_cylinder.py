@@ -24,21 +24,23 @@ class PressCylinder:
     """Cylinder and springs, and how far away and how stiff what it presses is.
 
     (8.2) is read as that of a rising pressure: its constant is the friction of seals and guide rings (8.2.2), which
-    turns round, with a value of its own, as the piston goes back. spring_share: of the force of (8.1), 0 without
-    springs. contact_travel: s at which the piston meets what it presses, contact_rate its stiffness. testing_machine: the
-    springs stand in the testing machine of fig. 8.5, which moves them at machine_speed; then there is no cylinder.
+    turns round, with a value of its own, as the piston goes back. The spring force is (8.1), the testing machine that of
+    fig. 8.5.
     """
 
-    force_linear: float = param("area", 1e-5, 1e-1)
-    force_square: float = param("force per pressure squared", 0.0, 1e-9)
-    seal_friction: float = param("force", 0.0, 1e4)
-    seal_friction_back: float = param("force", 0.0, 1e4)
-    spring_share: float = param("ratio", 0.0, 10.0)
-    contact_travel: float = param("length", 0.0, 5e-3)
-    contact_rate: float = param("stiffness", 1e3, 1e10)
-    piston_damping: float = param("damping", 1.0, 1e7)
-    machine_speed: float = param("velocity", 1e-7, 1e-1)
-    testing_machine: bool = switch()
+    force_linear: float = param("area", 1e-5, 1e-1, "Force on the piston per pressure")
+    force_square: float = param("force per pressure squared", 0.0, 1e-9,
+                                "Force on the piston per pressure squared, beside the linear one")
+    seal_friction: float = param("force", 0.0, 1e4,
+                                 "Friction of seals and guide rings as the piston goes towards the plates")
+    seal_friction_back: float = param("force", 0.0, 1e4, "Friction of seals and guide rings as the piston goes back")
+    spring_share: float = param("ratio", 0.0, 10.0, "Share of the measured spring force that acts; without springs 0")
+    contact_travel: float = param("length", 0.0, 5e-3, "Travel at which the piston meets what it presses")
+    contact_rate: float = param("stiffness", 1e3, 1e10, "Stiffness of what the piston presses")
+    piston_damping: float = param("damping", 1.0, 1e7, "Viscous damping of the piston")
+    machine_speed: float = param("velocity", 1e-7, 1e-1, "Speed at which the testing machine moves the springs")
+    testing_machine: bool = switch("Whether the springs stand in the testing machine, which moves them in the "
+                                   "cylinder's place")
 
 
 @njit(cache=True)

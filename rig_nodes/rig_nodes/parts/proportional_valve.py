@@ -27,20 +27,25 @@ BY_DUTY, BY_LAW, BY_SETPOINT = range(3)
 class ValveConfig:
     """One valve. The regulated pressure settles where spool force and port pressure balance."""
 
-    coil_voltage: float = param("voltage", 1.0, 100.0)
-    coil_resistance: float = param("resistance", 1.0, 200.0)
-    coil_inductance: float = param("inductance", 1e-3, 5.0)
-    cracking_current: float = param("current", 0.0, 0.5)
-    pressure_gain: float = param("pressure per current", 1e5, 2e7)
-    pressure_limit: float = param("pressure", 1e5, 1e7)
-    hysteresis: float = param("ratio", 0.0, 0.2)
-    friction_pressure: float = param("pressure", 0.0, 1e6)
-    spool_stroke: float = param("length", 1e-5, 1e-2)
-    spool_dead_band: float = param("length", 0.0, 5e-3)
-    full_opening_pressure: float = param("pressure", 1e3, 5e6)
-    spool_time: float = param("time", 1e-4, 1.0)
-    orifice_area: float = param("area", 1e-9, 1e-3)
-    drain_area: float = param("area", 1e-9, 1e-3)
+    coil_voltage: float = param("voltage", 1.0, 100.0, "Supply voltage of the coil")
+    coil_resistance: float = param("resistance", 1.0, 200.0, "Resistance of the coil")
+    coil_inductance: float = param("inductance", 1e-3, 5.0, "Inductance of the coil")
+    cracking_current: float = param("current", 0.0, 0.5, "Current at which the regulated pressure begins to rise")
+    pressure_gain: float = param("pressure per current", 1e5, 2e7, "Rise of the regulated pressure with the current")
+    pressure_limit: float = param("pressure", 1e5, 1e7,
+                                  "Pressure above which the valve lets off oil, whatever the current")
+    hysteresis: float = param("ratio", 0.0, 0.2,
+                              "Share of the magnet's force that iron and armature keep as the current turns round")
+    friction_pressure: float = param("pressure", 0.0, 1e6,
+                                     "Friction of the spool, as half the band of port pressures in which it stays")
+    spool_stroke: float = param("length", 1e-5, 1e-2, "Way of the spool from the edge of the reducing side to its stop")
+    spool_dead_band: float = param("length", 0.0, 5e-3,
+                                   "Overlap of the spool between its reducing and its relieving edge")
+    full_opening_pressure: float = param("pressure", 1e3, 5e6,
+                                         "Miss of the port pressure at which the spool opens fully")
+    spool_time: float = param("time", 1e-4, 1.0, "Time constant of the spool's way")
+    orifice_area: float = param("area", 1e-9, 1e-3, "Area of the fully opened edge from supply to port")
+    drain_area: float = param("area", 1e-9, 1e-3, "Area of the fully opened edge from port to tank")
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

@@ -16,13 +16,11 @@ from .part import METER, Part, Wire
 
 @dataclass(frozen=True)
 class TorqueMeterConfig:
-    """Inertia on one side of the meter, on its shaft; the shaft's own counts both.
+    """What of its shaft's inertia lies on which side of the meter."""
 
-    side: on which that is, beyond the meter where the motor or the load is, or within, where the gears are.
-    """
-
-    inertia: float = param("inertia", 0.0, 100.0)
-    side: str = choice("beyond", "within")
+    inertia: float = param("inertia", 0.0, 100.0, "Inertia on one side of the meter, which its body's own counts too")
+    side: str = choice("On which side that is: beyond the meter, with the motor or the load, or within, with the gears",
+                       "beyond", "within")
 
 
 PART = Part("torque_meter", 0, (TorqueMeterConfig,), role=METER,

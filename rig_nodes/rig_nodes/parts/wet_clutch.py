@@ -28,19 +28,25 @@ LOWEST = -1e4  # Pa: to which the tank's pressure may be missed by the order of 
 class Cylinder(PackFriction):
     """Cylinder, return springs, seals, the pack's axial elasticity and the oil in front of the piston."""
 
-    piston_area: float = param("area", 1e-5, 1e-1)
-    force_per_pressure_squared: float = param("force per pressure squared", 0.0, 1e-9)
-    spring_preload: float = param("force", 0.0, 1e5)
-    spring_rate: float = param("stiffness", 1e2, 1e9)
-    clearance: float = param("length", 1e-5, 5e-2)
-    pack_rate: float = param("stiffness", 1e3, 1e10)
-    pack_travel: float = param("length", 1e-5, 1e-2)
-    seal_friction: float = param("force", 0.0, 1e4)
-    seal_friction_share: float = param("ratio", 0.0, 0.5)
-    piston_damping: float = param("damping", 1.0, 1e7)
-    line_volume: float = param("volume", 1e-7, 1e-2)
-    chamber_volume: float = param("volume", 1e-7, 1e-2)
-    feed_area: float = param("area", 1e-8, 1e-2)
+    piston_area: float = param("area", 1e-5, 1e-1, "Area of the piston")
+    force_per_pressure_squared: float = param("force per pressure squared", 0.0, 1e-9,
+                                              "Force on the piston per pressure squared, beside that of its area")
+    spring_preload: float = param("force", 0.0, 1e5, "Force of the return springs on the released piston")
+    spring_rate: float = param("stiffness", 1e2, 1e9, "Stiffness of the return springs")
+    clearance: float = param("length", 1e-5, 5e-2,
+                             "Way of the piston from its stop to the kiss point, of a pack that is new")
+    pack_rate: float = param("stiffness", 1e3, 1e10,
+                             "Stiffness of the pack at the kiss point, where only the waves of the steel plates carry")
+    pack_travel: float = param("length", 1e-5, 1e-2,
+                               "Way of the piston beyond the kiss point at which the pack lies flat")
+    seal_friction: float = param("force", 0.0, 1e4, "Friction of the piston's seals without pressure")
+    seal_friction_share: float = param("ratio", 0.0, 0.5,
+                                       "Friction of the seals as a share of the pressure's force, beside that without "
+                                       "pressure")
+    piston_damping: float = param("damping", 1.0, 1e7, "Viscous damping of the piston")
+    line_volume: float = param("volume", 1e-7, 1e-2, "Volume of the oil between valve and feed orifice")
+    chamber_volume: float = param("volume", 1e-7, 1e-2, "Volume of the oil in the chamber of the released piston")
+    feed_area: float = param("area", 1e-8, 1e-2, "Area of the feed orifice between line and chamber")
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

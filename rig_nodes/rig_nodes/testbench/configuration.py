@@ -18,28 +18,20 @@ from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, Alfa46Values, r
 from ..catalogue import Catalogue, catalogue_of
 from ..clocks import SAMPLE
 from ..config.names import DEFAULT_RIG, RIG_FILE, beside, find_config, unknown_value, with_bases
-from ..config.schema import build, check_keys, entry, field_value, param, where_of
+from ..config.schema import build, check_keys, entry, field_value, where_of
 from ..config.units import quantity
 from ..config.yaml_file import Map, file_of, merged, stamped
 from ..description.commands import Setpoint, setpoints_of
 from ..description.driveline import build_driveline, held_ratio, inertias_of
 from ..description.read import DEVICE_KEYS, KEYS, read_structure
-from ..description.sections import BodyConfig, EffectsConfig, ShaftConfig, instruments_of
+from ..description.sections import BodyConfig, CutConfig, EffectsConfig, KernelConfig, ShaftConfig, instruments_of
 from ..description.structure import Device, Structure
 from ..engine.outside import NOT_DEVICES, cuttable, why_not
 from ..errors import RigError, brief
 from ..parts import part as parts
 from ..transmission import Transmission, made_of, tied_to
 from .prescribed import Prescribed, read_prescribed
-from .timed import KernelConfig
 from .together import check_together
-
-
-@dataclass(frozen=True)
-class CutConfig:
-    """The tick for which both sides of a cut hold what the other one gave."""
-
-    tick: float = param("time", SAMPLE, 1e-2)
 
 
 SOURCES = ("plant", "topic")

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
@@ -18,7 +17,6 @@ import numpy as np
 from ..alfa46 import law
 from ..catalogue import Catalogue, Signal
 from ..clocks import ROW, SAMPLE, SAMPLE_NS
-from ..config.schema import param
 from ..engine import general_step, loop
 from ..engine.first_start import compiling_beside
 from ..engine.plan import Plan, World
@@ -29,13 +27,6 @@ from ..engine.outcome import NOT_SETTLED, WHOLE
 from .gauges import Gauges
 
 LOG_ROWS = 20_000  # ring of logger rows, 2 s at 10 kHz
-
-
-@dataclass(frozen=True)
-class KernelConfig:
-    """How time is cut: the step of the plant."""
-
-    step: float = param("time", 1e-6, 1e-4)
 
 
 class Tripped(RigError):

@@ -18,18 +18,14 @@ from ...config.schema import param
 
 @dataclass(frozen=True)
 class PackGeometry:
-    """Ring and splines of a pack that is clamped from one side (thesis tab. 3.3, 8.1-8.3); lengths in m.
+    """Ring and splines of a pack that is clamped from one side (thesis tab. 3.3, 8.1-8.3); lengths in m."""
 
-    Plates alternate, so ``surfaces`` friction surfaces belong to ``surfaces`` + 1 plates. Spline diameters
-    are pitch diameters; the inner spline stands on the shaft, the outer one in the hub.
-    """
-
-    surfaces: float = param("ratio", 1, 40)
-    inner_radius: float = param("length", 1e-3, 1.0)
-    outer_radius: float = param("length", 1e-3, 1.0)
-    inner_spline_diameter: float = param("length", 1e-3, 1.0)
-    outer_spline_diameter: float = param("length", 1e-3, 1.0)
-    pressure_angle_deg: float = param("ratio", 0.0, 60.0)
+    surfaces: float = param("ratio", 1, 40, "Number of friction surfaces, one less than there are plates")
+    inner_radius: float = param("length", 1e-3, 1.0, "Inner radius of the friction ring")
+    outer_radius: float = param("length", 1e-3, 1.0, "Outer radius of the friction ring")
+    inner_spline_diameter: float = param("length", 1e-3, 1.0, "Pitch diameter of the spline on the shaft")
+    outer_spline_diameter: float = param("length", 1e-3, 1.0, "Pitch diameter of the spline in the hub")
+    pressure_angle_deg: float = param("ratio", 0.0, 60.0, "Pressure angle of the splines, in degrees")
 
     def check(self) -> None:
         """ValueError with one sentence when no pack can look like this."""

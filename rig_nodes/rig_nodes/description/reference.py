@@ -1,0 +1,104 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The reference page of parameters: each value of each part and section with unit, range and what it is. Used by `rig list`.
+
+Made from the fields themselves, so nothing of it is typed a second time; no values of a certain rig.
+"""
+
+from __future__ import annotations
+
+from dataclasses import MISSING, fields
+from importlib import import_module
+
+from ..alfa46.settings import Alfa46Values
+from ..config.units import UNITS, shown_in
+from ..parts import part as parts
+from .read import meaning
+from .sections import OF_THE_LOGGER, TYPES, BodyConfig, CutConfig, EffectsConfig, KernelConfig, ShaftConfig
+
+
+def sections() -> dict[str, tuple[str, dict]]:
+    """Where the values of a rig stand that belong to no part: the line about them, their fields by name."""
+    return {
+        "the rig itself": ("Beside `description` and the other keys.", _of(KernelConfig)),
+        "bodies": ("Of each body that is not `massless`.", _of(BodyConfig)),
+        "shafts": ("Of each compliant shaft.", _of(ShaftConfig)),
+        **{f"instruments, {kind}": (f"Of each transducer of `type: {kind}`; the names begin with the type, or with what stands under "
+                                    f"`like`: `{kind}_range`.", one()) for kind, one in TYPES.items()},
+        "instruments, all": ("Of the logger.", {name: one() for name, one in OF_THE_LOGGER.items()}),
+        "effects": ("Only those that the rig's parts have may be named, and `transducers`.", _of(EffectsConfig)),
+        "cut": ("Of devices outside the plant ([cuts.md](cuts.md)).", _of(CutConfig)),
+        "controller": ("The Alfa46's, in the file that `controller` names, or under `controller_values`; its profiles stand beside "
+                       "them.", _of(Alfa46Values)),
+    }
+
+
+def rows_of_parts() -> list[dict[str, str]]:
+    """One for each value of each part."""
+    return [{"part": name, **row} for name in parts.parts() for row in _rows(_fields(parts.part(name)))]
+
+
+def page() -> str:
+    """docs/parameters.md."""
+    out = [
+        "# Parameters of parts and sections", "",
+        "Made from the parts by `./rig list parts --markdown`; a test keeps it in step. [rigs.md](rigs.md) says where they stand in a "
+        "rig's folder; what a certain rig has is shown by `./rig list settings --rig NAME`.", "",
+        "Each value is `[value with unit, \"its source\"]`. The range is inclusive and given in the unit shown; the units at the end may "
+        "be written too. What has a value under \"left out\" need not be named.", "", "## Parts", ""]
+    for name in parts.parts():
+        out += [f"### {name}", "", _about(name), "", *_joints(parts.part(name)), *_table(_rows(_fields(parts.part(name))))]
+    out += ["## Other sections", ""]
+    for name, (about, those) in sections().items():
+        out += [f"### {name}", "", about, "", *_table(_rows(those))]
+    kinds: dict[str, list[str]] = {}
+    for unit, (dimension, _) in UNITS.items():
+        kinds.setdefault(dimension, []).append(f"`{unit}`")
+    return "\n".join([*out, "## Units", "", *_table([{"dimension": kind, "units": ", ".join(units)} for kind, units in kinds.items()])])
+
+
+def _about(name: str) -> str:
+    """The first line of a part's file."""
+    return import_module(f"{parts.__package__}.{name}").__doc__.strip().splitlines()[0]
+
+
+def _joints(kind: parts.Part) -> list[str]:
+    """What a part is joined to, which setpoints it takes and which signals it shows, a line each."""
+    joined = [f"`{key}` ({meaning(wire.to)}{'' if wire.needed else '; may be left out'})" for key, wire in kind.joined.items()]
+    takes = [f"`{one.step}: {{{key}: ...}}`" for one in kind.takes for key in one.takes]
+    lines = [f"{what}: {', '.join(those)}." for what, those in (
+        ("Joined by", joined), ("Takes", takes), ("Signals", [one.what for one in kind.shows])) if those]
+    return [line for text in lines for line in (text, "")]
+
+
+def _of(cls: type) -> dict:
+    """Fields of a dataclass by name."""
+    return {one.name: one for one in fields(cls)}
+
+
+def _fields(kind: parts.Part) -> dict:
+    """The values of a part that its entry in a rig has."""
+    return _of(kind.configs[0]) if kind.configs else {}
+
+
+def _rows(those: dict) -> list[dict[str, str]]:
+    out = []
+    for name, one in those.items():
+        meta = one.metadata
+        if "choices" in meta:
+            unit, span = "", ", ".join(meta["choices"])
+        else:
+            unit, factor = shown_in(meta["dimension"])
+            span = f"{meta['low'] / factor:.6g} to {meta['high'] / factor:.6g}"
+        left = "" if one.default is MISSING else ("on" if one.default is True else f"{one.default:.6g} {unit}".rstrip(" -"))
+        out.append({"value": name, "unit": unit, "range": span, "left out": left, "what it is": meta["text"]})
+    return out
+
+
+def _table(rows: list[dict[str, str]]) -> list[str]:
+    if not rows:
+        return ["It has no values of its own.", ""]
+    own = [key for key in rows[0] if key != "left out" or any(row[key] for row in rows)]
+    return ["| " + " | ".join(own) + " |", "|" + " --- |" * len(own),
+            *("| " + " | ".join(row[key].replace("|", "\\|") for key in own) + " |" for row in rows), ""]
