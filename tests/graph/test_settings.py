@@ -18,7 +18,6 @@ from std_srvs.srv import Trigger
 from rig_nodes.alfa46 import law
 from rig_nodes.alfa46.controller import Alfa46
 from rig_nodes.bags.reader import Bag
-from rig_nodes.config.schema import limits
 from rig_nodes.controllers.load import load_controller
 from rig_nodes.errors import RigError
 from rig_nodes.graph.result import facts_of, lost_messages
@@ -151,7 +150,7 @@ def test_noise_is_set_per_channel_and_switched_off_and_on(user):
             lambda: (b := [b for b in blocks if seconds(b) >= since + TWO_TICKS])[3:] and b, "logger blocks")
         return max(np.ptp(np.reshape(block.data, (block.rows, -1))[:, column]) for block in later)
 
-    usual, most = spread(0.0), limits(type(load_rig().instruments), "p1_noise")[1]
+    usual, most = spread(0.0), load_rig().settings.find("instruments.noise.p1").high
     # below zero only its largest error is shown, so half of the noise remains at an idle clutch
     assert spread(user.set("instruments", noise__p1=most)) > 5.0 * usual
     assert spread(user.set("instruments", noise=False)) == 0.0
@@ -315,8 +314,9 @@ def test_the_same_settings_again_change_no_bit():
 
 
 @pytest.mark.parametrize("name, value, sentence", [
-    ("oil_supply.temperature", NAN, "expected -30 to 150 degC"), ("instruments.noise.T_oil", 1.0, "no noise to set"),
+    ("oil_supply.temperature", NAN, "expected -30 to 150 degC"), ("instruments.noise.T_oil", 1.0, "there is no value of instruments 'noise.T_oil'; did you mean"),
     ("instruments.noise.p1", -1.0, "expected 0 to"), ("w0.inertia", 1.0, "cannot be set while the rig runs"),
+    ("alfa46.t12", 0.1, "is the shift controller's"), ("motor.speed", 400.0, "motor.speed of 400 rad/s refused; expected 0 to 314.2 rad/s"),
 ])
 def test_the_rig_refuses_what_cannot_be_set(name, value, sentence):
     with pytest.raises(RigError, match=sentence):

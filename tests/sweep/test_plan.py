@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from rig_nodes.errors import RigError
-from rig_nodes.sweep.plan import make_plan, plan_of, read_plan, with_member
-from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.sweep.plan import make_plan, plan_of, read_plan
+from rig_nodes.testbench.configuration import load_rig, with_overrides
 
 
 def points(plan):
@@ -66,7 +66,7 @@ def test_repeats_have_the_same_values_and_other_seeds():
 def test_a_points_time_alone_keeps_its_current():
     config = load_rig()
     plan = make_plan("demo", {"alfa46.output_1.P1.time": "150 ms, 180 ms", "alfa46.output_1.P2": ["320 ms 280 mA"]})
-    changed = with_member(config, plan.members()[1].overrides).alfa46.profiles
+    changed = with_overrides(config, plan.members()[1].overrides).alfa46.profiles
     assert changed[0, 0] == pytest.approx([0.180, 0.160])  # 160 mA stand in tab. 7.5
     assert changed[0, 1] == pytest.approx([0.320, 0.280])
     assert np.array_equal(changed[1:], config.alfa46.profiles[1:])

@@ -9,7 +9,6 @@ import random
 import numpy as np
 import pytest
 
-from rig_nodes.config.schema import limits
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.record import record
@@ -122,9 +121,9 @@ def drawn(rng):
     for _ in range(rng.randint(2, 5)):
         part = rng.choice(["motor", "w0", "z5", "M_wej", "M_wyj", "loss_in", "loss_out", "plate_pack", "clutch_s1", "clutch_s2", "valve_zr_p1", "valve_zr_p2",
                            "oil_supply", "load_pump"])
-        cls = type(getattr(config, part))
         field = rng.choice([name for name, value in vars(getattr(config, part)).items() if isinstance(value, float)])
-        low, high = limits(cls, field)
+        setting = config.settings.find(f"{part}.{field}")
+        low, high = setting.low, setting.high
         kind = rng.random()
         value = low if kind < 0.3 else high if kind < 0.6 else getattr(getattr(config, part), field) * rng.choice(
             (0.1, 0.3, 3.0, 10.0))

@@ -3,7 +3,6 @@
 
 """The catalogue against what it describes: messages, the kernel's channels, the written page."""
 
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -16,7 +15,6 @@ from rig_nodes.errors import RigError
 from rig_nodes.config.names import installed as installed_rigs
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.plan import plan_of
-from rig_nodes.testbench.rig import check_setpoint
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -57,7 +55,7 @@ def test_the_signals_page_is_what_the_catalogue_says():
 @pytest.mark.parametrize("rig", RIGS)
 def test_every_setpoint_keeps_to_the_range_that_the_page_gives_it(rig):
     config = RIGS[rig]
-    checks = {one.topic: partial(check_setpoint, config, step) for step, one in config.setpoints.items()}
+    checks = {one.setpoint.topic: one.check for one in config.settings.steps.values()}
     assert {topic.name for topic in config.catalogue.setpoints()} == set(checks)
     for topic, signal in config.catalogue.setpoints().items():
         for value in (signal.low, signal.high):

@@ -189,8 +189,8 @@ def test_a_transducer_that_is_not_fitted_shows_nothing():
 
 @pytest.mark.parametrize(("act", "said"), [
     (lambda rig: rig.set("press", 1e-3, True), "'clutch_bench' has no testing machine"),
-    (lambda rig: rig.set("cylinder", 2e7, True), "cylinder_pressure of 2e.07 Pa refused; expected 0 to 1e.07 Pa"),
-    (lambda rig: rig.set("motor", float("nan"), True), "motor_speed of nan rad/s refused"),
+    (lambda rig: rig.set("cylinder", 2e7, True), "cylinder.pressure of 2e.07 Pa refused; expected 0 to 1e.07 Pa"),
+    (lambda rig: rig.set("motor", float("nan"), True), "hydraulic_motor.speed of nan rad/s refused"),
 ])
 def test_what_the_bench_refuses(act, said):
     with pytest.raises(RigError, match=said):

@@ -148,10 +148,10 @@ def test_a_repeated_command_is_not_a_fresh_one(config):
 
 
 @pytest.mark.parametrize("call, sentence", [
-    (lambda rig: rig.set("motor", float("nan"), True), "motor_speed"),
+    (lambda rig: rig.set("motor", float("nan"), True), "motor.speed of nan rad/s refused"),
     (lambda rig: rig.set("motor", -5.0, True), "0 to 314.2"),
-    (lambda rig: rig.set("load", 1e9, True), "load_pressure"),
-    (lambda rig: rig.set("oil", float("inf"), True), "oil_pressure"),
+    (lambda rig: rig.set("load", 1e9, True), "load_pump.relief_pressure of"),
+    (lambda rig: rig.set("oil", float("inf"), True), "oil_supply.pressure of inf Pa"),
 ])
 def test_impossible_settings_are_refused(config, call, sentence):
     with pytest.raises(RigError, match=sentence):

@@ -36,7 +36,7 @@ def test_the_rig_lies_within_what_may_change(config):
 
 @pytest.mark.parametrize("old, new, sentence", [
     ("losses:", "loses:", "unknown key 'loses'"), ("low: 4 Nm", "low: 40 Nm", "low must be below high"),
-    ("[loss_in.at_rest]", "[loss_in.at]", "no value 'loss_in.at'"),
+    ("[loss_in.at_rest]", "[loss_in.at]", "there is no value of loss_in 'at'; did you mean 'at_470'"),
     ("high: 15 Nm", "high: 15 rpm", "expected a torque")])
 def test_a_wrong_list_of_parameters_is_refused(tmp_path, old, new, sentence):
     text = c.CALIBRATION_FILE.read_text()

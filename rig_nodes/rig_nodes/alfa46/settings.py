@@ -30,19 +30,19 @@ class Alfa46Values:
     sample_time: float = param("time", SAMPLE, SAMPLE, "Time between two samples of the controller")
     pwm_frequency: float = param("frequency", 10.0, 1e5, "Frequency of the PWM on the coils")
     supply_voltage: float = param("voltage", 1.0, 100.0, "Voltage that the power stage switches to the coils")
-    gain_p: float = param("resistance", 0.0, 1e5, "Proportional gain of the current loop")
-    gain_i: float = param("gain integral", 0.0, 1e7, "Integral gain of the current loop")
-    gain_d: float = param("inductance", 0.0, 1e3, "Derivative gain of the current loop")
-    derivative_time: float = param("time", 1e-3, 10.0, "Filter time of the derivative in the current loop")
+    gain_p: float = param("resistance", 0.0, 1e5, "Proportional gain of the current loop", live=True)
+    gain_i: float = param("gain integral", 0.0, 1e7, "Integral gain of the current loop", live=True)
+    gain_d: float = param("inductance", 0.0, 1e3, "Derivative gain of the current loop", live=True)
+    derivative_time: float = param("time", 1e-3, 10.0, "Filter time of the derivative in the current loop", live=True)
     current_limit: float = param("current", 0.0, 0.8, "Largest current that a profile may ask for")
     t12: float = param("time", -5.0, 5.0,
-                       "Delay from gear 1 to 2; negative: the engaging valve is switched on that much earlier")
+                       "Delay from gear 1 to 2; negative: the engaging valve is switched on that much earlier", live=True)
     t21: float = param("time", -5.0, 5.0,
-                       "Delay from gear 2 to 1; negative: the engaging valve is switched on that much earlier")
+                       "Delay from gear 2 to 1; negative: the engaging valve is switched on that much earlier", live=True)
     t23: float = param("time", -5.0, 5.0,
-                       "Delay from gear 2 to 3; negative: the engaging valve is switched on that much earlier", 0.0)
+                       "Delay from gear 2 to 3; negative: the engaging valve is switched on that much earlier", 0.0, live=True)
     t32: float = param("time", -5.0, 5.0,
-                       "Delay from gear 3 to 2; negative: the engaging valve is switched on that much earlier", 0.0)
+                       "Delay from gear 3 to 2; negative: the engaging valve is switched on that much earlier", 0.0, live=True)
 
 
 @dataclass(frozen=True)

@@ -63,6 +63,6 @@ def _told(config):
             by = f"{clutch.valve_name} on output {clutch.output + 1}" if clutch.valve else "no valve"
             yield f"{clutch.name}: {by}, kiss point at {clutch.kiss_pressure * 1e-6:.3f} MPa"
         yield f"inertia: {box.inertias.driving:.4g} kg m2 at the input, {box.inertias.on_output:.4g} kg m2 at the output"
-    steps = ", ".join(config.setpoints)
+    steps = ", ".join(config.settings.steps)
     yield f"setpoints of sequences: {steps}"
     yield f"signals: {n}, of which {len(config.catalogue.logger_channels())} are logged at 10 kHz"

@@ -23,6 +23,7 @@ WHAT = {
     "controllers": ("settings of the Alfa46, which a rig's file names", "controller: NAME in a rig's rig.yaml"),
     "templates": ("starts for a controller of your own", "./rig controller new NAME DIR"),
     "devices": ("devices of a rig, and which can be a node of your own", "./rig device NAME"),
+    "settings": ("values of a rig with unit, range and whether they change while it runs", "--set NAME=VALUE, ./rig set NAME VALUE"),
     "parts": ("types of devices with unit and range of each value", "part: NAME in a rig's rig.yaml"),
     "topics": ("ROS topics of a rig with type, node and rate", "./rig replay RUN --topics NAME"),
     "signals": ("signals of a rig with unit, range, sign and topic", "a sequence's wait: {until: {signal: NAME, above: ...}}"),
@@ -32,7 +33,7 @@ WHAT = {
 def add_arguments(parser) -> None:
     parser.add_argument("what", nargs="?", choices=WHAT, help="what to list; alone: what there is to list")
     parser.add_argument("--rig", metavar="NAME", help="rig, its folder or .yaml file: only its sequences and procedures (default: "
-                                                      f"all); whose devices, topics and signals (default: {DEFAULT_RIG})")
+                                                      f"all); whose devices, settings, topics and signals (default: {DEFAULT_RIG})")
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="for programs")
     form.add_argument("--markdown", action="store_true", help="signals: docs/signals.md, with the topics; parts: docs/parameters.md")
@@ -106,6 +107,13 @@ def _devices(rig: str | None):
     return rows
 
 
+def _settings(rig: str | None):
+    config = _known(rig)
+    return [{"setting": one.name, "value": one.written(config.value(one.name)) if one.kept else "", "range": one.span(),
+             "while it runs": "yes" if one.live else "no", "what it is": one.text}
+            for one in config.settings.values() if one.key and not one.lacking]
+
+
 def _topics(rig: str | None):
     return _rows_of(_known(rig).catalogue.all_topics)
 
@@ -156,8 +164,8 @@ def parameters() -> str:
 
 
 _ROWS = {"rigs": _rigs, "controllers": _controllers, "templates": _templates, "parts": _parts}
-OF_A_RIG = {"sequences": _of_rigs("sequences"), "procedures": _of_rigs("procedures"), "devices": _devices, "topics": _topics,
-            "signals": _signals}
+OF_A_RIG = {"sequences": _of_rigs("sequences"), "procedures": _of_rigs("procedures"), "devices": _devices,
+            "settings": _settings, "topics": _topics, "signals": _signals}
 
 
 def markdown() -> str:

@@ -29,8 +29,7 @@ def main(args) -> int:
         found = rig.settings() if args.name is None else {args.name: rig.setting(args.name)}
         if not found:
             raise RigError(f"the rig in ROS domain {rig.number} has nothing to set but its setpoint topics")
-        rows = [(name, str(setting), setting.range(), setting.descriptor.description)
-                for name, setting in found.items()]
+        rows = [(name, str(one), one.range(), one.setting.text) for name, one in found.items()]
     widths = [max(map(len, column)) for column in zip(*rows)]
     for row in rows:
         print("  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip())

@@ -19,29 +19,27 @@ from .units import quantity, span
 from .yaml_file import no_space, where_of
 
 
-def param(dimension: str, low: float, high: float, text: str, default=dataclasses.MISSING):
+WORDS, SWITCH = "choice", "switch"  # dimensions of what is no number
+
+
+def param(dimension: str, low: float, high: float, text: str, default=dataclasses.MISSING, live: bool | str = False):
     """A dataclass field: SI value of this dimension between low and high (SI, inclusive); one with a default may be left out.
 
     text: what it is, in one sentence without a full stop, its unit or its range; so for the others below. People see it
-    wherever the value can be set.
+    wherever the value can be set. live: it can change while the rig runs, at a device by this one of its states.
     """
-    return dataclasses.field(default=default, metadata={"dimension": dimension, "low": low, "high": high, "text": text})
+    return dataclasses.field(default=default, metadata={"dimension": dimension, "low": low, "high": high, "text": text,
+                                                        "live": live})
 
 
 def choice(text: str, *names: str):
     """A dataclass field: one of these words."""
-    return dataclasses.field(metadata={"dimension": "choice", "choices": names, "text": text})
+    return dataclasses.field(metadata={"dimension": WORDS, "choices": names, "text": text})
 
 
 def switch(text: str, default=dataclasses.MISSING):
     """A dataclass field: True or False, written on or off; one with a default may be left out."""
-    return dataclasses.field(default=default, metadata={"dimension": "switch", "choices": ("on", "off"), "text": text})
-
-
-def limits(cls, name: str) -> tuple[float, float]:
-    """Lowest and highest value (SI, inclusive) of a :func:`param` field."""
-    meta = cls.__dataclass_fields__[name].metadata
-    return meta["low"], meta["high"]
+    return dataclasses.field(default=default, metadata={"dimension": SWITCH, "choices": ("on", "off"), "text": text})
 
 
 def check_keys(path, node, allowed, required, what: str, where: str = "") -> None:
@@ -83,28 +81,28 @@ def entry(field, node, where: str):
     """Value of a field from its [value with unit, "its source"]; RigError otherwise."""
     if not (isinstance(node, list) and len(node) == 2 and isinstance(node[1], str) and node[1].strip()):
         raise RigError(f"{where} must be [value with unit, \"its source\"], found {brief(node)}")
-    return field_value(field, node[0], where)
-
-
-def field_value(field, text, where: str):
-    """What a field of a part takes from the words of its YAML or an override; RigError otherwise."""
     meta = field.metadata
-    if "choices" in meta:
-        if meta["dimension"] == "switch" and isinstance(text, bool):
+    return value_of(meta["dimension"], meta.get("low"), meta.get("high"), meta.get("choices", ()), node[0], where)
+
+
+def value_of(dimension: str, low: float, high: float, choices: tuple[str, ...], text, where: str):
+    """What a value of this dimension, range (SI) or words takes from what somebody has written; RigError otherwise."""
+    if choices:
+        if dimension == SWITCH and isinstance(text, bool):
             return text  # YAML's own
-        if text not in meta["choices"]:
+        if text not in choices:
             raise RigError(f"{where} is '{text if isinstance(text, str) and len(text) < 60 else brief(text)}', expected one "
-                           f"of {', '.join(meta['choices'])}")
-        return text == "on" if meta["dimension"] == "switch" else text
-    value = quantity(text, meta["dimension"], where)
-    if not meta["low"] <= value <= meta["high"]:
-        raise RigError(f"{where} is {text}, outside {span(meta['low'], meta['high'], text)}")
+                           f"of {', '.join(choices)}")
+        return text == "on" if dimension == SWITCH else text
+    value = quantity(text, dimension, where)
+    if not low <= value <= high:
+        raise RigError(f"{where} is {text}, outside {span(low, high, text)}")
     return value
 
 
 def _numbers(cls) -> list:
     """The fields that the kernel reads: all but words."""
-    return [f for f in dataclasses.fields(cls) if f.metadata["dimension"] != "choice"]
+    return [f for f in dataclasses.fields(cls) if f.metadata["dimension"] != WORDS]
 
 
 def record_dtype(*classes) -> np.dtype:

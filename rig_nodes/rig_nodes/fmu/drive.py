@@ -29,7 +29,7 @@ class FmuBench:
 
     def __init__(self, fmu: Fmu, config: RigConfig):
         """config: of the rig in the FMU."""
-        self.fmu, self.setpoints = fmu, config.setpoints
+        self.fmu, self.steps = fmu, config.settings.steps
         self.names = list(config.catalogue.signals)
         measured = config.catalogue.measured().values()
         self._states = [name not in measured for name in self.names]
@@ -47,7 +47,7 @@ class FmuBench:
         return True
 
     def set(self, step: str, value: float, enable: bool) -> None:
-        setpoint = self.setpoints[step]
+        setpoint = self.steps[step].setpoint
         self.fmu.set(**{setpoint.name: value, enable_of(setpoint): enable})
 
     def order_gear(self, gear: int) -> None:

@@ -127,7 +127,7 @@ class RigModel:
         from .rig_variables import enable_of
 
         values = self.values
-        for step, setpoint in self.config.setpoints.items():
+        for step, setpoint in ((step, one.setpoint) for step, one in self.rig.settings.steps.items()):
             given = values[setpoint.name], values[enable_of(setpoint)] != 0.0
             if self._given.get(step, (0.0, False)) == given:
                 continue

@@ -9,15 +9,13 @@ Used by fmu.build, which writes them into modelDescription.xml, and by fmu.rig_p
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
-
 import numpy as np
 
-from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config
+from ..config.schema import SWITCH
 from ..config.units import NOT_WRITTEN, SI
 from ..controllers.record import record_of
 from ..description.commands import Setpoint
-from ..errors import RigError
+from ..description.settings import Setting
 from ..parts import part as parts
 from ..testbench.configuration import RigConfig
 from ..testbench.rig import Rig
@@ -42,38 +40,30 @@ def _parameters(config: RigConfig) -> list[Variable]:
            Variable("controller", "integer", "parameter", "0: the embedded Alfa46 shifts, by gear_request; 1: command_1 to "
                     "_3 are duties of the coils; 2: they are current setpoints [A]", 0, low=0, high=2),
            Variable("record", "string", "parameter", "Folder for the rig's bag and report; none is recorded when empty", "")]
-    for name, (owner, field) in _fields(config).items():
-        meta, value = field.metadata, getattr(owner, field.name)
-        if meta["dimension"] == "switch":
-            out.append(Variable(name, "boolean", "parameter", meta["text"], bool(value)))
+    for one in _settings(config):
+        value = config.value(one.name)
+        if one.dimension == SWITCH:
+            out.append(Variable(one.name, "boolean", "parameter", one.text, bool(value)))
         else:
-            unit = SI.get(meta["dimension"]) or NOT_WRITTEN[meta["dimension"]]
-            out.append(Variable(name, "real", "parameter", meta["text"], float(value),
-                                UNITS.get(unit, unit), low=meta["low"], high=meta["high"]))
-    for key, points in zip(OUTPUT_KEYS, config.alfa46.profiles, strict=True):
-        for point, (time, current) in zip(POINTS, points, strict=True):
-            name = f"alfa46.{key}.{point}"
-            out += [Variable(f"{name}.time", "real", "parameter", f"Time of {point} in the profile of {key}", float(time), "s"),
-                    Variable(f"{name}.current", "real", "parameter", f"Current of {point} in the profile of {key}",
-                             float(current), "A")]
+            unit = SI.get(one.dimension) or NOT_WRITTEN[one.dimension]
+            out.append(Variable(one.name, "real", "parameter", one.text, float(value), UNITS.get(unit, unit), low=one.low,
+                                high=one.high))
     return out
 
 
-def _fields(config: RigConfig) -> dict:
-    """Name as `--set` takes it -> (its part, field), of all values but words and the cutting of time."""
-    known = {part: (config.values(part), names) for part, names in config.settings().items() if part not in ("kernel", "cut")}
-    return {f"{part}.{field.name}": (owner, field) for part, (owner, names) in known.items() for field in fields(owner)
-            if field.name in names and field.metadata["dimension"] != "choice"}
+def _settings(config: RigConfig) -> list[Setting]:
+    """What an importer sets before the rig runs: all that the configuration keeps but words and the cutting of time."""
+    return [one for one in config.settings.kept() if (one.is_number or one.dimension == SWITCH)
+            and one.owner not in ("kernel", "cut")]
 
 
 def _inputs(config: RigConfig) -> list[Variable]:
     out, record = [], record_of(config)
     outputs, highest = len(record.outputs), max(record.gear_names)
-    for setpoint in config.setpoints.values():
-        signal = config.catalogue.signals[setpoint.like]
-        text = setpoint.command.text[0].upper() + setpoint.command.text[1:] + (", gauge" if signal.gauge else "")
-        out += [Variable(setpoint.name, "real", "input", text, 0.0, signal.unit, (signal.display_unit, signal.scale), signal.low,
-                         signal.high), Variable(enable_of(setpoint), "boolean", "input", f"{text}: on", False)]
+    for one in config.settings.steps.values():
+        setpoint, signal = one.setpoint, config.catalogue.signals[one.setpoint.like]
+        out += [Variable(setpoint.name, "real", "input", one.text, 0.0, signal.unit, (signal.display_unit, signal.scale), one.low,
+                         one.high), Variable(enable_of(setpoint), "boolean", "input", f"{one.text}: on", False)]
     out.append(Variable("gear_request", "integer", "input", f"Gear ordered of the embedded Alfa46: {record.gears_told}; "
                         "one that comes while a shift runs is taken at its end", 0, low=0, high=highest))
     out += [Variable(f"command_{k}", "real", "input", f"Command of controller output {k}: duty 0 to 1, or current setpoint "
@@ -146,21 +136,16 @@ class Values:
 
 def with_parameters(config: RigConfig, values: Values) -> RigConfig:
     """The rig with those parameters changed that differ; RigError for one out of its range."""
-    changed: dict[str, dict] = {}
-    for name, (owner, field) in _fields(config).items():
-        value, meta = values[name], field.metadata
-        if meta["dimension"] == "switch":
+    changed = {}
+    for one in _settings(config):
+        value = values[one.name]
+        if one.dimension == SWITCH:
             value = value != 0.0
-        elif not meta["low"] <= value <= meta["high"]:
-            raise RigError(f"parameter {name} is {value:g}, expected {meta['low']:g} to {meta['high']:g} (SI)")
-        if value != getattr(owner, field.name):
-            part, _, key = name.partition(".")
-            changed.setdefault(part, {})[key] = value
-    profiles = np.array([[[values[f"alfa46.{key}.{point}.{what}"] for what in ("time", "current")] for point in POINTS]
-                         for key in OUTPUT_KEYS])
-    settings = replace(config.alfa46.values, **changed.pop("alfa46", {}))
-    sections = {part: replace(config.values(part), **own) for part, own in changed.items()}
-    config = config.replaced(alfa46=Alfa46Config(settings, profiles), **sections)
+        else:
+            one.check(value)
+        if value != config.value(one.name):
+            changed[one.name] = value
+    config = config.with_values(changed)
     check_together(config, lambda keys: "parameter ")
     return config
 

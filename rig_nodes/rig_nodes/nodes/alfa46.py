@@ -92,7 +92,7 @@ class Alfa46Node(Node):
         self._orders = threading.Lock()  # in lockstep samples and what comes over ROS have different threads
         self.real_time = False  # samples come over their topic
         self._server = GoalServer(self, Shift, "/alfa46/shift", self.on_goal, self.on_cancel, self.on_request)
-        self.settings = BoxSettings(self, self.box, config.alfa46)
+        self.settings = BoxSettings(self, self.box, config)
         self.box.named = self.on_named
         self._watch = self.create_timer(COMMAND_TIMEOUT / 2, self.on_watch)
         self._missing = Growing()

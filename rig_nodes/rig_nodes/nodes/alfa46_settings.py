@@ -17,43 +17,38 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rig_msgs.srv import SetProfile
 
-from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, Alfa46Values, check_profile
-from ..config.units import SI
+from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, check_profile
+from ..description.settings import OWN, own_setting
 from ..errors import RigError
-from .settings import Setting, Settings
+from ..testbench.configuration import RigConfig
+from .settings import Declared, Settings
 
-SCALARS = ("t12", "t21", "t23", "t32", "gain_p", "gain_i", "gain_d", "derivative_time")
-OWN, OWN_BOUNDS = "controller.", (-1e15, 1e15)  # parameters that a user's controller names as its own settings
 CURRENT_LOOP = ("gain_p", "gain_i", "gain_d", "derivative_time")
-COLUMNS = {
-    "times": ("time", "Times of the profile's points"), "currents": ("current", "Currents at the profile's points"),
-}
+COLUMNS = ("times", "currents")
 
 
 class BoxSettings(Settings):
     """``news``: accepted changes that the controller has, as (text, value) of an event, until the node says them."""
 
-    def __init__(self, node: Node, box, config: Alfa46Config):
+    def __init__(self, node: Node, box, rig: RigConfig):
         """box: plug of the controller."""
-        self.box, self.config, self.news = box, config, deque()
-        settings = []
-        for name in SCALARS:
-            meta = Alfa46Values.__dataclass_fields__[name].metadata
-            settings.append(Setting(name, meta["text"], getattr(config.values, name), SI[meta["dimension"]],
-                                    (meta["low"], meta["high"])))
+        self.box, self.config, self.news = box, rig.alfa46, deque()
+        config = self.config
         rules = {"times": "6 numbers, P1 to P6; P1-P3 count from switch-on, P4-P6 from switch-off, each half increases",
                  "currents": f"6 numbers, P1 to P6; 0 to {config.values.current_limit:g} A"}
-        for k, key in enumerate(OUTPUT_KEYS):
-            for column, (name, (dimension, text)) in enumerate(COLUMNS.items()):
-                settings.append(Setting(f"{key}.{name}", f"{text} of {key}", config.profiles[k, :, column].tolist(),
-                                        SI[dimension], rule=rules[name]))
-        settings += self._own()
-        super().__init__(node, settings)
+        settings = []
+        for one in rig.settings.at("alfa46"):
+            if one.numbers == 1:
+                settings.append(Declared(one, getattr(config.values, one.key)))
+            else:
+                output, _, column = one.key.partition(".")
+                values = config.profiles[OUTPUT_KEYS.index(output), :, COLUMNS.index(column)].tolist()
+                settings.append(Declared(one, values, rules[column]))
+        super().__init__(node, [*settings, *self._own()])
         self._service = node.create_service(SetProfile, "~/set_profile", self.on_set_profile)
 
-    def _own(self) -> list[Setting]:
-        return [Setting(OWN + name, "Setting of the controller's own", value, "", OWN_BOUNDS)
-                for name, value in self.box.settings.items()]
+    def _own(self) -> list[Declared]:
+        return [Declared(own_setting(f"alfa46.{OWN}{name}"), value) for name, value in self.box.settings.items()]
 
     def declare_own(self) -> None:
         """The settings of a controller that has named them only now."""
@@ -66,7 +61,7 @@ class BoxSettings(Settings):
 
     def changed(self, changes: dict) -> Alfa46Config:
         """The settings with these changes; RigError when they are not right."""
-        scalars = {name: value for name, value in changes.items() if name in SCALARS}
+        scalars = {name: value for name, value in changes.items() if hasattr(self.config.values, name)}
         values, profiles = replace(self.config.values, **scalars), self.config.profiles.copy()
         for k, key in enumerate(OUTPUT_KEYS):
             for column, name in enumerate(COLUMNS):
@@ -105,8 +100,8 @@ class BoxSettings(Settings):
         for name, value in changes.items():
             if name.startswith(OWN):
                 self.box.set_value(name.removeprefix(OWN), value)
-            number = value if name in SCALARS or name.startswith(OWN) else float(name[len("output_")])
-            self.news.append((self.settings[name].shown("alfa46", value), number))
+            number = float(name[len("output_")]) if isinstance(value, list) else value
+            self.news.append((self.settings[name].shown(value), number))
 
     def on_set_profile(self, request, response):
         """A profile as a whole, through the parameters, which so stay what the controller has."""

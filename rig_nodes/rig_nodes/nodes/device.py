@@ -8,8 +8,6 @@ Used by the rig container; no node holds physics, and callbacks only enqueue.
 
 from __future__ import annotations
 
-from functools import partial
-
 from rclpy.node import Node
 
 from ..bags.cdr import Fields
@@ -17,10 +15,9 @@ from ..catalogue import Catalogue, Topic
 from ..description.commands import Setpoint
 from ..errors import RigError
 from ..parts import part as parts
-from ..testbench.timed import RigStatus
 from .message_class import message_class
 from .qos import publisher_profile, receiver_profile
-from .settings import DeviceSettings, Knob, Setting, setpoint_knobs
+from .settings import DeviceSettings
 
 OF_THE_WHOLE = ("rig", "instruments", "alfa46", "sequencer")  # nodes that are no device
 
@@ -60,7 +57,7 @@ def receive(node: Node, topic: Topic, callback, profile=None, refuse=None) -> ob
 
 def setpoints_taken(config) -> list[Setpoint]:
     """The setpoints that somebody takes on this rig: not those of what its configuration leaves out."""
-    return [one for one in config.setpoints.values() if config.takes(one)]
+    return [one.setpoint for one in config.settings.steps.values() if not one.lacking]
 
 
 def device_names(config) -> list[str]:
@@ -87,49 +84,28 @@ class Device(Node):
 
 
 class DeviceNode(Device):
-    """A device of the laboratory, made of its part: transducers and state out; setpoints in, by topic and by parameter."""
+    """A device of the laboratory, made of its part, or the instruments: what the catalogue gives it out; its settings in, as
+    parameters, and its setpoints by topic too.
+    """
 
     def __init__(self, name: str, rig, commands):
         super().__init__(name, rig, commands)
-        knobs = []
         for setpoint in setpoints_taken(rig.config):
             if setpoint.node == name:
-                knobs += self._takes(rig, setpoint)
-        if name in {device.name for device in rig.config.structure.of_role(parts.OIL)}:
-            knobs.append(self._temperature(rig, name))
-        if knobs:
-            self.settings = DeviceSettings(self, commands, knobs)
+                self._take(rig, setpoint)
+        if rig.settings.at(name):
+            self.settings = DeviceSettings(self, rig, commands)
 
-    def _takes(self, rig, setpoint: Setpoint) -> list[Knob]:
-        """Subscribe to a setpoint; its two parameters. In the safe state what drives the rig can be switched off only."""
-        command, topic = setpoint.command, self.catalogue.topics[setpoint.topic]
-        drives = rig.config.structure.device(setpoint.device).role == parts.SOURCE and not command.node
+    def _take(self, rig, setpoint: Setpoint) -> None:
+        """Subscribe to a setpoint. In the safe state what drives the rig can be switched off only."""
+        topic = self.catalogue.topics[setpoint.topic]
 
         def order(value: float, enable: bool) -> None:
-            if drives and enable and rig.status == RigStatus.TRIPPED:
+            if enable and rig.refuses_drive(setpoint):
                 raise RigError(f"refused: the rig is in its safe state ({rig.reason}); call /rig/reset first")
             rig.set(setpoint.step, value, enable)
 
         def enqueue(message) -> None:
             self.commands.put(topic.name, order, float(message["value"]), bool(message["enable"]))
 
-        def why_not(enable: bool) -> str | None:
-            if drives and enable and rig.status == RigStatus.TRIPPED:
-                return f"enabled refused: the rig is tripped ({rig.reason}); call /rig/reset first"
-            return None
-
         self.inputs[topic.name] = receive(self, topic, enqueue, refuse=self.commands.refuse)
-        like = self.catalogue.signals[setpoint.like]
-        text = command.text[0].upper() + command.text[1:] + (", gauge" if like.gauge else "")
-        return setpoint_knobs(rig.device(setpoint.device), command.target, command.enabled, partial(rig.set, setpoint.step),
-                              Setting(command.parameter or command.value, text, 0.0, like.unit, (like.low, like.high)), why_not)
-
-    @staticmethod
-    def _temperature(rig, name: str) -> Knob:
-        """Of the oil of a supply, which is no setpoint."""
-        def temperature() -> float:
-            return getattr(rig.config, name).temperature
-
-        meta = type(getattr(rig.config, name)).__dataclass_fields__["temperature"].metadata
-        setting = Setting("temperature", meta["text"], temperature(), "degC", (meta["low"], meta["high"]))
-        return Knob(setting, temperature, partial(rig.set_value, f"{name}.temperature"))

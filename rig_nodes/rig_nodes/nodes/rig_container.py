@@ -30,7 +30,6 @@ from .commands import Commands
 from .cut import CutEnds
 from .device import DeviceNode, device_names, pace_of
 from .diagnostics import Diagnostics
-from .instruments import Instruments
 from .lockstep import Lockstep
 from .matching import silent
 from .process import RIG_OPTIONS, SEQUENCE_PARAMETERS, chosen_sequence, rig_config, run
@@ -94,7 +93,7 @@ class Container:
         rig, commands = self.rig, self.commands
         executor = self.process.start_ros()
         nodes = [RigNode(rig, commands, rig.shifts and self.process.arguments.speed is None),
-                 *(DeviceNode(name, rig, commands) for name in device_names(rig.config)), Instruments(rig, commands)]
+                 *(DeviceNode(name, rig, commands) for name in (*device_names(rig.config), "instruments"))]
         for node in nodes:
             executor.add_node(node)
         self.process.take_parameters(nodes)

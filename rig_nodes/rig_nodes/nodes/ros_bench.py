@@ -19,7 +19,6 @@ from rig_msgs.msg import RigState
 
 from ..bags.cdr import encoder
 from ..catalogue import Signal
-from ..testbench.rig import check_setpoint
 from ..testbench.sequence import Sequence, SequenceFailed
 from .device import publishers_of
 from .message_class import message_class
@@ -116,8 +115,9 @@ class RosBench:
 
     def set(self, step: str, value: float, enable: bool) -> None:
         """A setpoint [SI] of a device, by its key in sequences."""
-        check_setpoint(self.config, step, value)  # here, for a topic brings back no answer
-        topic = self.config.setpoints[step].topic
+        setting = self.config.settings.steps[step]
+        setting.check(value)  # here, for a topic brings back no answer
+        topic = setting.setpoint.topic
         self.outputs[topic].publish(self._encode_setpoint(self.stamp_ns, self._next(topic), float(value), bool(enable)))
 
     def order_gear(self, gear: int) -> None:

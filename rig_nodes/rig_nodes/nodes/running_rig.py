@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import re
 import time
 from collections.abc import Callable
 from functools import cached_property
@@ -19,8 +18,7 @@ from typing import NamedTuple
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.msg import ParameterDescriptor, ParameterType
-from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
+from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from rclpy.action import ActionClient
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.signals import SignalHandlerOptions
@@ -30,10 +28,8 @@ from rig_msgs.msg import RigState, RunInfo
 from std_srvs.srv import Trigger
 
 from ..catalogue import Catalogue, catalogue
-from ..config.names import unknown
-from ..config.units import UNITS, quantity
-from ..description.commands import setpoints_of
 from ..description.quantities import QUANTITIES
+from ..description.settings import Setting, Settings, own_setting, settings_of
 from ..description.structure import structure_of
 from ..errors import RigError
 from ..transmission import Transmission, transmission_of
@@ -45,7 +41,6 @@ PATIENCE, AGAIN = 5.0, 1.0  # s for an answer, and until what has none is asked 
 LONGEST_SHIFT = 30.0  # s
 STATUS = 2.0  # s for all that a status tells; what has not come by then, as a recorder that there is not, is left out
 ROS_OWN = ("use_sim_time", "start_type_description_service")  # parameters of every node
-SWITCH = {"on": True, "true": True, "off": False, "false": False}
 STATES = {value: name for name, value in vars(RigState).items() if name.isupper() and isinstance(value, int)}
 RUN_INFO, STATE, COMMAND, DIAGNOSTICS = "/rig/run_info", "/rig/state", "/controller/command", "/diagnostics"
 
@@ -56,59 +51,31 @@ class RefusedByRig(RigError):
     exit_code = 1
 
 
-class Setting(NamedTuple):
-    """One parameter of a node of the rig. unit: empty for a switch or a number without one."""
+class Turned(NamedTuple):
+    """A setting as it is now."""
 
-    descriptor: ParameterDescriptor
+    setting: Setting
     value: bool | float | list[float]
 
-    @property
-    def unit(self) -> str:
-        """The SI unit, as config.units writes it."""
-        unit = re.search(r"\[([^]]+)\]$", self.descriptor.description)
-        return unit[1].replace("N.m", "Nm") if unit else ""
-
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """Lowest and highest value, SI."""
-        for bounds in self.descriptor.floating_point_range:
-            return bounds.from_value, bounds.to_value
-        return -math.inf, math.inf
-
-    def parsed(self, text: str, name: str) -> bool | float | list[float]:
+    def parsed(self, text: str) -> bool | float | list[float]:
         """The SI value that a person means; RigError when it is no such value or out of range."""
-        if self.descriptor.type == ParameterType.PARAMETER_BOOL:
-            if text.lower() not in SWITCH:
-                raise RigError(f"{name}: '{text}' is neither on nor off")
-            return SWITCH[text.lower()]
-        if self.descriptor.type == ParameterType.PARAMETER_DOUBLE_ARRAY:
-            return [self._number(part.strip(), name) for part in text.split(",")]
-        value, (low, high) = self._number(text, name), self.bounds
-        if not low <= value <= high:
-            raise RigError(f"{name}: {text} refused; expected {shown(low, self.unit)} to {shown(high, self.unit)}")
-        return value
-
-    def _number(self, text: str, name: str) -> float:
-        if self.unit:
-            return quantity(text, UNITS[self.unit][0], name)
-        try:
-            return float(text)
-        except ValueError:
-            raise RigError(f"{name}: '{text}' is no number; this setting has no unit") from None
+        setting = self.setting
+        if setting.numbers == 1:
+            return setting.value_of(text, setting.name)
+        return [setting.value_of(part.strip(), setting.name) for part in text.split(",")]
 
     def __str__(self) -> str:
         """The value as people read it."""
         if isinstance(self.value, bool):
             return "on" if self.value else "off"
         if isinstance(self.value, float):
-            return shown(self.value, self.unit)
-        return ", ".join(shown(number, self.unit) for number in self.value)
+            return shown(self.value, self.setting.unit)
+        return ", ".join(shown(number, self.setting.unit) for number in self.value)
 
     def range(self) -> str:
         """The range as people read it, empty without one."""
-        low, high = self.bounds
-        bounded = isinstance(self.value, float) and math.isfinite(low)
-        return f"{shown(low, self.unit)} to {shown(high, self.unit)}" if bounded else ""
+        one = self.setting
+        return f"{shown(one.low, one.unit)} to {shown(one.high, one.unit)}" if one.is_number and math.isfinite(one.low) else ""
 
 
 def shown(value: float, unit: str) -> str:
@@ -216,52 +183,51 @@ class RunningRig:
 
     # ---- settings
 
-    def settings(self, nodes=None) -> dict[str, Setting]:
+    @cached_property
+    def known(self) -> Settings:
+        """What this rig takes, but what a controller of its user names as its own."""
+        return settings_of(structure_of(self.configuration["structure"]), self.configuration)
+
+    def settings(self, nodes=None) -> dict[str, Turned]:
         """Everything that can be set at some nodes (default: all), by ``node.name``."""
         if nodes is None:
             nodes = sorted(self._nodes())
         lists = self._ask({f"/{node}/list_parameters": (ListParameters, ListParameters.Request()) for node in nodes})
         names = {node: [name for name in lists[f"/{node}/list_parameters"].result.names if name not in ROS_OWN]
                  for node in nodes}
-        asked = {}
-        for node in filter(names.get, nodes):
-            asked[f"/{node}/describe_parameters"] = DescribeParameters, DescribeParameters.Request(names=names[node])
-            asked[f"/{node}/get_parameters"] = GetParameters, GetParameters.Request(names=names[node])
-        told = self._ask(asked)
+        told = self._ask({f"/{node}/get_parameters": (GetParameters, GetParameters.Request(names=names[node]))
+                          for node in nodes if names[node]})
         found = {}
         for node in filter(names.get, nodes):
-            descriptors = told[f"/{node}/describe_parameters"].descriptors
-            values = map(parameter_value_to_python, told[f"/{node}/get_parameters"].values)
-            for descriptor, value in zip(descriptors, values):
-                value = value if isinstance(value, (bool, float)) else list(value)
-                found[f"{node}.{descriptor.name}"] = Setting(descriptor, value)
+            for key, value in zip(names[node], map(parameter_value_to_python, told[f"/{node}/get_parameters"].values)):
+                name = f"{node}.{key}"
+                setting = self.known.get(name) or own_setting(name)
+                found[name] = Turned(setting, value if isinstance(value, (bool, float)) else list(value))
         return found
 
     def _nodes(self) -> set[str]:
-        record = self.configuration
-        takers = {one.node for one in setpoints_of(structure_of(record["structure"])).values()
-                  if not one.command.only or record[one.device][one.command.only]}
-        return {topic.node for topic in self.catalogue.topics.values()} - {"sequencer"} | takers
+        return {one.owner for one in self.known.values() if one.live and not one.lacking}
 
-    def setting(self, name: str) -> Setting:
+    def setting(self, name: str) -> Turned:
         """One setting by its full name; RigError names those most like it when there is none."""
         node = name.partition(".")[0]
         found = self.settings([node]) if node in self._nodes() else {}
         if name not in found:
-            raise RigError(unknown("setting", name, self.settings()))
+            self.known.find(name).check_lives()
+            raise RigError(f"{name} is not there while the rig runs as it does")
         return found[name]
 
-    def set(self, name: str, text: str) -> Setting:
+    def set(self, name: str, text: str) -> Turned:
         """Set a value as a person writes it; returns the setting as it is then. RefusedByRig with the reason."""
-        setting = self.setting(name)
-        value = setting.parsed(text, name)
+        turned = self.setting(name)
+        value = turned.parsed(text)
         node, _, parameter = name.partition(".")
         service = f"/{node}/set_parameters"
         request = SetParameters.Request(parameters=[Parameter(parameter, value=value).to_parameter_msg()])
         result, = self._ask({service: (SetParameters, request)})[service].results
         if not result.successful:
             raise RefusedByRig(result.reason)
-        return setting._replace(value=value)
+        return turned._replace(value=value)
 
     # ---- status
 

@@ -189,7 +189,7 @@ def cancelled(runner: SequenceRunner) -> str:
     """What a sequence that is cancelled now leaves behind, in one sentence."""
     if runner.step < 0:
         return f"sequence '{runner.sequence.name}' was cancelled before its first step; nothing was set"
-    *others, last = runner.config.setpoints
+    *others, last = runner.config.settings.steps
     devices = f"{', '.join(others)} and {last}" if others else last
     shift = runner.sequence.steps[runner.step].kind == "shift"
     return (f"sequence '{runner.sequence.name}' was cancelled in step {runner.step + 1} of {runner.steps} "

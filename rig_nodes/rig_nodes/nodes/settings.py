@@ -9,15 +9,14 @@ what is accepted is enqueued and taken by the loop that owns the values.
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from ..description.settings import Setting
 from ..errors import RigError
 
 FOLLOW = 0.1  # s: how long a parameter may lag behind a value that another way of setting changed
@@ -25,23 +24,26 @@ CHANGED = "setting_changed"
 
 
 @dataclass(frozen=True)
-class Setting:
-    """One parameter. value: at the start; its type stays. bounds: SI, inclusive; of each number of an array."""
+class Declared:
+    """A setting of the rig as a parameter of its node. value: at the start; its type stays; rule: on an array."""
 
-    name: str
-    text: str
+    setting: Setting
     value: bool | float | list[float]
-    unit: str = ""
-    bounds: tuple[float, float] | None = None
     rule: str = ""
+
+    @property
+    def name(self) -> str:
+        """Of the parameter."""
+        return self.setting.key
 
     def descriptor(self) -> ParameterDescriptor:
         """What `ros2 param describe` shows."""
+        setting = self.setting
         descriptor = ParameterDescriptor(
-            name=self.name, description=f"{self.text} [{self.unit}]" if self.unit else self.text,
+            name=self.name, description=f"{setting.text} [{setting.unit}]" if setting.unit else setting.text,
             additional_constraints=self.rule)
-        if isinstance(self.value, float) and self.bounds is not None:
-            low, high = map(float, self.bounds)  # an int would go out as another number
+        if isinstance(self.value, float):
+            low, high = float(setting.low), float(setting.high)  # an int would go out as another number
             descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high, step=0.0)]
         return descriptor
 
@@ -51,33 +53,33 @@ class Setting:
         if parameter.type_ != kind:
             return f"{self.name} must be a {kind.name}, found a {parameter.type_.name}"
         if kind == Parameter.Type.DOUBLE:
-            low, high = self.bounds
-            if not (math.isfinite(parameter.value) and low <= parameter.value <= high):
-                return (f"{self.name} of {parameter.value:g} {self.unit} refused; expected {low:g} to {high:g} "
-                        f"{self.unit}")
+            try:
+                self.setting.check(parameter.value)
+            except RigError as error:
+                return str(error)
         return None
 
-    def shown(self, node: str, value) -> str:
+    def shown(self, value) -> str:
         """E.g. ``motor.speed = 62.8 rad/s``."""
         if isinstance(value, bool):
             text = str(value).lower()
         elif isinstance(value, float):
-            text = f"{value:.6g} {self.unit}"
+            text = f"{value:.6g} {self.setting.unit}"
         else:
-            text = f"{' '.join(f'{number:.6g}' for number in value)} {self.unit}"
-        return f"{node}.{self.name} = {text}".rstrip()
+            text = f"{' '.join(f'{number:.6g}' for number in value)} {self.setting.unit}"
+        return f"{self.setting.name} = {text}".rstrip()
 
 
 class Settings(ABC):
     """Parameters of a node. Subclasses give :meth:`refusal` and :meth:`take`."""
 
-    def __init__(self, node: Node, settings: list[Setting]):
+    def __init__(self, node: Node, settings: list[Declared]):
         self.node = node
-        self.settings = {setting.name: setting for setting in settings}
+        self.settings = {one.name: one for one in settings}
         self._following = False
-        for setting in settings:
+        for one in settings:
             # an override would get past the check here: take_overrides sets it
-            node.declare_parameter(setting.name, setting.value, setting.descriptor(), ignore_override=True)
+            node.declare_parameter(one.name, one.value, one.descriptor(), ignore_override=True)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._accepted)
 
@@ -89,15 +91,15 @@ class Settings(ABC):
     def take(self, changes: dict) -> None:
         """Enqueue values that were accepted."""
 
-    def declare(self, setting: Setting) -> None:
+    def declare(self, one: Declared) -> None:
         """One more parameter, while the node is at work."""
-        self.settings[setting.name] = setting
+        self.settings[one.name] = one
         self._following = True
         try:
-            self.node.declare_parameter(setting.name, setting.value, setting.descriptor(), ignore_override=True)
+            self.node.declare_parameter(one.name, one.value, one.descriptor(), ignore_override=True)
         finally:
             self._following = False
-        self.take_overrides([setting.name])
+        self.take_overrides([one.name])
 
     def take_overrides(self, names=None) -> None:
         """Set what command line and launch file say of these parameters (default: of all), together; RigError when it
@@ -141,69 +143,44 @@ def changes_in(parameters: list[Parameter]) -> dict:
     return {p.name: p.value if isinstance(p.value, (bool, float)) else list(p.value) for p in parameters}
 
 
-@dataclass(frozen=True)
-class Knob:
-    """A setting of a device: how the rig is asked for it and told it, and why a value may not fit now."""
-
-    setting: Setting
-    read: Callable[[], bool | float]
-    write: Callable[[bool | float], None]
-    why_not: Callable[[bool | float], str | None] = lambda value: None
-
-
 class DeviceSettings(Settings):
-    """Settings of a node of the rig container, applied at the next sample boundary in the order in which they came.
+    """What the rig takes at a node of its container, applied at the next sample boundary in the order in which it came.
 
     The parameters follow the rig: setpoint topics, trips and resets change the same values, and the last one wins.
     """
 
-    def __init__(self, node: Node, commands, knobs: list[Knob]):
+    def __init__(self, node: Node, rig, commands):
         """commands: the rig's queue; its loop writes the values and says so with an event."""
-        super().__init__(node, [knob.setting for knob in knobs])
-        self._knobs = {knob.setting.name: knob for knob in knobs}
+        self.rig = rig
+        super().__init__(node, [Declared(one, rig.value(one.name)) for one in rig.settings.at(node.get_name())])
         self._commands, self._sent, self._done = commands, 0, 0
         self._timer = node.create_timer(FOLLOW, self.on_follow)
 
     def refusal(self, changes: dict) -> str | None:
-        """The first knob's that has one."""
-        return next(filter(None, (self._knobs[name].why_not(value) for name, value in changes.items())), None)
+        """In the safe state what drives the rig can be switched off only."""
+        for name, value in changes.items():
+            setting = self.settings[name].setting
+            if value is True and setting.setpoint and self.rig.refuses_drive(setting.setpoint):
+                return f"{name} refused: the rig is tripped ({self.rig.reason}); call /rig/reset first"
+        return None
 
     def take(self, changes: dict) -> None:
         """Into the rig's queue."""
         for name, value in changes.items():
             self._sent += 1
-            self._commands.put(f"/{self.node.get_name()}/set_parameters", self._write, self._knobs[name], value)
+            self._commands.put(f"/{self.node.get_name()}/set_parameters", self._write, self.settings[name], value)
 
-    def _write(self, knob: Knob, value) -> None:
+    def _write(self, one: Declared, value) -> None:
         try:
-            knob.write(value)
+            self.rig.set_value(one.setting.name, value)
         finally:
             self._done += 1
-        self._commands.event(CHANGED, knob.setting.shown(self.node.get_name(), value), float(value))
+        self._commands.event(CHANGED, one.shown(value), float(value))
 
     def on_follow(self) -> None:
         """Bring the parameters to the rig's values, unless some of ours are still on their way to it."""
         if self._done == self._sent:
-            now = {name: knob.read() for name, knob in self._knobs.items()}
+            now = {name: self.rig.value(one.setting.name) for name, one in self.settings.items()}
             stale = {name: value for name, value in now.items() if self.node.get_parameter(name).value != value}
             if stale:
                 self.follow(stale)
-
-
-def setpoint_knobs(device, target: str, switch: str, apply, setting: Setting, why_not=lambda value: None) -> list[Knob]:
-    """The two knobs of a device with a setpoint and a switch.
-
-    device: its states, with setpoint and switch under ``target`` and ``switch``; apply(value, enable): the rig's command,
-    which sets both; setting: the setpoint's; why_not(enable).
-    """
-    def value() -> float:
-        return float(device[target])
-
-    def enabled() -> bool:
-        return bool(device[switch] > 0.0)
-
-    return [
-        Knob(replace(setting, value=value()), value, lambda new: apply(new, enabled())),
-        Knob(Setting("enabled", "Whether the device is switched on", enabled()), enabled,
-             lambda new: apply(value(), new), why_not),
-    ]

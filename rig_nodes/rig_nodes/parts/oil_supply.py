@@ -35,7 +35,8 @@ class OilSupplyConfig:
                                         "Share by which the viscosity falls with each degree")
     viscosity_temperature: float = param("temperature", -30.0, 150.0,
                                          "Reference temperature, at which the viscosity is stated")
-    temperature: float = param("temperature", -30.0, 150.0, "Temperature of the oil, to which the plates cool")
+    temperature: float = param("temperature", -30.0, 150.0, "Temperature of the oil, to which the plates cool",
+                               live="oil_temperature")
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

@@ -18,11 +18,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..alfa46.settings import OUTPUT_KEYS, POINTS
 from ..config import load_yaml
 from ..config.names import unknown
 from ..config.schema import check_keys, where_of
-from ..config.units import UNITS, dimension_of, quantity, span
+from ..config.units import UNITS, dimension_of, quantity
 from ..errors import RigError, brief
 from ..testbench.configuration import load_rig, with_overrides
 from ..testbench.sequence import load_sequence
@@ -36,7 +35,6 @@ FILE_KEYS = ("description", "sequence", "rig", "method", "samples", "seed", "rep
              "controller", "level", "delay")
 _RANGE = re.compile(r"(.+?)\s*\.\.\s*(.+?)(?:\s+in\s+(\d+))?(?:\s+step\s+(\S+(?:\s+[^\d\s]\S*)?))?(\s+log)?\s*")
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
-_POINT_PART = re.compile(rf"(alfa46\.(?:{'|'.join(OUTPUT_KEYS)})\.(?:{'|'.join(POINTS)}))\.(time|current)")
 
 
 @dataclass(frozen=True)
@@ -291,16 +289,13 @@ def _dimension(name: str, where: str, config, sequence) -> tuple[str, str | None
         default = sequence.parameters[name]
         return "sequence", "whole" if isinstance(default, int) else dimension_of(default)
     if "." not in name and name != "wiring":
-        values = [f"{part}.{key}" for part, those in config.as_dict().items() if isinstance(those, dict) for key in those]
         what = f"parameter of sequence '{sequence.name}' and no value of the rig (as --set names them)"
-        raise RigError(f"{where}: {unknown(what, name, [*sequence.parameters, *values])}")
-    if match := _POINT_PART.fullmatch(name):
-        return "rig", match[2]
-    part, _, key = name.partition(".")
-    owner = config.values(part)
-    about = getattr(type(owner), "__dataclass_fields__", {}).get(key)
-    dimension = about.metadata.get("dimension") if about is not None else None
-    return "rig", None if dimension in (None, "choice", "switch") else dimension
+        raise RigError(f"{where}: {unknown(what, name, [*sequence.parameters, *(one.name for one in config.settings.kept())])}")
+    try:
+        setting = config.settings.find(name)
+    except RigError as error:
+        raise RigError(f"{where}: {error}") from None
+    return "rig", setting.dimension if setting.is_number else None
 
 
 def _unit(text: str, dimension: str, where: str) -> str:
@@ -367,34 +362,7 @@ def _check(one: Varied, value, where: str, config, load: Callable) -> None:
             raise RigError(f"{where}: {error}") from None
     if one.of != "rig":
         return
-    if match := _POINT_PART.fullmatch(one.name):
-        si = quantity(one.text(value), match[2], where)
-        limit = config.alfa46.values.current_limit if match[2] == "current" else 60.0
-        if not 0.0 <= si <= limit:
-            raise RigError(f"{where}: {one.text(value)} is outside {span(0.0, limit, one.text(value))}")
-    elif re.fullmatch(rf"alfa46\.(?:{'|'.join(OUTPUT_KEYS)})\.(?:{'|'.join(POINTS)})", one.name):
-        if len(str(value).split()) != 4:
-            raise RigError(f"{where}: expected time and current, e.g. \"200 ms 160 mA\", found '{value}'")
-    else:
-        try:
-            with_overrides(config, {one.name: one.text(value)}, together=False)
-        except RigError as error:
-            raise RigError(f"{where}: {error}") from None
-
-
-def with_member(config, member_overrides: dict[str, str]):
-    """The rig with a member's values; times and currents of points given alone keep the other half."""
-    points: dict[str, dict[str, str]] = {}
-    plain = {}
-    for name, text in member_overrides.items():
-        if match := _POINT_PART.fullmatch(name):
-            points.setdefault(match[1], {})[match[2]] = text
-        else:
-            plain[name] = text
-    for name, halves in points.items():
-        if name in plain:
-            raise RigError(f"{name} is set as a whole and in part; give one of them")
-        _, output, point = name.split(".")
-        time, current = config.alfa46.profiles[OUTPUT_KEYS.index(output), POINTS.index(point)]
-        plain[name] = f"{halves.get('time', f'{float(time)!r} s')} {halves.get('current', f'{float(current)!r} A')}"
-    return with_overrides(config, plain)
+    try:
+        with_overrides(config, {one.name: one.text(value)}, together=False)
+    except RigError as error:
+        raise RigError(f"{where}: {error}") from None

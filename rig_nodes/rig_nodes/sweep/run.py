@@ -27,11 +27,11 @@ from ..compiled import sources_key
 from ..config.names import find_of_rigs
 from ..controllers.plug import Plug
 from ..errors import RigError
-from ..testbench.configuration import load_rig
+from ..testbench.configuration import load_rig, with_overrides
 from ..testbench.record import record
 from ..testbench.sequence import load_sequence
 from ..testbench.simulate import simulate
-from .plan import Member, Plan, with_member
+from .plan import Member, Plan
 from .store import BAGS, Store
 
 FOLDER = re.compile(r"\S*/(?=\S+\.ya?ml:\d)|(?<=:)/\S*/")  # where a file stands is no part of a result
@@ -76,7 +76,7 @@ def run_member(setup: bytes, member: Member) -> dict:
     base, rig, name, bags, plugged = _setup(setup)
     plug, delay = None, plugged.delay if plugged else 1
     try:
-        config = with_member(base, member.overrides)
+        config = with_overrides(base, member.overrides)
         sequence = load_sequence(name, member.parameters, rig)
         plug = plugged.load(config) if plugged else None
         if bags:

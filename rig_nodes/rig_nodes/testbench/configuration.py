@@ -17,14 +17,14 @@ from pathlib import Path
 from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, Alfa46Values, read_alfa46
 from ..catalogue import Catalogue, catalogue_of
 from ..clocks import SAMPLE
-from ..config.names import DEFAULT_RIG, RIG_FILE, beside, find_config, unknown_value, with_bases
-from ..config.schema import build, check_keys, entry, field_value, where_of
+from ..config.names import DEFAULT_RIG, RIG_FILE, beside, find_config, with_bases
+from ..config.schema import build, check_keys, entry, where_of
 from ..config.units import quantity
 from ..config.yaml_file import Map, file_of, merged, stamped
-from ..description.commands import Setpoint, setpoints_of
 from ..description.driveline import build_driveline, held_ratio, inertias_of
 from ..description.read import DEVICE_KEYS, KEYS, read_structure
 from ..description.sections import BodyConfig, CutConfig, EffectsConfig, KernelConfig, ShaftConfig, instruments_of
+from ..description.settings import COLUMNS, POINT, SOURCES, WIRING, Settings, effects_of, settings_of
 from ..description.structure import Device, Structure
 from ..engine.outside import NOT_DEVICES, cuttable, why_not
 from ..errors import RigError, brief
@@ -34,8 +34,7 @@ from .prescribed import Prescribed, read_prescribed
 from .together import check_together
 
 
-SOURCES = ("plant", "topic")
-_POINT_KEY = re.compile(rf"alfa46\.({'|'.join(OUTPUT_KEYS)})\.({'|'.join(POINTS)})")
+_POINT_KEY = re.compile(rf"alfa46\.({'|'.join(OUTPUT_KEYS)})\.({'|'.join(POINTS)})(?:\.({'|'.join(COLUMNS)}))?")
 _POINT = re.compile(r"\s*([-+\d.eE]+\s*[a-zA-Z]+)[\s,]+([-+\d.eE]+\s*[a-zA-Z]+)\s*")
 
 
@@ -99,25 +98,33 @@ class RigConfig:
         return catalogue_of(self.structure)
 
     @cached_property
-    def setpoints(self) -> dict[str, Setpoint]:
-        """What its devices take, by the key in sequences."""
-        return setpoints_of(self.structure)
+    def settings(self) -> Settings:
+        """All that can be changed, by name."""
+        return settings_of(self.structure, self.sections)
 
-    def takes(self, setpoint: Setpoint) -> bool:
-        """False for a setpoint of what this rig leaves out, e.g. of a testing machine that is not there."""
-        only = setpoint.command.only
-        return not only or getattr(self.sections[setpoint.device], only)
+    def value(self, name: str):
+        """What a setting of the configuration has now [SI]; of a point its time and its current."""
+        owner, _, key = name.partition(".")
+        if found := _POINT_KEY.fullmatch(name):
+            return self.alfa46.profiles[_place(*found.groups())]
+        if key == "source":
+            return SOURCES[owner in self.cut_out]
+        return getattr(self.values(owner), key)
 
-    def settings(self) -> dict[str, list[str]]:
-        """All values that can be set, by the name of what they belong to."""
-        known = {name: [one.name for one in fields(self.values(name))]
-                 for name in ("kernel", "cut", *self.sections, *(["alfa46"] if self.alfa46 else ()))}
-        known["effects"] = [name for name in known["effects"] if name in effects_of(self.structure)]
+    def with_values(self, changes: Mapping[str, object]) -> RigConfig:
+        """The rig with other values [SI] of settings, by their names; whoever has them from people checks each."""
+        own: dict[str, dict] = {}
+        profiles = self.alfa46.profiles.copy() if self.alfa46 else None
+        for name, value in changes.items():
+            owner, _, key = name.partition(".")
+            if found := _POINT_KEY.fullmatch(name):
+                profiles[_place(*found.groups())] = value
+            else:
+                own.setdefault(owner, {})[key] = value
+        replaced = {owner: replace(self.values(owner), **those) for owner, those in own.items()}
         if self.alfa46:
-            known["alfa46"] += [f"{output}.{point}" for output in OUTPUT_KEYS for point in POINTS]
-        for device in self.cuttable:
-            known[device].append("source")
-        return known
+            replaced["alfa46"] = Alfa46Config(replaced.get("alfa46", self.alfa46.values), profiles)
+        return self.replaced(**replaced)
 
     def as_dict(self) -> dict:
         """Plain SI values and the structure, for the run's record; ``cut`` only where a device is cut out."""
@@ -131,9 +138,10 @@ class RigConfig:
         return {"name": self.name, "structure": self.structure.plain(), **out}
 
 
-def effects_of(structure: Structure) -> set[str]:
-    """The effects that can be left out of a rig: those of its parts, and the transducers'."""
-    return {"transducers", *(name for device in structure.devices for name in parts.part(device.part).effects)}
+def _place(output: str, point: str, column: str | None) -> tuple:
+    """Where a point of a profile, or its time or current alone, stands among the profiles."""
+    place = OUTPUT_KEYS.index(output), POINTS.index(point)
+    return place if column is None else (*place, COLUMNS.index(column))
 
 
 def _check_tick(cut: CutConfig, where: str) -> None:
@@ -304,50 +312,39 @@ def with_overrides(config: RigConfig, overrides: dict[str, str], together: bool 
 
     together: they are all, and must fit each other too.
     """
-    points = {}
+    known, structure, changes = config.settings, config.structure, {}
     for key, text in overrides.items():
-        if config.alfa46 and (match := _POINT_KEY.fullmatch(key)):
-            points[match.groups()] = text
+        where, (part, _, name) = f"setting {key}={text if len(text) < 200 else brief(text)}", key.partition(".")
+        if key == WIRING:
+            if text != "swapped" or len(config.wiring) != 2:
+                raise RigError(f"{where}: the only other wiring is 'swapped', of a rig with two valves")
+            config = replace(config, wiring=config.wiring[::-1])
+        elif name == "source" and part in {device.name for device in structure.devices} | set(NOT_DEVICES):
+            config = replace(config, cut_out=_with_source(structure, config.cut_out, part, text, where))
         else:
-            config = _override(config, key, text)
-    config = _with_points(config, points)
+            changes |= _override(known, key, text, where)
+            if part == "cut":
+                _check_tick(config.with_values(changes).cut, where)
+    for key in changes:
+        if (point := key.rpartition(".")[0]) in changes:
+            raise RigError(f"{point} is set as a whole and in part; give one of them")
+    config = config.with_values(changes)
     if overrides and together:
-        check_together(config, lambda keys: next((f"setting {k}={overrides[k]}: " for k in keys if k in overrides), ""))
+        check_together(config, lambda keys: next((f"setting {k}={text}: " for k, text in overrides.items()
+                                                  if k in keys or k.rpartition(".")[0] in keys), ""))
     return config
 
 
-def _with_points(config: RigConfig, points: dict[tuple[str, str], str]) -> RigConfig:
-    """The rig with points (output, P1 to P6) of the controller's profiles moved; check_together looks at the whole."""
-    if not points:
-        return config
-    profiles = config.alfa46.profiles.copy()
-    for (output, point), text in points.items():
-        where = f"setting alfa46.{output}.{point}={text}"
-        parts = _POINT.fullmatch(text) if len(text) < 80 else None
-        if parts is None:
-            raise RigError(f"{where}: expected time and current, e.g. \"200 ms 160 mA\"")
-        profiles[OUTPUT_KEYS.index(output), POINTS.index(point)] = (
-            quantity(parts[1], "time", where), quantity(parts[2], "current", where))
-    return replace(config, alfa46=Alfa46Config(config.alfa46.values, profiles))
-
-
-def _override(config: RigConfig, key: str, text: str) -> RigConfig:
-    where = f"setting {key}={text if len(text) < 200 else brief(text)}"
-    if key == "wiring":
-        if text != "swapped" or len(config.wiring) != 2:
-            raise RigError(f"{where}: the only other wiring is 'swapped', of a rig with two valves")
-        return replace(config, wiring=config.wiring[::-1])
-    part, _, name = key.partition(".")
-    known = config.settings()
-    if name == "source" and part in {device.name for device in config.structure.devices} | set(NOT_DEVICES):
-        return replace(config, cut_out=_with_source(config.structure, config.cut_out, part, text, where))
-    if name not in known.get(part, ()):
-        raise RigError(f"{where}: {unknown_value(key, known)}")
-    owner = config.values(part)
-    value = field_value(type(owner).__dataclass_fields__[name], text, f"{where}: the value")
-    owner = replace(owner, **{name: value})
-    if part == "cut":
-        _check_tick(owner, where)
-    if part == "alfa46":
-        return replace(config, alfa46=Alfa46Config(owner, config.alfa46.profiles))
-    return config.replaced(**{part: owner})
+def _override(known: Settings, key: str, text: str, where: str) -> dict[str, object]:
+    """A setting by its name and its value [SI]."""
+    try:
+        setting = known.find(key)
+        setting.check_kept()
+    except RigError as error:
+        raise RigError(f"{where}: {error}") from None
+    if setting.dimension != POINT:
+        return {key: setting.value_of(text, f"{where}: the value")}
+    found = _POINT.fullmatch(text) if len(text) < 80 else None
+    if found is None:
+        raise RigError(f"{where}: expected time and current, e.g. \"200 ms 160 mA\"")
+    return {key: (quantity(found[1], "time", where), quantity(found[2], "current", where))}

@@ -22,9 +22,11 @@ from ..alfa46.controller import refusal
 from ..alfa46.settings import Alfa46Config
 from ..clocks import COMMAND_TIMEOUT, SAMPLE_NS
 from ..config.names import unknown
-from ..config.schema import limits
+from ..config.schema import SWITCH
 from ..controllers.record import record_of
 from ..controllers.seam import LEVELS
+from ..description.commands import Setpoint
+from ..description.settings import INSTRUMENTS, Setting
 from ..errors import RigError
 from ..parts import part as parts
 from ..parts.proportional_valve import BY_DUTY, BY_LAW, BY_SETPOINT
@@ -33,15 +35,14 @@ from .configuration import RigConfig
 from .cuts import Cuts
 from .gauges import Gauges
 from .plan import plan_of
-from .timed import RigStatus, Timed, check_range
+from .timed import RigStatus, Timed
 
 NOTHING = (0.0,) * law.OUTPUTS  # a command that asks for no output
 
 
-def check_setpoint(config: RigConfig, step: str, value: float) -> None:
-    """RigError when the rig would refuse this value [SI] of a setpoint, by its key in sequences, whoever sends it."""
-    setpoint = config.setpoints[step]
-    check_range(setpoint.name, value, config.catalogue.signals[setpoint.like])
+def _channel(setting: Setting) -> str:
+    """The transducer whose noise a setting is."""
+    return setting.key.partition(".")[2]
 
 
 def check_level(config: RigConfig, level: str | None) -> None:
@@ -74,6 +75,7 @@ class Rig(Timed):
         if controller == "external" and self.shifts:
             check_level(config, level)
         self.config, self.seed, self.level = config, int(seed), level if self.shifts else None
+        self.settings = config.settings
         self.embedded = controller == "embedded" and self.shifts
         self.count_steps(config.kernel.step, config.catalogue)
         self._build()
@@ -155,35 +157,53 @@ class Rig(Timed):
 
     def set(self, step: str, value: float, enable: bool) -> None:
         """A setpoint [SI] of a device, by its key in sequences (motor, load, oil ...), and whether the device is on."""
-        if step not in self.config.setpoints:
-            raise RigError(unknown("setpoint", step, self.config.setpoints))
-        setpoint = self.config.setpoints[step]
-        if not self.config.takes(setpoint):
+        if step not in self.settings.steps:
+            raise RigError(unknown("setpoint", step, self.settings.steps))
+        setting = self.settings.steps[step]
+        setpoint = setting.setpoint
+        if setting.lacking:
             what = setpoint.command.only.replace("_", " ")
-            raise RigError(f"'{self.config.name}' has no {what}; its {setpoint.device}.{setpoint.command.only} is off")
-        check_setpoint(self.config, step, value)
+            raise RigError(f"'{self.config.name}' has no {what}; its {setting.lacking} is off")
+        setting.check(value)
         me = self.device(setpoint.device)
         me[setpoint.command.target], me[setpoint.command.enabled] = value, enable
 
     def set_value(self, name: str, value: float) -> None:
-        """Change what is no device's setpoint: "<oil supply>.temperature" [degC], "instruments.noise" (on or off),
-        "instruments.noise.<channel>" (standard deviation, SI). ``config`` follows; RigError when refused.
+        """Change a setting of the rig while it runs, by its name, e.g. "motor.speed" [SI], "motor.enabled" (True or False);
+        ``config`` follows. RigError when refused.
         """
-        owner, _, what = name.partition(".")
-        if what == "temperature" and owner in {one.name for one in self.config.structure.of_role(parts.OIL)}:
-            oil = getattr(self.config, owner)
-            low, high = limits(type(oil), what)
-            if not low <= value <= high:
-                raise RigError(f"{name} of {value:g} degC refused; expected {low:g} to {high:g} degC")
-            self.device(owner)["oil_temperature"] = value
-            self.config = self.config.replaced(**{owner: replace(oil, temperature=float(value))})
-            return
-        if name == "instruments.noise":
+        setting = self.settings.find(name)
+        setting.check_lives()
+        if setting.dimension != SWITCH:
+            setting.check(value)
+        if setting.setpoint:
+            now = self.device(setting.setpoint.device)
+            target, on = (now[getattr(setting.setpoint.command, what)] for what in ("target", "enabled"))
+            self.set(setting.setpoint.step, *((target, bool(value)) if setting.dimension == SWITCH else (value, bool(on > 0.0))))
+        elif setting.state:
+            self.device(setting.owner)[setting.state] = value
+            self.config = self.config.with_values({name: float(value)})
+        elif setting.owner != INSTRUMENTS:
+            raise RigError(f"{name} is the shift controller's, and not the rig's to change")
+        elif setting.dimension == SWITCH:
             self.gauges.switch(bool(value))
-        elif name.startswith("instruments.noise."):
-            self.gauges.set_noise(name.removeprefix("instruments.noise."), value)
         else:
-            raise RigError(f"'{name}' cannot be set while the rig runs")
+            self.gauges.set_noise(_channel(setting), value)
+
+    def value(self, name: str) -> bool | float:
+        """What a setting that the rig takes while it runs has now [SI]."""
+        setting = self.settings.find(name)
+        if setting.setpoint:
+            command, me = setting.setpoint.command, self.device(setting.setpoint.device)
+            return bool(me[command.enabled] > 0.0) if setting.dimension == SWITCH else float(me[command.target])
+        if setting.state:
+            return float(self.device(setting.owner)[setting.state])
+        return self.gauges.on if setting.dimension == SWITCH else self.gauges.noise(_channel(setting))
+
+    def refuses_drive(self, setpoint: Setpoint) -> bool:
+        """True while the rig is tripped, of the setpoint of what drives it: that can be switched off only."""
+        drives = self.config.structure.device(setpoint.device).role == parts.SOURCE and not setpoint.command.node
+        return drives and self.status == RigStatus.TRIPPED
 
     def set_command(self, level: int, sample: int, duty, setpoint, gear: int, shifting: bool, flags: int) -> None:
         """The fields of a rig_msgs/ValveCommand, at the level that it names; RigError when refused."""
@@ -318,7 +338,7 @@ class Rig(Timed):
         """
         self.check_tripped()
         self._safe[0] = 0.0
-        for one in self.config.setpoints.values():
+        for one in (setting.setpoint for setting in self.settings.steps.values()):
             if not self.shifts or one.device == self.drive:
                 self.device(one.device)[one.command.enabled] = 0.0
         self.reason, self.stopped_by_person = "", False

@@ -20,7 +20,7 @@ from ..config.names import DEFAULT_RIG, beside, find_of_rigs, rig_with, unknown,
 from ..config.schema import check_keys, where_of
 from ..config.units import dimension_of, quantity, span
 from ..config.yaml_file import List, Map
-from ..description.commands import Setpoint
+from ..description.settings import Setting
 from ..errors import RigError, brief
 from ..parts.load_pump import most_torque, relief_setting_for
 from .configuration import RigConfig, load_rig
@@ -99,7 +99,7 @@ class Sequence:
         """RigError when the sequence asks for what the rig of this configuration has not, or loads it too much."""
         gears = config.transmission.names if config.structure.gears else {}
         for step in self.steps:
-            of_rig = ("device", step.kind, config.setpoints) if step.kind not in _OTHER_STEPS else (
+            of_rig = ("device", step.kind, config.settings.steps) if step.kind not in _OTHER_STEPS else (
                 "signal", step.condition.signal, config.catalogue.signals) if step.condition is not None else (
                 "gear", int(step.value), gears) if step.kind == "shift" else None
             if of_rig is not None and of_rig[1] not in of_rig[2]:
@@ -107,7 +107,7 @@ class Sequence:
                 raise RigError(f"sequence '{self.name}' is for a rig like {self.rig}, not for '{config.name}': {step.where}: "
                                f"{unknown(what, name, map(str, known))}; leave out --rig, or name one like {self.rig}")
             if step.by_torque:
-                device = config.setpoints[step.kind].device
+                device = config.settings.steps[step.kind].setpoint.device
                 if step.value > (most := most_torque(getattr(config, device))):
                     raise RigError(f"{step.where}: {step.text}: the load pump holds at most {most:.4g} Nm, by its "
                                    f"{device}.displacement and .pressure_limit")
@@ -319,9 +319,9 @@ def _off(body, where, what) -> None:
         raise RigError(f"{where}: {what}.off is {brief(body['off'])}, expected true")
 
 
-def _setting(setpoint: Setpoint):
-    """Reader of a device's step: what it takes keeps to the range of the signal that it is like."""
-    kind, choices = setpoint.step, setpoint.command.takes
+def _setting(setting: Setting):
+    """Reader of a device's step: what it takes keeps to the range of its setting."""
+    kind, choices = setting.setpoint.step, setting.setpoint.command.takes
 
     def read(body, path, where, config):
         key = _one_of(body, path, where, kind, (*choices, "off"))
@@ -330,8 +330,7 @@ def _setting(setpoint: Setpoint):
             return [Step(kind, f"{kind} off", where, enable=False)]
         value = quantity(body[key], choices[key], f"{where}: {kind}.{key}")
         by_torque = choices[key] == "torque"
-        like = config.structure.output.torque if by_torque else setpoint.like
-        high = config.catalogue.signals[like].high
+        high = config.catalogue.signals[config.structure.output.torque].high if by_torque else setting.high
         if not 0.0 <= value <= high:
             raise RigError(f"{where}: {kind}.{key} is {body[key]}; the rig takes {span(0.0, high, body[key])}")
         return [Step(kind, f"{kind} {key} {body[key]}", where, value, by_torque=by_torque)]
@@ -425,7 +424,7 @@ _OTHER_STEPS = ("shift", "controller", "wait", "repeat")  # all others are setpo
 def _readers(config: RigConfig) -> dict:
     """Key of a step -> what reads it: the setpoints of the rig's devices, orders where it has gears, waits and repeats."""
     orders = {"shift": _shift, "controller": _controller} if config.structure.shifts else {}
-    return {**{step: _setting(one) for step, one in config.setpoints.items()}, **orders, "wait": _wait, "repeat": _repeat}
+    return {**{step: _setting(one) for step, one in config.settings.steps.items()}, **orders, "wait": _wait, "repeat": _repeat}
 
 
 class SequenceRunner:
@@ -505,7 +504,7 @@ class SequenceRunner:
             if not step.by_torque:
                 self.bench.set(step.kind, step.value, step.enable)
                 return
-            load, speed = getattr(self.config, self.config.setpoints[step.kind].device), self.config.structure.output.speed
+            load, speed = getattr(self.config, self.config.settings.steps[step.kind].setpoint.device), self.config.structure.output.speed
             try:
                 self.bench.set(step.kind, relief_setting_for(step.value, self.bench.reading(speed), load), step.enable)
             except RigError as error:

@@ -49,7 +49,7 @@ class LocalBench:
 
     def set(self, step: str, value: float, enable: bool) -> None:
         self.rig.set(step, value, enable)
-        self.outputs.setpoint(self.rig.config.setpoints[step].topic, value, enable)
+        self.outputs.setpoint(self.rig.settings.steps[step].setpoint.topic, value, enable)
 
     def order_gear(self, gear: int) -> None:
         self._order(gear)

@@ -8,14 +8,13 @@ Base of testbench.rig (the gearbox) and testbench.clutch_bench; the only place t
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from enum import IntEnum
 
 import numpy as np
 
 from ..alfa46 import law
-from ..catalogue import Catalogue, Signal
+from ..catalogue import Catalogue
 from ..clocks import ROW, SAMPLE, SAMPLE_NS
 from ..engine import general_step, loop
 from ..engine.first_start import compiling_beside
@@ -42,13 +41,6 @@ class RigStatus(IntEnum):
     READY = 1
     RUNNING = 2
     TRIPPED = 3
-
-
-def check_range(name: str, value: float, signal: Signal) -> None:
-    """RigError when a setpoint [SI] is not finite or outside the range of its signal."""
-    if not (math.isfinite(value) and signal.low <= value <= signal.high):
-        raise RigError(f"{name} of {value:g} {signal.unit} refused; expected {signal.low:g} to {signal.high:g} "
-                       f"{signal.unit}")
 
 
 class Timed(ABC):

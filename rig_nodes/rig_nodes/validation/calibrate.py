@@ -12,17 +12,17 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import differential_evolution, least_squares
 
-from ..alfa46.settings import Alfa46Config
 from ..config import load_yaml
 from ..config.schema import check_keys, where_of
 from ..config.units import UNITS, quantity
+from ..description.settings import Setting
 from ..errors import RigError
 from ..testbench.campaign import Workers
 from ..testbench.configuration import RigConfig, load_rig
@@ -57,7 +57,7 @@ def _parameter(path: Path, node, name: str) -> Parameter:
     check_keys(path, body, ("of", "low", "high", "why"), ("of", "low", "high", "why"), name, where)
     times = isinstance(body["of"], dict)
     of = {str(place): float(body["of"][place]) if times else 1.0 for place in body["of"]}
-    dimensions = {_field(place, where).metadata["dimension"] for place in of}
+    dimensions = {_setting(place, where).dimension for place in of}
     low, high = (quantity(body[key], "ratio" if times else min(dimensions), f"{where}: {name}.{key}")
                  for key in ("low", "high"))
     if not low < high:
@@ -65,12 +65,11 @@ def _parameter(path: Path, node, name: str) -> Parameter:
     return Parameter(str(name), of, low, high, str(body["why"]))
 
 
-def _field(value: str, where: str):
-    part, _, name = value.partition(".")
-    owner = _laboratory().values(part)
-    if owner is None or name not in type(owner).__dataclass_fields__:
-        raise RigError(f"{where}: the rig has no value '{value}'")
-    return type(owner).__dataclass_fields__[name]
+def _setting(name: str, where: str) -> Setting:
+    try:
+        return _laboratory().settings.find(name)
+    except RigError as error:
+        raise RigError(f"{where}: {error}") from None
 
 
 @cache
@@ -83,12 +82,7 @@ def with_values(config: RigConfig, parameters: dict[str, Parameter], values: dic
     """The rig with these values (SI) of parameters."""
     for name, value in values.items():
         for place, times in parameters[name].of.items():
-            part, _, key = place.partition(".")
-            owner = replace(config.values(part), **{key: times * value})
-            if part == "alfa46":
-                config = replace(config, alfa46=Alfa46Config(owner, config.alfa46.profiles))
-            else:
-                config = config.replaced(**{part: owner})
+            config = config.with_values({place: times * value})
     return config
 
 

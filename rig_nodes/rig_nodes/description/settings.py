@@ -1,0 +1,231 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Everything of a rig that has a value: by which name it is changed, within which range, and whether while the rig runs.
+
+The one table of `--set`, sweeps, tuner, calibration, sequences, ROS parameters and FMU variables.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import Field, dataclass, field, fields
+from functools import cached_property
+
+from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Values
+from ..config.names import unknown_value
+from ..config.schema import SWITCH, WORDS, value_of
+from ..config.units import SI, shown_in
+from ..errors import RigError
+from ..parts import part as parts
+from .commands import Setpoint, setpoints_of
+from .quantities import QUANTITIES, TRANSDUCERS
+from .sections import TYPES, BodyConfig, CutConfig, EffectsConfig, KernelConfig, ShaftConfig, instruments_of
+from .structure import Structure
+
+POINT, COLUMNS = "point", ("time", "current")  # of a profile
+LATEST = 60.0  # s after its switch signal at which a point may stand
+SOURCES, ON_OFF = ("plant", "topic"), ("on", "off")
+OWN, MOST_OWN = "controller.", 1e15  # settings that a user's controller names as its own, and the largest number there
+CONTROLLER, INSTRUMENTS, WIRING = "alfa46", "instruments", "wiring"
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One value.
+
+    name: ``owner.key``; text: what it is; dimension: of config.units, SWITCH, WORDS or POINT; low, high: SI, inclusive;
+    choices: of words; kept: it stands in the configuration, so that it can be given before a run; live: it can change while the rig runs,
+    as the parameter ``key`` of the node ``owner``; numbers: how many it is made of; setpoint: the one that it sets, by its
+    value or, a switch, by turning its device on; state: of its device, that has the value while it runs; lacking: the
+    switch of the rig without which nobody takes it.
+    """
+
+    name: str
+    text: str
+    dimension: str
+    low: float = -math.inf
+    high: float = math.inf
+    choices: tuple[str, ...] = ()
+    kept: bool = True
+    live: bool = False
+    numbers: int = 1
+    setpoint: Setpoint | None = field(default=None, compare=False)
+    state: str = ""
+    lacking: str = ""
+
+    @property
+    def owner(self) -> str:
+        """What the value belongs to; the node of one that can change while the rig runs."""
+        return self.name.partition(".")[0]
+
+    @property
+    def key(self) -> str:
+        """Its name there."""
+        return self.name.partition(".")[2]
+
+    @property
+    def unit(self) -> str:
+        """The SI unit as people write it, empty where there is none."""
+        return SI.get(self.dimension, "").removeprefix("-")
+
+    @property
+    def is_number(self) -> bool:
+        """True for one number with a dimension."""
+        return self.dimension not in (SWITCH, WORDS, POINT) and self.numbers == 1
+
+    @property
+    def _words(self) -> tuple[str, ...]:
+        return self.choices or (ON_OFF if self.dimension == SWITCH else ())
+
+    def value_of(self, text, where: str):
+        """What somebody has written for it, SI; RigError, which ``where`` begins, for what it does not take."""
+        return value_of(self.dimension, self.low, self.high, self._words, text, where)
+
+    def written(self, value) -> str:
+        """A value [SI] as ``--set`` takes it."""
+        if self.dimension == POINT:
+            return f"{value[0]:.6g} s {value[1]:.6g} A"
+        if not self.is_number:
+            return ("on" if value else "off") if self.dimension == SWITCH else str(value)
+        unit, factor = shown_in(self.dimension)
+        return f"{value / factor:.6g} {unit}"
+
+    def span(self) -> str:
+        """Its range, or its words."""
+        if not self.is_number:
+            return ", ".join(self._words)
+        unit, factor = shown_in(self.dimension)
+        return f"{self.low / factor:.6g} to {self.high / factor:.6g} {unit}"
+
+    def check(self, value: float) -> None:
+        """RigError for a number [SI] out of range, or for none."""
+        if not (math.isfinite(value) and self.low <= value <= self.high):
+            unit = f" {self.unit}".rstrip()
+            raise RigError(f"{self.name} of {value:g}{unit} refused; expected {self.low:g} to {self.high:g}{unit}")
+
+    def check_lives(self) -> None:
+        """RigError for what cannot change while the rig runs."""
+        if not self.live:
+            raise RigError(f"{self.name} cannot be set while the rig runs; give --set {self.name}=... to the run")
+
+    def check_kept(self) -> None:
+        """RigError for what has no value before the rig runs."""
+        if not self.kept:
+            step = f" by a step '{self.setpoint.step}' of a sequence or" if self.setpoint else ""
+            raise RigError(f"{self.name} is set while the rig runs,{step} by ./rig set; it has no value before")
+
+
+class Settings(dict[str, Setting]):
+    """All settings of a rig by their names."""
+
+    def kept(self) -> list[Setting]:
+        """What has a value before the rig runs."""
+        return [one for one in self.values() if one.kept]
+
+    def find(self, name: str) -> Setting:
+        """One setting; RigError names those most like it when there is none."""
+        if name not in self:
+            owners: dict[str, list[str]] = {}
+            for one in self.values():
+                if one.key:
+                    owners.setdefault(one.owner, []).append(one.key)
+            raise RigError(unknown_value(name, owners))
+        return self[name]
+
+    def at(self, node: str) -> list[Setting]:
+        """What a node takes while the rig runs."""
+        return [one for one in self.values() if one.live and one.owner == node and not one.lacking]
+
+    @cached_property
+    def steps(self) -> dict[str, Setting]:
+        """The setpoints by their key in sequences."""
+        return {one.setpoint.step: one for one in self.values() if one.setpoint and one.dimension != SWITCH}
+
+
+def own_setting(name: str) -> Setting:
+    """What a user's controller names as its own: a number without unit or range."""
+    return Setting(name, "Setting of the controller's own", "ratio", -MOST_OWN, MOST_OWN, kept=False, live=True)
+
+
+def effects_of(structure: Structure) -> set[str]:
+    """The effects that can be left out of a rig: those of its parts, and the transducers'."""
+    return {"transducers", *(name for device in structure.devices for name in parts.part(device.part).effects)}
+
+
+def settings_of(structure: Structure, values: Mapping) -> Settings:
+    """The settings of a rig. values: of its sections by name, as dataclasses or as plain maps."""
+    def chosen(owner: str, switch: str) -> bool:
+        section = values[owner]
+        return bool(section.get(switch, True) if isinstance(section, Mapping) else getattr(section, switch, True))
+
+    out = Settings()
+    effects, shafts = effects_of(structure), {one.name for one in structure.shafts}
+    owners = {"kernel": KernelConfig, "cut": CutConfig,
+              **{name: BodyConfig for name in structure.bodies if name not in structure.massless},
+              **dict.fromkeys(shafts, ShaftConfig),
+              **{device.name: configs[0] for device in structure.devices if (configs := parts.part(device.part).configs)},
+              INSTRUMENTS: instruments_of(structure), "effects": EffectsConfig,
+              **({CONTROLLER: Alfa46Values} if structure.shifts else {})}
+    every = [_of_field(f"{owner}.{one.name}", one) for owner, cls in owners.items() for one in fields(cls)
+             if owner != "effects" or one.name in effects]
+    every += _of_devices(structure, chosen)
+    for one in structure.transducers:
+        if "noise" in TYPES[one.type]() and chosen(INSTRUMENTS, f"{one.like}_fitted"):
+            like = out_of(every, f"{INSTRUMENTS}.{one.like}_noise")
+            every.append(Setting(f"{INSTRUMENTS}.noise.{one.name}", f"Noise of {one.name}, standard deviation", like.dimension,
+                                 like.low, like.high, kept=False, live=True))
+    every.append(Setting(f"{INSTRUMENTS}.noise", "Whether the transducers have their noise", SWITCH, kept=False, live=True))
+    if structure.shifts:
+        every += _of_profiles()
+        if len(structure.valves) == 2:
+            every.append(Setting(WIRING, "Which output of the controller drives which valve, where not as the file has it", WORDS,
+                                 choices=("swapped",)))
+    out.update((one.name, one) for one in every)
+    return out
+
+
+def out_of(settings: list[Setting], name: str) -> Setting:
+    """The one of this name."""
+    return next(one for one in settings if one.name == name)
+
+
+def _of_field(name: str, one: Field) -> Setting:
+    """A value of the configuration."""
+    meta = one.metadata
+    live = meta.get("live", False)
+    return Setting(name, meta["text"], meta["dimension"], meta.get("low", -math.inf), meta.get("high", math.inf),
+                   meta.get("choices", ()), live=bool(live), state=live if isinstance(live, str) else "")
+
+
+def _of_devices(structure: Structure, chosen) -> list[Setting]:
+    """Setpoints with their switches, and where a device stands."""
+    out = []
+    for setpoint in setpoints_of(structure).values():
+        command, like = setpoint.command, next(one for one in structure.transducers if one.name == setpoint.like)
+        quantity = QUANTITIES[TRANSDUCERS[like.type][0]]
+        text = command.text[0].upper() + command.text[1:] + (", gauge" if quantity.gauge else "")
+        lacking = f"{setpoint.device}.{command.only}" if command.only and not chosen(setpoint.device, command.only) else ""
+        about = {"kept": False, "live": True, "setpoint": setpoint, "lacking": lacking}
+        out += [Setting(f"{setpoint.node}.{command.parameter or command.value}", text, command.takes[command.value], like.low,
+                        like.high, **about),
+                Setting(f"{setpoint.node}.enabled", "Whether the device is switched on", SWITCH, **about)]
+    from ..engine.outside import cuttable  # compiled code stands above, which not every reader needs at once
+
+    return out + [Setting(f"{device.name}.source", "Where the device stands: in the plant, or outside it behind a topic", WORDS,
+                          choices=SOURCES) for device in structure.devices if cuttable(device)]
+
+
+def _of_profiles() -> list[Setting]:
+    """The points of the controller's profiles, and while it runs the times and the currents of each."""
+    out, most = [], Alfa46Values.__dataclass_fields__["current_limit"].metadata["high"]
+    for output in OUTPUT_KEYS:
+        for point in POINTS:
+            name = f"{CONTROLLER}.{output}.{point}"
+            out += [Setting(name, f"Time and current of {point} in the profile of {output}", POINT),
+                    Setting(f"{name}.time", f"Time of {point} in the profile of {output}", "time", 0.0, LATEST),
+                    Setting(f"{name}.current", f"Current of {point} in the profile of {output}", "current", 0.0, most)]
+    return out + [Setting(f"{CONTROLLER}.{output}.{column}", f"{column.capitalize()} of the points in the profile of {output}",
+                             dimension, kept=False, live=True, numbers=len(POINTS))
+                     for output in OUTPUT_KEYS for column, dimension in (("times", "time"), ("currents", "current"))]
