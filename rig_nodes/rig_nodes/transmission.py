@@ -241,7 +241,7 @@ def made_of(record: Mapping) -> Transmission:
     gears = [Gear(NEUTRAL, "neutral")]
     for number, gear in enumerate(structure.gears, 1):
         try:
-            ratio = held_ratio(system, gear.clutches, *ends)
+            ratio = held_ratio(system, gear.held, *ends)
         except ValueError as error:
             raise ValueError(f"gear {gear.name} of the rig '{record.get('name', '')}': {error}") from None
         gears.append(Gear(number, gear.name, tuple(names[one].called for one in gear.clutches), ratio))

@@ -58,7 +58,8 @@ def _told(config):
     if structure.gears:
         box = config.transmission
         for gear in box.gears[1:]:
-            yield f"gear {gear.name}: {', '.join(gear.clutches)}, ratio {gear.ratio:.5g}"
+            held = (*gear.clutches, *(structure.device(one).called for one in structure.gears[gear.number - 1].freewheels))
+            yield f"gear {gear.name}: {', '.join(held)}, ratio {gear.ratio:.5g}"
         for clutch in box.clutches:
             by = f"{clutch.valve_name} on output {clutch.output + 1}" if clutch.valve else "no valve"
             yield f"{clutch.name}: {by}, kiss point at {clutch.kiss_pressure * 1e-6:.3f} MPa"

@@ -49,7 +49,9 @@ def build_driveline(structure: Structure, inertias: Mapping[str, float], shafts:
     for shaft in structure.shafts:
         out.shaft(shaft.name, *shaft.bodies, stiffness=shafts[shaft.name][0], damping=shafts[shaft.name][1])
     for device in structure.devices:
-        if "joins" in device.wires:
+        if device.role == parts.FREEWHEEL:
+            out.freewheel(device.name, *device.wires["joins"])
+        elif "joins" in device.wires:
             out.clutch(device.name, *device.wires["joins"])
         elif has_element(device):
             out.brake(device.name, device.wires.get("brakes") or device.wires["body"])
@@ -72,6 +74,15 @@ def held_ratio(system: System, clutches: Iterable[str], at_input: str, at_output
     if abs(way[1]) < 1e-9 or abs(way[0]) < 1e-9:
         raise ValueError("they let the output stand" if abs(way[1]) < 1e-9 else "they hold the input")
     return float(way[0] / way[1])
+
+
+def overrunning(system: System, gear, at_input: str, at_output: str) -> list[str]:
+    """The free-wheels of a gear (GearHeld) that would let go as the input drives against a load, instead of holding it."""
+    ratio = held_ratio(system, gear.held, at_input, at_output)
+    into, out = (system.bodies_from_speeds[system.bodies.index(name)] for name in (at_input, at_output))
+    rows = system.w[[system.elements.index(name) for name in gear.held]]
+    torques = np.linalg.lstsq(rows.T, into - ratio * out, rcond=None)[0]  # of what holds, for 1 Nm at the input
+    return [name for name, torque in zip(gear.held, torques) if name in gear.freewheels and torque < 1e-9]
 
 
 def _left_free(rows: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from .structure import Structure
 WIDE, HIGH, ACROSS, DOWN, EDGE = 150, 46, 270, 110, 60  # of a body, between columns and rows, at the edge [px]
 STYLE = """text{font:13px sans-serif;fill:#1b1f24}.small{font-size:11px;fill:#57606a}.body{fill:#eaf2fb;stroke:#1f6feb;stroke-width:1.5}
 .massless{fill:#fff;stroke:#8c959f;stroke-dasharray:5 3}.mesh{stroke:#57606a;stroke-width:2}.set{stroke:#8250df;stroke-width:2}
-.clutch{stroke:#cf222e;stroke-width:2}.shaft{stroke:#1a7f37;stroke-width:2}.part{fill:#fff8e5;stroke:#bf8700}
+.clutch{stroke:#cf222e;stroke-width:2}.freewheel{stroke:#bc4c00;stroke-width:2}.shaft{stroke:#1a7f37;stroke-width:2}.part{fill:#fff8e5;stroke:#bf8700}
 .sign{fill:#fff;stroke-width:1.5}"""
 
 
@@ -27,6 +27,8 @@ def _links(structure: Structure) -> list[tuple[str, str, str, str]]:
     for device in structure.clutches:
         if "joins" in device.wires:
             out.append((*device.wires["joins"], "clutch", _clutch(structure, device)))
+    out += [(*device.wires["joins"], "freewheel", f"{device.called}: {device.wires['joins'][0]} not faster")
+            for device in structure.freewheels]
     for one in structure.planetary_sets:
         out += [(one.ring, wheel, "set", f"{one.name}: {role} {teeth}") for wheel, role, teeth in (
             (one.sun, "sun", one.teeth[0]), (one.carrier, "carrier,", f"ring {one.teeth[1]}"))]
@@ -100,12 +102,17 @@ def driveline_svg(config) -> str:
         if body in brakes:
             out.append(f'<path class="clutch" d="M{x + WIDE / 2} {y} v-14 m-14 0 h28 m-28 0 l-6 -7 m20 7 l-6 -7 m20 7 l-6 -7" fill="none"/>')
             out.append(f'<text x="{x + WIDE / 2 + 20}" y="{y - 10}">{escape(_clutch(structure, brakes[body]))}</text>')
+        for k, device in enumerate(one for one in structure.freewheels if {*one.wires["joins"]} == {body, "ground"}):
+            way = "not backwards" if device.wires["joins"][0] == "ground" else "not forwards"
+            top = y - 14 - 16 * (body in brakes)
+            out.append(f'<path class="freewheel" d="M{x + 24 + 60 * k} {y} v-14 m-12 0 h24 m-24 0 l8 -7 m16 7 l-8 -7" fill="none"/>')
+            out.append(f'<text x="{x + 42 + 60 * k}" y="{top}">{escape(device.called)} ({way})</text>')
         for k, device in enumerate(attached[body]):
             told = escape(f"{device.called}: {device.part.replace('_', ' ')}" if device.called != device.part else
                           device.part.replace("_", " "))
             out.append(f'<rect class="part" x="{x + 8}" y="{y + HIGH + 4 + 20 * k}" width="{WIDE - 8}" height="17" rx="3"/>')
             out.append(f'<text class="small" x="{x + 14}" y="{y + HIGH + 16 + 20 * k}">{told}</text>')
-    table = [f"{gear.name}: {', '.join(structure.device(one).called for one in gear.clutches)}, ratio "
+    table = [f"{gear.name}: {', '.join(structure.device(one).called for one in gear.held)}, ratio "
              f"{config.transmission.ratios[number]:.4g}" for number, gear in enumerate(structure.gears, 1)]
     if table:
         out.append(f'<text class="small" x="{EDGE}" y="{height - 14}">gears: {escape("; ".join(table))}</text>')
@@ -121,7 +128,8 @@ def _link(a: tuple[int, int], b: tuple[int, int], kind: str, words: str, k: int)
     x2, y2 = b[0] + (WIDE / 2 if same else 0), b[1] + (0 if same and a[1] < b[1] else HIGH if same else HIGH / 2 + 12 * k)
     share = 0.5 + 0.16 * (k % 3 - 1) * (k > 0)
     x, y = x1 + (x2 - x1) * share, y1 + (y2 - y1) * share
-    sign = {"clutch": f'<path class="clutch" d="M{x - 4} {y - 11} v22 M{x + 4} {y - 11} v22" fill="none"/>',
+    sign = {"freewheel": f'<path class="freewheel" d="M{x - 6} {y - 9} l12 9 l-12 9 z M{x + 6} {y - 10} v20" fill="#fff"/>',
+            "clutch": f'<path class="clutch" d="M{x - 4} {y - 11} v22 M{x + 4} {y - 11} v22" fill="none"/>',
             "mesh": f'<circle class="mesh sign" cx="{x}" cy="{y}" r="6"/>',
             "set": f'<circle class="set sign" cx="{x}" cy="{y}" r="6"/>',
             "shaft": f'<path class="shaft" d="M{x - 12} {y} l4 -7 l8 14 l8 -14 l4 7" fill="#fff"/>'}[kind]

@@ -217,6 +217,8 @@ class _Reader:
             return self.body(value, where, what)
         if to == parts.BODIES:
             return list(self.two_bodies(value, where, what))
+        if to == parts.ONE_WAY:
+            return list(self.two_bodies(value, where, what, ground=True))
         if to == parts.OUTPUT:
             from ..alfa46.law import OUTPUTS  # compiled code, which is not needed to read most rigs
 
@@ -332,7 +334,8 @@ class _Reader:
     def gears(self) -> tuple[GearHeld, ...]:
         """The table of gears."""
         nodes, out = self.map_of("gears"), []
-        clutches = [name for name, kind in self.kinds.items() if kind.role == parts.CLUTCH]
+        clutches, freewheels = ([name for name, kind in self.kinds.items() if kind.role == role]
+                                for role in (parts.CLUTCH, parts.FREEWHEEL))
         for number, (key, held) in enumerate(nodes.items(), 1):
             name = str(key)
             where, what = self.at(nodes, key), f"gears.{name}"
@@ -342,14 +345,17 @@ class _Reader:
             if not isinstance(held, List) or not held:
                 raise RigError(f"{where}: {what} must be a list of the clutches that hold it, found {brief(held)}")
             for one in held:
-                if one not in clutches:
-                    raise RigError(f"{where}: {what} names the clutch {brief(one)}; {meant(one, clutches)}")
+                if one not in (*clutches, *freewheels):
+                    raise RigError(f"{where}: {what} names the clutch {brief(one)}; {meant(one, [*clutches, *freewheels])}")
             if len(set(held)) < len(held):
                 raise RigError(f"{where}: {what} names a clutch twice")
-            same = next((gear.name for gear in out if set(gear.clutches) == set(held)), None)
+            ordered = tuple(one for one in held if one in clutches)
+            if not ordered:
+                raise RigError(f"{where}: {what} is held by free-wheels alone; a gear is ordered by a clutch, so name one too")
+            same = next((gear.name for gear in out if set(gear.clutches) == set(ordered)), None)
             if same:
                 raise RigError(f"{where}: {what} is held by the same clutches as {same}; each gear has its own")
-            out.append(GearHeld(name, tuple(held)))
+            out.append(GearHeld(name, ordered, tuple(one for one in held if one in freewheels)))
         return tuple(out)
 
     def signal_names(self) -> dict[str, str]:
@@ -372,6 +378,6 @@ class _Reader:
 
 def meaning(to: str) -> str:
     """What a wire leads to, for people."""
-    return {parts.BODY: "a body", parts.BODIES: "two bodies", parts.TORQUE: f"a torque meter or '{CLUTCHES}'",
+    return {parts.BODY: "a body", parts.BODIES: "two bodies", parts.ONE_WAY: f"two bodies, one of which may be '{GROUND}'", parts.TORQUE: f"a torque meter or '{CLUTCHES}'",
             parts.TRANSDUCER: "a transducer", parts.OUTPUT: "an output of the controller", parts.LINE: "a name",
             parts.VALUES: "a part whose values it shares", parts.OIL: "an oil supply"}.get(to, f"a {to}")

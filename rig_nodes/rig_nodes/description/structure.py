@@ -83,10 +83,16 @@ class Device:
 
 @dataclass(frozen=True)
 class GearHeld:
-    """A gear and the clutches that hold it."""
+    """A gear and the clutches that hold it, with the free-wheels that hold it under a driving torque."""
 
     name: str
     clutches: tuple[str, ...]
+    freewheels: tuple[str, ...] = ()
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """All that hold it."""
+        return (*self.clutches, *self.freewheels)
 
 
 @dataclass(frozen=True)
@@ -153,6 +159,11 @@ class Structure:
     def clutches(self) -> tuple[Device, ...]:
         """Clutches and brakes."""
         return self.of_role(parts.CLUTCH)
+
+    @cached_property
+    def freewheels(self) -> tuple[Device, ...]:
+        """One-way clutches, which nobody actuates."""
+        return self.of_role(parts.FREEWHEEL)
 
     @cached_property
     def valves(self) -> tuple[Device, ...]:

@@ -19,13 +19,15 @@ import numpy as np
 from ..config.schema import record_dtype
 from ..errors import RigError
 
-# What a key of a part's ``joined`` names in a rig: "body", "bodies" (driving, driven), "torque" (a torque meter, or
+# What a key of a part's ``joined`` names in a rig: "body", "bodies" (driving, driven), "one_way" (the same, and one may be the
+# ground), "torque" (a torque meter, or
 # "clutches": all that the body gives clutches), "transducer", "output" (of the controller, from 1), "line" (name of the oil line
 # that begins here), or a role of devices.
-BODY, BODIES, TORQUE, TRANSDUCER, OUTPUT, LINE = "body", "bodies", "torque", "transducer", "output", "line"
+BODY, BODIES, ONE_WAY, TORQUE, TRANSDUCER, OUTPUT, LINE = (
+    "body", "bodies", "one_way", "torque", "transducer", "output", "line")
 # Roles of devices: what a rig asks its devices for. ``values`` are shared by others and no device.
-SOURCE, LOAD, CLUTCH, VALVE, LOSS, OIL, PRESS, METER, VALUES = (
-    "source", "load", "clutch", "valve", "loss", "oil", "press", "meter", "values")
+SOURCE, LOAD, CLUTCH, FREEWHEEL, VALVE, LOSS, OIL, PRESS, METER, VALUES = (
+    "source", "load", "clutch", "freewheel", "valve", "loss", "oil", "press", "meter", "values")
 
 # Place of a wire that goes nowhere. Places are unsigned: compiled code need not look whether one counts from the end.
 NOWHERE = 2**64 - 1

@@ -21,7 +21,7 @@ from ..config.names import DEFAULT_RIG, RIG_FILE, beside, find_config, with_base
 from ..config.schema import build, check_keys, entry, where_of
 from ..config.units import quantity
 from ..config.yaml_file import Map, file_of, merged, stamped
-from ..description.driveline import build_driveline, held_ratio, inertias_of
+from ..description.driveline import build_driveline, inertias_of, overrunning
 from ..description.read import DEVICE_KEYS, KEYS, read_structure
 from ..description.sections import BodyConfig, CutConfig, EffectsConfig, KernelConfig, ShaftConfig, instruments_of
 from ..description.settings import COLUMNS, POINT, SOURCES, WIRING, Settings, effects_of, settings_of
@@ -212,10 +212,13 @@ def check_driveline(structure: Structure, sections: Mapping, node: Map, path) ->
         raise RigError(f"{_where_named(str(error), node, path)}: {str(error).removeprefix('driveline: ')}") from None
     for gear, key in zip(structure.gears, node.get("gears", ())):
         try:
-            held_ratio(system, gear.clutches, structure.input.body, structure.output.body)
+            lets_go = overrunning(system, gear, structure.input.body, structure.output.body)
         except ValueError as error:
-            raise RigError(f"{where_of(path, node['gears'], key)}: gears.{gear.name}: {', '.join(gear.clutches)} held alone: {error}; "
+            raise RigError(f"{where_of(path, node['gears'], key)}: gears.{gear.name}: {', '.join(gear.held)} held alone: {error}; "
                            "a gear's clutches give the output one speed") from None
+        if lets_go:
+            raise RigError(f"{where_of(path, node['parts'][lets_go[0]], 'joins')}: parts.{lets_go[0]}.joins: it overruns as the input "
+                           f"drives in gear {gear.name}, which it is to hold; name its two bodies the other way round")
 
 
 def _where_named(said: str, node: Map, path) -> str:

@@ -115,7 +115,7 @@ class _Planner:
                 out[k, :losses.OWN] = 0.0
                 continue
             if device.wires["torque"] == CLUTCHES:
-                for clutch in self.structure.clutches:
+                for clutch in (*self.structure.clutches, *self.structure.freewheels):
                     weights[place(clutch.name)] = system.w[place(clutch.name), self.column(device.wires["body"])]
                 continue
             meter = self.meters[device.wires["torque"]]

@@ -412,7 +412,11 @@ class Rig(Timed):
         name = self._clutch(clutch)
         if self.device(name)["static"] <= 0.0:
             return 0
-        return 2 if abs(self.mode[self._place[name]]) >= 2 else 1
+        return 2 if self.holds(name) else 1
+
+    def holds(self, name: str) -> bool:
+        """True while a clutch or free-wheel does not slip."""
+        return bool(abs(self.mode[self._place[name]]) >= 2)
 
     def _clutch(self, clutch: int | str) -> str:
         return clutch if isinstance(clutch, str) else self.clutch_names[clutch]

@@ -92,7 +92,7 @@ class Pages:
     @cached_property
     def shift_states(self) -> tuple[str, ...]:
         """Lanes of states of a shift."""
-        return self._there(("gear_ordered", "gear", *self.each(self.structure.clutches, "mode")))
+        return self._there(("gear_ordered", "gear", *self.each((*self.structure.clutches, *self.structure.freewheels), "mode")))
 
     @cached_property
     def shift_plots(self) -> Plots:
@@ -106,7 +106,7 @@ class Pages:
             ("Coil current", currents),
             ("Clutch pressure", self.pressures()),
             ("Shaft torque", (into.torque, out.torque)),
-            ("Clutch torque", self.each(structure.clutches, "torque", "capacity")),
+            ("Clutch torque", (*self.each(structure.clutches, "torque", "capacity"), *self.each(structure.freewheels, "torque"))),
             ("Speed", (into.speed, out.speed, *self.each(structure.clutches, "slip")))))
 
     @cached_property
