@@ -26,8 +26,9 @@ def add_arguments(parser) -> None:
                         help="only write view.rrd; with --live: open no viewer, only tell the address")
     parser.add_argument("--picture", metavar="FILE.png", type=_png,
                         help="make a picture instead of opening a window")
-    parser.add_argument("--tab", choices=("shifts", "run", "other", "controller"),
-                        help="tab to make the picture of (default: the one that the view opens with)")
+    parser.add_argument("--tab", metavar="NAME",
+                        help="tab to make the picture of: shifts, run, other, controller, or a page of the rig's own (default: the one "
+                             "that the view opens with)")
     parser.add_argument("--window", metavar="T0,T1", type=_window,
                         help="time in s that the plots open with (default: the shifts)")
     live = parser.add_argument_group("a running rig")

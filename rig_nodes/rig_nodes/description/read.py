@@ -21,7 +21,7 @@ from .structure import Device, End, GearHeld, Mesh, PlanetarySet, Shaft, Structu
 MASSLESS, GROUND, CLUTCHES = "massless", "ground", "clutches"
 MOST_TEETH = 1000
 # keys of a rig's file that structure is read from here, and those whose values others read
-KEYS = ("bodies", "meshes", "planetary_sets", "shafts", "input", "output", "gears", "parts", "transducers", "names")
+KEYS = ("bodies", "meshes", "planetary_sets", "shafts", "input", "output", "gears", "parts", "transducers", "names", "view")
 DEVICE_KEYS = ("part", "called", "release_rate", "source")
 RESERVED = ("kernel", "alfa46", "instruments", "effects", "cut", "wiring", GROUND)  # what settings begin with already
 # what a transducer that shows one of these may be named by
@@ -81,7 +81,7 @@ class _Reader:
         self.check_pairs(read, devices)
         structure = Structure(
             tuple(bodies), tuple(massless), self.meshes(), self.planetary_sets(), self.shafts(), read, self.gears(),
-            self.end("input", transducers), self.end("output", transducers), transducers, self.signal_names())
+            self.end("input", transducers), self.end("output", transducers), transducers, self.signal_names(), self.view())
         self.check_whole(structure)
         return structure
 
@@ -365,6 +365,21 @@ class _Reader:
             if not isinstance(new, str) or not new.isidentifier():
                 raise RigError(f"{self.at(nodes, old)}: names.{old} is {brief(new)}, expected a name for the signal")
         return dict(nodes)
+
+    def view(self) -> dict[str, tuple[tuple[str, tuple[str, ...]], ...]]:
+        """Pages of the view; whether there are such signals is known when the catalogue is made."""
+        nodes = self.node.get("view", Map(self.node.line))
+        pages: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {}
+        if not isinstance(nodes, Map):
+            raise RigError(f"{self.at(self.node, 'view')}: view must be a map of pages, found {brief(nodes)}")
+        for page, plots in nodes.items():
+            if not isinstance(page, str) or not page.isprintable() or not isinstance(plots, Map) or not plots:
+                raise RigError(f"{self.at(nodes, page)}: view.{page} must be a map of plots, each a title and the list of its signals")
+            for title, names in plots.items():
+                if not isinstance(names, List) or not names or not all(isinstance(name, str) for name in names):
+                    raise RigError(f"{self.at(plots, title)}: view.{page}.{title} must be a list of signals, found {brief(names)}")
+            pages[page] = tuple((str(title), tuple(names)) for title, names in plots.items())
+        return pages
 
     def check_whole(self, structure: Structure) -> None:
         """Gears need an input, an output and valves."""

@@ -124,7 +124,7 @@ class Transducer:
 @dataclass(frozen=True)
 class Structure:
     """All of a rig but its values. bodies: of all names, massless: those without an inertia of their own; names: of
-    signals, made name -> name; prescribed: clutches whose pressures are given over time.
+    signals, made name -> name; view: pages of the view that the rig has itself, each of plots with their title and signals.
     """
 
     bodies: tuple[str, ...] = ()
@@ -138,6 +138,7 @@ class Structure:
     output: End | None = None
     transducers: tuple[Transducer, ...] = ()
     names: Mapping[str, str] = field(default_factory=dict)
+    view: Mapping[str, tuple[tuple[str, tuple[str, ...]], ...]] = field(default_factory=dict)
 
     def of_role(self, *roles: str) -> tuple[Device, ...]:
         """The devices with one of these roles, in the order of the file."""
@@ -189,7 +190,13 @@ class Structure:
 
     def plain(self) -> dict:
         """What JSON can hold, with lists as it gives them back, for the run's record; :func:`structure_of` reads it."""
-        return _listed(asdict(self))
+        out = _listed(asdict(self))
+        if not self.view:
+            del out["view"]
+        for gear in out["gears"]:
+            if not gear["freewheels"]:
+                del gear["freewheels"]
+        return out
 
 
 def _listed(value):
@@ -210,6 +217,10 @@ def structure_of(plain: Mapping) -> Structure:
              "transducers": Transducer}
     out = {}
     for one in fields(Structure):
+        if one.name == "view":
+            out["view"] = {page: tuple((title, tuple(names)) for title, names in plots)
+                           for page, plots in plain.get("view", {}).items()}
+            continue
         value = plain[one.name]
         if one.name in kinds:
             out[one.name] = tuple(made(kinds[one.name], entry) for entry in value)

@@ -17,7 +17,7 @@ from pathlib import Path
 from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, Alfa46Values, read_alfa46
 from ..catalogue import Catalogue, catalogue_of
 from ..clocks import SAMPLE
-from ..config.names import DEFAULT_RIG, RIG_FILE, beside, find_config, with_bases
+from ..config.names import DEFAULT_RIG, RIG_FILE, beside, find_config, unknown, with_bases
 from ..config.schema import build, check_keys, entry, where_of
 from ..config.units import quantity
 from ..config.yaml_file import Map, file_of, merged, stamped
@@ -200,7 +200,24 @@ def _read(node: Map, path, name: str) -> RigConfig:
     except RigError as error:
         device = re.match(r"parts\.(\w+)", str(error))
         raise RigError(f"{where_of(path, node['parts'], device[1]) if device else path}: {error}") from None
+    _check_view(config, node, path)
     return config
+
+
+def _check_view(config: RigConfig, node: Map, path) -> None:
+    """RigError with file and line for a plot of signals that there are not, or that do not go together."""
+    known = config.catalogue.signals
+    for page, plots in config.structure.view.items():
+        for title, names in plots:
+            where = f"{where_of(path, node['view'][page], title)}: view.{page}.{title}"
+            for name in names:
+                if name not in known:
+                    raise RigError(f"{where}: {unknown('signal', name, known)}")
+                if known[name].states:
+                    raise RigError(f"{where}: {name} is a state, which the view shows in lanes of its own; name signals with a unit")
+            if len(units := {known[name].display_unit: name for name in names}) > 1:
+                told = " and ".join(f"{name} in {unit}" for unit, name in units.items())
+                raise RigError(f"{where}: a plot's signals share their unit, found {told}")
 
 
 def check_driveline(structure: Structure, sections: Mapping, node: Map, path) -> None:

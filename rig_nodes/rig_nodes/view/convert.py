@@ -19,6 +19,7 @@ from .. import __version__
 from ..analysis.report import REPORT_FILE, build_report, is_of, orders_in, read_report
 from ..bags.index import BagIndex
 from ..bags.reader import UNREADABLE, Bag, nothing_in, recovered
+from ..config.names import unknown
 from ..errors import BagError, RigError
 from . import layout
 from .curves import LOGGER_TOPIC, OWN_TOPIC, Curves, times
@@ -89,6 +90,8 @@ def save_bare_layout(run: str | Path, window: tuple[float, float] | None, path: 
         small = _small(index)
     pages = _pages(small)
     names, own = _names(pages, index, small)
+    if tab and tab not in (tabs := (*layout.TABS, *pages.more_pages)):
+        raise RigError(f"--tab: {unknown('tab', tab, tabs)}")
     if tab == "controller" and not own:
         raise RigError(f"{run}: its controller names no signals of its own; --tab can be shifts, run or other")
     shifts = layout.choose(layout.shifts_of(orders_in(small.events()), pages.box))

@@ -102,7 +102,7 @@ def blueprint(pages: Pages, present: set[str], shifts: list[Shift], window: tupl
 
     pages: of the rig. present: names of the signals the file holds; plots without any are left out. shifts: shown side by side
     in the first tab. window: start and end [s] the linked plots open with, whose tab then shows; without it
-    they open with the time of the shifts, or with the whole run when there is none. only: this one of TABS
+    they open with the time of the shifts, or with the whole run when there is none. only: this one of TABS, or of the rig's pages,
     alone and without the viewer's own bars, for a picture; a tab that the run does not have is the run's. own: names
     of the signals of the controller's own, a plot each in a tab of theirs.
     """
@@ -121,6 +121,9 @@ def blueprint(pages: Pages, present: set[str], shifts: list[Shift], window: tupl
         columns = [_shift_column(pages, present, shift, shift is shifts[0]) for shift in shifts]
         tabs["shifts"] = _tab("Shifts", columns)
     tabs["run"] = _tab("Run", run)
+    for name, plots in pages.more_pages.items():
+        if views := _plots(pages, present, plots, axis):
+            tabs[name] = rrb.Grid(*views, name=name)
     if rest:
         tabs["other"] = rrb.Grid(*rest, name="Other signals")
     if own:
@@ -143,10 +146,11 @@ def live_blueprint(pages: Pages, seconds: float):
     axis = rrb.TimeAxis(link="Independent", view_range=span)
     present = set(pages.known.signals)
     run, rest = _run_columns(pages, present, axis), _plots(pages, present, pages.other_plots, axis)
-    for view in [view for column in run for view in column] + rest:
+    more = {name: _plots(pages, present, plots, axis) for name, plots in pages.more_pages.items()}
+    for view in [view for column in (*run, *more.values()) for view in column] + rest:
         if isinstance(view, rrb.TimeSeriesView):
             view.properties["PlotLegend"] = rrb.PlotLegend("LeftTop")  # away from the newest values
-    tabs = [_tab("Run", run), rrb.Grid(*rest, name="Other signals")]
+    tabs = [_tab("Run", run), *(rrb.Grid(*views, name=name) for name, views in more.items()), rrb.Grid(*rest, name="Other signals")]
     return _whole(rrb, rrb.Tabs(*tabs, active_tab=0), "collapsed", "expanded", "following")
 
 

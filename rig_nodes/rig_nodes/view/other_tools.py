@@ -29,7 +29,8 @@ def tabs(pages: Pages) -> list[tuple[str, list[list[tuple[str, list[str]]]]]]:
     shift = [("Shift", [[("States", list(pages.shift_states))] + _lists(pages.shift_plots)])] if pages.shift_plots else []
     return [
         *shift,
-        ("Run", [[("States", list(pages.states))] + _lists(pages.run_left), _lists(pages.run_right)]),
+        ("Run", [[("States", list(pages.states))] + _lists(pages.run_left), *([_lists(pages.run_right)] if pages.run_right else [])]),
+        *((name, [_lists(plots)]) for name, plots in pages.more_pages.items()),
         ("Other signals", [half_of for half_of in (others[:half], others[half:]) if half_of]),
     ]
 

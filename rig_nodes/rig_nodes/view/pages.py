@@ -39,6 +39,7 @@ STATE_COLOURS = {
 # what people call the plots of the other signals, which are gathered by quantity; those of more quantities come last
 OTHER_TITLES = {"pressure": "Load pressure", "temperature": "Oil temperature", "energy": "Work since time 0",
                 "torque": "Gearbox losses", "force": "Clamp force", "ratio": "Valve duty"}
+OWN = ("shifts", "run", "other")  # pages that a rig has without naming them, and which it may replace
 _OF_CLUTCH = ("torque", "slip", "clamp", "piston")  # what clutches show, in their hue
 _OF_VALVE = ("duty", "flow")
 
@@ -57,6 +58,7 @@ class Pages:
         self.structure: Structure = structure_of(record["structure"])
         self.known: Catalogue = catalogue(record)
         self.box: Transmission | None = transmission_of(record) if self.structure.gears else None
+        self._own = self.structure.view
 
     # ---- names of signals
 
@@ -99,6 +101,8 @@ class Pages:
         """Of a shift; of a rig without gears none."""
         if self.box is None:
             return ()
+        if "shifts" in self._own:
+            return self._own["shifts"]
         structure, into, out = self.structure, self.box.input, self.box.output
         currents = tuple(name for valve in structure.valves
                          for name in (*self.measured(f"{valve.name}.current"), f"I_set_{valve.key}"))
@@ -113,6 +117,8 @@ class Pages:
     def run_left(self) -> Plots:
         """Of a whole run: oil, and of a rig without gears what turns."""
         structure = self.structure
+        if "run" in self._own:
+            return self._own["run"][::2]
         if self.box is None:
             turning = structure.of_role(parts.SOURCE, parts.LOAD)
             return self._shown((
@@ -132,6 +138,8 @@ class Pages:
     def run_right(self) -> Plots:
         """Of a whole run: what turns, and of a rig without gears what presses."""
         structure = self.structure
+        if "run" in self._own:
+            return self._own["run"][1::2]
         if self.box is None:
             pressing = structure.of_role(parts.PRESS)
             return self._shown((
@@ -151,12 +159,23 @@ class Pages:
     @cached_property
     def marked_plots(self) -> Plots:
         """The plots that have an upright line at each order."""
-        return tuple(dict.fromkeys(self.shift_plots + self.run_left + self.run_right)) if self.box else ()
+        return tuple(dict.fromkeys(self.shift_plots + self.run_left + self.run_right + self._more)) if self.box else ()
+
+    @cached_property
+    def more_pages(self) -> dict[str, Plots]:
+        """The pages that the rig's folder adds, by name."""
+        return {name: plots for name, plots in self._own.items() if name not in OWN}
+
+    @property
+    def _more(self) -> Plots:
+        return tuple(plot for plots in self.more_pages.values() for plot in plots)
 
     @cached_property
     def other_plots(self) -> list[tuple[str, list[str]]]:
         """Title and signals of the plots of every signal that the other pages do not show, by quantity."""
-        shown = {name for _, names in self.shift_plots + self.run_left + self.run_right for name in names}
+        if "other" in self._own:
+            return [(title, list(names)) for title, names in self._own["other"]]
+        shown = {name for _, names in self.shift_plots + self.run_left + self.run_right + self._more for name in names}
         groups: dict[str, list[str]] = {}
         for signal in self.known.signals.values():
             if signal.name not in shown and not signal.states:

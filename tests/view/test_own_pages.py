@@ -1,0 +1,90 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Pages of the view that a rig's folder has itself: they replace the ones made from its parts, or stand beside them."""
+
+import json
+
+import pytest
+
+from rig_nodes.cli.main import main
+from rig_nodes.description.structure import structure_of
+from rig_nodes.errors import RigError
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.view import layout
+from rig_nodes.view.other_tools import tabs
+from rig_nodes.view.pages import Pages
+
+OWN = """\
+description: three speeds with pages of its own
+base: three_speed
+view:
+  Slips at a glance:
+    Slip: [b1_slip, c2_slip, c3_slip]
+    Oil of B1: [p_b1]
+  run:
+    Both shafts: [n_in, n_out]
+    What they carry: [M_in, M_out, motor_torque]
+    Load: [p_load]
+"""
+
+
+def written(folder, text: str = OWN):
+    folder.mkdir(exist_ok=True)
+    (folder / "rig.yaml").write_text(text)
+    return folder
+
+
+def titles(blueprint) -> list[str]:
+    """Names of the tabs of a layout."""
+    return [tab.name for tab in blueprint.root_container.contents]
+
+
+def test_its_pages_are_tabs_and_replace_those_of_the_same_name(tmp_path):
+    pages, plain = Pages(load_rig(written(tmp_path / "own")).as_dict()), Pages(load_rig("clutch_bench").as_dict())
+    present = set(pages.known.signals)
+    assert titles(layout.blueprint(pages, present, [], None)) == ["Run", "Planetary set", "Slips at a glance", "Other signals"]
+    assert titles(layout.live_blueprint(pages, 5.0)) == ["Run", "Planetary set", "Slips at a glance", "Other signals"]
+    assert titles(layout.live_blueprint(plain, 5.0)) == ["Run", "Other signals"]
+    assert [title for title, _ in (*pages.run_left, *pages.run_right)] == ["Both shafts", "Load", "What they carry"]
+    shown = dict(tabs(pages))
+    assert shown["Slips at a glance"] == [[("Slip", ["b1_slip", "c2_slip", "c3_slip"]), ("Oil of B1", ["p_b1"])]]
+    others = {name for column in shown["Other signals"] for _, names in column for name in names}
+    assert not others & {"c2_slip", "n_in", "M_out"} and "c2_piston" in others, "what its pages leave is found there"
+    assert "Planetary set" in shown, "its base's pages are its own too"
+
+
+def test_a_bag_knows_them_when_the_folder_is_gone(tmp_path):
+    config = load_rig(written(tmp_path / "own"))
+    record = json.loads(json.dumps(config.as_dict()))
+    assert structure_of(record["structure"]) == config.structure
+    assert "view" not in load_rig("hydmag").as_dict()["structure"], "a rig without pages of its own has the record that it had"
+
+
+def test_a_picture_is_made_of_a_page_by_its_name(tmp_path, capsys):
+    folder = written(tmp_path / "own")
+    (folder / "sequences").mkdir()
+    (folder / "sequences" / "short.yaml").write_text("description: x\nsteps:\n  - wait: {for: 100 ms}\n")
+    assert main(["simulate", "short", "--rig", str(folder), "--out", str(tmp_path / "run")]) == 0
+    from rig_nodes.view.convert import save_bare_layout
+
+    save_bare_layout(tmp_path / "run", None, tmp_path / "page.rbl", "Slips at a glance")
+    assert (tmp_path / "page.rbl").stat().st_size > 0
+    with pytest.raises(RigError, match="--tab: there is no tab 'Slips at a glanze'; did you mean 'Slips at a glance'"):
+        save_bare_layout(tmp_path / "run", None, tmp_path / "page.rbl", "Slips at a glanze")
+
+
+@pytest.mark.parametrize("old, new, sentence", [
+    ("c3_slip]", "c4_slip]", r"rig.yaml:5: view.Slips at a glance.Slip: there is no signal 'c4_slip'; did you mean"),
+    ("[p_b1]", "[p_b1, n_in]", "rig.yaml:6: view.Slips at a glance.Oil of B1: a plot's signals share their unit, found p_b1 in MPa and n_in in rpm"),
+    ("[p_b1]", "[gear]", "gear is a state, which the view shows in lanes of its own"),
+    ("[p_b1]", "p_b1", "view.Slips at a glance.Oil of B1 must be a list of signals, found"),
+    ("[p_b1]", "[]", "must be a list of signals"),
+    ("  Slips at a glance:\n    Slip: [b1_slip, c2_slip, c3_slip]\n    Oil of B1: [p_b1]\n", "  Slips: [n_in]\n",
+     "view.Slips must be a map of plots, each a title and the list of its signals"),
+    (OWN[OWN.index("view:"):], "view: [n_in]\n", "rig.yaml:3: view must be a map of pages"),
+])
+def test_what_cannot_be_shown_is_refused_with_its_line(tmp_path, old, new, sentence):
+    assert old in OWN
+    with pytest.raises(RigError, match=sentence):
+        load_rig(written(tmp_path / "wrong", OWN.replace(old, new)))
