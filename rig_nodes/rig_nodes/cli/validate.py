@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``rig validate``: every number and trend that the laboratory printed, held against the rig."""
+"""``rig validate``: every number and trend that the laboratory printed, held against the rig; of another rig its own rows."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from pathlib import Path
 from ..config.names import DEFAULT_RIG
 from .progress import ProgressLine
 
-HELP = "hold the rig against everything that the laboratory printed"
+HELP = "hold a rig against its validation rows, the laboratory's against everything that was printed"
 STARTING = 2.0  # what starting the processes costs, in the sizes of validation.programme
 
 
 def add_arguments(parser) -> None:
     parser.add_argument("--rows", nargs="+", default=[], metavar="PATTERN",
-                        help="only these rows of validation/targets.yaml; * matches any text, e.g. 'up_t_*'")
+                        help="only these rows; * matches any text, e.g. 'up_t_*'")
     parser.add_argument("--procedures", nargs="+", default=[], metavar="NAME",
                         help="only rows of these procedures, e.g. grid_up delay_series")
     parser.add_argument("--json", metavar="FILE", help="write rows, summary and versions as JSON; - for stdout")
@@ -28,7 +28,7 @@ def add_arguments(parser) -> None:
     parser.add_argument("--write-docs", action="store_true", help="write docs/validation.md of the checkout")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes that run series (default: 2)")
     parser.add_argument("--rig", default=DEFAULT_RIG, metavar="NAME",
-                        help=f"rig, its folder or .yaml file (default: {DEFAULT_RIG})")
+                        help=f"rig, its folder or .yaml file: whose validation.yaml (default: {DEFAULT_RIG})")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
                         help="change one value of the rig (may be repeated)")
 
@@ -55,6 +55,11 @@ def main(args) -> int:
         raise RigError(f"--jobs is {args.jobs}, expected at least 1")
     if args.write_docs and (args.rows or args.procedures or args.settings):
         raise RigError("--write-docs writes about all rows of a rig as it is; without --rows, --procedures and --set")
+    from ..validation.which_rows import is_laboratory, rows_file
+
+    path = rows_file(args.rig)
+    if not is_laboratory(path):
+        return _own_rows(args, path)
     if args.jobs > 1:
         start_server("rig_nodes.validation.programme")
 
@@ -102,6 +107,38 @@ def main(args) -> int:
     if page:
         page.write_text(document.document(result.rows, explanations, args.rig), encoding="utf-8")
         print(f"written to {page}", file=sys.stderr)
+    return 0
+
+
+def _own_rows(args, path: Path) -> int:
+    """The rows of a rig's folder."""
+    from ..errors import RigError
+    from ..testbench.workers import Workers, start_server
+
+    if given := next((flag for flag, value in (("--write-docs", args.write_docs), ("--pictures", args.pictures),
+                                               ("--procedures", args.procedures)) if value), None):
+        raise RigError(f"{given} belongs to the laboratory's programme; the rows of {path} have none")
+    if args.jobs > 1:
+        start_server("rig_nodes.validation.own_rows")
+
+    from ..testbench.configuration import load_rig
+    from ..testbench.folders import parse_settings
+    from ..validation import document, own_rows, programme
+    from .written import check_json, write_json
+
+    settings = parse_settings(args.settings)
+    rows = own_rows.chosen(own_rows.load_rows(path, args.rig, load_rig(args.rig, settings)), args.rows)
+    own_rows.check_settings(rows, settings)
+    check_json(args.json)
+    line = ProgressLine(len(own_rows.by_run(rows)))
+    with Workers(args.jobs) as workers:
+        found = own_rows.validate(rows, args.rig, settings, workers,
+                                  lambda done, of: line.tell(done, f"{done} of {of} runs", done == of))
+    if args.json != "-":
+        print(document.terminal(found))
+    if args.json:
+        write_json(args.json, {"rows": [row.as_dict() for row in found], "summary": programme.summary(found),
+                               "versions": _versions(), "rig": args.rig, "settings": settings, "procedures": []})
     return 0
 
 

@@ -1,0 +1,328 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The validation rows of a rig's folder: validation.yaml, what each takes of a run, and their judgement.
+
+Used by ``rig validate --rig`` for rigs that have rows of their own; those of the laboratory are validation.programme's.
+"""
+
+from __future__ import annotations
+
+import ast
+import fnmatch
+import math
+import operator
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from ..analysis.metrics import KEYS, Recording, shifts
+from ..config import load_yaml
+from ..config.names import beside, unknown
+from ..config.schema import check_keys, where_of
+from ..config.units import SI, UNITS, dimension_of, quantity
+from ..errors import RigError, brief
+from ..testbench.configuration import RigConfig, load_rig, with_overrides
+from ..testbench.record import Run, record
+from ..testbench.sequence import DIMENSIONS, load_sequence
+from ..testbench.workers import Workers
+from .evaluate import INSIDE, NOT_COMPARED, OUTSIDE, Row
+from .targets import Target
+
+METRICS = tuple(key for key in KEYS if key not in ("from_gear", "to_gear", "valid", "t_order_s", "why"))
+ROLES = ("calibrate", "predict")
+STEADY = 0.3  # s before the next order over which a gear's values are averaged, unless the row says otherwise
+_KEYS = ("id", "text", "source", "role", "sequence", "with", "settings", "value", "metric", "gear", "over", "from", "to", "shift",
+         "printed", "low", "high")
+_OPERATORS = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
+              ast.USub: operator.neg}
+_FUNCTIONS: dict[str, Callable] = {"mean": np.mean, "min": np.min, "max": np.max}
+
+
+@dataclass(frozen=True)
+class OwnRow:
+    """A row: its target, the run that it needs, and what it takes of it.
+
+    sequence, parameters, settings: of the run; value: expression of signals; metric: key of a shift in the report, with
+    its unit; gear, over: the last ``over`` s before the next order; window: start and end [s]; shift: gears by number.
+    """
+
+    target: Target
+    sequence: str
+    parameters: tuple[tuple[str, str], ...]
+    settings: tuple[tuple[str, str], ...]
+    value: str = ""
+    metric: str = ""
+    gear: int | None = None
+    over: float = STEADY
+    window: tuple[float, float] | None = None
+    shift: tuple[int, int] | None = None
+
+    @property
+    def run(self) -> tuple:
+        """What rows of the same run have in common."""
+        return self.sequence, self.parameters, self.settings
+
+
+def load_rows(path: Path, rig: str | Path, config: RigConfig) -> list[OwnRow]:
+    """The rows of a file, in its order; RigError with file and line for what this rig has not, or no row can be."""
+    node = load_yaml(path)
+    check_keys(path, node, ("rows",), ("rows",), "the validation")
+    rows = node["rows"]
+    if not isinstance(rows, list) or not rows:
+        raise RigError(f"{where_of(path, node, 'rows')}: rows must be a list, found {brief(rows)}")
+    out: dict[str, OwnRow] = {}
+    for k, row in enumerate(rows):
+        one = _Reader(path, row, where_of(path, rows, k), rig, config).row()
+        if one.target.id in out:
+            raise RigError(f"{where_of(path, row, 'id')}: there is a row '{one.target.id}' already; every id stands once")
+        out[one.target.id] = one
+    return list(out.values())
+
+
+def chosen(rows: list[OwnRow], patterns: Iterable[str]) -> list[OwnRow]:
+    """The rows whose id matches one of the patterns, all without any; RigError for a pattern that matches nothing."""
+    patterns = list(patterns)
+    for pattern in patterns:
+        if not any(fnmatch.fnmatchcase(row.target.id, pattern) for row in rows):
+            raise RigError(f"{unknown('row', pattern, [row.target.id for row in rows])} (* matches any text)")
+    return [row for row in rows if not patterns or any(fnmatch.fnmatchcase(row.target.id, one) for one in patterns)]
+
+
+class _Reader:
+    """Reads one row; every refusal names file and line."""
+
+    def __init__(self, path, node, where: str, rig, config: RigConfig):
+        check_keys(path, node, _KEYS, ("id", "text", "source", "role", "sequence", "low", "high"), "a row", where)
+        self.path, self.node, self.rig, self.config = path, node, rig, config
+
+    def refuse(self, key: str, reason: str):
+        raise RigError(f"{where_of(self.path, self.node, key)}: {self.node['id']}.{key} {reason}")
+
+    def row(self) -> OwnRow:
+        node = self.node
+        for key in ("id", "text", "source"):
+            if not isinstance(node[key], str) or not node[key].strip():
+                self.refuse(key, f"is {brief(node[key])}, expected words")
+        if node["role"] not in ROLES:
+            self.refuse("role", f"is {brief(node['role'])}, expected {' or '.join(ROLES)}")
+        parameters, settings = (self.texts(key) for key in ("with", "settings"))
+        name = beside(self.path, node["sequence"])
+        try:
+            config = with_overrides(self.config, dict(settings))
+            load_sequence(name, dict(parameters), self.rig).check_rig(config)
+        except RigError as error:
+            raise RigError(f"{where_of(self.path, node)}: {node['id']}: {error}") from None
+        if ("value" in node) == ("metric" in node):
+            self.refuse("value" if "value" in node else "id", "needs one of value, an expression of signals, and metric, a key of the "
+                                                              "report's shifts")
+        dimension, numbers = self.numbers()
+        where = self.of_shift(dimension) if "metric" in node else self.of_window(dimension)
+        target = Target(
+            id=node["id"], text=node["text"], where=node["source"], kind="range", quantity=str(node.get("value", node.get("metric"))),
+            dimension=dimension, procedure=str(node["sequence"]), role=node["role"], why=node["source"], line=node.line + 1,
+            conditions={}, **numbers)
+        return OwnRow(target, name, parameters, settings, **where)
+
+    def texts(self, key: str) -> tuple[tuple[str, str], ...]:
+        entries = self.node.get(key, {})
+        if not isinstance(entries, dict):
+            self.refuse(key, f"is {brief(entries)}, expected a map of names and values")
+        return tuple((str(name), str(value)) for name, value in entries.items())
+
+    def numbers(self) -> tuple[str, dict]:
+        """The dimension of low, high and printed, and these [SI]."""
+        node, found = self.node, {}
+        dimension = dimension_of(str(node["low"]))
+        if dimension not in SI:
+            self.refuse("low", f"is {brief(node['low'])}, expected a number with its unit, e.g. 2.8 - or 60 Nm")
+        for key in ("low", "high", "printed"):
+            if key in node:
+                found[key] = quantity(node[key], dimension, f"{where_of(self.path, node, key)}: {node['id']}.{key}")
+        if found["low"] > found["high"]:
+            self.refuse("low", f"is {node['low']}, above high, which is {node['high']}")
+        if "printed" in found:
+            found["printed"] = (found["printed"],)
+        return dimension, {"unit": str(node["low"]).split(None, 1)[1].strip(), **found}
+
+    def gear(self, key: str, name: object) -> int:
+        numbers = self.config.transmission.numbers if self.config.structure.gears else {}
+        if str(name) not in numbers:
+            self.refuse(key, f"names the gear {brief(str(name))}; known are {', '.join(map(str, numbers)) or 'none: the rig has no gears'}")
+        return numbers[str(name)]
+
+    def of_shift(self, dimension: str) -> dict:
+        """A metric of the first shift of a way."""
+        node = self.node
+        if more := next((key for key in ("gear", "over", "from", "to") if key in node), None):
+            self.refuse(more, "goes with value; a metric is that of a shift")
+        if node["metric"] not in METRICS:
+            self.refuse("metric", f"is {brief(node['metric'])}; {unknown('metric', str(node['metric']), METRICS)}")
+        if UNITS[unit_of(node["metric"])][0] != dimension:
+            self.refuse("low", f"is {brief(node['low'])}, but {node['metric']} is given in {unit_of(node['metric'])}")
+        old, dash, new = str(node.get("shift", "")).partition("-")
+        if not dash:
+            self.refuse("shift" if "shift" in node else "metric", "needs the key shift: two gears with a dash, e.g. 1-2")
+        return {"metric": node["metric"], "shift": (self.gear("shift", old), self.gear("shift", new))}
+
+    def of_window(self, dimension: str) -> dict:
+        """An expression of signals over a window."""
+        node, signals = self.node, self.config.catalogue.signals
+        names = names_in(str(node["value"]), f"{where_of(self.path, node, 'value')}: {node['id']}.value")
+        for name in names:
+            if name not in signals:
+                self.refuse("value", f"names {brief(name)}: {unknown('signal', name, signals)}")
+        if [str(node["value"])] == names and (own := signals[names[0]].quantity) is not None:
+            if DIMENSIONS.get(own, own) != dimension:
+                self.refuse("low", f"is {brief(node['low'])}, but {names[0]} is given in {signals[names[0]].display_unit}")
+        if ("gear" in node) == ("from" in node or "to" in node):
+            self.refuse("value", "needs the key gear, whose steady end is taken, or from and to, times of the run")
+        if "gear" in node:
+            over = self.time("over") if "over" in node else STEADY
+            return {"value": str(node["value"]), "gear": self.gear("gear", node["gear"]), "over": over}
+        if not ("from" in node and "to" in node):
+            self.refuse("from" if "from" in node else "to", "stands alone; from and to are needed")
+        window = self.time("from"), self.time("to")
+        if not window[0] < window[1]:
+            self.refuse("from", f"is {node['from']}, not before to, which is {node['to']}")
+        return {"value": str(node["value"]), "window": window}
+
+    def time(self, key: str) -> float:
+        value = quantity(self.node[key], "time", f"{where_of(self.path, self.node, key)}: {self.node['id']}.{key}")
+        if value < 0.0:
+            self.refuse(key, f"is {self.node[key]}, expected 0 s or more")
+        return value
+
+
+def unit_of(metric: str) -> str:
+    """The unit of a key of the report's shifts, which its end says."""
+    return {"s": "s", "nm": "Nm", "rpm": "rpm", "j": "J"}.get(metric.rpartition("_")[2], "-")
+
+
+# ---- expressions
+
+
+def names_in(text: str, where: str) -> list[str]:
+    """The signals of an expression of +, -, *, /, brackets, numbers and mean, min and max of one; RigError otherwise."""
+    try:
+        tree = ast.parse(text, mode="eval").body
+        names: list[str] = []
+        _walk(tree, lambda name, _: names.append(name) or 1.0)
+    except (SyntaxError, ValueError, RecursionError, MemoryError, OverflowError):
+        raise RigError(f"{where} is {brief(text)}, expected signals, numbers and + - * / ( ), mean(...), min(...), max(...)") from None
+    except ZeroDivisionError:
+        pass  # with other values than 1 it may be right
+    if not names:
+        raise RigError(f"{where} is {brief(text)}, which names no signal")
+    return list(dict.fromkeys(names))
+
+
+def _walk(node, value: Callable[[str, str], float]) -> float:
+    """The number of an expression; value(name, function) gives what a signal stands for."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool):
+        return float(node.value)
+    if isinstance(node, ast.Name):
+        return value(node.id, "mean")
+    if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
+        return _OPERATORS[type(node.op)](_walk(node.left, value), _walk(node.right, value))
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        return -_walk(node.operand, value)
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS and not node.keywords:
+        if len(node.args) == 1 and isinstance(node.args[0], ast.Name):
+            return value(node.args[0].id, node.func.id)
+    raise ValueError("no such expression")
+
+
+# ---- running and judging
+
+
+def measure_rows(config: RigConfig, rig: str | Path, rows: list[OwnRow]) -> list[tuple[float | None, str]]:
+    """(value [SI], or None and the reason) of rows that share one run of a rig (load_rig's, with the changes of ``--set``)."""
+    sequence, parameters, settings = rows[0].run
+    changed = with_overrides(config, dict(settings))
+    logged = {one.name for one in changed.structure.transducers}
+    truth = sorted({name for row in rows if row.value for name in names_in(row.value, row.target.id)} - logged)
+    run = record(changed, load_sequence(sequence, dict(parameters), rig), truth=tuple(truth))
+    if run.end["state"] != "ended":
+        return [(None, run.end["reason"])] * len(rows)
+    metrics = shifts(run.recording) if isinstance(run.recording, Recording) else []
+    return [_of_metric(row, metrics) if row.metric else _of_signals(row, run) for row in rows]
+
+
+def _of_metric(row: OwnRow, metrics: list[dict]) -> tuple[float | None, str]:
+    found = next((one for one in metrics if (one["from_gear"], one["to_gear"]) == row.shift), None)
+    if found is None:
+        return None, "the run has no such shift"
+    if found[row.metric] is None:
+        return None, found["why"].get(row.metric, "was not found")
+    return found[row.metric] * UNITS[unit_of(row.metric)][1], ""
+
+
+def _of_signals(row: OwnRow, run: Run) -> tuple[float | None, str]:
+    logged = run.recording
+    start, end = row.window or (0.0, 0.0)
+    if row.window is None:
+        orders = logged.orders
+        at = next((k for k, order in enumerate(orders) if order[2] == row.gear), None)
+        if at is None:
+            return None, "the run does not order the gear"
+        end = orders[at + 1][0] if at + 1 < len(orders) else logged.t0 + logged.period * logged.rows
+        start = end - row.over
+        if start < orders[at][0]:
+            return None, "the gear is not in for so long"
+    rows = slice(*(round((t - logged.t0) / logged.period) for t in (start, end)))
+
+    def value(name: str, function: str) -> float:
+        series = logged.channels[name] if name in logged.channels else run.truth[name]
+        if not len(series[rows]):
+            raise ValueError(f"the run ends before {start:g} s")
+        return float(_FUNCTIONS[function](series[rows]))
+
+    try:
+        found = _walk(ast.parse(row.value, mode="eval").body, value)
+    except ZeroDivisionError:
+        return None, "divides by 0"
+    except ValueError as reason:
+        return None, str(reason)
+    return (found, "") if math.isfinite(found) else (None, "is no finite number")
+
+
+def judge(row: OwnRow, value: float | None, reason: str) -> Row:
+    """The row with the rig's answer."""
+    target = row.target
+    if value is None:
+        return Row(target, NOT_COMPARED, low=target.low, high=target.high, reason=reason)
+    inside = target.low <= value <= target.high
+    return Row(target, INSIDE if inside else OUTSIDE, value, target.low, target.high, count=1, inside=int(inside))
+
+
+def check_settings(rows: list[OwnRow], settings: dict[str, str]) -> None:
+    """RigError when a row sets one of these values of the rig itself."""
+    for row in rows:
+        if both := sorted(set(settings) & {name for name, _ in row.settings}):
+            raise RigError(f"setting {both[0]}: row '{row.target.id}' sets it itself; choose other --rows")
+
+
+def _measured(rig: str, settings: dict[str, str], rows: list[OwnRow]) -> list[tuple[float | None, str]]:
+    return measure_rows(load_rig(rig, settings), rig, rows)
+
+
+def by_run(rows: list[OwnRow]) -> list[list[OwnRow]]:
+    """The rows of each run."""
+    out: dict[tuple, list[OwnRow]] = {}
+    for row in rows:
+        out.setdefault(row.run, []).append(row)
+    return list(out.values())
+
+
+def validate(rows: list[OwnRow], rig: str, settings: dict[str, str], workers: Workers,
+             progress: Callable[[int, int], None] | None = None) -> list[Row]:
+    """Run what the rows need and judge them, in their order. progress(done, of) counts runs."""
+    groups = by_run(rows)
+    answers = {}
+    for group, found in zip(groups, workers.map(partial(_measured, rig, settings), groups, progress)):
+        answers |= {row.target.id: one for row, one in zip(group, found)}
+    return [judge(row, *answers[row.target.id]) for row in rows]

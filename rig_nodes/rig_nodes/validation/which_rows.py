@@ -1,0 +1,36 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Which rows a rig is held against: those of its folder, or the laboratory's programme. Reads no rig, so it is quick."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..config import load_yaml
+from ..config.names import with_bases
+from ..config.schema import check_keys, where_of
+from ..errors import RigError, brief
+
+ROWS_FILE, LABORATORY = "validation.yaml", "laboratory"
+
+
+def rows_file(rig: str | Path) -> Path:
+    """validation.yaml of a rig's folder or of the next base that has one; RigError where there is none."""
+    folders = [path.parent for path, _ in with_bases(rig)]
+    found = next((folder / ROWS_FILE for folder in folders if (folder / ROWS_FILE).is_file()), None)
+    if found is None:
+        raise RigError(f"the rig '{rig}' has no {ROWS_FILE}; write one beside its rig.yaml: docs/rigs.md")
+    return found
+
+
+def is_laboratory(path: Path) -> bool:
+    """True where a file says that the rows are those of the laboratory's programme."""
+    node = load_yaml(path)
+    if not isinstance(node, dict) or "programme" not in node:
+        return False
+    check_keys(path, node, ("programme",), (), "the validation")
+    if node["programme"] != LABORATORY:
+        raise RigError(f"{where_of(path, node, 'programme')}: programme is {brief(node['programme'])}, expected {LABORATORY}, or rows "
+                       "in its place")
+    return True
