@@ -1,17 +1,43 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""No test hangs: one that takes far longer than the slowest is failed, and where Python cannot, its process ends."""
+"""No test hangs: one that takes far longer than the slowest is failed, and where Python cannot, its process ends. No two tests
+meet at the templates' fixed ports.
+"""
 
 import faulthandler
 import os
 import signal
+import socket
 import threading
 
 import pytest
 
 LIMIT = 240.0  # s for a test, or for what is made before it; the slowest takes a minute on a busy machine
 MORE = 60.0  # s after which a process that does not even take the failure shows where it stands, and ends
+
+
+@pytest.fixture
+def on_own_port():
+    """Puts a free port in place of the fixed one into a command (list of words) of those that `controller new` prints."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp, socket.socket() as tcp:
+        for one in (udp, tcp):
+            one.bind(("127.0.0.1", 0))
+        ports = {"udp:9002": udp.getsockname()[1], "modbus:5020": tcp.getsockname()[1]}
+
+    def moved(kind: str, command: list[str], program: str = "") -> list[str]:
+        """kind: of the template; program: file of one that says its port itself."""
+        words = [f"{word.partition(':')[0]}:{ports[word]}" if word in ports else word for word in command]
+        if words[-1] == "&" and kind.startswith("udp-"):
+            words[-1:] = ["127.0.0.1", str(ports["udp:9002"]), "&"]
+        if words[-1] == "&" and kind == "modbus":
+            with open(program, encoding="utf-8") as file:
+                text = file.read()
+            with open(program, "w", encoding="utf-8") as file:
+                file.write(text.replace("port=5020", f"port={ports['modbus:5020']}"))
+        return words
+
+    return moved
 
 
 def pytest_configure(config):

@@ -29,7 +29,7 @@ OWN_CLOCK = ("can", "modbus")  # nobody starts them with a run
 
 @pytest.mark.parametrize("kind", [pytest.param(kind, marks=pytest.mark.against_the_clock) if kind in OWN_CLOCK else kind
                                   for kind in KINDS])
-def test_it_shifts_by_the_commands_that_are_printed(kind, tmp_path, monkeypatch, capsys, request):
+def test_it_shifts_by_the_commands_that_are_printed(kind, tmp_path, monkeypatch, capsys, request, on_own_port):
     if kind == "can" and (why := multicast_works()):
         pytest.skip(why)
     if kind.startswith("ros-"):
@@ -43,7 +43,7 @@ def test_it_shifts_by_the_commands_that_are_printed(kind, tmp_path, monkeypatch,
     programs = []
     try:
         for line in commands.splitlines():
-            command = shlex.split(line, comments=True)
+            command = on_own_port(kind, shlex.split(line, comments=True), "mine/my_plc.py")
             if command[:2] == ["./rig", "export"]:
                 assert main(command[1:]) == 0
             elif command[0] == "./rig":

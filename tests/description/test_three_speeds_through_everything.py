@@ -89,37 +89,60 @@ def test_an_fmu_of_it_shifts(tmp_path):
     assert shifts(tmp_path / "run") == BOTH
 
 
-@pytest.mark.parametrize("kind", ["c", "python", "udp-python", "ros-python"])
-def test_a_controller_of_ones_own_shifts_it(kind, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+@pytest.fixture
+def ros_domain():
+    """A ROS domain of the test's own, for processes started there too."""
+    before = dict(os.environ)
+    with allocate() as domain:
+        os.environ["ROS_DOMAIN_ID"] = str(domain.number)
+        use_own_transports()
+        yield
+    os.environ.clear()
+    os.environ.update(before)
+
+
+@pytest.fixture
+def programs():
+    """Starts programs, which end with the test."""
+    started = []
+
+    def start(command: list[str]) -> None:
+        started.append(subprocess.Popen([sys.executable, *command[1:-1]], stderr=subprocess.PIPE, text=True))
+
+    yield start
+    for program in started:
+        program.kill()
+        program.communicate()
+
+
+def printed(kind: str, capsys, on_own_port) -> list[list[str]]:
+    """The commands that `controller new` prints, at a port of the test's own; the folder is ``mine``."""
     assert main(["controller", "new", kind, "mine", *RIG]) == 0
     commands = capsys.readouterr().out.split("next:\n")[1]
-    programs = []
-    with allocate() as domain:
-        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain.number))
-        before = dict(os.environ)
-        use_own_transports()
-        try:
-            for line in commands.splitlines():
-                command = shlex.split(line, comments=True)
-                if command[0] == "./rig":
-                    command[command.index("demo")] = SEQUENCE
-                    assert command[3:5] == ["--rig", "three_speed"], "the printed command is for the rig that was asked for"
-                    assert main([*command[1:], "--out", "run"]) == 0, capsys.readouterr().err
-                elif command[-1] == "&":
-                    programs.append(subprocess.Popen([sys.executable, *command[1:-1]], stderr=subprocess.PIPE, text=True))
-        finally:
-            for program in programs:
-                program.kill()
-                program.communicate()
-            os.environ.clear()
-            os.environ.update(before)
+    return [on_own_port(kind, shlex.split(line, comments=True)) for line in commands.splitlines()]
+
+
+@pytest.mark.parametrize("kind", ["c", "python", "udp-python", "ros-python"])
+def test_a_controller_of_ones_own_shifts_it(kind, tmp_path, monkeypatch, capsys, ros_domain, programs, on_own_port):
+    monkeypatch.chdir(tmp_path)
+    for command in printed(kind, capsys, on_own_port):
+        if command[0] == "./rig":
+            command[command.index("demo")] = SEQUENCE
+            assert command[3:5] == ["--rig", "three_speed"], "the printed command is for the rig that was asked for"
+            assert main([*command[1:], "--out", "run"]) == 0, capsys.readouterr().err
+        elif command[-1] == "&":
+            programs(command)
     assert shifts("run") == BOTH
 
 
-@pytest.mark.parametrize("kind", ["c", "python"])
-def test_a_controller_for_it_passes_the_conformance_set(kind, tmp_path, capsys):
-    assert main(["controller", "new", kind, str(tmp_path / "mine"), *RIG]) == 0
-    spec = {"c": f"c:{tmp_path}/mine/my_controller.c", "python": f"python:{tmp_path}/mine/my_controller.py:MyController"}[kind]
-    assert main(["controller", "check", spec, *RIG]) == 0, capsys.readouterr().out
+@pytest.mark.parametrize("kind", ["c", "python", "udp-python", "ros-python"])
+def test_a_controller_for_it_passes_the_conformance_set(kind, tmp_path, monkeypatch, capsys, ros_domain, programs, on_own_port):
+    monkeypatch.chdir(tmp_path)
+    for command in printed(kind, capsys, on_own_port):
+        if command[0] == "./rig":
+            plug = command[command.index("--controller") + 1]
+            level = command[command.index("--level"):][:2] if "--level" in command else []
+            assert main(["controller", "check", plug, *level, *RIG]) == 0, capsys.readouterr().out
+        elif command[-1] == "&":
+            programs(command)
     assert "13 of 13 passed" in capsys.readouterr().out
