@@ -75,13 +75,15 @@ class Clutch:
 class Gear:
     """A gear: number 0 is neutral, the others count up from the slowest output; clutches: names of those engaged.
 
-    ratio: input over output speed; None in neutral.
+    ratio: input over output speed; None in neutral. outputs: of the controller, counted from 0, for these clutches, as the
+    rig's file has them: whoever crosses the wires crosses them behind the controller.
     """
 
     number: int
     name: str
     clutches: tuple[str, ...] = ()
     ratio: float | None = None
+    outputs: tuple[int, ...] = ()
 
     @property
     def short(self) -> str:
@@ -147,6 +149,10 @@ class Transmission:
     def numbers(self) -> dict[str, int]:
         """Name -> number of every gear."""
         return {gear.name: gear.number for gear in self.gears}
+
+    def outputs(self, number: int) -> tuple[int, ...]:
+        """The controller's outputs of a gear, counted from 0; none in neutral and in a gear that there is not."""
+        return next((gear.outputs for gear in self.gears if gear.number == number), ())
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
@@ -244,7 +250,9 @@ def made_of(record: Mapping) -> Transmission:
             ratio = held_ratio(system, gear.held, *ends)
         except ValueError as error:
             raise ValueError(f"gear {gear.name} of the rig '{record.get('name', '')}': {error}") from None
-        gears.append(Gear(number, gear.name, tuple(names[one].called for one in gear.clutches), ratio))
+        valves = [valve for one in gear.clutches if (valve := structure.valve_of(one))]
+        gears.append(Gear(number, gear.name, tuple(names[one].called for one in gear.clutches), ratio,
+                          tuple(valve.wires["output"] - 1 for valve in valves)))
     wiring = dict(zip((valve.name for valve in structure.valves), record.get("wiring", ())))
     clutches = tuple(_clutch(one, structure, record, wiring) for one in structure.clutches)
     driving, one = tied_to(structure, inertias, ends[0])

@@ -110,7 +110,7 @@ def with_gears(count: int) -> Transmission:
     box = transmission_of()
     more = [Clutch(f"S{k}", f"clutch_s{k}", f"valve_{k}", f"V{k}", k - 1, f"p{k}", f"I{k}", f"I_set{k}", 0.2e6, 1e7)
             for k in range(3, count + 1)]
-    gears = [Gear(k, "I" * k, (f"S{k}",), 1.0 / k) for k in range(3, count + 1)]
+    gears = [Gear(k, "I" * k, (f"S{k}",), 1.0 / k, (k - 1,) if k <= 3 else ()) for k in range(3, count + 1)]
     return Transmission(box.input, box.output, (*box.clutches, *more), (*box.gears, *gears), box.inertias)
 
 
@@ -123,5 +123,5 @@ def test_the_box_takes_the_gears_that_there_are_and_has_three_outputs(config):
     assert three.gear == 3 and setpoint[2] > 0.0 and not setpoint[:2].any()
     with pytest.raises(RigError, match=r"there is no gear 3; order 0 \(neutral\), 1 \(I\) or 2 \(II\)"):
         Alfa46(config.alfa46, config.transmission).order(3)
-    with pytest.raises(RigError, match="gear IIII has no output; the box drives one of 3 in each gear"):
+    with pytest.raises(RigError, match="gear IIII has no output of the controller; the valves of its clutches have one of 3 each"):
         Alfa46(config.alfa46, with_gears(4)).order(4)

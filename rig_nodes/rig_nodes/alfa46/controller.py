@@ -20,8 +20,8 @@ def refusal(gear: int, current_gear: int, shifting: bool, box: Transmission) -> 
     """Why an order cannot be taken, or None. box: whose gears there are."""
     if gear not in box.names:
         return f"there is no gear {gear}; order {box.spoken}"
-    if gear > law.OUTPUTS:
-        return f"gear {box.names[gear]} has no output; the box drives one of {law.OUTPUTS} in each gear"
+    if gear and (gear > law.GEARS or not box.outputs(gear)):
+        return f"gear {box.names[gear]} has no output of the controller; the valves of its clutches have one of {law.OUTPUTS} each"
     if shifting:
         return f"a shift to {box.names[current_gear]} is still running; wait for its end"
     if gear == current_gear:
@@ -32,12 +32,12 @@ def refusal(gear: int, current_gear: int, shifting: bool, box: Transmission) -> 
 class Alfa46:
     """The shift controller. Samples are counted by the rig; times are samples times the sample period.
 
-    transmission: whose gears can be ordered; gear 1 moves output 1, gear 2 output 2 and so on.
+    transmission: whose gears can be ordered; each moves the outputs of its clutches' valves.
     """
 
     def __init__(self, config: Alfa46Config, transmission: Transmission):
         self.config, self.transmission = config, transmission
-        self._config = config.law_config()
+        self._config = config.law_config(transmission)
         self._profiles = np.ascontiguousarray(config.profiles)
         self._outputs = np.zeros(law.OUTPUTS, law.LAW_OUTPUT)
         self._state = np.zeros(1, law.LAW_STATE)
@@ -77,8 +77,7 @@ class Alfa46:
     def outputs_in_shift(self) -> np.ndarray:
         """Which outputs the running shift moves (3,); none between shifts."""
         moved = (self._outputs["pending"] != law.OFF) | (self._outputs["phase"] == law.FALLING)
-        if self.gear != law.NEUTRAL:
-            moved[self.gear - 1] = True
+        moved[list(self.transmission.outputs(self.gear))] = True
         return moved & self.shifting
 
     def change(self, config: Alfa46Config) -> None:
@@ -92,7 +91,7 @@ class Alfa46:
             if out["phase"] != law.OFF and (now - out["start"]) * period >= self._profiles[k, last, 0]:
                 out["start"] = min(out["start"], now - round(config.profiles[k, last, 0] / period) - 1)
         self.config = config
-        self._config[:] = config.law_config()
+        self._config[:] = config.law_config(self.transmission)
         self._profiles[:] = config.profiles
 
     @property

@@ -12,12 +12,13 @@ import numpy as np
 from numba import njit
 
 OUTPUTS = 3  # the box drives up to three valves
+GEARS = 7  # as many as there are choices of outputs
 NEUTRAL, GEAR_I, GEAR_II, GEAR_III = 0, 1, 2, 3
 
 LAW_CONFIG = np.dtype([
     ("period", "f8"), ("supply_voltage", "f8"), ("gain_p", "f8"), ("gain_i", "f8"), ("gain_d", "f8"),
-    ("derivative_time", "f8"), ("t12", "f8"), ("t21", "f8"), ("t23", "f8"), ("t32", "f8"),
-])
+    ("derivative_time", "f8"), ("t12", "f8"), ("t21", "f8"), ("t23", "f8"), ("t32", "f8"), ("drives", "i8", (GEARS + 1,)),
+])  # drives: of each gear by its number, bit k: output k
 # phase of an output: 0 off, 1 rising or on, 2 falling; start: sample of the switch signal of that phase
 LAW_OUTPUT = np.dtype([
     ("phase", "f8"), ("start", "f8"), ("pending", "f8"), ("pending_at", "f8"), ("level", "f8"), ("setpoint", "f8"),
@@ -49,8 +50,9 @@ def profile_current(elapsed, rising, level, points):
 def order_gear(gear, sample, config, profiles, outputs, state):
     """Take a gear order at a sample: schedules switch-on and switch-off with the delay of this change.
 
-    A negative delay energises the engaging valve that much before the releasing one is switched off; a positive
-    one lets it wait; only changes to the next gear have one. Orders are checked by the caller (gear already in, shift running).
+    A negative delay energises the engaging valves that much before the releasing ones are switched off; a positive
+    one lets them wait; only changes to the next gear have one. An output of both gears stays as it is. Orders are checked by
+    the caller (gear already in, shift running).
     """
     old = int(state.gear)
     delay = 0.0
@@ -64,16 +66,17 @@ def order_gear(gear, sample, config, profiles, outputs, state):
         delay = config.t32
     wait = round(delay / config.period)
     end = sample
-    if gear != NEUTRAL:
-        out = outputs[gear - 1]
-        out.pending = ON
-        out.pending_at = sample + max(0, wait)
-        end = max(end, out.pending_at + round(profiles[gear - 1, 2, 0] / config.period))
-    if old != NEUTRAL:
-        out = outputs[old - 1]
-        out.pending = FALLING
-        out.pending_at = sample + max(0, -wait)
-        end = max(end, out.pending_at + round(profiles[old - 1, 5, 0] / config.period))
+    engaging, releasing = config.drives[gear] & ~config.drives[old], config.drives[old] & ~config.drives[gear]
+    for k in range(OUTPUTS):
+        out = outputs[k]
+        if engaging >> k & 1:
+            out.pending = ON
+            out.pending_at = sample + max(0, wait)
+            end = max(end, out.pending_at + round(profiles[k, 2, 0] / config.period))
+        elif releasing >> k & 1:
+            out.pending = FALLING
+            out.pending_at = sample + max(0, -wait)
+            end = max(end, out.pending_at + round(profiles[k, 5, 0] / config.period))
     state.gear = gear
     state.shift_end = end
 

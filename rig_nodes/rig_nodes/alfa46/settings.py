@@ -52,12 +52,15 @@ class Alfa46Config:
     values: Alfa46Values
     profiles: np.ndarray
 
-    def law_config(self) -> np.ndarray:
-        """One record for the compiled law."""
+    def law_config(self, box) -> np.ndarray:
+        """One record for the compiled law. box: the transmission (rig_nodes.transmission) whose gears can be ordered."""
         record = np.zeros(1, law.LAW_CONFIG)
         record["period"] = self.values.sample_time
+        for gear in box.gears:
+            if gear.number <= law.GEARS:
+                record["drives"][0, gear.number] = sum(1 << output for output in gear.outputs)
         for name in law.LAW_CONFIG.names:
-            if name != "period":
+            if name not in ("period", "drives"):
                 record[name] = getattr(self.values, name)
         return record
 

@@ -309,8 +309,7 @@ class BuiltIn(Plug):
         moved = self._box.outputs_in_shift()
         if self._ordered:
             for gear in (self._request, self.gear):
-                if gear:
-                    moved[gear - 1] = True
+                moved[list(self.transmission.outputs(gear))] = True
         for k, key in enumerate(OUTPUT_KEYS):
             if moved[k] and not np.array_equal(config.profiles[k], self._newest.profiles[k]):
                 raise RigError(f"the profile of {key} is in use by a shift that is still running; wait for its end")

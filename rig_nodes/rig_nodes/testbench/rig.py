@@ -115,7 +115,7 @@ class Rig(Timed):
         self._slips, self._twist, self._shaft = line["w"], line["twist"], line["shaft"]
         self.energies: dict[str, float] = {}  # of the last tick, whoever refreshes them
         if self.shifts:
-            self._law_config = config.alfa46.law_config()
+            self._law_config = config.alfa46.law_config(config.transmission)
             self._law_profiles = np.array(config.alfa46.profiles, order="C")  # its own: set_controller writes into it
         self._setpoint, self._gear, self._shifting, self._flags = np.zeros(law.OUTPUTS), 0, False, 0
         self._duty, self._wiring = np.zeros(law.OUTPUTS), list(config.wiring)
@@ -529,7 +529,7 @@ class Rig(Timed):
 
     def set_controller(self, settings: Alfa46Config) -> None:
         """Other settings of the embedded controller from the next sample on; a profile that runs takes its new points."""
-        self._law_config[:] = settings.law_config()
+        self._law_config[:] = settings.law_config(self.config.transmission)
         self._law_profiles[:] = settings.profiles
         self.config = replace(self.config, alfa46=settings)
 
