@@ -16,10 +16,10 @@ from dataclasses import fields
 import numpy as np
 from numba import njit
 
-from ..engine.world import STEP, Sizes, driveline_dtype
+from ..engine.general_step import address, general_step
+from ..engine.world import Sizes, driveline_dtype
 from ..plant.driveline import Driveline, State, System
 from ..plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LO0, LO1, LOCK, N_EVENTS
-from ..plant.driveline_kernel import driveline_step
 from ..plant.driveline_quiet import quiet_step
 
 J1, J2 = 0.7, 0.127  # kg m2
@@ -62,6 +62,7 @@ class Ours:
 
     def __init__(self, clutches: int = 1):
         self.system = s = chain(clutches)
+        self._general = address()
         self._line = np.zeros(1, driveline_dtype(Sizes(speeds=clutches + 1, elements=clutches)))
         line = self._line[0]
         for name in ("minv", "w", "sh", "kc"):
@@ -79,7 +80,7 @@ class Ours:
 
     def advance(self, step: float, steps: int) -> None:
         """So many steps [s]."""
-        _advance(self.t, steps, step, self._line, *(self._line[0][name] for name in STEP))
+        _advance(self.t, steps, step, self._line, self._general)
         self.t += step * steps
 
     def run(self, step: float, parts: int = 1) -> float:
@@ -109,8 +110,7 @@ _capacity = njit(cache=True, error_model="numpy", nogil=True)(capacity)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _advance(begin, steps, h, lines, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work):
-    # the arrays are those of the line, once more without their sizes, so that the seldom part is compiled only once
+def _advance(begin, steps, h, lines, general):
     line = lines[0]
     # the straight line through the capacity at the step's two Gauss points has its mean to the fourth order
     at = 0.5 - 0.5 / math.sqrt(3.0)
@@ -127,4 +127,4 @@ def _advance(begin, steps, h, lines, minv, w, sh, kc, q, cap, loss, v, twist, mo
             line.cap[HI0, f], line.cap[HI1, f] = STICK * before, STICK * after
             line.cap[LO0, f], line.cap[LO1, f] = -STICK * before, -STICK * after
         if not quiet_step(h, line):
-            driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work)
+            general_step(general, h, t, line)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -103,7 +104,7 @@ class World:
         count = self.finite + sizes.elements
         self._places = {place: number for number, place in enumerate(every[:self.finite])}
         self._numbers: dict[str, int] = {}  # of those that somebody has asked for
-        self.names = [self._told(place) for place in every[:count]]
+        self._count = count
         self.numbers, self.moved = self.record.view(np.float64)[:self.finite], self.record.view(np.int64)[:count]
         self.kept = np.zeros((2, count), np.int64)
         self._fill_driveline(system)
@@ -114,6 +115,11 @@ class World:
         for name, channel in plan.currents.items():
             self.record["channel"][0, self.values(name)["output"]] = channels.index(channel)
         self.source = np.array([self.number(what) for what in plan.channels.values()], np.int64)
+
+    @cached_property
+    def names(self) -> list[str]:
+        """What people call each of the numbers that a step leaves to the next one; asked for when one of them is wrong."""
+        return [self._told(place) for place in places(self.record.dtype)[:self._count]]
 
     def state(self, name: str) -> np.void:
         """The states of an instance, to be read and written."""

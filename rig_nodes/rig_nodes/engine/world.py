@@ -9,7 +9,9 @@ beginning, up to and with the driveline's modes, is what a step leaves to the ne
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -77,12 +79,19 @@ def world_dtype(counts: dict[str, int], sizes: Sizes, shapes: dict[str, tuple[in
                      ("current", "f8", (sizes.outputs,))])
 
 
-def places(dtype: np.dtype, name: str = "") -> list[str]:
+@lru_cache(maxsize=8)
+def places(dtype: np.dtype) -> tuple[str, ...]:
     """Name of each number of 8 bytes in a record, e.g. "parts.wet_clutch[1].temperature"."""
+    return tuple(_places(dtype, ""))
+
+
+def _places(dtype: np.dtype, name: str) -> Iterator[str]:
     if dtype.subdtype:
         base, shape = dtype.subdtype
-        return [place for index in np.ndindex(shape) for place in places(base, f"{name}{list(index)}")]
-    if dtype.names is None:
-        return [name]
-    return [place for field in dtype.names
-            for place in places(dtype[field], f"{name}.{field}" if name else field)]
+        for index in np.ndindex(shape):
+            yield from _places(base, f"{name}{list(index)}")
+    elif dtype.names is None:
+        yield name
+    else:
+        for field in dtype.names:
+            yield from _places(dtype[field], f"{name}.{field}" if name else field)

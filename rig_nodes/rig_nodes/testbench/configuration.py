@@ -67,7 +67,10 @@ class RigConfig:
         """The rig with other values of some sections, or other fields."""
         own = {one.name for one in fields(self)}
         sections = {**self.sections, **{name: value for name, value in changes.items() if name not in own}}
-        return replace(self, sections=sections, **{name: value for name, value in changes.items() if name in own})
+        new = replace(self, sections=sections, **{name: value for name, value in changes.items() if name in own})
+        if changes.keys() <= _OF_NO_DRIVE:  # what is found of the drive, for thousands of rigs that differ in their controller
+            new.__dict__.update({name: self.__dict__[name] for name in _OF_THE_DRIVE if name in self.__dict__})
+        return new
 
     def values(self, name: str):
         """The values under a name of the settings: of a section, the step, the cut or the controller; None: there are none."""
@@ -136,6 +139,10 @@ class RigConfig:
         if self.alfa46:
             out |= {"wiring": list(self.wiring), "alfa46": self.alfa46.as_dict()}
         return {"name": self.name, "structure": self.structure.plain(), **out}
+
+
+# Fields that say nothing about the drive, and what is found of the drive without them.
+_OF_NO_DRIVE, _OF_THE_DRIVE = {"alfa46", "kernel"}, ("transmission", "catalogue", "settings", "cuttable")
 
 
 def _place(output: str, point: str, column: str | None) -> tuple:
