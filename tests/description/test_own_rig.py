@@ -33,7 +33,7 @@ def test_what_is_written_runs_and_shifts(mine, tmp_path):
 
 def test_it_meets_its_own_validation_rows(mine, capsys):
     assert main(["validate", "--rig", str(mine), "--jobs", "1"]) == 0
-    assert "predicted inside 2 of 2" in capsys.readouterr().out
+    assert "calibrated inside 1 of 1; predicted inside 1 of 1" in capsys.readouterr().out
 
 
 def test_it_is_not_written_over_anything(mine, capsys):
@@ -138,4 +138,4 @@ def test_the_energy_of_a_run_closes(three):
 def test_a_rig_is_its_folder_wherever_it_lies(mine, tmp_path):
     assert load_rig(str(mine)).name == "mine" and load_rig(mine / "rig.yaml").as_dict() == load_rig(mine).as_dict()
     assert sorted(path.name for path in (RIGS_DIR / "three_speed").iterdir()) == [
-        "controller.yaml", "rig.yaml", "sequences", "validation.yaml"]
+        "calibration.yaml", "controller.yaml", "rig.yaml", "sequences", "validation.yaml"]

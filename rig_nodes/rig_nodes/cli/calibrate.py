@@ -7,14 +7,18 @@ import argparse
 import sys
 from dataclasses import asdict
 
+from ..config.names import DEFAULT_RIG
 from .progress import ProgressLine
 
-HELP = "find the rig's unknown parameters on the laboratory's rows"
+HELP = "find a rig's unknown parameters on the laboratory's rows, or on its own"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--write", action="store_true", help="put what was found into rigs/hydmag/rig.yaml and "
-                        "config/controllers/alfa46.yaml of the package; without it nothing is changed")
+    parser.add_argument("--rig", default=DEFAULT_RIG, metavar="NAME",
+                        help=f"rig, its folder or .yaml file: whose calibration.yaml and validation.yaml (default: {DEFAULT_RIG}, on the "
+                             "laboratory's rows)")
+    parser.add_argument("--write", action="store_true", help="put what was found into the rig's rig.yaml and the settings of its "
+                        "controller; without it nothing is changed")
     parser.add_argument("--json", metavar="FILE", help="write values, misses, sensitivities and spreads")
     parser.add_argument("--generations", type=int, default=120, metavar="N",
                         help="of the search over the bounds (default 120, some 10 min); 0: only from where the rig is, "
@@ -22,21 +26,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--starts", type=int, default=0, metavar="N",
                         help="least squares from so many random places of the bounds too (default 0; half a minute "
                              "each for a clutch)")
-    parser.add_argument("--stages", nargs="+", metavar="NAME", help="only these: losses, clutch_s1, clutch_s2, release")
+    parser.add_argument("--stages", nargs="+", metavar="NAME", help="only these of calibration.yaml")
     parser.add_argument("--trade-offs", action="store_true",
                         help="then what it costs to mend each of two rows that pull against each other (minutes)")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes (default 2)")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the search (default 1)")
-    parser.epilog = "What may change, and how far, stands in validation/calibration.yaml of the package."
+    parser.epilog = "What may change, and how far, stands in calibration.yaml: docs/rigs.md."
 
 
 def main(args: argparse.Namespace) -> int:
-    from ..config.names import find_config, unknown
+    from ..config import load_yaml
+    from ..config.names import beside, find_config, unknown
     from ..config.units import SI
     from ..errors import RigError, ended_by
     from ..testbench.configuration import load_rig
     from ..validation import calibrate as c
     from ..validation.calibration_rows import ROWS
+    from ..validation.own_calibration import own_calibration
     from ..validation.trade_off import trade_offs
     from .written import check_json, write_json
 
@@ -44,10 +50,14 @@ def main(args: argparse.Namespace) -> int:
     for name, least in (("generations", 0), ("starts", 0), ("jobs", 1)):
         if getattr(args, name) < least:
             raise RigError(f"--{name} is {getattr(args, name)}, expected at least {least}")
+    config = load_rig(args.rig)
+    stages, rows = (c.load_stages(), ROWS) if args.rig == c.LABORATORY else own_calibration(args.rig, config)
+    if args.trade_offs and rows is not ROWS:
+        raise RigError(f"--trade-offs belongs to the laboratory's rows; those of '{args.rig}' are its own")
     for stage in args.stages or ():
-        if stage not in ROWS:
-            raise RigError(f"--stages: {unknown('stage', stage, ROWS)}")
-    parameters = {f"{stage}.{name}": p for stage, those in c.load_stages().items() for name, p in those.items()}
+        if stage not in stages:
+            raise RigError(f"--stages: {unknown('stage', stage, stages)}")
+    parameters = {f"{stage}.{name}": p for stage, those in stages.items() for name, p in those.items()}
 
     line = ProgressLine()
 
@@ -62,8 +72,7 @@ def main(args: argparse.Namespace) -> int:
 
     curves = []
     try:
-        found, rig = c.calibrate(load_rig(c.LABORATORY), args.generations, args.jobs, args.seed, args.stages, progress,
-                                 args.starts)
+        found, rig = c.calibrate(config, args.generations, args.jobs, args.seed, args.stages, progress, args.starts, stages, rows)
         if args.trade_offs:
             curves = trade_offs(rig, found.after, found.sensitivities, args.jobs, pair)
     except KeyboardInterrupt as stop:
@@ -90,6 +99,9 @@ def main(args: argparse.Namespace) -> int:
             "trade_offs": [asdict(curve) for curve in curves],
             "bounds": {n: [p.low, p.high] for n, p in parameters.items()}, "units": SI})
     if args.write:
-        c.write_values(found.values, find_config("rigs", c.LABORATORY), find_config("controllers", "alfa46"))
+        file = find_config("rigs", args.rig)
+        node = load_yaml(file)
+        controller = find_config("controllers", beside(file, node["controller"])) if "controller" in node else file
+        c.write_values(found.values, file, controller, stages)
         print("written to the rig's configuration")
     return 0

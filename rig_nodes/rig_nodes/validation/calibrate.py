@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache, partial
 from pathlib import Path
@@ -44,20 +44,29 @@ class Parameter:
     why: str
 
 
-def load_stages(path: Path = CALIBRATION_FILE) -> dict[str, dict[str, Parameter]]:
-    """The parameters of calibration.yaml, stage -> name -> parameter; RigError with file and line when it is not right."""
+def load_stages(path: Path = CALIBRATION_FILE, config: RigConfig | None = None) -> dict[str, dict[str, Parameter]]:
+    """The parameters of calibration.yaml, stage -> name -> parameter; RigError with file and line when it is not right.
+
+    config: of the rig whose values they are; the laboratory's by default, whose stages have rows of their own each.
+    """
     node = load_yaml(path)
     check_keys(path, node, ("stages",), ("stages",), "the calibration")
-    check_keys(path, node["stages"], ROWS, ROWS, "stages")
-    return {stage: {name: _parameter(path, parts, name) for name in parts} for stage, parts in node["stages"].items()}
+    stages = node["stages"]
+    if config is None:
+        check_keys(path, stages, ROWS, ROWS, "stages")
+    for stage in stages if isinstance(stages, dict) and stages else (None,):
+        if stage is None or not isinstance(stages[stage], dict) or not stages[stage]:
+            raise RigError(f"{where_of(path, node, 'stages')}: stages must be a map of names, each of the parameters that it searches")
+    rig = config or _laboratory()
+    return {str(stage): {str(name): _parameter(path, parts, name, rig) for name in parts} for stage, parts in stages.items()}
 
 
-def _parameter(path: Path, node, name: str) -> Parameter:
+def _parameter(path: Path, node, name: str, config: RigConfig) -> Parameter:
     where, body = where_of(path, node, name), node[name]
     check_keys(path, body, ("of", "low", "high", "why"), ("of", "low", "high", "why"), name, where)
     times = isinstance(body["of"], dict)
     of = {str(place): float(body["of"][place]) if times else 1.0 for place in body["of"]}
-    dimensions = {_setting(place, where).dimension for place in of}
+    dimensions = {_setting(config, place, where).dimension for place in of}
     low, high = (quantity(body[key], "ratio" if times else min(dimensions), f"{where}: {name}.{key}")
                  for key in ("low", "high"))
     if not low < high:
@@ -65,11 +74,15 @@ def _parameter(path: Path, node, name: str) -> Parameter:
     return Parameter(str(name), of, low, high, str(body["why"]))
 
 
-def _setting(name: str, where: str) -> Setting:
+def _setting(config: RigConfig, name: str, where: str) -> Setting:
     try:
-        return _laboratory().settings.find(name)
+        setting = config.settings.find(name)
+        setting.check_kept()
     except RigError as error:
         raise RigError(f"{where}: {error}") from None
+    if not setting.is_number:
+        raise RigError(f"{where}: {name} is no number that a search could change")
+    return setting
 
 
 @cache
@@ -222,15 +235,16 @@ def sensitivities(config: RigConfig, parameters: dict[str, Parameter], values: d
 
 
 def calibrate(config: RigConfig, generations: int, jobs: int, seed: int, stages: list[str] | None = None,
-              progress: Callable[[str, int, float], None] | None = None, starts: int = 0) -> tuple[Found, RigConfig]:
+              progress: Callable[[str, int, float], None] | None = None, starts: int = 0,
+              known: dict[str, dict[str, Parameter]] | None = None, rows: Mapping[str, Callable] = ROWS) -> tuple[Found, RigConfig]:
     """(what was found, the rig with it): the stages, all or some, one after the other, each on its rows; RigError when
-    calibration.yaml is not right.
+    calibration.yaml is not right. known, rows: stages and what gives the misses in each, by default the laboratory's.
     """
     targets, found = calibrating(), Found({}, {}, {})
-    for stage, those in load_stages().items():
+    for stage, those in (known or load_stages()).items():
         if stages is not None and stage not in stages:
             continue
-        misses = ROWS[stage]
+        misses = rows[stage]
         found.before[stage] = misses(config, targets)
         tell = partial(progress, stage) if progress else None
         turns = generations if len(those) > 4 else min(generations, 15)
@@ -244,12 +258,14 @@ def calibrate(config: RigConfig, generations: int, jobs: int, seed: int, stages:
     return found, config
 
 
-def write_values(values: dict[str, float], rig_file: Path, controller_file: Path) -> None:
+def write_values(values: dict[str, float], rig_file: Path, controller_file: Path,
+                 stages: dict[str, dict[str, Parameter]] | None = None) -> None:
     """Put values ("stage.name" -> SI) into the YAML files of rig and controller, in the units that stand there.
 
-    The rest of the files stays as it is. RigError when a value has no line of its own there.
+    The rest of the files stays as it is. RigError when a value has no line of its own there. stages: the laboratory's by
+    default.
     """
-    stages = load_stages()
+    stages = stages or load_stages()
     texts = {rig_file: rig_file.read_text(), controller_file: controller_file.read_text()}
     for full, value in values.items():
         stage, _, name = full.partition(".")

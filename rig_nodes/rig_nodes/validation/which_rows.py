@@ -12,16 +12,21 @@ from ..config.names import with_bases
 from ..config.schema import check_keys, where_of
 from ..errors import RigError, brief
 
-ROWS_FILE, LABORATORY = "validation.yaml", "laboratory"
+ROWS_FILE, CALIBRATION_FILE, LABORATORY = "validation.yaml", "calibration.yaml", "laboratory"
+
+
+def file_of_rig(rig: str | Path, name: str) -> Path:
+    """A file of a rig's folder, or of the next base that has one; RigError where there is none."""
+    folders = [path.parent for path, _ in with_bases(rig)]
+    found = next((folder / name for folder in folders if (folder / name).is_file()), None)
+    if found is None:
+        raise RigError(f"the rig '{rig}' has no {name}; write one beside its rig.yaml: docs/rigs.md")
+    return found
 
 
 def rows_file(rig: str | Path) -> Path:
-    """validation.yaml of a rig's folder or of the next base that has one; RigError where there is none."""
-    folders = [path.parent for path, _ in with_bases(rig)]
-    found = next((folder / ROWS_FILE for folder in folders if (folder / ROWS_FILE).is_file()), None)
-    if found is None:
-        raise RigError(f"the rig '{rig}' has no {ROWS_FILE}; write one beside its rig.yaml: docs/rigs.md")
-    return found
+    """The rows that a rig is held against, :func:`file_of_rig`."""
+    return file_of_rig(rig, ROWS_FILE)
 
 
 def is_laboratory(path: Path) -> bool:
