@@ -96,3 +96,12 @@ def test_a_rig_without_a_calibration_says_what_it_lacks(folder, capsys):
     assert "there is no stage 'loses'; did you mean 'losses'" in capsys.readouterr().err
     assert main(["calibrate", "--rig", str(folder), "--trade-offs"]) == 2
     assert "--trade-offs belongs to the laboratory's rows" in capsys.readouterr().err
+
+
+def test_check_reads_rows_and_calibration_too(folder, tmp_path, capsys):
+    assert main(["check", str(folder), "--picture", str(tmp_path / "p.svg")]) == 0
+    out = capsys.readouterr().out
+    assert "validation rows: input_drag\n" in out and "calibration: losses.drag\n" in out
+    (folder / "validation.yaml").write_text(ROWS.replace("M_out", "M_aus"))
+    assert main(["check", str(folder), "--picture", str(tmp_path / "p.svg")]) == 2
+    assert "names 'M_aus': there is no signal 'M_aus'" in capsys.readouterr().err

@@ -32,6 +32,8 @@ def main(args) -> int:
         sequence = load_sequence(path, None, args.rig)
         sequence.check_rig(config)
         print(f"sequence {path.stem}: {len(sequence.steps)} steps")
+    for line in _held_against(args.rig, config):
+        print(line)
     picture = Path(args.picture or f"{config.name}_driveline.svg")
     if picture.suffix != ".svg":
         raise RigError(f"--picture {picture}: the picture is an .svg file")
@@ -48,6 +50,24 @@ def _sequences(rig: str) -> list[Path]:
     from ..config.names import find_config
 
     return sorted((find_config("rigs", rig).parent / "sequences").glob("*.yaml"))
+
+
+def _held_against(rig: str, config):
+    """The validation rows and the calibration in the rig's own folder, a line each."""
+    from ..config.names import find_config
+    from ..validation.which_rows import CALIBRATION_FILE, ROWS_FILE, is_laboratory
+
+    folder = find_config("rigs", rig).parent
+    rows = folder / ROWS_FILE
+    if not rows.is_file() or is_laboratory(rows):
+        return
+    from ..validation.own_calibration import own_calibration
+    from ..validation.own_rows import load_rows
+
+    yield f"validation rows: {', '.join(row.target.id for row in load_rows(rows, rig, config))}"
+    if (folder / CALIBRATION_FILE).is_file():
+        stages, _ = own_calibration(rig, config)
+        yield f"calibration: {', '.join(f'{stage}.{name}' for stage, those in stages.items() for name in those)}"
 
 
 def _told(config):
