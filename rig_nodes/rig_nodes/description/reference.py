@@ -46,7 +46,7 @@ def page() -> str:
         "Made from the parts by `./rig list parts --markdown`; a test keeps it in step. [rigs.md](rigs.md) says where they stand in a "
         "rig's folder; what a certain rig has is shown by `./rig list settings --rig NAME`.", "",
         "Each value is `[value with unit, \"its source\"]`. The range is inclusive and given in the unit shown; the units at the end may "
-        "be written too. What has a value under \"left out\" need not be named.", "", "## Parts", ""]
+        "be written too. What has a value under \"left out\" need not be named; \"while it runs\": it can change then too ([settings.md](settings.md)).", "", "## Parts", ""]
     for name in parts.parts():
         out += [f"### {name}", "", _about(name), "", *_joints(parts.part(name)), *_table(_rows(_fields(parts.part(name))))]
     out += ["## Other sections", ""]
@@ -92,13 +92,14 @@ def _rows(those: dict) -> list[dict[str, str]]:
             unit, factor = shown_in(meta["dimension"])
             span = f"{meta['low'] / factor:.6g} to {meta['high'] / factor:.6g}"
         left = "" if one.default is MISSING else ("on" if one.default is True else f"{one.default:.6g} {unit}".rstrip(" -"))
-        out.append({"value": name, "unit": unit, "range": span, "left out": left, "what it is": meta["text"]})
+        out.append({"value": name, "unit": unit, "range": span, "left out": left, "while it runs": "yes" if meta.get("live") else "",
+                    "what it is": meta["text"]})
     return out
 
 
 def _table(rows: list[dict[str, str]]) -> list[str]:
     if not rows:
         return ["It has no values of its own.", ""]
-    own = [key for key in rows[0] if key != "left out" or any(row[key] for row in rows)]
+    own = [key for key in rows[0] if key not in ("left out", "while it runs") or any(row[key] for row in rows)]
     return ["| " + " | ".join(own) + " |", "|" + " --- |" * len(own),
             *("| " + " | ".join(row[key].replace("|", "\\|") for key in own) + " |" for row in rows), ""]
