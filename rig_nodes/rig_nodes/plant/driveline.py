@@ -46,7 +46,8 @@ class System:
     n generalised speeds, b bodies, m friction elements, s shafts. Body speeds are `bodies_from_speeds`
     (b, n) times v; torques on bodies act on the speeds through its transpose; kinetic energy is
     v mass v / 2. `stick` (m,) is the ratio of break-away to kinetic torque, `one_way` (m,) marks
-    free-wheels, `minv`, `w`, `sh`, `kc` go into the kernel as they are.
+    free-wheels, `minv`, `w`, `sh`, `kc` go into the kernel as they are. Slips and twists by the speeds of the bodies are
+    `element_bodies` (m, b) and `shaft_bodies` (s, b); gears, sets and relations are `ties`, their coefficients `tie_rows`.
     """
 
     bodies: tuple[str, ...]
@@ -65,17 +66,25 @@ class System:
     one_way: np.ndarray
     v_start: np.ndarray
     twist_start: np.ndarray
+    element_bodies: np.ndarray
+    shaft_bodies: np.ndarray
+    ties: tuple[str, ...]
+    tie_rows: np.ndarray
 
-    def state(self, max_events: int = 256) -> State:
-        """Initial state, without losses by torque. Free-wheels start overrunning or locked, everything else open."""
+    def state(self, max_events: int = 256, recorded: bool = False) -> State:
+        """Initial state, without losses by torque. Free-wheels start overrunning or locked, everything else open.
+
+        recorded: with places for the angles of the speeds behind the shafts' twists, and for the speeds behind each event.
+        """
         n, m, s = len(self.speeds), len(self.elements), len(self.shafts)
         mode = np.zeros(m, np.int64)
         slip = self.w @ self.v_start
         for f in np.flatnonzero(self.one_way):
             if slip[f] < 0.0:
                 mode[f] = algebra.BACKWARD
-        return State(np.zeros((0, loss_width(n, m))), self.v_start.copy(), self.twist_start.copy(), mode,
-                     np.zeros((4, m)), np.zeros((2, s)), np.zeros(n), np.zeros((max_events, 3)),
+        extra = n if recorded else 0
+        return State(np.zeros((0, loss_width(n, m))), self.v_start.copy(), np.append(self.twist_start, np.zeros(extra)), mode,
+                     np.zeros((4, m)), np.zeros((2, s)), np.zeros(n), np.zeros((max_events, 3 + extra)),
                      np.zeros(2, np.int64), np.zeros(work_size(n, m, s)))
 
     def limits(self) -> np.ndarray:
@@ -99,7 +108,7 @@ class Driveline:
         self._speed: dict[str, float | None] = {}
         self._gears: list[tuple[str, str, float]] = []
         self._relations: dict[str, dict[str, float]] = {}  # coefficients by what people read of it
-        self._relation_names: set[str] = set()
+        self._ties: dict[str, dict[str, float]] = {}  # those of gears, sets and relations by name
         self._shafts: dict[str, tuple] = {}
         self._elements: dict[str, tuple] = {}
 
@@ -115,13 +124,18 @@ class Driveline:
         self._inertia[name] = float(j)
         self._speed[name] = None if speed is None else float(speed)
 
-    def gear(self, a: str, b: str, ratio: float) -> None:
-        """Rigid gear w_a = ratio w_b; a negative ratio turns the direction round."""
+    def gear(self, a: str, b: str, ratio: float, name: str | None = None) -> None:
+        """Rigid gear w_a = ratio w_b; a negative ratio turns the direction round. Without a name it is "a-b"."""
         self._known(f"gear {a}-{b}", a, b)
+        if name is None:
+            alike = sum({a, b} == {one, other} for one, other, _ in self._gears)
+            name = f"{a}-{b}" if alike == 0 else f"{a}-{b}-{alike + 1}"
+        self._new_name(name)
         if not math.isfinite(ratio) or ratio == 0.0:
             raise RigError(f"driveline: ratio of gear {a}-{b} is {ratio}; "
                            "a finite number other than 0 is needed")
         self._gears.append((a, b, float(ratio)))
+        self._ties[name] = {a: 1.0, b: -float(ratio)}
 
     def planetary(self, name: str, sun: str, ring: str, carrier: str, ratio: float) -> None:
         """Planetary set: w_sun + ratio w_ring = (1 + ratio) w_carrier (Willis), ratio = teeth of ring over sun > 0.
@@ -171,16 +185,16 @@ class Driveline:
             raise RigError(f"driveline: {len(self._elements)} friction elements; "
                            f"at most {_MAX_ELEMENTS} work")
         speeds, t = bodies_from_speeds(self._inertia, self._gears, self._relations)
-        row = {name: t[i] for i, name in enumerate(bodies)}
-        row[GROUND] = np.zeros(len(speeds))
         heavy = inertia > 0.0
         mass = t[heavy].T @ (inertia[heavy, None] * t[heavy])
+        row = {name: t[i] for i, name in enumerate(bodies)}
+        row[GROUND] = np.zeros(len(speeds))
         w = np.zeros((len(self._elements), len(speeds)))
-        for f, (name, (a, b, ca, cb, _stick, _drag, _one_way)) in enumerate(self._elements.items()):
+        for f, (name, (a, b, ca, cb, *_)) in enumerate(self._elements.items()):
             w[f] = ca * row[a] - cb * row[b]
             self._moves(name, w[f])
         sh = np.zeros((len(self._shafts), len(speeds)))
-        for i, (name, (a, b, _k, _c, _twist)) in enumerate(self._shafts.items()):
+        for i, (name, (a, b, *_)) in enumerate(self._shafts.items()):
             sh[i] = row[a] - row[b]
             self._moves(name, sh[i])
         given = {name: speed for name, speed in self._speed.items() if speed is not None}
@@ -196,11 +210,14 @@ class Driveline:
                       np.ascontiguousarray(np.linalg.inv(mass)), w, sh,
                       np.array([[x[2] for x in k], [x[3] for x in k]], dtype=float).reshape(2, len(k)),
                       np.array([x[4] for x in e], dtype=float), np.array([x[5] for x in e], dtype=float),
-                      one_way, v_start, np.array([x[4] for x in k], dtype=float))
+                      one_way, v_start, np.array([x[4] for x in k], dtype=float),
+                      _rows(bodies, ({a: ca, b: -cb} for a, b, ca, cb, *_ in e)),
+                      _rows(bodies, ({a: 1.0, b: -1.0} for a, b, *_ in k)),
+                      tuple(self._ties), _rows(bodies, self._ties.values()))
 
     def _new_name(self, name):
         if name == GROUND or any(name in parts for parts in (
-                self._inertia, self._shafts, self._elements, self._relation_names)):
+                self._inertia, self._shafts, self._elements, self._ties)):
             raise RigError(f"driveline: the name '{name}' is already taken; every part needs its own")
 
     def _exist(self, where, *names):
@@ -242,8 +259,7 @@ class Driveline:
             if not math.isfinite(c) or c == 0.0:
                 raise RigError(f"driveline: coefficient of '{body}' in {what} is {c}; "
                                "a finite number other than 0 is needed")
-        self._relation_names.add(name)
-        self._relations[what] = coefficients
+        self._relations[what] = self._ties[name] = coefficients
 
     def _element(self, name, a, b, ca, cb, stick, drag, one_way):
         self._new_name(name)
@@ -256,3 +272,14 @@ class Driveline:
                            "finite numbers other than 0 are needed")
         self._not_negative(f"drag of '{name}'", drag)
         self._elements[name] = (a, b, float(ca), float(cb), float(stick), float(drag), one_way)
+
+
+def _rows(bodies, joints):
+    """Coefficients (joints, bodies) of joints, each a map from bodies to theirs."""
+    joints = list(joints)
+    out = np.zeros((len(joints), len(bodies)))
+    for row, joint in zip(out, joints):
+        for body, c in joint.items():
+            if body != GROUND:
+                row[bodies.index(body)] += c
+    return out

@@ -21,9 +21,11 @@ from rig_nodes.plant.driveline_losses import (
 
 
 @njit(**INNER)
-def note(t, f, kind, events, count):
+def note(t, f, kind, v, events, count):
     if events.shape[0] > 0:
         row = count[N_EVENTS] % events.shape[0]
+        for j in range(events.shape[1] - 3):
+            events[row, 3 + j] = v[j]
         events[row, 0] = t
         events[row, 1] = f
         events[row, 2] = kind
@@ -221,16 +223,16 @@ def resolve(x, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, events, count, 
         new = int(work[ost + f])
         if abs(new) >= 2:
             if abs(old) < 2:
-                note(t, f, int(LOCK), events, count)
+                note(t, f, int(LOCK), v, events, count)
                 made += 1
         elif abs(old) >= 2:
-            note(t, f, int(BREAK), events, count)
+            note(t, f, int(BREAK), v, events, count)
             made += 1
         elif old == 0:
-            note(t, f, int(CLOSE), events, count)
+            note(t, f, int(CLOSE), v, events, count)
             made += 1
         elif old != new:
-            note(t, f, int(CROSS), events, count)
+            note(t, f, int(CROSS), v, events, count)
             made += 1
         mode[f] = new
         work[ocand + f] = 0.0

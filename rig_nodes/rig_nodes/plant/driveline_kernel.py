@@ -128,14 +128,15 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
                 jumps belong on step boundaries. An element with kin, lo, hi zero at both ends is OPEN.
                 loss (k, loss_width(n, m)), columns in driveline_losses: losses that grow with a torque; the
                 capacities of the elements that they own come from there, above 0.
-    State       v (n,), twist (s,), mode (m,) int64: all changed in place. A mode OPEN is set by itself at
+    State       v (n,), twist (s,) or (s + n,), mode (m,) int64: all changed in place; behind the twists of
+                the shafts stand the integrals of the speeds, where there is room. A mode OPEN is set by itself at
                 the start of the step; a locked element must have zero slip when it is handed in.
     Outputs     el (4, m): LAM friction torque at the end (positive opposes positive slip, without drag);
                 IMPULSE += int lam dt; E_FRIC += int lam slip dt; E_VISC += int visc slip^2 dt;
                 shaft (2, s): TAU at the end; E_SHAFT += int c (S v)^2 dt; e_in (n,) += int q v dt.
-    Events      events (rows, 3): time, element, kind, a ring filled from row 0; count (2,) int64: N_EVENTS
-                noted so far, N_CAPPED steps in which the bound on events or pivots was reached. Beyond
-                6 m + 12 events in one step the rest of it runs with the modes as they are.
+    Events      events (rows, 3) or (rows, 3 + n): time, element, kind and the speeds v, a ring filled from row 0;
+                count (2,) int64: N_EVENTS noted so far, N_CAPPED steps in which the bound on events or pivots was
+                reached. Beyond 6 m + 12 events in one step the rest of it runs with the modes as they are.
     work        float64, at least work_size(n, m, s, k), zeros at first.
 
     Method: with fixed modes the trapezoidal rule, which is exact where there is neither drag nor shaft
@@ -171,7 +172,7 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
         work[oforce + f] = 0.0
         if not has_capacity(cap, f):
             if mo != OPEN:
-                note(t, f, int(FREE), events, count)
+                note(t, f, int(FREE), v, events, count)
                 made += 1
                 mode[f] = OPEN
         elif mo == OPEN or abs(mo) == 1:
@@ -184,13 +185,13 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
                     joint = True
                 else:
                     mode[f] = FORWARD if slip > 0.0 else BACKWARD
-                    note(t, f, int(CLOSE), events, count)
+                    note(t, f, int(CLOSE), v, events, count)
                     made += 1
             elif mo * slip < -tol:
                 if mo * slip < -1e-6 * (1.0 + vmax):
                     # left behind by a capped step, or the caller has set another speed
                     mode[f] = -mo
-                    note(t, f, int(CROSS), events, count)
+                    note(t, f, int(CROSS), v, events, count)
                     made += 1
                 else:
                     work[ocand + f] = 1.0
@@ -454,6 +455,8 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
             for j in range(n):
                 force = 0.5 * (lin(q[0, j], q[1, j], xa) + lin(q[0, j], q[1, j], xb))
                 e_in[j] += d * force * (v[j] + 0.5 * work[odv + j])
+                if twist.shape[0] > s:
+                    twist[s + j] += d * (v[j] + 0.5 * work[odv + j])
                 v[j] += work[odv + j]
             for a in range(s):
                 gain = 0.0

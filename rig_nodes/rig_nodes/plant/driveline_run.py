@@ -1,10 +1,12 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs a driveline alone, with torques and capacities given over time.
+"""Runs a driveline alone, with torques and capacities given over time or by a controller; numpy arrays come out.
 
-For tests, examples and drive trains without hydraulics; the rig itself calls the kernel directly.
+`run` runs it at once, `Run` step by step as its user likes; both give a `Result`. The rig itself calls the kernel directly.
 """
+
+from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -17,6 +19,7 @@ from numba import njit
 from rig_nodes.errors import RigError
 from rig_nodes.plant import driveline_algebra as algebra
 from rig_nodes.plant.driveline import System
+from rig_nodes.plant.driveline_inputs import SAME, Input, Signal, step_ends
 from rig_nodes.plant.driveline_kernel import driveline_step
 
 EVENT_NAMES = {algebra.LOCK: "lock", algebra.BREAK: "break", algebra.CROSS: "cross",
@@ -32,21 +35,60 @@ class Event(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Result:
-    """What `run` gives: r rows, one per step end and one for the start.
+class Moment:
+    """What a controller is told: time (s), of the bodies speeds (rad/s) and angles (rad), of the friction elements slips
+    (rad/s), modes and torques (Nm); by name with the methods.
+    """
 
-    t (r,) s; speeds (r, b) rad/s of the bodies; modes (r, m); torques (r, m) friction torque, Nm;
-    shaft_torques (r, s) Nm; stored (r,), e_in (r,), e_fric (r, m), e_visc (r, m), e_shaft (r, s): energy
-    stored, work of the external torques and losses since the start, J; impulse (r, m) Nm s.
-    `capped` counts steps whose bound on events was reached. `speed`, `torque`, `mode` pick by name.
+    system: System
+    t: float
+    speeds: np.ndarray
+    angles: np.ndarray
+    slips: np.ndarray
+    modes: np.ndarray
+    torques: np.ndarray
+
+    def speed(self, body: str) -> float:
+        return float(self.speeds[_place(self.system.bodies, "body", body)])
+
+    def angle(self, body: str) -> float:
+        return float(self.angles[_place(self.system.bodies, "body", body)])
+
+    def slip(self, element: str) -> float:
+        return float(self.slips[_place(self.system.elements, "friction element", element)])
+
+    def locked(self, element: str) -> bool:
+        return abs(int(self.modes[_place(self.system.elements, "friction element", element)])) >= 2
+
+    def torque(self, element: str) -> float:
+        return float(self.torques[_place(self.system.elements, "friction element", element)])
+
+
+Controller = Callable[[Moment], Mapping[str, float] | None]
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a run gives: r rows, one per step end and one for the start.
+
+    t (r,) s; speeds (r, b) rad/s and angles (r, b) rad of the bodies, angles 0 at the start; slips, modes and friction
+    torques (r, m), rad/s and Nm; twists (r, s) rad and shaft_torques (r, s) Nm; pushes (r, b) Nm, torques on the bodies from
+    outside; stored (r,), e_in (r,), e_fric (r, m), e_visc (r, m), e_shaft (r, s): energy stored, work of the torques from
+    outside and losses since the start, J; impulse (r, m) Nm s. A torque that jumps at a row has its value before the jump
+    there, but in row 0. `event_speeds` (e, b): of the bodies at each of the events. `capped` counts steps
+    whose bound on events was reached. The methods pick by name; RigError for a name that does not exist.
     """
 
     system: System
     t: np.ndarray
     speeds: np.ndarray
+    angles: np.ndarray
+    slips: np.ndarray
     modes: np.ndarray
     torques: np.ndarray
+    twists: np.ndarray
     shaft_torques: np.ndarray
+    pushes: np.ndarray
     stored: np.ndarray
     e_in: np.ndarray
     e_fric: np.ndarray
@@ -54,21 +96,64 @@ class Result:
     e_shaft: np.ndarray
     impulse: np.ndarray
     events: list[Event]
+    event_speeds: np.ndarray
     capped: int
 
     def speed(self, body: str) -> np.ndarray:
-        return self.speeds[:, self.system.bodies.index(body)]
+        return self.speeds[:, _place(self.system.bodies, "body", body)]
 
-    def torque(self, element: str) -> np.ndarray:
-        return self.torques[:, self.system.elements.index(element)]
+    def angle(self, body: str) -> np.ndarray:
+        return self.angles[:, _place(self.system.bodies, "body", body)]
+
+    def slip(self, element: str) -> np.ndarray:
+        return self.slips[:, _place(self.system.elements, "friction element", element)]
 
     def mode(self, element: str) -> np.ndarray:
-        return self.modes[:, self.system.elements.index(element)]
+        return self.modes[:, _place(self.system.elements, "friction element", element)]
+
+    def torque(self, name: str, body: str | None = None) -> np.ndarray:
+        """Torque (r,) in Nm: of a clutch, brake or free-wheel, without its drag; of a shaft; or that which a gear, a planetary
+        set or a relation puts on one of its bodies, which is named then.
+        """
+        s = self.system
+        if name in s.elements:
+            return self.torques[:, s.elements.index(name)]
+        if name in s.shafts:
+            return self.shaft_torques[:, s.shafts.index(name)]
+        k = _place(s.ties, "clutch, shaft, gear or set", name, (*s.elements, *s.shafts, *s.ties))
+        joined = [b for b, c in zip(s.bodies, s.tie_rows[k]) if c != 0.0]
+        if body not in joined:
+            raise RigError(f"driveline: '{name}' puts torques on {' and '.join(joined)}; name one of them")
+        return self._by_ties()[:, k] * s.tie_rows[k, s.bodies.index(body)]
+
+    def accelerations(self) -> np.ndarray:
+        """Of the bodies (r, b), rad/s2."""
+        s = self.system
+        return self._on_speeds() @ s.minv @ s.bodies_from_speeds.T
 
     def residual(self) -> np.ndarray:
         """Work in - change of stored energy - losses, J, for every row: rounding only."""
         losses = self.e_fric.sum(axis=1) + self.e_visc.sum(axis=1) + self.e_shaft.sum(axis=1)
         return self.e_in - (self.stored - self.stored[0]) - losses
+
+    def _on_speeds(self):
+        s = self.system
+        return self.pushes @ s.bodies_from_speeds - (self.torques + s.drag * self.slips) @ s.w - self.shaft_torques @ s.sh
+
+    def _by_ties(self):
+        """Of each gear and relation (r, ties), by which its coefficients are multiplied; where several could share a torque, the
+        least ones.
+        """
+        s = self.system
+        joints = (self.torques + s.drag * self.slips) @ s.element_bodies + self.shaft_torques @ s.shaft_bodies
+        missing = self.accelerations() * s.inertia - self.pushes + joints
+        return missing @ np.linalg.pinv(s.tie_rows)
+
+
+def _place(names, kind, name, known=None):
+    if name not in names:
+        raise RigError(f"driveline: there is no {kind} '{name}'; there are: {', '.join(known or names) or 'none'}")
+    return names.index(name)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -77,116 +162,159 @@ def _run_steps(t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in
     for i in range(q.shape[0]):
         driveline_step(t[i + 1] - t[i], t[i], minv, w, sh, kc, q[i], cap[i], loss, v, twist, mode, el, shaft,
                        e_in, events, count, work)
-        out_v[i + 1] = v
-        out_twist[i + 1] = twist
-        out_mode[i + 1] = mode
-        out_el[i + 1] = el
-        out_shaft[i + 1] = shaft
-        out_e_in[i + 1] = e_in
+        out_v[i] = v
+        out_twist[i] = twist
+        out_mode[i] = mode
+        out_el[i] = el
+        out_shaft[i] = shaft
+        out_e_in[i] = e_in
 
 
-Signal = float | Callable[[float], float] | tuple[Sequence[float], Sequence[float]]
+class Run:
+    """A run of a driveline that can be stepped, stopped and continued; it begins at t = 0.
 
+    step: s. inputs: by body name the torque on it (Nm), by clutch or brake name its kinetic torque (Nm, >= 0); each a number,
+    a function of time, or a table (times, values), linear between its points, with a time named twice where it jumps. A step
+    ends at each point of a table, unless points are as close as steps: then each step takes the table's mean over it. Times at
+    which functions jump or bend go into `breakpoints`; steps end there. What has no input is without torque or open.
+    controller: called at the start and every so many steps with the Moment; what it gives, by name as inputs, holds
+    until its next call. A copy (copy.deepcopy) goes on for itself. RigError for names that do not exist, negative
+    capacities, values that are not finite, and steps that are not positive.
+    """
 
-def _ends(signal, name, t, jumps, step):
-    """Right limits at the start and left limits at the end of every step, (len(t) - 1, 2)."""
-    out = np.empty((len(t) - 1, 2))
-    if callable(signal):
-        near = 1e-9 * step
-        at = np.array([float(signal(x)) for x in t])
-        out[:, 0], out[:, 1] = at[:-1], at[1:]
-        for i in np.flatnonzero(np.isin(t, jumps)):
-            if i < len(t) - 1:
-                out[i, 0] = float(signal(t[i] + near))
-            if i > 0:
-                out[i - 1, 1] = float(signal(t[i] - near))
-    elif isinstance(signal, tuple):
-        times, values = np.asarray(signal[0], float), np.asarray(signal[1], float)
-        if times.ndim != 1 or times.shape != values.shape or len(times) == 0 or np.any(np.diff(times) < 0.0):
-            raise RigError(f"driveline: the table for '{name}' needs as many values as times, "
-                           "times not falling")
-        out[:, 0], out[:, 1] = np.interp(t[:-1], times, values), np.interp(t[1:], times, values)
-        for x in times[1:][np.diff(times) == 0.0]:
-            i = int(np.argmin(np.abs(t - x)))
-            if i < len(t) - 1:
-                out[i, 0] = values[np.searchsorted(times, x, side="right") - 1]
-            if i > 0:
-                out[i - 1, 1] = values[np.searchsorted(times, x, side="left")]
-    else:
-        out[:] = float(signal)
-    if not np.all(np.isfinite(out)):
-        raise RigError(f"driveline: the input '{name}' is not finite at some time; finite numbers are needed")
-    return out
+    def __init__(self, system: System, step: float, inputs: Mapping[str, Signal] | None = None, *,
+                 breakpoints: Sequence[float] = (), controller: Controller | None = None, every: int = 1,
+                 max_events: int = 10000):
+        if not (math.isfinite(step) and step > 0.0):
+            raise RigError(f"driveline: a step of {step} s; a finite number above 0 is needed")
+        if every < 1 or every != int(every):
+            raise RigError(f"driveline: the controller is called every {every} steps; a whole number from 1 on is needed")
+        self.system, self.step_length = system, float(step)
+        self._controller, self._every, self._max_events = controller, int(every), max_events
+        self._state = system.state(max_events, recorded=True)
+        self._inputs: dict[str, Input] = {}
+        self._breakpoints = np.unique(np.array([float(x) for x in breakpoints]))
+        self._t, self._calls = 0.0, 0
+        self._rows: list[tuple] = []
+        self._events: list[np.ndarray] = []
+        self.set(**(inputs or {}))
 
+    @property
+    def t(self) -> float:
+        """Time that has been reached, s."""
+        return self._t
 
-def _grid(t_end, step, jumps):
-    count = max(1, round(t_end / step))
-    if abs(count * step - t_end) > 1e-6 * step:
-        count = math.ceil(t_end / step)
-    t = np.minimum(np.arange(count + 1) * step, t_end)
-    t[-1] = t_end
-    for x in jumps:
-        i = int(np.argmin(np.abs(t - x)))
-        if abs(t[i] - x) <= 1e-6 * step:
-            t[i] = x
-        else:
-            t = np.insert(t, np.searchsorted(t, x), x)
-    return t
+    def set(self, **inputs: Signal) -> None:
+        """Give inputs other values or courses from now on."""
+        free = [name for f, name in enumerate(self.system.elements) if not self.system.one_way[f]]
+        for name, signal in inputs.items():
+            if name not in self.system.bodies and name not in free:
+                raise RigError(f"driveline: there is no input '{name}'; inputs are: "
+                               + ", ".join([*self.system.bodies, *free]))
+            self._inputs[name] = Input(name, signal, self.step_length)
+        self._points = np.unique(np.concatenate([self._breakpoints, *(one.points for one in self._inputs.values())]))
+
+    def now(self) -> Moment:
+        """The state that has been reached."""
+        s, x = self.system, self._state
+        return Moment(s, self._t, s.bodies_from_speeds @ x.v, s.bodies_from_speeds @ x.twist[len(s.shafts):], s.w @ x.v,
+                      x.mode.copy(), x.el[algebra.LAM].copy())
+
+    def step(self, count: int = 1) -> Moment:
+        """So many steps on, to whole multiples of the step."""
+        return self.to((math.floor(self._t / self.step_length + SAME) + count) * self.step_length)
+
+    def to(self, t_end: float) -> Moment:
+        """On to a time in s; one that has been reached does nothing."""
+        if not math.isfinite(t_end):
+            raise RigError(f"driveline: end time {t_end} s; a finite number is needed")
+        near = SAME * self.step_length
+        while t_end - self._t > near:
+            stop = t_end
+            if self._controller is not None:
+                call = self._calls * self._every * self.step_length
+                if call - self._t <= near:
+                    self._calls += 1
+                    self.set(**(self._controller(self.now()) or {}))
+                    call = self._calls * self._every * self.step_length
+                stop = min(stop, call)
+            self._advance(step_ends(self._t, stop, self.step_length, self._points))
+        return self.now()
+
+    def result(self) -> Result:
+        """All since the start."""
+        s = self.system
+        rows = self._rows or [self._first(np.zeros((1, 2, len(s.bodies))), s.limits()[None], np.zeros(2))]
+        t, v, twist, mode, el, shaft, e_in, pushes = (np.concatenate(one) for one in zip(*rows))
+        events = np.concatenate([*self._events, np.zeros((0, 3 + len(s.speeds)))])
+        angles, twist = twist[:, len(s.shafts):], twist[:, :len(s.shafts)]
+        stored = 0.5 * (np.einsum("ri,ij,rj->r", v, s.mass, v) + twist**2 @ s.kc[0])
+        return Result(s, t, v @ s.bodies_from_speeds.T, angles @ s.bodies_from_speeds.T, v @ s.w.T, mode,
+                      el[:, algebra.LAM], twist, shaft[:, algebra.TAU], pushes, stored, e_in.sum(axis=1), el[:, algebra.E_FRIC],
+                      el[:, algebra.E_VISC], shaft[:, algebra.E_SHAFT], el[:, algebra.IMPULSE],
+                      [Event(float(a[0]), s.elements[int(a[1])], EVENT_NAMES[int(a[2])]) for a in events],
+                      events[:, 3:] @ s.bodies_from_speeds.T, int(self._state.count[algebra.N_CAPPED]))
+
+    def _advance(self, t):
+        s, x, steps = self.system, self._state, len(t) - 1
+        pushes, cap = self._given(t)
+        q = np.ascontiguousarray(pushes @ s.bodies_from_speeds)
+        if not self._rows:
+            self._rows.append(self._first(pushes, cap, t))
+        out = [np.empty((steps, *a.shape), a.dtype) for a in (x.v, x.twist, x.mode, x.el, x.shaft, x.e_in)]
+        x.count[algebra.N_EVENTS] = 0
+        self._move(t, q, cap, x, out)
+        count = int(x.count[algebra.N_EVENTS])
+        if count > self._max_events:
+            raise RigError(f"driveline: {count} events between {t[0]:g} and {t[-1]:g} s; max_events is {self._max_events}")
+        self._rows.append((t[1:], *out, pushes[:, 1]))
+        self._events.append(x.events[:count].copy())
+        self._t = float(t[-1])
+
+    def _given(self, t):
+        """Torques on the bodies (k, 2, b) and `cap` (k, 7, m) of the kernel at the ends of k steps between times t."""
+        s = self.system
+        pushes = np.zeros((len(t) - 1, 2, len(s.bodies)))
+        cap = np.repeat(s.limits()[None], len(t) - 1, axis=0)
+        for name, one in self._inputs.items():
+            if name in s.bodies:
+                pushes[:, :, s.bodies.index(name)] = one.ends(t, self._breakpoints)
+                continue
+            ends = one.ends(t, self._breakpoints, 0.0)
+            f = s.elements.index(name)
+            for k in (0, 1):
+                cap[:, algebra.KIN0 + k, f] = ends[:, k]
+                cap[:, algebra.HI0 + k, f] = s.stick[f] * ends[:, k]
+                cap[:, algebra.LO0 + k, f] = -s.stick[f] * ends[:, k]
+        return pushes, cap
+
+    def _move(self, t, q, cap, x, out):
+        s = self.system
+        _run_steps(t, s.minv, s.w, s.sh, s.kc, q, cap, x.loss, x.v, x.twist, x.mode, x.el, x.shaft, x.e_in, x.events, x.count,
+                   x.work, *out)
+
+    def _first(self, pushes, cap, t):
+        """Row 0, whose torques are those of a step of no length."""
+        s, start = self.system, self.system.state(0, recorded=True)
+        ends = [cap[:1].copy(), pushes[:1].copy()]
+        for row in (algebra.KIN0, algebra.LO0, algebra.HI0):
+            ends[0][:, row + 1] = ends[0][:, row]
+        ends[1][:, 1] = ends[1][:, 0]
+        out = [np.empty((1, *a.shape), a.dtype) for a in (start.v, start.twist, start.mode, start.el, start.shaft, start.e_in)]
+        probe = t[0] + np.array([0.0, 1e-9 * self.step_length])
+        self._move(probe, np.ascontiguousarray(ends[1] @ s.bodies_from_speeds), ends[0], start, out)
+        v, twist, mode, el, shaft, e_in = out
+        begin = s.state(0, recorded=True)
+        el[:, 1:], shaft[:, algebra.E_SHAFT] = 0.0, 0.0
+        return t[:1], begin.v[None], begin.twist[None], mode, el, shaft, np.zeros_like(e_in), ends[1][:, 1]
 
 
 def run(system: System, t_end: float, step: float, inputs: Mapping[str, Signal] | None = None,
-        breakpoints: Sequence[float] = (), max_events: int = 10000) -> Result:
-    """Run a driveline from t = 0 to t_end (s) in steps of `step` (s).
-
-    inputs: by body name the torque on it (Nm), by clutch or brake name its kinetic torque (Nm, >= 0);
-    each a number, a function of time, or a table (times, values), linear between its points, with a time
-    named twice where it jumps. Times at which functions jump or bend go into `breakpoints`; steps end
-    there. What has no input is without torque or open. Raises RigError for unknown names, negative
-    capacities, values that are not finite, and steps that are not positive.
-    """
-    inputs = dict(inputs or {})
-    if not (math.isfinite(step) and math.isfinite(t_end) and step > 0.0 and t_end > 0.0):
-        raise RigError(f"driveline: step {step} and end time {t_end} must both be finite and above 0")
-    free = [name for f, name in enumerate(system.elements) if not system.one_way[f]]
-    for name in inputs:
-        if name not in system.bodies and name not in free:
-            raise RigError(f"driveline: there is no input '{name}'; inputs are: "
-                           + ", ".join([*system.bodies, *free]))
-    jumps = {float(x) for x in breakpoints}
-    for signal in inputs.values():
-        if isinstance(signal, tuple):
-            jumps |= {float(x) for x in signal[0]}
-    jumps = sorted(x for x in jumps if 0.0 <= x <= t_end)
-    t = _grid(float(t_end), float(step), jumps)
-    steps = len(t) - 1
-    q = np.zeros((steps, 2, len(system.speeds)))
-    cap = np.repeat(system.limits()[None], steps, axis=0)
-    for name, signal in inputs.items():
-        ends = _ends(signal, name, t, np.array(jumps), step)
-        if name in system.bodies:
-            q += ends[:, :, None] * system.bodies_from_speeds[system.bodies.index(name)]
-            continue
-        if np.any(ends < 0.0):
-            raise RigError(f"driveline: the capacity of '{name}' falls to {ends.min():g} Nm; "
-                           "it must be at least 0")
-        f = system.elements.index(name)
-        for k in (0, 1):
-            cap[:, algebra.KIN0 + k, f] = ends[:, k]
-            cap[:, algebra.HI0 + k, f] = system.stick[f] * ends[:, k]
-            cap[:, algebra.LO0 + k, f] = -system.stick[f] * ends[:, k]
-    x = system.state(max_events)
-    out = [np.zeros((steps + 1, *a.shape), a.dtype) for a in (x.v, x.twist, x.mode, x.el, x.shaft, x.e_in)]
-    for a, start in zip(out, (x.v, x.twist, x.mode, x.el, x.shaft, x.e_in)):
-        a[0] = start
-    _run_steps(t, system.minv, system.w, system.sh, system.kc, q, cap, x.loss, x.v, x.twist, x.mode, x.el,
-               x.shaft, x.e_in, x.events, x.count, x.work, *out)
-    v, twist, mode, el, shaft, e_in = out
-    if x.count[algebra.N_EVENTS] > max_events:
-        raise RigError(f"driveline: {x.count[algebra.N_EVENTS]} events in the run; "
-                       f"max_events is {max_events}")
-    events = [Event(float(a[0]), system.elements[int(a[1])], EVENT_NAMES[int(a[2])])
-              for a in x.events[:x.count[algebra.N_EVENTS]]]
-    stored = 0.5 * (np.einsum("ri,ij,rj->r", v, system.mass, v) + twist**2 @ system.kc[0])
-    return Result(system, t, v @ system.bodies_from_speeds.T, mode, el[:, algebra.LAM], shaft[:, algebra.TAU],
-                  stored, e_in.sum(axis=1), el[:, algebra.E_FRIC], el[:, algebra.E_VISC],
-                  shaft[:, algebra.E_SHAFT], el[:, algebra.IMPULSE], events, int(x.count[algebra.N_CAPPED]))
+        breakpoints: Sequence[float] = (), max_events: int = 10000, *, controller: Controller | None = None,
+        every: int = 1) -> Result:
+    """Run a driveline from t = 0 to t_end (s) in steps of `step` (s); arguments and errors as those of `Run`."""
+    if not (math.isfinite(t_end) and t_end > 0.0):
+        raise RigError(f"driveline: end time {t_end} s; a finite number above 0 is needed")
+    one = Run(system, step, inputs, breakpoints=breakpoints, controller=controller, every=every, max_events=max_events)
+    one.to(t_end)
+    return one.result()

@@ -1,0 +1,156 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Torques, capacities and factors over time as users give them: numbers, functions and tables.
+
+Used by plant/driveline_run.py, which wants of each the times at which steps shall end and its values at both ends of every step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from rig_nodes.errors import RigError
+
+Signal = float | Callable[[float], float] | tuple[Sequence[float], Sequence[float]]
+
+SAME = 1e-6  # of a step: times nearer than that are one time
+_FEW = 100  # points of a table at each of which a step ends, whatever the step
+_SPARSE = 10  # steps for each point of a longer table at each of which a step ends
+
+
+class _Number:
+    def __init__(self, name, value):
+        self.name, self.points = name, np.zeros(0)
+        try:
+            self.value = float(value)
+        except (TypeError, ValueError):
+            raise RigError(f"driveline: the input '{name}' is {value!r}; a number, a function of time or a table "
+                           "(times, values) is needed") from None
+
+    def ends(self, t, step, stops):
+        return np.full((len(t) - 1, 2), self.value)
+
+
+class _Function:
+    def __init__(self, name, function):
+        self.name, self.function, self.points = name, function, np.zeros(0)
+
+    def ends(self, t, step, stops):
+        at = np.array([float(self.function(x)) for x in t])
+        out = np.column_stack([at[:-1], at[1:]])
+        near = 1e-9 * step + 4.0 * np.spacing(t[-1])
+        for i in np.flatnonzero(_near(t, stops, SAME * step)[1]):
+            if i < len(t) - 1:
+                out[i, 0] = float(self.function(t[i] + near))
+            if i > 0:
+                out[i - 1, 1] = float(self.function(t[i] - near))
+        return out
+
+
+class _Table:
+    """Linear between its points, the first and last value before and behind them; a time stands twice at a jump.
+
+    A step ends at every point, unless points are as close as steps: then each step takes the mean of the table over it.
+    """
+
+    def __init__(self, name, table, step):
+        self.name = name
+        try:
+            self.times, self.values = (np.asarray(one, float) for one in table)
+        except (TypeError, ValueError):
+            self.times, self.values = np.zeros(1), np.zeros(0)
+        times, values = self.times, self.values
+        if times.ndim != 1 or times.shape != values.shape or len(times) == 0 or np.any(np.diff(times) < 0.0):
+            raise RigError(f"driveline: the table for '{name}' needs as many values as times, times not falling")
+        if not (np.isfinite(times).all() and np.isfinite(values).all()):
+            raise RigError(f"driveline: the table for '{name}' is not finite at some point; finite numbers are needed")
+        self.dense = len(times) > max(_FEW, (times[-1] - times[0]) / step / _SPARSE)
+        self.points = np.zeros(0) if self.dense else times
+        if self.dense:
+            self._level = values.mean()  # taken out, so that the sum stays small and its differences exact
+            rest = values - self._level
+            self._sum = np.concatenate([[0.0], np.cumsum(0.5 * (rest[1:] + rest[:-1]) * np.diff(times))])
+
+    def ends(self, t, step, stops):
+        at, _ = _near(t, self.times, SAME * step)
+        out = np.column_stack([self._limit(at[:-1], "right"), self._limit(at[1:], "left")])
+        if self.dense:
+            lacks = self._level + np.diff(self._integral(t)) / np.diff(t) - out.mean(axis=1)
+            lacks[np.abs(lacks) < 1e-12 * np.abs(self.values).max()] = 0.0
+            out += lacks[:, None]
+        return out
+
+    def _limit(self, t, side):
+        out = np.interp(t, self.times, self.values)
+        last = len(self.times) - 1
+        i = np.searchsorted(self.times, t, side)
+        i = np.clip(i - 1 if side == "right" else i, 0, last)
+        on = self.times[i] == t
+        out[on] = self.values[i[on]]
+        return out
+
+    def _integral(self, t):
+        """Of the table without its level."""
+        times, rest = self.times, self.values - self._level
+        inside = np.clip(t, times[0], times[-1])
+        i = np.clip(np.searchsorted(times, inside, "right") - 1, 0, len(times) - 2)
+        along = inside - times[i]
+        wide = np.maximum(times[i + 1] - times[i], np.finfo(float).tiny)
+        inner = self._sum[i] + along * (rest[i] + 0.5 * (rest[i + 1] - rest[i]) * along / wide)
+        return inner + np.minimum(t - times[0], 0.0) * rest[0] + np.maximum(t - times[-1], 0.0) * rest[-1]
+
+
+def _near(t, points, within):
+    """(t with each time that is near a point moved there, where that is)."""
+    if len(points) == 0:
+        return t, np.zeros(len(t), bool)
+    i = np.searchsorted(points, t)
+    below, above = points[np.maximum(i - 1, 0)], points[np.minimum(i, len(points) - 1)]
+    nearest = np.where(np.abs(t - below) < np.abs(above - t), below, above)
+    found = np.abs(nearest - t) <= within
+    return np.where(found, nearest, t), found
+
+
+class Input:
+    """One input: `points`, times at which steps shall end; `ends`, its values (k, 2) at both ends of k steps."""
+
+    def __init__(self, name: str, signal: Signal, step: float):
+        self.name = name
+        if callable(signal):
+            self._signal = _Function(name, signal)
+        elif isinstance(signal, tuple):
+            self._signal = _Table(name, signal, step) if len(signal) == 2 else _Table(name, ([0.0], []), step)
+        else:
+            self._signal = _Number(name, signal)
+        self.points = self._signal.points
+        self._step = step
+
+    def ends(self, t: np.ndarray, stops: np.ndarray, least: float = -np.inf) -> np.ndarray:
+        """Right limits at the start and left limits at the end of the steps between times t; stops: where functions jump.
+
+        RigError where a value is not finite or below `least`.
+        """
+        out = self._signal.ends(t, self._step, stops)
+        if not np.isfinite(out).all():
+            at = t[np.flatnonzero(~np.isfinite(out).all(axis=1))[0]]
+            raise RigError(f"driveline: the input '{self.name}' is not finite at {at:g} s; finite numbers are needed")
+        lowest = self._signal.values.min() if isinstance(self._signal, _Table) else out.min(initial=np.inf)
+        if lowest < least:
+            raise RigError(f"driveline: the capacity of '{self.name}' falls to {lowest:g} Nm; it must be at least 0")
+        return np.maximum(out, least)
+
+
+def step_ends(begin: float, end: float, step: float, points: np.ndarray) -> np.ndarray:
+    """Times from begin to end: whole multiples of the step, the points between, and the end where it is none of these."""
+    near = SAME * step
+    first, last = int(np.floor(begin / step + SAME)) + 1, int(np.floor(end / step + SAME))
+    t = np.arange(first, last + 1) * step
+    if len(t) == 0 or end - t[-1] > near:
+        t = np.append(t, end)
+    t = np.concatenate([[begin], t])
+    inside = np.unique(points[(points > begin + near) & (points < t[-1] - near)])
+    inside = inside[~_near(inside, t, near)[1]]
+    return np.union1d(t, inside) if len(inside) else t

@@ -1,0 +1,81 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Natural frequencies, damping and mode shapes of a driveline, with some of its friction elements locked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg
+
+from rig_nodes.errors import RigError
+from rig_nodes.plant.driveline import System
+
+_STILL = 1e-7  # of the highest pole: a pole this slow is that of a driveline which turns as one
+
+
+@dataclass(frozen=True)
+class Modes:
+    """The modes of a driveline, slowest first, k rows.
+
+    frequencies (k,): undamped natural frequency, Hz; 0 where bodies turn as one, without any shaft between them giving way.
+    damping (k,): of the critical one; 1 for a motion that only dies away, at the rate of 2 pi times its frequency. shapes
+    (k, b): amplitudes of the bodies, the largest of each row 1; complex where damping shifts the bodies' phases.
+    """
+
+    bodies: tuple[str, ...]
+    frequencies: np.ndarray
+    damping: np.ndarray
+    shapes: np.ndarray
+
+
+def modes(system: System, locked: Sequence[str] = ()) -> Modes:
+    """Modes with the clutches, brakes and free-wheels that `locked` names locked and all others open, which keep their drag.
+
+    RigError for a name that does not exist.
+    """
+    for name in locked:
+        if name not in system.elements:
+            raise RigError(f"driveline: there is no friction element '{name}'; there are: "
+                           f"{', '.join(system.elements) or 'none'}")
+    held = np.array([name in locked for name in system.elements], bool)
+    free = linalg.null_space(system.w[held]) if held.any() else np.eye(len(system.speeds))
+    if free.shape[1] == 0:
+        return Modes(system.bodies, np.zeros(0), np.zeros(0), np.zeros((0, len(system.bodies))))
+    twist, slip = system.sh @ free, system.w[~held] @ free
+    mass = free.T @ system.mass @ free
+    stiffness = twist.T @ (system.kc[0][:, None] * twist)
+    drag = twist.T @ (system.kc[1][:, None] * twist) + slip.T @ (system.drag[~held][:, None] * slip)
+    if drag.any():
+        frequencies, damping, shapes = _damped(mass, stiffness, drag)
+    else:
+        squares, shapes = linalg.eigh(stiffness, mass)
+        squares[np.abs(squares) <= _STILL**2 * max(squares.max(), np.finfo(float).tiny)] = 0.0
+        frequencies, damping, shapes = np.sqrt(squares), np.zeros(len(squares)), shapes.T
+    shapes = shapes @ (system.bodies_from_speeds @ free).T
+    shapes = shapes / np.take_along_axis(shapes, np.abs(shapes).argmax(axis=1)[:, None], 1)
+    order = np.argsort(frequencies, kind="stable")
+    return Modes(system.bodies, frequencies[order] / (2.0 * math.pi), damping[order], shapes[order])
+
+
+def _damped(mass, stiffness, drag):
+    """Natural angular frequencies, damping and shapes, by the poles of speeds and angles, these in a unit that makes both alike."""
+    n = len(mass)
+    inverse = np.linalg.inv(mass)
+    fast = math.sqrt(np.linalg.norm(inverse @ stiffness)) or 1.0
+    poles, vectors = linalg.eig(np.block([[np.zeros((n, n)), fast * np.eye(n)], [-inverse @ stiffness / fast, -inverse @ drag]]))
+    still = np.abs(poles) <= _STILL * np.abs(poles).max()
+    # what turns as one has its angle free, a pole at 0
+    rigid = linalg.null_space(stiffness, rcond=_STILL**2)
+    rows = [(0.0, 0.0, shape) for shape in rigid.T]
+    for pole, vector in zip(poles[~still], vectors[n:, ~still].T):
+        if pole.imag > 1e-9 * abs(pole):
+            rows.append((abs(pole), -pole.real / abs(pole), vector))
+        elif abs(pole.imag) <= 1e-9 * abs(pole):
+            rows.append((abs(pole), math.copysign(1.0, -pole.real), vector.real))
+    frequencies, damping, shapes = zip(*rows)
+    return np.array(frequencies), np.array(damping), np.array(shapes)
