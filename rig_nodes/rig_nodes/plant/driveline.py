@@ -9,7 +9,7 @@ description.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,10 +17,15 @@ import numpy as np
 from rig_nodes.errors import RigError
 from rig_nodes.plant import driveline_algebra as algebra
 from rig_nodes.plant.driveline_algebra import work_size
+from rig_nodes.plant.driveline_laws import CAPACITY, FRICTION, INERTIA, MOTION, SHAFT, TORQUE, Law
 from rig_nodes.plant.driveline_losses import loss_width
+from rig_nodes.plant.driveline_tables import Table, table_of, value_at
 from rig_nodes.plant.driveline_ties import GROUND, bodies_from_speeds, start_speeds
 
 _MAX_ELEMENTS = 50
+_CRANK_POINTS = 3601
+
+Points = tuple[Sequence[float], Sequence[float]]
 
 
 @dataclass
@@ -45,9 +50,10 @@ class System:
 
     n generalised speeds, b bodies, m friction elements, s shafts. Body speeds are `bodies_from_speeds`
     (b, n) times v; torques on bodies act on the speeds through its transpose; kinetic energy is
-    v mass v / 2. `stick` (m,) is the ratio of break-away to kinetic torque, `one_way` (m,) marks
+    v mass v / 2. `stick` (2, m) is the ratio of break-away to kinetic torque forwards and backwards, `one_way` (m,) marks
     free-wheels, `minv`, `w`, `sh`, `kc` go into the kernel as they are. Slips and twists by the speeds of the bodies are
-    `element_bodies` (m, b) and `shaft_bodies` (s, b); gears, sets and relations are `ties`, their coefficients `tie_rows`.
+    `element_bodies` (m, b) and `shaft_bodies` (s, b); gears, sets and relations are `ties`, their coefficients `tie_rows`. `laws`, sorted by kind,
+    have the slots behind the shafts in `slots` (s and more, n) and read the inputs `factors`, numbers (their defaults) by name.
     """
 
     bodies: tuple[str, ...]
@@ -70,20 +76,25 @@ class System:
     shaft_bodies: np.ndarray
     ties: tuple[str, ...]
     tie_rows: np.ndarray
+    laws: tuple[Law, ...]
+    slots: np.ndarray
+    factors: dict[str, float]
 
     def state(self, max_events: int = 256, recorded: bool = False) -> State:
         """Initial state, without losses by torque. Free-wheels start overrunning or locked, everything else open.
 
         recorded: with places for the angles of the speeds behind the shafts' twists, and for the speeds behind each event.
         """
-        n, m, s = len(self.speeds), len(self.elements), len(self.shafts)
+        n, m, s = len(self.speeds), len(self.elements), len(self.slots)
         mode = np.zeros(m, np.int64)
         slip = self.w @ self.v_start
         for f in np.flatnonzero(self.one_way):
             if slip[f] < 0.0:
                 mode[f] = algebra.BACKWARD
         extra = n if recorded else 0
-        return State(np.zeros((0, loss_width(n, m))), self.v_start.copy(), np.append(self.twist_start, np.zeros(extra)), mode,
+        twist = np.zeros(s + extra)
+        twist[:len(self.shafts)] = self.twist_start
+        return State(np.zeros((0, loss_width(n, m))), self.v_start.copy(), twist, mode,
                      np.zeros((4, m)), np.zeros((2, s)), np.zeros(n), np.zeros((max_events, 3 + extra)),
                      np.zeros(2, np.int64), np.zeros(work_size(n, m, s)))
 
@@ -111,6 +122,10 @@ class Driveline:
         self._ties: dict[str, dict[str, float]] = {}  # those of gears, sets and relations by name
         self._shafts: dict[str, tuple] = {}
         self._elements: dict[str, tuple] = {}
+        self._soft: dict[str, tuple] = {}  # characteristics of shafts that are no straight lines
+        self._friction: dict[str, Table] = {}
+        self._capacities: dict[str, tuple] = {}
+        self._acts: dict[str, tuple] = {}  # torques, motions and inertias by the motion itself
 
     def inertia(self, name: str, j: float, speed: float | None = None) -> None:
         """A body with inertia j (kg m2) and initial speed (rad/s, default 0 or given by what ties it to others).
@@ -149,31 +164,139 @@ class Driveline:
         """Speeds of two or more bodies, the ground among them if need be, times these coefficients have the sum 0."""
         self._relate("relation", name, {body: float(c) for body, c in coefficients.items()}, 2)
 
-    def shaft(self, name: str, a: str, b: str, *, stiffness: float, damping: float = 0.0,
-              twist: float = 0.0) -> None:
-        """Compliant shaft: torque = stiffness (Nm/rad) * twist + damping (Nm s/rad) * (w_a - w_b)."""
+    def shaft(self, name: str, a: str, b: str, ca: float = 1.0, cb: float = 1.0, *, stiffness: float | None = None,
+              damping: float = 0.0, twist: float = 0.0, table: Points | None = None, backlash: float = 0.0,
+              hysteresis: Sequence[tuple[float, float]] = ()) -> None:
+        """Compliant shaft: torque = stiffness (Nm/rad) * twist + damping (Nm s/rad) * its rate ca w_a - cb w_b.
+
+        table: (twists, torques) in place of a stiffness, straight on beyond its ends. backlash: rad from contact to contact, in
+        the middle at twist 0; without torque or damping between. hysteresis: springs (stiffness, torque) beside that, each of
+        which slides at its torque. The torque acts on a times ca and on b times cb.
+        """
         self._new_name(name)
         self._known(f"shaft '{name}'", a, b)
-        self._not_negative(f"stiffness of shaft '{name}'", stiffness)
+        self._coefficients(name, ca, cb)
+        if (stiffness is None) == (table is None):
+            raise RigError(f"driveline: shaft '{name}' needs a stiffness or a table, one of them")
         self._not_negative(f"damping of shaft '{name}'", damping)
-        self._shafts[name] = (a, b, float(stiffness), float(damping), float(twist))
+        self._not_negative(f"backlash of shaft '{name}'", backlash)
+        if not math.isfinite(twist):
+            raise RigError(f"driveline: twist of shaft '{name}' is {twist}; a finite number is needed")
+        springs = tuple((float(k), float(limit)) for k, limit in hysteresis)
+        for k, limit in springs:
+            self._positive(f"stiffness in the hysteresis of shaft '{name}'", k)
+            self._positive(f"torque in the hysteresis of shaft '{name}'", limit)
+        if table is None:
+            self._not_negative(f"stiffness of shaft '{name}'", stiffness)
+            table = ([-1.0, 0.0, 1.0], [-stiffness, 0.0, stiffness])
+            soft = backlash > 0.0 or bool(springs)
+        else:
+            soft = True
+        if soft:
+            table = table_of(f"shaft '{name}'", table, "straight")
+            if len(table.x) < 2 or np.any(np.diff(table.y) < 0.0) or np.any(np.diff(table.x) == 0.0):
+                raise RigError(f"driveline: the table of shaft '{name}' needs two points or more, twists rising, torques not falling")
+            if backlash > 0.0:
+                if abs(value_at(table, 0.0)) > 0.0:
+                    raise RigError(f"driveline: the table of shaft '{name}' has {value_at(table, 0.0):g} Nm at twist 0; "
+                                   "with backlash it must be 0 there")
+                table = _apart(table, 0.5 * backlash)
+            stiffness = (value_at(table, twist + 1e-9) - value_at(table, twist - 1e-9)) / 2e-9 + sum(k for k, _ in springs)
+            if abs(twist) < 0.5 * backlash:
+                damping, damped = 0.0, damping
+            else:
+                damped = damping
+            self._soft[name] = table, 0.5 * backlash, float(damped), springs
+        self._shafts[name] = (a, b, float(ca), float(cb), float(stiffness), float(damping), float(twist))
 
-    def clutch(self, name: str, a: str, b: str, ca: float = 1.0, cb: float = 1.0, *, stick: float = 1.0,
-               drag: float = 0.0) -> None:
+    def clutch(self, name: str, a: str, b: str, ca: float = 1.0, cb: float = 1.0, *,
+               stick: float | tuple[float, float] = 1.0, drag: float = 0.0, friction: Points | None = None) -> None:
         """Friction clutch with slip = ca w_a - cb w_b (coefficients: it sits on geared wheels of a and b).
 
-        `stick` >= 1 is break-away over kinetic torque, `drag` (Nm s/rad) acts on the slip at all times.
-        The capacity (kinetic torque, Nm) is an input of the run.
+        `stick` >= 1 is break-away over kinetic torque, of both directions or (a ahead of b, b ahead of a); `drag`
+        (Nm s/rad) acts on the slip at all times. The capacity (kinetic torque, Nm) is an input of the run; friction
+        (slips, factors) multiplies it over the slip's size (rad/s), its first factor that at rest.
         """
-        self._element(name, a, b, ca, cb, stick, drag, False)
+        self._element(name, a, b, ca, cb, stick, drag, False, friction)
 
-    def brake(self, name: str, a: str, *, stick: float = 1.0, drag: float = 0.0) -> None:
+    def brake(self, name: str, a: str, *, stick: float | tuple[float, float] = 1.0, drag: float = 0.0,
+              friction: Points | None = None) -> None:
         """A clutch to ground: slip = w_a."""
-        self._element(name, a, GROUND, 1.0, 1.0, stick, drag, False)
+        self._element(name, a, GROUND, 1.0, 1.0, stick, drag, False, friction)
 
     def freewheel(self, name: str, a: str, b: str = GROUND, *, drag: float = 0.0) -> None:
         """One-way clutch: a cannot turn faster than b; it overruns without torque while a is slower."""
         self._element(name, a, b, 1.0, 1.0, 1.0, drag, True)
+
+    def torque(self, name: str, a: str, b: str = GROUND, *, table: Points, by: str = "speed", of: str | None = None,
+               period: float | None = None, angle: float = 0.0) -> None:
+        """Torque on a, and its opposite on b, that follows a table (speeds or angles, torques) of w_a - w_b or its angle.
+
+        of: the body whose speed or angle counts instead. The table is flat beyond its ends, an angle may stand twice where it
+        jumps; period: it repeats itself. angle: at the start. An input of its name multiplies it, 1 without.
+        """
+        self._new_name(name)
+        what = f"torque '{name}'"
+        self._known(what, a, b)
+        if of is not None:
+            self._exist(what, of)
+        table = self._law_table(what, table, by, period)
+        self._acts[name] = TORQUE, {a: 1.0, b: -1.0}, {a: 1.0, b: -1.0} if of is None else {of: 1.0}, by, table, float(angle)
+
+    def capacity(self, element: str, of: str, *, table: Points, by: str = "speed", period: float | None = None,
+                 angle: float = 0.0) -> None:
+        """The capacity of a clutch or brake follows a table of a body's speed or angle, or of another element's slip.
+
+        The element's input then multiplies it, 1 without. Below 0 the table counts as 0.
+        """
+        what = f"capacity of '{element}'"
+        if element not in self._elements or self._elements[element][6]:
+            raise RigError(f"driveline: {what}: there is no clutch or brake of that name")
+        if element in self._capacities:
+            raise RigError(f"driveline: {what} follows another table already; one is allowed")
+        if of in self._elements:
+            a, b, ca, cb, *_ = self._elements[of]
+            reads = {a: ca, b: -cb}
+        else:
+            self._exist(what, of)
+            reads = {of: 1.0}
+        self._capacities[element] = reads, by, self._law_table(what, table, by, period), float(angle)
+
+    def motion(self, name: str, body: str) -> None:
+        """Prescribed motion: the speed of a body (rad/s) is the input of this name; without one it stays as it starts.
+
+        Its torque is found, and is a result; a speed that jumps is reached within a step. Speeds of bodies that gears tie to each other can be prescribed once.
+        """
+        self._new_name(name)
+        self._exist(f"motion '{name}'", body)
+        self._acts[name] = MOTION, {body: 1.0}, {body: 1.0}, "speed", Table(np.zeros(1), np.zeros(1)), 0.0
+
+    def varying_inertia(self, name: str, body: str, *, table: Points, period: float | None = None, angle: float = 0.0) -> None:
+        """Inertia on a body, beside its own, that follows a table (angles, inertias) of its angle, `angle` at the start."""
+        self._new_name(name)
+        what = f"varying inertia '{name}'"
+        self._exist(what, body)
+        table = table_of(what, table, "flat", period)
+        if table.y.min() < 0.0:
+            raise RigError(f"driveline: the table of {what} falls to {table.y.min():g} kg m2; it must be at least 0")
+        if not math.isfinite(angle):
+            raise RigError(f"driveline: angle of {what} is {angle}; a finite number is needed")
+        self._acts[name] = INERTIA, {body: 1.0}, {body: 1.0}, "angle", table, float(angle)
+
+    def slider_crank(self, name: str, body: str, *, mass: float, radius: float, rod: float, angle: float = 0.0) -> None:
+        """A slider of a mass (kg) that a body moves by a crank (radius, m) and a rod (length, m) without mass.
+
+        angle: of the crank at the start, 0 where the slider is farthest from the shaft.
+        """
+        what = f"slider-crank '{name}'"
+        for of, number in (("mass", mass), ("radius", radius), ("rod", rod)):
+            self._positive(f"{of} of {what}", number)
+        if rod <= radius:
+            raise RigError(f"driveline: rod of {what} is {rod:g} m, its radius {radius:g} m; the rod must be longer")
+        at = np.linspace(0.0, 2.0 * math.pi, _CRANK_POINTS)
+        across = radius * np.sin(at)
+        moved = -across - across * radius * np.cos(at) / np.sqrt(rod**2 - across**2)
+        self.varying_inertia(name, body, table=(at, mass * moved**2), period=2.0 * math.pi, angle=angle)
 
     def build(self) -> System:
         """Eliminate gears and relations and give the arrays; refuses what contradicts itself."""
@@ -194,8 +317,8 @@ class Driveline:
             w[f] = ca * row[a] - cb * row[b]
             self._moves(name, w[f])
         sh = np.zeros((len(self._shafts), len(speeds)))
-        for i, (name, (a, b, *_)) in enumerate(self._shafts.items()):
-            sh[i] = row[a] - row[b]
+        for i, (name, (a, b, ca, cb, *_)) in enumerate(self._shafts.items()):
+            sh[i] = ca * row[a] - cb * row[b]
             self._moves(name, sh[i])
         given = {name: speed for name, speed in self._speed.items() if speed is not None}
         v_start = start_speeds(given, bodies, t)
@@ -208,16 +331,48 @@ class Driveline:
         k = list(self._shafts.values())
         return System(bodies, tuple(self._elements), tuple(self._shafts), speeds, inertia, t, mass,
                       np.ascontiguousarray(np.linalg.inv(mass)), w, sh,
-                      np.array([[x[2] for x in k], [x[3] for x in k]], dtype=float).reshape(2, len(k)),
-                      np.array([x[4] for x in e], dtype=float), np.array([x[5] for x in e], dtype=float),
-                      one_way, v_start, np.array([x[4] for x in k], dtype=float),
+                      np.array([[x[4] for x in k], [x[5] for x in k]], dtype=float).reshape(2, len(k)),
+                      np.array([x[4] for x in e], dtype=float).reshape(len(e), 2).T, np.array([x[5] for x in e], dtype=float),
+                      one_way, v_start, np.array([x[6] for x in k], dtype=float),
                       _rows(bodies, ({a: ca, b: -cb} for a, b, ca, cb, *_ in e)),
-                      _rows(bodies, ({a: 1.0, b: -1.0} for a, b, *_ in k)),
-                      tuple(self._ties), _rows(bodies, self._ties.values()))
+                      _rows(bodies, ({a: ca, b: -cb} for a, b, ca, cb, *_ in k)),
+                      tuple(self._ties), _rows(bodies, self._ties.values()), *self._laws_of(bodies, speeds, t, w, sh, v_start))
+
+    def _laws_of(self, bodies, speeds, t, w, sh, v_start):
+        """Laws, the rows of shafts and of what laws need behind them, and the inputs that laws read with their defaults."""
+        laws, slots, factors = [], list(sh), {}
+        nothing = np.zeros(len(bodies))
+        elements, shafts = list(self._elements), list(self._shafts)
+        for name, (reads, by, table, angle) in self._capacities.items():
+            of = _rows(bodies, [reads])[0] @ t
+            laws.append(Law(name, CAPACITY, by == "angle", of, 0.0 * of, nothing, table, element=elements.index(name), start=angle))
+        for name, table in self._friction.items():
+            f = elements.index(name)
+            laws.append(Law(name, FRICTION, False, w[f], 0.0 * w[f], nothing, table, element=f))
+        for name, (table, gap, damping, springs) in self._soft.items():
+            i = shafts.index(name)
+            laws.append(Law(name, SHAFT, True, sh[i], 0.0 * sh[i], nothing, table, slot=i, start=self._shafts[name][6], gap=gap,
+                            damping=damping, springs=springs))
+        for name, (kind, on, of, by, table, angle) in self._acts.items():
+            acts = _rows(bodies, [on])[0]
+            on, of = acts @ t, _rows(bodies, [of])[0] @ t
+            self._moves(name, on)
+            slot = factor = -1
+            if kind == TORQUE and np.array_equal(on, of):
+                slot = len(slots)
+                slots.append(on)
+            if kind in (TORQUE, MOTION):
+                factor = len(factors)
+                factors[name] = 1.0 if kind == TORQUE else float(on @ v_start)
+            laws.append(Law(name, kind, by == "angle", of, on, acts, table, slot, -1, factor, angle))
+        held = np.array([law.on for law in laws if law.kind == MOTION]).reshape(-1, len(speeds))
+        if np.linalg.matrix_rank(held) < len(held):
+            raise RigError("driveline: motions prescribe the speeds of bodies that gears or relations tie together; one is enough")
+        return tuple(sorted(laws, key=lambda law: law.kind)), np.array(slots).reshape(-1, len(speeds)), factors
 
     def _new_name(self, name):
         if name == GROUND or any(name in parts for parts in (
-                self._inertia, self._shafts, self._elements, self._ties)):
+                self._inertia, self._shafts, self._elements, self._ties, self._acts)):
             raise RigError(f"driveline: the name '{name}' is already taken; every part needs its own")
 
     def _exist(self, where, *names):
@@ -261,17 +416,44 @@ class Driveline:
                                "a finite number other than 0 is needed")
         self._relations[what] = self._ties[name] = coefficients
 
-    def _element(self, name, a, b, ca, cb, stick, drag, one_way):
+    def _element(self, name, a, b, ca, cb, stick, drag, one_way, friction=None):
         self._new_name(name)
         self._known(f"'{name}'", a, b)
-        if not (math.isfinite(stick) and stick >= 1.0):
+        both = stick if isinstance(stick, tuple) else (stick, stick)
+        if len(both) != 2 or not all(math.isfinite(one) and one >= 1.0 for one in both):
             raise RigError(f"driveline: stick ratio of '{name}' is {stick}; "
-                           "a finite number of at least 1 is needed")
+                           "a finite number of at least 1 is needed, or two for the two directions")
+        self._coefficients(name, ca, cb)
+        self._not_negative(f"drag of '{name}'", drag)
+        if friction is not None:
+            table = table_of(f"friction of '{name}'", friction)
+            if table.x[0] != 0.0 or table.y.min() <= 0.0 or np.any(np.diff(table.x) == 0.0):
+                raise RigError(f"driveline: the table of friction of '{name}' needs slips that rise from 0 and factors above 0")
+            self._friction[name] = table
+        self._elements[name] = (a, b, float(ca), float(cb), tuple(map(float, both)), float(drag), one_way)
+
+    @staticmethod
+    def _coefficients(name, ca, cb):
         if not (math.isfinite(ca) and math.isfinite(cb) and ca != 0.0 and cb != 0.0):
             raise RigError(f"driveline: coefficients of '{name}' are {ca} and {cb}; "
                            "finite numbers other than 0 are needed")
-        self._not_negative(f"drag of '{name}'", drag)
-        self._elements[name] = (a, b, float(ca), float(cb), float(stick), float(drag), one_way)
+
+    @staticmethod
+    def _law_table(what, table, by, period):
+        if by not in ("speed", "angle"):
+            raise RigError(f"driveline: {what} is by '{by}'; by speed and by angle are possible")
+        table = table_of(what, table, "flat", period)
+        if by == "speed" and np.any(np.diff(table.x) == 0.0):
+            raise RigError(f"driveline: the table of {what} jumps at {table.x[1:][np.diff(table.x) == 0.0][0]:g} rad/s; over a speed "
+                           "it cannot: give two speeds between which it changes, or use a clutch where it is friction")
+        return table
+
+
+def _apart(table, gap):
+    """A table that goes through 0 at 0, drawn apart there by a gap on either side."""
+    left, right = table.x < 0.0, table.x > 0.0
+    return Table(np.concatenate([table.x[left] - gap, [-gap, gap], table.x[right] + gap]),
+                 np.concatenate([table.y[left], [0.0, 0.0], table.y[right]]), table.beyond)
 
 
 def _rows(bodies, joints):

@@ -270,7 +270,7 @@ def implicit(d, w, sh, kc, cap, work):
                 moved += w[f, i] * work[op + i * n + j] * w[f, j]
         work[HEAD + m + f] = UNSEEN / max(0.5 * d * moved, UNSEEN * UNSEEN)
         work[HEAD + f] = cap[VISC, f]
-        if cap[VISC, f] > 0.0:
+        if cap[VISC, f] != 0.0:
             coupled = True
     for i in range(n * n):
         work[oh + i] = work[op + i]

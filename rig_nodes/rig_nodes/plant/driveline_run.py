@@ -21,6 +21,8 @@ from rig_nodes.plant import driveline_algebra as algebra
 from rig_nodes.plant.driveline import System
 from rig_nodes.plant.driveline_inputs import SAME, Input, Signal, step_ends
 from rig_nodes.plant.driveline_kernel import driveline_step
+from rig_nodes.plant.driveline_laws import CAPACITY, INERTIA, MOTION, SHAFT, TORQUE, law_state, laws_of, run_laws
+from rig_nodes.plant.driveline_tables import slope_at, stored_in
 
 EVENT_NAMES = {algebra.LOCK: "lock", algebra.BREAK: "break", algebra.CROSS: "cross",
                algebra.FREE: "free", algebra.CLOSE: "close"}
@@ -75,8 +77,9 @@ class Result:
     torques (r, m), rad/s and Nm; twists (r, s) rad and shaft_torques (r, s) Nm; pushes (r, b) Nm, torques on the bodies from
     outside; stored (r,), e_in (r,), e_fric (r, m), e_visc (r, m), e_shaft (r, s): energy stored, work of the torques from
     outside and losses since the start, J; impulse (r, m) Nm s. A torque that jumps at a row has its value before the jump
-    there, but in row 0. `event_speeds` (e, b): of the bodies at each of the events. `capped` counts steps
-    whose bound on events was reached. The methods pick by name; RigError for a name that does not exist.
+    there, but in row 0. laws (r, l): torque of each law of the system, factor or inertia at its angle. `event_speeds` (e, b):
+    of the bodies at each of the events. `capped` counts steps
+    whose bound on events was reached or whose laws were not met. The methods pick by name; RigError for a name that does not exist.
     """
 
     system: System
@@ -89,6 +92,8 @@ class Result:
     twists: np.ndarray
     shaft_torques: np.ndarray
     pushes: np.ndarray
+    laws: np.ndarray
+    law_angles: np.ndarray
     stored: np.ndarray
     e_in: np.ndarray
     e_fric: np.ndarray
@@ -112,15 +117,19 @@ class Result:
         return self.modes[:, _place(self.system.elements, "friction element", element)]
 
     def torque(self, name: str, body: str | None = None) -> np.ndarray:
-        """Torque (r,) in Nm: of a clutch, brake or free-wheel, without its drag; of a shaft; or that which a gear, a planetary
-        set or a relation puts on one of its bodies, which is named then.
+        """Torque (r,) in Nm: of a clutch, brake or free-wheel, without its drag; of a shaft; of a torque or motion of the
+        description, the motion's as the mean of the last step; or that which a gear, a planetary set or a relation puts on one
+        of its bodies, which is named then.
         """
         s = self.system
         if name in s.elements:
             return self.torques[:, s.elements.index(name)]
         if name in s.shafts:
             return self.shaft_torques[:, s.shafts.index(name)]
-        k = _place(s.ties, "clutch, shaft, gear or set", name, (*s.elements, *s.shafts, *s.ties))
+        acting = {law.name: k for k, law in enumerate(s.laws) if law.kind in (TORQUE, MOTION)}
+        if name in acting:
+            return self.laws[:, acting[name]]
+        k = _place(s.ties, "clutch, shaft, gear or set", name, (*s.elements, *s.shafts, *acting, *s.ties))
         joined = [b for b, c in zip(s.bodies, s.tie_rows[k]) if c != 0.0]
         if body not in joined:
             raise RigError(f"driveline: '{name}' puts torques on {' and '.join(joined)}; name one of them")
@@ -129,7 +138,11 @@ class Result:
     def accelerations(self) -> np.ndarray:
         """Of the bodies (r, b), rad/s2."""
         s = self.system
-        return self._on_speeds() @ s.minv @ s.bodies_from_speeds.T
+        forces, mass = self._on_speeds(), np.repeat(s.mass[None], len(self.t), axis=0)
+        for k, law in self._inertias():
+            mass += self.laws[:, k, None, None] * np.outer(law.on, law.on)
+            forces -= self._bending(k, law)[:, None] * law.on
+        return np.linalg.solve(mass, forces[:, :, None])[:, :, 0] @ s.bodies_from_speeds.T
 
     def residual(self) -> np.ndarray:
         """Work in - change of stored energy - losses, J, for every row: rounding only."""
@@ -140,13 +153,23 @@ class Result:
         s = self.system
         return self.pushes @ s.bodies_from_speeds - (self.torques + s.drag * self.slips) @ s.w - self.shaft_torques @ s.sh
 
+    def _inertias(self):
+        return [(k, law) for k, law in enumerate(self.system.laws) if law.kind == INERTIA]
+
+    def _bending(self, k, law):
+        """What an inertia over an angle takes to turn at constant speed."""
+        return 0.5 * slope_at(law.table, self.law_angles[:, k]) * (self.speeds @ law.bodies) ** 2
+
     def _by_ties(self):
         """Of each gear and relation (r, ties), by which its coefficients are multiplied; where several could share a torque, the
         least ones.
         """
         s = self.system
         joints = (self.torques + s.drag * self.slips) @ s.element_bodies + self.shaft_torques @ s.shaft_bodies
-        missing = self.accelerations() * s.inertia - self.pushes + joints
+        gains = self.accelerations()
+        missing = gains * s.inertia - self.pushes + joints
+        for k, law in self._inertias():
+            missing += (self.laws[:, k] * (gains @ law.bodies) + self._bending(k, law))[:, None] * law.bodies
         return missing @ np.linalg.pinv(s.tie_rows)
 
 
@@ -173,8 +196,8 @@ def _run_steps(t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in
 class Run:
     """A run of a driveline that can be stepped, stopped and continued; it begins at t = 0.
 
-    step: s. inputs: by body name the torque on it (Nm), by clutch or brake name its kinetic torque (Nm, >= 0); each a number,
-    a function of time, or a table (times, values), linear between its points, with a time named twice where it jumps. A step
+    step: s. inputs: by body name the torque on it (Nm), by clutch or brake name its kinetic torque (Nm, >= 0), by the name of
+    a torque or of a capacity of the description what multiplies it, of a motion its speed (rad/s); each a number, a function of time, or a table (times, values), linear between its points, with a time named twice where it jumps. A step
     ends at each point of a table, unless points are as close as steps: then each step takes the table's mean over it. Times at
     which functions jump or bend go into `breakpoints`; steps end there. What has no input is without torque or open.
     controller: called at the start and every so many steps with the Moment; what it gives, by name as inputs, holds
@@ -192,6 +215,7 @@ class Run:
         self.system, self.step_length = system, float(step)
         self._controller, self._every, self._max_events = controller, int(every), max_events
         self._state = system.state(max_events, recorded=True)
+        self._laws, self._own = laws_of(system.laws, len(system.speeds)), law_state(system.laws)
         self._inputs: dict[str, Input] = {}
         self._breakpoints = np.unique(np.array([float(x) for x in breakpoints]))
         self._t, self._calls = 0.0, 0
@@ -206,18 +230,18 @@ class Run:
 
     def set(self, **inputs: Signal) -> None:
         """Give inputs other values or courses from now on."""
-        free = [name for f, name in enumerate(self.system.elements) if not self.system.one_way[f]]
+        s = self.system
+        known = [*s.bodies, *(name for f, name in enumerate(s.elements) if not s.one_way[f]), *s.factors]
         for name, signal in inputs.items():
-            if name not in self.system.bodies and name not in free:
-                raise RigError(f"driveline: there is no input '{name}'; inputs are: "
-                               + ", ".join([*self.system.bodies, *free]))
+            if name not in known:
+                raise RigError(f"driveline: there is no input '{name}'; inputs are: {', '.join(known)}")
             self._inputs[name] = Input(name, signal, self.step_length)
         self._points = np.unique(np.concatenate([self._breakpoints, *(one.points for one in self._inputs.values())]))
 
     def now(self) -> Moment:
         """The state that has been reached."""
         s, x = self.system, self._state
-        return Moment(s, self._t, s.bodies_from_speeds @ x.v, s.bodies_from_speeds @ x.twist[len(s.shafts):], s.w @ x.v,
+        return Moment(s, self._t, s.bodies_from_speeds @ x.v, s.bodies_from_speeds @ x.twist[len(s.slots):], s.w @ x.v,
                       x.mode.copy(), x.el[algebra.LAM].copy())
 
     def step(self, count: int = 1) -> Moment:
@@ -244,69 +268,99 @@ class Run:
     def result(self) -> Result:
         """All since the start."""
         s = self.system
-        rows = self._rows or [self._first(np.zeros((1, 2, len(s.bodies))), s.limits()[None], np.zeros(2))]
-        t, v, twist, mode, el, shaft, e_in, pushes = (np.concatenate(one) for one in zip(*rows))
+        if not self._rows:
+            self._rows.append(self._first(np.zeros(2)))
+        t, pushes, v, twist, mode, el, shaft, e_in, laws, law_angles, springs, work = map(np.concatenate, zip(*self._rows))
         events = np.concatenate([*self._events, np.zeros((0, 3 + len(s.speeds)))])
-        angles, twist = twist[:, len(s.shafts):], twist[:, :len(s.shafts)]
-        stored = 0.5 * (np.einsum("ri,ij,rj->r", v, s.mass, v) + twist**2 @ s.kc[0])
+        angles, twist = twist[:, len(s.slots):], twist[:, :len(s.shafts)]
+        pushes = pushes + sum(laws[:, k, None] * law.bodies for k, law in enumerate(s.laws) if law.kind in (TORQUE, MOTION))
         return Result(s, t, v @ s.bodies_from_speeds.T, angles @ s.bodies_from_speeds.T, v @ s.w.T, mode,
-                      el[:, algebra.LAM], twist, shaft[:, algebra.TAU], pushes, stored, e_in.sum(axis=1), el[:, algebra.E_FRIC],
-                      el[:, algebra.E_VISC], shaft[:, algebra.E_SHAFT], el[:, algebra.IMPULSE],
-                      [Event(float(a[0]), s.elements[int(a[1])], EVENT_NAMES[int(a[2])]) for a in events],
+                      el[:, algebra.LAM], twist, shaft[:, algebra.TAU, :len(s.shafts)], pushes, laws, law_angles,
+                      self._stored(v, twist, laws, law_angles, springs), e_in.sum(axis=1) + work[:, 0],
+                      el[:, algebra.E_FRIC], el[:, algebra.E_VISC], shaft[:, algebra.E_SHAFT, :len(s.shafts)],
+                      el[:, algebra.IMPULSE], [Event(float(a[0]), s.elements[int(a[1])], EVENT_NAMES[int(a[2])]) for a in events],
                       events[:, 3:] @ s.bodies_from_speeds.T, int(self._state.count[algebra.N_CAPPED]))
 
+    def _stored(self, v, twist, laws, law_angles, springs):
+        s = self.system
+        straight = s.kc[0].copy()
+        out = 0.5 * np.einsum("ri,ij,rj->r", v, s.mass, v)
+        for k, law in enumerate(s.laws):
+            if law.kind == SHAFT:
+                straight[law.slot] = 0.0
+                out += stored_in(law.table, twist[:, law.slot])
+            elif law.kind == INERTIA:
+                out += 0.5 * laws[:, k] * (v @ law.on) ** 2
+        out += 0.5 * twist**2 @ straight
+        return out + 0.5 * springs**2 @ (1.0 / self._laws.springs[:, 0])
+
     def _advance(self, t):
-        s, x, steps = self.system, self._state, len(t) - 1
-        pushes, cap = self._given(t)
-        q = np.ascontiguousarray(pushes @ s.bodies_from_speeds)
+        s, x = self.system, self._state
         if not self._rows:
-            self._rows.append(self._first(pushes, cap, t))
-        out = [np.empty((steps, *a.shape), a.dtype) for a in (x.v, x.twist, x.mode, x.el, x.shaft, x.e_in)]
+            self._rows.append(self._first(t))
+        pushes, cap, given = self._given(t)
         x.count[algebra.N_EVENTS] = 0
-        self._move(t, q, cap, x, out)
+        out = self._move(t, pushes, cap, given, x, self._own)
         count = int(x.count[algebra.N_EVENTS])
         if count > self._max_events:
             raise RigError(f"driveline: {count} events between {t[0]:g} and {t[-1]:g} s; max_events is {self._max_events}")
-        self._rows.append((t[1:], *out, pushes[:, 1]))
+        self._rows.append((t[1:], pushes[:, 1], *out))
         self._events.append(x.events[:count].copy())
         self._t = float(t[-1])
 
     def _given(self, t):
-        """Torques on the bodies (k, 2, b) and `cap` (k, 7, m) of the kernel at the ends of k steps between times t."""
-        s = self.system
-        pushes = np.zeros((len(t) - 1, 2, len(s.bodies)))
-        cap = np.repeat(s.limits()[None], len(t) - 1, axis=0)
+        """At both ends of the k steps between times t: torques on the bodies (k, 2, b), `cap` (k, 7, m) of the kernel, and what
+        laws read (k, 2, inputs).
+        """
+        s, steps = self.system, len(t) - 1
+        pushes = np.zeros((steps, 2, len(s.bodies)))
+        cap = np.repeat(s.limits()[None], steps, axis=0)
+        given = np.empty((steps, 2, len(s.factors)))
+        for i, (name, default) in enumerate(s.factors.items()):
+            given[:, :, i] = self._inputs[name].ends(t, self._breakpoints) if name in self._inputs else default
+        for name in {law.name for law in s.laws if law.kind == CAPACITY} - set(self._inputs):
+            self._put(cap, s.elements.index(name), np.ones((steps, 2)))
         for name, one in self._inputs.items():
             if name in s.bodies:
                 pushes[:, :, s.bodies.index(name)] = one.ends(t, self._breakpoints)
-                continue
-            ends = one.ends(t, self._breakpoints, 0.0)
-            f = s.elements.index(name)
-            for k in (0, 1):
-                cap[:, algebra.KIN0 + k, f] = ends[:, k]
-                cap[:, algebra.HI0 + k, f] = s.stick[f] * ends[:, k]
-                cap[:, algebra.LO0 + k, f] = -s.stick[f] * ends[:, k]
-        return pushes, cap
+            elif name in s.elements:
+                self._put(cap, s.elements.index(name), one.ends(t, self._breakpoints, 0.0))
+        return pushes, cap, given
 
-    def _move(self, t, q, cap, x, out):
-        s = self.system
-        _run_steps(t, s.minv, s.w, s.sh, s.kc, q, cap, x.loss, x.v, x.twist, x.mode, x.el, x.shaft, x.e_in, x.events, x.count,
-                   x.work, *out)
+    def _put(self, cap, f, ends):
+        for k in (0, 1):
+            cap[:, algebra.KIN0 + k, f] = ends[:, k]
+            cap[:, algebra.HI0 + k, f] = self.system.stick[0, f] * ends[:, k]
+            cap[:, algebra.LO0 + k, f] = -self.system.stick[1, f] * ends[:, k]
 
-    def _first(self, pushes, cap, t):
+    def _move(self, t, pushes, cap, given, x, own):
+        """Moves the state x, and the laws' own, through the steps between times t; what it has been at the end of each."""
+        s, steps = self.system, len(t) - 1
+        q = np.ascontiguousarray(pushes @ s.bodies_from_speeds)
+        kc = np.zeros((2, len(s.slots)))
+        kc[:, :len(s.shafts)] = s.kc
+        out = [np.empty((steps, *a.shape), a.dtype) for a in (x.v, x.twist, x.mode, x.el, x.shaft, x.e_in)]
+        soft = [np.zeros((steps, *a.shape)) for a in (own.torque, own.at, own.spring, own.work)]
+        state = (x.loss, x.v, x.twist, x.mode, x.el, x.shaft, x.e_in, x.events, x.count, x.work)
+        if s.laws:
+            run_laws(t, self._laws, own, given, s.mass, s.minv, s.w, s.slots, kc, q, cap, *state, *out, *soft)
+        else:
+            _run_steps(t, s.minv, s.w, s.slots, kc, q, cap, *state, *out)
+        return *out, *soft
+
+    def _first(self, t):
         """Row 0, whose torques are those of a step of no length."""
-        s, start = self.system, self.system.state(0, recorded=True)
-        ends = [cap[:1].copy(), pushes[:1].copy()]
+        s, begin = self.system, self.system.state(0, recorded=True)
+        pushes, cap, given = self._given(t[:2])
         for row in (algebra.KIN0, algebra.LO0, algebra.HI0):
-            ends[0][:, row + 1] = ends[0][:, row]
-        ends[1][:, 1] = ends[1][:, 0]
-        out = [np.empty((1, *a.shape), a.dtype) for a in (start.v, start.twist, start.mode, start.el, start.shaft, start.e_in)]
-        probe = t[0] + np.array([0.0, 1e-9 * self.step_length])
-        self._move(probe, np.ascontiguousarray(ends[1] @ s.bodies_from_speeds), ends[0], start, out)
-        v, twist, mode, el, shaft, e_in = out
-        begin = s.state(0, recorded=True)
+            cap[:, row + 1] = cap[:, row]
+        for ends in (pushes, given):
+            ends[:, 1] = ends[:, 0]
+        v, twist, mode, el, shaft, e_in, laws, law_angles, springs, work = self._move(
+            t[0] + np.array([0.0, 1e-9 * self.step_length]), pushes, cap, given, s.state(0, recorded=True), law_state(s.laws))
         el[:, 1:], shaft[:, algebra.E_SHAFT] = 0.0, 0.0
-        return t[:1], begin.v[None], begin.twist[None], mode, el, shaft, np.zeros_like(e_in), ends[1][:, 1]
+        return (t[:1], pushes[:, 1], begin.v[None], begin.twist[None], mode, el, shaft, 0.0 * e_in, laws, law_angles, 0.0 * springs,
+                0.0 * work)
 
 
 def run(system: System, t_end: float, step: float, inputs: Mapping[str, Signal] | None = None,

@@ -1,0 +1,459 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What in a driveline depends on its own motion: torques, capacities, friction, shafts, prescribed motion, inertia over an angle.
+
+Called by plant/driveline_run.py in place of the bare step where a description has any of these; the engine of a rig calls
+none of it. In a step each law is the straight line that has the law's mean over the way which the step takes, and slopes are in the
+implicit matrix of plant/driveline_kernel.py. The way is not known before: the step is taken again until it is the one
+that the lines were made for, in most steps at once; where that does not help the step is halved.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from rig_nodes.plant.driveline_algebra import (
+    E_SHAFT, E_FRIC, E_VISC, HI0, IMPULSE, KIN0, LAM, LO0, N_CAPPED, N_EVENTS, TAU, VISC, apart, lin)
+from rig_nodes.plant.driveline_kernel import driveline_step
+from rig_nodes.plant.driveline_tables import Table, Tables, along, tables_of, value
+
+# kinds, in the order in which they act on a step
+CAPACITY, FRICTION, SHAFT, TORQUE, MOTION, INERTIA = range(6)
+CLOSE = 1e-11  # of torques, by which the lines of a step may miss those that its way asks for
+TRIES, HALVINGS, CUTS = 30, 16, 8
+
+
+class Law(NamedTuple):
+    """One law: reads the angle or speed of `of` (n,), acts on `on` (n,), which is `bodies` (b,), or on a friction element.
+
+    slot: its row among the shafts, where its slope is implicit, -1 without one; factor: input over time that multiplies it, -1
+    without one; start: of the angle. gap, damping, springs (stiffness, limit): of a SHAFT.
+    """
+
+    name: str
+    kind: int
+    angle: bool
+    of: np.ndarray
+    on: np.ndarray
+    bodies: np.ndarray
+    table: Table = Table(np.zeros(1), np.zeros(1))
+    slot: int = -1
+    element: int = -1
+    factor: int = -1
+    start: float = 0.0
+    gap: float = 0.0
+    damping: float = 0.0
+    springs: tuple[tuple[float, float], ...] = ()
+
+
+class Laws(NamedTuple):
+    """All laws as arrays, one row each; springs of law k from first_spring[k] to first_spring[k + 1]."""
+
+    kind: np.ndarray
+    angle: np.ndarray
+    slot: np.ndarray
+    element: np.ndarray
+    factor: np.ndarray
+    of: np.ndarray
+    on: np.ndarray
+    gap: np.ndarray
+    damping: np.ndarray
+    first_spring: np.ndarray
+    springs: np.ndarray
+    tables: Tables
+
+
+class LawState(NamedTuple):
+    """What laws keep: position that each reads, its torque (of a MOTION the mean of the last step) or factor or inertia, torque
+    of the springs with friction, last way, torque per response of a MOTION, work from outside that the speeds' count misses [J].
+    """
+
+    at: np.ndarray
+    torque: np.ndarray
+    spring: np.ndarray
+    way: np.ndarray
+    response: np.ndarray
+    work: np.ndarray
+
+
+def laws_of(laws: list[Law], n: int) -> Laws:
+    """Arrays of laws, sorted by their kind, for n speeds."""
+    ints = [np.array([getattr(one, name) for one in laws], np.int64) for name in ("kind", "angle", "slot", "element", "factor")]
+    rows = [np.array([getattr(one, name) for one in laws], float).reshape(len(laws), n) for name in ("of", "on")]
+    springs = [spring for one in laws for spring in one.springs]
+    return Laws(*ints, *rows, np.array([one.gap for one in laws]), np.array([one.damping for one in laws]),
+                np.cumsum([0, *(len(one.springs) for one in laws)]), np.array(springs, float).reshape(-1, 2),
+                tables_of([one.table for one in laws]))
+
+
+def law_state(laws: list[Law]) -> LawState:
+    """At the start of a run."""
+    count = len(laws)
+    return LawState(np.array([one.start for one in laws], float), np.zeros(count),
+                    np.zeros(sum(len(one.springs) for one in laws)), np.zeros(count), np.zeros(count), np.zeros(1))
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def spring_with_friction(stiffness, limit, torque, dx):
+    """(slope of the straight line from a torque with the mean over the way dx, torque behind it)."""
+    apart()
+    way = dx if dx >= 0.0 else -dx
+    towards = torque if dx >= 0.0 else -torque
+    room = max(0.0, (limit - towards) / stiffness)
+    if way <= room:
+        return stiffness, torque + stiffness * dx
+    gained = room * 0.5 * (limit - towards) + (way - room) * (limit - towards)
+    return 2.0 * gained / (way * way), limit if dx >= 0.0 else -limit
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def in_contact(gap, x, dx):
+    """Share of the way from x to x + dx on which the gap, from -gap to gap, is closed."""
+    apart()
+    if gap == 0.0:
+        return 1.0
+    if dx == 0.0:
+        return 1.0 if x >= gap or x <= -gap else 0.0
+    low, high = min(x, x + dx), max(x, x + dx)
+    return 1.0 - max(0.0, min(high, gap) - max(low, -gap)) / (high - low)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def product(row, v):
+    apart()
+    total = 0.0
+    for j in range(row.shape[0]):
+        total += row[j] * v[j]
+    return total
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def invert(a, out):
+    """The inverse of a symmetric positive definite matrix, by Gauss and Jordan; a is lost."""
+    apart()
+    n = a.shape[0]
+    for i in range(n):
+        for j in range(n):
+            out[i, j] = 1.0 if i == j else 0.0
+    for col in range(n):
+        scale = 1.0 / a[col, col]
+        for j in range(n):
+            a[col, j] *= scale
+            out[col, j] *= scale
+        for i in range(n):
+            share = a[i, col]
+            if i != col and share != 0.0:
+                for j in range(n):
+                    a[i, j] -= share * a[col, j]
+                    out[i, j] -= share * out[col, j]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def put(to, what):
+    """The numbers of an array into another one."""
+    apart()
+    to, what = to.reshape(-1), what.reshape(-1)
+    for i in range(to.shape[0]):
+        to[i] = what[i]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def restore(v, twist, mode, el, shaft, e_in, count, v0, twist0, mode0, el0, shaft0, e_in0, count0):
+    apart()
+    put(v, v0)
+    put(twist, twist0)
+    put(mode, mode0)
+    put(el, el0)
+    put(shaft, shaft0)
+    put(e_in, e_in0)
+    put(count, count0)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def share_of(first, last, begin, end):
+    """(value at begin, at end) of a straight line between two numbers, at shares of it."""
+    apart()
+    return lin(first, last, begin), lin(first, last, end)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def law_step(h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work):
+    """As `driveline_step`, with laws; given (2, inputs): inputs of laws at both ends. False where a law was not met."""
+    apart()
+    met = True
+    done, size, cuts = 0.0, h, 0
+    while done < h:
+        left = h - done
+        d = left if size >= left * (1.0 - 1e-9) else size
+        end = 1.0 if d == left else (done + d) / h
+        last = d <= h * 0.5 ** HALVINGS
+        reached = try_step(d, t + done, done / h, end, last, cuts < CUTS and d > 1e-9 * h, laws, own, given, mass, minv, w, sh, kc,
+                           q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work)
+        if 0.0 < reached < d:
+            size = reached
+            cuts += 1
+        elif reached == d or last:
+            met = met and reached == d
+            done = h if d == left else done + d
+            size, cuts = (h, 0) if cuts > 0 else (2.0 * d, 0)
+        else:
+            size = 0.5 * d
+    return met
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def try_step(d, t, begin, end, keep, cut, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in,
+             events, count, work):
+    """A part d of a step, from share begin to share end of it; d if laws are met, else 0, and nothing has changed unless keep.
+
+    Less than d, and nothing has changed, where an event lies in the middle of a prescribed motion, whose torque is one number
+    for the whole of a step, and cut is true: so far to go instead.
+    """
+    apart()
+    n, m, slots, rows = v.shape[0], mode.shape[0], sh.shape[0], laws.kind.shape[0]
+    v0, twist0, mode0, el0, shaft0, e_in0 = v.copy(), twist.copy(), mode.copy(), el.copy(), shaft.copy(), e_in.copy()
+    count0 = count.copy()
+    qq, cc, kk = np.empty((2, n)), np.empty((7, m)), np.empty((2, slots))
+    held, inverse = np.empty((n, n)), minv
+    slope, torque, other, way = np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros(rows)
+    start, forced, missed = np.zeros(rows), np.zeros(rows), np.zeros(rows)
+    heavy = moved = False
+    for k in range(rows):
+        rate = product(laws.of[k], v0)
+        if laws.angle[k]:
+            start[k] = own.at[k]
+            way[k] = d * rate + own.way[k] * d * d
+        else:
+            start[k] = rate
+            way[k] = own.way[k] * d
+        forced[k] = own.torque[k] if laws.kind[k] == MOTION else 0.0
+        heavy = heavy or laws.kind[k] == INERTIA
+        moved = moved or laws.kind[k] == MOTION
+    met = False
+    for attempt in range(TRIES):
+        if attempt > 0:
+            restore(v, twist, mode, el, shaft, e_in, count, v0, twist0, mode0, el0, shaft0, e_in0, count0)
+        for j in range(n):
+            qq[0, j], qq[1, j] = share_of(q[0, j], q[1, j], begin, end)
+        for f in range(m):
+            for row in (KIN0, LO0, HI0):
+                cc[row, f], cc[row + 1, f] = share_of(cap[row, f], cap[row + 1, f], begin, end)
+            cc[VISC, f] = cap[VISC, f]
+        put(kk, kc)
+        if heavy:
+            put(held, mass)
+        for k in range(rows):
+            kind, slot, f, x, dx = laws.kind[k], laws.slot[k], laws.element[k], start[k], way[k]
+            g0, g1 = 1.0, 1.0
+            if laws.factor[k] >= 0:
+                g0, g1 = share_of(given[0, laws.factor[k]], given[1, laws.factor[k]], begin, end)
+            if kind == CAPACITY:
+                other[k] = max(0.0, value(laws.tables, k, x + dx))
+                c0 = max(0.0, value(laws.tables, k, x))
+                for row in (KIN0, LO0, HI0):
+                    cc[row, f] *= c0
+                    cc[row + 1, f] *= other[k]
+            elif kind == FRICTION:
+                a0, a1 = abs(x), abs(x + dx)
+                mu = value(laws.tables, k, a0)
+                if abs(a1 - a0) > 1e-9 * (1.0 + a0):
+                    slope[k] = (value(laws.tables, k, a1) - mu) / (a1 - a0)
+                else:
+                    slope[k] = along(laws.tables, k, a0, 1e-9)[1]
+                mean = 0.5 * (cc[KIN0, f] + cc[KIN0 + 1, f])
+                other[k] = mean
+                at_rest = value(laws.tables, k, 0.0)
+                for end_ in range(2):
+                    kin = cc[KIN0 + end_, f]
+                    cc[KIN0 + end_, f] = kin * mu - mean * slope[k] * a0
+                    cc[LO0 + end_, f] *= at_rest
+                    cc[HI0 + end_, f] *= at_rest
+                cc[VISC, f] += mean * slope[k]
+            elif kind == SHAFT:
+                torque[k], slope[k] = along(laws.tables, k, x, dx)
+                for i in range(laws.first_spring[k], laws.first_spring[k + 1]):
+                    torque[k] += own.spring[i]
+                    slope[k] += spring_with_friction(laws.springs[i, 0], laws.springs[i, 1], own.spring[i], dx)[0]
+                other[k] = laws.damping[k] * in_contact(laws.gap[k], x, dx)
+                kk[0, slot], kk[1, slot] = slope[k], other[k]
+                twist[slot] = 0.0
+                for j in range(n):
+                    qq[0, j] -= torque[k] * sh[slot, j]
+                    qq[1, j] -= torque[k] * sh[slot, j]
+            elif kind == TORQUE:
+                torque[k], slope[k] = along(laws.tables, k, x, dx)
+                push0, push1 = g0 * torque[k], g1 * torque[k]
+                if slot < 0:
+                    push1 += g1 * slope[k] * dx
+                else:
+                    implicit_slope = 0.5 * (g0 + g1) * slope[k]
+                    twist[slot] = 0.0
+                    kk[0, slot], kk[1, slot] = 0.0, 0.0
+                    if laws.angle[k]:
+                        kk[0, slot] = -implicit_slope
+                    else:
+                        kk[1, slot] = -implicit_slope
+                        push0 -= implicit_slope * x
+                        push1 -= implicit_slope * x
+                for j in range(n):
+                    qq[0, j] += push0 * laws.on[k, j]
+                    qq[1, j] += push1 * laws.on[k, j]
+            elif kind == MOTION:
+                for j in range(n):
+                    qq[0, j] += forced[k] * laws.on[k, j]
+                    qq[1, j] += forced[k] * laws.on[k, j]
+            elif kind == INERTIA:
+                j0, j1 = value(laws.tables, k, x), value(laws.tables, k, x + dx)
+                bend = (j1 - j0) / dx if abs(dx) > 1e-9 else along(laws.tables, k, x, 1e-9)[1]
+                w0 = product(laws.on[k], v0)
+                w1 = w0 if attempt == 0 else slope[k]
+                torque[k] = 0.25 * bend * (w0 * w0 + w1 * w1)
+                other[k] = 0.5 * (j0 + j1)
+                for i in range(n):
+                    qq[0, i] -= torque[k] * laws.on[k, i]
+                    qq[1, i] -= torque[k] * laws.on[k, i]
+                    for j in range(n):
+                        held[i, j] += other[k] * laws.on[k, i] * laws.on[k, j]
+        if heavy:
+            inverse = np.empty((n, n))
+            invert(held, inverse)
+            work[0] = -1.0
+        work[1] = -1.0
+        driveline_step(d, t, inverse, w, sh, kk, qq, cc, loss, v, twist, mode, el, shaft, e_in, events, count, work)
+        met = True
+        for k in range(rows):
+            kind, slot, x = laws.kind[k], laws.slot[k], start[k]
+            if laws.angle[k]:
+                dx = 0.0
+                if slot >= 0:
+                    dx = twist[slot]
+                else:
+                    for j in range(n):
+                        dx += laws.of[k, j] * (twist[slots + j] - twist0[slots + j])
+            else:
+                dx = product(laws.of[k], v) - x
+            error, scale = 0.0, 1.0
+            if kind == CAPACITY:
+                asked = max(0.0, value(laws.tables, k, x + dx))
+                error, scale = abs(asked - other[k]), abs(asked)
+            elif kind == FRICTION:
+                a0, a1 = abs(x), abs(x + dx)
+                if abs(a1 - a0) > 1e-9 * (1.0 + a0):
+                    asked = (value(laws.tables, k, a1) - value(laws.tables, k, a0)) / (a1 - a0)
+                    error, scale = other[k] * abs((asked - slope[k]) * (a1 - a0)), 1.0 + other[k]
+            elif kind == SHAFT:
+                _, asked = along(laws.tables, k, x, dx)
+                for i in range(laws.first_spring[k], laws.first_spring[k + 1]):
+                    asked += spring_with_friction(laws.springs[i, 0], laws.springs[i, 1], own.spring[i], dx)[0]
+                rate = product(laws.of[k], v)
+                error = abs((asked - slope[k]) * dx)
+                error += abs((laws.damping[k] * in_contact(laws.gap[k], x, dx) - other[k]) * dx / d)
+                scale = 1.0 + abs(torque[k]) + abs(asked * dx)
+            elif kind == TORQUE:
+                _, asked = along(laws.tables, k, x, dx)
+                error, scale = abs(asked * dx - slope[k] * (dx if slot >= 0 else way[k])), 1.0 + abs(torque[k])
+            elif kind == MOTION:
+                target = lin(given[0, laws.factor[k]], given[1, laws.factor[k]], end)
+                error, scale = product(laws.on[k], v) - target, 1.0 + abs(target)
+                if attempt > 0 and forced[k] != other[k] and error != missed[k]:
+                    own.response[k] = (error - missed[k]) / (forced[k] - other[k]) / d
+                if own.response[k] <= 0.0:
+                    for i in range(n):
+                        for j in range(n):
+                            own.response[k] += laws.on[k, i] * inverse[i, j] * laws.on[k, j]
+                if abs(error) > CLOSE * scale:
+                    missed[k], other[k] = error, forced[k]
+                    forced[k] -= error / (own.response[k] * d)
+                error = abs(error)
+            elif kind == INERTIA:
+                j0, j1 = value(laws.tables, k, x), value(laws.tables, k, x + dx)
+                w0, w1 = product(laws.on[k], v0), product(laws.on[k], v)
+                bend = (j1 - j0) / dx if abs(dx) > 1e-9 else along(laws.tables, k, x, 1e-9)[1]
+                error = abs(0.25 * bend * (w0 * w0 + w1 * w1) - torque[k]) + abs(0.5 * (j0 + j1) - other[k]) * abs(w1 - w0) / d
+                scale = 1.0 + abs(torque[k])
+                slope[k] = w1
+            met = met and error <= CLOSE * scale
+            way[k] = dx
+        if met:
+            break
+    if not met and not keep:
+        restore(v, twist, mode, el, shaft, e_in, count, v0, twist0, mode0, el0, shaft0, e_in0, count0)
+        return 0.0
+    if moved and cut:
+        for i in range(count0[N_EVENTS], min(count[N_EVENTS], count0[N_EVENTS] + events.shape[0])):
+            since = events[i % events.shape[0], 0] - t
+            if 1e-9 * d < since < d * (1.0 - 1e-9):
+                restore(v, twist, mode, el, shaft, e_in, count, v0, twist0, mode0, el0, shaft0, e_in0, count0)
+                return since
+    for k in range(rows):
+        kind, slot, f, x, dx = laws.kind[k], laws.slot[k], laws.element[k], start[k], way[k]
+        g1 = lin(given[0, laws.factor[k]], given[1, laws.factor[k]], end) if laws.factor[k] >= 0 else 1.0
+        rate = product(laws.of[k], v0)
+        if laws.angle[k]:
+            own.at[k] = x + dx
+            own.way[k] = (dx - d * rate) / (d * d)
+        else:
+            own.way[k] = dx / d
+        if kind == CAPACITY:
+            own.torque[k] = value(laws.tables, k, x + dx)
+        elif kind == FRICTION:
+            # friction over slip was drag to the kernel
+            drag = el[E_VISC, f] - el0[E_VISC, f]
+            share = (cc[VISC, f] - cap[VISC, f]) / cc[VISC, f] if cc[VISC, f] != 0.0 else 0.0
+            el[E_VISC, f] -= share * drag
+            el[E_FRIC, f] += share * drag
+            turned = 0.0
+            for j in range(n):
+                turned += laws.of[k, j] * (twist[slots + j] - twist0[slots + j])
+            el[IMPULSE, f] += (cc[VISC, f] - cap[VISC, f]) * turned
+            el[LAM, f] += (cc[VISC, f] - cap[VISC, f]) * product(laws.of[k], v)
+            own.torque[k] = value(laws.tables, k, abs(x + dx))
+        elif kind == SHAFT:
+            own.work[0] += torque[k] * dx
+            own.torque[k] = value(laws.tables, k, x + dx)
+            for i in range(laws.first_spring[k], laws.first_spring[k + 1]):
+                stiffness = laws.springs[i, 0]
+                was = own.spring[i]
+                by, own.spring[i] = spring_with_friction(stiffness, laws.springs[i, 1], was, dx)
+                shaft[E_SHAFT, slot] += (was + 0.5 * by * dx) * dx - 0.5 * (own.spring[i] ** 2 - was**2) / stiffness
+                own.torque[k] += own.spring[i]
+            shaft[TAU, slot] = own.torque[k] + laws.damping[k] * in_contact(laws.gap[k], x + dx, 0.0) * product(laws.of[k], v)
+            twist[slot] = x + dx
+        elif kind == TORQUE:
+            own.torque[k] = g1 * value(laws.tables, k, x + dx)
+            if slot >= 0:
+                if laws.angle[k]:
+                    own.work[0] -= 0.5 * kk[0, slot] * dx * dx
+                own.work[0] -= shaft[E_SHAFT, slot] - shaft0[E_SHAFT, slot]
+        elif kind == MOTION:
+            own.torque[k] = forced[k]
+        elif kind == INERTIA:
+            own.work[0] += torque[k] * dx
+            own.torque[k] = value(laws.tables, k, x + dx)
+    if not met:
+        count[N_CAPPED] += 1
+        return 0.0
+    return d
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def run_laws(t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work,
+             out_v, out_twist, out_mode, out_el, out_shaft, out_e_in, out_torque, out_at, out_spring, out_work):
+    """A step to each time behind the first, and what is reached then."""
+    for i in range(q.shape[0]):
+        law_step(t[i + 1] - t[i], t[i], laws, own, given[i], mass, minv, w, sh, kc, q[i], cap[i], loss, v, twist, mode, el,
+                 shaft, e_in, events, count, work)
+        put(out_v[i], v)
+        put(out_twist[i], twist)
+        put(out_mode[i], mode)
+        put(out_el[i], el)
+        put(out_shaft[i], shaft)
+        put(out_e_in[i], e_in)
+        put(out_torque[i], own.torque)
+        put(out_at[i], own.at)
+        put(out_spring[i], own.spring)
+        put(out_work[i], own.work)

@@ -1,0 +1,180 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Characteristics that are linear between their points: values, slopes and exact means over a way. Used by plant/driveline_laws.py.
+
+A mean over a way is taken of the line itself, not of its ends, so that bends and jumps inside a step cost no order of accuracy,
+and what a spring stores is what it gives back.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from rig_nodes.errors import RigError
+from rig_nodes.plant.driveline_algebra import apart
+
+
+class Tables(NamedTuple):
+    """Tables one behind the other: that of k has points x, y from first[k] to first[k + 1] and goes on with the slopes ends
+    (k, 2) before and behind these, or repeats itself after period[k] > 0.
+    """
+
+    first: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    ends: np.ndarray
+    period: np.ndarray
+
+
+class Table(NamedTuple):
+    """One table, checked: points, how it goes on ("flat", "straight") or the period after which it repeats itself, 0 for none."""
+
+    x: np.ndarray
+    y: np.ndarray
+    beyond: str = "flat"
+    period: float = 0.0
+
+
+def table_of(what: str, given: tuple[Sequence[float], Sequence[float]], beyond: str = "flat", period: float | None = None) -> Table:
+    """The table of an element for people called `what`; RigError where it is none."""
+    try:
+        x, y = (np.array(one, float) for one in given)
+    except (TypeError, ValueError):
+        x, y = np.zeros(0), np.zeros(1)
+    if x.ndim != 1 or x.shape != y.shape or len(x) == 0 or not (np.isfinite(x).all() and np.isfinite(y).all()):
+        raise RigError(f"driveline: the table of {what} needs as many values as points, at least one, all finite")
+    if np.any(np.diff(x) < 0.0) or np.any((x[2:] == x[1:-1]) & (x[1:-1] == x[:-2])):
+        raise RigError(f"driveline: the points of the table of {what} fall, or one stands there more than twice")
+    if period is not None and not (len(x) > 1 and math.isclose(x[-1] - x[0], period, rel_tol=1e-12)):
+        raise RigError(f"driveline: the table of {what} reaches over {x[-1] - x[0]:g}; its period is {period:g}")
+    return Table(x, y, beyond, 0.0 if period is None else float(x[-1] - x[0]))
+
+
+def tables_of(tables: Sequence[Table]) -> Tables:
+    """As the compiled code wants them."""
+    ends = np.zeros((len(tables), 2))
+    for k, one in enumerate(tables):
+        if one.beyond == "straight" and len(one.x) > 1:
+            ends[k] = (one.y[1] - one.y[0]) / (one.x[1] - one.x[0]), (one.y[-1] - one.y[-2]) / (one.x[-1] - one.x[-2])
+    return Tables(np.cumsum([0, *(len(one.x) for one in tables)]), np.concatenate([np.zeros(0), *(one.x for one in tables)]),
+                  np.concatenate([np.zeros(0), *(one.y for one in tables)]), ends, np.array([one.period for one in tables]))
+
+
+def value_at(table: Table, x: float) -> float:
+    """Of a table at one point."""
+    return float(value(tables_of([table]), 0, float(x)))
+
+
+def slope_at(table: Table, x: np.ndarray) -> np.ndarray:
+    """Of a table at some points, to their right."""
+    tables = tables_of([table])
+    return np.array([line(tables, 0, piece(tables, 0, float(at)))[4] for at in x])
+
+
+def stored_in(table: Table, x: np.ndarray) -> np.ndarray:
+    """Integral of a table from 0 to x."""
+    left, right = tables_of([table]).ends[0]
+    knots, y = table.x, table.y
+
+    def area(at):
+        inside = np.clip(at, knots[0], knots[-1])
+        i = np.clip(np.searchsorted(knots, inside, "right") - 1, 0, max(len(knots) - 2, 0))
+        sums = np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(knots))])
+        wide = np.diff(knots, append=knots[-1] + 1.0)
+        along = inside - knots[i]
+        rise = np.diff(y, append=y[-1])[i] / np.where(wide[i] > 0.0, wide[i], 1.0)
+        below, above = np.minimum(at - knots[0], 0.0), np.maximum(at - knots[-1], 0.0)
+        return (sums[i] + along * (y[i] + 0.5 * rise * along) + below * (y[0] + 0.5 * left * below)
+                + above * (y[-1] + 0.5 * right * above))
+
+    return area(np.asarray(x, float)) - area(np.zeros(1))[0]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def piece(tables, k, x):
+    """Number of the straight piece of table k that reaches from x to the right; -1 is before the first point."""
+    apart()
+    first, last = tables.first[k], tables.first[k + 1] - 1
+    turns = 0
+    if tables.period[k] > 0.0:
+        turns = int(math.floor((x - tables.x[first]) / tables.period[k]))
+        x -= turns * tables.period[k]
+    low, high = first - 1, last
+    if x >= tables.x[last]:
+        low = last
+    while high - low > 1 and low < last:
+        middle = (low + high) // 2
+        if tables.x[middle] <= x:
+            low = middle
+        else:
+            high = middle
+    if tables.period[k] > 0.0:
+        return turns * (last - first) + min(max(low - first, 0), last - first - 1)
+    return low - first
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def line(tables, k, number):
+    """(begin, end, value at a point of it, this point, slope) of a straight piece of table k."""
+    apart()
+    first, last = tables.first[k], tables.first[k + 1] - 1
+    shift = 0.0
+    if tables.period[k] > 0.0:
+        turns = int(math.floor(number / (last - first)))
+        number -= turns * (last - first)
+        shift = turns * tables.period[k]
+    elif number < 0:
+        return -np.inf, tables.x[first], tables.y[first], tables.x[first], tables.ends[k, 0]
+    elif number >= last - first:
+        return tables.x[last], np.inf, tables.y[last], tables.x[last], tables.ends[k, 1]
+    i = first + number
+    wide = tables.x[i + 1] - tables.x[i]
+    slope = (tables.y[i + 1] - tables.y[i]) / wide if wide > 0.0 else 0.0
+    return tables.x[i] + shift, tables.x[i + 1] + shift, tables.y[i], tables.x[i] + shift, slope
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def value(tables, k, x):
+    """Of table k at x."""
+    apart()
+    _, _, y, at, slope = line(tables, k, piece(tables, k, x))
+    return y + slope * (x - at)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def along(tables, k, x, dx):
+    """(value at x, slope) of the straight line that begins with table k at x and has its mean on the way from x to x + dx."""
+    apart()
+    number = piece(tables, k, x)
+    begin, end, y, at, slope = line(tables, k, number)
+    if dx < 0.0 and x == begin:
+        number -= 1
+        begin, end, y, at, slope = line(tables, k, number)
+        if begin == end:
+            number -= 1
+            begin, end, y, at, slope = line(tables, k, number)
+    start = y + slope * (x - at)
+    if begin <= x + dx <= end:
+        return start, slope
+    # the mean's distance from the start, piece by piece; what lies before the start is left out, and no large sums are subtracted
+    total = 0.0
+    here = x
+    to = x + dx
+    while True:
+        if dx > 0.0:
+            there = min(end, to)
+        else:
+            there = max(begin, to)
+        total += (there - here) * (y + slope * (0.5 * (here + there) - at) - start)
+        here = there
+        if here == to:
+            break
+        number += 1 if dx > 0.0 else -1
+        begin, end, y, at, slope = line(tables, k, number)
+    return start, 2.0 * total / (dx * dx)

@@ -1,0 +1,156 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Shafts with a ratio, a characteristic, backlash and hysteresis, against closed forms and scipy."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad, solve_ivp
+
+from rig_nodes.errors import RigError
+from rig_nodes.plant.driveline import Driveline
+from rig_nodes.plant.driveline_modes import modes
+from rig_nodes.plant.driveline_run import run
+
+
+def closes(r):
+    flowed = 1e-9 + np.abs(np.diff(r.e_in)).sum() + r.stored.max()
+    return np.abs(r.residual()).max() < 1e-9 * flowed and r.capped == 0
+
+
+def bodies(j=(0.5, 2.0), speeds=(3.0, 0.0)):
+    d = Driveline()
+    d.inertia("a", j[0], speed=speeds[0])
+    d.inertia("b", j[1], speed=speeds[1])
+    return d
+
+
+def test_a_shaft_with_a_ratio_is_a_shaft_behind_a_gear():
+    with_ratio, with_gear = bodies(speeds=(6.0, 1.0)), bodies(speeds=(6.0, 1.0))
+    with_ratio.shaft("s", "a", "b", 1.0, -2.5, stiffness=900.0, damping=2.0)
+    with_gear.inertia("wheel", 0.0)
+    with_gear.gear("wheel", "b", -2.5)
+    with_gear.shaft("s", "a", "wheel", stiffness=900.0, damping=2.0)
+    one, other = (run(d.build(), 1.0, 1e-3, {"a": 4.0}) for d in (with_ratio, with_gear))
+    assert one.speeds == pytest.approx(other.speeds[:, :2], abs=1e-12)
+    assert one.torque("s") == pytest.approx(other.torque("s"), abs=1e-10)
+    natural = math.sqrt(900.0 * (1.0 / 0.5 + 2.5**2 / 2.0))
+    assert modes(with_ratio.build()).frequencies[1] * 2 * math.pi == pytest.approx(natural, rel=1e-9)
+
+
+def test_a_shaft_that_hardens_swings_with_the_period_of_its_potential():
+    """Straight to 0.1 rad and three times as stiff beyond: the half period is the integral of dx over the speed."""
+    j = 0.5 * 2.0 / 2.5
+    d = bodies()
+    d.shaft("s", "a", "b", table=([-0.2, -0.1, 0.1, 0.2], [-80.0, -20.0, 20.0, 80.0]))
+    energy = 0.5 * j * 9.0
+
+    def potential(x):
+        return 100.0 * min(x, 0.1) ** 2 + (20.0 * (x - 0.1) + 300.0 * (x - 0.1) ** 2 if x > 0.1 else 0.0)
+
+    most = 0.1 + (-20.0 + math.sqrt(400.0 + 4.0 * 300.0 * (energy - 1.0))) / 600.0
+    quarter = math.asin(0.1 / math.sqrt(energy / 100.0)) / math.sqrt(200.0 / j)
+    quarter += quad(lambda u: 2.0 * u / math.sqrt(2.0 / j * (energy - potential(most - u * u))), 1e-9, math.sqrt(most - 0.1))[0]
+    r = run(d.build(), 12.0 * quarter, 1e-4)
+    # three whole periods: as at the start
+    assert r.slips.shape[1] == 0 and r.speed("a")[-1] - r.speed("b")[-1] == pytest.approx(3.0, abs=3e-4)
+    assert r.twists[-1, 0] == pytest.approx(0.0, abs=1e-4)
+    assert r.twists.max() == pytest.approx(most, abs=1e-6) and closes(r)
+    assert r.torque("s").max() == pytest.approx(20.0 + 600.0 * (most - 0.1), abs=1e-3)
+
+
+def test_the_error_of_a_shaft_with_bends_is_of_second_order():
+    def end(step):
+        d = bodies()
+        d.shaft("s", "a", "b", table=([-0.1, 0.1, 0.2], [-20.0, 20.0, 80.0]), damping=0.3)
+        return run(d.build(), 0.5, step).speeds[-1, 0]
+
+    exact = end(1e-5)
+    error = [abs(end(step) - exact) for step in (4e-3, 2e-3, 1e-3)]
+    assert error[2] < 0.3 * error[1] < 0.09 * 1.2 * error[0] + 1e-6
+
+
+def test_backlash_bodies_bounce_at_its_ends_as_often_as_the_closed_form_says():
+    """Across the gap at the relative speed, half a period of the spring at each end (MSL's ElastoBacklash without damping)."""
+    gap, j = 0.1, 0.5 * 2.0 / 2.5
+    d = bodies()
+    d.shaft("s", "a", "b", stiffness=1e4, backlash=gap)
+    period = 2.0 * (gap / 3.0 + math.pi / math.sqrt(1e4 / j))
+    r = run(d.build(), 10.25 * period, 1e-4)
+    relative = r.speed("a") - r.speed("b")
+    at = np.searchsorted(r.t, 10.0 * period)
+    assert r.twists[at, 0] == pytest.approx(3.0 * (r.t[at] - 10.0 * period), abs=3e-4) and relative[at] == pytest.approx(3.0, abs=1e-6)
+    free = np.abs(r.twists[:, 0]) < 0.5 * gap
+    assert np.abs(r.torque("s")[free]).max() == 0.0 and np.abs(np.abs(relative[free]) - 3.0).max() < 1e-9
+    assert r.torque("s").max() == pytest.approx(3.0 * math.sqrt(1e4 * j), rel=1e-4) and closes(r)
+    first = np.flatnonzero(r.torque("s") > 0.0)[0]
+    assert r.t[first] - 0.5 * gap / 3.0 == pytest.approx(0.0, abs=1e-4)
+
+
+def test_damping_acts_only_where_the_backlash_is_closed():
+    """tau = c (x -+ b/2) + d dx/dt in contact, 0 between: the equations of MSL 4.1.0's ElastoBacklash, by scipy with events."""
+    d = bodies()
+    d.shaft("s", "a", "b", stiffness=1e4, damping=6.0, backlash=0.1, twist=0.02)
+    r = run(d.build(), 0.5, 1e-5)
+
+    def rate(t, y):
+        x, w = y[2], y[0] - y[1]
+        tau = 1e4 * (x - math.copysign(0.05, x)) + 6.0 * w if abs(x) > 0.05 else 0.0
+        return [-tau / 0.5, tau / 2.0, w]
+
+    truth = solve_ivp(rate, (0.0, 0.5), [3.0, 0.0, 0.02], rtol=1e-9, atol=1e-11, max_step=2e-5)
+    assert r.speeds[-1] == pytest.approx(truth.y[:2, -1], abs=3e-4) and r.twists[-1, 0] == pytest.approx(truth.y[2, -1], abs=1e-4)
+    assert r.e_shaft[-1, 0] > 0.5 and np.diff(r.e_shaft[:, 0]).min() >= 0.0 and closes(r)
+
+
+@pytest.mark.parametrize("step", [1e-3, 7e-3])
+def test_hysteresis_loses_the_area_of_its_loop(step):
+    """A spring that slides at F beside a straight one, turned to and fro by A: 4 F (A - F / k) each period (Iwan, 1966)."""
+    d = Driveline()
+    d.inertia("arm", 1.0, speed=0.4 * math.pi)
+    d.motion("turn", "arm")
+    d.shaft("s", "arm", "ground", stiffness=50.0, hysteresis=[(400.0, 8.0), (100.0, 6.0)])
+    amplitude = 0.2
+    r = run(d.build(), 10.5, step, {"turn": lambda t: amplitude * 2 * math.pi * math.cos(2 * math.pi * t)})
+    area = sum(4.0 * limit * (amplitude - limit / k) for k, limit in ((400.0, 8.0), (100.0, 6.0)))
+    start, end = (np.argmin(np.abs(r.t - x)) for x in (2.25, 10.25))
+    assert r.e_shaft[end, 0] - r.e_shaft[start, 0] == pytest.approx(8.0 * area, rel=1e-3)
+    assert r.torque("s").max() == pytest.approx(50.0 * amplitude + 14.0, rel=1e-3)
+    assert np.diff(r.e_shaft[:, 0]).min() >= -1e-12 and closes(r)
+
+
+def test_a_shaft_with_hysteresis_swings_as_the_stiff_spring_it_is_below_its_limit():
+    d = bodies()
+    d.shaft("s", "a", "b", stiffness=100.0, hysteresis=[(300.0, 1e6)])
+    straight = bodies()
+    straight.shaft("s", "a", "b", stiffness=400.0)
+    one, other = (run(x.build(), 1.0, 1e-3) for x in (d, straight))
+    assert one.speeds == pytest.approx(other.speeds, abs=1e-9) and one.torque("s") == pytest.approx(other.torque("s"), abs=1e-8)
+    assert modes(d.build()).frequencies == pytest.approx(modes(straight.build()).frequencies)
+
+
+def test_a_stiff_backlash_stays_finite_and_closes_on_a_coarse_step():
+    d = bodies(j=(0.01, 2.0), speeds=(200.0, 0.0))
+    d.shaft("s", "a", "b", stiffness=1e6, damping=1.0, backlash=0.02)
+    r = run(d.build(), 1.0, 1e-3)
+    assert np.isfinite(r.speeds).all() and closes(r) and np.all(np.diff(r.e_shaft[:, 0]) >= 0.0)
+
+
+@pytest.mark.parametrize("options, words", [
+    ({}, "needs a stiffness or a table"),
+    ({"stiffness": 1.0, "table": ([0.0, 1.0], [0.0, 1.0])}, "needs a stiffness or a table"),
+    ({"table": ([0.0, 1.0], [1.0, 0.0])}, "torques not falling"),
+    ({"table": ([0.0, 0.0, 1.0], [0.0, 1.0, 2.0])}, "twists rising"),
+    ({"table": ([-1.0, 1.0], [-1.0, 2.0]), "backlash": 0.1}, "has 0.5 Nm at twist 0"),
+    ({"stiffness": 1.0, "backlash": -0.1}, "backlash of shaft 's' is -0.1"),
+    ({"stiffness": 1.0, "hysteresis": [(0.0, 1.0)]}, "stiffness in the hysteresis of shaft 's' is 0.0"),
+    ({"stiffness": 1.0, "hysteresis": [(1.0, -1.0)]}, "torque in the hysteresis of shaft 's' is -1.0"),
+    ({"stiffness": 1.0, "ca": 0.0}, "coefficients of 's' are 0.0"),
+    ({"stiffness": 1.0, "twist": math.nan}, "twist of shaft 's' is nan"),
+])
+def test_refuses_in_one_sentence(options, words):
+    with pytest.raises(RigError, match=words) as refusal:
+        bodies().shaft("s", "a", "b", **options)
+    assert refusal.value.exit_code == 2 and "\n" not in str(refusal.value)
