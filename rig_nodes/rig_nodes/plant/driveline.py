@@ -18,12 +18,13 @@ from rig_nodes.errors import RigError
 from rig_nodes.plant import driveline_algebra as algebra
 from rig_nodes.plant.driveline_algebra import work_size
 from rig_nodes.plant.driveline_laws import CAPACITY, FRICTION, INERTIA, MOTION, SHAFT, TORQUE, Law
-from rig_nodes.plant.driveline_losses import loss_width
+from rig_nodes.plant.driveline_losses import BASE, FACTOR, ON, OWN, SHARE, WEIGHTS, loss_width
 from rig_nodes.plant.driveline_tables import Table, table_of, value_at
 from rig_nodes.plant.driveline_ties import GROUND, bodies_from_speeds, start_speeds
 
 _MAX_ELEMENTS = 50
 _CRANK_POINTS = 3601
+_LEAST_LOSS = 1e-9  # Nm, and share: of a mesh, so that its brake is always there
 
 Points = tuple[Sequence[float], Sequence[float]]
 
@@ -42,6 +43,20 @@ class State:
     events: np.ndarray
     count: np.ndarray
     work: np.ndarray
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A mesh with losses: the element that holds its wheels together, the one that brakes, both by number, and the loss.
+
+    The loss is `share` of the torque that passes in, less `before` of the loss itself: one straight line for both directions.
+    """
+
+    name: str
+    gear: int
+    brake: int
+    share: float
+    before: float
 
 
 @dataclass(frozen=True)
@@ -76,12 +91,13 @@ class System:
     shaft_bodies: np.ndarray
     ties: tuple[str, ...]
     tie_rows: np.ndarray
+    meshes: tuple[Mesh, ...]
     laws: tuple[Law, ...]
     slots: np.ndarray
     factors: dict[str, float]
 
     def state(self, max_events: int = 256, recorded: bool = False) -> State:
-        """Initial state, without losses by torque. Free-wheels start overrunning or locked, everything else open.
+        """Initial state. Free-wheels start overrunning or locked, everything else open.
 
         recorded: with places for the angles of the speeds behind the shafts' twists, and for the speeds behind each event.
         """
@@ -91,12 +107,17 @@ class System:
         for f in np.flatnonzero(self.one_way):
             if slip[f] < 0.0:
                 mode[f] = algebra.BACKWARD
+        loss = np.zeros((len(self.meshes), loss_width(n, m)))
+        for row, mesh in zip(loss, self.meshes):
+            mode[mesh.gear] = algebra.STUCK
+            row[SHARE], row[OWN], row[ON], row[FACTOR], row[BASE] = mesh.share, mesh.brake, mesh.brake, 1.0, _LEAST_LOSS
+            row[WEIGHTS + mesh.gear], row[WEIGHTS + mesh.brake] = 1.0, -mesh.before
         extra = n if recorded else 0
         twist = np.zeros(s + extra)
         twist[:len(self.shafts)] = self.twist_start
-        return State(np.zeros((0, loss_width(n, m))), self.v_start.copy(), twist, mode,
+        return State(loss, self.v_start.copy(), twist, mode,
                      np.zeros((4, m)), np.zeros((2, s)), np.zeros(n), np.zeros((max_events, 3 + extra)),
-                     np.zeros(2, np.int64), np.zeros(work_size(n, m, s)))
+                     np.zeros(2, np.int64), np.zeros(work_size(n, m, s, len(self.meshes))))
 
     def limits(self) -> np.ndarray:
         """A fresh `cap` (7, m) for the kernel: drag and free-wheels filled in, everything else open."""
@@ -104,6 +125,8 @@ class System:
         cap[algebra.VISC] = self.drag
         cap[algebra.HI0, self.one_way] = np.inf
         cap[algebra.HI1, self.one_way] = np.inf
+        for mesh in self.meshes:
+            cap[[algebra.HI0, algebra.HI1], mesh.gear], cap[[algebra.LO0, algebra.LO1], mesh.gear] = np.inf, -np.inf
         return cap
 
 
@@ -122,6 +145,7 @@ class Driveline:
         self._ties: dict[str, dict[str, float]] = {}  # those of gears, sets and relations by name
         self._shafts: dict[str, tuple] = {}
         self._elements: dict[str, tuple] = {}
+        self._meshes: dict[str, tuple[str, str, float, float, float]] = {}
         self._soft: dict[str, tuple] = {}  # characteristics of shafts that are no straight lines
         self._friction: dict[str, Table] = {}
         self._capacities: dict[str, tuple] = {}
@@ -151,6 +175,26 @@ class Driveline:
                            "a finite number other than 0 is needed")
         self._gears.append((a, b, float(ratio)))
         self._ties[name] = {a: 1.0, b: -float(ratio)}
+
+    def mesh(self, name: str, a: str, b: str, ratio: float, efficiency: float, back: float | None = None) -> None:
+        """Gear w_a = ratio w_b whose teeth lose: of the power that comes from a, b gets `efficiency`, a gets `back` of b's.
+
+        back: as efficiency, without; 0 holds itself against b (self-locking), below 0 with force to spare, and may jam when b
+        drives it at speed. 2 - 1 / efficiency is the same friction between the teeth both ways. Its loss is the friction
+        element "`name` loss". Both sides need inertia, of their own or by what ties them to others.
+        """
+        back = efficiency if back is None else back
+        self._new_name(name)
+        self._known(f"mesh '{name}'", a, b)
+        if GROUND in (a, b):
+            raise RigError(f"driveline: mesh '{name}' names the {GROUND}; two bodies that turn are needed")
+        if not math.isfinite(ratio) or ratio == 0.0:
+            raise RigError(f"driveline: ratio of mesh '{name}' is {ratio}; a finite number other than 0 is needed")
+        if not 0.0 < efficiency <= 1.0:
+            raise RigError(f"driveline: efficiency of mesh '{name}' is {efficiency}; a number above 0, at most 1, is needed")
+        if not (math.isfinite(back) and back <= 1.0):
+            raise RigError(f"driveline: efficiency of mesh '{name}' from {b} back to {a} is {back}; at most 1 is possible")
+        self._meshes[name] = a, b, float(ratio), float(efficiency), float(back)
 
     def planetary(self, name: str, sun: str, ring: str, carrier: str, ratio: float) -> None:
         """Planetary set: w_sun + ratio w_ring = (1 + ratio) w_carrier (Willis), ratio = teeth of ring over sun > 0.
@@ -277,6 +321,8 @@ class Driveline:
         what = f"varying inertia '{name}'"
         self._exist(what, body)
         table = table_of(what, table, "flat", period)
+        if np.any(np.diff(table.x) == 0.0):
+            raise RigError(f"driveline: the table of {what} jumps; an inertia cannot")
         if table.y.min() < 0.0:
             raise RigError(f"driveline: the table of {what} falls to {table.y.min():g} kg m2; it must be at least 0")
         if not math.isfinite(angle):
@@ -304,16 +350,17 @@ class Driveline:
         inertia = np.array([self._inertia[name] for name in bodies])
         if not inertia.any():
             raise RigError("driveline: no body with inertia; at least one is needed")
-        if len(self._elements) > _MAX_ELEMENTS:
-            raise RigError(f"driveline: {len(self._elements)} friction elements; "
+        elements = self._elements | self._mesh_elements()
+        if len(elements) > _MAX_ELEMENTS:
+            raise RigError(f"driveline: {len(elements)} friction elements, two of them for each mesh with losses; "
                            f"at most {_MAX_ELEMENTS} work")
         speeds, t = bodies_from_speeds(self._inertia, self._gears, self._relations)
         heavy = inertia > 0.0
         mass = t[heavy].T @ (inertia[heavy, None] * t[heavy])
         row = {name: t[i] for i, name in enumerate(bodies)}
         row[GROUND] = np.zeros(len(speeds))
-        w = np.zeros((len(self._elements), len(speeds)))
-        for f, (name, (a, b, ca, cb, *_)) in enumerate(self._elements.items()):
+        w = np.zeros((len(elements), len(speeds)))
+        for f, (name, (a, b, ca, cb, *_)) in enumerate(elements.items()):
             w[f] = ca * row[a] - cb * row[b]
             self._moves(name, w[f])
         sh = np.zeros((len(self._shafts), len(speeds)))
@@ -321,22 +368,48 @@ class Driveline:
             sh[i] = ca * row[a] - cb * row[b]
             self._moves(name, sh[i])
         given = {name: speed for name, speed in self._speed.items() if speed is not None}
-        v_start = start_speeds(given, bodies, t)
-        e = list(self._elements.values())
+        v_start = self._start(given, bodies, speeds, t)
+        e = list(elements.values())
         one_way = np.array([x[6] for x in e], dtype=bool)
-        for f, name in enumerate(self._elements):
+        for f, name in enumerate(elements):
             if one_way[f] and w[f] @ v_start > 1e-9 * (1.0 + np.abs(v_start).max()):
                 raise RigError(f"driveline: free-wheel '{name}' starts with its driving side faster by "
                                f"{w[f] @ v_start:g} rad/s; give initial speeds with a at most as fast as b")
         k = list(self._shafts.values())
-        return System(bodies, tuple(self._elements), tuple(self._shafts), speeds, inertia, t, mass,
+        return System(bodies, tuple(elements), tuple(self._shafts), speeds, inertia, t, mass,
                       np.ascontiguousarray(np.linalg.inv(mass)), w, sh,
                       np.array([[x[4] for x in k], [x[5] for x in k]], dtype=float).reshape(2, len(k)),
                       np.array([x[4] for x in e], dtype=float).reshape(len(e), 2).T, np.array([x[5] for x in e], dtype=float),
                       one_way, v_start, np.array([x[6] for x in k], dtype=float),
                       _rows(bodies, ({a: ca, b: -cb} for a, b, ca, cb, *_ in e)),
                       _rows(bodies, ({a: ca, b: -cb} for a, b, ca, cb, *_ in k)),
-                      tuple(self._ties), _rows(bodies, self._ties.values()), *self._laws_of(bodies, speeds, t, w, sh, v_start))
+                      tuple(self._ties), _rows(bodies, self._ties.values()),
+                      tuple(self._mesh_of(name, tuple(elements)) for name in self._meshes), *self._laws_of(bodies, speeds, t, w, sh, v_start))
+
+    def _mesh_elements(self):
+        """A mesh with losses is a clutch that never slips and a brake on b, by whose slip, w_a, its torque is told."""
+        out = {}
+        for name, (a, b, ratio, *_) in self._meshes.items():
+            out[name] = a, b, 1.0, ratio, (1.0, 1.0), 0.0, False
+            out[f"{name} loss"] = b, GROUND, ratio, 1.0, (1.0, 1.0), 0.0, False
+        return out
+
+    def _mesh_of(self, name, elements):
+        """From a's power x the loss is (1 - efficiency) x, from b's (1 - back) x: with a torque t into the mesh at a, and t less
+        the loss out of it, both are `share` times |t - before * loss|, as t is greater than that where a drives and smaller
+        where b does.
+        """
+        ahead, behind = (max(1.0 - efficiency, _LEAST_LOSS) for efficiency in self._meshes[name][3:])
+        before = (behind - ahead * (1.0 - behind)) / (2.0 * ahead * behind)
+        return Mesh(name, elements.index(name), elements.index(f"{name} loss"), ahead / (1.0 - before * ahead), before)
+
+    def _start(self, given, bodies, speeds, t):
+        if not self._meshes:
+            return start_speeds(given, bodies, t)
+        meshes = {f"mesh '{name}'": {a: 1.0, b: -ratio} for name, (a, b, ratio, *_) in self._meshes.items()}
+        _, tied = bodies_from_speeds(self._inertia, self._gears, self._relations | meshes)
+        at_start = dict(zip(bodies, tied @ start_speeds(given, bodies, tied)))
+        return np.array([at_start[name] for name in speeds])
 
     def _laws_of(self, bodies, speeds, t, w, sh, v_start):
         """Laws, the rows of shafts and of what laws need behind them, and the inputs that laws read with their defaults."""
@@ -372,7 +445,8 @@ class Driveline:
 
     def _new_name(self, name):
         if name == GROUND or any(name in parts for parts in (
-                self._inertia, self._shafts, self._elements, self._ties, self._acts)):
+                self._inertia, self._shafts, self._elements, self._ties, self._acts, self._meshes,
+                self._mesh_elements())):
             raise RigError(f"driveline: the name '{name}' is already taken; every part needs its own")
 
     def _exist(self, where, *names):

@@ -124,7 +124,7 @@ def resolve(x, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, events, count, 
                 for other in range(losses):
                     on = int(loss[other, ON])
                     by = brakes(loss[other, FACTOR], work[ost + on])
-                    fall = 0.0
+                    fall = -loss[k, WEIGHTS + on] * by
                     for j in range(n):
                         fall += work[orow + j] * w[on, j] * by
                     work[os + k * losses + other] = fall

@@ -103,7 +103,7 @@ def end_losses(d, w, sh, kc, cap, loss, v, mode, work):
         for b in range(k):
             on = int(loss[b, ON])
             by = brakes(loss[b, FACTOR], mode[on])
-            fall = 0.0
+            fall = -loss[a, WEIGHTS + on] * by
             for j in range(n):
                 fall += work[orow + j] * w[on, j] * by
             work[os + a * k + b] = fall

@@ -19,6 +19,7 @@ from numba import njit
 from rig_nodes.plant.driveline_algebra import (
     E_SHAFT, E_FRIC, E_VISC, HI0, IMPULSE, KIN0, LAM, LO0, N_CAPPED, N_EVENTS, TAU, VISC, apart, lin)
 from rig_nodes.plant.driveline_kernel import driveline_step
+from rig_nodes.plant.driveline_losses import LAST
 from rig_nodes.plant.driveline_tables import Table, Tables, along, tables_of, value
 
 # kinds, in the order in which they act on a step
@@ -162,8 +163,9 @@ def put(to, what):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def restore(v, twist, mode, el, shaft, e_in, count, v0, twist0, mode0, el0, shaft0, e_in0, count0):
+def restore(loss, v, twist, mode, el, shaft, e_in, count, loss0, v0, twist0, mode0, el0, shaft0, e_in0, count0):
     apart()
+    put(loss, loss0)
     put(v, v0)
     put(twist, twist0)
     put(mode, mode0)
@@ -215,6 +217,7 @@ def try_step(d, t, begin, end, keep, cut, laws, own, given, mass, minv, w, sh, k
     """
     apart()
     n, m, slots, rows = v.shape[0], mode.shape[0], sh.shape[0], laws.kind.shape[0]
+    loss0 = loss.copy()
     v0, twist0, mode0, el0, shaft0, e_in0 = v.copy(), twist.copy(), mode.copy(), el.copy(), shaft.copy(), e_in.copy()
     count0 = count.copy()
     qq, cc, kk = np.empty((2, n)), np.empty((7, m)), np.empty((2, slots))
@@ -236,7 +239,7 @@ def try_step(d, t, begin, end, keep, cut, laws, own, given, mass, minv, w, sh, k
     met = False
     for attempt in range(TRIES):
         if attempt > 0:
-            restore(v, twist, mode, el, shaft, e_in, count, v0, twist0, mode0, el0, shaft0, e_in0, count0)
+            restore(loss, v, twist, mode, el, shaft, e_in, count, loss0, v0, twist0, mode0, el0, shaft0, e_in0, count0)
         for j in range(n):
             qq[0, j], qq[1, j] = share_of(q[0, j], q[1, j], begin, end)
         for f in range(m):
@@ -381,13 +384,13 @@ def try_step(d, t, begin, end, keep, cut, laws, own, given, mass, minv, w, sh, k
         if met:
             break
     if not met and not keep:
-        restore(v, twist, mode, el, shaft, e_in, count, v0, twist0, mode0, el0, shaft0, e_in0, count0)
+        restore(loss, v, twist, mode, el, shaft, e_in, count, loss0, v0, twist0, mode0, el0, shaft0, e_in0, count0)
         return 0.0
     if moved and cut:
         for i in range(count0[N_EVENTS], min(count[N_EVENTS], count0[N_EVENTS] + events.shape[0])):
             since = events[i % events.shape[0], 0] - t
             if 1e-9 * d < since < d * (1.0 - 1e-9):
-                restore(v, twist, mode, el, shaft, e_in, count, v0, twist0, mode0, el0, shaft0, e_in0, count0)
+                restore(loss, v, twist, mode, el, shaft, e_in, count, loss0, v0, twist0, mode0, el0, shaft0, e_in0, count0)
                 return since
     for k in range(rows):
         kind, slot, f, x, dx = laws.kind[k], laws.slot[k], laws.element[k], start[k], way[k]
@@ -441,10 +444,44 @@ def try_step(d, t, begin, end, keep, cut, laws, own, given, mass, minv, w, sh, k
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
+def settle(d, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, work):
+    """Leaves in `loss` the losses by torque that the inputs at the start of a step ask for, where they have jumped."""
+    apart()
+    count, events = np.zeros(2, np.int64), np.zeros((0, 3))
+    qq, cc = q.copy(), cap.copy()
+    put(qq[1], q[0])
+    for row in (KIN0, LO0, HI0):
+        put(cc[row + 1], cap[row])
+    for k in range(loss.shape[0]):
+        loss[k, LAST] = 0.0
+    work[1] = -1.0
+    driveline_step(d, t, minv, w, sh, kc, qq, cc, loss, v.copy(), twist.copy(), mode.copy(), el.copy(), shaft.copy(), e_in.copy(),
+                   events, count, work)
+    work[1] = -1.0
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def jumped(q, cap, i):
+    """True where inputs jump at the start of step i, the first one among them."""
+    if i == 0:
+        return True
+    for j in range(q.shape[2]):
+        if q[i, 0, j] != q[i - 1, 1, j]:
+            return True
+    for f in range(cap.shape[2]):
+        for row in (KIN0, LO0, HI0):
+            if cap[i, row, f] != cap[i - 1, row + 1, f]:
+                return True
+    return False
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
 def run_laws(t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work,
              out_v, out_twist, out_mode, out_el, out_shaft, out_e_in, out_torque, out_at, out_spring, out_work):
     """A step to each time behind the first, and what is reached then."""
     for i in range(q.shape[0]):
+        if loss.shape[0] > 0 and jumped(q, cap, i):
+            settle(1e-6 * (t[i + 1] - t[i]), t[i], minv, w, sh, kc, q[i], cap[i], loss, v, twist, mode, el, shaft, e_in, work)
         law_step(t[i + 1] - t[i], t[i], laws, own, given[i], mass, minv, w, sh, kc, q[i], cap[i], loss, v, twist, mode, el,
                  shaft, e_in, events, count, work)
         put(out_v[i], v)

@@ -43,6 +43,8 @@ def modes(system: System, locked: Sequence[str] = ()) -> Modes:
             raise RigError(f"driveline: there is no friction element '{name}'; there are: "
                            f"{', '.join(system.elements) or 'none'}")
     held = np.array([name in locked for name in system.elements], bool)
+    for mesh in system.meshes:
+        held[mesh.gear] = True
     free = linalg.null_space(system.w[held]) if held.any() else np.eye(len(system.speeds))
     if free.shape[1] == 0:
         return Modes(system.bodies, np.zeros(0), np.zeros(0), np.zeros((0, len(system.bodies))))

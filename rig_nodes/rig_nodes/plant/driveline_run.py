@@ -118,10 +118,17 @@ class Result:
 
     def torque(self, name: str, body: str | None = None) -> np.ndarray:
         """Torque (r,) in Nm: of a clutch, brake or free-wheel, without its drag; of a shaft; of a torque or motion of the
-        description, the motion's as the mean of the last step; or that which a gear, a planetary set or a relation puts on one
-        of its bodies, which is named then.
+        description, the motion's as the mean of the last step; or that which a gear, a mesh, a planetary set or a relation puts
+        on one of its bodies, which is named then.
         """
         s = self.system
+        meshes = {mesh.name: mesh for mesh in s.meshes}
+        if name in meshes and body is not None:
+            pair = [meshes[name].gear, meshes[name].brake]
+            joined = [b for b, c in zip(s.bodies, s.element_bodies[pair[0]]) if c != 0.0]
+            if body in joined:
+                return -self.torques[:, pair] @ s.element_bodies[pair, s.bodies.index(body)]
+            raise RigError(f"driveline: '{name}' puts torques on {' and '.join(joined)}; name one of them")
         if name in s.elements:
             return self.torques[:, s.elements.index(name)]
         if name in s.shafts:
@@ -231,7 +238,8 @@ class Run:
     def set(self, **inputs: Signal) -> None:
         """Give inputs other values or courses from now on."""
         s = self.system
-        known = [*s.bodies, *(name for f, name in enumerate(s.elements) if not s.one_way[f]), *s.factors]
+        taken = {number for mesh in s.meshes for number in (mesh.gear, mesh.brake)}
+        known = [*s.bodies, *(name for f, name in enumerate(s.elements) if not s.one_way[f] and f not in taken), *s.factors]
         for name, signal in inputs.items():
             if name not in known:
                 raise RigError(f"driveline: there is no input '{name}'; inputs are: {', '.join(known)}")
@@ -342,7 +350,7 @@ class Run:
         out = [np.empty((steps, *a.shape), a.dtype) for a in (x.v, x.twist, x.mode, x.el, x.shaft, x.e_in)]
         soft = [np.zeros((steps, *a.shape)) for a in (own.torque, own.at, own.spring, own.work)]
         state = (x.loss, x.v, x.twist, x.mode, x.el, x.shaft, x.e_in, x.events, x.count, x.work)
-        if s.laws:
+        if s.laws or s.meshes:
             run_laws(t, self._laws, own, given, s.mass, s.minv, s.w, s.slots, kc, q, cap, *state, *out, *soft)
         else:
             _run_steps(t, s.minv, s.w, s.slots, kc, q, cap, *state, *out)

@@ -1,0 +1,176 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A mesh with efficiency against closed forms: the power that comes in times the efficiency goes out, as in the Modelica
+Standard Library's LossyGear (Pelchen, Schweiger, Otter: Modeling and simulating the efficiency of gearboxes, 2002).
+"""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from rig_nodes.errors import RigError
+from rig_nodes.plant.driveline import Driveline
+from rig_nodes.plant.driveline_modes import modes
+from rig_nodes.plant.driveline_run import run
+
+JA, JB, R = 0.5, 3.0, 4.0
+EFFICIENCIES = [0.95, 0.5, 0.4, 0.3]
+
+
+def pair(efficiency, back=None, speed=0.0, ratio=R):
+    d = Driveline()
+    d.inertia("a", JA, speed=ratio * speed)
+    d.inertia("b", JB)
+    d.mesh("m", "a", "b", ratio, efficiency, back)
+    return d.build()
+
+
+def gain(at_a, at_b, passes):
+    """Acceleration of b where `passes` is what of a's torque, times the ratio, comes out at b."""
+    return (at_b + passes * R * at_a) / (JB + passes * R**2 * JA)
+
+
+def closes(r):
+    flowed = 1e-9 + np.abs(np.diff(r.e_in)).sum() + r.stored.max()
+    return np.abs(r.residual()).max() < 1e-9 * flowed and r.capped == 0
+
+
+@pytest.mark.parametrize("efficiency", EFFICIENCIES)
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+@pytest.mark.parametrize("drives", ["a", "b"])
+def test_the_efficiency_is_exact_in_all_four_quadrants(efficiency, direction, drives):
+    at_a, at_b = (20.0, -3.0) if drives == "a" else (-20.0, 30.0)
+    r = run(pair(efficiency, speed=10.0 * direction), 0.2, 1e-3, {"a": at_a * direction, "b": at_b * direction})
+    exact = gain(at_a, at_b, efficiency if drives == "a" else 1.0 / efficiency) * direction
+    assert r.speed("b") == pytest.approx(10.0 * direction + exact * r.t, rel=1e-8)
+    assert r.speed("a") == pytest.approx(R * r.speed("b"), rel=1e-12)
+    into, out = JA * R * exact - at_a * direction, JB * exact - at_b * direction
+    assert r.torque("m", "a") == pytest.approx(into, rel=1e-7) and r.torque("m", "b") == pytest.approx(out, rel=1e-7)
+    assert (into * direction < 0.0) == (drives == "a")
+    comes = r.torque("m", drives)[-1] * (r.angle(drives)[-1])
+    goes = r.torque("m", "b" if drives == "a" else "a")[-1] * r.angle("b" if drives == "a" else "a")[-1]
+    assert goes == pytest.approx(-efficiency * comes, rel=1e-7)
+    assert r.e_fric[-1].sum() == pytest.approx(-comes - goes, rel=1e-7) and closes(r)
+
+
+@pytest.mark.parametrize("efficiency", EFFICIENCIES)
+def test_a_loaded_mesh_sticks_between_the_torques_of_its_two_directions(efficiency):
+    """Under a load at b it starts forwards at load / (R efficiency), and backwards at load * efficiency / R."""
+    load, upper = 30.0, 30.0 / (R * efficiency)
+    r = run(pair(efficiency), 4.0, 1e-2, {"b": -load, "a": ([0.0, 2.0, 4.0], [load / R, load / R + 2.0 * upper, 0.0])})
+    moves = [e for e in r.events if e.t > 0.0]
+    starts = 2.0 * (upper - load / R) / (2.0 * upper)
+    assert moves[0].kind == "break" and moves[0].t == pytest.approx(starts, abs=1e-7)
+    assert np.abs(r.speeds[r.t < starts]).max() < 1e-20 and r.speed("b")[np.searchsorted(r.t, 2.0)] > 0.1
+    down = run(pair(efficiency), 2.0, 1e-2, {"b": -load, "a": ([0.0, 2.0], [load / R, 0.0])})
+    assert [e.kind for e in down.events] == ["lock", "break"] and down.speed("b")[-1] < 0.0
+    assert down.events[1].t == pytest.approx(2.0 * (1.0 - efficiency), abs=1e-7) and closes(r) and closes(down)
+
+
+@pytest.mark.parametrize("efficiency, back", [(0.4, 0.0), (0.4, -0.5), (0.4, 2 - 1 / 0.4), (0.3, 2 - 1 / 0.3)])
+def test_a_self_locking_mesh_holds_its_load_until_it_is_driven_down(efficiency, back):
+    load = 60.0
+    system = pair(efficiency, back)
+    held = run(system, 5.0, 1e-2, {"b": lambda t: -load * (1.0 + 0.9 * math.sin(7.0 * t))})
+    assert np.abs(held.speeds).max() < 1e-20 and held.torque("m", "b")[-1] == pytest.approx(load * (1.0 + 0.9 * math.sin(35.0)))
+    down = run(system, 2.0, 1e-2, {"b": -load, "a": ([0.0, 2.0], [0.0, -30.0])})
+    needs = -back * load / R
+    if back < 0.0:
+        assert [e.kind for e in down.events] == ["lock", "break"] and down.events[1].t == pytest.approx(needs / 15.0, abs=1e-6)
+    assert down.speed("b")[-1] < 0.0 and closes(down)
+
+
+@pytest.mark.parametrize("efficiency", EFFICIENCIES)
+@pytest.mark.parametrize("step", [0.05, 1e-3])
+def test_reversing_under_a_steady_torque_has_its_events_where_the_closed_form_has_them(efficiency, step):
+    """Turning forwards it is slowed by a: b drives. It stands for no time, then a drives it backwards."""
+    at_a, at_b, speed = -20.0, 3.0, 5.0
+    r = run(pair(efficiency, speed=speed), 3.0, step, {"a": at_a, "b": at_b})
+    slows = gain(at_a, at_b, 1.0 / efficiency)
+    turns = -speed / slows
+    assert [(e.element, e.kind) for e in r.events if e.t > 0.0] == [("m loss", "cross")]
+    assert r.events[-1].t == pytest.approx(turns, rel=1e-7)
+    assert r.speed("b")[-1] == pytest.approx(gain(at_a, at_b, efficiency) * (3.0 - turns), rel=1e-7) and closes(r)
+
+
+@pytest.mark.parametrize("efficiency", EFFICIENCIES)
+def test_a_torque_that_swings_through_0_while_the_mesh_turns_against_scipy(efficiency):
+    inputs = {"a": lambda t: 30.0 * math.sin(5.0 * t), "b": lambda t: 10.0 * math.cos(3.0 * t)}
+    r = run(pair(efficiency, 0.8 * efficiency, speed=60.0), 2.0, 1e-3, inputs)
+
+    def rate(t, y):
+        at_a, at_b = inputs["a"](t), inputs["b"](t)
+        forwards = gain(at_a, at_b, efficiency)
+        return [forwards if at_a - JA * R * forwards > 0.0 else gain(at_a, at_b, 1.0 / (0.8 * efficiency))]
+
+    truth = solve_ivp(rate, (0.0, 2.0), [60.0], rtol=1e-10, atol=1e-10, max_step=1e-3)
+    assert r.speed("b").min() > 1.0 and r.speed("b")[-1] == pytest.approx(truth.y[0, -1], abs=1e-4)
+    assert np.sum(np.diff(np.sign(r.torque("m", "a"))) != 0) >= 3 and closes(r)
+
+
+def test_two_meshes_in_a_row_behind_a_clutch_and_a_shaft():
+    """At steady speed the load gets the product of both efficiencies."""
+    d = Driveline()
+    for name, j in (("motor", 0.2), ("input", 0.1), ("middle", 0.1), ("output", 0.3), ("load", 4.0)):
+        d.inertia(name, j)
+    d.clutch("c", "motor", "input")
+    d.mesh("first", "input", "middle", 3.0, 0.9)
+    d.mesh("second", "middle", "output", -2.0, 0.8)
+    d.shaft("shaft", "output", "load", stiffness=2000.0, damping=20.0)
+    d.torque("fan", "load", table=([-100.0, 100.0], [300.0, -300.0]))
+    r = run(d.build(), 80.0, 1e-2, {"motor": 20.0, "c": ([0.0, 1.0], [0.0, 60.0])})
+    steady = -20.0 * 3.0 * 2.0 * 0.9 * 0.8
+    assert r.torque("shaft")[-1] == pytest.approx(steady, rel=1e-4)
+    assert r.torque("fan")[-1] == pytest.approx(-steady, rel=1e-4)
+    assert r.torque("second", "output")[-1] == pytest.approx(steady, rel=1e-4)
+    lost = r.e_fric[-1, r.system.elements.index("second loss")] / (r.e_fric[-1, r.system.elements.index("first loss")])
+    assert lost == pytest.approx(0.9 * 0.2 / 0.1, rel=0.02) and closes(r)
+
+
+def test_a_mesh_without_loss_is_a_gear():
+    d = Driveline()
+    d.inertia("a", JA)
+    d.inertia("b", JB)
+    d.gear("a", "b", R)
+    one, other = (run(s, 1.0, 1e-2, {"a": lambda t: 9.0 * math.sin(8.0 * t), "b": 5.0}) for s in (d.build(), pair(1.0)))
+    assert other.speeds == pytest.approx(one.speeds, abs=1e-6)
+    assert other.torque("m", "b") == pytest.approx(one.torque("a-b", "b"), abs=1e-6)
+
+
+def test_a_mesh_joins_two_bodies_for_the_modes_and_at_the_start():
+    d = Driveline()
+    d.inertia("a", JA)
+    d.inertia("b", JB, speed=2.0)
+    d.inertia("c", 1.0)
+    d.mesh("m", "a", "b", R, 0.5)
+    d.shaft("s", "b", "c", stiffness=700.0)
+    system = d.build()
+    natural = math.sqrt(700.0 * (1.0 + 1.0 / (JB + R**2 * JA)))
+    assert modes(system).frequencies * 2 * math.pi == pytest.approx([0.0, natural], rel=1e-9, abs=1e-9)
+    assert run(system, 0.1, 1e-3).speeds[0] == pytest.approx([2.0 * R, 2.0, 0.0])
+
+
+@pytest.mark.parametrize("arguments, words", [
+    (("m", "a", "x", 2.0, 0.9), "mesh 'm' names the body 'x', which does not exist"),
+    (("m", "a", "ground", 2.0, 0.9), "mesh 'm' names the ground"),
+    (("m", "a", "a", 2.0, 0.9), "joins 'a' with itself"),
+    (("m", "a", "b", 0.0, 0.9), "ratio of mesh 'm' is 0.0"),
+    (("m", "a", "b", 2.0, 0.0), "efficiency of mesh 'm' is 0.0"),
+    (("m", "a", "b", 2.0, 1.1), "efficiency of mesh 'm' is 1.1"),
+    (("m", "a", "b", 2.0, 0.9, 1.5), "from b back to a is 1.5"),
+])
+def test_refuses_in_one_sentence(arguments, words):
+    d = Driveline()
+    d.inertia("a", 1.0)
+    d.inertia("b", 1.0)
+    with pytest.raises(RigError, match=words) as refusal:
+        d.mesh(*arguments)
+    assert refusal.value.exit_code == 2 and "\n" not in str(refusal.value)
+
+
+def test_the_loss_of_a_mesh_is_no_input():
+    with pytest.raises(RigError, match="no input 'm loss'; inputs are: a, b"):
+        run(pair(0.9), 1.0, 0.1, {"m loss": 3.0})
