@@ -105,7 +105,7 @@ def spring_with_friction(stiffness, limit, torque, dx):
     way = dx if dx >= 0.0 else -dx
     towards = torque if dx >= 0.0 else -torque
     room = max(0.0, (limit - towards) / stiffness)
-    if way <= room:
+    if way <= room or way < 1e-30:
         return stiffness, torque + stiffness * dx
     gained = room * 0.5 * (limit - towards) + (way - room) * (limit - towards)
     return 2.0 * gained / (way * way), limit if dx >= 0.0 else -limit
@@ -117,9 +117,9 @@ def in_contact(gap, x, dx):
     apart()
     if gap == 0.0:
         return 1.0
-    if dx == 0.0:
-        return 1.0 if x >= gap or x <= -gap else 0.0
     low, high = min(x, x + dx), max(x, x + dx)
+    if low == high:
+        return 1.0 if x >= gap or x <= -gap else 0.0
     return 1.0 - max(0.0, min(high, gap) - max(low, -gap)) / (high - low)
 
 
@@ -398,7 +398,7 @@ def try_step(d, t, begin, end, keep, cut, laws, own, given, mass, minv, w, sh, k
         rate = product(laws.of[k], v0)
         if laws.angle[k]:
             own.at[k] = x + dx
-            own.way[k] = (dx - d * rate) / (d * d)
+            own.way[k] = (product(laws.of[k], v) - rate) / (2.0 * d)
         else:
             own.way[k] = dx / d
         if kind == CAPACITY:
@@ -482,8 +482,10 @@ def run_laws(t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist,
     for i in range(q.shape[0]):
         if loss.shape[0] > 0 and jumped(q, cap, i):
             settle(1e-6 * (t[i + 1] - t[i]), t[i], minv, w, sh, kc, q[i], cap[i], loss, v, twist, mode, el, shaft, e_in, work)
+        capped = count[N_CAPPED] + 1
         law_step(t[i + 1] - t[i], t[i], laws, own, given[i], mass, minv, w, sh, kc, q[i], cap[i], loss, v, twist, mode, el,
                  shaft, e_in, events, count, work)
+        count[N_CAPPED] = min(count[N_CAPPED], capped)
         put(out_v[i], v)
         put(out_twist[i], twist)
         put(out_mode[i], mode)

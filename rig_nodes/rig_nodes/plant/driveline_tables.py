@@ -160,7 +160,7 @@ def along(tables, k, x, dx):
             number -= 1
             begin, end, y, at, slope = line(tables, k, number)
     start = y + slope * (x - at)
-    if begin <= x + dx <= end:
+    if begin <= x + dx <= end or not abs(dx) < np.inf:
         return start, slope
     # the mean's distance from the start, piece by piece; what lies before the start is left out, and no large sums are subtracted
     total = 0.0

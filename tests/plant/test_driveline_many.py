@@ -1,0 +1,106 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Much at once: clutches that share, chains of fifty bodies, several elements that lock and break away in one step."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rig_nodes.plant.driveline import Driveline
+from rig_nodes.plant.driveline_modes import modes
+from rig_nodes.plant.driveline_run import run
+
+
+def closes(r):
+    flowed = 1e-9 + np.abs(np.diff(r.e_in)).sum() + r.stored.max()
+    return np.abs(r.residual()).max() < 1e-9 * flowed and r.capped == 0
+
+
+def test_two_clutches_between_the_same_bodies_are_one_of_both_their_capacities():
+    both, one = Driveline(), Driveline()
+    for d in (both, one):
+        d.inertia("a", 0.7, speed=90.0)
+        d.inertia("b", 0.3)
+        d.clutch("c", "a", "b")
+    both.clutch("d", "a", "b")
+    drive = {"a": ([0.0, 1.0, 2.0], [0.0, 0.0, 120.0]), "b": -3.0}
+    r, whole = run(both.build(), 2.0, 1e-2, drive | {"c": 10.0, "d": 20.0}), run(one.build(), 2.0, 1e-2, drive | {"c": 30.0})
+    assert r.speeds == pytest.approx(whole.speeds, abs=1e-9)
+    assert r.torques.sum(axis=1) == pytest.approx(whole.torque("c"), abs=1e-8)
+    assert np.abs(r.torque("c")).max() <= 10.0 + 1e-9 and np.abs(r.torque("d")).max() <= 20.0 + 1e-9
+    times = {name: [e.t for e in r.events if e.element == name and e.t > 0.0] for name in "cd"}
+    assert times["c"] == pytest.approx(times["d"])
+    assert times["c"] == pytest.approx([e.t for e in whole.events if e.t > 0.0])
+    assert closes(r) and "break" in [e.kind for e in r.events]
+
+
+def test_three_clutches_in_a_ring_share_what_they_carry():
+    d = Driveline()
+    for name, j, speed in (("a", 0.5, 30.0), ("b", 0.4, 10.0), ("c", 0.3, -20.0)):
+        d.inertia(name, j, speed=speed)
+    for a, b in ("ab", "bc", "ac"):
+        d.clutch(a + b, a, b, stick=1.1)
+    r = run(d.build(), 2.0, 5e-3, {"ab": 8.0, "bc": 5.0, "ac": 6.0, "a": lambda t: 40.0 * math.sin(6.0 * t)})
+    momentum = 0.5 * 30.0 + 0.4 * 10.0 - 0.3 * 20.0 + 40.0 / 6.0 * (1.0 - math.cos(12.0))
+    assert r.speeds[-1] @ [0.5, 0.4, 0.3] == pytest.approx(momentum, abs=1e-2)
+    assert closes(r) and np.any(np.all(np.abs(r.modes) >= 2, axis=1))
+
+
+def chain(count, **clutch):
+    d = Driveline()
+    for i in range(count):
+        d.inertia(f"J{i}", 0.1, speed=float(count - i))
+    for i in range(count - 1):
+        d.clutch(f"c{i}", f"J{i}", f"J{i + 1}", **clutch)
+    return d.build()
+
+
+def test_a_chain_of_fifty_bodies_locks_to_its_common_speed():
+    r = run(chain(50, drag=0.01), 3.0, 1e-3, {f"c{i}": 30.0 + 0.1 * i for i in range(49)})
+    assert r.speeds[-1] == pytest.approx([25.5] * 50, abs=1e-9) and np.all(np.abs(r.modes[-1]) >= 2)
+    assert sorted(e.element for e in r.events if e.kind == "lock") == sorted(r.system.elements)
+    locked = np.abs(r.modes) >= 2
+    assert np.abs(r.slips[locked]).max() < 1e-10 and closes(r)
+
+
+def test_a_chain_of_fifty_bodies_breaks_away_at_its_weakest_clutch():
+    system = chain(50, stick=1.2)
+    inputs = {f"c{i}": 100.0 for i in range(49)} | {"c20": ([0.0, 1.0, 2.0], [100.0, 100.0, 0.0]), "J0": 6.0}
+    r = run(system, 2.0, 1e-3, inputs)
+    carried = 6.0 * 29.0 / 50.0  # behind J20 are 29 of 50
+    away = [e for e in r.events if e.kind == "break" and e.t > 1.0]
+    assert [e.element for e in away] == ["c20"] and away[0].t == pytest.approx(2.0 - carried / 120.0, abs=1e-9)
+    assert r.torque("c20")[np.searchsorted(r.t, 1.0)] == pytest.approx(carried, rel=1e-9) and closes(r)
+
+
+def test_a_chain_of_fifty_bodies_on_shafts_runs_and_has_its_modes():
+    d = Driveline()
+    for i in range(50):
+        d.inertia(f"J{i}", 0.1)
+    for i in range(49):
+        d.shaft(f"s{i}", f"J{i}", f"J{i + 1}", stiffness=1e5, damping=0.1)
+    system = d.build()
+    r = run(system, 1.0, 1e-3, {"J0": 10.0})
+    assert r.speeds[-1] @ np.full(50, 0.1) == pytest.approx(10.0, rel=1e-10) and closes(r)
+    assert len(modes(system).frequencies) == 50
+
+
+@pytest.mark.parametrize("step", [0.5, 1e-3])
+def test_elements_lock_break_away_and_lock_again_within_one_step(step):
+    """Four like pairs side by side, each with its closed form: slipping to 0, carried along, torn loose, caught again."""
+    d, inputs = Driveline(), {}
+    drive = ([0.0, 0.2, 0.2, 0.3, 0.3, 1.0], [0.0, 0.0, 90.0, 90.0, 0.0, 0.0])
+    for k in range(4):
+        d.inertia(f"a{k}", 0.5, speed=10.0 + k)
+        d.inertia(f"b{k}", 0.5)
+        d.clutch(f"c{k}", f"a{k}", f"b{k}")
+        inputs |= {f"c{k}": 30.0, f"a{k}": drive}
+    r = run(d.build(), 1.0, step, inputs)
+    for k in range(4):
+        times = [(e.kind, e.t) for e in r.events if e.element == f"c{k}" and e.t > 0.0]
+        # slip falls by 120 rad/s2, and grows by 60 while the drive is on
+        assert [kind for kind, _ in times] == ["lock", "break", "lock"]
+        assert [t for _, t in times] == pytest.approx([(10.0 + k) / 120.0, 0.2, 0.3 + 6.0 / 120.0], abs=1e-12)
+    assert closes(r)

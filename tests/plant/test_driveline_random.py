@@ -1,0 +1,109 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Drivelines of 2 to 12 bodies from every kind of element under random loads: finite, energy closed, locked means locked.
+
+Forty of them always; two thousand on demand: `./rig test -m campaign tests/plant/test_driveline_random.py`.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+from rig_nodes.errors import RigError
+from rig_nodes.plant.driveline import Driveline
+from rig_nodes.plant.driveline_run import run
+
+STEP, END = 2e-3, 2.0
+
+
+def draw(seed):
+    """(a description, its inputs) from a seed; some descriptions contradict themselves."""
+    rng = np.random.default_rng(seed)
+    names = [f"J{i}" for i in range(rng.integers(2, 13))]
+    d, inputs, joined = Driveline(), {}, []
+    for name in names:
+        d.inertia(name, 10.0 ** rng.uniform(-2.0, 1.0))
+    order = list(rng.permutation(len(names)))
+
+    def two():
+        return [names[i] for i in rng.choice(len(names), 2, replace=False)]
+
+    for i, at in enumerate(order[1:], 1):
+        a, b = names[at], names[order[rng.integers(0, i)]]
+        kind = rng.choice(["clutch", "shaft", "gear", "mesh", "soft", "torque", "planetary"], p=[.35, .2, .1, .12, .12, .06, .05])
+        name = f"{kind}{i}"
+        if kind == "clutch":
+            d.clutch(name, a, b, rng.choice([0.5, 1.0, 2.0]), rng.choice([-1.0, 1.0]), stick=(rng.choice([1.0, 1.2]), 1.0),
+                     drag=rng.choice([0.0, 0.05]), friction=([0.0, 1.0, 20.0], [1.0, 0.8, 0.9]) if rng.random() < 0.3 else None)
+            joined.append(name)
+        elif kind == "shaft":
+            d.shaft(name, a, b, stiffness=10.0 ** rng.uniform(0.0, 5.0), damping=10.0 ** rng.uniform(-2.0, 1.0))
+        elif kind == "gear":
+            d.gear(a, b, rng.choice([-3.0, 0.5, 2.0]))
+        elif kind == "mesh":
+            d.mesh(name, a, b, rng.choice([-2.0, 0.7, 4.0]), rng.uniform(0.2, 1.0), rng.uniform(0.2, 1.0))
+        elif kind == "soft":
+            d.shaft(name, a, b, stiffness=10.0 ** rng.uniform(1.0, 4.0), damping=rng.uniform(0.0, 1.0),
+                    backlash=rng.choice([0.0, 0.1]), hysteresis=[(50.0, 2.0)])
+        elif kind == "torque":
+            d.torque(name, a, b, table=([-50.0, -1.0, 1.0, 50.0], [20.0, 5.0, -5.0, -30.0]))
+        else:
+            others = [one for one in (names[at] for at in order[:i]) if one != b] or ["ground"]
+            d.planetary(name, a, b, others[rng.integers(0, len(others))], rng.uniform(1.5, 4.0))
+    for i in range(rng.integers(0, 4)):
+        a, b = two()
+        if rng.random() < 0.5:
+            d.brake(f"brake{i}", a, stick=rng.choice([1.0, 1.3]))
+            joined.append(f"brake{i}")
+        else:
+            d.clutch(f"extra{i}", a, b)
+            joined.append(f"extra{i}")
+    if rng.random() < 0.3:
+        d.freewheel("back-stop", names[0])
+    if rng.random() < 0.25:
+        d.slider_crank("piston", names[-1], mass=1.0, radius=0.1, rod=0.3)
+    if joined and rng.random() < 0.3:
+        d.capacity(joined[0], names[0], table=([-60.0, -10.0, 10.0, 60.0], [1.5, 0.5, 0.5, 1.5]))
+    if rng.random() < 0.3:
+        d.torque("fan", names[1], table=([-100.0, 0.0, 100.0], [30.0, 0.0, -30.0]))
+    for name in joined:
+        k = rng.uniform(0.0, 20.0, 4) * (rng.random(4) < 0.7)
+        inputs[name] = ([0.0, 0.5, 0.5, 1.0, END], [k[0], k[1], k[2], k[3], k[3]])
+    for name in names:
+        if rng.random() < 0.5:
+            top, rate, phase = rng.uniform(0.0, 30.0), rng.uniform(1.0, 40.0), rng.uniform(0.0, 6.0)
+            inputs[name] = lambda t, top=top, rate=rate, phase=phase: top * math.sin(rate * t + phase)
+    return d, inputs
+
+
+def check(seed):
+    """False for a description that is refused."""
+    d, inputs = draw(seed)
+    try:
+        system = d.build()
+    except RigError as refusal:
+        assert "\n" not in str(refusal)
+        return False
+    r = run(system, END, STEP, inputs)
+    flowed = 1e-3 + np.abs(np.diff(r.e_in)).sum() + r.stored.max() + np.abs(np.diff(r.stored)).sum()
+    assert all(np.isfinite(one).all() for one in (r.speeds, r.torques, r.shaft_torques, r.stored, r.e_in)), seed
+    assert np.abs(r.residual()).max() < 1e-9 * flowed, (seed, np.abs(r.residual()).max() / flowed)
+    locked = np.abs(r.modes) >= 2
+    assert np.abs(r.slips[locked]).max(initial=0.0) < 1e-9 * (1.0 + np.abs(r.speeds).max()), seed
+    assert r.capped <= 0.02 * len(r.t), (seed, r.capped)
+    return True
+
+
+def test_forty_random_drivelines():
+    assert sum(check(seed) for seed in range(40)) > 25
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("hundred", range(20))
+def test_two_thousand_random_drivelines(hundred):
+    runs, seed = 0, 10_000 * (hundred + 1)
+    while runs < 100:
+        runs += check(seed)
+        seed += 1
