@@ -25,7 +25,7 @@ from rig_nodes.plant.driveline_tables import Table, Tables, along, tables_of, va
 # kinds, in the order in which they act on a step
 CAPACITY, FRICTION, SHAFT, TORQUE, MOTION, INERTIA = range(6)
 CLOSE = 1e-11  # of torques, by which the lines of a step may miss those that its way asks for
-TRIES, HALVINGS, CUTS = 30, 16, 8
+TRIES, HALVINGS, CUTS = 30, 12, 8
 
 
 class Law(NamedTuple):
@@ -192,7 +192,7 @@ def law_step(h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twi
         left = h - done
         d = left if size >= left * (1.0 - 1e-9) else size
         end = 1.0 if d == left else (done + d) / h
-        last = d <= h * 0.5 ** HALVINGS
+        last = not met or d <= h * 0.5 ** HALVINGS  # where halving has not helped once, the rest is taken as it comes
         reached = try_step(d, t + done, done / h, end, last, cuts < CUTS and d > 1e-9 * h, laws, own, given, mass, minv, w, sh, kc,
                            q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work)
         if 0.0 < reached < d:
@@ -201,7 +201,7 @@ def law_step(h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twi
         elif reached == d or last:
             met = met and reached == d
             done = h if d == left else done + d
-            size, cuts = (h, 0) if cuts > 0 else (2.0 * d, 0)
+            size, cuts = h if cuts > 0 or not met else 2.0 * d, 0
         else:
             size = 0.5 * d
     return met
