@@ -67,8 +67,9 @@ class System:
     (b, n) times v; torques on bodies act on the speeds through its transpose; kinetic energy is
     v mass v / 2. `stick` (2, m) is the ratio of break-away to kinetic torque forwards and backwards, `one_way` (m,) marks
     free-wheels, `minv`, `w`, `sh`, `kc` go into the kernel as they are. Slips and twists by the speeds of the bodies are
-    `element_bodies` (m, b) and `shaft_bodies` (s, b); gears, sets and relations are `ties`, their coefficients `tie_rows`. `laws`, sorted by kind,
-    have the slots behind the shafts in `slots` (s and more, n) and read the inputs `factors`, numbers (their defaults) by name.
+    `element_bodies` (m, b) and `shaft_bodies` (s, b); gears, sets and relations are `ties`, their coefficients `tie_rows`.
+    `laws`, sorted by kind, have the slots behind the shafts in `slots` (s and more, n) and read the inputs `factors`, their
+    defaults by name.
     """
 
     bodies: tuple[str, ...]
@@ -239,7 +240,8 @@ class Driveline:
         if soft:
             table = table_of(f"shaft '{name}'", table, "straight")
             if len(table.x) < 2 or np.any(np.diff(table.y) < 0.0) or np.any(np.diff(table.x) == 0.0):
-                raise RigError(f"driveline: the table of shaft '{name}' needs two points or more, twists rising, torques not falling")
+                raise RigError(f"driveline: the table of shaft '{name}' needs two points or more, "
+                               "twists rising, torques not falling")
             if backlash > 0.0:
                 if abs(value_at(table, 0.0)) > 0.0:
                     raise RigError(f"driveline: the table of shaft '{name}' has {value_at(table, 0.0):g} Nm at twist 0; "
@@ -309,7 +311,8 @@ class Driveline:
     def motion(self, name: str, body: str) -> None:
         """Prescribed motion: the speed of a body (rad/s) is the input of this name; without one it stays as it starts.
 
-        Its torque is found, and is a result; a speed that jumps is reached within a step. Speeds of bodies that gears tie to each other can be prescribed once.
+        Its torque is found, and is a result; a speed that jumps is reached within a step. Of bodies that gears tie to
+        each other one speed can be prescribed.
         """
         self._new_name(name)
         self._exist(f"motion '{name}'", body)
@@ -384,7 +387,8 @@ class Driveline:
                       _rows(bodies, ({a: ca, b: -cb} for a, b, ca, cb, *_ in e)),
                       _rows(bodies, ({a: ca, b: -cb} for a, b, ca, cb, *_ in k)),
                       tuple(self._ties), _rows(bodies, self._ties.values()),
-                      tuple(self._mesh_of(name, tuple(elements)) for name in self._meshes), *self._laws_of(bodies, speeds, t, w, sh, v_start))
+                      tuple(self._mesh_of(name, tuple(elements)) for name in self._meshes),
+                      *self._laws_of(bodies, speeds, t, w, sh, v_start))
 
     def _mesh_elements(self):
         """A mesh with losses is a clutch that never slips and a brake on b, by whose slip, w_a, its torque is told."""
@@ -418,7 +422,8 @@ class Driveline:
         elements, shafts = list(self._elements), list(self._shafts)
         for name, (reads, by, table, angle) in self._capacities.items():
             of = _rows(bodies, [reads])[0] @ t
-            laws.append(Law(name, CAPACITY, by == "angle", of, 0.0 * of, nothing, table, element=elements.index(name), start=angle))
+            f = elements.index(name)
+            laws.append(Law(name, CAPACITY, by == "angle", of, 0.0 * of, nothing, table, element=f, start=angle))
         for name, table in self._friction.items():
             f = elements.index(name)
             laws.append(Law(name, FRICTION, False, w[f], 0.0 * w[f], nothing, table, element=f))
@@ -440,7 +445,8 @@ class Driveline:
             laws.append(Law(name, kind, by == "angle", of, on, acts, table, slot, -1, factor, angle))
         held = np.array([law.on for law in laws if law.kind == MOTION]).reshape(-1, len(speeds))
         if np.linalg.matrix_rank(held) < len(held):
-            raise RigError("driveline: motions prescribe the speeds of bodies that gears or relations tie together; one is enough")
+            raise RigError("driveline: motions prescribe the speeds of bodies that gears or relations tie together; "
+                           "one is enough")
         return tuple(sorted(laws, key=lambda law: law.kind)), np.array(slots).reshape(-1, len(speeds)), factors
 
     def _new_name(self, name):
@@ -518,8 +524,9 @@ class Driveline:
             raise RigError(f"driveline: {what} is by '{by}'; by speed and by angle are possible")
         table = table_of(what, table, "flat", period)
         if by == "speed" and np.any(np.diff(table.x) == 0.0):
-            raise RigError(f"driveline: the table of {what} jumps at {table.x[1:][np.diff(table.x) == 0.0][0]:g} rad/s; over a speed "
-                           "it cannot: give two speeds between which it changes, or use a clutch where it is friction")
+            at = table.x[1:][np.diff(table.x) == 0.0][0]
+            raise RigError(f"driveline: the table of {what} jumps at {at:g} rad/s; over a speed it cannot: give two speeds "
+                           "between which it changes, or use a clutch where it is friction")
         return table
 
 

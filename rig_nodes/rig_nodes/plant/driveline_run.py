@@ -78,8 +78,8 @@ class Result:
     outside; stored (r,), e_in (r,), e_fric (r, m), e_visc (r, m), e_shaft (r, s): energy stored, work of the torques from
     outside and losses since the start, J; impulse (r, m) Nm s. A torque that jumps at a row has its value before the jump
     there, but in row 0. laws (r, l): torque of each law of the system, factor or inertia at its angle. `event_speeds` (e, b):
-    of the bodies at each of the events. `capped` counts steps
-    whose bound on events was reached or whose laws were not met. The methods pick by name; RigError for a name that does not exist.
+    of the bodies at each of the events. `capped` counts steps whose bound on events was reached or whose laws were not met.
+    The methods pick by name; RigError for a name that does not exist.
     """
 
     system: System
@@ -204,9 +204,10 @@ class Run:
     """A run of a driveline that can be stepped, stopped and continued; it begins at t = 0.
 
     step: s. inputs: by body name the torque on it (Nm), by clutch or brake name its kinetic torque (Nm, >= 0), by the name of
-    a torque or of a capacity of the description what multiplies it, of a motion its speed (rad/s); each a number, a function of time, or a table (times, values), linear between its points, with a time named twice where it jumps. A step
-    ends at each point of a table, unless points are as close as steps: then each step takes the table's mean over it. Times at
-    which functions jump or bend go into `breakpoints`; steps end there. What has no input is without torque or open.
+    a torque or of a capacity of the description what multiplies it, of a motion its speed (rad/s); each a number, a function
+    of time, or a table (times, values), linear between its points, with a time named twice where it jumps. A step ends at each
+    point of a table, unless points are as close as steps: then each step takes the table's mean over it. Times at which
+    functions jump or bend go into `breakpoints`; steps end there. What has no input is without torque or open.
     controller: called at the start and every so many steps with the Moment; what it gives, by name as inputs, holds
     until its next call. A copy (copy.deepcopy) goes on for itself. RigError for names that do not exist, negative
     capacities, values that are not finite, and steps that are not positive.
@@ -367,8 +368,8 @@ class Run:
         v, twist, mode, el, shaft, e_in, laws, law_angles, springs, work = self._move(
             t[0] + np.array([0.0, 1e-9 * self.step_length]), pushes, cap, given, s.state(0, recorded=True), law_state(s.laws))
         el[:, 1:], shaft[:, algebra.E_SHAFT] = 0.0, 0.0
-        return (t[:1], pushes[:, 1], begin.v[None], begin.twist[None], mode, el, shaft, 0.0 * e_in, laws, law_angles, 0.0 * springs,
-                0.0 * work)
+        return (t[:1], pushes[:, 1], begin.v[None], begin.twist[None], mode, el, shaft, 0.0 * e_in, laws, law_angles,
+                0.0 * springs, 0.0 * work)
 
 
 def run(system: System, t_end: float, step: float, inputs: Mapping[str, Signal] | None = None,
