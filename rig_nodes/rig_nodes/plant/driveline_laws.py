@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from rig_nodes.compiled import INNER
 from rig_nodes.plant.driveline_algebra import (
     E_SHAFT, E_FRIC, E_VISC, HI0, IMPULSE, KIN0, LAM, LO0, N_CAPPED, N_EVENTS, TAU, VISC, apart, lin)
 from rig_nodes.plant.driveline_kernel import driveline_step
@@ -98,7 +99,7 @@ def law_state(laws: list[Law]) -> LawState:
                     np.zeros(sum(len(one.springs) for one in laws)), np.zeros(count), np.zeros(count), np.zeros(1))
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(**INNER)
 def spring_with_friction(stiffness, limit, torque, dx):
     """(slope of the straight line from a torque with the mean over the way dx, torque behind it)."""
     apart()
@@ -111,7 +112,7 @@ def spring_with_friction(stiffness, limit, torque, dx):
     return 2.0 * gained / (way * way), limit if dx >= 0.0 else -limit
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(**INNER)
 def in_contact(gap, x, dx):
     """Share of the way from x to x + dx on which the gap, from -gap to gap, is closed."""
     apart()
@@ -123,7 +124,7 @@ def in_contact(gap, x, dx):
     return 1.0 - max(0.0, min(high, gap) - max(low, -gap)) / (high - low)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(**INNER)
 def product(row, v):
     apart()
     total = 0.0
@@ -132,7 +133,7 @@ def product(row, v):
     return total
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(**INNER)
 def invert(a, out):
     """The inverse of a symmetric positive definite matrix, by Gauss and Jordan; a is lost."""
     apart()
@@ -153,7 +154,7 @@ def invert(a, out):
                     out[i, j] -= share * out[col, j]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(**INNER)
 def put(to, what):
     """The numbers of an array into another one."""
     apart()
@@ -162,7 +163,7 @@ def put(to, what):
         to[i] = what[i]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(**INNER)
 def restore(loss, v, twist, mode, el, shaft, e_in, count, loss0, v0, twist0, mode0, el0, shaft0, e_in0, count0):
     apart()
     put(loss, loss0)
@@ -175,14 +176,14 @@ def restore(loss, v, twist, mode, el, shaft, e_in, count, loss0, v0, twist0, mod
     put(count, count0)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(**INNER)
 def share_of(first, last, begin, end):
     """(value at begin, at end) of a straight line between two numbers, at shares of it."""
     apart()
     return lin(first, last, begin), lin(first, last, end)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(**INNER)
 def law_step(h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work):
     """As `driveline_step`, with laws; given (2, inputs): inputs of laws at both ends. False where a law was not met."""
     apart()
@@ -207,7 +208,7 @@ def law_step(h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twi
     return met
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(**INNER)
 def try_step(d, t, begin, end, keep, cut, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in,
              events, count, work):
     """A part d of a step, from share begin to share end of it; d if laws are met, else 0, and nothing has changed unless keep.
@@ -443,7 +444,7 @@ def try_step(d, t, begin, end, keep, cut, laws, own, given, mass, minv, w, sh, k
     return d
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(**INNER)
 def settle(d, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, work):
     """Leaves in `loss` the losses by torque that the inputs at the start of a step ask for, where they have jumped."""
     apart()
@@ -460,7 +461,7 @@ def settle(d, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in,
     work[1] = -1.0
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(**INNER)
 def jumped(q, cap, i):
     """True where inputs jump at the start of step i, the first one among them."""
     if i == 0:

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from rig_nodes.compiled import INNER
 from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline_algebra import apart
 
@@ -147,7 +148,7 @@ def value(tables, k, x):
     return y + slope * (x - at)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(**INNER)
 def along(tables, k, x, dx):
     """(value at x, slope) of the straight line that begins with table k at x and has its mean on the way from x to x + dx."""
     apart()
