@@ -251,7 +251,7 @@ def test_simulate_writes_bag_and_report(tmp_path, capsys):
     (["simulate", "clutch_bench", "--set", "plate_pack.surfaces=12 mm"], "plate_pack.surfaces"),
     (["simulate", "clutch_bench", "--with", "pressures=12 bananas"], "unknown unit 'bananas'"),
     (["simulate", "clutch_bench", "--with", "pressures=1 MPa,,2 MPa"], "repeat.each.p_z must be a list of values"),
-    (["validate", "--rig", "clutch_bench"], "validate --rig is for a rig with gears"),
+    (["validate", "--rig", "clutch_bench"], "the rig 'clutch_bench' has no validation.yaml"),
     (["controller", "check", "alfa46", "--rig", "clutch_bench"], "controller check is for a rig with gears"),
     (["export", "fmu", "--rig", "clutch_bench"], "export fmu is for a rig with gears"),
     (["export", "controller-fmu", "x.c", "--rig", "clutch_bench"],
