@@ -30,8 +30,11 @@ PASSES_ON = True
 AGAINST_THE_CLOCK = "against_the_clock"
 ONLY_CLOCK = f"{AGAINST_THE_CLOCK} and not campaign"
 AT_MOST = 5
-# folders that are not to be left to the end
-LONGEST_FIRST = ("controllers", "graph", "view", "testbench", "fmu", "sweep", "validation", "tune", "plant")
+# Folders whose processes wait for each other with limits of time: they have the processor for themselves, in so many parts.
+FIRST = {"controllers": 2, "graph": 1}
+# The others only compute. What runs against the clock leaves half of the processor free, and they take it at the lowest
+# priority there is (SCHED_IDLE; a nice value is not enough): the longest of them are not to be left to the end.
+BESIDE = ("testbench", "view", "plant", "description", "fmu", "tune", "validation", "sweep")
 MOST_PARTS = 4  # at a time; each takes up to 1 GB, and waits for its own processes for a part of its time
 PASSED, FAILED, NOTHING_THERE = 0, 1, 5  # exit codes of pytest
 PARTS, LAST_FAILED, CLOCK = ".pytest_cache/parts", "v/cache/lastfailed", "clock"
@@ -41,8 +44,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.usage = "rig test [pytest arguments]"
     parser.epilog = ("Without a path all of tests/ runs, apart from what is marked 'campaign'. "
                      "Everything given is passed to pytest: 'rig test -x -k valve', 'rig test tests/plant'. "
-                     "Without arguments, the folders run side by side on this machine's cores, and after them what "
-                     "runs against the clock, of which up to 5 failures are tried once more and named.")
+                     "Without arguments, folders run side by side on this machine's cores, and after them what "
+                     "runs against the clock, with the other folders beside it; up to 5 failures against the clock "
+                     "are tried once more and named.")
 
 
 def tests_root() -> Path:
@@ -73,14 +77,15 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
-    """Every test: the folders side by side, then what runs against the clock, then its second chance."""
+    """Every test: some folders side by side, then what runs against the clock beside the others, then its second chance."""
     began, counts, codes = time.monotonic(), Counter(), []
     shutil.rmtree(root / PARTS, ignore_errors=True)  # pytest would keep what failed once and has another name now
     subprocess.run([sys.executable, "-m", "rig_nodes.testbench.preloaded"], env=env, cwd=root)  # or two would compile
-    folders, clock = parts_of(root)
-    at_a_time = min(len(os.sched_getaffinity(0)) + 1, MOST_PARTS)
-    print(f"rig: {len(folders)} parts, {at_a_time} at a time, each shown when it is done; then {len(clock)} files "
-          "against the clock", flush=True)
+    first, beside, clock = parts_of(root)
+    cores = len(os.sched_getaffinity(0))
+    at_a_time = min(cores + 1, MOST_PARTS)
+    print(f"rig: {len(first)} parts, {at_a_time} at a time, each shown when it is done; then {len(clock)} files against the clock, "
+          f"with {len(beside)} parts beside them, shown when all is done", flush=True)
 
     def begin(name: str, mark: str, *arguments: str) -> subprocess.Popen:
         # with one folder for all, notes would be lost
@@ -88,27 +93,36 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
         return subprocess.Popen([*command, *own, *arguments], env=env, cwd=root, text=True, stdout=subprocess.PIPE,
                                 stderr=subprocess.STDOUT)
 
-    def part(folder: str) -> tuple[str, int]:
-        process = begin(Path(folder).name, f"not campaign and not {AGAINST_THE_CLOCK}", "-q", folder)
+    def run(name: str, lowest: bool = False) -> tuple[str, int]:
+        process = begin(name, f"not campaign and not {AGAINST_THE_CLOCK}", "-q", *{**first, **beside}[name])
+        if lowest:
+            os.sched_setscheduler(process.pid, os.SCHED_IDLE, os.sched_param(0))
         output, _ = process.communicate()
         return output, process.returncode
 
-    with ThreadPoolExecutor(at_a_time) as together:
+    def show(name: str, output: str, code: int) -> None:
+        print(f"rig: {name}\n{output}", end="", flush=True)
+        counts.update(counted(output))
+        codes.append(code)
+
+    with ThreadPoolExecutor(at_a_time) as together, ThreadPoolExecutor(min(cores, MOST_PARTS)) as below:
         try:
-            for folder, (output, code) in zip(folders, together.map(part, folders)):
-                print(f"rig: {folder}\n{output}", end="", flush=True)
-                counts += counted(output)
-                codes.append(code)
+            for name, (output, code) in zip(first, together.map(run, first)):
+                show(name, output, code)
+            others = below.map(lambda name: run(name, lowest=True), beside)
+            if clock:
+                print("rig: against the clock", flush=True)
+                process, line = begin(CLOCK, ONLY_CLOCK, "-v", *clock), ""
+                for line in process.stdout:
+                    print(line, end="", flush=True)
+                counts += counted(line)
+                codes.append(process.wait())
+            for name, (output, code) in zip(beside, others):
+                show(name, output, code)
         except KeyboardInterrupt:
             together.shutdown(wait=False, cancel_futures=True)
+            below.shutdown(wait=False, cancel_futures=True)
             raise
-    if clock:
-        print("rig: against the clock", flush=True)
-        process, line = begin(CLOCK, ONLY_CLOCK, "-v", *clock), ""
-        for line in process.stdout:
-            print(line, end="", flush=True)
-        counts += counted(line)
-        codes.append(process.wait())
     failed = failed_tests(root)
     note_failed(root, failed)
     total = ", ".join(f"{counts[what]} {what}" for what in ("failed", "error", "passed", "skipped") if counts[what])
@@ -123,13 +137,19 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
     return code
 
 
-def parts_of(root: Path) -> tuple[list[str], list[str]]:
-    """Folders of tests, the longest ones first; files of which some tests run against the clock."""
+def parts_of(root: Path) -> tuple[dict[str, list[str]], dict[str, list[str]], list[str]]:
+    """Files of the parts that run first and of those that run beside the clock, by the parts' names, the longest ones first;
+    files of which some tests run against the clock."""
     files = sorted(path.relative_to(root).as_posix() for path in (root / "tests").rglob("test_*.py"))
     clock = [file for file in files if f"mark.{AGAINST_THE_CLOCK}" in (root / file).read_text(encoding="utf-8")]
-    folders = sorted({"/".join(file.split("/")[:2]) for file in files})
-    long = [f"tests/{name}" for name in LONGEST_FIRST if f"tests/{name}" in folders]
-    return long + [folder for folder in folders if folder not in long], clock
+    folders: dict[str, list[str]] = {}
+    for file in files:
+        folders.setdefault(file.split("/")[1], []).append(file)
+    first = {f"{name}-{k + 1}" if count > 1 else name: folders[name][k::count]
+             for name, count in FIRST.items() if name in folders for k in range(count)}
+    long = [name for name in BESIDE if name in folders]
+    rest = [name for name in folders if name not in FIRST and name not in long]
+    return first, {name: folders[name] for name in long + rest}, clock
 
 
 def counted(output: str) -> Counter:
