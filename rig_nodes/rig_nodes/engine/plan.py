@@ -84,6 +84,7 @@ class World:
     def __init__(self, plan: Plan):
         self.plan = plan
         self._by_part: dict[str, list[Instance]] = {}
+        self._views: dict[tuple[str, str], np.void] = {}
         for instance in plan.instances:
             self._by_part.setdefault(instance.part, []).append(instance)
         system, shapes = plan.system, {}
@@ -130,8 +131,11 @@ class World:
         return self._of("values", name)
 
     def _of(self, where: str, name: str) -> np.void:
-        kind, k = self._where(name)
-        return self.record[where][kind][0, k]
+        # the record never moves, and every message asks for its device
+        if (where, name) not in self._views:
+            kind, k = self._where(name)
+            self._views[where, name] = self.record[where][kind][0, k]
+        return self._views[where, name]
 
     def _where(self, name: str) -> tuple[str, int]:
         for kind, group in self._by_part.items():
