@@ -219,6 +219,19 @@ def test_locked_clutch_does_not_creep_over_a_million_steps():
     assert x.v[0] == pytest.approx(90.0 + 0.01 * 20.0 / 0.827, rel=1e-9)
 
 
+def test_drag_that_comes_after_a_very_short_step_is_met_as_any_other():
+    def moved(before):
+        system = pair(w1=90.0, w2=0.0)
+        x, cap, q = system.state(), system.limits(), np.zeros((2, 2))
+        for h, drag in (*before, (1.0, 1e-4)):
+            cap[algebra.VISC] = drag
+            driveline_step(h, 0.0, system.minv, system.w, system.sh, system.kc, q, cap, x.loss, x.v, x.twist,
+                           x.mode, x.el, x.shaft, x.e_in, x.events, x.count, x.work)
+        return x.v
+
+    assert np.array_equal(moved([(1e-9, 0.0)]), moved([]))
+
+
 def test_mirrored_signs_give_the_mirrored_motion():
     def mirrored(sign):
         d = Driveline()

@@ -111,10 +111,10 @@ def advance(samples, first_sample, steps_per_sample, h, drive, general, worlds, 
     """Move everything by whole controller samples; row j of the ring ``log`` is the time j * h after 0.
 
     Returns (the sample that was reached, one of WHOLE, NOT_FINITE, NOT_SETTLED): it ends early with the sample in
-    which something went wrong. general: address of the
-    driveline's general step, see engine.general_step. numbers, moved: the beginning of ``worlds`` as float64 and int64, of which the first
-    ``finite`` must be finite numbers; kept (2, as many as a step leaves to the next): its copy at the sample's beginning,
-    and the state that was not finite. Such a sample leaves the plant as it was at its beginning, and its rows show that.
+    which something went wrong. general: address of the driveline's general step, see engine.general_step. numbers,
+    moved: the beginning of ``worlds`` as float64 and int64, of which the first ``finite`` must be finite numbers; kept (2,
+    as many as a step leaves to the next): its copy at the sample's beginning, and the state that was not finite. Such a
+    sample leaves the plant as it was at its beginning, and its rows show that.
 
     Order at each controller sample: the duty answered to the last sample is applied, then (drive BY_LAW) the law
     answers this one. So the controller acts with one sample of delay, in the engine and outside it alike. BY_SETPOINT

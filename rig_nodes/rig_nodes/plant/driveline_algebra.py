@@ -42,7 +42,7 @@ def apart(_context):
 
 
 class Places(NamedTuple):
-    """Where the parts of the work buffer begin, behind HEAD, the drag coefficients that H was made with, and how far they may go from them."""
+    """Where the parts of the work buffer begin, behind HEAD, the drag that H was made with, and how far it may go from there."""
 
     p: int  # (n, n) acceleration by a force, with the stuck elements held
     h: int  # (n, n) the same over a step, with all that is implicit
@@ -278,6 +278,8 @@ def implicit(d, w, sh, kc, cap, work):
     work[2] = d
     work[3] = 1.0 if coupled else 0.0
     if not coupled:
+        for f in range(m):
+            work[HEAD + m + f] = 0.0  # a step of another length keeps this H, and what is unseen in this one may be seen there
         return
     for i in range(n):
         for j in range(n):

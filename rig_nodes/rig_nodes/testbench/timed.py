@@ -3,7 +3,7 @@
 
 """What every rig that is moved sample by sample has: the engine's world, simulated time, the ring of rows, its status.
 
-Base of testbench.rig (the gearbox) and testbench.clutch_bench; the only place that calls the engine.
+Base of testbench.rig, and the only place that calls the engine.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Timed(ABC):
     def count_steps(self, step: float, catalogue: Catalogue) -> None:
         """Note how many steps [s] of the plant make a sample and a row; RigError when they do not fit.
 
-        catalogue: of this kind of rig; its logger's columns are the first of ``channels``.
+        catalogue: of this rig; its logger's columns are the first of ``channels``.
         """
         self.step_ns, self.step, self.sample = SAMPLE_NS, step, 0
         steps = SAMPLE / step
@@ -109,8 +109,8 @@ class Timed(ABC):
         world = self.world
         return loop.advance(
             samples, self.sample, self._steps_per_sample, self.step, self._by, self._general, world.record,
-            world.numbers, self._shown, *self.gauges.arrays, self._law_config, self._law_profiles, self._law_outputs, self._law_state,
-            self._log, world.moved, world.finite, world.kept)
+            world.numbers, self._shown, *self.gauges.arrays, self._law_config, self._law_profiles, self._law_outputs,
+            self._law_state, self._log, world.moved, world.finite, world.kept)
 
     def device(self, name: str) -> np.void:
         """The states of a device by name, SI, to be read and set."""
