@@ -23,7 +23,17 @@ from .errors import RigError
 # cost a third of the time to compile a small one. forceinline is said, because numba would take the caller's.
 INNER = {"error_model": "numpy", "forceinline": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 INLINED = {**INNER, "forceinline": True}
+_records: dict = {}  # record types that were made, each by itself
 _SOURCES = ("engine", "parts", "plant", "plant/friction", "alfa46", "instruments")
+
+
+def one_record(dtype):
+    """The first of all equal numpy record types that were made.
+
+    numba knows an argument's type by the very object; another one, though equal, it compares field by field in each call,
+    which costs more than the call does.
+    """
+    return _records.setdefault(dtype, dtype)
 
 
 def cache_root() -> Path:

@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from ..transmission import Clutch, Transmission
 from .edges import first_true, mean_ahead, odd_width, quantum, ramp_start, running_mean, white_noise
@@ -333,6 +332,8 @@ def _longest_level(grid: np.ndarray, middle: np.ndarray, swing: float, slope: fl
     """First and last index of the longest stretch inside ``middle`` that swings by at most ``swing`` and whose fitted
     slope is at most ``slope`` per step; None where not even three values in a row are level.
     """
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d  # here: 0.1 s that most reports do not need
+
     index, away = np.arange(grid.size), grid - grid[0]
     total, moment = (np.concatenate(([0.0], np.cumsum(x))) for x in (away, index * away))
     outside = np.concatenate(([0], np.cumsum(~middle)))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
 
@@ -99,13 +99,15 @@ class Definition:
     tail: tuple[tuple[str, Node], ...]
     size: int
     store: object
+    # of messages with lists that were found exact, by their length: the bytes that say so, each with its place (cdr.exact)
+    met: dict[int, tuple[tuple[slice, bytes], ...]] = field(default_factory=dict, repr=False)
 
     @property
     def fixed(self) -> bool:
         """True when every message of the type has the same size."""
         return not self.tail
 
-    @property
+    @cached_property
     def counted(self) -> bool:
         """True for a message of the rig's own form: it starts with ``header`` and ``seq``."""
         return _counted(self.tree)
@@ -138,6 +140,11 @@ class Definition:
         _, first, count = places[-1]
         end = first + self.tail[-1][1].item.size * count
         return end if end <= len(data) else None
+
+    def lengths(self, data: bytes) -> tuple[tuple[slice, bytes], ...]:
+        """The bytes of a message that hold its lists' lengths, each with its place (:attr:`lists`)."""
+        places = [slice(at, at + 4) for at, _, _ in self._places(data)]
+        return tuple((place, data[place]) for place in places)
 
     def _places(self, data: bytes) -> list[tuple[int, int, int]]:
         """Of each list of the tail: where its length and its first number are, and how many it has; as far as they are."""

@@ -30,16 +30,18 @@ _END_OF_TIME = 1 << 63  # ns, of rosbag2
 _SEQUENCE = struct.Struct("<I")  # the low half of a sequence number
 
 
-@dataclass
+@dataclass(slots=True)
 class _Topic:
     """A topic of the bag: channel number, definition, quality-of-service class, what its messages need."""
 
     channel: int
     definition: Definition
+    ros_type: str
     qos: str
     counted: bool
     own: bool  # of the catalogue: stored without padding
     size: int  # of every message, 0 when it varies
+    count: int = 0  # of messages written
 
 
 class MessageRefused(RigError):
@@ -53,8 +55,7 @@ class BagWriter:
 
     A chunk is closed and handed to the operating system when the simulated time of the messages passes a
     multiple of 100 ms, so that a killed process loses no more than that; a chunk above 4 MiB closes earlier.
-    A recorder that runs slower than real time calls :meth:`flush` besides. ``counts`` holds the messages
-    written per topic. Not thread-safe.
+    A recorder that runs slower than real time calls :meth:`flush` besides. Not thread-safe.
     """
 
     def __init__(self, folder: str | Path, name: str, piece: int = 0, topics: Mapping[str, Topic] | None = None):
@@ -64,11 +65,10 @@ class BagWriter:
         """
         self.folder = Path(folder)
         self.path = self.folder / f"{name}_{piece}.mcap"
-        self.counts: dict[str, int] = {}
         self._known = installed_topics() if topics is None else topics
         self._topics: dict[str, _Topic] = {}
         self._schemas: dict[str, int] = {}
-        self._interval: int | None = None
+        self._flush_at: int | None = None  # ns; None before the first message
         self._first = self._last = 0
         self._closed = False
         self._failure: tuple[type[RigError], str] | None = None
@@ -95,32 +95,34 @@ class BagWriter:
         if not 0 <= log_time_ns < _END_OF_TIME:
             raise MessageRefused(f"topic {topic}: a message of {log_time_ns / 1e9:g} s; time begins at 0")
         known = self._topics.get(topic) or self._guard(self._add_topic, topic, ros_type, qos)
-        if known.definition.name != ros_type:
-            raise MessageRefused(f"topic {topic} holds {known.definition.name}, got a {ros_type}; "
-                                 f"a topic has one type")
+        if known.ros_type != ros_type:
+            raise MessageRefused(f"topic {topic} holds {known.ros_type}, got a {ros_type}; a topic has one type")
         if known.own and len(data) != known.size:
             try:
                 data = exact(known.definition, data)
             except ValueError as error:
                 raise MessageRefused(f"topic {topic}: {error}; expected exact little-endian CDR") from None
-        interval = log_time_ns // FLUSH_NS
-        if self._interval is None:
-            self._interval = interval
-            self._first = self._last = log_time_ns
-        elif interval > self._interval:
-            self._guard(self._writer.flush)
-            self._interval = interval
-        count = self.counts[topic]
-        sequence = _SEQUENCE.unpack_from(data, 20)[0] if known.counted else count
+        if self._flush_at is None or log_time_ns >= self._flush_at:
+            if self._flush_at is None:
+                self._first = self._last = log_time_ns
+            else:
+                self._guard(self._writer.flush)
+            self._flush_at = (log_time_ns // FLUSH_NS + 1) * FLUSH_NS
+        sequence = _SEQUENCE.unpack_from(data, 20)[0] if known.counted else known.count
         try:
             self._writer.add_message(known.channel, log_time_ns, data, sequence)
         except OSError as error:
             raise self._fail(error) from None
-        self.counts[topic] = count + 1
+        known.count += 1
         if log_time_ns > self._last:
             self._last = log_time_ns
         elif log_time_ns < self._first:
             self._first = log_time_ns
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Messages written, by topic."""
+        return {name: topic.count for name, topic in self._topics.items()}
 
     def flush(self) -> None:
         """Close the chunk in progress and hand everything to the operating system."""
@@ -186,14 +188,13 @@ class BagWriter:
             "offered_qos_profiles": metadata.profile_text(qos),
             "topic_type_hash": definition.type_hash,
         })
-        self.counts[topic] = 0
-        self._topics[topic] = _Topic(channel, definition, qos, entry is not None and definition.counted,
+        self._topics[topic] = _Topic(channel, definition, ros_type, qos, entry is not None and definition.counted,
                                      entry is not None, definition.size if definition.fixed else 0)
         return self._topics[topic]
 
     def _summary(self) -> list[dict]:
-        return [{"name": name, "type": topic.definition.name, "qos": topic.qos,
-                 "hash": topic.definition.type_hash, "count": self.counts[name]}
+        return [{"name": name, "type": topic.ros_type, "qos": topic.qos,
+                 "hash": topic.definition.type_hash, "count": topic.count}
                 for name, topic in self._topics.items()]
 
     def _finish(self, information: str) -> None:

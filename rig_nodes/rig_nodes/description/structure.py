@@ -142,7 +142,13 @@ class Structure:
 
     def of_role(self, *roles: str) -> tuple[Device, ...]:
         """The devices with one of these roles, in the order of the file."""
-        return tuple(device for device in self.devices if device.role in roles)
+        if roles not in self._by_roles:  # asked for in every tick
+            self._by_roles[roles] = tuple(device for device in self.devices if device.role in roles)
+        return self._by_roles[roles]
+
+    @cached_property
+    def _by_roles(self) -> dict[tuple[str, ...], tuple[Device, ...]]:
+        return {}
 
     @cached_property
     def _by_name(self) -> dict[str, Device]:

@@ -15,6 +15,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from ..compiled import one_record
 from ..parts.part import part
 from ..plant.driveline_algebra import work_size
 from ..plant.driveline_losses import loss_width
@@ -74,9 +75,9 @@ def world_dtype(counts: dict[str, int], sizes: Sizes, shapes: dict[str, tuple[in
     """
     states = np.dtype([(name, part(name).state_dtype(), (count,)) for name, count in counts.items()])
     values = np.dtype([(name, part(name).values_dtype(shapes), (count,)) for name, count in counts.items()])
-    return np.dtype([("safe", "f8"), ("oil", OIL, (sizes.oil_lines,)), ("parts", states),
-                     ("driveline", driveline_dtype(sizes)), ("values", values), ("channel", "u8", (sizes.outputs,)),
-                     ("current", "f8", (sizes.outputs,))])
+    return one_record(np.dtype([
+        ("safe", "f8"), ("oil", OIL, (sizes.oil_lines,)), ("parts", states), ("driveline", driveline_dtype(sizes)),
+        ("values", values), ("channel", "u8", (sizes.outputs,)), ("current", "f8", (sizes.outputs,))]))
 
 
 @lru_cache(maxsize=8)

@@ -14,6 +14,7 @@ from math import floor, sqrt
 import numpy as np
 from numba import njit
 
+from ..compiled import one_record
 from .noise import noise_at
 
 # rows of the table, a column for each channel of the logger, SI:
@@ -37,13 +38,13 @@ def shown_dtype(channels: int, untouched: int, encoders: int) -> np.dtype:
     transducer shows, and where they are; pickup, noisy > 0: somebody has some; present > 0: there are transducers.
     """
     lanes = -(-max(channels, 1) // WIDTH) * WIDTH
-    return np.dtype([
+    return one_record(np.dtype([
         ("table", "f8", (ROWS, lanes)), ("white", "f8", (lanes,)), ("keys", "u8", (lanes,)), ("state", "f8", (lanes,)),
         ("angle", "f8", (lanes,)), ("counted", "f8", (lanes,)), ("fineness", "f8", (lanes,)),
         ("induced", "f8", (lanes,)), ("row", "f8", (lanes,)), ("mains", "f8"), ("pickup", "f8"), ("noisy", "f8"),
         ("present", "f8"), ("encoder", "u8", (encoders,)), ("source", "u8", (channels,)),
         ("untouched", "f8", (untouched,)), ("untouched_source", "u8", (untouched,)),
-    ])
+    ]))
 
 
 def mains(step: float, frequency: float, phase: float) -> np.ndarray:

@@ -106,9 +106,12 @@ class Rig(Timed):
         self.load, self.oil = ({one.role: self.device(one.name) for one in reversed(structure.devices) if one.role in
                                 (parts.LOAD, parts.OIL)}.get(role) for role in (parts.LOAD, parts.OIL))
         self.losses = {one.name: self.device(one.name) for one in structure.of_role(parts.LOSS)}
-        self._currents = [self.channels.index(plan.currents[name]) for name in self.valve_names]
+        self._currents = [(self.channels.index(plan.currents[name]), output)  # column and output of each valve's
+                          for name, output in zip(self.valve_names, config.wiring)]
         self.valves = [self.device(name) for name in self.valve_names]
         self.clutches = [self.device(name) for name in self.clutch_names]
+        self._heats = {name: f"heat_{structure.device(name).key}" for name in self.clutch_names}
+        self._drawing: dict[str, list[np.void]] = {}  # states of the valves that an oil supply feeds
         self._held_by = {frozenset(gear.clutches): number for number, gear in enumerate(structure.gears, 1)}
         line = self.world.line
         self._el, self._e_in, self._cap = line["el"], line["e_in"], line["cap"]
@@ -131,7 +134,7 @@ class Rig(Timed):
         for part in self.cuts.split(samples):
             if not self._advance_acting(part):
                 break
-        if self.status == RigStatus.TRIPPED:
+        if self.safe:
             return
         if self.shifts and not self.embedded and self._last_command >= 0 and self.command_age > COMMAND_TIMEOUT:
             self.trip(f"valve commands older than {COMMAND_TIMEOUT * 1e3:.0f} ms: the shift controller is "
@@ -395,17 +398,20 @@ class Rig(Timed):
         self._act_due()
         return float(self.valves[k]["pending"])
 
+    def seen(self) -> tuple[list[float], list[float]]:
+        """What the controller's sample carries, SI: coil currents at its outputs, its transducers in the record's order."""
+        row, currents = self.row().tolist(), [0.0] * law.OUTPUTS
+        for column, output in self._currents:
+            currents[output] = row[column]
+        return currents, [row[column] for column in self._wired]
+
     def coil_currents(self) -> np.ndarray:
         """Measured currents at the controller's outputs (3,) [A]."""
-        out = np.zeros(law.OUTPUTS)
-        row = self.row()
-        for column, output in zip(self._currents, self._wiring):
-            out[output] = row[column]
-        return out
+        return np.array(self.seen()[0])
 
     def wired(self) -> list[float]:
         """The controller's transducers, in the order of its record, SI."""
-        return self.row()[self._wired].tolist()
+        return self.seen()[1]
 
     def clutch_mode(self, clutch: int | str) -> int:
         """0 open, 1 slipping, 2 locked, as in rig_msgs/ClutchState; of a clutch by its name or its place."""
@@ -461,9 +467,11 @@ class Rig(Timed):
 
     def oil_drawn(self, name: str) -> float:
         """What valves take from an oil supply now [m3/s]."""
-        structure = self.config.structure
-        return max(0.0, sum(float(self.device(valve.name)["flow"]) for valve in structure.valves
-                            if structure.oil_of(valve, "supply") == name))
+        if name not in self._drawing:
+            structure = self.config.structure
+            self._drawing[name] = [self.device(valve.name) for valve in structure.valves
+                                   if structure.oil_of(valve, "supply") == name]
+        return max(0.0, sum([float(valve["flow"]) for valve in self._drawing[name]]))
 
     def load_torque(self) -> float:
         """Torque of the load against the output shaft [Nm]."""
@@ -476,23 +484,23 @@ class Rig(Timed):
 
     def heat_of(self, name: str) -> str:
         """Name of a clutch's heat among the energies."""
-        return f"heat_{self.config.structure.device(name).key}"
+        return self._heats[name]
 
     def energy(self) -> dict[str, float]:
         """Energies since time 0 [J]: each from its own torque and slip, none by difference."""
-        fric, visc, place = self._el[driveline_algebra.E_FRIC], self._el[driveline_algebra.E_VISC], self._place
-        motor = float(self._e_in.sum())
+        fric, visc = self._el[driveline_algebra.E_FRIC].tolist(), self._el[driveline_algebra.E_VISC].tolist()
+        place, motor = self._place, float(self._e_in.sum())
         if self._put_on:  # what it holds is not the motor's work
             motor -= 0.5 * self._put_on * float(self.v[self._heavy]) ** 2
         out = {"motor": motor}
         if self._loads:
-            out["load"] = sum(float(fric[place[one.name]]) for one in self._loads)
+            out["load"] = sum([fric[place[one.name]] for one in self._loads])
         for name in self.clutch_names:
-            out[self.heat_of(name)] = float(fric[place[name]] + visc[place[name]])
+            out[self.heat_of(name)] = fric[place[name]] + visc[place[name]]
         for name in self.losses:
-            out[name] = float(fric[place[name]])
+            out[name] = fric[place[name]]
         if own := [place[one.name] for one in self._sources if one.name in place]:
-            out["friction"] = sum(float(fric[f]) for f in own)
+            out["friction"] = sum([fric[f] for f in own])
         stored = float(0.5 * self.v @ self._system.mass @ self.v)
         if len(self._twist):
             out["shafts"] = float(self._shaft[driveline_algebra.E_SHAFT].sum())

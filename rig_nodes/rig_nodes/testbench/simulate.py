@@ -167,7 +167,7 @@ def simulate(config: RigConfig, sequence: Sequence, folder: Path, seed: int = 1,
     with BagWriter(folder, sequence.name, topics=config.catalogue.all_topics) as bag:
         try:
             done = False
-            while not done and rig.status != RigStatus.TRIPPED:
+            while not done and not rig.safe:
                 if rig.sample and rig.sample % TICK_SAMPLES == 0:
                     done = runner.poll(rig.time) or rig.time > LONGEST_RUN
                     if progress:

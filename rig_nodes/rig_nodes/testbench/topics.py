@@ -76,6 +76,11 @@ class States:
     def _says(self, name: str):
         """What gives the fields of a device's state."""
         if name == "gearbox":
+            into, out = self._ends
+            shows = {one.name: one.shows for one in self.rig.config.structure.transducers}
+            self._gear_numbers = [self.rig.world.number(what) for what in (
+                f"{into.body}.speed", f"{out.body}.speed", shows[into.torque], shows[out.torque])]
+            self._lost_at = {name: int(self.rig.wire(name, "body") != into.body) for name in self.rig.losses}
             return self._gearbox
         if name == "rig":
             return self._rig_state
@@ -99,7 +104,7 @@ class States:
         rig = self.rig
         if not rig.shifts:
             return []
-        return [("/instruments/controller", (rig.sample, rig.coil_currents().tolist(), rig.wired()))]
+        return [("/instruments/controller", (rig.sample, *rig.seen()))]
 
     def mirrors(self) -> list[tuple]:
         """(topic, form, its values from a logger row) of the standard messages for other tools, where there are gears.
@@ -141,16 +146,13 @@ class States:
             list(record.gear_names.values())))]
 
     def _gearbox(self):
-        rig, (into, out) = self.rig, self._ends
-        losses = {True: 0.0, False: 0.0}  # of the input's side, of all others
-        for name, loss in rig.losses.items():
-            losses[rig.wire(name, "body") == into.body] += float(loss["torque"])
+        rig = self.rig
+        torques = [0.0, 0.0]  # lost at the input's side, at all others
         lost = 0.0
-        for name in rig.losses:
+        for name, side in self._lost_at.items():
+            torques[side] += float(rig.losses[name]["torque"])
             lost += rig.energies[name]
-        shows = {one.name: one.shows for one in rig.config.structure.transducers}
-        return (rig.locked_gear(), rig.true(f"{into.body}.speed"), rig.true(f"{out.body}.speed"), rig.true(shows[into.torque]),
-                rig.true(shows[out.torque]), losses[True], losses[False], lost)
+        return (rig.locked_gear(), *rig.world.numbers[self._gear_numbers].tolist(), *torques, lost)
 
     def _rig_state(self):
         rig = self.rig
