@@ -146,3 +146,23 @@ def test_killed_start_keeps_the_lock_until_its_tool_has_ended(launcher, small_ch
         fifo.write("end\n")
     fcntl.flock(folder, fcntl.LOCK_EX)
     os.close(folder)
+
+
+def test_a_shell_without_stored_bytecode_gets_it_from_the_launcher_once_for_each_change(
+        launcher, small_checkout, monkeypatch):
+    package, venv = small_checkout / "rig_nodes" / "rig_nodes", str(small_checkout / ".venv")
+    package.mkdir(parents=True)
+    (package / "plant.py").write_text("SPEED = 1\n")
+    monkeypatch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
+    launcher.keep_bytecode(str(small_checkout), venv)
+    assert not (package / "__pycache__").exists(), "Python stores it by itself"
+
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+    launcher.keep_bytecode(str(small_checkout), venv)
+    stored, = (package / "__pycache__").iterdir()
+    stored.unlink()
+    launcher.keep_bytecode(str(small_checkout), venv)
+    assert not stored.exists(), "nothing has changed"
+    os.utime(package / "plant.py", (2e9, 2e9))
+    launcher.keep_bytecode(str(small_checkout), venv)
+    assert stored.exists()
