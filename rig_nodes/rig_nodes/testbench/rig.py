@@ -110,6 +110,7 @@ class Rig(Timed):
                           for name, output in zip(self.valve_names, config.wiring)]
         self.valves = [self.device(name) for name in self.valve_names]
         self.clutches = [self.device(name) for name in self.clutch_names]
+        self._fed = {valve.name: f"{valve.wires['feeds']}.pressure" for valve in structure.valves}
         self._heats = {name: f"heat_{structure.device(name).key}" for name in self.clutch_names}
         self._drawing: dict[str, list[np.void]] = {}  # states of the valves that an oil supply feeds
         self._held_by = {frozenset(gear.clutches): number for number, gear in enumerate(structure.gears, 1)}
@@ -454,7 +455,7 @@ class Rig(Timed):
 
     def fed_pressure(self, valve: str) -> float:
         """Pressure between a valve and its clutch [Pa, gauge]."""
-        return self.line_pressure(self.wire(valve, "feeds"))
+        return self.true(self._fed[valve])
 
     def supply_pressure(self, valve: str) -> float:
         """Pressure of a valve's oil supply [Pa, gauge]."""
