@@ -161,8 +161,7 @@ class Lockstep:
         """One sample: the controller works on it while the messages go out and the plant moves on."""
         rig = self.rig
         sample = rig.sample
-        self.controller.ask(sample, rig.coil_currents().tolist(), rig.wired(),
-                            [rig.measurement(name) for name in self.controller.wants])
+        self.controller.ask(sample, *rig.seen(), [rig.measurement(name) for name in self.controller.wants])
         publish()
         if rig.delay > 0:
             rig.advance_samples(1)

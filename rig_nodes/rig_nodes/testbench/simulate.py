@@ -110,8 +110,7 @@ def runner_on(rig: Rig, outputs, config: RigConfig, sequence: Sequence,
 
 def ask_controller(rig: Rig, controller: Plug):
     """The plug's answer to the newest sample, from what the wires carry; None when it discards the sample."""
-    return controller.step(rig.sample, rig.coil_currents(), rig.wired(),
-                           [rig.measurement(name) for name in controller.wants])
+    return controller.step(rig.sample, *rig.seen(), [rig.measurement(name) for name in controller.wants])
 
 
 def give_answer(rig: Rig, controller: Plug, sample: int, answer) -> None:
