@@ -21,13 +21,12 @@ from pathlib import Path
 
 SHORT = Path(__file__).resolve().parents[1] / "graph" / "short.yaml"
 PACKAGES = ("rig_msgs", "rig_nodes")
-EXECUTABLES = ("alfa46", "load_pump", "motor", "recorder", "replay", "rig", "rig_container", "sequencer",
-               "valve_zr_p1", "valve_zr_p2")  # all of them, sorted as ros2 prints them
+EXECUTABLES = ("alfa46", "device", "recorder", "replay", "rig", "rig_container", "sequencer")  # sorted as ros2 prints them
 TIMES, CURRENTS = "[0.01, 0.1, 0.4, 0.01, 0.1, 0.2]", "[0.3, 0.25, 0.6, 0.3, 0.2, 0.0]"
 PROFILE = "{output: 1, times: %s, currents: %s}"
 # Words after `ros2`, and what the answer has to show: without a rig, then of one that runs by hand.
 WITHOUT = (
-    ("interface show rig_msgs/msg/ValveCommand", r"^\s*float64\[3\] ", r"^builtin_interfaces/Time stamp"),
+    ("interface show rig_msgs/msg/ValveCommand", r"^\s*float64\[\] duty", r"^std_msgs/Header header"),
     ("interface show rig_msgs/action/Shift", r"^uint8 gear"),
     ("pkg executables rig_nodes", r"%s\s*\Z" % r"\s+".join(r"^rig_nodes %s$" % name for name in EXECUTABLES)),
     ("run rig_nodes rig list sequences", r"demo"),
@@ -41,7 +40,7 @@ BY_HAND = (
      r"^/instruments/hmg4000 \[rig_msgs/msg/SampleBlock\]", r"\A(?![\s\S]*/(cylinder|hydraulic_motor|controller/signals))"),
     ("topic info -v /controller/command", r"Publisher count: 1", r"Subscription count: 2",
      r"Reliability: RELIABLE", r"Deadline: 100000000 nanoseconds"),
-    ("topic echo --once /rig/state", r"^stamp:", r"^energy_residual:"),
+    ("topic echo --once /rig/state", r"^header:", r"^energy_residual:"),
     ("topic echo --once /instruments/channels", r"names:"),
     ("param list /alfa46", r"^\s*t12$", r"^\s*output_3\.currents$"),
     ("param describe /motor speed", r"Type: double", r"rad/s", r"Max value: 3\d\d"),
@@ -50,9 +49,9 @@ BY_HAND = (
     ("param get /alfa46 t12", r"Double value is: 0\.05"),
     ("param set /alfa46 t12 7.5", r"Setting parameter failed: .*t12"),
     ("param set /motor speed 5000.0", r"Setting parameter failed: .*speed"),
-    ("topic pub --once -w 2 /motor/command rig_msgs/msg/Setpoint", "{value: 100.0, enable: true}", r"publishing #1"),
+    ("topic pub -t 3 -r 5 -w 2 /motor/command rig_msgs/msg/Setpoint", "{value: 100.0, enable: true}", r"publishing #1"),
     ("param get /motor enabled", r"Boolean value is: True"),
-    ("topic pub --once -w 2 /motor/command rig_msgs/msg/Setpoint", "{value: 100.0}", r"publishing #1"),
+    ("topic pub -t 3 -r 5 -w 2 /motor/command rig_msgs/msg/Setpoint", "{value: 100.0}", r"publishing #1"),
     ("param get /motor enabled", r"Boolean value is: False"),
     ("service list -t", r"^/rig/e_stop \[std_srvs/srv/Trigger\]",
      r"^/alfa46/set_profile \[rig_msgs/srv/SetProfile\]"),
@@ -214,7 +213,7 @@ def refusals(check, folder):
 def a_death(check, folder):
     """A node that is killed ends the launch with its name, and what was recorded is whole."""
     rig = launch(check, "out:=%s" % folder)
-    check.expect(["topic", "echo", "--once", "/rig/state"], [r"^stamp:"])
+    check.expect(["topic", "echo", "--once", "/rig/state"], [r"^header:"])
     killed = [int(path.parent.name) for path in Path("/proc").glob("[0-9]*/cmdline")
               if re.search(rb"lib/rig_nodes/alfa46\0", contents(path)) and bytes(folder) in contents(path)]
     for pid in killed:
