@@ -241,8 +241,7 @@ def made_of(record: Mapping) -> Transmission:
     if not structure.gears or structure.input is None or structure.output is None:
         raise ValueError(f"the rig '{record.get('name', '')}' has no gears")
     inertias = inertias_of(structure, record)
-    shafts = {one.name: (record[one.name]["stiffness"], record[one.name]["damping"]) for one in structure.shafts}
-    system, names = build_driveline(structure, inertias, shafts), {one.name: one for one in structure.clutches}
+    system, names = build_driveline(structure, inertias, record, lossless=True), {one.name: one for one in structure.clutches}
     ends = structure.input.body, structure.output.body
     gears = [Gear(NEUTRAL, "neutral")]
     for number, gear in enumerate(structure.gears, 1):

@@ -174,3 +174,21 @@ def test_refuses_in_one_sentence(arguments, words):
 def test_the_loss_of_a_mesh_is_no_input():
     with pytest.raises(RigError, match="no input 'm loss'; inputs are: a, b"):
         run(pair(0.9), 1.0, 0.1, {"m loss": 3.0})
+
+
+@pytest.mark.parametrize("jump", [8.0, 5.0 + 1e-13])
+def test_a_torque_that_jumps_finds_the_loss_with_all_torques_that_follow_the_motion(jump):
+    """A weight is the same whether it is an input or a table: the loss just behind a jump counts it."""
+    speeds = []
+    for law in (False, True):
+        d = Driveline()
+        d.inertia("a", 0.05)
+        d.inertia("b", 2.0)
+        d.mesh("worm", "a", "b", 20.0, 0.6, -0.2)
+        inputs = {"a": ([0.0, 0.1, 0.1, 0.2], [0.0, 5.0, jump, jump])}
+        if law:
+            d.torque("weight", "b", table=([0.0], [-30.0]))
+        else:
+            inputs["b"] = -30.0
+        speeds.append(run(d.build(), 0.2, 1e-4, inputs).speed("a"))
+    assert speeds[0][-1] > 1.0 and abs(speeds[1] - speeds[0]).max() < 1e-9

@@ -111,7 +111,8 @@ def all_turn_with(structure: Structure) -> bool:
     known = {end.body for end in (structure.input, structure.output)}
     while more := {body for mesh in structure.meshes for body in mesh.bodies if known & set(mesh.bodies)} - known:
         known |= more
-    return not structure.shafts and set(structure.bodies) - set(structure.massless) <= known
+    gives_way = structure.shafts or structure.elements or any(mesh.lossy for mesh in structure.meshes)
+    return not gives_way and set(structure.bodies) - set(structure.massless) <= known
 
 
 def _left(bag, energies: dict[str, Series], box: Transmission) -> Series:

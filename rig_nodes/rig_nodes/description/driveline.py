@@ -6,12 +6,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict
 
 import numpy as np
 
 from ..parts import part as parts
 from ..plant.driveline import Driveline, System
-from .structure import Structure
+from ..plant.driveline_tables import Table, table_of
+from .structure import Element, Follows, Points, Structure
 
 Inertia = Callable[[str], float]  # of a body by its name, 0 of a massless one
 
@@ -25,15 +27,25 @@ def inertias_of(structure: Structure, values: Mapping) -> dict[str, float]:
     return {body: 0.0 if body in structure.massless else inertia(body) for body in structure.bodies}
 
 
-def frame(structure: Structure, inertias: Mapping[str, float]) -> Driveline:
-    """Bodies, wheels and planetary sets; what joins them by friction or gives way is not in it yet."""
+def _given(section) -> dict[str, float]:
+    """The values of a section that are written, by the names that plant.driveline has for them."""
+    return dict(section) if isinstance(section, Mapping) else asdict(section)
+
+
+def _frame(structure: Structure, inertias: Mapping[str, float], values: Mapping, lossless: bool) -> Driveline:
+    """Bodies, wheels, planetary sets and relations; what joins them by friction or gives way is not in it yet."""
     out = Driveline()
     for body in structure.bodies:
-        out.inertia(body, inertias[body])
+        out.inertia(body, inertias[body], None if body in structure.massless else _given(values[body]).get("speed"))
     for mesh in structure.meshes:
-        out.gear(mesh.bodies[1], mesh.bodies[0], mesh.ratio)
+        if mesh.lossy and not lossless:
+            out.mesh(mesh.name, *mesh.bodies, 1.0 / mesh.ratio, **_given(values[mesh.name]))
+        else:
+            out.gear(mesh.bodies[1], mesh.bodies[0], mesh.ratio, mesh.name or None)
     for one in structure.planetary_sets:
         out.planetary(one.name, one.sun, one.ring, one.carrier, one.ratio)
+    for one in structure.of_kind("relation"):
+        out.relation(one.name, dict(zip(one.bodies, one.coefficients)))
     return out
 
 
@@ -42,12 +54,13 @@ def has_element(device) -> bool:
     return "element" in parts.part(device.part).wires
 
 
-def build_driveline(structure: Structure, inertias: Mapping[str, float], shafts: Mapping[str, tuple[float, float]]) -> System:
-    """The whole driveline; an element is named as its device. shafts: stiffness and damping by name. RigError as
-    plant.driveline has it."""
-    out = frame(structure, inertias)
+def build_driveline(structure: Structure, inertias: Mapping[str, float], values: Mapping, lossless: bool = False) -> System:
+    """The whole driveline; an element is named as its device. values: of the sections by name, as dataclasses or as plain
+    maps; lossless: its ratios and inertias alone count, so that meshes with losses are gears. RigError as plant.driveline has it.
+    """
+    out = _frame(structure, inertias, values, lossless)
     for shaft in structure.shafts:
-        out.shaft(shaft.name, *shaft.bodies, stiffness=shafts[shaft.name][0], damping=shafts[shaft.name][1])
+        out.shaft(shaft.name, *shaft.bodies, **_given(values[shaft.name]), table=_columns(shaft.table), hysteresis=shaft.hysteresis)
     for device in structure.devices:
         if device.role == parts.FREEWHEEL:
             out.freewheel(device.name, *device.wires["joins"])
@@ -55,7 +68,41 @@ def build_driveline(structure: Structure, inertias: Mapping[str, float], shafts:
             out.clutch(device.name, *device.wires["joins"])
         elif has_element(device):
             out.brake(device.name, device.wires.get("brakes") or device.wires["body"])
+    for one in structure.of_kind("clutch", "brake"):
+        _clutch(out, one, _given(values[one.name]))
+    for one in structure.elements:
+        if one.kind == "slider_crank":
+            out.slider_crank(one.name, *one.bodies, **_given(values[one.name]))
+        elif one.kind == "motion":
+            out.motion(one.name, *one.bodies)
+        elif one.kind == "torque":
+            out.torque(one.name, *one.bodies, of=one.follows.of or None, by=one.follows.by, **_law(one.follows))
+        elif one.kind == "varying_inertia":
+            out.varying_inertia(one.name, *one.bodies, **_law(one.follows))
+        elif one.kind in ("clutch", "brake") and one.follows:
+            out.capacity(one.name, one.follows.of, by=one.follows.by, **_law(one.follows))
     return out.build()
+
+
+def _columns(points: Points) -> tuple | None:
+    """The two columns of a table, None for one that there is not."""
+    return tuple(zip(*points)) if points else None
+
+
+def _law(follows: Follows) -> dict:
+    return {"table": _columns(follows.table), "period": follows.period or None, "angle": follows.angle}
+
+
+def _clutch(out: Driveline, one: Element, given: dict[str, float]) -> None:
+    """A clutch or brake that is no device."""
+    stick = given.pop("stick", 1.0)
+    given["stick"] = (stick, given.pop("stick_back", stick))
+    (out.clutch if one.kind == "clutch" else out.brake)(one.name, *one.bodies, friction=_columns(one.friction), **given)
+
+
+def inputs_of(structure: Structure) -> dict[str, Table]:
+    """The rig's tables over time by what they are put into."""
+    return {name: table_of(f"the input '{name}'", _columns(points)) for name, points in structure.inputs.items()}
 
 
 def held_ratio(system: System, clutches: Iterable[str], at_input: str, at_output: str) -> float:

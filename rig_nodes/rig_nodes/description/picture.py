@@ -16,23 +16,44 @@ from .structure import Structure
 WIDE, HIGH, ACROSS, DOWN, EDGE = 150, 46, 270, 110, 60  # of a body, between columns and rows, at the edge [px]
 STYLE = """text{font:13px sans-serif;fill:#1b1f24}.small{font-size:11px;fill:#57606a}.body{fill:#eaf2fb;stroke:#1f6feb;stroke-width:1.5}
 .massless{fill:#fff;stroke:#8c959f;stroke-dasharray:5 3}.mesh{stroke:#57606a;stroke-width:2}.set{stroke:#8250df;stroke-width:2}
-.clutch{stroke:#cf222e;stroke-width:2}.freewheel{stroke:#bc4c00;stroke-width:2}.shaft{stroke:#1a7f37;stroke-width:2}.part{fill:#fff8e5;stroke:#bf8700}
+.clutch{stroke:#cf222e;stroke-width:2}.freewheel{stroke:#bc4c00;stroke-width:2}.shaft{stroke:#1a7f37;stroke-width:2}.torque{stroke:#bf8700;stroke-width:2;stroke-dasharray:2 4}.part{fill:#fff8e5;stroke:#bf8700}
 .sign{fill:#fff;stroke-width:1.5}"""
 
 
-def _links(structure: Structure) -> list[tuple[str, str, str, str]]:
+def _links(structure: Structure, config) -> list[tuple[str, str, str, str]]:
     """(body, body, kind, words) of everything that joins two bodies."""
-    out = [(*mesh.bodies, "mesh", f"{mesh.teeth[0]} : {mesh.teeth[1]}") for mesh in structure.meshes]
+    out = [(*mesh.bodies, "mesh", f"{mesh.name} {mesh.teeth[0]} : {mesh.teeth[1]}".lstrip() + (
+        f", {getattr(config, mesh.name).efficiency:.3g}" if mesh.lossy else "")) for mesh in structure.meshes]
     out += [(*shaft.bodies, "shaft", shaft.name) for shaft in structure.shafts]
     for device in structure.clutches:
         if "joins" in device.wires:
             out.append((*device.wires["joins"], "clutch", _clutch(structure, device)))
     out += [(*device.wires["joins"], "freewheel", f"{device.called}: {device.wires['joins'][0]} not faster")
             for device in structure.freewheels]
+    out += [(*one.bodies, one.kind, one.name) for one in structure.of_kind("clutch", "torque") if len(one.bodies) == 2]
+    for one in structure.of_kind("relation"):
+        words = [f"{c:g} {body}" for body, c in zip(one.bodies, one.coefficients)]
+        out += [(one.bodies[0], other, "set", f"{one.name}: {words[0]}, {told}") for other, told in zip(one.bodies[1:], words[1:])]
     for one in structure.planetary_sets:
         out += [(one.ring, wheel, "set", f"{one.name}: {role} {teeth}") for wheel, role, teeth in (
             (one.sun, "sun", one.teeth[0]), (one.carrier, "carrier,", f"ring {one.teeth[1]}"))]
     return [link for link in out if link[0] in structure.bodies and link[1] in structure.bodies]
+
+
+def _attached(structure: Structure) -> dict[str, list[str]]:
+    """What sits on each body or acts on it, in words."""
+    out: dict[str, list[str]] = {body: [] for body in structure.bodies}
+    for device in structure.devices:
+        if device.role in (parts.SOURCE, parts.LOAD, parts.LOSS, parts.METER):
+            kind = device.part.replace("_", " ")
+            out[device.wires["body"]].append(f"{device.called}: {kind}" if device.called != device.part else kind)
+    for one in structure.of_kind("torque", "varying_inertia", "slider_crank", "motion"):
+        if len(one.bodies) == 1:
+            out[one.bodies[0]].append(f"{one.name}: {one.kind.replace('_', ' ')}")
+    for name in structure.inputs:
+        if name in out:
+            out[name].append("torque over time")
+    return out
 
 
 def _clutch(structure: Structure, device) -> str:
@@ -74,11 +95,12 @@ def _places(structure: Structure, links) -> dict[str, tuple[int, int]]:
 def driveline_svg(config) -> str:
     """The picture of a rig's driveline as SVG; config: of testbench.configuration."""
     structure = config.structure
-    links = _links(structure)
+    links = _links(structure, config)
     places = _places(structure, links)
-    attached = {body: [device for device in structure.devices if device.wires.get("body") == body
-                       and device.role in (parts.SOURCE, parts.LOAD, parts.LOSS, parts.METER)] for body in structure.bodies}
-    brakes = {device.wires["brakes"]: device for device in structure.clutches if "brakes" in device.wires}
+    attached = _attached(structure)
+    brakes = {device.wires["brakes"]: _clutch(structure, device) for device in structure.clutches if "brakes" in device.wires}
+    for one in structure.of_kind("brake"):
+        brakes[one.bodies[0]] = f"{brakes[one.bodies[0]]}, {one.name}" if one.bodies[0] in brakes else one.name
     down = DOWN + 20 * max(map(len, attached.values()), default=0)
     where = {body: (EDGE + column * ACROSS, EDGE + 40 + row * down) for body, (column, row) in places.items()}
     title = f"{config.name}: {config.description}"
@@ -101,15 +123,13 @@ def driveline_svg(config) -> str:
         out.append(f'<text class="small" x="{x + 10}" y="{y + 36}">{inertia}</text>')
         if body in brakes:
             out.append(f'<path class="clutch" d="M{x + WIDE / 2} {y} v-14 m-14 0 h28 m-28 0 l-6 -7 m20 7 l-6 -7 m20 7 l-6 -7" fill="none"/>')
-            out.append(f'<text x="{x + WIDE / 2 + 20}" y="{y - 10}">{escape(_clutch(structure, brakes[body]))}</text>')
+            out.append(f'<text x="{x + WIDE / 2 + 20}" y="{y - 10}">{escape(brakes[body])}</text>')
         for k, device in enumerate(one for one in structure.freewheels if {*one.wires["joins"]} == {body, "ground"}):
             way = "not backwards" if device.wires["joins"][0] == "ground" else "not forwards"
             top = y - 14 - 16 * (body in brakes)
             out.append(f'<path class="freewheel" d="M{x + 24 + 60 * k} {y} v-14 m-12 0 h24 m-24 0 l8 -7 m16 7 l-8 -7" fill="none"/>')
             out.append(f'<text x="{x + 42 + 60 * k}" y="{top}">{escape(device.called)} ({way})</text>')
-        for k, device in enumerate(attached[body]):
-            told = escape(f"{device.called}: {device.part.replace('_', ' ')}" if device.called != device.part else
-                          device.part.replace("_", " "))
+        for k, told in enumerate(map(escape, attached[body])):
             out.append(f'<rect class="part" x="{x + 8}" y="{y + HIGH + 4 + 20 * k}" width="{WIDE - 8}" height="17" rx="3"/>')
             out.append(f'<text class="small" x="{x + 14}" y="{y + HIGH + 16 + 20 * k}">{told}</text>')
     table = [f"{gear.name}: {', '.join(structure.device(one).called for one in gear.held)}, ratio "
@@ -132,6 +152,7 @@ def _link(a: tuple[int, int], b: tuple[int, int], kind: str, words: str, k: int)
             "clutch": f'<path class="clutch" d="M{x - 4} {y - 11} v22 M{x + 4} {y - 11} v22" fill="none"/>',
             "mesh": f'<circle class="mesh sign" cx="{x}" cy="{y}" r="6"/>',
             "set": f'<circle class="set sign" cx="{x}" cy="{y}" r="6"/>',
+            "torque": f'<circle class="torque sign" cx="{x}" cy="{y}" r="6"/>',
             "shaft": f'<path class="shaft" d="M{x - 12} {y} l4 -7 l8 14 l8 -14 l4 7" fill="#fff"/>'}[kind]
     return (f'<line class="{kind}" x1="{x1}" y1="{y1}" x2="{x2}" y2="{y2}"/>{sign}'
             f'<text x="{x - 4 * len(words) / 1.3:.0f}" y="{y - 15:.0f}">{escape(words)}</text>')

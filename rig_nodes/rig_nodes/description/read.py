@@ -9,6 +9,8 @@ read beside it, by config.schema.
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 from ..config.names import meant
 from ..config.schema import check_keys, where_of
 from ..config.units import quantity
@@ -16,12 +18,15 @@ from ..config.yaml_file import List, Map
 from ..errors import RigError, brief
 from ..parts import part as parts
 from .quantities import QUANTITIES, TRANSDUCERS
-from .structure import Device, End, GearHeld, Mesh, PlanetarySet, Shaft, Structure, Transducer
+from .read_elements import GROUND, GROUPS, read_elements, read_inputs, read_table
+from .sections import MeshConfig
+from .structure import Device, End, GearHeld, Mesh, PlanetarySet, Points, Shaft, Structure, Transducer
 
-MASSLESS, GROUND, CLUTCHES = "massless", "ground", "clutches"
+MASSLESS, CLUTCHES = "massless", "clutches"
 MOST_TEETH = 1000
 # keys of a rig's file that structure is read from here, and those whose values others read
-KEYS = ("bodies", "meshes", "planetary_sets", "shafts", "input", "output", "gears", "parts", "transducers", "names", "view")
+KEYS = (*GROUPS, "meshes", "inputs", "input", "output", "gears", "parts", "transducers", "names", "view")
+MESH_KEYS = ("bodies", "teeth", "reversed", "name", "source")  # beside the values of one that loses
 DEVICE_KEYS = ("part", "called", "release_rate", "source")
 RESERVED = ("kernel", "alfa46", "instruments", "effects", "cut", "wiring", GROUND)  # what settings begin with already
 # what a transducer that shows one of these may be named by
@@ -65,9 +70,10 @@ class _Reader:
         devices = self.map_of("parts")
         self.bodies, self.shaft_names = list(bodies), list(self.map_of("shafts"))
         self.names: dict[str, str] = {}
-        for what in ("bodies", "shafts", "planetary_sets", "parts"):
+        for what in (*GROUPS, "parts"):
             for name in self.map_of(what):
                 self.new_name(name, what, self.map_of(what))
+        self.element_names = [name for what in ("clutches", "brakes", "torques", "motions") for name in self.map_of(what)]
         massless = []
         for name, body in bodies.items():
             if body == MASSLESS:
@@ -77,20 +83,23 @@ class _Reader:
                                f"or {MASSLESS}")
         self.kinds = {name: self.part_of(name, device, devices) for name, device in devices.items()}
         read = tuple(self.device(name, device) for name, device in devices.items())
+        meshes, elements = self.meshes(), read_elements(self)
         transducers = self.transducers(read)
         self.check_pairs(read, devices)
         structure = Structure(
-            tuple(bodies), tuple(massless), self.meshes(), self.planetary_sets(), self.shafts(), read, self.gears(),
-            self.end("input", transducers), self.end("output", transducers), transducers, self.signal_names(), self.view())
+            tuple(bodies), tuple(massless), meshes, self.planetary_sets(), self.shafts(), read, self.gears(),
+            self.end("input", transducers), self.end("output", transducers), transducers, self.signal_names(), self.view(),
+            elements, read_inputs(self, elements))
         self.check_whole(structure)
         return structure
 
-    def new_name(self, name: str, what: str, node) -> None:
-        """Every name once: settings and signals are found by it."""
+    def new_name(self, name: str, what: str, node, key: str | None = None) -> None:
+        """Every name once: settings and signals are found by it. key: where it stands, by default under itself."""
+        at = self.at(node, key or name)
         if name in RESERVED:
-            raise RigError(f"{self.at(node, name)}: {what}.{name}: the name '{name}' is taken by the rig itself; choose another")
+            raise RigError(f"{at}: {what}.{name}: the name '{name}' is taken by the rig itself; choose another")
         if name in self.names:
-            raise RigError(f"{self.at(node, name)}: {what}.{name}: there is '{name}' among the {self.names[name]} already; "
+            raise RigError(f"{at}: {what}.{name}: there is '{name}' among the {self.names[name]} already; "
                            "every name stands once")
         self.names[name] = what
 
@@ -135,13 +144,25 @@ class _Reader:
         out = []
         for k, node in enumerate(nodes):
             where, what = self.at(nodes, k), f"mesh {k + 1}"
-            check_keys(self.path, node, ("bodies", "teeth", "reversed", "source"), ("bodies", "teeth", "source"), what, where)
+            check_keys(self.path, node, (*MESH_KEYS, *(one.name for one in fields(MeshConfig))), ("bodies", "teeth", "source"), what, where)
             self.source(node, what)
             turned = node.get("reversed", False)
             if not isinstance(turned, bool) and turned not in ("yes", "no"):
                 raise RigError(f"{self.at(node, 'reversed')}: {what}.reversed is {brief(turned)}, expected yes or no")
+            name, lossy = node.get("name", ""), "efficiency" in node
+            if "name" in node:
+                if not isinstance(name, str) or not name.replace("_", "a").isalnum() or not name.isascii():
+                    raise RigError(f"{self.at(node, 'name')}: {what}.name is {brief(name)}, expected letters, digits and _")
+                self.new_name(name, "meshes", node, "name")
+            elif lossy:
+                raise RigError(f"{self.at(node, 'efficiency')}: {what} has an efficiency and no name; give it one, as its values are found "
+                               "by it")
+            if "back" in node and not lossy:
+                raise RigError(f"{self.at(node, 'back')}: {what} has the key back and no efficiency; give both, or none of them")
+            if lossy:
+                self.element_names.append(name)
             out.append(Mesh(self.two_bodies(node["bodies"], self.at(node, "bodies"), f"{what}.bodies"),
-                            self.teeth(node["teeth"], self.at(node, "teeth"), f"{what}.teeth"), turned in (True, "yes")))
+                            self.teeth(node["teeth"], self.at(node, "teeth"), f"{what}.teeth"), turned in (True, "yes"), name, lossy))
         return tuple(out)
 
     def planetary_sets(self) -> tuple[PlanetarySet, ...]:
@@ -170,8 +191,25 @@ class _Reader:
             what = f"shafts.{name}"
             if not isinstance(node, Map) or "joins" not in node:
                 raise RigError(f"{self.at(nodes, name)}: {what} must be a map with the key 'joins', found {brief(node)}")
-            out.append(Shaft(name, self.two_bodies(node["joins"], self.at(node, "joins"), f"{what}.joins")))
+            if ("stiffness" in node) == ("table" in node):
+                raise RigError(f"{self.at(nodes, name)}: {what} must have one of the keys stiffness, and table for one that is no straight line")
+            table = read_table(self, node, "table", f"{what}.table", "angle", "torque") if "table" in node else ()
+            out.append(Shaft(name, self.two_bodies(node["joins"], self.at(node, "joins"), f"{what}.joins"), table,
+                             self.hysteresis(node, what)))
         return tuple(out)
+
+    def hysteresis(self, node: Map, what: str) -> Points:
+        """Springs beside a shaft: stiffness of each, and the torque at which it slides."""
+        if "hysteresis" not in node:
+            return ()
+        where, springs = self.at(node, "hysteresis"), node["hysteresis"]
+        if not isinstance(springs, List) or len(springs) != 2 or not isinstance(springs[0], List) or not isinstance(springs[1], str):
+            raise RigError(f"{where}: {what}.hysteresis must be [[[stiffness, torque], ...], \"its source\"], found {brief(springs)}")
+        for spring in springs[0]:
+            if not isinstance(spring, List) or len(spring) != 2:
+                raise RigError(f"{where}: {what}.hysteresis: a spring is [stiffness, torque], each with its unit; found {brief(spring)}")
+        return tuple((quantity(spring[0], "torque per angle", f"{where}: {what}.hysteresis"),
+                      quantity(spring[1], "torque", f"{where}: {what}.hysteresis")) for spring in springs[0])
 
     # ---- devices
 
@@ -309,7 +347,7 @@ class _Reader:
         lines = {str(device.wires.get("line", device.name)) for device in devices if device.role in (parts.OIL, parts.CLUTCH)}
         by_name = {device.name: device for device in devices}
         known = [*meters, *(f"{body}.speed" for body in self.bodies), *(f"{line}.pressure" for line in sorted(lines)),
-                 *(f"{shaft}.torque" for shaft in self.shaft_names),
+                 *(f"{name}.torque" for name in (*self.shaft_names, *self.element_names)),
                  *(f"{name}.{one}" for name, device in by_name.items() for one in parts.part(device.part).state)]
         if shows not in known:
             if dot and owner in by_name:

@@ -15,7 +15,9 @@ from ..alfa46.settings import Alfa46Values
 from ..config.units import UNITS, shown_in
 from ..parts import part as parts
 from .read import meaning
-from .sections import OF_THE_LOGGER, TYPES, BodyConfig, CutConfig, EffectsConfig, KernelConfig, ShaftConfig
+from .sections import (
+    OF_THE_LOGGER, TYPES, BodyConfig, BrakeConfig, ClutchConfig, CutConfig, EffectsConfig, KernelConfig, MeshConfig, ShaftConfig,
+    SliderCrankConfig)
 
 
 def sections() -> dict[str, tuple[str, dict]]:
@@ -24,6 +26,10 @@ def sections() -> dict[str, tuple[str, dict]]:
         "the rig itself": ("Beside `description` and the other keys.", _of(KernelConfig)),
         "bodies": ("Of each body that is not `massless`.", _of(BodyConfig)),
         "shafts": ("Of each compliant shaft.", _of(ShaftConfig)),
+        "meshes": ("Of toothed wheels with a name and an efficiency.", _of(MeshConfig)),
+        "clutches": ("Of each clutch that is no device.", _of(ClutchConfig)),
+        "brakes": ("Of each brake that is no device.", _of(BrakeConfig)),
+        "slider_cranks": ("Of each slider with its crank.", _of(SliderCrankConfig)),
         **{f"instruments, {kind}": (f"Of each transducer of `type: {kind}`; the names begin with the type, or with what stands under "
                                     f"`like`: `{kind}_range`.", one()) for kind, one in TYPES.items()},
         "instruments, all": ("Of the logger.", {name: one() for name, one in OF_THE_LOGGER.items()}),
@@ -46,7 +52,7 @@ def page() -> str:
         "Made from the parts by `./rig list parts --markdown`; a test keeps it in step. [rigs.md](rigs.md) says where they stand in a "
         "rig's folder; what a certain rig has is shown by `./rig list settings --rig NAME`.", "",
         "Each value is `[value with unit, \"its source\"]`. The range is inclusive and given in the unit shown; the units at the end may "
-        "be written too. What has a value under \"left out\" need not be named; \"while it runs\": it can change then too ([settings.md](settings.md)).", "", "## Parts", ""]
+        "be written too. What has a value under \"left out\", or a dash, need not be named; \"while it runs\": it can change then too ([settings.md](settings.md)).", "", "## Parts", ""]
     for name in parts.parts():
         out += [f"### {name}", "", _about(name), "", *_joints(parts.part(name)), *_table(_rows(_fields(parts.part(name))))]
     out += ["## Other sections", ""]
@@ -91,7 +97,7 @@ def _rows(those: dict) -> list[dict[str, str]]:
         else:
             unit, factor = shown_in(meta["dimension"])
             span = f"{meta['low'] / factor:.6g} to {meta['high'] / factor:.6g}"
-        left = "" if one.default is MISSING else ("on" if one.default is True else f"{one.default:.6g} {unit}".rstrip(" -"))
+        left = "" if one.default is MISSING else "-" if one.default is None else ("on" if one.default is True else f"{one.default:.6g} {unit}".rstrip(" -"))
         out.append({"value": name, "unit": unit, "range": span, "left out": left, "while it runs": "yes" if meta.get("live") else "",
                     "what it is": meta["text"]})
     return out

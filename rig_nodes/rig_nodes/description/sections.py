@@ -35,14 +35,101 @@ class BodyConfig:
     """A body that turns."""
 
     inertia: float = param("inertia", 1e-6, 1e4, "Inertia of the body about its own axis, with all that is fixed to it")
+    speed: float = param("angular velocity", -1e4, 1e4, "Speed of the body at time 0; left out, what others give it, or none", None)
 
 
-@dataclass(frozen=True)
+def _coefficient(of: str):
+    return param("ratio", -1e4, 1e4, f"What the speed of the {of} body counts; left out, 1", None)
+
+
+def _stick(way: str):
+    return param("ratio", 1.0, 10.0, f"Torque of break-away over the kinetic one{way}", None)
+
+
+@dataclass(frozen=True, kw_only=True)
 class ShaftConfig:
     """A compliant shaft."""
 
-    stiffness: float = param("torque per angle", 1e2, 1e8, "Torque of the shaft per angle of twist")
+    stiffness: float = param("torque per angle", 1e2, 1e8, "Torque of the shaft per angle of twist; one with a table has none", None)
     damping: float = param("torque per speed", 0.0, 1e5, "Torque of the shaft per difference of its ends' speeds")
+    ca: float = _coefficient("first")
+    cb: float = _coefficient("second")
+    twist: float = param("angle", -1e3, 1e3, "Twist of the shaft at time 0; left out, none", None)
+    backlash: float = param("angle", 0.0, 10.0, "Play from contact to contact, in the middle at twist 0; left out, none", None)
+
+
+@dataclass(frozen=True)
+class MeshConfig:
+    """Toothed wheels that lose by the torque that they pass on."""
+
+    efficiency: float = param("ratio", 1e-3, 1.0, "Share of the power of the first body that the second one gets")
+    back: float = param("ratio", -20.0, 1.0, "Share of the power of the second body that the first one gets; at 0 and below it holds "
+                        "itself; left out, as efficiency", None)
+
+
+@dataclass(frozen=True)
+class ClutchConfig:
+    """A clutch that is no device: what presses it is not simulated."""
+
+    ca: float = _coefficient("first")
+    cb: float = _coefficient("second")
+    stick: float = _stick("; left out, 1")
+    stick_back: float = _stick(" with the second body ahead; left out, as stick")
+    drag: float = param("torque per speed", 0.0, 1e5, "Torque per slip that acts at all times; left out, none", None)
+
+
+@dataclass(frozen=True)
+class BrakeConfig:
+    """A clutch to the ground that is no device."""
+
+    stick: float = _stick("; left out, 1")
+    stick_back: float = _stick(" as it turns backwards; left out, as stick")
+    drag: float = param("torque per speed", 0.0, 1e5, "Torque per speed that acts at all times; left out, none", None)
+
+
+@dataclass(frozen=True)
+class SliderCrankConfig:
+    """A slider that a body moves by a crank and a rod without mass."""
+
+    mass: float = param("mass", 1e-6, 1e5, "Mass of the slider")
+    radius: float = param("length", 1e-6, 100.0, "Radius of the crank")
+    rod: float = param("length", 1e-6, 1e3, "Length of the rod, more than the radius")
+    angle: float = param("angle", -1e3, 1e3, "Of the crank at time 0, 0 where the slider is farthest; left out, 0", None)
+
+
+# kind of an element of the driveline -> its values
+ELEMENTS = {"clutch": ClutchConfig, "brake": BrakeConfig, "slider_crank": SliderCrankConfig}
+
+
+@lru_cache(maxsize=256)
+def with_written(cls: type, names: tuple[str, ...]) -> type:
+    """The dataclass of those fields of a section's that a rig has written: a value that is left out is no setting."""
+    own = [one for one in fields(cls) if one.name in names]
+
+    def reduce(self):  # so that a process can send one to another
+        return _written, (cls, names, tuple(getattr(self, one.name) for one in own))
+
+    return make_dataclass(cls.__name__, [(one.name, float, param(**one.metadata)) for one in own], frozen=True, kw_only=True,
+                          namespace={"__doc__": cls.__doc__, "__reduce__": reduce})
+
+
+def _written(cls, names, values):
+    made = with_written(cls, names)
+    return made(**dict(zip((one.name for one in fields(made)), values, strict=True)))
+
+
+def written(section):
+    """A section's values without those that are left out."""
+    names = tuple(one.name for one in fields(section) if getattr(section, one.name) is not None)
+    return _written(type(section), names, tuple(getattr(section, name) for name in names))
+
+
+def section_classes(structure: Structure) -> dict[str, type]:
+    """The dataclass of each body, shaft, mesh and element that has values, by its name."""
+    out = {name: BodyConfig for name in structure.bodies if name not in structure.massless}
+    out |= dict.fromkeys((one.name for one in structure.shafts), ShaftConfig)
+    out |= dict.fromkeys((one.name for one in structure.meshes if one.lossy), MeshConfig)
+    return out | {one.name: ELEMENTS[one.kind] for one in structure.elements if one.kind in ELEMENTS}
 
 
 @dataclass(frozen=True)

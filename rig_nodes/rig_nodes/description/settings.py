@@ -21,7 +21,7 @@ from ..errors import RigError
 from ..parts import part as parts
 from .commands import Setpoint, setpoints_of
 from .quantities import QUANTITIES, TRANSDUCERS
-from .sections import TYPES, BodyConfig, CutConfig, EffectsConfig, KernelConfig, ShaftConfig, instruments_of
+from .sections import TYPES, CutConfig, EffectsConfig, KernelConfig, instruments_of, section_classes, with_written
 from .structure import Structure
 
 POINT, COLUMNS = "point", ("time", "current")  # of a profile
@@ -161,10 +161,13 @@ def settings_of(structure: Structure, values: Mapping) -> Settings:
         return bool(section.get(switch, True) if isinstance(section, Mapping) else getattr(section, switch, True))
 
     out = Settings()
-    effects, shafts = effects_of(structure), {one.name for one in structure.shafts}
+    def has(owner: str) -> tuple[str, ...]:
+        section = values[owner]
+        return tuple(section) if isinstance(section, Mapping) else tuple(one.name for one in fields(section))
+
+    effects = effects_of(structure)
     owners = {"kernel": KernelConfig, "cut": CutConfig,
-              **{name: BodyConfig for name in structure.bodies if name not in structure.massless},
-              **dict.fromkeys(shafts, ShaftConfig),
+              **{name: with_written(cls, has(name)) for name, cls in section_classes(structure).items()},
               **{device.name: configs[0] for device in structure.devices if (configs := parts.part(device.part).configs)},
               INSTRUMENTS: instruments_of(structure), "effects": EffectsConfig,
               **({CONTROLLER: Alfa46Values} if structure.shifts else {})}

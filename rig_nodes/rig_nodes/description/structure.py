@@ -22,13 +22,21 @@ def key_of(called: str) -> str:
     return called.lower().replace("-", "_").replace(" ", "_")
 
 
+Points = tuple[tuple[float, float], ...]  # of a table: where, and the value there, SI
+
+
 @dataclass(frozen=True)
 class Mesh:
-    """Toothed wheels on two bodies; reversed: one body's speed is counted against the other one's sense."""
+    """Toothed wheels on two bodies; reversed: one body's speed is counted against the other one's sense.
+
+    lossy: its efficiency, and that of the way back, are settings under its name.
+    """
 
     bodies: tuple[str, str]
     teeth: tuple[int, int]
     reversed: bool = False
+    name: str = ""
+    lossy: bool = False
 
     @property
     def ratio(self) -> float:
@@ -54,10 +62,43 @@ class PlanetarySet:
 
 @dataclass(frozen=True)
 class Shaft:
-    """A compliant shaft between two bodies; its stiffness and damping are settings under its name."""
+    """A compliant shaft between two bodies; its stiffness, damping and backlash are settings under its name.
+
+    table: twists and torques in place of a stiffness; hysteresis: springs beside it, each a stiffness and the torque at which it
+    slides.
+    """
 
     name: str
     bodies: tuple[str, str]
+    table: Points = ()
+    hysteresis: Points = ()
+
+
+@dataclass(frozen=True)
+class Follows:
+    """What follows a table of the motion: by "speed" or "angle", of what `of` names; period, angle as in plant.driveline."""
+
+    table: Points
+    by: str = "speed"
+    of: str = ""
+    period: float = 0.0
+    angle: float = 0.0
+
+
+@dataclass(frozen=True)
+class Element:
+    """What joins bodies or acts on them and is no device; its numbers are settings under its name, as plant.driveline names them.
+
+    kind: "relation", "clutch", "brake", "torque", "varying_inertia", "slider_crank" or "motion". coefficients: of a relation, one for
+    each body. follows: the torque, the inertia, or the capacity of a clutch or brake; friction: factors of that over its slip.
+    """
+
+    name: str
+    kind: str
+    bodies: tuple[str, ...]
+    coefficients: tuple[float, ...] = ()
+    follows: Follows | None = None
+    friction: Points = ()
 
 
 @dataclass(frozen=True)
@@ -124,7 +165,8 @@ class Transducer:
 @dataclass(frozen=True)
 class Structure:
     """All of a rig but its values. bodies: of all names, massless: those without an inertia of their own; names: of
-    signals, made name -> name; view: pages of the view that the rig has itself, each of plots with their title and signals.
+    signals, made name -> name; view: pages of the view that the rig has itself, each of plots with their title and signals;
+    inputs: tables over time, by what they are put into, as those of plant.driveline_run.Run.
     """
 
     bodies: tuple[str, ...] = ()
@@ -139,6 +181,12 @@ class Structure:
     transducers: tuple[Transducer, ...] = ()
     names: Mapping[str, str] = field(default_factory=dict)
     view: Mapping[str, tuple[tuple[str, tuple[str, ...]], ...]] = field(default_factory=dict)
+    elements: tuple[Element, ...] = ()
+    inputs: Mapping[str, Points] = field(default_factory=dict)
+
+    def of_kind(self, *kinds: str) -> tuple[Element, ...]:
+        """The elements of these kinds, in the order of the file."""
+        return tuple(one for one in self.elements if one.kind in kinds)
 
     def of_role(self, *roles: str) -> tuple[Device, ...]:
         """The devices with one of these roles, in the order of the file."""
@@ -197,11 +245,13 @@ class Structure:
     def plain(self) -> dict:
         """What JSON can hold, with lists as it gives them back, for the run's record; :func:`structure_of` reads it."""
         out = _listed(asdict(self))
-        if not self.view:
-            del out["view"]
-        for gear in out["gears"]:
-            if not gear["freewheels"]:
-                del gear["freewheels"]
+        for name in ("view", "elements", "inputs"):
+            if not out[name]:
+                del out[name]
+        for one in (*out["meshes"], *out["shafts"], *out["gears"]):  # what older bags do not have, and most rigs neither
+            for name in ("name", "lossy", "table", "hysteresis", "freewheels"):
+                if name in one and not one[name]:
+                    del one[name]
         return out
 
 
@@ -217,7 +267,7 @@ def structure_of(plain: Mapping) -> Structure:
     def made(cls, entry):
         if entry is None:
             return None
-        return cls(**{name: tuple(value) if isinstance(value, list) else value for name, value in entry.items()})
+        return cls(**{name: _tupled(value) for name, value in entry.items()})
 
     kinds = {"meshes": Mesh, "planetary_sets": PlanetarySet, "shafts": Shaft, "devices": Device, "gears": GearHeld,
              "transducers": Transducer}
@@ -227,6 +277,13 @@ def structure_of(plain: Mapping) -> Structure:
             out["view"] = {page: tuple((title, tuple(names)) for title, names in plots)
                            for page, plots in plain.get("view", {}).items()}
             continue
+        if one.name == "elements":
+            out["elements"] = tuple(made(Element, {**entry, "follows": made(Follows, entry["follows"])})
+                                    for entry in plain.get("elements", ()))
+            continue
+        if one.name == "inputs":
+            out["inputs"] = {name: _tupled(points) for name, points in plain.get("inputs", {}).items()}
+            continue
         value = plain[one.name]
         if one.name in kinds:
             out[one.name] = tuple(made(kinds[one.name], entry) for entry in value)
@@ -235,3 +292,8 @@ def structure_of(plain: Mapping) -> Structure:
         else:
             out[one.name] = dict(value) if one.name == "names" else tuple(value)
     return Structure(**out)
+
+
+def _tupled(value):
+    """The same with tuples in place of lists, as it was."""
+    return tuple(map(_tupled, value)) if isinstance(value, list) else value

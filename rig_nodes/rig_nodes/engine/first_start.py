@@ -18,18 +18,18 @@ from pathlib import Path
 
 
 @contextmanager
-def compiling_beside() -> Iterator[bool]:
-    """While the block runs, another process compiles the driveline's general step, if it is not kept yet; True if so.
+def compiling_beside(driven: bool) -> Iterator[bool]:
+    """While the block runs, another process compiles the driveline's general or driven step, if it is not kept yet; True if so.
 
     If that one fails, whoever needs the step compiles it, later and as ever.
     """
-    kept = Path(os.environ["NUMBA_CACHE_DIR"]) / "general_step.compiled"
+    kept = Path(os.environ["NUMBA_CACHE_DIR"]) / f"{'driven' if driven else 'general'}_step.compiled"
     if kept.exists():
         yield False
         return
     env = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     command = [sys.executable, "-c", "import gc; gc.disable(); "  # a twentieth of its time
-               "from rig_nodes.engine.general_step import address; address()"]
+               f"from rig_nodes.engine.general_step import address; address({driven})"]
     other = subprocess.Popen(command, env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         yield True

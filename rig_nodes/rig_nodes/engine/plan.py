@@ -17,8 +17,11 @@ import numpy as np
 from ..config.schema import fill
 from ..errors import RigError
 from ..parts.part import NOWHERE, part
-from ..plant.driveline import System
+from ..plant.driveline import State, System
+from ..plant.driveline_driven import driven_arrays
+from ..plant.driveline_laws import MOTION, TORQUE
 from ..plant.driveline_losses import ON, OWN
+from ..plant.driveline_tables import Table
 from .world import Sizes, places, world_dtype
 
 
@@ -57,8 +60,9 @@ class Plan:
     Wires of an instance by their key: "body", "braked" name one of ``bodies``, "element" one of the driveline's friction
     elements, "line", "supply" one of ``oil_lines``, "beside" a channel, "valve", "oil" another instance; others are
     numbers. channels: column of the logger -> where its true value is, "<instance>.<state>", "<body>.speed",
-    "<oil line>.pressure", the name of a meter or "<shaft>.torque". currents: instance -> channel with the current of its coil;
-    untouched: how many of the last channels no transducer shows.
+    "<oil line>.pressure", the name of a meter or "<name>.torque" of a shaft, a friction element, or a torque or motion among the
+    system's laws. currents: instance -> channel with the current of its coil; untouched: how many of the last channels no
+    transducer shows. inputs: over time, as those of a driveline_run.Run, each a table.
     """
 
     system: System
@@ -72,6 +76,12 @@ class Plan:
     outputs: int
     currents: Mapping[str, str] = field(default_factory=dict)
     untouched: int = 0
+    inputs: Mapping[str, Table] = field(default_factory=dict)
+
+    @property
+    def driven(self) -> bool:
+        """True where the driveline has laws, meshes with losses or inputs over time."""
+        return bool(self.system.laws or self.system.meshes or self.inputs)
 
 
 class World:
@@ -90,13 +100,17 @@ class World:
         system, shapes = plan.system, {}
         for instance in plan.instances:
             shapes.update({name: table.shape for name, table in instance.tables.items()})
-        owned = tuple(int(element) for element in plan.losses[:, OWN])
-        if len(set(owned)) < len(owned) or not set(plan.losses[:, ON]) <= set(owned):
+        start = system.state(recorded=plan.driven)
+        self.losses = np.concatenate([plan.losses, start.loss])
+        owned = tuple(int(element) for element in self.losses[:, OWN])
+        if len(set(owned)) < len(owned) or not set(self.losses[:, ON]) <= set(owned):
             raise RigError("each loss by torque needs a friction element of its own, and brakes one that a loss owns")
+        driven = driven_arrays(system, plan.inputs) if plan.driven else {}
         self.sizes = sizes = Sizes(
-            speeds=len(system.speeds), elements=len(system.elements), shafts=len(system.shafts),
-            losses=len(plan.losses), owned=owned,
-            bodies=len(plan.bodies), meters=len(plan.meters), oil_lines=len(plan.oil_lines), outputs=plan.outputs)
+            speeds=len(system.speeds), elements=len(system.elements), shafts=len(system.slots),
+            losses=len(self.losses), owned=owned,
+            bodies=len(plan.bodies), meters=len(plan.meters), oil_lines=len(plan.oil_lines), outputs=plan.outputs,
+            driven={name: array.shape for name, array in driven.items()})
         dtype = world_dtype({name: len(group) for name, group in self._by_part.items()}, sizes, shapes)
         self.record = np.zeros(1, dtype)
         self.line = self.record["driveline"][0]
@@ -108,7 +122,9 @@ class World:
         self._count = count
         self.numbers, self.moved = self.record.view(np.float64)[:self.finite], self.record.view(np.int64)[:count]
         self.kept = np.zeros((2, count), np.int64)
-        self._fill_driveline(system)
+        self._fill_driveline(system, start)
+        for name, array in driven.items():
+            self.line[name] = array
         for instance in plan.instances:
             self._fill_instance(instance)
         self.record["channel"] = NOWHERE
@@ -155,8 +171,11 @@ class World:
             return f"driveline.speed[{plan.bodies.index(owner)}]"
         if name == "pressure" and owner in plan.oil_lines:
             return f"oil[{plan.oil_lines.index(owner)}].pressure"
-        if name == "torque" and owner in plan.system.shafts:
-            return f"driveline.shaft[0, {plan.system.shafts.index(owner)}]"
+        if name == "torque" and all(owner != instance.name for instance in plan.instances):
+            laws = [law.name if law.kind in (TORQUE, MOTION) else "" for law in plan.system.laws]
+            for names, place in ((plan.system.shafts, "shaft[0, {}]"), (laws, "law_torque[{}]"), (plan.system.elements, "el[0, {}]")):
+                if owner in names:
+                    return f"driveline.{place.format(names.index(owner))}"
         kind, k = self._where(owner)
         place = f"parts.{kind}[{k}].{name}"
         if place not in self._places:
@@ -190,12 +209,11 @@ class World:
                 place = place.replace(f"driveline.el[{row}, {k}]", f"{name}: {what}")
         return place
 
-    def _fill_driveline(self, system: System) -> None:
-        plan, line, start = self.plan, self.line, system.state()
-        for name in ("minv", "w", "sh", "kc"):
-            line[name] = getattr(system, name)
+    def _fill_driveline(self, system: System, start: State) -> None:
+        plan, line = self.plan, self.line
+        line["minv"], line["w"], line["sh"], line["kc"][:, :len(system.shafts)] = system.minv, system.w, system.slots, system.kc
         line["v"], line["twist"], line["mode"] = start.v, start.twist, start.mode
-        line["cap"], line["loss"] = system.limits(), plan.losses
+        line["cap"], line["loss"] = system.limits(), self.losses
         rows = np.array([system.bodies_from_speeds[system.bodies.index(name)] for name in plan.bodies])
         line["bodies"] = rows.reshape(line["bodies"].shape)
         line["speed"] = rows @ start.v if len(rows) else 0.0

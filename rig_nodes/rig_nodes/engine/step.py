@@ -13,18 +13,19 @@
 from __future__ import annotations
 
 from numba import njit
+from numba.extending import overload
 
 from ..compiled import INLINED
-from ..plant.driveline_algebra import LAM, VISC
+from ..plant.driveline_algebra import LAM, TAU, VISC
 from ..plant.driveline_quiet import quiet_step
 from ..plant.small_vectors import add, dot, product, put, scaled, vector
-from .general_step import general_step
+from .general_step import driven_step_at, general_step
 from .stages import after, before, bound
 
 
 @njit(**INLINED)
 def plant_step(world, general, h, t):
-    """The plant from t to t + h; general: address of the driveline's general step."""
+    """The plant from t to t + h; general: address of the driveline's general or driven step."""
     line = world.driveline
     v, gain, q, pushed = line.v, line.gain, line.q, line.middle.shape[0]
     n = v.shape[0]
@@ -39,25 +40,63 @@ def plant_step(world, general, h, t):
             on = add(on, line.push[end, b], vector(line.bodies, b * n, v))
         put(q, end * n, on)
     put(gain, 0, vector(v, 0, v))
-    if not quiet_step(h, line):
-        general_step(general, h, t, line)
+    move_driveline(line, general, h, t)
     bound(world)
     put(gain, 0, add(vector(v, 0, v), -1.0, vector(gain, 0, v)))
     measure_driveline(line)
     after(world, h)
 
 
+def is_driven(line) -> bool:
+    """True of the record's type of a driveline that has laws, meshes with losses or inputs over time."""
+    return "begun" in line.fields
+
+
+def move_driveline(line, general, h, t):
+    raise TypeError("the driveline is moved from compiled code only")
+
+
+@overload(move_driveline, jit_options=INLINED)
+def _move_driveline(line, general, h, t):
+    if is_driven(line):
+        return lambda line, general, h, t: driven_step_at(general, h, t, line)
+
+    def moved(line, general, h, t):
+        if not quiet_step(h, line):
+            general_step(general, h, t, line)
+    return moved
+
+
+def accelerations(line):
+    raise TypeError("accelerations are taken from compiled code only")
+
+
+@overload(accelerations, jit_options=INLINED)
+def _accelerations(line):
+    if is_driven(line):
+        return lambda line: vector(line.accel, 0, line.v)
+
+    def taken(line):
+        v, w, sh, cap, el = line.v, line.w, line.sh, line.cap, line.el
+        m, n = w.shape
+        speeds = vector(v, 0, v)
+        on = vector(line.q, n, v)
+        for f in range(m):
+            along = vector(w, f * n, v)
+            on = add(on, -(el[LAM, f] + cap[VISC, f] * dot(along, speeds)), along)
+        for a in range(sh.shape[0]):
+            on = add(on, -line.shaft[TAU, a], vector(sh, a * n, v))
+        return product(line.minv, 0, on)
+    return taken
+
+
 @njit(**INLINED)
 def measure_driveline(line):
     """Speeds and accelerations of the bodies with a port, and torques between bodies, at the end of a step."""
-    v, w, cap, el, own = line.v, line.w, line.cap, line.el, line.speed.shape[0]
-    m, n = w.shape
+    v, el, own = line.v, line.el, line.speed.shape[0]
+    m, n = line.w.shape
     speeds = vector(v, 0, v)
-    on = vector(line.q, n, v)
-    for f in range(m):
-        along = vector(w, f * n, v)
-        on = add(on, -(el[LAM, f] + cap[VISC, f] * dot(along, speeds)), along)
-    rates = product(line.minv, 0, on)
+    rates = accelerations(line)
     for b in range(own):
         turns = vector(line.bodies, b * n, v)
         speed = dot(turns, speeds)

@@ -9,8 +9,8 @@ beginning, up to and with the driveline's modes, is what a step leaves to the ne
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -18,6 +18,7 @@ import numpy as np
 from ..compiled import one_record
 from ..parts.part import part
 from ..plant.driveline_algebra import work_size
+from ..plant.driveline_driven import INPUTS, KEPT, LAWS, WHOLE_NUMBERS
 from ..plant.driveline_losses import loss_width
 
 EVENTS = 256  # of the driveline, how many are kept
@@ -29,7 +30,8 @@ OIL = np.dtype([("pressure", "f8"), ("rise", "f8"), ("drawn", "f8")])
 class Sizes:
     """How many there are: bodies with a port (of a part or a transducer), and meters of the torque between bodies.
 
-    owned: the driveline's elements that its losses own.
+    owned: the driveline's elements that its losses own. driven: shapes of what a driveline keeps beside that has laws or
+    inputs over time (plant.driveline_driven), by name; the twists then have places for the integrals of the speeds.
     """
 
     speeds: int
@@ -41,7 +43,7 @@ class Sizes:
     meters: int = 0
     oil_lines: int = 0
     outputs: int = 0
-
+    driven: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
 
 
 def driveline_dtype(n: Sizes) -> np.dtype:
@@ -54,16 +56,19 @@ def driveline_dtype(n: Sizes) -> np.dtype:
     compiler knows.
     """
     s, m = n.speeds, n.elements
+    kept, fixed = ([(name, "i8" if name in WHOLE_NUMBERS else "f8", n.driven[name]) for name in names if n.driven]
+                   for names in (KEPT, {**LAWS, **INPUTS}))
     return np.dtype([
         ("v", "f8", (s,)), ("gain", "f8", (s,)), ("el", "f8", (4, m)), ("e_in", "f8", (s,)),
         ("loss", "f8", (n.losses, loss_width(s, m))), ("own", "f8", (*n.owned, 0)),
-        ("twist", "f8", (n.shafts,)), ("shaft", "f8", (2, n.shafts)),
+        ("twist", "f8", (n.shafts + s * bool(n.driven),)), ("shaft", "f8", (2, n.shafts)),
         ("speed", "f8", (n.bodies,)), ("gained", "f8", (n.bodies,)), ("rate", "f8", (n.bodies,)),
-        ("meter", "f8", (n.meters,)), ("mode", "i8", (m,)),
+        ("meter", "f8", (n.meters,)), *kept, ("mode", "i8", (m,)),
         ("minv", "f8", (s, s)), ("w", "f8", (m, s)), ("sh", "f8", (n.shafts, s)), ("kc", "f8", (2, n.shafts)),
         ("q", "f8", (2, s)), ("cap", "f8", (7, m)), ("middle", "f8", (n.bodies,)), ("push", "f8", (2, n.bodies)),
         ("bodies", "f8", (n.bodies, s)), ("meter_of", "f8", (n.meters, m + n.bodies + s)),
         ("events", "f8", (EVENTS, 3)), ("count", "i8", (2,)), ("work", "f8", (work_size(s, m, n.shafts, n.losses),)),
+        *fixed,
     ])
 
 

@@ -278,16 +278,16 @@ class Driveline:
                period: float | None = None, angle: float = 0.0) -> None:
         """Torque on a, and its opposite on b, that follows a table (speeds or angles, torques) of w_a - w_b or its angle.
 
-        of: the body whose speed or angle counts instead. The table is flat beyond its ends, an angle may stand twice where it
-        jumps; period: it repeats itself. angle: at the start. An input of its name multiplies it, 1 without.
+        of: the body whose speed or angle counts instead, or the clutch or brake whose slip does. The table is flat beyond its
+        ends, an angle may stand twice where it jumps; period: it repeats itself. angle: at the start. An input of its name
+        multiplies it, 1 without.
         """
         self._new_name(name)
         what = f"torque '{name}'"
         self._known(what, a, b)
-        if of is not None:
-            self._exist(what, of)
         table = self._law_table(what, table, by, period)
-        self._acts[name] = TORQUE, {a: 1.0, b: -1.0}, {a: 1.0, b: -1.0} if of is None else {of: 1.0}, by, table, float(angle)
+        self._acts[name] = (TORQUE, {a: 1.0, b: -1.0}, {a: 1.0, b: -1.0} if of is None else self._read_by(what, of), by, table,
+                            float(angle))
 
     def capacity(self, element: str, of: str, *, table: Points, by: str = "speed", period: float | None = None,
                  angle: float = 0.0) -> None:
@@ -300,13 +300,7 @@ class Driveline:
             raise RigError(f"driveline: {what}: there is no clutch or brake of that name")
         if element in self._capacities:
             raise RigError(f"driveline: {what} follows another table already; one is allowed")
-        if of in self._elements:
-            a, b, ca, cb, *_ = self._elements[of]
-            reads = {a: ca, b: -cb}
-        else:
-            self._exist(what, of)
-            reads = {of: 1.0}
-        self._capacities[element] = reads, by, self._law_table(what, table, by, period), float(angle)
+        self._capacities[element] = self._read_by(what, of), by, self._law_table(what, table, by, period), float(angle)
 
     def motion(self, name: str, body: str) -> None:
         """Prescribed motion: the speed of a body (rad/s) is the input of this name; without one it stays as it starts.
@@ -461,6 +455,14 @@ class Driveline:
                 known = ", ".join(self._inertia) or "none"
                 raise RigError(f"driveline: {where} names the body '{name}', which does not exist; "
                                f"bodies are: {known}")
+
+    def _read_by(self, what, of):
+        """The bodies whose speeds a law reads, with their coefficients: of one of them, or the slip of an element."""
+        if of in self._elements:
+            a, b, ca, cb, *_ = self._elements[of]
+            return {a: ca, b: -cb}
+        self._exist(what, of)
+        return {of: 1.0}
 
     def _known(self, where, *names):
         self._exist(where, *names)

@@ -3,8 +3,8 @@
 
 """What in a driveline depends on its own motion: torques, capacities, friction, shafts, prescribed motion, inertia over an angle.
 
-Called by plant/driveline_run.py in place of the bare step where a description has any of these; the engine of a rig calls
-none of it. In a step each law is the straight line that has the law's mean over the way which the step takes, and slopes are in the
+Called in place of the bare step where a description has any of these: by plant/driveline_run.py, and by
+plant/driveline_driven.py for the engine of a rig. In a step each law is the straight line that has the law's mean over the way which the step takes, and slopes are in the
 implicit matrix of plant/driveline_kernel.py. The way is not known before: the step is taken again until it is the one
 that the lines were made for, in most steps at once; where that does not help the step is halved.
 """
@@ -21,7 +21,7 @@ from rig_nodes.plant.driveline_algebra import (
     E_SHAFT, E_FRIC, E_VISC, HI0, IMPULSE, KIN0, LAM, LO0, N_CAPPED, N_EVENTS, TAU, VISC, apart, lin)
 from rig_nodes.plant.driveline_kernel import driveline_step
 from rig_nodes.plant.driveline_losses import LAST
-from rig_nodes.plant.driveline_tables import Table, Tables, along, tables_of, value
+from rig_nodes.plant.driveline_tables import Table, Tables, along, stored_in, tables_of, value, value_at
 
 # kinds, in the order in which they act on a step
 CAPACITY, FRICTION, SHAFT, TORQUE, MOTION, INERTIA = range(6)
@@ -95,7 +95,8 @@ def laws_of(laws: list[Law], n: int) -> Laws:
 def law_state(laws: list[Law]) -> LawState:
     """At the start of a run."""
     count = len(laws)
-    return LawState(np.array([one.start for one in laws], float), np.zeros(count),
+    torque = np.array([value_at(one.table, one.start) if one.kind == INERTIA else 0.0 for one in laws])
+    return LawState(np.array([one.start for one in laws], float), torque,
                     np.zeros(sum(len(one.springs) for one in laws)), np.zeros(count), np.zeros(count), np.zeros(1))
 
 
@@ -445,35 +446,52 @@ def try_step(d, t, begin, end, keep, cut, laws, own, given, mass, minv, w, sh, k
 
 
 @njit(**INNER)
-def settle(d, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, work):
+def settle(d, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, work):
     """Leaves in `loss` the losses by torque that the inputs at the start of a step ask for, where they have jumped."""
     apart()
     count, events = np.zeros(2, np.int64), np.zeros((0, 3))
-    qq, cc = q.copy(), cap.copy()
+    qq, cc, gg = q.copy(), cap.copy(), given.copy()
     put(qq[1], q[0])
+    put(gg[1], given[0])
     for row in (KIN0, LO0, HI0):
         put(cc[row + 1], cap[row])
     for k in range(loss.shape[0]):
         loss[k, LAST] = 0.0
     work[1] = -1.0
-    driveline_step(d, t, minv, w, sh, kc, qq, cc, loss, v.copy(), twist.copy(), mode.copy(), el.copy(), shaft.copy(), e_in.copy(),
-                   events, count, work)
+    copy = LawState(own.at.copy(), own.torque.copy(), own.spring.copy(), own.way.copy(), own.response.copy(), own.work.copy())
+    law_step(d, t, laws, copy, gg, mass, minv, w, sh, kc, qq, cc, loss, v.copy(), twist.copy(), mode.copy(), el.copy(), shaft.copy(),
+             e_in.copy(), events, count, work)
     work[1] = -1.0
 
 
 @njit(**INNER)
-def jumped(q, cap, i):
-    """True where inputs jump at the start of step i, the first one among them."""
-    if i == 0:
-        return True
-    for j in range(q.shape[2]):
-        if q[i, 0, j] != q[i - 1, 1, j]:
+def jumped(q, q_before, cap, cap_before):
+    """True where torques or capacities at the start of a step are others, by more than rounding, than at the end of the last one."""
+    for j in range(q.shape[1]):
+        if differ(q[0, j], q_before[j]):
             return True
-    for f in range(cap.shape[2]):
+    for f in range(cap.shape[1]):
         for row in (KIN0, LO0, HI0):
-            if cap[i, row, f] != cap[i - 1, row + 1, f]:
+            if differ(cap[row, f], cap_before[row + 1, f]):
                 return True
     return False
+
+
+@njit(**INNER)
+def differ(one, other):
+    return one != other and not abs(one - other) <= 1e-9 * (1.0 + min(abs(one), abs(other)))
+
+
+@njit(**INNER)
+def settled_step(h, t, fresh, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count,
+                 work):
+    """As `law_step`, with losses by torque that follow inputs which have jumped (fresh); a step is capped once at most."""
+    apart()
+    if loss.shape[0] > 0 and fresh:
+        settle(1e-6 * h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, work)
+    capped = count[N_CAPPED] + 1
+    law_step(h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work)
+    count[N_CAPPED] = min(count[N_CAPPED], capped)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -481,12 +499,9 @@ def run_laws(t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist,
              out_v, out_twist, out_mode, out_el, out_shaft, out_e_in, out_torque, out_at, out_spring, out_work):
     """A step to each time behind the first, and what is reached then."""
     for i in range(q.shape[0]):
-        if loss.shape[0] > 0 and jumped(q, cap, i):
-            settle(1e-6 * (t[i + 1] - t[i]), t[i], minv, w, sh, kc, q[i], cap[i], loss, v, twist, mode, el, shaft, e_in, work)
-        capped = count[N_CAPPED] + 1
-        law_step(t[i + 1] - t[i], t[i], laws, own, given[i], mass, minv, w, sh, kc, q[i], cap[i], loss, v, twist, mode, el,
-                 shaft, e_in, events, count, work)
-        count[N_CAPPED] = min(count[N_CAPPED], capped)
+        fresh = i == 0 or jumped(q[i], q[i - 1, 1], cap[i], cap[i - 1])
+        settled_step(t[i + 1] - t[i], t[i], fresh, laws, own, given[i], mass, minv, w, sh, kc, q[i], cap[i], loss, v, twist, mode,
+                     el, shaft, e_in, events, count, work)
         put(out_v[i], v)
         put(out_twist[i], twist)
         put(out_mode[i], mode)
@@ -497,3 +512,19 @@ def run_laws(t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist,
         put(out_at[i], own.at)
         put(out_spring[i], own.spring)
         put(out_work[i], own.work)
+
+
+def stored_energy(system, v, twist, torque, spring):
+    """Energy (r,) stored at r moments, J: of speeds v (r, n), twists of the shafts (r, s), and of the laws their torque, or
+    inertia, (r, laws) and the torque of their springs with friction (r, springs).
+    """
+    straight, springs = system.kc[0].copy(), laws_of(system.laws, len(system.speeds)).springs
+    out = 0.5 * np.einsum("ri,ij,rj->r", v, system.mass, v)
+    for k, law in enumerate(system.laws):
+        if law.kind == SHAFT:
+            straight[law.slot] = 0.0
+            out += stored_in(law.table, twist[:, law.slot])
+        elif law.kind == INERTIA:
+            out += 0.5 * torque[:, k] * (v @ law.on) ** 2
+    out += 0.5 * twist**2 @ straight
+    return out + 0.5 * spring**2 @ (1.0 / springs[:, 0])

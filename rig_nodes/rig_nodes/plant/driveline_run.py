@@ -21,8 +21,8 @@ from rig_nodes.plant import driveline_algebra as algebra
 from rig_nodes.plant.driveline import System
 from rig_nodes.plant.driveline_inputs import SAME, Input, Signal, step_ends
 from rig_nodes.plant.driveline_kernel import driveline_step
-from rig_nodes.plant.driveline_laws import CAPACITY, INERTIA, MOTION, SHAFT, TORQUE, law_state, laws_of, run_laws
-from rig_nodes.plant.driveline_tables import slope_at, stored_in
+from rig_nodes.plant.driveline_laws import CAPACITY, INERTIA, MOTION, TORQUE, law_state, laws_of, run_laws, stored_energy
+from rig_nodes.plant.driveline_tables import slope_at
 
 EVENT_NAMES = {algebra.LOCK: "lock", algebra.BREAK: "break", algebra.CROSS: "cross",
                algebra.FREE: "free", algebra.CLOSE: "close"}
@@ -285,23 +285,10 @@ class Run:
         pushes = pushes + sum(laws[:, k, None] * law.bodies for k, law in enumerate(s.laws) if law.kind in (TORQUE, MOTION))
         return Result(s, t, v @ s.bodies_from_speeds.T, angles @ s.bodies_from_speeds.T, v @ s.w.T, mode,
                       el[:, algebra.LAM], twist, shaft[:, algebra.TAU, :len(s.shafts)], pushes, laws, law_angles,
-                      self._stored(v, twist, laws, law_angles, springs), e_in.sum(axis=1) + work[:, 0],
+                      stored_energy(s, v, twist, laws, springs), e_in.sum(axis=1) + work[:, 0],
                       el[:, algebra.E_FRIC], el[:, algebra.E_VISC], shaft[:, algebra.E_SHAFT, :len(s.shafts)],
                       el[:, algebra.IMPULSE], [Event(float(a[0]), s.elements[int(a[1])], EVENT_NAMES[int(a[2])]) for a in events],
                       events[:, 3:] @ s.bodies_from_speeds.T, int(self._state.count[algebra.N_CAPPED]))
-
-    def _stored(self, v, twist, laws, law_angles, springs):
-        s = self.system
-        straight = s.kc[0].copy()
-        out = 0.5 * np.einsum("ri,ij,rj->r", v, s.mass, v)
-        for k, law in enumerate(s.laws):
-            if law.kind == SHAFT:
-                straight[law.slot] = 0.0
-                out += stored_in(law.table, twist[:, law.slot])
-            elif law.kind == INERTIA:
-                out += 0.5 * laws[:, k] * (v @ law.on) ** 2
-        out += 0.5 * twist**2 @ straight
-        return out + 0.5 * springs**2 @ (1.0 / self._laws.springs[:, 0])
 
     def _advance(self, t):
         s, x = self.system, self._state

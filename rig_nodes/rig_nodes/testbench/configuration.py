@@ -21,9 +21,10 @@ from ..config.names import DEFAULT_RIG, RIG_FILE, beside, find_config, unknown, 
 from ..config.schema import build, check_keys, entry, where_of
 from ..config.units import quantity
 from ..config.yaml_file import Map, file_of, merged, stamped
-from ..description.driveline import build_driveline, inertias_of, overrunning
-from ..description.read import DEVICE_KEYS, KEYS, read_structure
-from ..description.sections import BodyConfig, CutConfig, EffectsConfig, KernelConfig, ShaftConfig, instruments_of
+from ..description.driveline import build_driveline, inertias_of, inputs_of, overrunning
+from ..description.read import DEVICE_KEYS, KEYS, MESH_KEYS, read_structure
+from ..description.read_elements import GROUPS
+from ..description.sections import CutConfig, EffectsConfig, KernelConfig, instruments_of, section_classes, written
 from ..description.settings import COLUMNS, POINT, SOURCES, WIRING, Settings, effects_of, settings_of
 from ..description.structure import Device, Structure
 from ..engine.outside import NOT_DEVICES, cuttable, why_not
@@ -180,11 +181,11 @@ def _read(node: Map, path, name: str) -> RigConfig:
     kernel = build(KernelConfig, node, path, "the rig", others=_TOP)
     structure = read_structure(node, path)
     sections, cut_out = {}, ()
-    for body in structure.bodies:
-        if body not in structure.massless:
-            sections[body] = build(BodyConfig, node["bodies"][body], path, body, where=where_of(path, node["bodies"], body))
-    for shaft in structure.shafts:
-        sections[shaft.name] = build(ShaftConfig, node["shafts"][shaft.name], path, shaft.name, ("joins",))
+    own = {one: (group, node[group][one], where_of(path, node[group], one)) for group in GROUPS for one in node.get(group) or ()}
+    own |= {mesh["name"]: ("meshes", mesh, where_of(path, mesh)) for mesh in node.get("meshes") or () if "name" in mesh}
+    for owner, cls in section_classes(structure).items():
+        group, entries, where = own[owner]
+        sections[owner] = written(build(cls, entries, path, owner, GROUPS.get(group, MESH_KEYS), where))
     for device in structure.devices:
         sections[device.name], cut_out = _device(node["parts"], path, structure, device, cut_out)
     sections["instruments"] = build(instruments_of(structure), node["instruments"], path, "instruments",
@@ -229,9 +230,11 @@ def _check_view(config: RigConfig, node: Map, path) -> None:
 
 def check_driveline(structure: Structure, sections: Mapping, node: Map, path) -> None:
     """RigError with file and line for a driveline that cannot turn, or a gear that holds nothing or everything."""
-    shafts = {one.name: (sections[one.name].stiffness, sections[one.name].damping) for one in structure.shafts}
+    inertias = inertias_of(structure, sections)
     try:
-        system = build_driveline(structure, inertias_of(structure, sections), shafts)
+        build_driveline(structure, inertias, sections)
+        inputs_of(structure)
+        system = build_driveline(structure, inertias, sections, lossless=True)
     except RigError as error:
         raise RigError(f"{_where_named(str(error), node, path)}: {str(error).removeprefix('driveline: ')}") from None
     for gear, key in zip(structure.gears, node.get("gears", ())):
@@ -247,8 +250,11 @@ def check_driveline(structure: Structure, sections: Mapping, node: Map, path) ->
 
 def _where_named(said: str, node: Map, path) -> str:
     """``file:line`` of the first body, wheel or device that a sentence names, else of the file."""
-    for name in re.findall(r"'(\w+)'", said):
-        for group in ("planetary_sets", "parts", "shafts", "bodies"):
+    for name in re.findall(r"'(\w+)(?: loss)?'", said):
+        for k, mesh in enumerate(node.get("meshes") or ()):
+            if mesh.get("name") == name:
+                return where_of(path, node["meshes"], k)
+        for group in ("parts", *GROUPS):
             if isinstance(node.get(group), Map) and name in node[group]:
                 return where_of(path, node[group], name)
     if found := re.search(r"gear (\w+)-(\w+)", said):
@@ -299,7 +305,7 @@ def _where_written(node, path, keys: tuple[str, ...]) -> str:
     """``file:line`` of the first of these keys that a rig's map names itself."""
     for part, _, name in (key.partition(".") for key in keys):
         for own in (node.get("controller_values") if part == "alfa46" else node.get(part), *(
-                (node[group] or {}).get(part) for group in ("bodies", "shafts", "parts") if isinstance(node.get(group), Map))):
+                (node[group] or {}).get(part) for group in ("parts", *GROUPS) if isinstance(node.get(group), Map))):
             if isinstance(own, dict) and name in own:
                 return f"{where_of(path, own, name)}: "
     return f"{path}: "

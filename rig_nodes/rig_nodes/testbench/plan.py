@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..alfa46 import law
-from ..description.driveline import build_driveline, inertias_of
+from ..description.driveline import build_driveline, inertias_of, inputs_of
 from ..description.read import CLUTCHES
 from ..description.structure import Device
 from ..engine.plan import Instance, Meter, Plan
@@ -45,12 +45,12 @@ class _Planner:
         self.config, self.structure, self.effects = config, config.structure, config.effects
         self.values = leave_out(config)
         inertias = inertias_of(self.structure, self.values)
-        shafts = {one.name: (self.values[one.name].stiffness, self.values[one.name].damping) for one in self.structure.shafts}
-        self.true = self.system = build_driveline(self.structure, inertias, shafts)
+        self.true = self.system = build_driveline(self.structure, inertias, self.values)
+        self.tied = build_driveline(self.structure, inertias, self.values, lossless=True) if self.true.meshes else self.true
         self.stiff = not self.effects.motor_speed and self.structure.input is not None
         if self.stiff:
             heavy = {**inertias, self.structure.input.body: UNMOVED}
-            self.system = build_driveline(self.structure, heavy, shafts)
+            self.system = build_driveline(self.structure, heavy, self.values)
         self.losses = self.structure.of_role(parts.LOSS)
         self.bodies = self._bodies()
         self.meters = {one.name: self._meter(one) for one in self.structure.of_role(parts.METER)}
@@ -77,8 +77,8 @@ class _Planner:
 
     def reduced(self, body: str) -> float:
         """All inertia that is felt at a body while every clutch is open [kg m2]."""
-        turns = self.turns(body, self.true)
-        return float(1.0 / (turns @ self.true.minv @ turns))
+        turns = self.turns(body, self.tied)
+        return float(1.0 / (turns @ self.tied.minv @ turns))
 
     def column(self, body: str) -> int:
         """The driveline's speed that is this body's own."""
@@ -150,7 +150,7 @@ class _Planner:
         channels = shown | {f"U_{valve.key}": f"{valve.name}.on" for valve in structure.valves}
         encoders = tuple(one.name for one in structure.transducers if one.type == "speed")
         return Planned(Plan(self.system, self.bodies, self.lines, tuple(instances), tuple(self.meters.values()), self._loss_rows(),
-                            channels, encoders, law.OUTPUTS, currents, untouched=len(structure.valves)), self.true)
+                            channels, encoders, law.OUTPUTS, currents, untouched=len(structure.valves), inputs=inputs_of(structure)), self.true)
 
     def _instance(self, device: Device) -> Instance:
         name, part, values = device.name, self._part(device), self.values[device.name]

@@ -31,6 +31,7 @@ from ..errors import RigError
 from ..parts import part as parts
 from ..parts.proportional_valve import BY_DUTY, BY_LAW, BY_SETPOINT
 from ..plant import driveline_algebra
+from ..plant.driveline_laws import stored_energy
 from .configuration import RigConfig
 from .cuts import Cuts
 from .gauges import Gauges
@@ -117,6 +118,10 @@ class Rig(Timed):
         line = self.world.line
         self._el, self._e_in, self._cap = line["el"], line["e_in"], line["cap"]
         self._slips, self._twist, self._shaft = line["w"], line["twist"], line["shaft"]
+        devices = {one.name for one in structure.devices}
+        self._elements = [name for name in plan.system.elements if name not in devices]  # of the driveline, and no devices
+        self._stored_first = 0.0
+        self._stored_first = self._stored()
         self.energies: dict[str, float] = {}  # of the last tick, whoever refreshes them
         if self.shifts:
             self._law_config = config.alfa46.law_config(config.transmission)
@@ -490,7 +495,8 @@ class Rig(Timed):
     def energy(self) -> dict[str, float]:
         """Energies since time 0 [J]: each from its own torque and slip, none by difference."""
         fric, visc = self._el[driveline_algebra.E_FRIC].tolist(), self._el[driveline_algebra.E_VISC].tolist()
-        place, motor = self._place, float(self._e_in.sum())
+        place, outside, driven, line = self._place, float(self._e_in.sum()), self.world.plan.driven, self.world.line
+        motor = float(line["part_work"][0]) if driven else outside
         if self._put_on:  # what it holds is not the motor's work
             motor -= 0.5 * self._put_on * float(self.v[self._heavy]) ** 2
         out = {"motor": motor}
@@ -502,10 +508,14 @@ class Rig(Timed):
             out[name] = fric[place[name]]
         if own := [place[one.name] for one in self._sources if one.name in place]:
             out["friction"] = sum([fric[f] for f in own])
-        stored = float(0.5 * self.v @ self._system.mass @ self.v)
-        if len(self._twist):
-            out["shafts"] = float(self._shaft[driveline_algebra.E_SHAFT].sum())
-            stored += 0.5 * float(self._system.kc[0] @ self._twist**2)
+        if driven:  # what torques, motions and inputs of the description take
+            out["torques"] = float(line["part_work"][0]) - outside - float(line["law_work"][0])
+        if self._elements:
+            out["elements"] = sum([fric[place[name]] + visc[place[name]] for name in self._elements])
+        count = len(self._system.shafts)
+        if count:
+            out["shafts"] = float(self._shaft[driveline_algebra.E_SHAFT, :count].sum())
+        stored = self._stored() - self._stored_first
         out["stored"] = stored
         # sum() rounds otherwise from Python 3.12 on, and the bag has to be the same in all of them
         used = 0.0
@@ -514,6 +524,17 @@ class Rig(Timed):
                 used += value
         out["residual"] = out["motor"] - used
         return out
+
+    def _stored(self) -> float:
+        """Energy in motion, shafts and springs now [J]."""
+        if self.world.plan.driven:
+            line, count = self.world.line, len(self._system.shafts)
+            rows = (self.v, self._twist[:count], line["law_torque"], line["spring"])
+            return float(stored_energy(self._system, *(row[None] for row in rows))[0])
+        stored = float(0.5 * self.v @ self._system.mass @ self.v)
+        if len(self._twist):
+            stored += 0.5 * float(self._system.kc[0] @ self._twist**2)
+        return stored
 
     # ---- its state, put aside and taken up again
 

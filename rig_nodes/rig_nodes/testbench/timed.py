@@ -89,11 +89,11 @@ class Timed(ABC):
         self._shown["encoder"] = [self.channels.index(name) for name in plan.encoders]
         world = self.world
         self._general = 0
-        with compiling_beside() as cold:
+        with compiling_beside(plan.driven) as cold:
             loop.first_row(self._log, self.step, world.record, world.numbers, self._shown, *gauges.arrays)
             if cold:
                 self._advance(0)
-        self._general = general_step.address()
+        self._general = general_step.address(plan.driven)
 
     def move(self, samples: int) -> bool:
         """Move on by samples; False when the plant trips the rig. One that is tripped moves on as far as it can."""

@@ -1,0 +1,220 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Every element that plant.driveline has, in a rig's folder: the engine moves it as driveline_run.Run moves the same description."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rig_nodes.bags.reader import Bag
+from rig_nodes.cli.main import main
+from rig_nodes.description.structure import structure_of
+from rig_nodes.errors import RigError
+from rig_nodes.plant.driveline_run import Run
+from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.plan import plan_of
+from rig_nodes.testbench.rig import Rig
+
+FOLDER = Path(__file__).parent / "every_element"
+TEXT = (FOLDER / "rig.yaml").read_text()
+
+
+@pytest.fixture(scope="module")
+def config():
+    return load_rig(FOLDER, {"effects.transducers": "off"})
+
+
+@pytest.fixture(scope="module")
+def moved(config):
+    """(rig, run, largest difference of a speed at each 10 ms of 0.4 s) with nothing but the description's own inputs."""
+    rig, run, missed = Rig(config), alone(config), []
+    for k in range(1, 41):
+        rig.advance(0.01)
+        missed.append(np.abs(speeds(rig) - run.to(0.01 * k).speeds).max())
+    return rig, run, np.array(missed)
+
+
+def alone(config) -> Run:
+    """The same description in Python alone."""
+    plan = plan_of(config).plan
+    return Run(plan.system, config.kernel.step, {name: (table.x, table.y) for name, table in plan.inputs.items()})
+
+
+def speeds(rig) -> np.ndarray:
+    return rig.world.plan.system.bodies_from_speeds @ rig.v
+
+
+def test_the_engine_moves_every_element_as_python_alone_does(moved):
+    rig, run, missed = moved
+    assert missed.max() < 1e-9 and run.result().capped == 0 and rig.reason == ""
+    assert len({event.element for event in run.result().events}) >= 5, "clutches, brakes and the worm lock and let go"
+    for body in ("drum", "saw", "carrier", "right", "shaker", "end", "crank", "swing"):
+        speed = run.result().speed(body)
+        assert np.ptp(speed) > 0.5, f"{body} moves"
+
+
+def test_torques_are_those_of_python_alone(moved):
+    rig, run, _ = moved
+    result = run.result()
+    for name in ("soft", "geared", "shoes", "across", "low", "grip", "air", "gravity", "tyre", "shake"):
+        assert rig.true(f"{name}.torque") == pytest.approx(result.torque(name)[-1], rel=1e-9, abs=1e-8), name
+    assert rig.true("worm.torque") == pytest.approx(-result.torque("worm", "input")[-1], rel=1e-9)
+    assert rig.measurement("M_soft") == rig.true("soft.torque")
+
+
+def test_energy_closes_and_each_kind_of_loss_has_its_part(moved):
+    rig, run, _ = moved
+    energy, result = rig.energy(), run.result()
+    assert abs(energy["residual"]) < 1e-9 * abs(energy["torques"])
+    assert energy["motor"] == 0.0 and energy["torques"] == pytest.approx(-result.e_in[-1], rel=1e-9)
+    assert energy["shafts"] == pytest.approx(result.e_shaft[-1].sum(), rel=1e-9) and energy["shafts"] > 1.0
+    assert energy["elements"] == pytest.approx((result.e_fric + result.e_visc)[-1].sum(), rel=1e-9)
+
+
+def test_the_motors_own_work_is_told_from_that_of_the_description(config):
+    rig = Rig(config)
+    rig.set("motor", 50.0, True)
+    powers = [0.0]
+    for _ in range(100):
+        rig.advance(0.001)
+        powers.append(float(rig.motor["torque"]) * rig.true("input.speed"))
+    energy = rig.energy()
+    assert energy["motor"] == pytest.approx(np.trapezoid(powers, dx=0.001), rel=1e-2) and energy["motor"] > 40.0
+    assert abs(energy["residual"]) < 1e-9 * energy["motor"] + 1e-9 * abs(energy["torques"])
+
+
+def test_the_result_does_not_depend_on_how_time_is_cut(config, moved):
+    rig, again = moved[0], Rig(config)
+    for samples in (1, 7, 92, 300):
+        again.advance_samples(samples)
+    assert again.state_hash() == rig.state_hash()
+
+
+def test_a_rig_put_aside_goes_on_as_if_nothing_had_been(config, moved):
+    rig = Rig(config)
+    rig.advance(0.1)
+    kept = rig.snapshot()
+    rig.advance(0.2)
+    rig.restore(kept)
+    rig.advance(0.3)
+    assert rig.state_hash() == moved[0].state_hash()
+
+
+def test_accelerations_are_of_all_torques(moved):
+    rig, run, _ = moved
+    rates = run.system.bodies_from_speeds @ rig.world.line["accel"]
+    assert rates == pytest.approx(run.result().accelerations()[-1], rel=1e-6, abs=1e-6) and np.abs(rates).max() > 100.0
+    assert rig.world.line["rate"][0] == pytest.approx(rates[run.system.bodies.index("input")])
+
+
+def test_a_bag_knows_its_rig_without_the_folder(config):
+    plain = config.structure.plain()
+    assert structure_of(plain) == replace(config.structure) and structure_of(plain).plain() == plain
+
+
+def test_values_are_settings_by_their_names(config):
+    known = config.settings
+    for name in ("worm.efficiency", "worm.back", "soft.backlash", "geared.ca", "across.stick_back", "low.drag", "piston.rod", "engine.speed"):
+        assert known.find(name).kept, name
+    assert "shoes.drag" not in known and "drum.speed" not in known, "what is not written is no setting"
+    looser = load_rig(FOLDER, {"soft.backlash": "3 deg"})
+    assert looser.value("soft.backlash") == pytest.approx(np.radians(3.0))
+
+
+def test_check_draws_every_element(tmp_path, capsys):
+    assert main(["check", str(FOLDER), "--picture", str(tmp_path / "p.svg")]) == 0
+    drawn = (tmp_path / "p.svg").read_text()
+    for name in ("worm", "differential", "soft", "geared", "shoes", "across", "low", "grip", "air", "weight", "gravity", "tyre", "between",
+                 "cam", "piston", "shake"):
+        assert name in drawn, name
+    assert "worm 2 : 40, 0.6" in drawn and "sequences" in capsys.readouterr().out
+
+
+def test_a_run_records_the_torques_that_transducers_show(tmp_path):
+    folder = tmp_path / "rig"
+    shutil.copytree(FOLDER, folder)
+    (folder / "sequences").mkdir()
+    (folder / "sequences" / "short.yaml").write_text("description: some of it\nsteps:\n  - wait: {for: 100 ms}\n")
+    assert main(["simulate", "short", "--rig", str(folder), "--set", "effects.transducers=off", "--out", str(tmp_path / "run")]) == 0
+    times, torque = Bag(tmp_path / "run").series("M_shake")
+    result = alone(load_rig(folder))
+    result.to(0.1)
+    expected = result.result()
+    assert np.abs(torque - np.interp(times, expected.t, expected.torque("shake")))[1:].max() < 1e-6 * np.abs(torque).max()
+
+
+WRONG = {
+    "speeds that contradict": ("  input: {inertia: [0.05 kg m2, \"assumed\"]}\n  drum: {inertia: [2.0 kg m2, \"assumed\"]}",
+                               "  input: {inertia: [0.05 kg m2, x], speed: [9 rad/s, x]}\n  drum: {inertia: [2 kg m2, x], speed: [9 rad/s, x]}",
+                               "by the others 'drum' would have 0.45 rad/s"),
+    "an efficiency above 1": ("[60 %, \"assumed\"]", "[160 %, \"assumed\"]", "worm.efficiency is 160 %, outside 0.1 to 100 %"),
+    "an efficiency without a name": ("{name: worm, bodies", "{bodies", "mesh 1 has an efficiency and no name"),
+    "the way back without the way there": ("efficiency: [60 %, \"assumed\"], back", "back", "has the key back and no efficiency"),
+    "a name twice": ("name: worm", "name: drum", "meshes.drum: there is 'drum' among the bodies already"),
+    "a relation of one": ("{carrier: 2, left: -1, right: -1}", "{carrier: 2}", "must be a map of two bodies or more"),
+    "a coefficient of none": ("left: -1, right", "left: 0, right", "relations.differential.coefficients.left is 0, expected a number other"),
+    "a body that is not there": ("coefficients: {carrier", "coefficients: {carier", "names the body 'carier'; did you mean 'carrier'"),
+    "a shaft with both": ("damping: [0.4 Nm s/rad, \"assumed\"]", "damping: [0.4 Nm s/rad, \"assumed\"]\n    stiffness: [500 Nm/rad, x]",
+                          "shafts.soft must have one of the keys stiffness, and table"),
+    "a shaft that falls": ("[0.2 rad, 60 Nm]]", "[0.2 rad, 6 Nm]]", "the table of shaft 'soft' needs two points or more, twists rising"),
+    "a table that goes back": ("[0.2 rad, 60 Nm]]", "[0.02 rad, 60 Nm]]", "'0.02 rad' stands behind '0.05 rad'; points of a table rise"),
+    "a unit of another dimension": ("[0.2 rad, 60 Nm]]", "[0.2 rad/s, 60 Nm]]", "is an angular velocity, expected an angle"),
+    "a point of three": ("[0.2 rad, 60 Nm]]", "[0.2 rad, 60 Nm, 1]]", r"a point is \[angle, torque\], each with its unit"),
+    "a table without a source": ("[[[0 rad/s, -30 Nm]], \"assumed\"]", "[[0 rad/s, -30 Nm]]",
+                                 "torques.weight.table must be .value with unit or table"),
+    "backlash below 0": ("[1.5 deg, \"assumed\"]", "[-1.5 deg, \"assumed\"]", "soft.backlash is -1.5 deg, outside 0 to"),
+    "a spring of one number": ("[[300 Nm/rad, 2 Nm],", "[[300 Nm/rad],", r"a spring is \[stiffness, torque\]"),
+    "a spring without torque": ("[300 Nm/rad, 2 Nm]", "[300 Nm/rad, 0 Nm]", "torque in the hysteresis of shaft 'soft' is 0.0"),
+    "no such file": ("shoes.csv", "shoe.csv", "capacity.table: .*shoe.csv cannot be read"),
+    "a clutch on one body": ("joins: [engine, saw]", "body: engine", "clutches.shoes lacks the key 'joins'"),
+    "a stick limit below 1": ("stick_back: [1.1 -,", "stick_back: [0.9 -,", "across.stick_back is 0.9 -, outside 1 to 10"),
+    "friction that begins late": ("[[[0 rad/s, 1 -], [20 rad/s", "[[[1 rad/s, 1 -], [20 rad/s", "the table of friction of 'low' needs slips that rise from 0"),
+    "a law over time": ("gravity: {body: swing, by: angle", "gravity: {body: swing, by: time", "what is by time stands under inputs"),
+    "a law of nobody": ("tyre: {body: right, of: across", "tyre: {body: right, of: acros", "expected a body, or a clutch or brake whose slip counts; did you mean 'across'"),
+    "a torque on both": ("air: {body: saw,", "air: {body: saw, joins: [saw, engine],", "torques.air must have one of the keys body"),
+    "a speed at which it jumps": ("[1000 rpm, -4 Nm]", "[0 rpm, -4 Nm]", "the table of torque 'air' jumps at 0 rad/s"),
+    "a period that is another": ("period: [360 deg, \"one turn\"], angle: [0.5", "period: [350 deg, \"one turn\"], angle: [0.5",
+                                 "the table of torque 'gravity' reaches over 6.28319; its period is 6.10865"),
+    "an inertia below 0": ("[180 deg, 0.03 kg m2]", "[180 deg, -0.03 kg m2]", "the table of varying inertia 'cam' falls to -0.03"),
+    "a rod that is too short": ("rod: [200 mm", "rod: [20 mm", "rod of slider-crank 'piston' is 0.02 m, its radius 0.08 m"),
+    "two motions of one": ("  shake: {body: shaker}", "  shake: {body: shaker}\n  again: {body: shaker}", "motions prescribe the speeds of bodies"),
+    "an input of nobody": ("  engine: [12 Nm", "  engin: [12 Nm", "inputs.engin: nothing of this name takes an input; did you mean 'engine'"),
+    "an input of another dimension": ("  engine: [12 Nm", "  engine: [12 rpm", "is an angular velocity, expected a torque"),
+    "a capacity below 0": ("[0.2 s, 60 Nm]]", "[0.2 s, -60 Nm]]", "inputs.across falls to -60; a capacity is at least 0"),
+    "a time that comes back": ("[0.31 s, -2 Nm]]", "[0.2 s, -2 Nm]]", "inputs.input: '0.2 s' stands behind '0.3 s'"),
+    "an unknown key": ("    body: ring", "    body: ring\n    stik: [2 -, x]", "unknown key 'stik' in low; did you mean 'stick'"),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_a_wrong_element_is_refused_in_one_sentence_with_its_line(tmp_path, what, capsys):
+    old, new, sentence = WRONG[what]
+    assert old in TEXT, "the edit fits no line of the rig"
+    folder = tmp_path / "rig"
+    shutil.copytree(FOLDER, folder)
+    (folder / "rig.yaml").write_text(TEXT.replace(old, new, 1))
+    with pytest.raises(RigError, match=sentence) as refused:
+        load_rig(folder)
+    said = str(refused.value)
+    assert "rig.yaml:" in said and "\n" not in said and "driveline:" not in said
+    assert main(["check", str(folder), "--picture", str(tmp_path / "p.svg")]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1 and not (tmp_path / "p.svg").exists()
+
+
+@pytest.mark.parametrize("text, sentence", [
+    ("", "needs a heading"), ("speed, torque\n0, 0\n", "the heading 'speed' names no unit of angular velocity"),
+    ("speed [rpm], torque [Nm]\n0, zero\n", "row 2, '0,zero', is not two numbers"),
+    ("speed [rpm], torque [Nm]\n10, 1\n5, 2\n", "row 3: 5 stands behind 10"), ("speed [rpm], torque [Nm]\n1,2,3\n", "of two columns each"),
+    ("speed [rpm], torque [Nm]\n1, inf\n", "all finite"),
+])
+def test_a_wrong_table_beside_the_file_is_refused_in_one_sentence(tmp_path, text, sentence):
+    folder = tmp_path / "rig"
+    shutil.copytree(FOLDER, folder)
+    (folder / "shoes.csv").write_text(text)
+    with pytest.raises(RigError, match=sentence) as refused:
+        load_rig(folder)
+    assert "rig.yaml:" in str(refused.value) and "\n" not in str(refused.value)
