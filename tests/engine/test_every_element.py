@@ -12,10 +12,12 @@ import pytest
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
+from rig_nodes.description.signals import torque_signals
 from rig_nodes.description.structure import structure_of
 from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline_run import Run
 from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.joint_torques import JointTorques
 from rig_nodes.testbench.plan import plan_of
 from rig_nodes.testbench.rig import Rig
 
@@ -134,17 +136,43 @@ def test_check_draws_every_element(tmp_path, capsys):
     assert "worm 2 : 40, 0.6" in drawn and "sequences" in capsys.readouterr().out
 
 
-def test_a_run_records_the_torques_that_transducers_show(tmp_path):
+def test_a_run_records_the_torques_in_all_that_joins_bodies(tmp_path):
     folder = tmp_path / "rig"
     shutil.copytree(FOLDER, folder)
     (folder / "sequences").mkdir()
-    (folder / "sequences" / "short.yaml").write_text("description: some of it\nsteps:\n  - wait: {for: 100 ms}\n")
+    (folder / "sequences" / "short.yaml").write_text("description: some of it\nsteps:\n  - wait: {for: 300 ms}\n")
     assert main(["simulate", "short", "--rig", str(folder), "--set", "effects.transducers=off", "--out", str(tmp_path / "run")]) == 0
-    times, torque = Bag(tmp_path / "run").series("M_shake")
-    result = alone(load_rig(folder))
-    result.to(0.1)
-    expected = result.result()
-    assert np.abs(torque - np.interp(times, expected.t, expected.torque("shake")))[1:].max() < 1e-6 * np.abs(torque).max()
+    bag, run = Bag(tmp_path / "run"), alone(load_rig(folder))
+    run.to(0.32)
+    result, signals = run.result(), torque_signals(bag.structure)
+    assert [one.name for one in signals if one.of == "set"] == ["set_sun_torque", "set_ring_torque", "set_carrier_torque"]
+    assert len(signals) == 22 and list(bag.logger("/rig/torques").channels) == [one.name for one in signals]
+    for one in signals:
+        times, torque = bag.series(one.name)
+        rows = np.searchsorted(result.t, times - 1e-9)
+        expected = result.torque(one.of, one.body or None)[rows]
+        assert torque[1:] == pytest.approx(expected[1:], rel=1e-6, abs=1e-6), one.name
+        assert np.abs(torque).max() > 0.1 and np.abs(times - result.t[rows]).max() < 1e-9
+    times, torque = bag.series("M_shake")
+    assert torque[1:] == pytest.approx(np.interp(times, result.t, result.torque("shake"))[1:], rel=1e-6, abs=1e-6)
+
+
+def test_a_gearbox_tells_the_torques_of_its_wheels_when_it_is_asked_and_nothing_else_changes(tmp_path):
+    (tmp_path / "asked").mkdir()
+    (tmp_path / "asked" / "rig.yaml").write_text("description: with torques\nbase: three_speed\nsignals: [torques]\n")
+    rigs = [Rig(load_rig(name)) for name in ("three_speed", tmp_path / "asked")]
+    for rig in rigs:
+        rig.set("oil", 4e6, True)
+        rig.set("motor", 100.0, True)
+        rig.order_gear(1)
+        rig.advance(2.0)
+    assert rigs[0].state_hash() == rigs[1].state_hash() and "/rig/torques" not in rigs[0].config.catalogue.topics
+    torques = JointTorques(rigs[1])
+    told = dict(zip(torques.names, torques.values(), strict=True))
+    # what the set puts on its wheels is in the ratio of their teeth
+    assert told["set_1_ring_torque"] == pytest.approx(72 / 40 * told["set_1_input_torque"], rel=1e-9) and told["set_1_input_torque"] < -0.5
+    assert told["set_1_ring_torque"] == pytest.approx(rigs[1].friction_torque("brake_1"), rel=0.05), "the brake holds it"
+    assert told["set_1_output_torque"] == pytest.approx(-112 / 40 * told["set_1_input_torque"], rel=1e-9)
 
 
 WRONG = {
@@ -184,8 +212,9 @@ WRONG = {
     "two motions of one": ("  shake: {body: shaker}", "  shake: {body: shaker}\n  again: {body: shaker}", "motions prescribe the speeds of bodies"),
     "an input of nobody": ("  engine: [12 Nm", "  engin: [12 Nm", "inputs.engin: nothing of this name takes an input; did you mean 'engine'"),
     "an input of another dimension": ("  engine: [12 Nm", "  engine: [12 rpm", "is an angular velocity, expected a torque"),
-    "a capacity below 0": ("[0.2 s, 60 Nm]]", "[0.2 s, -60 Nm]]", "inputs.across falls to -60; a capacity is at least 0"),
+    "a capacity below 0": ("[0.2 s, 3 Nm]]", "[0.2 s, -3 Nm]]", "inputs.across falls to -3; a capacity is at least 0"),
     "a time that comes back": ("[0.31 s, -2 Nm]]", "[0.2 s, -2 Nm]]", "inputs.input: '0.2 s' stands behind '0.3 s'"),
+    "signals of another kind": ("signals: [torques]", "signals: [torque]", r"signals is .'torque'., expected .torques., which tells"),
     "an unknown key": ("    body: ring", "    body: ring\n    stik: [2 -, x]", "unknown key 'stik' in low; did you mean 'stick'"),
 }
 

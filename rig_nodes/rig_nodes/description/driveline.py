@@ -37,11 +37,11 @@ def _frame(structure: Structure, inertias: Mapping[str, float], values: Mapping,
     out = Driveline()
     for body in structure.bodies:
         out.inertia(body, inertias[body], None if body in structure.massless else _given(values[body]).get("speed"))
-    for mesh in structure.meshes:
+    for name, mesh in zip(structure.mesh_names, structure.meshes):
         if mesh.lossy and not lossless:
-            out.mesh(mesh.name, *mesh.bodies, 1.0 / mesh.ratio, **_given(values[mesh.name]))
+            out.mesh(name, *mesh.bodies, 1.0 / mesh.ratio, **_given(values[name]))
         else:
-            out.gear(mesh.bodies[1], mesh.bodies[0], mesh.ratio, mesh.name or None)
+            out.gear(mesh.bodies[1], mesh.bodies[0], mesh.ratio, name)
     for one in structure.planetary_sets:
         out.planetary(one.name, one.sun, one.ring, one.carrier, one.ratio)
     for one in structure.of_kind("relation"):

@@ -20,12 +20,13 @@ from ..parts import part as parts
 from .quantities import QUANTITIES, TRANSDUCERS
 from .read_elements import GROUND, GROUPS, read_elements, read_inputs, read_table
 from .sections import MeshConfig
+from .signals import TORQUES
 from .structure import Device, End, GearHeld, Mesh, PlanetarySet, Points, Shaft, Structure, Transducer
 
 MASSLESS, CLUTCHES = "massless", "clutches"
 MOST_TEETH = 1000
 # keys of a rig's file that structure is read from here, and those whose values others read
-KEYS = (*GROUPS, "meshes", "inputs", "input", "output", "gears", "parts", "transducers", "names", "view")
+KEYS = (*GROUPS, "meshes", "inputs", "input", "output", "gears", "parts", "transducers", "signals", "names", "view")
 MESH_KEYS = ("bodies", "teeth", "reversed", "name", "source")  # beside the values of one that loses
 DEVICE_KEYS = ("part", "called", "release_rate", "source")
 RESERVED = ("kernel", "alfa46", "instruments", "effects", "cut", "wiring", GROUND)  # what settings begin with already
@@ -89,7 +90,7 @@ class _Reader:
         structure = Structure(
             tuple(bodies), tuple(massless), meshes, self.planetary_sets(), self.shafts(), read, self.gears(),
             self.end("input", transducers), self.end("output", transducers), transducers, self.signal_names(), self.view(),
-            elements, read_inputs(self, elements))
+            elements, read_inputs(self, elements), self.extra_signals())
         self.check_whole(structure)
         return structure
 
@@ -403,6 +404,14 @@ class _Reader:
             if not isinstance(new, str) or not new.isidentifier():
                 raise RigError(f"{self.at(nodes, old)}: names.{old} is {brief(new)}, expected a name for the signal")
         return dict(nodes)
+
+    def extra_signals(self) -> tuple[str, ...]:
+        """What is told beside what every rig tells."""
+        nodes = self.node.get("signals", List(self.node.line))
+        if not isinstance(nodes, List) or any(one != TORQUES for one in nodes):
+            raise RigError(f"{self.at(self.node, 'signals')}: signals is {brief(nodes)}, expected [{TORQUES}], which tells the torques in all "
+                           "that joins bodies")
+        return tuple(dict.fromkeys(nodes))
 
     def view(self) -> dict[str, tuple[tuple[str, tuple[str, ...]], ...]]:
         """Pages of the view; whether there are such signals is known when the catalogue is made."""

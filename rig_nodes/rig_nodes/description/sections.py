@@ -63,8 +63,7 @@ class MeshConfig:
     """Toothed wheels that lose by the torque that they pass on."""
 
     efficiency: float = param("ratio", 1e-3, 1.0, "Share of the power of the first body that the second one gets")
-    back: float = param("ratio", -20.0, 1.0, "Share of the power of the second body that the first one gets; at 0 and below it holds "
-                        "itself; left out, as efficiency", None)
+    back: float = param("ratio", -20.0, 1.0, "Share of the power of the second body that the first one gets; left out, as efficiency", None)
 
 
 @dataclass(frozen=True)

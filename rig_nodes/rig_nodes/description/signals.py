@@ -8,13 +8,17 @@ Used through catalogue.catalogue by everybody who publishes, records, plots or e
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from ..errors import RigError
 from ..parts import part as parts
 from .commands import setpoints_of
 from .quantities import QUANTITIES, TRANSDUCERS
+from .read_elements import GROUND
 from .structure import Device, Structure
 
 STATE_RATE, SCALAR_RATE, SAMPLE_RATE = 200, 100, 1000  # Hz
+TORQUES = "torques"  # what a rig's signals may name
 _CURRENT_LIMIT = 0.8  # A, of all outputs of the box
 
 
@@ -100,6 +104,11 @@ def _whole(structure: Structure, topic, signal) -> None:
         for one in absolute_pressures(structure):
             topic(f"/instruments/{one.name}_absolute", "instruments", "sensor_msgs/FluidPressure", rate=SCALAR_RATE)
     topic("/rig/state", "rig", "RigState", rate=STATE_RATE)
+    if TORQUES in structure.signals:
+        topic("/rig/torques", "rig", "SampleBlock", rate=STATE_RATE)
+        topic("/rig/channels", "rig", "ChannelList", "latched")
+        for k, one in enumerate(torque_signals(structure)):
+            signal(one.name, "torque", -1e4, 1e4, "/rig/torques", f"data[{k}]", one.sign, one.text)
     topic("/rig/events", "rig", "Event")
     topic("/rig/run_info", "rig", "RunInfo", "latched")
     if structure.shifts:
@@ -116,6 +125,34 @@ def _whole(structure: Structure, topic, signal) -> None:
            states={0: "starting", 1: "ready", 2: "running", 3: "tripped"})
     signal("energy_residual", "energy", -1e6, 1e6, "/rig/state", "energy_residual", "positive: work in that is found nowhere",
            "Motor work minus load work, heat and stored energy.")
+
+
+@dataclass(frozen=True)
+class TorqueSignal:
+    """A torque in what joins bodies: its signal, of what it is, and on which body where that ties several together."""
+
+    name: str
+    of: str
+    body: str
+    text: str
+    sign: str
+
+
+def torque_signals(structure: Structure) -> list[TorqueSignal]:
+    """Of all that joins bodies or acts on them and is no device, which tells its own."""
+    out = []
+    for kind, one in (*(("shaft", one) for one in structure.shafts),
+                      *((one.kind, one) for one in structure.of_kind("clutch", "brake", "torque", "motion"))):
+        a, b = (*one.bodies, GROUND)[:2]
+        pushes = kind in ("torque", "motion")
+        out.append(TorqueSignal(f"{one.name}_torque", one.name, "", f"Torque {'' if kind == 'torque' else f'of the {kind} '}{one.name}.",
+                                f"positive drives {a}" if pushes else
+                                f"positive slows {a} and drives {b}" if b != GROUND else f"positive slows {a}"))
+    ties = [*((name, mesh.bodies) for name, mesh in zip(structure.mesh_names, structure.meshes)),
+            *((one.name, (one.sun, one.ring, one.carrier)) for one in structure.planetary_sets),
+            *((one.name, one.bodies) for one in structure.of_kind("relation"))]
+    return out + [TorqueSignal(f"{name.replace('-', '_')}_{body}_torque", name, body, f"Torque that {name} puts on {body}.", f"positive drives {body}")
+                  for name, bodies in ties for body in bodies if body != GROUND]
 
 
 def absolute_pressures(structure: Structure):

@@ -166,7 +166,8 @@ class Transducer:
 class Structure:
     """All of a rig but its values. bodies: of all names, massless: those without an inertia of their own; names: of
     signals, made name -> name; view: pages of the view that the rig has itself, each of plots with their title and signals;
-    inputs: tables over time, by what they are put into, as those of plant.driveline_run.Run.
+    inputs: tables over time, by what they are put into, as those of plant.driveline_run.Run; signals: what is told beside what
+    every rig tells.
     """
 
     bodies: tuple[str, ...] = ()
@@ -183,6 +184,7 @@ class Structure:
     view: Mapping[str, tuple[tuple[str, tuple[str, ...]], ...]] = field(default_factory=dict)
     elements: tuple[Element, ...] = ()
     inputs: Mapping[str, Points] = field(default_factory=dict)
+    signals: tuple[str, ...] = ()
 
     def of_kind(self, *kinds: str) -> tuple[Element, ...]:
         """The elements of these kinds, in the order of the file."""
@@ -209,6 +211,15 @@ class Structure:
 
             raise RigError(unknown("device", name, self._by_name))
         return self._by_name[name]
+
+    @cached_property
+    def mesh_names(self) -> tuple[str, ...]:
+        """What each mesh is called: as the file has it, else by its bodies, and by a number where they have several."""
+        out: list[str] = []
+        for mesh in self.meshes:
+            name = mesh.name or "-".join(mesh.bodies)
+            out.append(name if name not in out else f"{name}-{sum(one.bodies == mesh.bodies for one in self.meshes[:len(out)]) + 1}")
+        return tuple(out)
 
     @cached_property
     def clutches(self) -> tuple[Device, ...]:
@@ -245,7 +256,7 @@ class Structure:
     def plain(self) -> dict:
         """What JSON can hold, with lists as it gives them back, for the run's record; :func:`structure_of` reads it."""
         out = _listed(asdict(self))
-        for name in ("view", "elements", "inputs"):
+        for name in ("view", "elements", "inputs", "signals"):
             if not out[name]:
                 del out[name]
         for one in (*out["meshes"], *out["shafts"], *out["gears"]):  # what older bags do not have, and most rigs neither
@@ -284,7 +295,7 @@ def structure_of(plain: Mapping) -> Structure:
         if one.name == "inputs":
             out["inputs"] = {name: _tupled(points) for name, points in plain.get("inputs", {}).items()}
             continue
-        value = plain[one.name]
+        value = plain[one.name] if one.name != "signals" else plain.get("signals", ())
         if one.name in kinds:
             out[one.name] = tuple(made(kinds[one.name], entry) for entry in value)
         elif one.name in ("input", "output"):

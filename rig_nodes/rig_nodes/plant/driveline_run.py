@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -140,7 +141,7 @@ class Result:
         joined = [b for b, c in zip(s.bodies, s.tie_rows[k]) if c != 0.0]
         if body not in joined:
             raise RigError(f"driveline: '{name}' puts torques on {' and '.join(joined)}; name one of them")
-        return self._by_ties()[:, k] * s.tie_rows[k, s.bodies.index(body)]
+        return self._by_ties[:, k] * s.tie_rows[k, s.bodies.index(body)]
 
     def accelerations(self) -> np.ndarray:
         """Of the bodies (r, b), rad/s2."""
@@ -167,6 +168,7 @@ class Result:
         """What an inertia over an angle takes to turn at constant speed."""
         return 0.5 * slope_at(law.table, self.law_angles[:, k]) * (self.speeds @ law.bodies) ** 2
 
+    @cached_property
     def _by_ties(self):
         """Of each gear and relation (r, ties), by which its coefficients are multiplied; where several could share a torque, the
         least ones.

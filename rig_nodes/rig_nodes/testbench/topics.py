@@ -13,11 +13,12 @@ import math
 from ..bags.cdr import Form
 from ..bags.definitions import installed
 from ..catalogue import Catalogue
-from ..clocks import ROW, TICK_SAMPLES
+from ..clocks import ROW, SAMPLE, TICK_SAMPLES
 from ..controllers.record import record_of
 from ..controllers.seam import LEVELS
-from ..description.signals import absolute_pressures
+from ..description.signals import TORQUES, absolute_pressures
 from ..parts import part as parts
+from .joint_torques import JointTorques
 from .rig import Rig
 
 SCALAR_SAMPLES = 10  # controller samples between scalars (100 Hz)
@@ -72,6 +73,9 @@ class States:
         said = {topic.name: self._says(topic.node) for topic in rig.config.catalogue.topics.values()
                 if topic.name == f"/{topic.node}/state"}
         self.topics = said | {"/rig/state": self._rig_state}
+        self._torques = JointTorques(rig) if TORQUES in rig.config.structure.signals else None
+        if self._torques:
+            self.topics["/rig/torques"] = self._joint_torques
 
     def _says(self, name: str):
         """What gives the fields of a device's state."""
@@ -137,10 +141,11 @@ class States:
 
     def once(self) -> list[tuple]:
         """(topic, its fields) of what goes out once, when time begins: what the controller's numbers are."""
+        told = [("/rig/channels", (self._torques.names, ["N.m"] * len(self._torques.names), TICK_SAMPLES * SAMPLE))] if self._torques else []
         if not self.rig.shifts:
-            return []
+            return told
         record = record_of(self.rig.config)
-        return [("/instruments/controller_record", (
+        return [*told, ("/instruments/controller_record", (
             record.id, [output.name for output in record.outputs], [output.valve for output in record.outputs],
             list(record.names), [signal.unit for signal in record.transducers], list(record.gear_names),
             list(record.gear_names.values())))]
@@ -153,6 +158,10 @@ class States:
             torques[side] += float(rig.losses[name]["torque"])
             lost += rig.energies[name]
         return (rig.locked_gear(), *rig.world.numbers[self._gear_numbers].tolist(), *torques, lost)
+
+    def _joint_torques(self):
+        values = self._torques.values()
+        return self.rig.sample // TICK_SAMPLES, TICK_SAMPLES * SAMPLE, 1, len(values), values
 
     def _rig_state(self):
         rig = self.rig
