@@ -144,7 +144,8 @@ class Timed(ABC):
         """
         when = f"between {self.time - SAMPLE:.3f} s and {self.time:.3f} s"
         if how == NOT_SETTLED:
-            self.trip(f"{when} the friction of clutches and brakes did not settle within a step; a value of the rig is "
+            also = ", or what follows a table of the motion," if self.world.plan.driven else ""
+            self.trip(f"{when} the friction of clutches and brakes{also} did not settle within a step; a value of the rig is "
                       "far from any real one, or its step too long")
             return
         first = int(np.flatnonzero(~np.isfinite(values))[0])
