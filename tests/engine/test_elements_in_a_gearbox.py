@@ -56,3 +56,18 @@ def test_a_gear_whose_mesh_loses_keeps_its_ratio_and_takes_its_share_of_the_powe
     energy = rig.energy()
     assert rig.true("air.torque") == pytest.approx(-30.0 * w_out / 314.159, rel=1e-4)
     assert abs(energy["residual"]) < 1e-9 * energy["motor"] and energy["torques"] > 100.0 and energy["elements"] > 100.0
+
+
+def test_the_acceleration_of_a_body_counts_the_shaft_on_it():
+    rig = Rig(load_rig("clutch_bench", {"effects.transducers": "off"}))
+    rig.set("motor", 8.0, True)
+    rig.set("relief", 5e6, True)
+    rig.advance(0.05)
+    place = rig.world.plan.bodies.index("shaft")
+    rates, before = [], rig.true("shaft.speed")
+    for _ in range(20):
+        rig.advance(0.001)
+        rates.append(float(rig.world.line["rate"][place]))
+    # its own friction is the pack's drag alone; all else comes through the shaft
+    assert max(map(abs, rates)) > 5.0
+    assert sum(rates) * 0.001 == pytest.approx(rig.true("shaft.speed") - before, rel=0.15)

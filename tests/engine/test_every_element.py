@@ -182,6 +182,7 @@ WRONG = {
     "an efficiency above 1": ("[60 %, \"assumed\"]", "[160 %, \"assumed\"]", "worm.efficiency is 160 %, outside 0.1 to 100 %"),
     "an efficiency without a name": ("{name: worm, bodies", "{bodies", "mesh 1 has an efficiency and no name"),
     "the way back without the way there": ("efficiency: [60 %, \"assumed\"], back", "back", "has the key back and no efficiency"),
+    "a mesh that loses on a wheel": ("  drum: {inertia: [2.0 kg m2, \"assumed\"]}", "  drum: massless", "both sides of a mesh with an efficiency need an inertia"),
     "a name twice": ("name: worm", "name: drum", "meshes.drum: there is 'drum' among the bodies already"),
     "a relation of one": ("{carrier: 2, left: -1, right: -1}", "{carrier: 2}", "must be a map of two bodies or more"),
     "a coefficient of none": ("left: -1, right", "left: 0, right", "relations.differential.coefficients.left is 0, expected a number other"),

@@ -160,10 +160,13 @@ class _Reader:
                                "by it")
             if "back" in node and not lossy:
                 raise RigError(f"{self.at(node, 'back')}: {what} has the key back and no efficiency; give both, or none of them")
+            bodies = self.two_bodies(node["bodies"], self.at(node, "bodies"), f"{what}.bodies")
             if lossy:
                 self.element_names.append(name)
-            out.append(Mesh(self.two_bodies(node["bodies"], self.at(node, "bodies"), f"{what}.bodies"),
-                            self.teeth(node["teeth"], self.at(node, "teeth"), f"{what}.teeth"), turned in (True, "yes"), name, lossy))
+                if light := [body for body in bodies if self.node["bodies"].get(body) == MASSLESS]:
+                    raise RigError(f"{self.at(node, 'efficiency')}: {what} loses, and its body '{light[0]}' is {MASSLESS}; both sides of "
+                                   "a mesh with an efficiency need an inertia")
+            out.append(Mesh(bodies, self.teeth(node["teeth"], self.at(node, "teeth"), f"{what}.teeth"), turned in (True, "yes"), name, lossy))
         return tuple(out)
 
     def planetary_sets(self) -> tuple[PlanetarySet, ...]:
