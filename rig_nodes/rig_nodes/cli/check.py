@@ -75,6 +75,9 @@ def _told(config):
     structure, n = config.structure, len(config.catalogue.signals)
     yield f"{config.name}: {config.description}"
     yield f"bodies: {', '.join(structure.bodies)}"
+    if structure.elements:
+        kinds = ((one.name, one.kind.replace("_", " ")) for one in structure.elements)
+        yield f"elements: {', '.join(f'{name} ({kind})' for name, kind in kinds)}"
     if structure.gears:
         box = config.transmission
         for gear in box.gears[1:]:
