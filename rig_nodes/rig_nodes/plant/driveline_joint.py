@@ -11,10 +11,13 @@ from numba import njit
 
 from rig_nodes.compiled import INNER
 from rig_nodes.plant.driveline_algebra import (
-    BACKWARD, BREAK, CLOSE, CROSS, FORWARD, KIN0, KIN1, LOCK, LOCKED_HIGH, LOCKED_LOW, N_CAPPED,
+    BACKWARD, BREAK, CLOSE, CROSS, E_FRIC, FORWARD, KIN0, KIN1, LOCK, LOCKED_HIGH, LOCKED_LOW, N_CAPPED,
     N_EVENTS, RANK, STUCK, VISC, apart, high, lin, low, places, project)
 from rig_nodes.plant.driveline_losses import (
     FACTOR, LAST, NEXT, ON, WEIGHTS, brakes, put_losses, solve_losses)
+
+
+SEEN = 1e-10  # rad/s of slip, above which it is none of rounding
 
 
 # int() around a constant argument or start value: a literal would have the callee compiled once more
@@ -46,7 +49,29 @@ def dependent(f, w, minv, work, op):
 
 
 @njit(**INNER)
-def resolve(x, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, events, count, work):
+def capture(w, sh, mode, el, work):
+    """Book as heat the energy that goes where stuck elements take out more slip than rounding: after a capped step.
+
+    An impulse p = G^+ slip takes p slip / 2 from each of them.
+    """
+    m, n = w.shape
+    at = places(n, m, sh.shape[0], int(0))
+    row = 0
+    for f in range(m):
+        if mode[f] == STUCK:
+            if abs(work[at.slip + f]) > SEEN:
+                impulse = 0.0
+                other = 0
+                for i in range(m):
+                    if mode[i] == STUCK:
+                        impulse += work[at.inverse + row * m + other] * work[at.slip + i]
+                        other += 1
+                el[E_FRIC, f] += 0.5 * impulse * work[at.slip + f]
+            row += 1
+
+
+@njit(**INNER)
+def resolve(x, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, events, count, work):
     """Joint stick or slip of all zero-slip elements (flagged as candidates) at acceleration level.
 
     Starts with all of them stuck and releases the worst violator, one by one, in the direction in which
@@ -243,6 +268,7 @@ def resolve(x, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, events, count, 
             for j in range(n):
                 slip += w[f, j] * v[j]
             work[oslip + f] = slip
+    capture(w, sh, mode, el, work)
     for f in range(m):
         if mode[f] == STUCK:
             for j in range(n):

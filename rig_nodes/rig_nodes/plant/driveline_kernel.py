@@ -214,8 +214,8 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
                         work[ocand + f] = 1.0
             # a joint decision that did not hold is one between equals: decide it a little later in the inputs
             ahead = (h - tl) * min(1e-3, 10.0 ** (stalls - 10)) if stalls > 1 else 0.0
-            made += resolve((tl + ahead) / h, t + tl, minv, w, sh, kc, q, cap, loss, v, twist, mode, events,
-                            count, work)
+            made += resolve((tl + ahead) / h, t + tl, minv, w, sh, kc, q, cap, loss, v, twist, mode, el,
+                            events, count, work)
             joint = False
         passes += 1
         watch = passes <= 6 * m + 12
@@ -447,10 +447,10 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
                 slip = 0.5 * (work[os0 + f] + work[os1 + f])
                 el[LAM, f] = work[ol1 + f]
                 el[IMPULSE, f] += d * lam
-                if mode[f] == FORWARD or mode[f] == BACKWARD:
-                    el[E_FRIC, f] += d * lam * slip
-                elif mode[f] == STUCK:
+                if mode[f] == STUCK:
                     stuck = True
+                elif mode[f] != OPEN:
+                    el[E_FRIC, f] += d * lam * slip  # of a locked element that others hold: of rounding
                 el[E_VISC, f] += d * cap[VISC, f] * slip * slip
             for j in range(n):
                 force = 0.5 * (lin(q[0, j], q[1, j], xa) + lin(q[0, j], q[1, j], xb))
