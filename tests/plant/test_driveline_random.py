@@ -89,17 +89,23 @@ def check(seed):
     r = run(system, END, STEP, inputs)
     flowed = 1e-3 + np.abs(np.diff(r.e_in)).sum() + r.stored.max() + np.abs(np.diff(r.stored)).sum()
     assert all(np.isfinite(one).all() for one in (r.speeds, r.torques, r.shaft_torques, r.stored, r.e_in)), seed
-    # where locked clutches close a loop round a mesh it is open who carries what: steps may be capped
     share = np.abs(r.residual()).max() / flowed
-    assert share < (1e-9 if r.capped == 0 else 1e-6), (seed, share)
+    assert share < 1e-9, (seed, share)
     locked = np.abs(r.modes) >= 2
     assert np.abs(r.slips[locked]).max(initial=0.0) < 1e-9 * (1.0 + np.abs(r.speeds).max()), seed
+    # where locked clutches close a loop round a mesh it is open who carries what: steps may be capped
     assert r.capped == 0 or system.meshes or r.capped <= 0.02 * len(r.t), (seed, r.capped)
     return True
 
 
 def test_forty_random_drivelines():
     assert sum(check(seed) for seed in range(40)) > 25
+
+
+@pytest.mark.parametrize("seed", [20044, 20630, 40026, 60050], ids=[
+    "a lock-up in a capped step", "one beside shafts", "speeds of 1e-170 rad/s over a table's corner", "elements that others let go"])
+def test_random_drivelines_that_were_wrong_once(seed):
+    assert check(seed)
 
 
 @pytest.mark.campaign

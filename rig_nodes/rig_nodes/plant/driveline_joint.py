@@ -239,6 +239,9 @@ def resolve(x, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, events, cou
             break
     if not done:
         project(minv, w, ost, work)
+        for f in range(m):
+            if work[ocand + f] != 0.0 and abs(work[ost + f]) == 3.0 and not dependent(f, w, minv, work, op):
+                work[ost + f] = FORWARD if work[ost + f] > 0.0 else BACKWARD
         count[N_CAPPED] += 1
     made = 0
     for f in range(m):

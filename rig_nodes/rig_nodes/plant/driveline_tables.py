@@ -140,6 +140,9 @@ def line(tables, k, number):
     return tables.x[i] + shift, tables.x[i + 1] + shift, tables.y[i], tables.x[i] + shift, slope
 
 
+LEAST = 1e-150  # of a way whose square is a number
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
 def value(tables, k, x):
     """Of table k at x."""
@@ -161,7 +164,7 @@ def along(tables, k, x, dx):
             number -= 1
             begin, end, y, at, slope = line(tables, k, number)
     start = y + slope * (x - at)
-    if begin <= x + dx <= end or not abs(dx) < np.inf:
+    if begin <= x + dx <= end or not LEAST < abs(dx) < np.inf:
         return start, slope
     # the mean's distance from the start, piece by piece; what lies before the start is left out, and no large sums are subtracted
     total = 0.0
