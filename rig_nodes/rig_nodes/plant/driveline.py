@@ -11,6 +11,7 @@ description.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -19,11 +20,14 @@ from rig_nodes.plant import driveline_algebra as algebra
 from rig_nodes.plant.driveline_algebra import work_size
 from rig_nodes.plant.driveline_laws import CAPACITY, FRICTION, INERTIA, MOTION, SHAFT, TORQUE, Law
 from rig_nodes.plant.driveline_losses import BASE, FACTOR, ON, OWN, SHARE, WEIGHTS, loss_width
+from rig_nodes.plant.driveline_picture import Body, Link, svg
 from rig_nodes.plant.driveline_tables import Table, table_of, value_at
 from rig_nodes.plant.driveline_ties import GROUND, bodies_from_speeds, start_speeds
+from rig_nodes.whole_file import write_whole
 
 _MAX_ELEMENTS = 50
 _CRANK_POINTS = 3601
+_ACTS = {TORQUE: "torque", MOTION: "motion", INERTIA: "varying inertia"}  # in pictures
 _LEAST_LOSS = 1e-9  # Nm, and share: of a mesh, so that its brake is always there
 
 Points = tuple[Sequence[float], Sequence[float]]
@@ -340,6 +344,38 @@ class Driveline:
         across = radius * np.sin(at)
         moved = -across - across * radius * np.cos(at) / np.sqrt(rod**2 - across**2)
         self.varying_inertia(name, body, table=(at, mass * moved**2), period=2.0 * math.pi, angle=angle)
+
+    def draw(self, file: str | Path, title: str = "driveline") -> None:
+        """Write the description as a picture (SVG): bodies, what joins them and what acts on them; RigError where it cannot be."""
+        if not self._inertia:
+            raise RigError("driveline: there is no body to draw")
+        bodies = {name: Body(name, j) for name, j in self._inertia.items()}
+        links = [Link(a, b, "mesh", f"{ratio:.4g}") for a, b, ratio in self._gears]
+        links += [Link(a, b, "mesh", f"{name}: {ratio:.4g}, efficiency {there:.3g}" + (f" and {back:.3g}" if back != there else ""))
+                  for name, (a, b, ratio, there, back) in self._meshes.items()]
+        links += [Link(a, b, "shaft", name) for name, (a, b, *_) in self._shafts.items()]
+        links += [Link(a, b, "freewheel" if one_way else "clutch", name)
+                  for name, (a, b, _ca, _cb, _stick, _drag, one_way, *_) in self._elements.items()]
+        related = [name for name, ties in self._ties.items() if any(ties is one for one in self._relations.values())]
+        for name in related:
+            first, *others = self._ties[name].items()
+            links += [Link(first[0], other, "set", f"{name} ({c / first[1]:.3g})") for other, c in others]
+        for name, (kind, pushes, *_) in self._acts.items():
+            on = [body for body in pushes if body in bodies]
+            if len(on) == 2:
+                links.append(Link(*on, "torque", name))
+            for body in on if len(on) == 1 else ():
+                bodies[body].notes.append(f"{name}: {_ACTS[kind]}")
+        for link in links:
+            if GROUND in (link.a, link.b):
+                body = bodies[link.b if link.a == GROUND else link.a]
+                if link.kind == "clutch":
+                    body.brake = ", ".join(filter(None, (body.brake, link.text)))
+                elif link.kind == "freewheel":
+                    body.one_way.append((link.text, "not backwards" if link.a == GROUND else "not forwards"))
+                else:
+                    body.notes.append(f"{link.text}, to the ground")
+        write_whole(Path(file), svg(title, list(bodies.values()), [one for one in links if one.a in bodies and one.b in bodies]))
 
     def build(self) -> System:
         """Eliminate gears and relations and give the arrays; refuses what contradicts itself."""
