@@ -1,8 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What graph tests need: a live graph under the supervisor, a client of it in this process, `rig run` as a process."""
+"""What graph tests need: a live graph under the supervisor, a client of it in this process, `rig run` here or as a process."""
 
+import contextlib
+import io
 import os
 import select
 import signal
@@ -21,13 +23,14 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from rig_nodes.catalogue import catalogue
+from rig_nodes.cli.main import main
 from rig_nodes.graph.domain import allocate
 from rig_nodes.graph.supervisor import Order, Supervisor
 from rig_nodes.nodes.message_class import message_class
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 
-SHORT = Path(__file__).with_name("short.yaml")
+SHORT, BRIEF = (Path(__file__).with_name(name) for name in ("short.yaml", "brief.yaml"))
 PATIENCE = 20.0
 
 
@@ -152,6 +155,19 @@ class Goal:
         """The result, when it is there."""
         self.user.until(lambda: self._result, "the goal's result")
         return self._result[0]
+
+
+def rig_run(folder: Path, *arguments: str, sequence: Path = SHORT) -> tuple[int, str]:
+    """Exit code and whole output of a `rig run` that nobody disturbs: it needs no process of its own, its graph has them."""
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+            code = main(["run", str(sequence), "--out", str(folder), *arguments])
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    return code, said.getvalue()
 
 
 class RigRun:

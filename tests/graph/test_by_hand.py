@@ -3,6 +3,7 @@
 
 """The verbs for working by hand, gear, set, status, stop and reset, as a person types them beside a rig that runs."""
 
+import contextlib
 import json
 import os
 import subprocess
@@ -17,6 +18,7 @@ from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
 from rig_nodes.graph import domain as domains
 from rig_nodes.graph.domain import allocate, of_running_rig, running_rigs
+from rig_nodes.nodes import running_rig
 
 pytestmark = pytest.mark.against_the_clock
 
@@ -43,14 +45,28 @@ def ask(graph):
         yield lambda *words: verbs.run(*words, "--domain", str(graph.domain.number))
 
 
+@pytest.fixture(scope="module")
+def found(graph):
+    """The rig, as a verb has found it."""
+    with running_rig.RunningRig(graph.domain.number) as rig:
+        yield rig
 
-def test_values_are_set_with_their_units_and_shown_as_people_read_them(ask):
+
+@pytest.fixture
+def ask_on(graph, found, monkeypatch, capsys):
+    """The verbs once more, in this process and on a rig that is found already: it is not looked for each time."""
+    monkeypatch.setattr(os, "environ", os.environ.copy())
+    monkeypatch.setattr(running_rig, "RunningRig", lambda number: contextlib.nullcontext(found))
+    return lambda *words: (main([*words, "--domain", str(graph.domain.number)]), *capsys.readouterr())
+
+
+def test_values_are_set_with_their_units_and_shown_as_people_read_them(ask, ask_on):
     assert ask("set", "motor.speed", "600 rpm") == (0, "motor.speed = 600 rpm\n", "")
-    assert ask("set", "motor.enabled", "on") == (0, "motor.enabled = on\n", "")
-    assert ask("set", "oil_supply.pressure", "40 bar") == (0, "oil_supply.pressure = 4 MPa\n", "")
-    assert ask("set", "oil_supply.enabled", "on")[0] == 0
+    assert ask_on("set", "motor.enabled", "on") == (0, "motor.enabled = on\n", "")
+    assert ask_on("set", "oil_supply.pressure", "40 bar") == (0, "oil_supply.pressure = 4 MPa\n", "")
+    assert ask_on("set", "oil_supply.enabled", "on")[0] == 0
     profile = "300 mA, 250 mA, 0.6 A, 300 mA, 200 mA, 0 mA"
-    assert ask("set", "alfa46.output_3.currents", profile)[0] == 0
+    assert ask_on("set", "alfa46.output_3.currents", profile)[0] == 0
     code, out, _ = ask("set")
     rows = {line.split()[0]: line for line in out.splitlines()}
     assert code == 0 and "600 rpm" in rows["motor.speed"] and "0 rpm to 3000.4 rpm" in rows["motor.speed"]
@@ -72,9 +88,9 @@ def test_values_are_set_with_their_units_and_shown_as_people_read_them(ask):
     (["gear", "N"], 1, "shift refused: gear neutral is already ordered"),
     (["reset"], 1, "the rig is not in its safe state; nothing done"),
 ])
-def test_what_is_wrong_is_one_sentence_and_what_the_rig_refuses_is_exit_code_1(ask, words, code, sentence):
-    found, out, error = ask(*words)
-    assert found == code and out == "" and sentence in error and error.startswith("rig: ") and error.count("\n") == 1
+def test_what_is_wrong_is_one_sentence_and_what_the_rig_refuses_is_exit_code_1(ask_on, words, code, sentence):
+    ended, out, error = ask_on(*words)
+    assert ended == code and out == "" and sentence in error and error.startswith("rig: ") and error.count("\n") == 1
 
 
 def test_a_gear_is_shifted_and_the_status_tells_of_it(ask):
@@ -92,10 +108,10 @@ def test_a_gear_is_shifted_and_the_status_tells_of_it(ask):
     assert any(line.split()[:3:2] == ["n_wej", "rpm"] for line in out.splitlines())
 
 
-def test_the_red_button_and_the_way_out_of_it(ask):
+def test_the_red_button_and_the_way_out_of_it(ask, ask_on):
     assert ask("stop", "--emergency")[1].startswith("emergency stop")
     assert "tripped: emergency stop" in ask("status")[1].splitlines()[0]
-    code, _, error = ask("gear", "II")
+    code, _, error = ask_on("gear", "II")
     assert code == 1 and "the rig is in its safe state (emergency stop)" in error
     assert ask("reset") == (0, "safe state left\n", "")
 
@@ -127,9 +143,9 @@ def test_without_a_rig_it_is_said_at_once(monkeypatch, capsys, words):
     assert "expected a number from 0 to 232" in capsys.readouterr().err
 
 
-def test_stop_ends_a_rig_by_hand_in_order(graph, ask):
+def test_stop_ends_a_rig_by_hand_in_order(graph, ask, ask_on):
     """Ends the graph; what follows needs no other rig."""
-    assert ask("set", "load_pump.relief_pressure", "2 MPa")[0] == 0
+    assert ask_on("set", "load_pump.relief_pressure", "2 MPa")[0] == 0
     assert ask("stop")[0] == 0
     assert graph.supervisor.ended.wait(PATIENCE)
     assert (graph.supervisor.end.state, graph.supervisor.end.reason) == ("ended", "ended by hand")

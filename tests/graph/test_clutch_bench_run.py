@@ -4,12 +4,10 @@
 """`rig run` of the clutch bench: its devices are nodes, its bag has what simulate's has, its results are the same."""
 
 import json
-import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
+from running_graph import rig_run
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.testbench.configuration import load_rig
@@ -25,12 +23,10 @@ PARAMETERS = {"pressures": "1 MPa, 1.25 MPa, 1.5 MPa", "wetting": "200 ms"}
 def run(tmp_path_factory):
     """Folder of a run on the node graph and what it said."""
     folder = tmp_path_factory.mktemp("bench") / "run"
-    words = [sys.executable, "-P", "-m", "rig_nodes.cli.main", "run", "clutch_bench", "--out", str(folder)]
-    for name, value in PARAMETERS.items():
-        words += ["--with", f"{name}={value}"]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=180, env=dict(os.environ))
-    assert done.returncode == 0, done.stdout + done.stderr
-    return folder, done.stdout
+    parameters = [word for name, value in PARAMETERS.items() for word in ("--with", f"{name}={value}")]
+    code, output = rig_run(folder, *parameters, sequence="clutch_bench")
+    assert code == 0, output
+    return folder, output
 
 
 def test_every_topic_of_the_bench_is_in_the_bag_and_nothing_is_lost(run):

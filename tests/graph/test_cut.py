@@ -102,7 +102,7 @@ def test_lockstep_gives_the_bits_of_simulate(tmp_path, start):
 def test_a_killed_device_trips_the_rig_within_100_ms_and_is_named(tmp_path, start):
     run = RigRun(tmp_path / "run", *cut("motor"))
     device, = start(run, "motor")
-    run.until("shift to II")
+    run.until("wait until n_wej above")
     device.process.kill()
     code, output = run.end()
     assert code == 1

@@ -47,8 +47,8 @@ def shifting(user, commands) -> None:
 
 
 @pytest.mark.parametrize("victims, controller", [
-    (("alfa46", "sequencer"), None), (("recorder",), None), (("alfa46",), f"c:{C_BOX}"),
-], ids=["alfa46 and sequencer", "recorder", "c-library"])
+    (("alfa46", "sequencer"), f"c:{C_BOX}"), (("recorder",), None),
+], ids=["alfa46 with its library and sequencer", "recorder"])
 def test_a_killed_process_is_started_again(tmp_path, victims, controller):
     graph = Graph(tmp_path / "run", controller=controller)
     user = Client(graph.domain)

@@ -10,15 +10,15 @@ import subprocess
 import time
 
 import pytest
-from running_graph import SHORT, RigRun, Traces
+from running_graph import BRIEF, SHORT, RigRun, Traces, rig_run
 
 from rig_nodes.bags.reader import Bag
 
 CONNECTED = "all nodes are connected"
 
 
-def part_of(run) -> dict:
-    return json.loads((run.folder / "report.json").read_text())["run"]
+def part_of(folder) -> dict:
+    return json.loads((folder / "report.json").read_text())["run"]
 
 
 def stop_for(pid: int, seconds: float) -> None:
@@ -30,11 +30,10 @@ def stop_for(pid: int, seconds: float) -> None:
 
 @pytest.mark.parametrize("allowed, code, word", [([], 3, "lost"), (["--allow-loss"], 0, "warning")])
 def test_a_lost_message_is_named_in_the_last_line(tmp_path, allowed, code, word):
-    run = RigRun(tmp_path / "run", "--speed", "max", "--drop", "/motor/m_wej:20", *allowed)
-    ended, output = run.end()
+    ended, output = rig_run(tmp_path / "run", "--speed", "max", "--drop", "/motor/m_wej:20", *allowed, sequence=BRIEF)
     assert ended == code, output
     assert output.splitlines()[-1] == f"rig: {word}: 1 messages did not reach the bag: /motor/m_wej 1"
-    assert part_of(run)["lost_by_topic"] == {"/motor/m_wej": 1}
+    assert part_of(tmp_path / "run")["lost_by_topic"] == {"/motor/m_wej": 1}
 
 
 @pytest.mark.against_the_clock
@@ -43,7 +42,7 @@ def test_a_recorder_that_stood_still_costs_messages_and_the_run_says_so(tmp_path
     run.until(CONNECTED)
     stop_for(Traces(run).children["recorder"], 2.5)
     code, output = run.end()
-    lost = part_of(run)["lost"]
+    lost = part_of(run.folder)["lost"]
     assert code == 3 and lost > 100
     assert output.splitlines()[-1].startswith(f"rig: lost: {lost} messages did not reach the bag: ")
 
@@ -54,12 +53,12 @@ def test_a_rig_that_stood_still_has_lost_time_and_the_run_says_so(tmp_path):
     run.until("shift to I")
     stop_for(Traces(run).children["rig_container"], 1.0)
     code, output = run.end()
-    behind = part_of(run)["behind"]
+    behind = part_of(run.folder)["behind"]
     assert code == 3, output
     assert behind["times"] >= 1 and behind["limit_s"] == 0.1 and 0.9 < behind["longest_s"] < 3.0
     assert "the rig fell behind real time by more than 100 ms" in output.splitlines()[-1]
     # while it catches up the recorder may fall behind too: what that costs is counted by topic
-    assert part_of(run)["lost"] == sum(part_of(run).get("lost_by_topic", {}).values())
+    assert part_of(run.folder)["lost"] == sum(part_of(run.folder).get("lost_by_topic", {}).values())
 
 
 def test_a_bag_that_was_cut_meanwhile_is_said_to_be_damaged(tmp_path):
@@ -67,7 +66,7 @@ def test_a_bag_that_was_cut_meanwhile_is_said_to_be_damaged(tmp_path):
     run.until("shift to II")
     os.truncate(run.folder / "short_0.mcap", 100_000)
     code, output = run.end()
-    assert code == 3 and part_of(run)["recovered"]
+    assert code == 3 and part_of(run.folder)["recovered"]
     assert "the bag is damaged" in output.splitlines()[-1] and "Traceback" not in output
 
 
@@ -83,19 +82,17 @@ def small_disk(tmp_path):
     subprocess.run(["umount", str(disk)], check=True)
 
 
-@pytest.mark.parametrize("speed", [pytest.param([], marks=pytest.mark.against_the_clock), ["--speed", "max"]],
-                         ids=["real time", "lockstep"])
-def test_a_full_disk_is_named_and_what_is_in_the_bag_stays_readable(small_disk, speed):
-    run = RigRun(small_disk / "run", *speed)
-    code, output = run.end()
+def test_a_full_disk_is_named_and_what_is_in_the_bag_stays_readable(small_disk):
+    folder = small_disk / "run"
+    code, output = rig_run(folder, "--speed", "max")
     assert code == 1 and "Traceback" not in output and "JSONDecodeError" not in output, output
     last = output.splitlines()[-1]
-    assert f"{run.folder / 'short_0.mcap'} cannot be written (disk full)" in last and "stays readable" in last
-    assert f"{run.folder / 'report.json'}: it cannot be written (disk full)" in output
-    assert not (run.folder / "report.json").exists()
-    bag = Bag(run.folder, recover=True)
+    assert f"{folder / 'short_0.mcap'} cannot be written (disk full)" in last and "stays readable" in last
+    assert f"{folder / 'report.json'}: it cannot be written (disk full)" in output
+    assert not (folder / "report.json").exists()
+    bag = Bag(folder, recover=True)
     assert bag.counts["/instruments/controller"] > 100
-    for path in (run.folder / "logs").glob("*.json"):
+    for path in (folder / "logs").glob("*.json"):
         json.loads(path.read_text())  # whole or not there
 
 
