@@ -30,11 +30,12 @@ PASSES_ON = True
 AGAINST_THE_CLOCK = "against_the_clock"
 ONLY_CLOCK = f"{AGAINST_THE_CLOCK} and not campaign"
 AT_MOST = 5
-# Folders whose processes wait for each other with limits of time: they have the processor for themselves, in so many parts.
+# Folders whose processes wait for each other with limits of time: they come first, in so many parts.
 FIRST = {"controllers": 2, "graph": 1}
-# The others only compute. What runs against the clock leaves half of the processor free, and they take it at the lowest
-# priority there is (SCHED_IDLE; a nice value is not enough): the longest of them are not to be left to the end.
-BESIDE = ("testbench", "view", "plant", "description", "fmu", "tune", "validation", "sweep")
+# The others only compute. They take what these and the tests against the clock leave of the processor, a third and a half,
+# at the lowest priority there is (SCHED_IDLE; a nice value is not enough): the longest are not to be left to the end, and
+# the viewer waits for itself with a limit of time too, which the first parts would leave too little for.
+BESIDE = ("description", "plant", "testbench", "tune", "validation", "view", "fmu", "sweep")
 MOST_PARTS = 4  # at a time; each takes up to 1 GB, and waits for its own processes for a part of its time
 PASSED, FAILED, NOTHING_THERE = 0, 1, 5  # exit codes of pytest
 PARTS, LAST_FAILED, CLOCK = ".pytest_cache/parts", "v/cache/lastfailed", "clock"
@@ -44,9 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.usage = "rig test [pytest arguments]"
     parser.epilog = ("Without a path all of tests/ runs, apart from what is marked 'campaign'. "
                      "Everything given is passed to pytest: 'rig test -x -k valve', 'rig test tests/plant'. "
-                     "Without arguments, folders run side by side on this machine's cores, and after them what "
-                     "runs against the clock, with the other folders beside it; up to 5 failures against the clock "
-                     "are tried once more and named.")
+                     "Without arguments, folders run side by side on this machine's cores, and after some of them what "
+                     "runs against the clock; up to 5 failures against the clock are tried once more and named.")
 
 
 def tests_root() -> Path:
@@ -77,15 +77,15 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
-    """Every test: some folders side by side, then what runs against the clock beside the others, then its second chance."""
+    """Every test: some folders side by side, then what runs against the clock, the others beside both; then a second chance."""
     began, counts, codes = time.monotonic(), Counter(), []
     shutil.rmtree(root / PARTS, ignore_errors=True)  # pytest would keep what failed once and has another name now
     subprocess.run([sys.executable, "-m", "rig_nodes.testbench.preloaded"], env=env, cwd=root)  # or two would compile
     first, beside, clock = parts_of(root)
     cores = len(os.sched_getaffinity(0))
     at_a_time = min(cores + 1, MOST_PARTS)
-    print(f"rig: {len(first)} parts, {at_a_time} at a time, each shown when it is done; then {len(clock)} files against the clock, "
-          f"with {len(beside)} parts beside them, shown when all is done", flush=True)
+    print(f"rig: {len(first)} parts, {at_a_time} at a time, each shown when it is done; then {len(clock)} files against the clock; "
+          f"beside all these {len(beside)} parts, shown at the end", flush=True)
 
     def begin(name: str, mark: str, *arguments: str) -> subprocess.Popen:
         # with one folder for all, notes would be lost
@@ -107,9 +107,9 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
 
     with ThreadPoolExecutor(at_a_time) as together, ThreadPoolExecutor(min(cores, MOST_PARTS)) as below:
         try:
+            others = below.map(lambda name: run(name, lowest=True), beside)
             for name, (output, code) in zip(first, together.map(run, first)):
                 show(name, output, code)
-            others = below.map(lambda name: run(name, lowest=True), beside)
             if clock:
                 print("rig: against the clock", flush=True)
                 process, line = begin(CLOCK, ONLY_CLOCK, "-v", *clock), ""
@@ -138,7 +138,7 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
 
 
 def parts_of(root: Path) -> tuple[dict[str, list[str]], dict[str, list[str]], list[str]]:
-    """Files of the parts that run first and of those that run beside the clock, by the parts' names, the longest ones first;
+    """Files of the parts that run first and of those that run beside all else, by the parts' names, the longest ones first;
     files of which some tests run against the clock."""
     files = sorted(path.relative_to(root).as_posix() for path in (root / "tests").rglob("test_*.py"))
     clock = [file for file in files if f"mark.{AGAINST_THE_CLOCK}" in (root / file).read_text(encoding="utf-8")]
