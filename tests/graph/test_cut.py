@@ -12,7 +12,7 @@ import subprocess
 import sys
 
 import pytest
-from running_graph import SHORT, RigRun
+from running_graph import BRIEF, RigRun
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
@@ -77,11 +77,11 @@ def messages(bag, topic):
 
 
 def test_lockstep_gives_the_bits_of_simulate(tmp_path, start):
-    names = ("motor", "valve_zr_p2")
-    run = RigRun(tmp_path / "run", "--speed", "max", *cut(*names))
+    names = ("motor", "valve_zr_p1")
+    run = RigRun(tmp_path / "run", "--speed", "max", *cut(*names), sequence=BRIEF)
     devices = start(run, *names)
     config = load_rig("hydmag", {f"{name}.source": "topic" for name in names})
-    simulate(config, load_sequence(SHORT), tmp_path / "sim")
+    simulate(config, load_sequence(BRIEF), tmp_path / "sim")
     code, output = run.end()
     assert code == 0, output
     ours, theirs = Bag(tmp_path / "sim"), Bag(run.folder)

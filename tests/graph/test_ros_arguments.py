@@ -13,16 +13,17 @@ from rclpy.parameter_client import AsyncParameterClient
 from rig_msgs.msg import RigState
 from running_graph import Client
 from std_srvs.srv import Trigger
+from verbs import Verbs
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.cli.main import main
 from rig_nodes.graph.domain import allocate, environment
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 PATIENCE = 60.0
-REPLAY = "from rig_nodes.cli.replay import node; import sys; sys.exit(node())"
-DEVICE = "from rig_nodes.nodes.cut_device import main; import sys; sys.exit(main())"
+REPLAY, DEVICE = "rig_nodes.cli.replay:node", "rig_nodes.nodes.cut_device:main"
 
 
 @pytest.fixture(scope="module")
@@ -31,55 +32,58 @@ def domain():
         yield domain
 
 
-def module(name: str) -> list[str]:
-    return ["-P", "-m", f"rig_nodes.nodes.{name}"]
+def of(name: str) -> str:
+    """Entry point of one of the graph's processes."""
+    return f"rig_nodes.nodes.{name}:main"
 
 
-def said(domain, start: list[str], *arguments: str) -> subprocess.CompletedProcess:
-    return subprocess.run([sys.executable, *start, *arguments], capture_output=True, text=True, timeout=PATIENCE,
-                          env=environment(domain))
+@pytest.fixture(scope="module")
+def said(domain):
+    """Exit code, stdout and stderr of an executable, in a process of its own that has begun already."""
+    with Verbs() as verbs:
+        yield lambda start, *arguments: verbs.of(start, *arguments, env=environment(domain))
 
 
 NAMESPACE = "--ros-args -r __ns:=/left: the rig has no namespace"
 
 
 @pytest.mark.parametrize("start, arguments", [
-    (module("rig_container"), []), (module("alfa46"), []), (module("sequencer"), ["--sequence", "demo"]),
-    (module("recorder"), ["--out", "nowhere", "--name", "x"]), (["-c", DEVICE], ["motor"]), (["-c", REPLAY], [str(SAMPLE)]),
+    (of("rig_container"), []), (of("alfa46"), []), (of("sequencer"), ["--sequence", "demo"]),
+    (of("recorder"), ["--out", "nowhere", "--name", "x"]), (DEVICE, ["motor"]), (REPLAY, [str(SAMPLE)]),
 ], ids=["container", "alfa46", "sequencer", "recorder", "device", "replay"])
-def test_no_executable_takes_a_namespace(domain, tmp_path, monkeypatch, start, arguments):
+def test_no_executable_takes_a_namespace(said, tmp_path, monkeypatch, start, arguments):
     monkeypatch.chdir(tmp_path)
-    refused = said(domain, start, *arguments, "--ros-args", "-r", "__ns:=/left")
-    assert refused.returncode == 2 and NAMESPACE in refused.stderr and refused.stderr.count("\n") == 1
+    code, _, error = said(start, *arguments, "--ros-args", "-r", "__ns:=/left")
+    assert code == 2 and NAMESPACE in error and error.count("\n") == 1
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("start, ros, sentence", [
-    (module("rig_container"), ["-r", "__node:=lab"], "the rig's nodes keep their names"),
-    (module("rig_container"), ["-p", "motor:sped:=100.0"], "no parameter of /motor 'sped'; did you mean 'speed'?"),
-    (module("rig_container"), ["-p", "valve_zr_p1:gain:=1.0"], "there is no parameter of /valve_zr_p1 'gain'"),
-    (module("rig_container"), ["-p", "motor:speed:=5000.0"], "parameters of /motor from the command line"),
-    (module("alfa46"), ["-p", "motor:speed:=100.0"], "there is no node /motor here; expected one of /alfa46"),
-    (module("alfa46"), ["-p", "t12:=9.0"], "Parameter t12 out of range"),
-    (module("alfa46"), ["-p", "output_1.currents:=[0.3, 0.3, 0.9, 0.3, 0.2, 0.0]"], "output_1.P3 asks for 900 mA"),
-    (["-c", REPLAY, str(SAMPLE)], ["-p", "rig_replay:rate:=2.0"], "there is no parameter of /rig_replay 'rate'"),
-    (["-c", REPLAY, str(SAMPLE)], ["-r", "nonsense"], "--ros-args: Failed to parse ROS arguments"),
-], ids=lambda value: value[-1] if isinstance(value, list) else "")
-def test_what_cannot_be_honoured_is_refused_in_one_sentence(domain, start, ros, sentence):
-    refused = said(domain, start, "--ros-args", *ros)
-    assert refused.returncode == 2 and "Traceback" not in refused.stderr
-    assert sentence in refused.stderr.splitlines()[-1]
+@pytest.mark.parametrize("start, arguments, ros, sentence", [
+    (of("rig_container"), [], ["-r", "__node:=lab"], "the rig's nodes keep their names"),
+    (of("rig_container"), [], ["-p", "motor:sped:=100.0"], "no parameter of /motor 'sped'; did you mean 'speed'?"),
+    (of("rig_container"), [], ["-p", "valve_zr_p1:gain:=1.0"], "there is no parameter of /valve_zr_p1 'gain'"),
+    (of("rig_container"), [], ["-p", "motor:speed:=5000.0"], "parameters of /motor from the command line"),
+    (of("alfa46"), [], ["-p", "motor:speed:=100.0"], "there is no node /motor here; expected one of /alfa46"),
+    (of("alfa46"), [], ["-p", "t12:=9.0"], "Parameter t12 out of range"),
+    (of("alfa46"), [], ["-p", "output_1.currents:=[0.3, 0.3, 0.9, 0.3, 0.2, 0.0]"], "output_1.P3 asks for 900 mA"),
+    (REPLAY, [str(SAMPLE)], ["-p", "rig_replay:rate:=2.0"], "there is no parameter of /rig_replay 'rate'"),
+    (REPLAY, [str(SAMPLE)], ["-r", "nonsense"], "--ros-args: Failed to parse ROS arguments"),
+], ids=lambda value: value[-1] if isinstance(value, list) and value else "")
+def test_what_cannot_be_honoured_is_refused_in_one_sentence(said, start, arguments, ros, sentence):
+    code, _, error = said(start, *arguments, "--ros-args", *ros)
+    assert code == 2 and "Traceback" not in error
+    assert sentence in error.splitlines()[-1]
 
 
-def test_the_rig_command_says_who_takes_them(domain):
-    refused = said(domain, ["-P", "-m", "rig_nodes.cli.main"], "list", "rigs", "--ros-args", "-r", "a:=b")
-    assert refused.returncode == 2
-    assert "the executables of `ros2 run rig_nodes` and the launch file take it" in refused.stderr
+def test_the_rig_command_says_who_takes_them(capsys):
+    assert main(["list", "rigs", "--ros-args", "-r", "a:=b"]) == 2
+    assert "the executables of `ros2 run rig_nodes` and the launch file take it" in capsys.readouterr().err
 
 
 def test_a_replay_takes_remappings_and_is_listed_at_once(domain):
     user = Client(domain)
-    replay = subprocess.Popen([sys.executable, "-c", REPLAY, str(SAMPLE), "--loop", "--ros-args", "-r",
+    start = "import pkgutil, sys; sys.exit(pkgutil.resolve_name(sys.argv.pop(1))())"
+    replay = subprocess.Popen([sys.executable, "-c", start, REPLAY, str(SAMPLE), "--loop", "--ros-args", "-r",
                                "/motor/m_wej:=/left/m_wej", "--log-level", "warn"], env=environment(domain),
                               stdout=subprocess.DEVNULL)
     try:
@@ -110,7 +114,7 @@ def test_parameters_of_a_command_line_and_a_file_act_and_stand_in_the_bag(domain
     for name, arguments in (("recorder", ["--out", str(tmp_path / "bag"), "--name", "x"]), ("alfa46", []),
                             ("rig_container", []), ("sequencer", [])):
         with open(tmp_path / "logs" / f"{name}.log", "wb") as log:
-            processes[name] = subprocess.Popen([sys.executable, *module(name), *arguments, "--recorded", *ros],
+            processes[name] = subprocess.Popen([sys.executable, "-P", "-m", f"rig_nodes.nodes.{name}", *arguments, "--recorded", *ros],
                                                stdout=log, stderr=log, env=environment(domain))
     user = Client(domain)
     try:

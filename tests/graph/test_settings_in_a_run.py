@@ -39,7 +39,7 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize("speed", ["1", "max"])
+@pytest.mark.parametrize("speed", [pytest.param("1", marks=pytest.mark.campaign), "max"])  # the stricter of the two
 def test_a_setting_of_each_node_acts_within_two_ticks(tmp_path, speed, record_property):
     path = tmp_path / "held.yaml"
     path.write_text(HELD)

@@ -62,9 +62,9 @@ def test_a_rig_that_stood_still_has_lost_time_and_the_run_says_so(tmp_path):
 
 
 def test_a_bag_that_was_cut_meanwhile_is_said_to_be_damaged(tmp_path):
-    run = RigRun(tmp_path / "run", "--speed", "1")
-    run.until("shift to II")
-    os.truncate(run.folder / "short_0.mcap", 100_000)
+    run = RigRun(tmp_path / "run", "--speed", "1", sequence=BRIEF)
+    run.until("wait 200 ms")
+    os.truncate(run.folder / "brief_0.mcap", 100_000)
     code, output = run.end()
     assert code == 3 and part_of(run.folder)["recovered"]
     assert "the bag is damaged" in output.splitlines()[-1] and "Traceback" not in output

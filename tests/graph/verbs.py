@@ -1,16 +1,17 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Verbs of `rig`, each in a fresh process, which is forked where Python and ROS are loaded already."""
+"""Verbs of `rig`, and its executables, each in a fresh process, which is forked where Python and ROS are loaded already."""
 
 import multiprocessing
 import os
+import pkgutil
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from tempfile import TemporaryFile
 
 # pytest too: each process loads the main module of the one that asks for it
-LOADED = ["pytest", "rig_nodes.cli.main", "rig_nodes.nodes.running_rig"]
+LOADED = ["pytest", "rig_nodes.cli.main", "rig_nodes.nodes.running_rig", "rig_nodes.nodes.rig_container"]
 
 
 class Verbs:
@@ -27,16 +28,25 @@ class Verbs:
 
     def run(self, *words: str) -> tuple[int, str, str]:
         """Exit code, stdout and stderr of a verb."""
-        return self._processes.submit(_said, words).result(60)
+        return self.of("rig_nodes.cli.main:main", *words)
+
+    def of(self, entry: str, *words: str, env: dict[str, str] | None = None) -> tuple[int, str, str]:
+        """The same of an executable by its entry point, module:function, in this folder; env: instead of this process's."""
+        return self._processes.submit(_said, entry, words, dict(os.environ) if env is None else env, os.getcwd()).result(60)
 
 
-def _said(words: tuple[str, ...]) -> tuple[int, str, str]:
-    from rig_nodes.cli.main import main
-
+def _said(entry: str, words: tuple[str, ...], env: dict[str, str], folder: str) -> tuple[int, str, str]:
+    os.chdir(folder)
+    os.environ.clear()
+    os.environ.update(env)
+    sys.argv = [entry, *words]
     with TemporaryFile("w+") as out, TemporaryFile("w+") as error:
         os.dup2(out.fileno(), 1)
         os.dup2(error.fileno(), 2)
-        code = main([*words])
+        try:
+            code = pkgutil.resolve_name(entry)()
+        except SystemExit as end:
+            code = end.code
         for stream in (sys.stdout, sys.stderr):
             stream.flush()
         for file in (out, error):

@@ -42,7 +42,10 @@ def uncut():
     return shifts(load_sequence("demo"))
 
 
-@pytest.mark.parametrize("devices", CASES, ids=lambda names: "+".join(names))
+@pytest.mark.parametrize("devices", [
+    # one of two valves that differ in nothing
+    pytest.param(names, marks=[pytest.mark.campaign] if names == ("valve_zr_p2",) else []) for names in CASES],
+    ids=lambda names: "+".join(names))
 def test_a_cut_of_1_ms_changes_the_demo_by_less_than_3_percent_and_10_ms(uncut, devices):
     report = shifts(load_sequence("demo"), settings(devices, "1 ms"))
     found = errors(uncut, report)
