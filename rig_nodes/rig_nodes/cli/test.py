@@ -34,8 +34,9 @@ AT_MOST = 5
 FIRST = {"controllers": 2, "graph": 1}
 # The others only compute. They take what these and the tests against the clock leave of the processor, a third and a half,
 # at the lowest priority there is (SCHED_IDLE; a nice value is not enough): the longest are not to be left to the end, and
-# the viewer waits for itself with a limit of time too, which the first parts would leave too little for.
-BESIDE = ("description", "plant", "testbench", "tune", "validation", "view", "fmu", "sweep")
+# those whose processes have limits of time too come later, for the first parts leave little. Short folders are one part
+# with others: to begin one costs two seconds.
+BESIDE = ("plant", "tune", "testbench", "description", "view", "the rest", "fmu", "validation")
 MOST_PARTS = 4  # at a time; each takes up to 1 GB, and waits for its own processes for a part of its time
 PASSED, FAILED, NOTHING_THERE = 0, 1, 5  # exit codes of pytest
 PARTS, LAST_FAILED, CLOCK = ".pytest_cache/parts", "v/cache/lastfailed", "clock"
@@ -141,15 +142,18 @@ def parts_of(root: Path) -> tuple[dict[str, list[str]], dict[str, list[str]], li
     """Files of the parts that run first and of those that run beside all else, by the parts' names, the longest ones first;
     files of which some tests run against the clock."""
     files = sorted(path.relative_to(root).as_posix() for path in (root / "tests").rglob("test_*.py"))
-    clock = [file for file in files if f"mark.{AGAINST_THE_CLOCK}" in (root / file).read_text(encoding="utf-8")]
+    # the other way round: what a rig in description/ has to compile is compiled beside the graph's tests
+    clock = [file for file in reversed(files)
+             if f"mark.{AGAINST_THE_CLOCK}" in (root / file).read_text(encoding="utf-8")]
     folders: dict[str, list[str]] = {}
     for file in files:
         folders.setdefault(file.split("/")[1], []).append(file)
     first = {f"{name}-{k + 1}" if count > 1 else name: folders[name][k::count]
              for name, count in FIRST.items() if name in folders for k in range(count)}
-    long = [name for name in BESIDE if name in folders]
-    rest = [name for name in folders if name not in FIRST and name not in long]
-    return first, {name: folders[name] for name in long + rest}, clock
+    beside = {name: folders.get(name, []) for name in BESIDE}
+    for name in sorted(folders.keys() - FIRST.keys() - beside.keys()):
+        beside["the rest"] += folders[name]
+    return first, {name: files for name, files in beside.items() if files}, clock
 
 
 def counted(output: str) -> Counter:
