@@ -135,7 +135,7 @@ def test_a_controller_of_ones_own_shifts_it(kind, tmp_path, monkeypatch, capsys,
     assert shifts("run") == BOTH
 
 
-# the set looks how long a step takes; one in the rig's process and one that it waits for tell of the record they are given
+# the set looks how long a step takes; two plugs tell what becomes of the record of a rig, in its process and out of it
 @pytest.mark.against_the_clock
 @pytest.mark.parametrize("kind", ["c", "udp-python", *(
     pytest.param(kind, marks=pytest.mark.campaign) for kind in ("python", "ros-python"))])

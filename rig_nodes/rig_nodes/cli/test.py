@@ -32,10 +32,10 @@ ONLY_CLOCK = f"{AGAINST_THE_CLOCK} and not campaign"
 AT_MOST = 5
 # Folders whose processes wait for each other with limits of time: they come first, in so many parts.
 FIRST = {"controllers": 2, "graph": 1}
-# The others only compute. They take what these and the tests against the clock leave of the processor, a third and a half,
-# at the lowest priority there is (SCHED_IDLE; a nice value is not enough): the longest are not to be left to the end, and
-# those whose processes have limits of time too come later, for the first parts leave little. Short folders are one part
-# with others: to begin one costs two seconds.
+# The others only compute. Of the processor they take what these leave, which is little, and half of it beside the tests
+# against the clock, at the lowest priority there is (SCHED_IDLE; a nice value is not enough): the longest are not to be
+# left to the end, nor those whose processes have limits of time too to begin. Short folders are one part with others: to
+# begin one costs two seconds.
 BESIDE = ("plant", "tune", "testbench", "description", "view", "the rest", "fmu", "validation")
 MOST_PARTS = 4  # at a time; each takes up to 1 GB, and waits for its own processes for a part of its time
 PASSED, FAILED, NOTHING_THERE = 0, 1, 5  # exit codes of pytest
@@ -78,15 +78,15 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
-    """Every test: some folders side by side, then what runs against the clock, the others beside both; then a second chance."""
+    """Every test: some folders side by side, then those against the clock, the others beside both; then a second chance."""
     began, counts, codes = time.monotonic(), Counter(), []
     shutil.rmtree(root / PARTS, ignore_errors=True)  # pytest would keep what failed once and has another name now
     subprocess.run([sys.executable, "-m", "rig_nodes.testbench.preloaded"], env=env, cwd=root)  # or two would compile
     first, beside, clock = parts_of(root)
     cores = len(os.sched_getaffinity(0))
     at_a_time = min(cores + 1, MOST_PARTS)
-    print(f"rig: {len(first)} parts, {at_a_time} at a time, each shown when it is done; then {len(clock)} files against the clock; "
-          f"beside all these {len(beside)} parts, shown at the end", flush=True)
+    print(f"rig: {len(first)} parts, {at_a_time} at a time, each shown when it is done; then {len(clock)} files against the "
+          f"clock; beside all these {len(beside)} parts, shown at the end", flush=True)
 
     def begin(name: str, mark: str, *arguments: str) -> subprocess.Popen:
         # with one folder for all, notes would be lost
@@ -139,8 +139,8 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
 
 
 def parts_of(root: Path) -> tuple[dict[str, list[str]], dict[str, list[str]], list[str]]:
-    """Files of the parts that run first and of those that run beside all else, by the parts' names, the longest ones first;
-    files of which some tests run against the clock."""
+    """Files of the parts that run first and of those that run beside all else, by the parts' names; files of which
+    some tests run against the clock."""
     files = sorted(path.relative_to(root).as_posix() for path in (root / "tests").rglob("test_*.py"))
     # the other way round: what a rig in description/ has to compile is compiled beside the graph's tests
     clock = [file for file in reversed(files)
