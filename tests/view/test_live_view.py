@@ -86,14 +86,13 @@ FIRST_TAB = {name for name, _ in RUN} | {"States", "Report", "Events"}
 def seen(viewer, end, shown=frozenset(("Slip [rpm]", "States"))):
     """Pictures of some views of the first tab by name, when the viewer has everything up to a time [s]."""
     until(lambda: [newest for _, newest in spans(viewer)] == [round(end * 1e9)], f"data up to {end} s")
-    ids = {view.name: view.view_id for view in viewer.state().views if view.name in shown}
 
-    def picture_of(name):
-        return image_of(viewer.screenshot(ids[name]))
+    def slips():
+        images = [image_of(image) for _, image in viewer.views("Slip [rpm]".__eq__)]
+        return any(all(curve_pixels(image, colour, side="left") > 30 for colour in (FIRST, SECOND)) for image in images)
 
-    until(lambda: all(curve_pixels(picture_of("Slip [rpm]"), colour, side="left") > 30
-                      for colour in (FIRST, SECOND)), "the curves of the slip")
-    return {name: picture_of(name) for name in ids}
+    until(slips, "the curves of the slip")
+    return {name: image_of(image) for name, image in viewer.views(shown.__contains__)}
 
 
 @needs_driver
@@ -277,8 +276,8 @@ def test_it_shows_a_real_graph_listens_on_loopback_only_and_ends_in_time(live_co
     url = until(lambda: address.search(live_command.said()), "the address")[1]
     with picture.HeadlessViewer([url], longest=LONGEST) as viewer:
         until(lambda: any(newest > 10**9 for _, newest in spans(viewer)), "a second of data")
-        pressure = next(v.view_id for v in viewer.state().views if v.name.startswith("Clutch and supply"))
-        until(lambda: curve_pixels(image_of(viewer.screenshot(pressure)), SUPPLY, side="left") > 30,
+        until(lambda: any(curve_pixels(image_of(image), SUPPLY, side="left") > 30
+                          for _, image in viewer.views(lambda name: name.startswith("Clutch and supply"))),
               "the curve of the supply pressure")
     family = live_command.family()
     tcp = [c for process in family for c in process.net_connections("tcp") if c.status == psutil.CONN_LISTEN]

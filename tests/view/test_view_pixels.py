@@ -46,8 +46,7 @@ def tabs(recorded, tmp_path_factory):
         save_bare_layout(recorded, None, folder / "tab.rbl", tab)
         with HeadlessViewer([str(view), str(folder / "tab.rbl")], longest=LONGEST) as viewer:
             whole = image_of(viewer.image())
-            views = [(view.name, image_of(viewer.screenshot(view.view_id)))
-                     for view in viewer.state().views]
+            views = [(name, image_of(picture)) for name, picture in viewer.views()]
             found[tab] = SimpleNamespace(whole=whole, views=views, reports=viewer.reports())
     return found
 

@@ -15,6 +15,7 @@ import subprocess
 import tempfile
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from ..errors import RigError
@@ -110,6 +111,15 @@ class HeadlessViewer:
     def screenshot(self, view: str | None = None) -> bytes:
         """PNG of all as it is now, or of the view with this id."""
         return self._answer(lambda: self.client.take_screenshot(view))
+
+    def views(self, wanted: Callable[[str], bool] = lambda _name: True) -> list[tuple[str, bytes]]:
+        """(name, PNG) of the views with a wanted name; all anew where the viewer changes its views between two pictures."""
+        while True:
+            try:
+                return [(view.name, self.screenshot(view.view_id)) for view in self.state().views if wanted(view.name)]
+            except ConnectionError as error:
+                if "not found" not in str(error):
+                    raise
 
     def _answer(self, ask):
         while True:
