@@ -106,9 +106,11 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
         counts.update(counted(output))
         codes.append(code)
 
-    with ThreadPoolExecutor(at_a_time) as together, ThreadPoolExecutor(min(cores, MOST_PARTS)) as below:
+    # beside the clock one at a time: two fill the caches of a rig in real time and get no more of the processor
+    with (ThreadPoolExecutor(at_a_time) as together, ThreadPoolExecutor(1) as below,
+          ThreadPoolExecutor(min(cores, MOST_PARTS)) as after):
         try:
-            others = below.map(lambda name: run(name, lowest=True), beside)
+            others = {name: below.submit(run, name, True) for name in beside}
             for name, (output, code) in zip(first, together.map(run, first)):
                 show(name, output, code)
             if clock:
@@ -118,11 +120,12 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
                     print(line, end="", flush=True)
                 counts += counted(line)
                 codes.append(process.wait())
-            for name, (output, code) in zip(beside, others):
-                show(name, output, code)
+            others.update({name: after.submit(run, name, True) for name, part in others.items() if part.cancel()})
+            for name, part in others.items():
+                show(name, *part.result())
         except KeyboardInterrupt:
-            together.shutdown(wait=False, cancel_futures=True)
-            below.shutdown(wait=False, cancel_futures=True)
+            for pool in (together, below, after):
+                pool.shutdown(wait=False, cancel_futures=True)
             raise
     failed = failed_tests(root)
     note_failed(root, failed)
