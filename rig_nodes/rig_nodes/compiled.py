@@ -104,15 +104,13 @@ def use_kernel_cache() -> None:
 
 
 def load_numba() -> None:
-    """Point numba's cache at our folder (:func:`use_kernel_cache`) and import all of numba but what nothing here uses.
-
-    It would look for scipy's BLAS for 0.15 s, and load the package that measures what tests cover where that is installed.
-    """
-    use_kernel_cache()
-    hidden = [name for name in ("scipy.linalg.cython_blas", "coverage") if name not in sys.modules]
-    sys.modules.update(dict.fromkeys(hidden))
+    """Import all of numba but scipy's BLAS, which it looks for in 0.15 s and which nothing compiled here uses."""
+    blas = "scipy.linalg.cython_blas"
+    hide = blas not in sys.modules
+    if hide:
+        sys.modules[blas] = None
     try:
         import numba.np.arraymath  # noqa: F401
     finally:
-        for name in hidden:
-            del sys.modules[name]
+        if hide:
+            del sys.modules[blas]

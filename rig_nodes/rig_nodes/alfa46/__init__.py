@@ -3,9 +3,9 @@
 
 """The shift controller Alfa46: valve profiles with delays and the current loop.
 
-Importing it loads numba, with its cache in a folder of its own.
+Importing it points numba's cache at a folder of its own before numba is loaded.
 """
 
-from ..compiled import load_numba
+from ..compiled import use_kernel_cache
 
-load_numba()
+use_kernel_cache()

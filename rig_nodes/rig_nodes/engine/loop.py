@@ -12,6 +12,7 @@ from __future__ import annotations
 from numba import njit
 
 from ..alfa46.law import OFF, current_loop, law_step
+from ..compiled import load_numba
 from ..instruments import transducers
 from ..parts.part import NOWHERE
 from ..parts.proportional_valve import BY_LAW, BY_SETPOINT
@@ -20,6 +21,7 @@ from .outcome import NOT_FINITE, NOT_SETTLED, WHOLE
 from .stages import command, fill, ordered, pickup
 from .step import plant_step
 
+load_numba()
 EXPONENT = 0x7FF << 52  # of a double whose bits are read as an integer: all set where it is no finite number
 
 

@@ -3,9 +3,9 @@
 
 """Types of devices, one file each: configuration, states, compiled steps, ports. Read by engine/ and the rigs.
 
-Importing it loads numba, with its cache in a folder of its own.
+Importing it points numba's cache at a folder of its own before numba is loaded.
 """
 
-from ..compiled import load_numba
+from ..compiled import use_kernel_cache
 
-load_numba()
+use_kernel_cache()
