@@ -15,7 +15,7 @@ from rclpy.signals import SignalHandlerOptions
 
 STATE = "/rig/state"
 NAMELESS = "_NODE_NAME_UNKNOWN_"
-LOOK = 1.5  # s in which those who are there find each other
+LOOK = 3.0  # s in which those who are there find each other: two announcements, of which one may be lost
 
 
 def main() -> int:
