@@ -31,12 +31,12 @@ AGAINST_THE_CLOCK = "against_the_clock"
 ONLY_CLOCK = f"{AGAINST_THE_CLOCK} and not campaign"
 AT_MOST = 5
 # Folders whose processes wait for each other with limits of time: they come first, in so many parts.
-FIRST = {"controllers": 2, "graph": 1}
+FIRST = {"controllers": 2, "graph": 1, "fmu": 1}
 # The others only compute. Of the processor they take what these leave, which is little, and half of it beside the tests
 # against the clock, at the lowest priority there is (SCHED_IDLE; a nice value is not enough): the longest are not to be
 # left to the end, nor those whose processes have limits of time too to begin. Short folders are one part with others: to
 # begin one costs two seconds.
-BESIDE = ("plant", "tune", "testbench", "description", "view", "the rest", "fmu", "validation")
+BESIDE = ("plant", "tune", "testbench", "description", "view", "the rest", "validation")
 MOST_PARTS = 4  # at a time; each takes up to 1 GB, and waits for its own processes for a part of its time
 PASSED, FAILED, NOTHING_THERE = 0, 1, 5  # exit codes of pytest
 PARTS, LAST_FAILED, CLOCK = ".pytest_cache/parts", "v/cache/lastfailed", "clock"
