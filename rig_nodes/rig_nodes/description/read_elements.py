@@ -147,10 +147,10 @@ class _Element:
             follows, friction = self.capacity(), self.friction()
         elif self.kind == "torque":
             check_keys(self.reader.path, self.node, ("body", "joins", *_LAW), ("table",), self.what, self.where)
-            follows = self.follows(self.node, self.what, "torque", True)
+            follows = self.follows(self.node, self.what, "torque")
         elif self.kind == "varying_inertia":
             check_keys(self.reader.path, self.node, ("body", "table", "period", "angle"), ("table",), self.what, self.where)
-            follows = self.follows(self.node, self.what, "inertia", False, "angle")
+            follows = self.follows(self.node, self.what, "inertia", "angle")
         elif self.kind == "motion":
             check_keys(self.reader.path, self.node, ("body",), ("body",), self.what, self.where)
         return Element(self.name, self.kind, self.bodies(), (), follows, friction)
@@ -194,10 +194,10 @@ class _Element:
             return None
         node, what = self.node["capacity"], f"{self.what}.capacity"
         check_keys(self.reader.path, node, _LAW, ("table", "of"), what, self.reader.at(self.node, "capacity"))
-        return self.follows(node, what, "torque", True)
+        return self.follows(node, what, "torque")
 
-    def follows(self, node: Map, what: str, along: str, readable: bool, by: str = "speed") -> Follows:
-        """A table with what it is over; readable: of the speed or angle of any body, or of a slip."""
+    def follows(self, node: Map, what: str, along: str, by: str = "speed") -> Follows:
+        """A table with what it is over: by the speed or angle of the bodies that it acts on, or of what ``of`` names."""
         reader = self.reader
         by, of = node.get("by", by), node.get("of", "")
         if by not in _ACROSS:

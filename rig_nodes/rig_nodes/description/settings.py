@@ -160,14 +160,13 @@ def settings_of(structure: Structure, values: Mapping) -> Settings:
         section = values[owner]
         return bool(section.get(switch, True) if isinstance(section, Mapping) else getattr(section, switch, True))
 
-    out = Settings()
-    def has(owner: str) -> tuple[str, ...]:
+    def written(owner: str) -> tuple[str, ...]:
         section = values[owner]
         return tuple(section) if isinstance(section, Mapping) else tuple(one.name for one in fields(section))
 
-    effects = effects_of(structure)
+    out, effects = Settings(), effects_of(structure)
     owners = {"kernel": KernelConfig, "cut": CutConfig,
-              **{name: with_written(cls, has(name)) for name, cls in section_classes(structure).items()},
+              **{name: with_written(cls, written(name)) for name, cls in section_classes(structure).items()},
               **{device.name: configs[0] for device in structure.devices if (configs := parts.part(device.part).configs)},
               INSTRUMENTS: instruments_of(structure), "effects": EffectsConfig,
               **({CONTROLLER: Alfa46Values} if structure.shifts else {})}

@@ -99,5 +99,5 @@ def _places(dtype: np.dtype, name: str) -> Iterator[str]:
     elif dtype.names is None:
         yield name
     else:
-        for field in dtype.names:
-            yield from _places(dtype[field], f"{name}.{field}" if name else field)
+        for one in dtype.names:
+            yield from _places(dtype[one], f"{name}.{one}" if name else one)

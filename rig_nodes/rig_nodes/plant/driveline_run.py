@@ -293,7 +293,7 @@ class Run:
                       events[:, 3:] @ s.bodies_from_speeds.T, int(self._state.count[algebra.N_CAPPED]))
 
     def _advance(self, t):
-        s, x = self.system, self._state
+        x = self._state
         if not self._rows:
             self._rows.append(self._first(t))
         pushes, cap, given = self._given(t)

@@ -415,10 +415,6 @@ class Rig(Timed):
         """Measured currents at the controller's outputs (3,) [A]."""
         return np.array(self.seen()[0])
 
-    def wired(self) -> list[float]:
-        """The controller's transducers, in the order of its record, SI."""
-        return self.seen()[1]
-
     def clutch_mode(self, clutch: int | str) -> int:
         """0 open, 1 slipping, 2 locked, as in rig_msgs/ClutchState; of a clutch by its name or its place."""
         name = self._clutch(clutch)
@@ -511,7 +507,7 @@ class Rig(Timed):
         if driven:  # what torques, motions and inputs of the description take
             out["torques"] = float(line["part_work"][0]) - outside - float(line["law_work"][0])
         if self._elements:
-            out["elements"] = sum([fric[place[name]] + visc[place[name]] for name in self._elements])
+            out["elements"] = math.fsum(fric[place[name]] + visc[place[name]] for name in self._elements)
         count = len(self._system.shafts)
         if count:
             out["shafts"] = float(self._shaft[driveline_algebra.E_SHAFT, :count].sum())

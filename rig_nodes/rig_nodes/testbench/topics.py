@@ -18,7 +18,6 @@ from ..controllers.record import record_of
 from ..controllers.seam import LEVELS
 from ..description.signals import TORQUES, absolute_pressures
 from ..parts import part as parts
-from .joint_torques import JointTorques
 from .rig import Rig
 
 SCALAR_SAMPLES = 10  # controller samples between scalars (100 Hz)
@@ -73,19 +72,17 @@ class States:
         said = {topic.name: self._says(topic.node) for topic in rig.config.catalogue.topics.values()
                 if topic.name == f"/{topic.node}/state"}
         self.topics = said | {"/rig/state": self._rig_state}
-        self._torques = JointTorques(rig) if TORQUES in rig.config.structure.signals else None
-        if self._torques:
+        self._torques = None
+        if TORQUES in rig.config.structure.signals:
+            from .joint_torques import JointTorques  # here: it brings in what runs drivelines in Python, which few rigs need
+
+            self._torques = JointTorques(rig)
             self.topics["/rig/torques"] = self._joint_torques
 
     def _says(self, name: str):
         """What gives the fields of a device's state."""
         if name == "gearbox":
-            into, out = self._ends
-            shows = {one.name: one.shows for one in self.rig.config.structure.transducers}
-            self._gear_numbers = [self.rig.world.number(what) for what in (
-                f"{into.body}.speed", f"{out.body}.speed", shows[into.torque], shows[out.torque])]
-            self._lost_at = {name: int(self.rig.wire(name, "body") != into.body) for name in self.rig.losses}
-            return self._gearbox
+            return self._gearbox()
         if name == "rig":
             return self._rig_state
         says = parts.part(self.rig.config.structure.device(name).part).says
@@ -151,13 +148,20 @@ class States:
             list(record.gear_names.values())))]
 
     def _gearbox(self):
-        rig = self.rig
-        torques = [0.0, 0.0]  # lost at the input's side, at all others
-        lost = 0.0
-        for name, side in self._lost_at.items():
-            torques[side] += float(rig.losses[name]["torque"])
-            lost += rig.energies[name]
-        return (rig.locked_gear(), *rig.world.numbers[self._gear_numbers].tolist(), *torques, lost)
+        """What gives the fields of the gearbox's state."""
+        rig, (into, out) = self.rig, self._ends
+        shows = {one.name: one.shows for one in rig.config.structure.transducers}
+        ends = [rig.world.number(what) for what in (f"{into.body}.speed", f"{out.body}.speed", shows[into.torque], shows[out.torque])]
+        lost_at = {name: int(rig.wire(name, "body") != into.body) for name in rig.losses}  # 0: at the input's side, 1: at all others
+
+        def fields():
+            torques, lost = [0.0, 0.0], 0.0
+            for name, side in lost_at.items():
+                torques[side] += float(rig.losses[name]["torque"])
+                lost += rig.energies[name]
+            return (rig.locked_gear(), *rig.world.numbers[ends].tolist(), *torques, lost)
+
+        return fields
 
     def _joint_torques(self):
         values = self._torques.values()
