@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from numba import njit
 
-from rig_nodes.engine.general_step import ARGUMENTS
 from rig_nodes.engine.world import Sizes, driveline_dtype
 from rig_nodes.plant.driveline import Driveline
 from rig_nodes.plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LAM, LO0, LO1, N_CAPPED, OPEN, VISC
+from rig_nodes.plant.driveline_calls import ARGUMENTS
 from rig_nodes.plant.driveline_kernel import driveline_step
 from rig_nodes.plant.driveline_losses import (
     BASE, CONSTANT, FACTOR, ON, OWN, SHARE, SQUARE, WAY, WEIGHTS, loss_width)

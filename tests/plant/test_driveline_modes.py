@@ -112,6 +112,30 @@ def test_a_free_driveline_with_damped_shafts_keeps_its_mode_at_0():
     assert m.damping == pytest.approx([0.0, 0.5 * 2.0 * per / math.sqrt(4000.0 * per)], rel=1e-9)
 
 
+def test_what_depends_on_the_motion_counts_as_it_is_at_the_start():
+    slopes = {"pendulum": -20.0, "fan": -0.8, "held": 0.0}
+    d = Driveline()
+    for name in slopes:
+        d.inertia(name, 0.3)
+        d.varying_inertia(f"piston of {name}", name, table=([0.0, 1.0], [0.2, 0.2]))
+        d.shaft(f"spring of {name}", name, "ground", stiffness=30.0)
+    d.torque("gravity", "pendulum", by="angle", table=([-1.0, 1.0], [-slopes["pendulum"], slopes["pendulum"]]))
+    d.torque("air", "fan", table=([-9.0, 9.0], [-9.0 * slopes["fan"], 9.0 * slopes["fan"]]))
+    d.motion("grip", "held")
+    m = modes(d.build())
+    assert 2 * math.pi * m.frequencies == pytest.approx([math.sqrt(30.0 / 0.5), math.sqrt((30.0 + 20.0) / 0.5)], rel=1e-9)
+    assert m.damping == pytest.approx([0.8 / (2 * math.sqrt(30.0 * 0.5)), 0.0], rel=1e-9, abs=1e-12)
+    assert np.abs(m.shapes[:, 2]).max() < 1e-12, "what a motion holds does not swing"
+
+
+def test_a_torque_that_pushes_away_is_a_mode_that_grows():
+    d = Driveline()
+    d.inertia("upright", 0.5)
+    d.torque("gravity", "upright", by="angle", table=([-1.0, 1.0], [-8.0, 8.0]))
+    m = modes(d.build())
+    assert 2 * math.pi * m.frequencies == pytest.approx([4.0, 4.0], rel=1e-9) and sorted(m.damping) == [-1.0, 1.0]
+
+
 def test_an_unknown_clutch_is_named():
     with pytest.raises(RigError, match="no friction element 'x'; there are: bc, held"):
         modes(clutch_between_shafts(), locked=["x"])

@@ -16,7 +16,7 @@ from dataclasses import fields
 import numpy as np
 from numba import njit
 
-from ..engine.general_step import address, general_step
+from ..engine.general_step import addresses, general_step
 from ..engine.world import Sizes, driveline_dtype
 from ..plant.driveline import Driveline, State, System
 from ..plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LO0, LO1, LOCK, N_EVENTS
@@ -62,7 +62,7 @@ class Ours:
 
     def __init__(self, clutches: int = 1):
         self.system = s = chain(clutches)
-        self._general = address()
+        self._addresses = addresses()
         self._line = np.zeros(1, driveline_dtype(Sizes(speeds=clutches + 1, elements=clutches)))
         line = self._line[0]
         for name in ("minv", "w", "sh", "kc"):
@@ -80,7 +80,7 @@ class Ours:
 
     def advance(self, step: float, steps: int) -> None:
         """So many steps [s]."""
-        _advance(self.t, steps, step, self._line, self._general)
+        _advance(self.t, steps, step, self._line, self._addresses)
         self.t += step * steps
 
     def run(self, step: float, parts: int = 1) -> float:
@@ -110,7 +110,7 @@ _capacity = njit(cache=True, error_model="numpy", nogil=True)(capacity)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _advance(begin, steps, h, lines, general):
+def _advance(begin, steps, h, lines, addresses):
     line = lines[0]
     # the straight line through the capacity at the step's two Gauss points has its mean to the fourth order
     at = 0.5 - 0.5 / math.sqrt(3.0)
@@ -127,4 +127,4 @@ def _advance(begin, steps, h, lines, general):
             line.cap[HI0, f], line.cap[HI1, f] = STICK * before, STICK * after
             line.cap[LO0, f], line.cap[LO1, f] = -STICK * before, -STICK * after
         if not quiet_step(h, line):
-            general_step(general, h, t, line)
+            general_step(addresses, h, t, line)

@@ -29,7 +29,7 @@ def compiling_beside(driven: bool) -> Iterator[bool]:
         return
     env = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     command = [sys.executable, "-c", "import gc; gc.disable(); "  # a twentieth of its time
-               f"from rig_nodes.engine.general_step import address; address({driven})"]
+               f"from rig_nodes.engine.general_step import addresses; addresses({driven})"]
     other = subprocess.Popen(command, env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         yield True

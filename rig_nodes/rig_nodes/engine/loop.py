@@ -106,12 +106,12 @@ def put_back(world, moved, kept):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def advance(samples, first_sample, steps_per_sample, h, drive, general, worlds, numbers, showns, table, keys, hum, gauge_state,
+def advance(samples, first_sample, steps_per_sample, h, drive, addresses, worlds, numbers, showns, table, keys, hum, gauge_state,
             counts, law_config, law_profiles, law_outputs, law_state, log, moved, finite, kept):
     """Move everything by whole controller samples; row j of the ring ``log`` is the time j * h after 0.
 
     Returns (the sample that was reached, one of WHOLE, NOT_FINITE, NOT_SETTLED): it ends early with the sample in
-    which something went wrong. general: address of the driveline's general step, see engine.general_step. numbers,
+    which something went wrong. addresses: of the driveline's steps, from engine.general_step. numbers,
     moved: the beginning of ``worlds`` as float64 and int64, of which the first ``finite`` must be finite numbers; kept (2,
     as many as a step leaves to the next): its copy at the sample's beginning, and the state that was not finite. Such a
     sample leaves the plant as it was at its beginning, and its rows show that.
@@ -141,7 +141,7 @@ def advance(samples, first_sample, steps_per_sample, h, drive, general, worlds, 
             kept[0, i] = moved[i]
         for index in range(s * steps_per_sample, (s + 1) * steps_per_sample):
             if how == WHOLE:
-                plant_step(world, general, h, index * h)
+                plant_step(world, addresses, h, index * h)
             if not true_row(numbers, shown) and how == WHOLE:
                 # the gauges would remember it
                 how = NOT_FINITE

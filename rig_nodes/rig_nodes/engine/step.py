@@ -24,8 +24,8 @@ from .stages import after, before, bound
 
 
 @njit(**INLINED)
-def plant_step(world, general, h, t):
-    """The plant from t to t + h; general: address of the driveline's general or driven step."""
+def plant_step(world, addresses, h, t):
+    """The plant from t to t + h; addresses: of the driveline's steps, from engine.general_step."""
     line = world.driveline
     v, gain, q, pushed = line.v, line.gain, line.q, line.middle.shape[0]
     n = v.shape[0]
@@ -40,7 +40,7 @@ def plant_step(world, general, h, t):
             on = add(on, line.push[end, b], vector(line.bodies, b * n, v))
         put(q, end * n, on)
     put(gain, 0, vector(v, 0, v))
-    move_driveline(line, general, h, t)
+    move_driveline(line, addresses, h, t)
     bound(world)
     put(gain, 0, add(vector(v, 0, v), -1.0, vector(gain, 0, v)))
     measure_driveline(line)
@@ -52,18 +52,18 @@ def is_driven(line) -> bool:
     return "begun" in line.fields
 
 
-def move_driveline(line, general, h, t):
+def move_driveline(line, addresses, h, t):
     raise TypeError("the driveline is moved from compiled code only")
 
 
 @overload(move_driveline, jit_options=INLINED)
-def _move_driveline(line, general, h, t):
+def _move_driveline(line, addresses, h, t):
     if is_driven(line):
-        return lambda line, general, h, t: driven_step_at(general, h, t, line)
+        return lambda line, addresses, h, t: driven_step_at(addresses, h, t, line)
 
-    def moved(line, general, h, t):
+    def moved(line, addresses, h, t):
         if not quiet_step(h, line):
-            general_step(general, h, t, line)
+            general_step(addresses, h, t, line)
     return moved
 
 

@@ -17,7 +17,7 @@ from numba import njit
 from rig_nodes.plant.driveline_algebra import HI0, KIN0, LAM, LO0, TAU, VISC, lin
 from rig_nodes.plant.driveline_inputs import SAME
 from rig_nodes.plant.driveline_laws import (
-    CAPACITY, INERTIA, MOTION, TORQUE, Laws, LawState, invert, jumped, law_state, laws_of, product, put, settled_step, share_of)
+    CAPACITY, INERTIA, MOTION, TORQUE, Laws, LawState, invert, jumped, law_state, laws_of, product, put, settled_step_at, share_of)
 from rig_nodes.plant.driveline_losses import LAST, OWN, put_losses
 from rig_nodes.plant.driveline_tables import Table, Tables, along, line, piece, tables_of
 
@@ -62,11 +62,11 @@ def driven_arrays(system, inputs: Mapping[str, Table]) -> dict[str, np.ndarray]:
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
-def driven_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work,
+def driven_step(settled, bare, h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work,
                 kind, angle, slot, element, factor, of, on, gap, damping, first_spring, springs, first_point, x, y, ends, period,
                 at, law_torque, spring, way, response, law_work, part_work, accel,
                 given_kind, given_place, given_on, given_first, given_x, given_y, stick, default, mass, q_before, cap_before, begun):
-    """Move a driveline from t to t + h, q and cap those of the rig's parts; twist has places for the integrals of the speeds.
+    """Move a driveline from t to t + h, q and cap those of the rig's parts; settled, bare: addresses; twist has places for the integrals of the speeds.
 
     A step is cut at the points of tables over time. Behind it cap has what losses brake with at its end.
     """
@@ -110,8 +110,8 @@ def driven_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, 
                     for j in range(n):
                         qq[side, j] += now * given_on[k, j]
         fresh = begun[0] == 0.0 or jumped(qq, q_before, cc, cap_before)
-        settled_step(end - done, t + done, fresh, laws, own, given, mass, minv, w, sh, kc, qq, cc, loss, v, twist, mode, el, shaft,
-                     e_in, events, count, work)
+        settled_step_at(settled, bare, end - done, t + done, fresh, laws, own, given, mass, minv, w, sh, kc, qq, cc, loss, v, twist,
+                        mode, el, shaft, e_in, events, count, work)
         begun[0] = 1.0
         put(q_before, qq[1])
         put(cap_before, cc)

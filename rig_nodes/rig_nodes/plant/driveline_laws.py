@@ -4,22 +4,25 @@
 """What in a driveline depends on its own motion: torques, capacities, friction, shafts, prescribed motion, inertia over an angle.
 
 Called in place of the bare step where a description has any of these: by plant/driveline_run.py, and by
-plant/driveline_driven.py for the engine of a rig. In a step each law is the straight line that has the law's mean over the way which the step takes, and slopes are in the
-implicit matrix of plant/driveline_kernel.py. The way is not known before: the step is taken again until it is the one
-that the lines were made for, in most steps at once; where that does not help the step is halved.
+plant/driveline_driven.py for the engine of a rig. In a step each law is the straight line that has the law's mean over the way
+which the step takes, and slopes are in the implicit matrix of plant/driveline_kernel.py. The way is not known before: the step
+is taken again until it is the one that the lines were made for, in most steps at once; where that does not help the step is
+halved.
 """
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import njit, typeof, types
+from numba.extending import intrinsic
 
 from rig_nodes.compiled import INNER
 from rig_nodes.plant.driveline_algebra import (
     E_SHAFT, E_FRIC, E_VISC, HI0, IMPULSE, KIN0, LAM, LO0, N_CAPPED, N_EVENTS, TAU, VISC, apart, lin)
-from rig_nodes.plant.driveline_kernel import driveline_step
+from rig_nodes.plant.driveline_calls import ARGUMENTS, address_of, array_types, bare_step, calling
 from rig_nodes.plant.driveline_losses import LAST
 from rig_nodes.plant.driveline_tables import Table, Tables, along, stored_in, tables_of, value, value_at
 
@@ -185,8 +188,8 @@ def share_of(first, last, begin, end):
 
 
 @njit(**INNER)
-def law_step(h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work):
-    """As `driveline_step`, with laws; given (2, inputs): inputs of laws at both ends. False where a law was not met."""
+def law_step(bare, h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work):
+    """As `driveline_step`, whose address is `bare`, with laws; given (2, inputs): inputs of laws at both ends. False where a law was not met."""
     apart()
     met = True
     done, size, cuts = 0.0, h, 0
@@ -195,7 +198,7 @@ def law_step(h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twi
         d = left if size >= left * (1.0 - 1e-9) else size
         end = 1.0 if d == left else (done + d) / h
         last = not met or d <= h * 0.5 ** HALVINGS  # where halving has not helped once, the rest is taken as it comes
-        reached = try_step(d, t + done, done / h, end, last, cuts < CUTS and d > 1e-9 * h, laws, own, given, mass, minv, w, sh, kc,
+        reached = try_step(bare, d, t + done, done / h, end, last, cuts < CUTS and d > 1e-9 * h, laws, own, given, mass, minv, w, sh, kc,
                            q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work)
         if 0.0 < reached < d:
             size = reached
@@ -210,7 +213,7 @@ def law_step(h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twi
 
 
 @njit(**INNER)
-def try_step(d, t, begin, end, keep, cut, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in,
+def try_step(bare, d, t, begin, end, keep, cut, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in,
              events, count, work):
     """A part d of a step, from share begin to share end of it; d if laws are met, else 0, and nothing has changed unless keep.
 
@@ -328,7 +331,7 @@ def try_step(d, t, begin, end, keep, cut, laws, own, given, mass, minv, w, sh, k
             invert(held, inverse)
             work[0] = -1.0
         work[1] = -1.0
-        driveline_step(d, t, inverse, w, sh, kk, qq, cc, loss, v, twist, mode, el, shaft, e_in, events, count, work)
+        bare_step(bare, d, t, inverse, w, sh, kk, qq, cc, loss, v, twist, mode, el, shaft, e_in, events, count, work)
         met = True
         for k in range(rows):
             kind, slot, x = laws.kind[k], laws.slot[k], start[k]
@@ -446,7 +449,7 @@ def try_step(d, t, begin, end, keep, cut, laws, own, given, mass, minv, w, sh, k
 
 
 @njit(**INNER)
-def settle(d, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, work):
+def settle(bare, d, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, work):
     """Leaves in `loss` the losses by torque that the inputs at the start of a step ask for, where they have jumped."""
     apart()
     count, events = np.zeros(2, np.int64), np.zeros((0, 3))
@@ -459,7 +462,7 @@ def settle(d, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist
         loss[k, LAST] = 0.0
     work[1] = -1.0
     copy = LawState(own.at.copy(), own.torque.copy(), own.spring.copy(), own.way.copy(), own.response.copy(), own.work.copy())
-    law_step(d, t, laws, copy, gg, mass, minv, w, sh, kc, qq, cc, loss, v.copy(), twist.copy(), mode.copy(), el.copy(), shaft.copy(),
+    law_step(bare, d, t, laws, copy, gg, mass, minv, w, sh, kc, qq, cc, loss, v.copy(), twist.copy(), mode.copy(), el.copy(), shaft.copy(),
              e_in.copy(), events, count, work)
     work[1] = -1.0
 
@@ -482,26 +485,43 @@ def differ(one, other):
     return one != other and not abs(one - other) <= 1e-9 * (1.0 + min(abs(one), abs(other)))
 
 
-@njit(**INNER)
-def settled_step(h, t, fresh, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count,
-                 work):
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
+def settled_step(bare, h, t, fresh, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events,
+                 count, work):
     """As `law_step`, with losses by torque that follow inputs which have jumped (fresh); a step is capped once at most."""
-    apart()
     if loss.shape[0] > 0 and fresh:
-        settle(1e-6 * h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, work)
+        settle(bare, 1e-6 * h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, work)
     capped = count[N_CAPPED] + 1
-    law_step(h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work)
+    law_step(bare, h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work)
     count[N_CAPPED] = min(count[N_CAPPED], capped)
+    return int(0)
+
+
+SETTLED = (types.int64, types.float64, types.float64, types.boolean, typeof(laws_of([], 1)), typeof(law_state([])),
+           *array_types({"given": 2, "mass": 2, **ARGUMENTS}))
+
+
+@cache
+def settled_address() -> int:
+    """Of `settled_step`."""
+    return address_of(settled_step, SETTLED)
+
+
+@intrinsic
+def settled_step_at(context, address, bare, h, t, fresh, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el,
+                    shaft, e_in, events, count, work):
+    """As `settled_step`, by its address."""
+    return calling(SETTLED)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def run_laws(t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work,
+def run_laws(settled, bare, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work,
              out_v, out_twist, out_mode, out_el, out_shaft, out_e_in, out_torque, out_at, out_spring, out_work):
-    """A step to each time behind the first, and what is reached then."""
+    """A step to each time behind the first, and what is reached then; settled, bare: addresses."""
     for i in range(q.shape[0]):
         fresh = i == 0 or jumped(q[i], q[i - 1, 1], cap[i], cap[i - 1])
-        settled_step(t[i + 1] - t[i], t[i], fresh, laws, own, given[i], mass, minv, w, sh, kc, q[i], cap[i], loss, v, twist, mode,
-                     el, shaft, e_in, events, count, work)
+        settled_step_at(settled, bare, t[i + 1] - t[i], t[i], fresh, laws, own, given[i], mass, minv, w, sh, kc, q[i], cap[i], loss, v,
+                        twist, mode, el, shaft, e_in, events, count, work)
         put(out_v[i], v)
         put(out_twist[i], twist)
         put(out_mode[i], mode)

@@ -14,6 +14,8 @@ from scipy import linalg
 
 from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline import System
+from rig_nodes.plant.driveline_laws import INERTIA, MOTION, TORQUE
+from rig_nodes.plant.driveline_tables import slope_at, value_at
 
 _STILL = 1e-7  # of the highest pole: a pole this slow is that of a driveline which turns as one
 
@@ -36,7 +38,9 @@ class Modes:
 def modes(system: System, locked: Sequence[str] = ()) -> Modes:
     """Modes with the clutches, brakes and free-wheels that `locked` names locked and all others open, which keep their drag.
 
-    RigError for a name that does not exist.
+    What depends on the motion is taken as it is at the start: a torque with the slope of its table, over a speed a damping and
+    over an angle a stiffness, an inertia with its value. What a prescribed motion moves is held. RigError for a name that does
+    not exist.
     """
     for name in locked:
         if name not in system.elements:
@@ -45,14 +49,17 @@ def modes(system: System, locked: Sequence[str] = ()) -> Modes:
     held = np.array([name in locked for name in system.elements], bool)
     for mesh in system.meshes:
         held[mesh.gear] = True
-    free = linalg.null_space(system.w[held]) if held.any() else np.eye(len(system.speeds))
+    still = [system.w[held], *(law.on[None] for law in system.laws if law.kind == MOTION)]
+    free = linalg.null_space(np.concatenate(still)) if held.any() or len(still) > 1 else np.eye(len(system.speeds))
     if free.shape[1] == 0:
         return Modes(system.bodies, np.zeros(0), np.zeros(0), np.zeros((0, len(system.bodies))))
-    twist, slip = system.sh @ free, system.w[~held] @ free
-    mass = free.T @ system.mass @ free
-    stiffness = twist.T @ (system.kc[0][:, None] * twist)
-    drag = twist.T @ (system.kc[1][:, None] * twist) + slip.T @ (system.drag[~held][:, None] * slip)
-    if drag.any():
+    w, sh = system.w[~held], system.sh
+    mass, stiffness, drag = _of_laws(system)
+    pushes = stiffness.any()  # a torque over an angle may push away, or act where the angle is not
+    mass = free.T @ (mass + system.mass) @ free
+    stiffness = free.T @ (stiffness + sh.T @ (system.kc[0][:, None] * sh)) @ free
+    drag = free.T @ (drag + sh.T @ (system.kc[1][:, None] * sh) + w.T @ (system.drag[~held][:, None] * w)) @ free
+    if drag.any() or pushes:
         frequencies, damping, shapes = _damped(mass, stiffness, drag)
     else:
         squares, shapes = linalg.eigh(stiffness, mass)
@@ -62,6 +69,20 @@ def modes(system: System, locked: Sequence[str] = ()) -> Modes:
     shapes = shapes / np.take_along_axis(shapes, np.abs(shapes).argmax(axis=1)[:, None], 1)
     order = np.argsort(frequencies, kind="stable")
     return Modes(system.bodies, frequencies[order] / (2.0 * math.pi), damping[order], shapes[order])
+
+
+def _of_laws(system):
+    """Mass, stiffness and damping (n, n) of a system's laws at its start."""
+    mass, stiffness, drag = np.zeros((3, *system.mass.shape))
+    factors = list(system.factors.values())
+    for law in system.laws:
+        if law.kind == INERTIA:
+            mass += value_at(law.table, law.start) * np.outer(law.on, law.on)
+        elif law.kind == TORQUE:
+            at = law.start if law.angle else law.of @ system.v_start
+            slope = slope_at(law.table, [at])[0] * (factors[law.factor] if law.factor >= 0 else 1.0)
+            (stiffness if law.angle else drag)[:] -= slope * np.outer(law.on, law.of)
+    return mass, stiffness, drag
 
 
 def _damped(mass, stiffness, drag):

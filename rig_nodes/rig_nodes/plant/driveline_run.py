@@ -20,9 +20,10 @@ from numba import njit
 from rig_nodes.errors import RigError
 from rig_nodes.plant import driveline_algebra as algebra
 from rig_nodes.plant.driveline import System
+from rig_nodes.plant.driveline_calls import bare_address, bare_step
 from rig_nodes.plant.driveline_inputs import SAME, Input, Signal, step_ends
-from rig_nodes.plant.driveline_kernel import driveline_step
-from rig_nodes.plant.driveline_laws import CAPACITY, INERTIA, MOTION, TORQUE, law_state, laws_of, run_laws, stored_energy
+from rig_nodes.plant.driveline_laws import (
+    CAPACITY, INERTIA, MOTION, TORQUE, law_state, laws_of, put, run_laws, settled_address, stored_energy)
 from rig_nodes.plant.driveline_tables import slope_at
 
 EVENT_NAMES = {algebra.LOCK: "lock", algebra.BREAK: "break", algebra.CROSS: "cross",
@@ -189,17 +190,17 @@ def _place(names, kind, name, known=None):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _run_steps(t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work,
+def _run_steps(bare, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work,
                out_v, out_twist, out_mode, out_el, out_shaft, out_e_in):
     for i in range(q.shape[0]):
-        driveline_step(t[i + 1] - t[i], t[i], minv, w, sh, kc, q[i], cap[i], loss, v, twist, mode, el, shaft,
-                       e_in, events, count, work)
-        out_v[i] = v
-        out_twist[i] = twist
-        out_mode[i] = mode
-        out_el[i] = el
-        out_shaft[i] = shaft
-        out_e_in[i] = e_in
+        bare_step(bare, t[i + 1] - t[i], t[i], minv, w, sh, kc, q[i], cap[i], loss, v, twist, mode, el, shaft, e_in, events, count,
+                  work)
+        put(out_v[i], v)
+        put(out_twist[i], twist)
+        put(out_mode[i], mode)
+        put(out_el[i], el)
+        put(out_shaft[i], shaft)
+        put(out_e_in[i], e_in)
 
 
 class Run:
@@ -341,9 +342,9 @@ class Run:
         soft = [np.zeros((steps, *a.shape)) for a in (own.torque, own.at, own.spring, own.work)]
         state = (x.loss, x.v, x.twist, x.mode, x.el, x.shaft, x.e_in, x.events, x.count, x.work)
         if s.laws or s.meshes:
-            run_laws(t, self._laws, own, given, s.mass, s.minv, s.w, s.slots, kc, q, cap, *state, *out, *soft)
+            run_laws(settled_address(), bare_address(), t, self._laws, own, given, s.mass, s.minv, s.w, s.slots, kc, q, cap, *state, *out, *soft)
         else:
-            _run_steps(t, s.minv, s.w, s.slots, kc, q, cap, *state, *out)
+            _run_steps(bare_address(), t, s.minv, s.w, s.slots, kc, q, cap, *state, *out)
         return *out, *soft
 
     def _first(self, t):

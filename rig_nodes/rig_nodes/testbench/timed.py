@@ -88,12 +88,12 @@ class Timed(ABC):
         self._shown["untouched_source"] = self.world.source[count:]
         self._shown["encoder"] = [self.channels.index(name) for name in plan.encoders]
         world = self.world
-        self._general = 0
+        self._addresses = general_step.NONE
         with compiling_beside(plan.driven) as cold:
             loop.first_row(self._log, self.step, world.record, world.numbers, self._shown, *gauges.arrays)
             if cold:
                 self._advance(0)
-        self._general = general_step.address(plan.driven)
+        self._addresses = general_step.addresses(plan.driven)
 
     def move(self, samples: int) -> bool:
         """Move on by samples; False when the plant trips the rig. One that is tripped moves on as far as it can."""
@@ -108,7 +108,7 @@ class Timed(ABC):
     def _advance(self, samples: int) -> tuple[int, int]:
         world = self.world
         return loop.advance(
-            samples, self.sample, self._steps_per_sample, self.step, self._by, self._general, world.record,
+            samples, self.sample, self._steps_per_sample, self.step, self._by, self._addresses, world.record,
             world.numbers, self._shown, *self.gauges.arrays, self._law_config, self._law_profiles, self._law_outputs,
             self._law_state, self._log, world.moved, world.finite, world.kept)
 

@@ -1,0 +1,72 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Calls of the driveline's compiled steps by their address: each is compiled once for whoever calls it.
+
+Used by plant/driveline_laws.py, plant/driveline_run.py and engine/general_step.py. The compiler takes all that a function
+calls into its machine code and works on it once more: with the bare step at the bottom of five callers that was most of the
+time to compile them. Arrays are ones of any sizes, so that the machine code knows no rig.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+from numba import types
+from numba.extending import intrinsic
+
+from rig_nodes.plant.driveline_kernel import driveline_step
+
+# what the bare step takes behind the times: name -> dimensions; some are whole numbers
+ARGUMENTS = {"minv": 2, "w": 2, "sh": 2, "kc": 2, "q": 2, "cap": 2, "loss": 2, "v": 1, "twist": 1, "mode": 1, "el": 2, "shaft": 2,
+             "e_in": 1, "events": 2, "count": 1, "work": 1}
+RESULT = types.int64
+
+
+def array_types(arguments: dict[str, int], whole: tuple[str, ...] = ()) -> tuple:
+    """The compiler's types of arrays that are given as name -> dimensions; beside mode and count, `whole` are of whole numbers."""
+    return tuple(types.Array(types.int64 if name in ("mode", "count", *whole) else types.float64, count, "C")
+                 for name, count in arguments.items())
+
+
+BARE = (types.float64, types.float64, *array_types(ARGUMENTS))
+
+
+def address_of(function, signature: tuple) -> int:
+    """Where a compiled function begins in this process, made or read from the cache.
+
+    Raises TypeError for one that does not return a whole number: whoever calls by an address is not asked by the compiler.
+    """
+    function.compile(signature)
+    made = function.overloads[signature]
+    if made.signature.return_type != RESULT:
+        raise TypeError(f"{function.__name__} returns {made.signature.return_type}; it is called for {RESULT}")
+    return made.library.get_pointer_to_function(made.fndesc.llvm_func_name)
+
+
+@cache
+def bare_address() -> int:
+    """Of plant.driveline_kernel.driveline_step."""
+    return address_of(driveline_step, BARE)
+
+
+def call_at(context, builder, address, signature: tuple, values: list) -> None:
+    """Builds the call of what begins at an address, for an intrinsic."""
+    convention = context.call_conv
+    function = builder.inttoptr(address, convention.get_function_type(RESULT, signature).as_pointer())
+    convention.call_function(builder, function, RESULT, signature, values)
+
+
+def calling(signature: tuple) -> tuple:
+    """(signature, builder) of an intrinsic that takes an address and then what stands in a signature."""
+    def build(context, builder, _signature, given):
+        call_at(context, builder, given[0], signature, list(given[1:]))
+        return context.get_dummy_value()
+
+    return types.void(types.int64, *signature), build
+
+
+@intrinsic
+def bare_step(context, address, h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work):
+    """As driveline_step, by its address."""
+    return calling(BARE)
