@@ -17,6 +17,7 @@ from ..clocks import COMMAND_TIMEOUT, TICK_SAMPLES
 from ..controllers.plug import SAID, Plug
 from ..controllers.seam import ControllerFailed
 from ..errors import RigError, ended_by
+from ..uninterrupted import Uninterrupted
 from .configuration import RigConfig
 from .outputs import Outputs
 from .rig import Rig
@@ -159,11 +160,17 @@ def simulate(config: RigConfig, sequence: Sequence, folder: Path, seed: int = 1,
     types = {name: topic.ros_type for name, topic in config.catalogue.all_topics.items()}
     end = {"state": "ended", "reason": "the sequence ended"}
 
-    def record_due() -> None:
-        for topic, stamp, data in outputs.due():
-            bag.write(topic, types[topic], data, stamp)
+    stops = Uninterrupted()
 
-    with BagWriter(folder, sequence.name, topics=config.catalogue.all_topics) as bag:
+    def record_due() -> None:
+        stops.held = True
+        try:
+            for topic, stamp, data in outputs.due():
+                bag.write(topic, types[topic], data, stamp)
+        finally:
+            stops.let_in()
+
+    with stops, BagWriter(folder, sequence.name, topics=config.catalogue.all_topics) as bag:
         try:
             done = False
             while not done and not rig.safe:
@@ -190,6 +197,7 @@ def simulate(config: RigConfig, sequence: Sequence, folder: Path, seed: int = 1,
         finally:
             if controller is not None:
                 controller.close()
+            stops.held = True  # the bag is closed now
     plugged = {}
     if config.structure.shifts:
         told = controller.record() if controller else {"name": "alfa46", "level": rig.level, "level_from": SAID}
