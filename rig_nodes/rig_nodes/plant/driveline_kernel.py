@@ -20,6 +20,8 @@ from rig_nodes.plant.driveline_joint import note, resolve
 from rig_nodes.plant.driveline_losses import (
     BEFORE, FACTOR, LAST, NEXT, ON, OWN, WEIGHTS, brakes, put_losses, solve_losses)
 
+UNDECIDED = 3  # in a step: a decision that is not reached costs as much as a hundred that are
+
 
 @njit(**INNER)
 def first_down(y0, b, y1, d, tol):
@@ -136,7 +138,8 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
                 shaft (2, s): TAU at the end; E_SHAFT += int c (S v)^2 dt; e_in (n,) += int q v dt.
     Events      events (rows, 3) or (rows, 3 + n): time, element, kind and the speeds v, a ring filled from row 0;
                 count (2,) int64: N_EVENTS noted so far, N_CAPPED steps in which the bound on events or pivots was
-                reached. Beyond 6 m + 12 events in one step the rest of it runs with the modes as they are.
+                reached. Beyond 6 m + 12 events in one step, or where who sticks could not be decided more than UNDECIDED
+                times, the rest of it runs with the modes as they are.
     work        float64, at least work_size(n, m, s, k), zeros at first.
 
     Method: with fixed modes the trapezoidal rule, which is exact where there is neither drag nor shaft
@@ -201,6 +204,7 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
     tl = 0.0
     passes = 0
     stalls = 0
+    undecided = 0
     while True:
         if joint:
             for f in range(m):
@@ -214,11 +218,14 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
                         work[ocand + f] = 1.0
             # a joint decision that did not hold is one between equals: decide it a little later in the inputs
             ahead = (h - tl) * min(1e-3, 10.0 ** (stalls - 10)) if stalls > 1 else 0.0
+            capped = count[N_CAPPED]
             made += resolve((tl + ahead) / h, t + tl, minv, w, sh, kc, q, cap, loss, v, twist, mode, el,
                             events, count, work)
             joint = False
+            if count[N_CAPPED] != capped:
+                undecided += 1
         passes += 1
-        watch = passes <= 6 * m + 12
+        watch = passes <= 6 * m + 12 and undecided <= UNDECIDED
         if passes == 6 * m + 13:
             count[N_CAPPED] += 1
         xa = tl / h
