@@ -106,13 +106,16 @@ class Client:
         self.until(lambda: publisher.get_subscription_count() >= 2, f"receivers of {topic}")
         return publisher
 
-    def call(self, kind, name: str):
-        """Response of a service."""
+    def service(self, kind, name: str):
+        """The client of a service that is there; asked for early, where an answer must not wait for the two to find each other."""
         if name not in self._services:
             self._services[name] = self.node.create_client(kind, name)
-        client = self._services[name]
-        self.until(client.service_is_ready, name)
-        asked = []
+        self.until(self._services[name].service_is_ready, name)
+        return self._services[name]
+
+    def call(self, kind, name: str):
+        """Response of a service."""
+        client, asked = self.service(kind, name), []
 
         def answered():
             # again after a while: the server may not know yet where its answers go

@@ -175,6 +175,7 @@ def test_an_emergency_stop_takes_every_order_back(user):
         seen = len(messages)
         return user.until(lambda: len(messages) > seen + 2, "new messages") and messages[-1]
 
+    user.service(Trigger, "/rig/e_stop")  # a shift does not wait for it
     set_to("oil_supply", 4e6, lambda: True)
     set_to("motor", 300.0 * RPM, lambda: user.states[-1].state == RigState.RUNNING)
     # a rig that is not stopped is not reset
