@@ -234,9 +234,16 @@ def test_keys_of_the_terminal_steer_it(domain):
 
 
 @pytest.mark.against_the_clock  # it looks round in the domain for a moment only
-def test_a_second_clock_in_the_domain_is_refused(domain, user):
+def test_a_second_clock_in_the_domain_is_refused_however_late_it_is_seen(domain, user):
     user.node.create_publisher(Clock, "/clock", 10)
-    assert "another node publishes /clock" in Replay(domain, SAMPLE).end(2)
+    assert "another node publishes /clock" in Replay(domain, SAMPLE, "--loop").end(2)
+
+
+def test_a_clock_that_comes_while_it_plays_ends_it(domain, user):
+    replay = Replay(domain, SAMPLE, "--loop")
+    replay.until("subscriptions are connected")
+    user.node.create_publisher(Clock, "/clock", 10)
+    assert "another node publishes /clock" in replay.end(2)
 
 
 @pytest.mark.parametrize("arguments, sentence", [

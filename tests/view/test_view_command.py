@@ -137,6 +137,6 @@ def test_a_viewer_that_does_not_answer_is_ended_in_time(run, monkeypatch, tmp_pa
     monkeypatch.setattr(picture, "DRIVER_FOLDERS", (str(tmp_path),))
     monkeypatch.setattr(picture, "program", lambda: str(mute))
     with pytest.raises(RigError, match="did not finish within 1 s"):
-        picture.take_picture([run / "view.rrd"], tmp_path / "x.png", longest=1.0)
+        picture.take_picture(run / "view.rrd", None, tmp_path / "x.png", longest=1.0)
     with pytest.raises(ProcessLookupError):
         os.kill(int((tmp_path / "pid").read_text()), 0)

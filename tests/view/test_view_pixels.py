@@ -18,7 +18,7 @@ from pixels import LONGEST, curve_pixels, dots, image_of, lanes, legend_text, sh
 from rig_nodes.bags.reader import Bag
 from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.main import main
-from rig_nodes.view import layout
+from rig_nodes.view import layout, picture
 from rig_nodes.view.convert import make_view, save_bare_layout
 from rig_nodes.view.pages import SUPPLY, Pages
 from rig_nodes.view.picture import NO_DRIVER, SIZE, HeadlessViewer, software_driver
@@ -44,11 +44,26 @@ def tabs(recorded, tmp_path_factory):
     view, found = make_view(recorded).path, {}
     for tab in TABS:
         save_bare_layout(recorded, None, folder / "tab.rbl", tab)
-        with HeadlessViewer([str(view), str(folder / "tab.rbl")], longest=LONGEST) as viewer:
+        with HeadlessViewer(str(view), folder / "tab.rbl", longest=LONGEST) as viewer:
             whole = image_of(viewer.image())
             views = [(name, image_of(picture)) for name, picture in viewer.views()]
             found[tab] = SimpleNamespace(whole=whole, views=views, reports=viewer.reports())
     return found
+
+
+def test_a_viewer_that_shows_another_layout_than_the_one_given_is_started_again(recorded, tmp_path, monkeypatch):
+    """It opens a recording and a layout at once, and on a busy machine the recording's own layout may come last."""
+    save_bare_layout(recorded, None, tmp_path / "tab.rbl", "other")
+    starts, start = [], picture._start
+
+    def other_way_round_at_first(sources, *arguments):
+        starts.append(sources)
+        return start(sources[::-1] if len(starts) == 1 else sources, *arguments)
+
+    monkeypatch.setattr(picture, "_start", other_way_round_at_first)
+    with HeadlessViewer(str(make_view(recorded).path), tmp_path / "tab.rbl", longest=LONGEST) as viewer:
+        assert {name for name, _ in viewer.views()} == {heading(title, names) for title, names in PLOTS["other"]}
+    assert len(starts) == 2
 
 
 def pictures(tabs, tab, title, names):

@@ -104,7 +104,7 @@ def _draw(args, view: Path, picture: Path) -> None:
     with tempfile.TemporaryDirectory(prefix="rig-view-") as folder:
         layout = Path(folder, "picture.rbl")
         save_bare_layout(args.run, args.window, layout, args.tab)
-        for sentence in take_picture([view, layout], picture):
+        for sentence in take_picture(view, layout, picture):
             print(f"rig: the viewer reports {sentence}", file=sys.stderr)
     print(f"picture: {picture}")
 

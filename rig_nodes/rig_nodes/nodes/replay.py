@@ -228,6 +228,12 @@ class Replay(Node):
         if self.player.paused and time.monotonic() >= self._repeat_at:
             self.tell_time(self.player.clock)
 
+    def refuse_second_clock(self) -> None:
+        """RigError when another node publishes /clock in this domain."""
+        if self.count_publishers(CLOCK_TOPIC) > 1:
+            raise RigError("another node publishes /clock in this ROS domain, and there may be one only; "
+                           "end it, or replay without ROS_DOMAIN_ID in a domain of its own")
+
     def confirm(self) -> None:
         """Wait, with one patience for all, until every receiver has everything."""
         deadline = time.monotonic() + PATIENCE
@@ -305,9 +311,7 @@ class Session:
                 for topic in missing:
                     self.say(f"a receiver of {topic} asks for another quality of service and gets nothing")
                 break
-        if node.count_publishers(CLOCK_TOPIC) > 1:
-            raise RigError("another node publishes /clock in this ROS domain, and there may be one only; "
-                           "end it, or replay without ROS_DOMAIN_ID in a domain of its own")
+        node.refuse_second_clock()
         self.say(f"{known} subscriptions are connected")
 
     def _play(self, node: Replay, outcome: Outcome) -> None:
@@ -324,6 +328,7 @@ class Session:
             if wait > 0.0 or now - listened >= LISTEN:
                 self._listen(node, wait)
                 now = listened = time.monotonic()
+                node.refuse_second_clock()  # one whose first announcements were lost is seen only now
             if not paused:
                 outcome.seconds += now - last
             last = now

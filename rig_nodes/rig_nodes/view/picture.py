@@ -46,14 +46,14 @@ def require_driver() -> Path:
     return driver
 
 
-def take_picture(files: list[Path], picture: Path, size: tuple[int, int] = SIZE,
+def take_picture(view: Path, layout: Path | None, picture: Path, size: tuple[int, int] = SIZE,
                  longest: float = LONGEST) -> list[str]:
-    """Draw a view (and a layout given after it) into a PNG; returns what the viewer reports as sentences.
+    """Draw a view, in a layout of its own or another one, into a PNG; returns what the viewer reports as sentences.
 
     size: width and height [px]. Raises RigError without a software Vulkan driver, when the picture cannot be
     written, and when the viewer does not come to an end within ``longest`` [s].
     """
-    with HeadlessViewer([str(file) for file in files], size, longest) as viewer:
+    with HeadlessViewer(str(view), layout, size, longest) as viewer:
         image = viewer.image()
         reports = viewer.reports()
     try:
@@ -69,34 +69,42 @@ class HeadlessViewer:
     Inside, what the viewer's client (``client``, a rerun ViewerClient) raises becomes RigError.
     """
 
-    def __init__(self, sources: list[str], size: tuple[int, int] = SIZE, longest: float = LONGEST):
-        """sources: files or the address of a live view; size: width and height [px]; longest: for all [s]."""
+    def __init__(self, source: str, layout: Path | None = None, size: tuple[int, int] = SIZE, longest: float = LONGEST):
+        """source: a file, or the address of a live view; layout: one to show it in, in place of its own; size: width and height
+        [px]; longest: for all [s].
+        """
         self.client = None
-        self._sources, self._size, self._longest = sources, size, longest
+        self._sources, self._size, self._longest = [source, *([str(layout)] if layout else [])], size, longest
+        self._layout = layout.read_bytes() if layout else b""
 
     def __enter__(self) -> HeadlessViewer:
         driver = require_driver()
         self._folder = tempfile.TemporaryDirectory(prefix="rig-view-")
-        try:
-            self.process, port = _start(self._sources, self._size, driver, Path(self._folder.name))
-        except BaseException:
-            self._folder.cleanup()
-            raise
+        self.process = None
         # not all calls of the client have a time limit of their own; they fail when the viewer is gone
         self._deadline = time.monotonic() + self._longest
-        self._watchdog = threading.Timer(self._longest, self.process.kill)
+        self._watchdog = threading.Timer(self._longest, self._kill)
         self._watchdog.start()
         try:
-            self._connect(port)
+            laid_out = False
+            while not laid_out:  # the viewer opens both files at once and shows the layout of the later one
+                self._kill()
+                self.process, port = _start(self._sources, self._size, driver, Path(self._folder.name))
+                self._connect(port)
+                laid_out = not self._layout or all(view.view_id.encode() in self._layout for view in self.state().views)
         except BaseException as error:
             self.__exit__(type(error), error, None)
             raise
         return self
 
+    def _kill(self) -> None:
+        if self.process is not None:
+            self.process.kill()
+            self.process.wait()
+
     def __exit__(self, _kind, error, _trace) -> None:
         self._watchdog.cancel()
-        self.process.kill()
-        self.process.wait()
+        self._kill()
         self._folder.cleanup()
         if isinstance(error, (RuntimeError, ValueError, ConnectionError, OSError)) \
                 and not isinstance(error, RigError):
@@ -113,13 +121,8 @@ class HeadlessViewer:
         return self._answer(lambda: self.client.take_screenshot(view))
 
     def views(self, wanted: Callable[[str], bool] = lambda _name: True) -> list[tuple[str, bytes]]:
-        """(name, PNG) of the views with a wanted name; all anew where the viewer changes its views between two pictures."""
-        while True:
-            try:
-                return [(view.name, self.screenshot(view.view_id)) for view in self.state().views if wanted(view.name)]
-            except ConnectionError as error:
-                if "not found" not in str(error):
-                    raise
+        """(name, PNG) of the views with a wanted name."""
+        return [(view.name, self.screenshot(view.view_id)) for view in self.state().views if wanted(view.name)]
 
     def _answer(self, ask):
         while True:
