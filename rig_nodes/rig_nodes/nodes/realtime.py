@@ -83,11 +83,11 @@ class RealTime:
 
     def run(self, step, stop) -> None:
         """Step until ``stop()`` is true at the start of a tick: ticks are never cut."""
+        gc.collect()
+        gc.freeze()  # what start-up made is never scanned again: collections stay far below a sample
         self.real_time_priority = prefer(CLOCK)
         ctypes.CDLL(None).prctl(PR_SET_TIMERSLACK, 1000, 0, 0, 0)  # ns; 50 us otherwise
         sys.setswitchinterval(0.0002)
-        gc.collect()
-        gc.freeze()  # what start-up made is never scanned again: collections stay far below a sample
         period, per_tick, tick_ns = self.period_ns, self.per_tick, self.period_ns * self.per_tick
         clock, sleep = time.monotonic_ns, time.sleep
         due, count, last, behind = clock(), 0, 0, False

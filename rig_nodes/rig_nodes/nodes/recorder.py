@@ -255,6 +255,8 @@ def work(process) -> None:
     """Record until told to stop, then take in what is on its way."""
     arguments = process.arguments
     (topics, wanted), choice = topics_of(arguments), TopicChoice(arguments.topics, arguments.exclude)
+    for name in wanted:
+        installed(topics[name].ros_type)  # made now: with the first messages it would keep a user's controller waiting
     with BagWriter(arguments.out, arguments.name, arguments.piece, topics) as writer:
         process.status("recording")
         sys.setswitchinterval(0.0005)  # callbacks do not wait long for the writer
