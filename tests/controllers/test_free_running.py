@@ -156,7 +156,7 @@ def late(exact, tmp_path_factory):
 
 
 @pytest.mark.against_the_clock
-@pytest.mark.parametrize("kind", ["virtual", "udp_multicast", "modbus", "ros"])
+@pytest.mark.parametrize("kind", [pytest.param("virtual", marks=pytest.mark.campaign), "udp_multicast", "modbus", "ros"])
 def test_every_metric_is_as_the_stated_delay_makes_it(exact, example, late, tmp_path, request, kind):
     """docs/can.md, docs/modbus.md, docs/ros_controller.md: one sample later than in lockstep, and later where the
     machine is busy, for either valve by itself. What setpoints so late do in lockstep is the range for every metric."""

@@ -66,7 +66,10 @@ def test_a_killed_controller_brings_the_safe_state_within_100_ms(tmp_path):
     traces.wait_gone()
 
 
-@pytest.mark.parametrize("module, name", [("rig_container", "container"), ("recorder", "recorder")])
+@pytest.mark.parametrize("module, name", [
+    ("rig_container", "container"),
+    pytest.param("recorder", "recorder", marks=pytest.mark.campaign),  # test_restart.py kills one, and again
+])
 def test_another_killed_process_ends_the_run_with_its_name(tmp_path, module, name):
     run = RigRun(tmp_path / "run")
     run.until(IN_GEAR)
