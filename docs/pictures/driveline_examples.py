@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Draws driveline_1.svg and so on, beside itself, by running the examples of docs/driveline_examples.md as they stand there."""
+"""Draws driveline_1.svg and so on, beside itself, by running the examples of docs/how_to/driveline_examples.md as they stand there."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from rig_nodes.validation.figures import Figure, Series
 
 HERE = Path(__file__).parent
-PAGE = HERE.parent / "driveline_examples.md"
+PAGE = HERE.parent / "how_to" / "driveline_examples.md"
 POINTS = 500  # of a line, about
 
 
@@ -23,7 +23,7 @@ def examples() -> list[tuple[str, str, str]]:
     first, *parts = re.split(r"^## ", page, flags=re.MULTILINE)
     imports = re.search(r"```python\n(.*?)```", first, re.DOTALL).group(1)
     return [(part.splitlines()[0], imports + re.search(r"```python\n(.*?)```", part, re.DOTALL).group(1),
-             re.search(r"!\[.*\]\(pictures/(.*)\)", part).group(1)) for part in parts]
+             re.search(r"!\[.*\]\(../pictures/(.*)\)", part).group(1)) for part in parts]
 
 
 def left_by(code: str) -> dict:

@@ -3,7 +3,7 @@
 
 """`ros2 launch rig_nodes rig_launch.py`: the rig in real time as nodes of the terminal's ROS domain.
 
-Needs a ROS 2 Jazzy with its launch package (docs/ros2.md), as `./rig run` does not. Numerics stay out of here: the
+Needs a ROS 2 Jazzy with its launch package (docs/how_to/ros2.md), as `./rig run` does not. Numerics stay out of here: the
 Python of `ros2` may be another one than that of the nodes, with ruamel.yaml but without what pip installs.
 """
 
@@ -45,7 +45,7 @@ ARGUMENTS = (
     ("out", "", "new or empty folder for bag, report and logs; empty: runs/<sequence>-<n>"),
     ("seed", "1", "seed of the transducers' noise and errors"),
     ("controller", "", "your controller in place of the Alfa46: python:FILE.py:CLASS, c:FILE.c, ros:NAME or another "
-                       "of docs/controllers.md; not for a bench"),
+                       "of docs/how_to/controllers.md; not for a bench"),
     ("delay", "1", "samples of 1 ms from a measurement to the effect of the controller's answer to it"),
     ("topics", "", "regular expression: beside the rig's own topics, record only those whose whole name matches; empty: "
                    "every topic of the ROS domain"),

@@ -3,7 +3,7 @@
 
 """How time is cut, the same for every rig: controller sample, graph tick, logger row, and the age that trips.
 
-Used by whoever counts time in them; docs/architecture.md says what each is for.
+Used by whoever counts time in them; docs/background/architecture.md says what each is for.
 """
 
 SAMPLE_NS = 1_000_000  # controller sample; commands apply on its boundaries

@@ -16,7 +16,7 @@ from rig_nodes.analysis.energy import balance, clutch_heat, energies_of
 from rig_nodes.analysis.engagement import engagement_metrics
 from rig_nodes.analysis.logger_csv import parse_orders
 from rig_nodes.analysis.metrics import Recording, shifts
-from rig_nodes.analysis.truth import states_of, truth_of
+from rig_nodes.analysis.plant_states import states_of, metrics_of_states
 from rig_nodes.analysis.uncertainty import Instrument, uncertainty
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
@@ -108,7 +108,7 @@ def test_the_plants_states_are_read_of_every_clutch():
     bag = FakeBag(None, {topic: [(round(now * 1e9), SimpleNamespace(**one)) for now, one in zip(t, ones)]
                          for topic, ones in messages.items()})
     row = only(ThreeSpeedShift(1, 2).recording()) | {"t_o_s": None}
-    truth = truth_of(states_of(bag, BOX), row, None, BOX)
+    truth = metrics_of_states(states_of(bag, BOX), row, None, BOX)
     assert truth["t_lock_s"] == pytest.approx(0.6, abs=0.006), "C1, which stays, does not count"
     assert truth["heat_c2_j"] == pytest.approx(60.0, abs=1.0) and truth["heat_c1_j"] == truth["heat_b1_j"] == 0.0
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How far a run with devices cut out is from the same run without: the table of docs/cuts.md.
+"""How far a run with devices cut out is from the same run without: the table of docs/how_to/cuts.md.
 
     .venv/bin/python tests/benchmarks/cut_errors.py [SEQUENCE]
 """

@@ -420,7 +420,7 @@ void small_terminate(RT_MODEL_small_T *const small_M) { (void)small_M; }
 
 def test_the_rt_model_form_of_the_page_is_taken(tmp_path, config):
     """Reusable code of GRT: a constructor, and functions with the model structure; the shim's lines are the page's."""
-    page = (Path(__file__).parents[2] / "docs" / "controllers.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "how_to" / "controllers.md").read_text(encoding="utf-8")
     (shim,) = [block for block in re.findall(r"```c\n(.*?)```", page, re.S) if "RT_MODEL_your_model_T" in block]
     shim = shim.replace("your_model", "small")
     shutil.copy(EXAMPLES / "rig_record.h", tmp_path)

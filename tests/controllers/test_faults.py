@@ -3,7 +3,7 @@
 
 """Each way in which a controller can fail, as a person meets it: its sentence, exit code and the safe state.
 
-The table of docs/controllers.md names these tests; what the graph does is in tests/graph/test_controller_process.py.
+The table of docs/how_to/controllers.md names these tests; what the graph does is in tests/graph/test_controller_process.py.
 """
 
 import json
@@ -231,7 +231,7 @@ def test_a_controller_by_its_own_clock_that_fails(made, told, simulate, config, 
 
 
 @pytest.mark.parametrize("row", [
-    line for line in (Path(__file__).parents[2] / "docs" / "controllers.md").read_text(encoding="utf-8").splitlines()
+    line for line in (Path(__file__).parents[2] / "docs" / "how_to" / "controllers.md").read_text(encoding="utf-8").splitlines()
     if line.startswith("| ") and re.search(r"`test_\w+`", line)
 ])
 def test_the_page_names_tests_that_there_are(row):

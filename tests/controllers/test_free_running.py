@@ -37,11 +37,11 @@ from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import advance_with, ask_controller, give_answer, simulate
-from rig_nodes.testbench.timed import RigStatus
+from rig_nodes.testbench.rig_base import RigStatus
 
 from .conftest import MULTICAST, multicast_works
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[2] / "docs" / "how_to"
 RPM = 0.10471975511965977
 
 
@@ -158,7 +158,7 @@ def late(exact, tmp_path_factory):
 @pytest.mark.against_the_clock
 @pytest.mark.parametrize("kind", [pytest.param("virtual", marks=pytest.mark.campaign), "udp_multicast", "modbus", "ros"])
 def test_every_metric_is_as_the_stated_delay_makes_it(exact, example, late, tmp_path, request, kind):
-    """docs/can.md, docs/modbus.md, docs/ros_controller.md: one sample later than in lockstep, and later where the
+    """docs/how_to/can.md, docs/how_to/modbus.md, docs/how_to/ros_controller.md: one sample later than in lockstep, and later where the
     machine is busy, for either valve by itself. What setpoints so late do in lockstep is the range for every metric."""
     if kind == "udp_multicast" and (why := multicast_works()):
         pytest.skip(why)
@@ -243,7 +243,7 @@ def test_of_a_controller_that_disappears_nothing_is_held_after_100_ms(config, ex
     # another one may take its place
     example(kind, controller.place)
     rig.reset()
-    plug.let_go()
+    plug.force_neutral()
     for _ in range(2000):  # as the graph does it: before the first command nothing trips
         sample, answer = rig.sample, ask_controller(rig, plug)
         rig.advance_samples(1)

@@ -24,7 +24,7 @@ from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.simulate import advance_with
-from rig_nodes.testbench.timed import RigStatus
+from rig_nodes.testbench.rig_base import RigStatus
 
 RPM = 0.10471975511965977
 ETC1, ETC2 = 61442, 61445

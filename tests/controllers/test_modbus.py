@@ -16,7 +16,7 @@ from rig_nodes.controllers.can_bus import open_bus
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.simulate import advance_with
-from rig_nodes.testbench.timed import RigStatus
+from rig_nodes.testbench.rig_base import RigStatus
 
 from .test_free_running import free_port
 

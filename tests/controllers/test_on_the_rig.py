@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plugged controllers on the rig: both levels, failures, and docs/controllers.md word by word."""
+"""Plugged controllers on the rig: both levels, failures, and docs/how_to/controllers.md word by word."""
 
 import json
 import re
@@ -21,11 +21,11 @@ from rig_nodes.errors import RigError
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import advance_with, simulate
-from rig_nodes.testbench.timed import RigStatus
+from rig_nodes.testbench.rig_base import RigStatus
 
 from .conftest import PYTHON
 
-DOCS = Path(__file__).parents[2] / "docs" / "controllers.md"
+DOCS = Path(__file__).parents[2] / "docs" / "how_to" / "controllers.md"
 RUNNING = """
 description: first gear at 300 rpm, then on
 ready: {timeout: 1 s}
@@ -145,7 +145,7 @@ def test_after_a_reset_a_clutch_is_clamped_only_when_it_is_ordered_anew(config, 
     moved(300)
     rig.reset()
     assert moved(500) == (RigStatus.STARTING, False, False), "a controller that has not heard of it asks in vain"
-    plug.let_go()
+    plug.force_neutral()
     assert moved(1500) == (RigStatus.READY, False, False) and plug.gear == 0  # the release takes 1.25 s
     plug.order(1)
     assert moved(1000) == (RigStatus.READY, True, True)
@@ -153,7 +153,7 @@ def test_after_a_reset_a_clutch_is_clamped_only_when_it_is_ordered_anew(config, 
     plug.order(2)
     moved(100)
     rig.e_stop()
-    plug.let_go()
+    plug.force_neutral()
     moved(5)
     rig.reset()
     moved(3000)
@@ -330,7 +330,7 @@ def test_a_controller_that_only_says_that_it_shifts_fails_a_strict_run_and_no_ot
 
 
 def doc_block(language):
-    """The first block of a language in docs/controllers.md."""
+    """The first block of a language in docs/how_to/controllers.md."""
     return re.search(rf"```{language}\n(.*?)```", DOCS.read_text(encoding="utf-8"), re.S)[1]
 
 
@@ -347,7 +347,7 @@ def test_the_first_shift_page_works_as_it_is_written(kind, page, count, tmp_path
     if kind == "ROS":
         request.getfixturevalue("ros_domain")
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "rig_nodes").symlink_to(DOCS.parents[1] / "rig_nodes")
+    (tmp_path / "rig_nodes").symlink_to(DOCS.parents[2] / "rig_nodes")
     if kind in ("Python", "C"):
         suffix = {"Python": "py", "C": "c"}[kind]
         Path(f"my_controller.{suffix}").write_text(doc_block(kind.lower()))

@@ -16,7 +16,7 @@ from rig_nodes.controllers import ControllerFailed, Status, load_controller
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.simulate import advance_with
-from rig_nodes.testbench.timed import RigStatus
+from rig_nodes.testbench.rig_base import RigStatus
 
 from .conftest import C_FRAME, ask
 

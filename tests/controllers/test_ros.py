@@ -29,7 +29,7 @@ from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import advance_with, simulate
-from rig_nodes.testbench.timed import RigStatus
+from rig_nodes.testbench.rig_base import RigStatus
 
 from .conftest import ask
 from .test_thesis_trace import SETTINGS, currents_are_those_of_the_thesis
@@ -445,7 +445,7 @@ def test_free_running_nobody_waits_and_silence_is_the_safe_state(config, ros_pro
 
 
 def test_the_description_in_the_words_of_ros2_control_names_fields_that_there_are():
-    text = (Path(__file__).parents[2] / "docs" / "ros_controller.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "how_to" / "ros_controller.md").read_text(encoding="utf-8")
     description = ElementTree.fromstring(re.search(r"```xml\n(.*?)```", text, re.S)[1])
     fields = [(parent.tag, param.text) for parent in description.iter()
               for param in parent.iterfind("param[@name='field']")]

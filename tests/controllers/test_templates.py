@@ -21,7 +21,7 @@ from rig_nodes.controllers.templates import HERE, KINDS
 
 from .conftest import multicast_works
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[2] / "docs" / "how_to"
 
 PYTHONS = ("python3", ".venv/bin/python")
 OWN_CLOCK = ("can", "modbus")  # nobody starts them with a run

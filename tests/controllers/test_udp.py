@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from rig_nodes.bags.reader import Bag
-from rig_nodes.cli.what_to_run import step_timeout
+from rig_nodes.cli.run_arguments import step_timeout
 from rig_nodes.controllers import ControllerFailed, ControllerOutputs, Status, load_controller
 from rig_nodes.controllers.examples.alfa46 import Alfa46
 from rig_nodes.controllers.udp_frames import (
@@ -38,7 +38,7 @@ from rig_nodes.errors import RigError
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import advance_with, simulate
-from rig_nodes.testbench.timed import RigStatus
+from rig_nodes.testbench.rig_base import RigStatus
 
 from .conftest import ALFA46_C, C_FRAME, CONTROLLERS, EXAMPLES, INCLUDE, SANITIZE, STRICT, ask
 
@@ -520,7 +520,7 @@ int main(void) {
 
 
 def test_the_page_says_the_kinds_and_their_bytes():
-    page = (Path(__file__).parents[2] / "docs" / "udp.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "how_to" / "udp.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| (\d) [A-Z]+ \|.*\| (\d+)[^|]*\|$", page, re.M)
     sizes = {kind: HEADER.size + body.size for kind, body in BODIES.items()}
     assert {int(kind): int(size) for kind, size in rows} == sizes

@@ -4,7 +4,7 @@
 """Every lockstep plug on the graph: the bits of `simulate` at any speed, and with its process stopped as in a debugger.
 
 The short test runs always; the whole matrix on demand: `./rig test -m campaign tests/graph/test_plug_speeds.py` prints
-the factors that docs/controllers.md shows.
+the factors that docs/how_to/controllers.md shows.
 """
 
 import contextlib

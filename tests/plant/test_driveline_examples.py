@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The examples of docs/driveline_examples.md run as they stand, in at most 30 lines each, and have their pictures."""
+"""The examples of docs/how_to/driveline_examples.md run as they stand, in at most 30 lines each, and have their pictures."""
 
 import importlib.util
 from pathlib import Path

@@ -4,7 +4,7 @@
 
 """Release check: the README's commands, as an unprivileged user, in a Debian root made for it a minute ago.
 
-Run by hand or by a release job, as root (docs/release.md). Packages and commands are read from the README of
+Run by hand or by a release job, as root (docs/how_to/release.md). Packages and commands are read from the README of
 the commit that is checked. Exit code 0: all commands passed; 1: one failed; 2: the check could not be made.
 Standard library only. Mounts and processes live in namespaces of their own, so the kernel ends them with the
 script, however that ends; nothing has to be unmounted.

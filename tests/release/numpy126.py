@@ -5,7 +5,7 @@
 """Release check with numpy 1.26, the one of Ubuntu 24.04: the locked packages but the viewer, demo, tests.
 
 Standard library only. Makes a copy of the checkout with an environment of its own in a temporary folder and
-compares what `rig simulate demo` writes there with what the checkout's writes. See docs/release.md.
+compares what `rig simulate demo` writes there with what the checkout's writes. See docs/how_to/release.md.
 """
 import argparse
 import hashlib

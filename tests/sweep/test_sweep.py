@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rig_nodes.cli import what_to_run
+from rig_nodes.cli import run_arguments
 from rig_nodes.cli.main import main, run_verb
 from rig_nodes.errors import RigError
 from rig_nodes.sweep.plan import make_plan
@@ -174,6 +174,6 @@ def test_a_controller_that_a_sweep_cannot_run_is_refused_at_once(tmp_path, capsy
 
 
 def test_a_sweep_takes_the_delays_that_simulate_takes():
-    assert MOST_DELAY == what_to_run.MOST_DELAY
+    assert MOST_DELAY == run_arguments.MOST_DELAY
     with pytest.raises(RigError, match=f"delay is {MOST_DELAY + 1}, expected 0 to {MOST_DELAY} samples"):
         plugged_of(None, None, MOST_DELAY + 1)

@@ -14,8 +14,8 @@ from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.record import record
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.testbench.timed import RigStatus
-from rig_nodes.testbench.together import check_together
+from rig_nodes.testbench.rig_base import RigStatus
+from rig_nodes.testbench.cross_checks import cross_check
 
 RPM = np.pi / 30.0
 VACUUM = -0.1013e6
@@ -138,7 +138,7 @@ def run_drawn(seed):
         config = config.replaced(**{part: dataclasses.replace(getattr(config, part), **{field: value})})
     said = {f"{part}.{field}": value for (part, field), value in values.items()}
     try:
-        check_together(config, lambda keys: "")
+        cross_check(config, lambda keys: "")
         rig = Rig(config)
     except RigError:
         return None

@@ -48,8 +48,8 @@ def test_the_catalogue_of_the_laboratorys_rig_has_its_names():
 
 
 def test_the_signals_page_is_what_the_catalogue_says():
-    assert (ROOT / "docs" / "signals.md").read_text() == markdown(), \
-        "run: ./rig list signals --markdown > docs/signals.md"
+    assert (ROOT / "docs" / "reference" / "signals.md").read_text() == markdown(), \
+        "run: ./rig list signals --markdown > docs/reference/signals.md"
 
 
 @pytest.mark.parametrize("rig", RIGS)

@@ -18,7 +18,7 @@ from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
-from rig_nodes.testbench.timed import RigStatus
+from rig_nodes.testbench.rig_base import RigStatus
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from cut_errors import CASES, errors, settings, shifts  # noqa: E402
@@ -26,7 +26,7 @@ from cut_errors import CASES, errors, settings, shifts  # noqa: E402
 SHORT = Path(__file__).resolve().parents[1] / "graph" / "short.yaml"
 TICKS = ("1 ms", "5 ms")
 # the symmetrical optimum, J / (2 T), for the drive's 3.3 ms and a tick and a half of 5 ms: the loop that a drive behind such a
-# cut can have; with the calibrated gains it swings (docs/cuts.md)
+# cut can have; with the calibrated gains it swings (docs/how_to/cuts.md)
 GAINS = {"1 ms": {}, "5 ms": {"motor.speed_gain": "32.8 Nm s/rad", "motor.speed_gain_integral": "760 Nm/rad"}}
 
 

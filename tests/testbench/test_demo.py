@@ -41,7 +41,7 @@ def demo(tmp_path_factory):
 
 
 def test_both_shifts_are_complete_and_without_a_deep_dip(demo):
-    """The upshift dips a little where the laboratory's did not (docs/validation.md)."""
+    """The upshift dips a little where the laboratory's did not (docs/reference/validation.md)."""
     _, report = demo
     assert [(s["from_gear"], s["to_gear"]) for s in report["shifts"]] == [(1, 2), (2, 1)]
     for shift, lowest in zip(report["shifts"], (0.8, 0.95)):

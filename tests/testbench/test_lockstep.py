@@ -9,7 +9,7 @@ import pytest
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.timed import RigStatus
+from rig_nodes.testbench.rig_base import RigStatus
 
 
 def shift_up(config, chunks, seed=1):

@@ -15,7 +15,7 @@ import pytest
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.timed import Tripped
+from rig_nodes.testbench.rig_base import Tripped
 from rig_nodes.tune.bench import Bench, Point
 from rig_nodes.validation.calibrate import CALIBRATION_FILE, load_stages, search
 from rig_nodes.validation.calibration_rows import Miss

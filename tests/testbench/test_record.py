@@ -62,16 +62,16 @@ def test_rows_orders_and_events_are_those_of_the_bag(tmp_path, config, text, sta
 def test_the_truth_stands_beside_the_rows(tmp_path, config):
     sequence = written(tmp_path, WAITS)
     config = with_overrides(config, {"effects.transducers": "off"})  # an encoder cuts its speed into steps
-    plain, run = record(config, sequence), record(config, sequence, truth=("s1_slip", "motor_torque"))
+    plain, run = record(config, sequence), record(config, sequence, plant_states=("s1_slip", "motor_torque"))
     channels = run.recording.channels
     assert all(np.array_equal(values, plain.recording.channels[name]) for name, values in channels.items())
     # wheel z3 on w0 less the intermediate shaft on wk
     slip = 34.0 / 47.0 * channels["n_wej"] - channels["n_wyj"]
-    assert run.truth["s1_slip"].shape == slip.shape and np.abs(slip).max() > 5.0
-    assert np.abs(run.truth["s1_slip"] - slip)[::10].max() < 1e-9, "in the first row of each millisecond"
-    assert len(np.unique(run.truth["motor_torque"][20_000:20_010])) == 1 and run.truth["motor_torque"].max() > 5.0
+    assert run.plant_states["s1_slip"].shape == slip.shape and np.abs(slip).max() > 5.0
+    assert np.abs(run.plant_states["s1_slip"] - slip)[::10].max() < 1e-9, "in the first row of each millisecond"
+    assert len(np.unique(run.plant_states["motor_torque"][20_000:20_010])) == 1 and run.plant_states["motor_torque"].max() > 5.0
     with pytest.raises(RigError, match="p1: only signals of state topics"):
-        record(config, sequence, truth=("p1",))
+        record(config, sequence, plant_states=("p1",))
 
 
 def test_the_seed_is_that_of_the_noise(tmp_path, config):

@@ -239,7 +239,7 @@ def test_chapter_8_is_judged_by_what_the_bench_measured():
         target = next(one for one in programme.choose([name]) if one.id == name)
         return evaluate(target, [r for r in records if target.quantity in r.values])
 
-    # thesis over Osinski for 46x88.9 with 18 surfaces at a product of 0.00696: docs/friction_models.md
+    # thesis over Osinski for 46x88.9 with 18 surfaces at a product of 0.00696: docs/background/friction_models.md
     assert judged("bench_46x88_9_k_kor_osinski").value == pytest.approx(1.60, rel=0.005)
     assert judged("bench_46x88_9_k_kor").verdict == "inside"
     miss = judged("bench_50x76_n10_error")

@@ -68,7 +68,7 @@ class Alfa46:
         law.law_step(sample, self._currents, self._config[0], self._profiles, self._outputs, self._state[0])
         return self._outputs["duty"], self._outputs["setpoint"]
 
-    def let_go(self) -> None:
+    def force_neutral(self) -> None:
         """Neutral at once, without the falling halves of the profiles: the rig has tripped and drives no coil."""
         self._outputs[:] = np.zeros(1, law.LAW_OUTPUT)
         self._state["gear"], self._state["shift_end"] = law.NEUTRAL, 0

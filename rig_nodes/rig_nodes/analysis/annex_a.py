@@ -4,7 +4,7 @@
 """The recipe of the laboratory's own program (thesis Annex A) on one shift, beside the plain definitions of metrics.
 
 Used by `rig report --annex-a` and the validation. Thresholds, search windows, factors and 3.14 are the printed ones,
-with the misprints that change a result; docs/analysis.md lists them.
+with the misprints that change a result; docs/background/analysis.md lists them.
 """
 
 from __future__ import annotations

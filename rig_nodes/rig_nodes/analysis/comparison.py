@@ -9,7 +9,7 @@ Used by analysis.report; formats only.
 from __future__ import annotations
 
 from ..transmission import Transmission
-from .truth import WHY_NOT
+from .plant_states import WHY_NOT
 
 
 def annex_lines(columns, names: list[str], rows: list[dict], annex: dict) -> list[str]:

@@ -28,7 +28,7 @@ CONTACT = 20e-3  # s just before and just after contact whose growths of pressur
 SHAPE_MEAN = 5e-3  # s: whole periods of a PWM of 200 Hz and more, and of a 2 ms hum to half a period
 GRID = 1e-3  # s between the values in which level stretches are looked for
 
-# A level stretch (docs/analysis.md): all shares are of the whole rise, from rest to end pressure.
+# A level stretch (docs/background/analysis.md): all shares are of the whole rise, from rest to end pressure.
 LEVEL_SLOPE = 0.1  # its slope is at most this share of the mean slope of the rise
 LEVEL_SWING = 0.02  # it swings by at most this share, or by what the noise swings
 LEVEL_BELOW = 0.8  # it lies below this share, with a regulation after it, and above the rest by more than the
@@ -56,7 +56,7 @@ def engagement_metrics(recording: Recording, order: tuple[float, int, int],
     Values are SI (rad/s, Pa, Nm); times count from the order. What cannot be found is None, with its reason in ``why``.
 
     engagement_s: from the first rise of the clutch's pressure to slip (6.85) below 0.01 % (7.3.2), to which is added
-    what the encoders show for the closed clutch (docs/analysis.md). engagement_peak_nm: highest input torque (mean over 2 ms)
+    what the encoders show for the closed clutch (docs/background/analysis.md). engagement_peak_nm: highest input torque (mean over 2 ms)
     in that time. m_wej_mean_nm: 0.2 to 0.5 s after it, or as far as there is. p_kiss: pressure where the output torque (the
     input's where that does not grow) begins to rise clearly. fill: from the first rise to contact or to the hold phase,
     whichever is first; fill_r2 of the straight line through it. growth_fill, growth_contact: growth of pressure [Pa]

@@ -21,13 +21,13 @@ from ..bags.reader import NOTHING, UNREADABLE
 from ..bags.rig_record import rig_record, says_rig
 from ..errors import RigError, printable
 from ..transmission import NEUTRAL, Transmission, transmission_of
-from ..whole_file import write_whole
+from ..atomic_write import atomic_write
 from .annex_a import shifts_annex_a
 from .comparison import annex_lines, truth_lines
 from .energy import balance, clutch_heat, energies_of
 from .metrics import RPM, Recording, shifts
 from .no_change import measured, measured_lines
-from .truth import states_of, truth_of
+from .plant_states import states_of, metrics_of_states
 from .uncertainty import Instrument, instruments_of, uncertainty
 
 REPORT_FILE = "report.json"
@@ -185,7 +185,7 @@ def basis_of(record: Mapping, box: Transmission, instruments: dict[str, Instrume
 def _truth(bag, rows: list[dict], box: Transmission) -> list[dict | None]:
     states = states_of(bag, box)
     ends = [row["t_order_s"] for row in rows[1:]] + [None]
-    return [None if states is None else truth_of(states, row, end, box) for row, end in zip(rows, ends)]
+    return [None if states is None else metrics_of_states(states, row, end, box) for row, end in zip(rows, ends)]
 
 
 def _assembled(run: dict, problems: list[str], metrics: dict, energy: dict) -> dict:
@@ -247,7 +247,7 @@ def write_report(folder: str | Path, report: dict) -> Path:
     Written beside and then renamed: a reader finds the old report or the new one, never half of one.
     """
     path = Path(folder) / REPORT_FILE
-    write_whole(path, json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    atomic_write(path, json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
     return path
 
 

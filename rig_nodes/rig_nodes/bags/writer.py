@@ -17,7 +17,7 @@ from pathlib import Path
 from .. import __version__
 from ..catalogue import Topic, installed_topics
 from ..errors import RigError, not_written
-from ..whole_file import write_whole
+from ..atomic_write import atomic_write
 from . import metadata
 from .cdr import exact
 from .definitions import Definition, installed
@@ -203,4 +203,4 @@ class BagWriter:
         self._writer.finish()
         self._file.close()
         # whole or not at all: a folder with metadata.yaml holds a finished bag
-        write_whole(self.folder / "metadata.yaml", metadata.metadata_file(information))
+        atomic_write(self.folder / "metadata.yaml", metadata.metadata_file(information))

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The numbers of ``rig bench`` as tables, on the terminal and in docs/performance.md.
+"""The numbers of ``rig bench`` as tables, on the terminal and in docs/reference/performance.md.
 
-The prose of docs/performance.md stands here; its numbers come from one run of ``rig bench --write-docs``.
+The prose of docs/reference/performance.md stands here; its numbers come from one run of ``rig bench --write-docs``.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ messages. In the first run everything is compiled, by two processes.""",
     "graph": """\
 `./rig run demo --speed max`: all nodes, every topic published on DDS and recorded; `speed_factor` of its report.""",
     "controllers": """\
-One step of the reference controller through each plug ([controllers.md](controllers.md)), by the clock on the wall.""",
+One step of the reference controller through each plug ([controllers.md](../how_to/controllers.md)), by the clock on the wall.""",
     "scaling": """\
 One run in gear, second by second: neither the cost nor the memory may grow with its length. What fades for ever (a
 coil's current, a line's pressure) is zero below 1e-200, because denormal numbers slowed a run down by a fifth after
@@ -156,7 +156,7 @@ def lines(part: str, result) -> list[str]:
 
 
 def document(results: dict) -> str:
-    """docs/performance.md of one run of all parts."""
+    """docs/reference/performance.md of one run of all parts."""
     parts = [_INTRO.format(machine=machine_line(results["machine"]))]
     for part, title in TITLES.items():
         prose = _PROSE[part]
@@ -167,10 +167,10 @@ def document(results: dict) -> str:
 
 
 def write_document(results: dict) -> Path:
-    """Write docs/performance.md of the checkout; RigError where there is no checkout."""
+    """Write docs/reference/performance.md of the checkout; RigError where there is no checkout."""
     docs = Path(__file__).resolve().parents[3] / "docs"
-    if not (docs / "physics.md").is_file():
+    if not (docs / "background" / "physics.md").is_file():
         raise RigError(f"there is no docs/ of a checkout at {docs}; --json writes the numbers from anywhere")
-    path = docs / "performance.md"
+    path = docs / "reference" / "performance.md"
     path.write_text(document(results), encoding="utf-8")
     return path

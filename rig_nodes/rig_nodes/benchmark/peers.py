@@ -5,7 +5,7 @@
 
 Used by ``rig bench peers``. A tool is a function that gives candidates: (way, setting, call -> lock-up time [s]), what
 is built once outside the call. All candidates are measured and the cheapest that is exact enough speaks for its tool,
-so a tool cannot be shown at less than the best of them. Why these: docs/performance.md.
+so a tool cannot be shown at less than the best of them. Why these: docs/reference/performance.md.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ def add_arguments(parser) -> None:
     parser.add_argument("--repeats", type=int, default=5, metavar="N", help="the fastest of so many runs counts")
     parser.add_argument("--json", metavar="FILE", help="write the numbers as JSON; - for stdout, without tables")
     parser.add_argument("--write-docs", action="store_true",
-                        help="write docs/performance.md of the checkout (all parts)")
+                        help="write docs/reference/performance.md of the checkout (all parts)")
 
 
 def main(args) -> int:
@@ -32,7 +32,7 @@ def main(args) -> int:
         raise RigError("--write-docs writes about all parts of one run; without naming parts")
     from ..benchmark.document import TITLES, lines, machine_line, write_document
     from ..benchmark.machine import machine
-    from .written import check_json, write_json
+    from .json_output import check_json, write_json
 
     check_json(args.json)
     line, results = ProgressLine(), {"machine": machine()}

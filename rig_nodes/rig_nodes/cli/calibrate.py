@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="then what it costs to mend each of two rows that pull against each other (minutes)")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes (default 2)")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the search (default 1)")
-    parser.epilog = "What may change, and how far, stands in calibration.yaml: docs/rigs.md."
+    parser.epilog = "What may change, and how far, stands in calibration.yaml: docs/how_to/rigs.md."
 
 
 def main(args: argparse.Namespace) -> int:
@@ -44,7 +44,7 @@ def main(args: argparse.Namespace) -> int:
     from ..validation.calibration_rows import ROWS
     from ..validation.own_calibration import own_calibration
     from ..validation.trade_off import trade_offs
-    from .written import check_json, write_json
+    from .json_output import check_json, write_json
 
     check_json(args.json)
     for name, least in (("generations", 0), ("starts", 0), ("jobs", 1)):

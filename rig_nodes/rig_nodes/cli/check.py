@@ -23,7 +23,7 @@ def main(args) -> int:
     from ..testbench.configuration import load_rig
     from ..testbench.plan import plan_of
     from ..testbench.sequence import load_sequence
-    from ..whole_file import write_whole
+    from ..atomic_write import atomic_write
 
     config = load_rig(args.rig)
     plan_of(config)  # what joins devices that only the engine knows
@@ -38,7 +38,7 @@ def main(args) -> int:
     if picture.suffix != ".svg":
         raise RigError(f"--picture {picture}: the picture is an .svg file")
     try:
-        write_whole(picture, driveline_svg(config).encode())
+        atomic_write(picture, driveline_svg(config).encode())
     except OSError as error:
         raise not_written(picture, error) from None
     print(f"wrote {picture}")

@@ -9,7 +9,7 @@ import json
 import re
 
 from ..config.names import DEFAULT_RIG
-from .what_to_run import StepTimeout, step_timeout
+from .run_arguments import StepTimeout, step_timeout
 
 COME = 20.0  # s for a controller of its own program to come
 MARKS = {True: "ok", False: "FAILED", None: "-"}
@@ -22,7 +22,7 @@ def add_arguments(parser) -> None:
 
     verbs = parser.add_subparsers(dest="what", required=True, metavar="WHAT", parser_class=type(parser))
     check = verbs.add_parser("check", help="run a controller through the conformance set", allow_abbrev=False)
-    check.add_argument("spec", metavar="PLUG", help="as for --controller, e.g. c:my_controller.c (docs/controllers.md)")
+    check.add_argument("spec", metavar="PLUG", help="as for --controller, e.g. c:my_controller.c (docs/how_to/controllers.md)")
     check.add_argument("--level", choices=("duty", "current"), help="what it returns, when it knows both")
     check.add_argument("--rig", default=DEFAULT_RIG, metavar="NAME",
                        help=f"rig, its folder or .yaml file (default: {DEFAULT_RIG})")

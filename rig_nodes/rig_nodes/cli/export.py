@@ -93,24 +93,24 @@ def _controller_fmu(args, target: Path, settings: dict[str, str]) -> None:
 
 def _dbc(args, target: Path, settings: dict[str, str]) -> None:
     from ..controllers.can_database import dbc_text
-    from ..whole_file import write_whole
+    from ..atomic_write import atomic_write
 
-    write_whole(target, dbc_text(_record(args, settings)))
+    atomic_write(target, dbc_text(_record(args, settings)))
 
 
 def _registers(args, target: Path, settings: dict[str, str]) -> None:
     from ..controllers.registers import csv_text, markdown_text
-    from ..whole_file import write_whole
+    from ..atomic_write import atomic_write
 
     text = markdown_text if target.suffix.lower() == ".md" else csv_text
-    write_whole(target, text(_record(args, settings)))
+    atomic_write(target, text(_record(args, settings)))
 
 
 def _record_header(args, target: Path, settings: dict[str, str]) -> None:
     from ..controllers.record_header import header_text
-    from ..whole_file import write_whole
+    from ..atomic_write import atomic_write
 
-    write_whole(target, header_text(_record(args, settings)))
+    atomic_write(target, header_text(_record(args, settings)))
 
 
 def _record(args, settings: dict[str, str]):

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``rig list WHAT``: what is installed, topics, signals, parts; ``--markdown`` writes docs/signals.md and docs/parameters.md.
+"""``rig list WHAT``: what is installed, topics, signals, parts; ``--markdown`` writes docs/reference/signals.md and docs/reference/parameters.md.
 Alone: what it lists.
 """
 
@@ -36,7 +36,7 @@ def add_arguments(parser) -> None:
                                                       f"all); whose devices, settings, topics and signals (default: {DEFAULT_RIG})")
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="for programs")
-    form.add_argument("--markdown", action="store_true", help="signals: docs/signals.md, with the topics; parts: docs/parameters.md")
+    form.add_argument("--markdown", action="store_true", help="signals: docs/reference/signals.md, with the topics; parts: docs/reference/parameters.md")
 
 
 def main(args) -> int:
@@ -157,7 +157,7 @@ def _parts():
 
 
 def parameters() -> str:
-    """docs/parameters.md."""
+    """docs/reference/parameters.md."""
     from ..description.reference import page
 
     return page()
@@ -169,7 +169,7 @@ OF_A_RIG = {"sequences": _of_rigs("sequences"), "procedures": _of_rigs("procedur
 
 
 def markdown() -> str:
-    """docs/signals.md: every topic and every signal of the installed rigs."""
+    """docs/reference/signals.md: every topic and every signal of the installed rigs."""
     from ..clocks import COMMAND_TIMEOUT
 
     kept: dict[str, tuple] = {}  # rig -> its catalogue and those that have the same
@@ -210,9 +210,9 @@ def _page_of(rig: str, known, others: list[str]) -> list[str]:
 
     also = f"; so have {', '.join(f'`{name}`' for name in others)}" if others else ""
     out = [f"## Rig `{rig}`", "", f"{_described(find_config('rigs', rig))}{also}.", "", "Topics:", "", *table(_rows_of(known.topics))]
-    for text, topics in (("Only in a run with `source: topic` for the device ([cuts.md](cuts.md)), once a tick of the cut:",
+    for text, topics in (("Only in a run with `source: topic` for the device ([cuts.md](../how_to/cuts.md)), once a tick of the cut:",
                           known.cut_topics),
-                         ("Only in a run whose controller names signals of its own ([controllers.md](controllers.md)):",
+                         ("Only in a run whose controller names signals of its own ([controllers.md](../how_to/controllers.md)):",
                           known.controller_topics)):
         out += [text, "", *table(_rows_of(topics))] if topics else []
     return [*out, "Setpoints:", "", *table(_setpoint_rows(known)),

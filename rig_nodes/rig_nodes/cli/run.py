@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 
 from ..errors import BagError, RigError, ended_by, printable
-from .what_to_run import above_zero, add_shared_arguments, add_topic_arguments, exit_code
+from .run_arguments import above_zero, add_shared_arguments, add_topic_arguments, exit_code
 
 HELP = "run a sequence on the ROS 2 node graph and record it"
 LIVE_VIEW_END = 2.0  # s that the live view has for its end, after the run's

@@ -9,7 +9,7 @@ import contextlib
 import sys
 
 from ..errors import printable
-from .what_to_run import add_shared_arguments, exit_code
+from .run_arguments import add_shared_arguments, exit_code
 
 HELP = "run a test sequence without ROS traffic, as fast as it goes"
 

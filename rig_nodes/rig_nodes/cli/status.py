@@ -18,7 +18,7 @@ def add_arguments(parser) -> None:
 
 def main(args) -> int:
     """0 whatever the rig does."""
-    from .written import check_json, write_json
+    from .json_output import check_json, write_json
 
     check_json(args.json)
     with running_rig(args) as rig:

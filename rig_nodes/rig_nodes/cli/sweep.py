@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from .progress import ProgressLine
-from .what_to_run import delay
+from .run_arguments import delay
 
 HELP = "run a sequence for many values of its parameters, on all cores or a cluster"
 SHOWN = (("t_dt_s", "t_d ms", 1e3, 0), ("t_c_s", "t_c ms", 1e3, 0), ("m_wej_max_nm", "peak Nm", 1.0, 1),
@@ -42,7 +42,7 @@ def add_arguments(parser) -> None:
     parser.add_argument("--rig", metavar="NAME", help="rig or .yaml file (default: the sequence's own)")
     parser.add_argument("--controller", metavar="SPEC",
                         help="your controller in place of the Alfa46 in all members, one that the rig starts itself: "
-                             "python:, c:, simulink: or fmu: (docs/controllers.md)")
+                             "python:, c:, simulink: or fmu: (docs/how_to/controllers.md)")
     parser.add_argument("--level", choices=("duty", "current"),
                         help="what the controller returns, when it knows both (default: its first)")
     parser.add_argument("--delay", type=delay, metavar="N",

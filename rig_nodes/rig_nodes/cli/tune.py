@@ -55,7 +55,7 @@ def add_arguments(parser) -> None:
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes (default 2)")
     parser.add_argument("--out", metavar="DIR",
                         help="folder (default: runs/tune-<n>); one that holds the same tuning is gone on with")
-    parser.add_argument("--write-docs", action="store_true", help="write the tables of docs/tune.md of the checkout")
+    parser.add_argument("--write-docs", action="store_true", help="write the tables of docs/how_to/tune.md of the checkout")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 
 

@@ -25,7 +25,7 @@ def add_arguments(parser) -> None:
                         help="only rows of these procedures, e.g. grid_up delay_series")
     parser.add_argument("--json", metavar="FILE", help="write rows, summary and versions as JSON; - for stdout")
     parser.add_argument("--pictures", metavar="FOLDER", help="write the figures of chapters 7 to 9 as SVG")
-    parser.add_argument("--write-docs", action="store_true", help="write docs/validation.md of the checkout")
+    parser.add_argument("--write-docs", action="store_true", help="write docs/reference/validation.md of the checkout")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes that run series (default: 2)")
     parser.add_argument("--rig", default=DEFAULT_RIG, metavar="NAME",
                         help=f"rig, its folder or .yaml file: whose validation.yaml (default: {DEFAULT_RIG})")
@@ -67,7 +67,7 @@ def main(args) -> int:
     from ..testbench.configuration import load_gearbox_rig
     from ..testbench.folders import parse_settings
     from ..validation import document, pictures, programme, time_courses
-    from .written import check_json, write_json
+    from .json_output import check_json, write_json
 
     page = _page() if args.write_docs else None
     explanations = document.load_explanations()
@@ -124,7 +124,7 @@ def _own_rows(args, path: Path) -> int:
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_settings
     from ..validation import document, own_rows, programme
-    from .written import check_json, write_json
+    from .json_output import check_json, write_json
 
     settings = parse_settings(args.settings)
     rows = own_rows.chosen(own_rows.load_rows(path, args.rig, load_rig(args.rig, settings)), args.rows)
@@ -143,7 +143,7 @@ def _own_rows(args, path: Path) -> int:
 
 
 def _page() -> Path:
-    """docs/validation.md of the checkout."""
+    """docs/reference/validation.md of the checkout."""
     import rig_nodes
 
     from ..errors import RigError
@@ -151,7 +151,7 @@ def _page() -> Path:
     docs = Path(rig_nodes.__file__).resolve().parents[2] / "docs"
     if not docs.is_dir():
         raise RigError(f"there is no folder {docs}; --write-docs works in a checkout only")
-    return docs / "validation.md"
+    return docs / "reference" / "validation.md"
 
 
 def _make_folder(name: str) -> None:

@@ -120,7 +120,7 @@ def _free_port() -> int:
 
 
 def controllers_table(config: RigConfig, steps: int = STEPS) -> list[Cost]:
-    """The cost of every plug, in the order of docs/controllers.md."""
+    """The cost of every plug, in the order of docs/how_to/controllers.md."""
     return [measure(case, config, steps) for case in CASES]
 
 

@@ -4,7 +4,7 @@
 """A CAN bus of UDP multicast packets on this machine's loopback: python-can's udp_multicast, bound to nothing else.
 
 python-can's own bus listens on every address of the machine and joins the group on the network of the default route.
-The packets are the same, so whoever of its programs is on loopback too (docs/can.md) is on the same bus. Used by the
+The packets are the same, so whoever of its programs is on loopback too (docs/how_to/can.md) is on the same bus. Used by the
 plug and by controllers on this machine; it imports nothing of the rig.
 """
 

@@ -40,7 +40,7 @@ MESSAGE = 4096  # bytes of a message or of a line that are shown
 
 
 class ControllerFmu(Plug):
-    """A controller FMU; variables are found by the names of the seam (docs/fmu.md)."""
+    """A controller FMU; variables are found by the names of the seam (docs/how_to/fmu.md)."""
 
     def __init__(self, file: str, config: RigConfig, level: str | None = None):
         name = f"fmu:{file}"

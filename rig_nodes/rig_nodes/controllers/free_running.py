@@ -4,7 +4,7 @@
 """What controllers have in common that run by their own clock: CAN, Modbus, free ROS 2 nodes. Nobody waits for them.
 
 In simulated time the rig is held to real time: sample k is not asked before k ms have passed. The newest command is
-used once; a sample without a new one is discarded, so that the rig trips when 100 ms bring none (docs/can.md), or,
+used once; a sample without a new one is discarded, so that the rig trips when 100 ms bring none (docs/how_to/can.md), or,
 for a slow controller, gets the newest one again until its longer ``timeout`` is near. Of several who command, one is
 the master.
 """

@@ -176,7 +176,7 @@ class Plug(ABC):
         self._request, self._ordered = self._before, False
         return True
 
-    def let_go(self) -> None:
+    def force_neutral(self) -> None:
         """The rig has tripped: all orders are taken back, and from its next sample on the controller is asked for neutral."""
         self._before = self._request = NEUTRAL
         self._ordered = True
@@ -318,8 +318,8 @@ class BuiltIn(Plug):
         """Settings that :meth:`check_change` lets pass."""
         self._newest = self._changed = config
 
-    def let_go(self) -> None:
-        self._box.let_go()
+    def force_neutral(self) -> None:
+        self._box.force_neutral()
         self._before = self._request = self.gear = NEUTRAL
         self._ordered = self.shifting = False
 

@@ -74,7 +74,7 @@ def csv_text(record: ControllerRecord) -> str:
 
 
 def markdown_text(record: ControllerRecord) -> str:
-    """The map as a table for docs/modbus.md."""
+    """The map as a table for docs/how_to/modbus.md."""
     rows = list(csv.reader(io.StringIO(csv_text(record))))
     lines = ["| " + " | ".join(row) + " |" for row in rows]
     return "\n".join([lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]]) + "\n"

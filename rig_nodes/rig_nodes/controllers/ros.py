@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The plugs for a controller that is a ROS 2 node: in lockstep, or by its own clock (docs/ros_controller.md).
+"""The plugs for a controller that is a ROS 2 node: in lockstep, or by its own clock (docs/how_to/ros_controller.md).
 
 Made by load.py. The topics are ros_topics.py; the node may start before or after the rig and serves many runs.
 """

@@ -3,7 +3,7 @@
 
 """A shift controller as a ROS 2 node: brings a class with initialize / step / terminate to the rig.
 
-The messages are those of docs/ros_controller.md. Copied as it is to where a controller runs; needs rclpy and rig_msgs.
+The messages are those of docs/how_to/ros_controller.md. Copied as it is to where a controller runs; needs rclpy and rig_msgs.
 ``serve(controller)`` answers until it is stopped; a node with more to do than that makes a ControllerNode and spins it
 as it likes. include/rig_ros.hpp is the same for C++.
 """

@@ -3,7 +3,7 @@
 
 """The rig's end of the topics of a controller that is a ROS 2 node: start, ready, step, answer.
 
-Used by the plug (ros.py); the protocol is docs/ros_controller.md. No executor, but one wait set over two subscriptions
+Used by the plug (ros.py); the protocol is docs/how_to/ros_controller.md. No executor, but one wait set over two subscriptions
 and messages as bytes, which takes less than half the time (the page, "Cost").
 """
 

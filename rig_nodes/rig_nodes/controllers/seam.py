@@ -22,7 +22,7 @@ LEVELS = ("duty", "current")
 
 
 class Status(IntEnum):
-    """How a step ended, after FMI; the effects stand in docs/controllers.md."""
+    """How a step ended, after FMI; the effects stand in docs/how_to/controllers.md."""
 
     OK = 0
     DISCARD = 1  # no answer to this sample: the last command stays, for 100 ms at most

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The plug for a controller at the other end of a UDP port: a frame out, a frame back for each sample (docs/udp.md).
+"""The plug for a controller at the other end of a UDP port: a frame out, a frame back for each sample (docs/how_to/udp.md).
 
 Made by load.py. The rig holds the port, on loopback unless told otherwise; the controller says HELLO. Either may start
 first.

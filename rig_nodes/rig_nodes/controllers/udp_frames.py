@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The frames of the UDP lockstep protocol (docs/udp.md), and the controller's side of it; standard library only.
+"""The frames of the UDP lockstep protocol (docs/how_to/udp.md), and the controller's side of it; standard library only.
 
 Used by udp.py, and copied as it is to where a controller runs: ``serve(controller)`` answers until it is stopped.
 include/rig_udp.h is the same for C.

@@ -34,7 +34,7 @@ def sections() -> dict[str, tuple[str, dict]]:
                                     f"`like`: `{kind}_range`.", one()) for kind, one in TYPES.items()},
         "instruments, all": ("Of the logger.", {name: one() for name, one in OF_THE_LOGGER.items()}),
         "effects": ("Only those that the rig's parts have may be named, and `transducers`.", _of(EffectsConfig)),
-        "cut": ("Of devices outside the plant ([cuts.md](cuts.md)).", _of(CutConfig)),
+        "cut": ("Of devices outside the plant ([cuts.md](../how_to/cuts.md)).", _of(CutConfig)),
         "controller": ("The Alfa46's, in the file that `controller` names, or under `controller_values`; its profiles stand beside "
                        "them.", _of(Alfa46Values)),
     }
@@ -46,13 +46,13 @@ def rows_of_parts() -> list[dict[str, str]]:
 
 
 def page() -> str:
-    """docs/parameters.md."""
+    """docs/reference/parameters.md."""
     out = [
         "# Parameters of parts and sections", "",
-        "Made from the parts by `./rig list parts --markdown`; a test keeps it in step. [rigs.md](rigs.md) says where they stand in a "
+        "Made from the parts by `./rig list parts --markdown`; a test keeps it in step. [rigs.md](../how_to/rigs.md) says where they stand in a "
         "rig's folder; what a certain rig has is shown by `./rig list settings --rig NAME`.", "",
         "Each value is `[value with unit, \"its source\"]`. The range is inclusive and given in the unit shown; the units at the end may "
-        "be written too. What has a value under \"left out\", or a dash, need not be named; \"while it runs\": it can change then too ([settings.md](settings.md)).", "", "## Parts", ""]
+        "be written too. What has a value under \"left out\", or a dash, need not be named; \"while it runs\": it can change then too ([settings.md](../how_to/settings.md)).", "", "## Parts", ""]
     for name in parts.parts():
         out += [f"### {name}", "", _about(name), "", *_joints(parts.part(name)), *_table(_rows(_fields(parts.part(name))))]
     out += ["## Other sections", ""]

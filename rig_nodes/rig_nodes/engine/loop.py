@@ -3,7 +3,7 @@
 
 """The one compiled entry of all rigs: plant, instruments and embedded controller, moved together in fixed order.
 
-Called by testbench.timed only. All it moves is one record, the world, beside the gauges' arrays, the law's and the ring
+Called by testbench.rig_base only. All it moves is one record, the world, beside the gauges' arrays, the law's and the ring
 of rows: it allocates nothing and holds no lock.
 """
 

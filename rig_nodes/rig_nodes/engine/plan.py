@@ -3,7 +3,7 @@
 
 """What a rig is made of, as the engine needs it, and the world's record filled from that.
 
-A plan is made of a rig's configuration by testbench.plan; testbench.timed moves what comes out.
+A plan is made of a rig's configuration by testbench.plan; testbench.rig_base moves what comes out.
 """
 
 from __future__ import annotations

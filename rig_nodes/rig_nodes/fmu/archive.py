@@ -3,7 +3,7 @@
 
 """What an FMU's archive may hold: everything is checked before anything of it is written or understood.
 
-Used by fmu.importer. The limits stand in docs/fmu.md.
+Used by fmu.importer. The limits stand in docs/how_to/fmu.md.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ from ..controllers.seam import flat_parameters
 from ..config import CONFIG_DIR, RIGS_DIR
 from ..config.names import DEFAULT_RIG, RIG_FILE, beside, find_config, with_bases
 from ..errors import RigError, no_file, printable
-from ..whole_file import write_whole
+from ..atomic_write import atomic_write
 from ..testbench.configuration import RigConfig, load_gearbox_rig
 from .description import Variable, c_header, model_description, token_of
 from .rig_variables import rig_variables
@@ -111,7 +111,7 @@ def write_fmu(target: Path, fmi: int, identifier: str, text: str, variables: Seq
             put(f"binaries/{PLATFORMS[fmi]}/{identifier}.so", library.read_bytes())
             for name, content in resources.items():
                 put(f"resources/{name}", content.encode())
-        write_whole(target, whole.read_bytes())
+        atomic_write(target, whole.read_bytes())
 
 
 def build_rig_fmu(target: str | Path, rig: str = DEFAULT_RIG, overrides: dict[str, str] | None = None,
@@ -119,7 +119,7 @@ def build_rig_fmu(target: str | Path, rig: str = DEFAULT_RIG, overrides: dict[st
     """The rig as a co-simulation FMU of FMI 2.0 or 3.0.
 
     rig, overrides: as testbench.configuration.load_rig takes them, with gears. The files of a rig that is not installed go
-    into the FMU. The FMU starts this interpreter with this package (docs/fmu.md).
+    into the FMU. The FMU starts this interpreter with this package (docs/how_to/fmu.md).
     """
     config = load_gearbox_rig(rig, overrides, "export fmu")
     if config.cut_out:

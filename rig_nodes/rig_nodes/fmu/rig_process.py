@@ -54,7 +54,7 @@ class Recording:
         from ..analysis.report import build_report, write_report
         from ..bags.reader import Bag
         from ..clocks import TICK_SAMPLES
-        from ..testbench.timed import RigStatus
+        from ..testbench.rig_base import RigStatus
 
         self._bag.__exit__(None, None, None)
         tripped = self.rig.status == RigStatus.TRIPPED

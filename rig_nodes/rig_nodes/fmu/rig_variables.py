@@ -19,7 +19,7 @@ from ..description.settings import Setting
 from ..parts import part as parts
 from ..testbench.configuration import RigConfig
 from ..testbench.rig import Rig
-from ..testbench.together import check_together
+from ..testbench.cross_checks import cross_check
 from ..testbench.topics import COMMAND, Heard, States
 from .description import Variable
 
@@ -146,7 +146,7 @@ def with_parameters(config: RigConfig, values: Values) -> RigConfig:
         if value != config.value(one.name):
             changed[one.name] = value
     config = config.with_values(changed)
-    check_together(config, lambda keys: "parameter ")
+    cross_check(config, lambda keys: "parameter ")
     return config
 
 

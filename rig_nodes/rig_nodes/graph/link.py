@@ -20,7 +20,7 @@ from ..errors import RigError
 FRAME = 1 << 20  # longest message
 ANSWERED, DISCARDED, FAILED = range(3)  # kind of an answer; the sentence of a failure follows
 TIMEVAL = struct.Struct("@ll")  # s, us
-STATUS = b"status "  # in place of a sample: what the rig does now, a testbench.timed.RigStatus; the reason follows
+STATUS = b"status "  # in place of a sample: what the rig does now, a testbench.rig_base.RigStatus; the reason follows
 READY = b"ready "  # first word of the controller; the level of its commands follows, and what it wants
 SPIN = 300e-6  # s; to sleep and be woken takes 50 us, for each of 1000 samples of a simulated second
 NOT_AT_ALL = 0.0  # as a timeout: take what is there

@@ -28,7 +28,7 @@ from ..controllers.load import level_line, load_controller
 from ..controllers.seam import LEVELS, ControllerFailed
 from ..errors import RigError, printable
 from ..graph.link import ANSWERED, DISCARDED, FAILED, READY, STATUS, Frames, LinkClosed
-from ..testbench.timed import RigStatus
+from ..testbench.rig_base import RigStatus
 from .action_server import GoalServer, finish
 from .alfa46_settings import BoxSettings
 from .device import publishers_of
@@ -303,7 +303,7 @@ class Alfa46Node(Node):
             again = status == RigStatus.STARTING and was in (RigStatus.READY, RigStatus.RUNNING)
             if not again and (status != RigStatus.TRIPPED or was == status):
                 return
-            self.box.let_go()
+            self.box.force_neutral()
             phase, goal, self._phase, self._goal = self._phase, self._goal, None, None
             if phase is None:
                 return

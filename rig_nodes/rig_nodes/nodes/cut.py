@@ -15,7 +15,7 @@ import time
 from ..engine.outside import Answer
 from ..testbench.cuts import topic_of
 from ..testbench.rig import Rig
-from ..testbench.timed import RigStatus
+from ..testbench.rig_base import RigStatus
 from .device import receive
 from .message_class import message_class
 from .qos import publisher_profile, recorder_profile, stream_profile

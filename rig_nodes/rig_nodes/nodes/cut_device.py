@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A device of its own, outside the plant: answers the port of a rig that has it cut out (docs/cuts.md).
+"""A device of its own, outside the plant: answers the port of a rig that has it cut out (docs/how_to/cuts.md).
 
 Started by `rig device NAME`, `ros2 run rig_nodes device NAME` or as a module with the name. It hosts the rig's own
 physics of the device and serves one rig after the other until it is told to end.

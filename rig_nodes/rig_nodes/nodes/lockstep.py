@@ -21,7 +21,7 @@ from ..controllers.seam import ControllerFailed, Status
 from ..graph.link import ANSWERED, DISCARDED, NOT_AT_ALL, PATIENCE, READY, STATUS, Frames, Link, LinkClosed
 from ..testbench.rig import Rig
 from ..testbench.simulate import give_answer
-from ..testbench.timed import RigStatus
+from ..testbench.rig_base import RigStatus
 from ..testbench.topics import COMMAND
 from .realtime import take_core
 

@@ -37,7 +37,7 @@ from ..graph.tap import Tap
 from ..testbench.configuration import RigConfig, load_gearbox_rig, load_rig
 from ..testbench.folders import parse_parameters, parse_settings
 from ..testbench.sequence import Sequence, load_sequence
-from ..whole_file import write_whole
+from ..atomic_write import atomic_write
 from .executor import events_executor
 from .ros_arguments import own_arguments, set_parameters
 
@@ -211,7 +211,7 @@ class Process:
                     "max_rss_mb": used.ru_maxrss / 1024}
             path = self.arguments.logs / f"{self.name}.json"
             with suppress(RigError):  # the disk is full; what the facts would say is unknown then
-                write_whole(path, json.dumps({**facts, **cost}, indent=1) + "\n")
+                atomic_write(path, json.dumps({**facts, **cost}, indent=1) + "\n")
         for node in nodes:
             self.executor.remove_node(node)
             node.destroy_node()

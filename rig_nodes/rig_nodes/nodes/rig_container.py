@@ -25,7 +25,7 @@ from ..testbench.outputs import SCALAR_SAMPLES, Outputs
 from ..testbench.rig import Rig
 from ..testbench.sequence import BY_HAND
 from ..testbench.simulate import check_delay, run_record
-from ..testbench.timed import RigStatus
+from ..testbench.rig_base import RigStatus
 from .commands import Commands
 from .cut import CutEnds
 from .device import DeviceNode, device_names, pace_of

@@ -15,7 +15,7 @@ from ..clocks import COMMAND_TIMEOUT
 from ..description.structure import Device
 from ..parts import part as parts
 from ..testbench.rig import Rig
-from ..testbench.timed import RigStatus
+from ..testbench.rig_base import RigStatus
 from .device import device_names
 from .diagnostics import ERROR, OK, STALE, WARN, Growing, Health
 

@@ -23,7 +23,7 @@ from rig_nodes.plant.driveline_losses import BASE, FACTOR, ON, OWN, SHARE, WEIGH
 from rig_nodes.plant.driveline_picture import Body, Link, svg
 from rig_nodes.plant.driveline_tables import Table, table_of, value_at
 from rig_nodes.plant.driveline_ties import GROUND, bodies_from_speeds, start_speeds
-from rig_nodes.whole_file import write_whole
+from rig_nodes.atomic_write import atomic_write
 
 _MAX_ELEMENTS = 50
 _CRANK_POINTS = 3601
@@ -375,7 +375,7 @@ class Driveline:
                     body.one_way.append((link.text, "not backwards" if link.a == GROUND else "not forwards"))
                 else:
                     body.notes.append(f"{link.text}, to the ground")
-        write_whole(Path(file), svg(title, list(bodies.values()), [one for one in links if one.a in bodies and one.b in bodies]))
+        atomic_write(Path(file), svg(title, list(bodies.values()), [one for one in links if one.a in bodies and one.b in bodies]))
 
     def build(self) -> System:
         """Eliminate gears and relations and give the arrays; refuses what contradicts itself."""

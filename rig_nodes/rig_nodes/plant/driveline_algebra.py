@@ -33,7 +33,7 @@ HEAD = 4           # work[0] set of P and R, [1] set of H, [2] step of H, [3] 1 
 
 
 @intrinsic
-def apart(_context):
+def noinline(_context):
     """Keeps the compiled function that calls it out of its callers: what is seldom needed compiles once."""
     def mark(_target, builder, _signature, _arguments):
         builder.function.attributes.add("noinline")
@@ -135,7 +135,7 @@ def has_capacity(cap, f):
 @njit(**INNER)
 def pseudo_inverse(work, og, ov, oi, nc, m):
     """Least-norm inverse of the symmetric nc x nc matrix at og (stride m) into oi; cyclic Jacobi."""
-    apart()
+    noinline()
     for i in range(nc):
         for j in range(nc):
             work[ov + i * m + j] = 1.0 if i == j else 0.0
@@ -192,7 +192,7 @@ def project(minv, w, ost, work):
 
     G = W_c M^-1 W_c^T, R = G^+ W_c M^-1, P = M^-1 - R^T W_c M^-1.
     """
-    apart()
+    noinline()
     n = minv.shape[0]
     m = w.shape[0]
     at = places(n, m, int(0), int(0))
@@ -257,7 +257,7 @@ def stale(d, pattern, cap, work):
 @njit(**INNER)
 def implicit(d, w, sh, kc, cap, work):
     """H = (I + d/2 P B)^-1 P with B = W^T visc W + S^T (c + k d/2) S; H = P where nothing is implicit."""
-    apart()
+    noinline()
     m, n = w.shape
     s = sh.shape[0]
     at = places(n, m, s, int(0))

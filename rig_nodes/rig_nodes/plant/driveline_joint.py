@@ -12,7 +12,7 @@ from numba import njit
 from rig_nodes.compiled import INNER
 from rig_nodes.plant.driveline_algebra import (
     BACKWARD, BREAK, CLOSE, CROSS, E_FRIC, FORWARD, KIN0, KIN1, LOCK, LOCKED_HIGH, LOCKED_LOW, N_CAPPED,
-    N_EVENTS, RANK, STUCK, VISC, apart, high, lin, low, places, project)
+    N_EVENTS, RANK, STUCK, VISC, noinline, high, lin, low, places, project)
 from rig_nodes.plant.driveline_losses import (
     FACTOR, LAST, NEXT, ON, WEIGHTS, brakes, put_losses, solve_losses)
 
@@ -81,7 +81,7 @@ def resolve(x, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, events, cou
     the step counts as capped. An overloaded element that others hold keeps its limit torque instead of
     slipping. Losses that grow with a torque are solved anew for every set that is tried.
     """
-    apart()
+    noinline()
     n = minv.shape[0]
     m = w.shape[0]
     s = sh.shape[0]

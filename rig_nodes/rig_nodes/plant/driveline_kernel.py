@@ -15,7 +15,7 @@ from numba import njit
 from rig_nodes.compiled import INNER
 from rig_nodes.plant.driveline_algebra import (
     BACKWARD, CLOSE, CROSS, E_FRIC, E_SHAFT, E_VISC, FORWARD, FREE, IMPULSE, KIN0, KIN1, LAM, LOCKED_HIGH,
-    LOCKED_LOW, N_CAPPED, OPEN, STUCK, TAU, VISC, apart, has_capacity, high, implicit, lin, low, places, project, stale)
+    LOCKED_LOW, N_CAPPED, OPEN, STUCK, TAU, VISC, noinline, has_capacity, high, implicit, lin, low, places, project, stale)
 from rig_nodes.plant.driveline_joint import note, resolve
 from rig_nodes.plant.driveline_losses import (
     BEFORE, FACTOR, LAST, NEXT, ON, OWN, WEIGHTS, brakes, put_losses, solve_losses)
@@ -149,7 +149,7 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
     satisfies work = kinetic + spring energy + losses with these to rounding, for any step, and no loss
     can come out negative; against the exact integral they are of second order in the step.
     """
-    apart()
+    noinline()
     n = minv.shape[0]
     m = w.shape[0]
     s = sh.shape[0]

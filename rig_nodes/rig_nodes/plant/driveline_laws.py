@@ -21,7 +21,7 @@ from numba.extending import intrinsic
 
 from rig_nodes.compiled import INNER
 from rig_nodes.plant.driveline_algebra import (
-    E_SHAFT, E_FRIC, E_VISC, HI0, IMPULSE, KIN0, LAM, LO0, N_CAPPED, N_EVENTS, TAU, VISC, apart, lin)
+    E_SHAFT, E_FRIC, E_VISC, HI0, IMPULSE, KIN0, LAM, LO0, N_CAPPED, N_EVENTS, TAU, VISC, noinline, lin)
 from rig_nodes.plant.driveline_calls import ARGUMENTS, address_of, array_types, bare_step, calling
 from rig_nodes.plant.driveline_losses import LAST
 from rig_nodes.plant.driveline_tables import Table, Tables, along, stored_in, tables_of, value, value_at
@@ -106,7 +106,7 @@ def law_state(laws: list[Law]) -> LawState:
 @njit(**INNER)
 def spring_with_friction(stiffness, limit, torque, dx):
     """(slope of the straight line from a torque with the mean over the way dx, torque behind it)."""
-    apart()
+    noinline()
     way = dx if dx >= 0.0 else -dx
     towards = torque if dx >= 0.0 else -torque
     room = max(0.0, (limit - towards) / stiffness)
@@ -119,7 +119,7 @@ def spring_with_friction(stiffness, limit, torque, dx):
 @njit(**INNER)
 def in_contact(gap, x, dx):
     """Share of the way from x to x + dx on which the gap, from -gap to gap, is closed."""
-    apart()
+    noinline()
     if gap == 0.0:
         return 1.0
     low, high = min(x, x + dx), max(x, x + dx)
@@ -130,7 +130,7 @@ def in_contact(gap, x, dx):
 
 @njit(**INNER)
 def product(row, v):
-    apart()
+    noinline()
     total = 0.0
     for j in range(row.shape[0]):
         total += row[j] * v[j]
@@ -140,7 +140,7 @@ def product(row, v):
 @njit(**INNER)
 def invert(a, out):
     """The inverse of a symmetric positive definite matrix, by Gauss and Jordan; a is lost."""
-    apart()
+    noinline()
     n = a.shape[0]
     for i in range(n):
         for j in range(n):
@@ -161,7 +161,7 @@ def invert(a, out):
 @njit(**INNER)
 def put(to, what):
     """The numbers of an array into another one."""
-    apart()
+    noinline()
     to, what = to.reshape(-1), what.reshape(-1)
     for i in range(to.shape[0]):
         to[i] = what[i]
@@ -169,7 +169,7 @@ def put(to, what):
 
 @njit(**INNER)
 def restore(loss, v, twist, mode, el, shaft, e_in, count, loss0, v0, twist0, mode0, el0, shaft0, e_in0, count0):
-    apart()
+    noinline()
     put(loss, loss0)
     put(v, v0)
     put(twist, twist0)
@@ -183,14 +183,14 @@ def restore(loss, v, twist, mode, el, shaft, e_in, count, loss0, v0, twist0, mod
 @njit(**INNER)
 def share_of(first, last, begin, end):
     """(value at begin, at end) of a straight line between two numbers, at shares of it."""
-    apart()
+    noinline()
     return lin(first, last, begin), lin(first, last, end)
 
 
 @njit(**INNER)
 def law_step(bare, h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work):
     """As `driveline_step`, whose address is `bare`, with laws; given (2, inputs): inputs of laws at both ends. False where a law was not met."""
-    apart()
+    noinline()
     met = True
     done, size, cuts = 0.0, h, 0
     while done < h:
@@ -220,7 +220,7 @@ def try_step(bare, d, t, begin, end, keep, cut, laws, own, given, mass, minv, w,
     Less than d, and nothing has changed, where an event lies in the middle of a prescribed motion, whose torque is one number
     for the whole of a step, and cut is true: so far to go instead.
     """
-    apart()
+    noinline()
     n, m, slots, rows = v.shape[0], mode.shape[0], sh.shape[0], laws.kind.shape[0]
     loss0 = loss.copy()
     v0, twist0, mode0, el0, shaft0, e_in0 = v.copy(), twist.copy(), mode.copy(), el.copy(), shaft.copy(), e_in.copy()
@@ -451,7 +451,7 @@ def try_step(bare, d, t, begin, end, keep, cut, laws, own, given, mass, minv, w,
 @njit(**INNER)
 def settle(bare, d, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, work):
     """Leaves in `loss` the losses by torque that the inputs at the start of a step ask for, where they have jumped."""
-    apart()
+    noinline()
     count, events = np.zeros(2, np.int64), np.zeros((0, 3))
     qq, cc, gg = q.copy(), cap.copy(), given.copy()
     put(qq[1], q[0])

@@ -14,7 +14,7 @@ from __future__ import annotations
 from numba import njit
 
 from rig_nodes.compiled import INLINED, INNER
-from rig_nodes.plant.driveline_algebra import HI0, KIN0, LO0, OPEN, STUCK, apart
+from rig_nodes.plant.driveline_algebra import HI0, KIN0, LO0, OPEN, STUCK, noinline
 
 # columns of `loss`, one row for each loss: the parabola; the element of its own whose other capacity, BASE, is given
 # here, and the one that the loss brakes, its own or another's, by FACTOR times the parabola; the speed that says which
@@ -110,7 +110,7 @@ def solve_losses(loss, v, work, oy, os, oe):
     which meets parabolas at once, with steps as long as they bring it nearer. 1 + p' S is positive throughout (the slopes
     are bounded backwards, and what inertia makes of a loss is less than the loss), so there is one solution.
     """
-    apart()
+    noinline()
     count = loss.shape[0]
     for k in range(count):
         loss[k, NEXT] = loss[k, LAST]

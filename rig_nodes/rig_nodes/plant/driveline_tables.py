@@ -18,7 +18,7 @@ from numba import njit
 
 from rig_nodes.compiled import INNER
 from rig_nodes.errors import RigError
-from rig_nodes.plant.driveline_algebra import apart
+from rig_nodes.plant.driveline_algebra import noinline
 
 
 class Tables(NamedTuple):
@@ -100,7 +100,7 @@ def stored_in(table: Table, x: np.ndarray) -> np.ndarray:
 @njit(cache=True, error_model="numpy", nogil=True)
 def piece(tables, k, x):
     """Number of the straight piece of table k that reaches from x to the right; -1 is before the first point."""
-    apart()
+    noinline()
     first, last = tables.first[k], tables.first[k + 1] - 1
     turns = 0
     if tables.period[k] > 0.0:
@@ -123,7 +123,7 @@ def piece(tables, k, x):
 @njit(cache=True, error_model="numpy", nogil=True)
 def line(tables, k, number):
     """(begin, end, value at a point of it, this point, slope) of a straight piece of table k."""
-    apart()
+    noinline()
     first, last = tables.first[k], tables.first[k + 1] - 1
     shift = 0.0
     if tables.period[k] > 0.0:
@@ -146,7 +146,7 @@ LEAST = 1e-150  # of a way whose square is a number
 @njit(cache=True, error_model="numpy", nogil=True)
 def value(tables, k, x):
     """Of table k at x."""
-    apart()
+    noinline()
     _, _, y, at, slope = line(tables, k, piece(tables, k, x))
     return y + slope * (x - at)
 
@@ -154,7 +154,7 @@ def value(tables, k, x):
 @njit(**INNER)
 def along(tables, k, x, dx):
     """(value at x, slope) of the straight line that begins with table k at x and has its mean on the way from x to x + dx."""
-    apart()
+    noinline()
     number = piece(tables, k, x)
     begin, end, y, at, slope = line(tables, k, number)
     if dx < 0.0 and x == begin:

@@ -3,5 +3,5 @@
 
 """Many members of one sequence, each with other parameters: what varies, how it is run, where results are kept.
 
-Used by the verb ``sweep``; docs/sweep.md says how.
+Used by the verb ``sweep``; docs/how_to/sweep.md says how.
 """

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from ..analysis.metrics import KEYS
 from ..errors import RigError
-from ..whole_file import write_whole
+from ..atomic_write import atomic_write
 from .plan import Plan, Varied
 
 MANIFEST, JOURNAL, RESULTS, BAGS = "sweep.json", "members.jsonl", "results.parquet", "bags"
@@ -39,7 +39,7 @@ class Store:
             if self.folder.exists() and (not self.folder.is_dir() or any(self.folder.iterdir())):
                 raise RigError(f"{folder}: it exists and holds no sweep; choose a new name with --out")
             self.folder.mkdir(parents=True, exist_ok=True)
-            write_whole(path, json.dumps(manifest, indent=1, ensure_ascii=False) + "\n")
+            atomic_write(path, json.dumps(manifest, indent=1, ensure_ascii=False) + "\n")
         elif (why := differs(read_manifest(self.folder), manifest)) is not None:
             raise RigError(f"{folder} holds another sweep ({why} is not the same); choose a new folder with --out")
         self._journal = Journal(self.folder / JOURNAL)

@@ -32,7 +32,7 @@ from ..errors import RigError, brief
 from ..parts import part as parts
 from ..transmission import Transmission, made_of, tied_to
 from .prescribed import Prescribed, read_prescribed
-from .together import check_together
+from .cross_checks import cross_check
 
 
 _POINT_KEY = re.compile(rf"alfa46\.({'|'.join(OUTPUT_KEYS)})\.({'|'.join(POINTS)})(?:\.({'|'.join(COLUMNS)}))?")
@@ -322,7 +322,7 @@ def load_rig(name: str | Path = DEFAULT_RIG, overrides: dict[str, str] | None = 
         own = stamped(own, path)
         node = own if node is None else merged(node, own)
     config = _read(node, path, rig_name(path))
-    check_together(config, partial(_where_written, node, path))
+    cross_check(config, partial(_where_written, node, path))
     return with_overrides(config, overrides or {})
 
 
@@ -363,7 +363,7 @@ def with_overrides(config: RigConfig, overrides: dict[str, str], together: bool 
             raise RigError(f"{point} is set as a whole and in part; give one of them")
     config = config.with_values(changes)
     if overrides and together:
-        check_together(config, lambda keys: next((f"setting {k}={text}: " for k, text in overrides.items()
+        cross_check(config, lambda keys: next((f"setting {k}={text}: " for k, text in overrides.items()
                                                   if k in keys or k.rpartition(".")[0] in keys), ""))
     return config
 

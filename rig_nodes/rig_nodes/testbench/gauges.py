@@ -3,7 +3,7 @@
 
 """The transducers' table: errors, disturbances, range and resolution of each channel, and the noise as it is set live.
 
-Owned by testbench.timed; the engine reads ``arrays``, which are changed in place.
+Owned by testbench.rig_base; the engine reads ``arrays``, which are changed in place.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ from .configuration import RigConfig
 from .rig import Rig
 from .sequence import Sequence, SequenceFailed, SequenceRunner
 from .simulate import AFTER_TRIP, advance_with, rig_for, runner_on
-from .timed import RigStatus
+from .rig_base import RigStatus
 from .topics import COMMAND, SCALAR_SAMPLES, Heard, States
 
 CHUNK = 500  # controller samples between two looks into the ring of rows, which holds at least 1.9 s
@@ -38,17 +38,17 @@ class Run:
 
     recording: all channels of the rig, SI, with the orders of gear where there are some. end: ``state`` (ended, failed)
     and ``reason``.
-    events: (time [s], name, text, value) of sequencer and controller. truth: signal -> what the plant knew, on the same
+    events: (time [s], name, text, value) of sequencer and controller. plant_states: signal -> what the plant knew, on the same
     rows; it is known once a controller sample, which the rows of that millisecond share.
     """
 
     recording: Recording | Logged
     end: dict
     events: list[tuple[float, str, str, float]] = field(default_factory=list)
-    truth: dict[str, np.ndarray] = field(default_factory=dict)
+    plant_states: dict[str, np.ndarray] = field(default_factory=dict)
 
 
-class Truth:
+class PlantStates:
     """Signals of the state topics, noted once a controller sample."""
 
     def __init__(self, rig: Rig, signals: tuple[str, ...]):
@@ -57,7 +57,7 @@ class Truth:
         unknown = [name for name in signals if self._heard.topic(name) not in self._states.topics]
         if unknown:
             raise RigError(f"{', '.join(unknown)}: only signals of state topics are known without a transducer; "
-                           "docs/signals.md lists them")
+                           "docs/reference/signals.md lists them")
         self._values: list[list[float]] = []
 
     def note(self) -> None:
@@ -79,10 +79,10 @@ class Listener:
     In place of Outputs: publishes nothing, but knows when it would have been published.
     """
 
-    def __init__(self, rig: Rig, signals: list[str], truth: Truth | None = None, controller: Plug | None = None):
+    def __init__(self, rig: Rig, signals: list[str], plant_states: PlantStates | None = None, controller: Plug | None = None):
         """signals: those that will be asked for; others of transducers may be asked too. controller: in place of the
         embedded one."""
-        self.rig, self.truth, self.controller, self.events, self.orders = rig, truth, controller, [], []
+        self.rig, self.plant_states, self.controller, self.events, self.orders = rig, plant_states, controller, [], []
         self._states, self._heard = States(rig), Heard(rig.config.catalogue)
         topics = {self._heard.topic(name) for name in signals}
         self._command = COMMAND in topics
@@ -119,14 +119,14 @@ class Listener:
         self._go(samples)
 
     def _go(self, samples: int) -> None:
-        if self.truth is None and self.controller is None:
+        if self.plant_states is None and self.controller is None:
             self.rig.advance_samples(samples)
             return
         for _ in range(samples):
             if self.controller is not None and self.rig.status == RigStatus.TRIPPED:
                 return
-            if self.truth is not None:
-                self.truth.note()
+            if self.plant_states is not None:
+                self.plant_states.note()
             if self.controller is None:
                 self.rig.advance_samples(1)
             else:
@@ -186,28 +186,28 @@ class Rows:
 
 
 def record(config: RigConfig, sequence: Sequence, seed: int = 1, rows_per_second: int | None = None,
-           period: float | None = None, truth: tuple[str, ...] = (), controller: Plug | None = None,
+           period: float | None = None, plant_states: tuple[str, ...] = (), controller: Plug | None = None,
            delay: int = 1) -> Run:
     """Run the sequence on a rig with its embedded Alfa46, or a plug as :func:`simulate` takes it, and keep its rows.
 
     rows_per_second: 10000 if not given, as the logger HMG 4000; or ``period`` [s] between two rows, e.g. 8e-6 with a
     ``kernel.step`` of 8 us for every row of the kernel, as the NI-USB 6210. Rows are taken as they are, not averaged.
-    truth: names of signals of the state topics, e.g. ("s1_torque", "s1_slip"); asking for some takes twice as long.
+    plant_states: names of signals of the state topics, e.g. ("s1_torque", "s1_slip"); asking for some takes twice as long.
     A sequence that fails keeps what was recorded until then. RigError when rows and steps do not fit.
     """
     if period is None:
         period = ROW if rows_per_second is None else 1.0 / rows_per_second
     try:
-        return _record(config, sequence, seed, period, truth, controller, delay)
+        return _record(config, sequence, seed, period, plant_states, controller, delay)
     finally:
         if controller is not None:
             controller.close()
 
 
-def _record(config, sequence: Sequence, seed: int, period: float, truth: tuple[str, ...], controller: Plug | None,
+def _record(config, sequence: Sequence, seed: int, period: float, plant_states: tuple[str, ...], controller: Plug | None,
             delay: int) -> Run:
     rig = rig_for(config, seed, controller, delay)
-    known = Truth(rig, truth) if truth else None
+    known = PlantStates(rig, plant_states) if plant_states else None
     listener = Listener(rig, signals_of(sequence), known, controller)
     runner = runner_on(rig, listener, config, sequence, controller)
     rows = Rows(rig, period)

@@ -36,7 +36,7 @@ from .configuration import RigConfig
 from .cuts import Cuts
 from .gauges import Gauges
 from .plan import plan_of
-from .timed import RigStatus, Timed
+from .rig_base import RigStatus, RigBase
 
 NOTHING = (0.0,) * law.OUTPUTS  # a command that asks for no output
 
@@ -53,7 +53,7 @@ def check_level(config: RigConfig, level: str | None) -> None:
                        "none that acts; run one that knows it at level current (--level current), or leave the loop on")
 
 
-class Rig(Timed):
+class Rig(RigBase):
     """A rig from its configuration.
 
     ``controller``: "embedded" runs the Alfa46 inside, "external" waits for commands of the given ``level``: "duty"

@@ -22,7 +22,7 @@ from .configuration import RigConfig
 from .outputs import Outputs
 from .rig import Rig
 from .sequence import Sequence, SequenceFailed, SequenceRunner
-from .timed import RigStatus
+from .rig_base import RigStatus
 
 LONGEST_RUN = 24 * 3600.0  # s of simulated time
 AFTER_TRIP = 100  # samples recorded after a trip, so that the bag shows the safe state

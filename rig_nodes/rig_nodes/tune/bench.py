@@ -23,7 +23,7 @@ from ..parts import part as parts
 from ..parts.load_pump import relief_setting_for
 from ..testbench.configuration import RigConfig
 from ..testbench.rig import Rig
-from ..testbench.timed import Tripped
+from ..testbench.rig_base import Tripped
 from ..transmission import NEUTRAL, Transmission
 
 RPM = pi / 30.0

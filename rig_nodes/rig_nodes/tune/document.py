@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tables of docs/tune.md: what a tuning found, and what that is worth elsewhere.
+"""The tables of docs/how_to/tune.md: what a tuning found, and what that is worth elsewhere.
 
 Used by the verb ``tune``; the rest of the page is written by hand.
 """
@@ -11,15 +11,15 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..errors import RigError
-from ..whole_file import write_whole
+from ..atomic_write import atomic_write
 from .run import CHOICES
 
 BEGIN, END = "<!-- made by ./rig tune --write-docs; a change by hand is lost -->", "<!-- up to here -->"
 
 
 def page() -> Path:
-    """docs/tune.md of the checkout; RigError when there is none, or none with a place for the tables."""
-    path = Path(__file__).resolve().parents[3] / "docs" / "tune.md"
+    """docs/how_to/tune.md of the checkout; RigError when there is none, or none with a place for the tables."""
+    path = Path(__file__).resolve().parents[3] / "docs" / "how_to" / "tune.md"
     if not path.is_file():
         raise RigError(f"there is no {path}; --write-docs works in a checkout only")
     text = path.read_text(encoding="utf-8")
@@ -32,7 +32,7 @@ def write(path: Path, summary: dict, seed: int) -> None:
     """The tables, in place of those of before."""
     text = path.read_text(encoding="utf-8")
     before, after = text[:text.index(BEGIN)], text[text.index(END):]
-    write_whole(path, f"{before}{BEGIN}\n\n{tables(summary, seed)}\n\n{after}")
+    atomic_write(path, f"{before}{BEGIN}\n\n{tables(summary, seed)}\n\n{after}")
 
 
 def tables(summary: dict, seed: int) -> str:

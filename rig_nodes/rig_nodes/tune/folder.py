@@ -17,7 +17,7 @@ from ..config.units import UNITS
 from ..errors import RigError
 from ..sweep.store import Journal, differs, parquet
 from ..validation.figures import Figure, Series
-from ..whole_file import write_whole
+from ..atomic_write import atomic_write
 from .problem import OBJECTIVES
 from .space import BOUNDS, check
 
@@ -38,7 +38,7 @@ def open_journal(folder: Path, manifest: dict) -> Journal:
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise RigError(f"{folder}: it exists and holds no tuning; choose a new name with --out")
         folder.mkdir(parents=True, exist_ok=True)
-        write_whole(path, json.dumps(manifest, indent=1, ensure_ascii=False) + "\n")
+        atomic_write(path, json.dumps(manifest, indent=1, ensure_ascii=False) + "\n")
     else:
         try:
             before = json.loads(path.read_text(encoding="utf-8"))

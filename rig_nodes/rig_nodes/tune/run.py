@@ -24,9 +24,9 @@ from ..errors import RigError
 from ..sweep.store import Journal
 from ..testbench.campaign import Workers
 from ..testbench.configuration import RigConfig
-from ..testbench.timed import Tripped
+from ..testbench.rig_base import Tripped
 from ..validation.pictures import write_pictures
-from ..whole_file import write_whole
+from ..atomic_write import atomic_write
 from . import folder as files
 from . import judge, scout, search
 from .bench import Bench, Point, Shift
@@ -235,7 +235,7 @@ def _finish(problem: Problem, folder: Path, studies: dict[str, search.Study], wo
     }
     if LEAST in studies:
         summary["largest_load"] = _largest_load(studies[LEAST], config, base, workers)
-    write_whole(folder / f"{files.FRONT}.json", _json({**manifest, **summary, "rows": rows}))
+    atomic_write(folder / f"{files.FRONT}.json", _json({**manifest, **summary, "rows": rows}))
     return summary
 
 
@@ -297,8 +297,8 @@ def _write_controllers(problem: Problem, folder: Path, chosen: dict) -> dict[str
             if name in of:
                 controller = settings(controller, way, of[name], problem.config.transmission)
         path = folder / f"{name}.yaml"
-        write_whole(path, files.controller_yaml(controller, f"Alfa46, '{name}', found by rig tune"))
-        write_whole(folder / f"rig_{name}.yaml", files.rig_yaml(
+        atomic_write(path, files.controller_yaml(controller, f"Alfa46, '{name}', found by rig tune"))
+        atomic_write(folder / f"rig_{name}.yaml", files.rig_yaml(
             problem.rig, path.name, f"{problem.config.name} with the controller '{name}' of rig tune"))
         out[name] = read_alfa46(path)
     return out

@@ -4,7 +4,7 @@
 """Records of the clutch bench (8.1.6) and of the spring and cylinder benches (8.1.4), from what they recorded.
 
 Used by validation.programme; the evaluation itself is analysis.slip_tests. The friction of chapter 8 is not printed:
-STATED holds the values that reproduce its comparison of models (docs/friction_models.md). With them the rig's packs
+STATED holds the values that reproduce its comparison of models (docs/background/friction_models.md). With them the rig's packs
 follow the thesis's model, so k_kor against that model comes back as 1 within the errors of the instruments; what is
 compared is what the other models make of the same packs.
 """

@@ -26,7 +26,7 @@ from ..description.settings import Setting
 from ..errors import RigError
 from ..testbench.campaign import Workers
 from ..testbench.configuration import RigConfig, load_rig
-from ..testbench.timed import Tripped
+from ..testbench.rig_base import Tripped
 from .calibration_rows import ROWS, Miss, calibrating
 
 LABORATORY = "hydmag"  # whose rows targets.yaml has

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The result of a validation for people: the terminal's summary, and docs/validation.md.
+"""The result of a validation for people: the terminal's summary, and docs/reference/validation.md.
 
 Used by the verb ``validate``. Explanations of misses are written by hand in explanations.yaml (id -> text).
 """
@@ -38,7 +38,7 @@ Made by `./rig validate --write-docs`; a change by hand is lost. Explanations of
 
 `./rig validate` repeats the measuring programme of thesis 7.1.3 on the rig: every series of every procedure, each as
 often as the laboratory did it (twice, with other noise of the transducers), evaluates the logger's channels by the
-definitions of 7.1.5 ([analysis.md](analysis.md)), averages the repeats, and holds each row of
+definitions of 7.1.5 ([analysis.md](../background/analysis.md)), averages the repeats, and holds each row of
 [targets.yaml](../validation/targets.yaml) against the result. What a row accepts was set down before anything was
 calibrated; nothing is added to it, and every single value must lie inside (a trend: every line, a curve: every shift),
 unless the row speaks of a mean, a spread or of most. Where several values are judged, the worst one is shown with its
@@ -50,10 +50,10 @@ predicted rows are independent: on which side the loss by the load brakes was de
 meet as many), and so were some assumptions (that the plates of both clutches stick in their splines when clamp force is
 taken off, S2's by 0.31 of what S1's do, and press a slipping pack too; that all of S2's M_rest is left while it slips;
 that chapter 9's output speed is bounded; the drive's tuning and short overload); see "Calibration" in
-[physics.md](physics.md).
+[physics.md](../background/physics.md).
 
-The rows of chapter 8 are measured on the clutch bench by its own procedure ([benches.md](benches.md)). Its packs
-follow the thesis's model with stated friction ([friction_models.md](friction_models.md)): k_kor against that model
+The rows of chapter 8 are measured on the clutch bench by its own procedure ([benches.md](../how_to/benches.md)). Its packs
+follow the thesis's model with stated friction ([friction_models.md](../background/friction_models.md)): k_kor against that model
 comes back as 1 within the instruments' errors, so those rows say what the other models make of the same packs, not
 that the model is right. The plant's springs and cylinder are the printed polynomials themselves. Rows that compare chapter 9's simulation
 with a measurement take the rig `chapter9` for the one and this rig for the other, for the measured figures are lost.
@@ -173,7 +173,7 @@ def section(target: Target) -> str:
 
 
 def document(rows: list[Row], explanations: dict[str, str], rig: str) -> str:
-    """docs/validation.md as text."""
+    """docs/reference/validation.md as text."""
     parts = [HEAD, _summary(rows, rig), _hold(rows), _misses(rows, explanations)]
     for key, title in SECTIONS.items():
         found = [row for row in rows if section(row.target) == key]

@@ -244,8 +244,8 @@ def measure_rows(config: RigConfig, rig: str | Path, rows: list[OwnRow]) -> list
     sequence, parameters, settings = rows[0].run
     changed = with_overrides(config, dict(settings))
     logged = {one.name for one in changed.structure.transducers}
-    truth = sorted({name for row in rows if row.value for name in names_in(row.value, row.target.id)} - logged)
-    run = record(changed, load_sequence(sequence, dict(parameters), rig), truth=tuple(truth))
+    states = sorted({name for row in rows if row.value for name in names_in(row.value, row.target.id)} - logged)
+    run = record(changed, load_sequence(sequence, dict(parameters), rig), plant_states=tuple(states))
     if run.end["state"] != "ended":
         return [(None, run.end["reason"])] * len(rows)
     metrics = shifts(run.recording) if isinstance(run.recording, Recording) else []
@@ -276,7 +276,7 @@ def _of_signals(row: OwnRow, run: Run) -> tuple[float | None, str]:
     rows = slice(*(round((t - logged.t0) / logged.period) for t in (start, end)))
 
     def value(name: str, function: str) -> float:
-        series = logged.channels[name] if name in logged.channels else run.truth[name]
+        series = logged.channels[name] if name in logged.channels else run.plant_states[name]
         if not len(series[rows]):
             raise ValueError(f"the run ends before {start:g} s")
         return float(_FUNCTIONS[function](series[rows]))

@@ -20,7 +20,7 @@ def file_of_rig(rig: str | Path, name: str) -> Path:
     folders = [path.parent for path, _ in with_bases(rig)]
     found = next((folder / name for folder in folders if (folder / name).is_file()), None)
     if found is None:
-        raise RigError(f"the rig '{rig}' has no {name}; write one beside its rig.yaml: docs/rigs.md")
+        raise RigError(f"the rig '{rig}' has no {name}; write one beside its rig.yaml: docs/how_to/rigs.md")
     return found
 
 

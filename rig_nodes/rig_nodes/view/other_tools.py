@@ -15,7 +15,7 @@ import xml.etree.ElementTree as xml
 from pathlib import Path
 
 from ..catalogue import Signal
-from ..whole_file import write_whole
+from ..atomic_write import atomic_write
 from .pages import HUES, INPUT, OTHER, OUTPUT, Pages
 
 # curves have one colour each
@@ -41,7 +41,7 @@ def _lists(plots) -> list[tuple[str, list[str]]]:
 
 def write_layout(tool: str, path: Path, pages: Pages) -> None:
     """Write the layout of a rig for "plotjuggler" or "foxglove"; whole or, with RigError, not at all."""
-    write_whole(path, {"plotjuggler": plotjuggler, "foxglove": foxglove}[tool](pages))
+    atomic_write(path, {"plotjuggler": plotjuggler, "foxglove": foxglove}[tool](pages))
 
 
 def _states(pages: Pages, names: list[str]) -> bool:

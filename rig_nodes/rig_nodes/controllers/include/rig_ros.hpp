@@ -1,7 +1,7 @@
 // Copyright 2026 Virtual rig maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// A shift controller behind rig_controller.h as a ROS 2 node: the controller's side of docs/ros_controller.md in C++.
+// A shift controller behind rig_controller.h as a ROS 2 node: the controller's side of docs/how_to/ros_controller.md in C++.
 //
 // Link it with the functions of rig_controller.h and call rig_ros::serve; examples/ros_cpp is all of a package. A node
 // with more to do than that makes a rig_ros::Node and spins it as it likes.

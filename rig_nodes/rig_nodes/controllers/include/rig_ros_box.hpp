@@ -3,7 +3,7 @@
 
 // A controller behind rig_controller.h as the rig's ROS 2 messages see it: a message in, one out.
 //
-// Used by rig_ros.hpp, which is the node around it (docs/ros_controller.md); rclcpp is not needed here. Nothing here
+// Used by rig_ros.hpp, which is the node around it (docs/how_to/ros_controller.md); rclcpp is not needed here. Nothing here
 // computes: each step is brought to rig_controller_step once, and a step that comes again gets the same answer again.
 #ifndef RIG_ROS_BOX_HPP
 #define RIG_ROS_BOX_HPP

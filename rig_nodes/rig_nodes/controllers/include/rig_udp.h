@@ -3,7 +3,7 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* A shift controller behind rig_controller.h at the other end of a UDP port: the controller's side of docs/udp.md in C.
+/* A shift controller behind rig_controller.h at the other end of a UDP port: the controller's side of docs/how_to/udp.md in C.
  *
  * For POSIX systems with little-endian numbers and a compiler that knows weak symbols (gcc, clang). Link it with the
  * functions of rig_controller.h, the optional ones where you have them, and call rig_udp_serve; examples/udp_main.c is

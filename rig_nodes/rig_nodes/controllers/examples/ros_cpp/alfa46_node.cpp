@@ -3,7 +3,7 @@
 
 // The Alfa46 law of alfa46.c as a ROS 2 node of its own.
 //
-//   ros2 run alfa46_cpp alfa46_node [NAME]              (in one terminal; building: docs/ros_controller.md)
+//   ros2 run alfa46_cpp alfa46_node [NAME]              (in one terminal; building: docs/how_to/ros_controller.md)
 //   ./rig simulate demo --controller ros:               (ros:NAME; in another, before or after, same ROS_DOMAIN_ID)
 #include "rig_ros.hpp"
 

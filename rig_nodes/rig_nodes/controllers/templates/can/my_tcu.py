@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A shift controller on a CAN bus: a small law to replace by yours (docs/can.md of the rig). Ctrl-C ends it.
+"""A shift controller on a CAN bus: a small law to replace by yours (docs/how_to/can.md of the rig). Ctrl-C ends it.
 
 The old clutch is held until the new one is filled, then let go; the new one gets a plateau, then a ramp. Change it.
 """

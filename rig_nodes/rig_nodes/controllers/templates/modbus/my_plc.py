@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A shift controller as a Modbus TCP client: a small law to replace by yours (docs/modbus.md). Ctrl-C ends it.
+"""A shift controller as a Modbus TCP client: a small law to replace by yours (docs/how_to/modbus.md). Ctrl-C ends it.
 
 The old clutch is held until the new one is filled, then let go; the new one gets a plateau, then a ramp. Change it.
 """

@@ -1,0 +1,85 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Shift metrics from what the plant itself knows, beside those of the transducers: state topics of a simulated bag.
+
+Used by `rig report --truth`. The states come at 200 Hz without noise, so each metric is marked by what that allows.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..transmission import Transmission, transmission_of
+from .metrics import RPM
+
+# the fields of the messages that are read
+GEARBOX, SHAFTS = "/gearbox/state", ("m_wej", "w_wej", "w_wyj")
+CLUTCH = ("mode", "heat", "torque")
+LOCKED = 2
+BEFORE = 0.2  # s before the order whose mean is the speed the shift starts from
+WHY_NOT = ("t_d, t_p and overlap (their starts lie between two states), t_o and E_loss (defined by the torque meters; "
+           "the plant's own account is the energy balance)")
+
+States = dict[str, dict[str, np.ndarray]]
+
+
+def states_of(bag, transmission: Transmission | None = None) -> States | None:
+    """Topic -> {t [s], fields} of a bag's state topics; None where it holds no plant's states (a real recording)."""
+    found: States = {}
+    box = transmission or bag.transmission
+    for topic, names in {GEARBOX: SHAFTS, **{clutch.state: CLUTCH for clutch in box.clutches}}.items():
+        rows = [(stamp * 1e-9, *(float(getattr(message, name)) for name in names))
+                for stamp, message in bag.messages(topic)]
+        if not rows:
+            return None
+        found[topic] = dict(zip(("t", *names), np.asarray(rows).T))
+    return found
+
+
+def metrics_of_states(states: States, row: dict, next_order_time: float | None = None,
+             transmission: Transmission | None = None) -> dict | None:
+    """What the plant says of one shift; None where it does not cover the shift or it never locked.
+
+    row: of metrics.shift_metrics. t_lock_s: from the order to the first state in which all engaging clutches have
+    locked (up to 5 ms late; the laboratory's slip threshold may come before it or after). m_wej_max_nm, n_wyj_min_rpm, k: peak
+    torque in the input shaft, lowest output speed and k in the window of the measured t_dt that ends there, from the
+    order without one; extremes of 200 Hz, so that a peak of a few ms may be higher. heat_<clutch>_j and
+    torque_<clutch>_max_nm: of every clutch, from the order to the settled torque or, without one, to the lock-up; the
+    heats are integrals, exact but for 5 ms at the ends.
+    """
+    box, order = transmission or transmission_of(), row["t_order_s"]
+    until = np.inf if next_order_time is None else next_order_time
+    gearbox = states[GEARBOX]
+    engaging = box.shift(row["from_gear"], row["to_gear"]).engaging
+    locks = [_lock(states[clutch.state], order, until) for clutch in engaging]
+    before = (gearbox["t"] >= order - BEFORE) & (gearbox["t"] < order)
+    if not locks or None in locks or not before.any():
+        return None
+    end = max(locks)
+    start = order if row["t_dt_s"] is None else max(order, end - row["t_dt_s"])
+    inside = (gearbox["t"] >= start) & (gearbox["t"] <= end + 1e-9)
+    lowest = float(gearbox["w_wyj"][inside].min())
+    found = {"t_lock_s": end - order, "m_wej_max_nm": float(gearbox["m_wej"][inside].max()),
+             "n_wyj_min_rpm": lowest * RPM, "k": None}
+    if row["from_gear"] in box.ratios:
+        ratio = box.slower_ratio(row["from_gear"], row["to_gear"])
+        found["k"] = lowest / float(np.mean(gearbox["w_wej"][before])) * ratio
+    last = end
+    if row["t_c_s"] is not None and row["t_o_s"] is not None:
+        last = max(end, order + row["t_c_s"] + row["t_o_s"])
+    for clutch in box.clutches:
+        state = states[clutch.state]
+        t, heat = state["t"], state["heat"]
+        found[f"{clutch.heat}_j"] = float(np.interp(last, t, heat) - np.interp(order, t, heat))
+        part = state["torque"][(t >= order) & (t <= last)]
+        found[f"torque_{clutch.key}_max_nm"] = float(np.max(np.abs(part))) if part.size else None
+    return found
+
+
+def _lock(clutch: dict[str, np.ndarray], order: float, until: float) -> float | None:
+    """When an engaging clutch was first locked after an order; one that was still locked then has to open before."""
+    opened = np.flatnonzero((clutch["mode"] != LOCKED) & (clutch["t"] >= order))
+    locked = (clutch["mode"] == LOCKED) & (clutch["t"] >= order) & (clutch["t"] < until)
+    hits = np.flatnonzero(locked[opened[0]:]) if opened.size else np.array([], dtype=int)
+    return float(clutch["t"][opened[0] + hits[0]]) if hits.size else None

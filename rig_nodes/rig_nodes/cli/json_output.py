@@ -1,0 +1,33 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""JSON that a verb writes where its user says; used by ``bench``, ``calibrate`` and ``validate``."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+from ..analysis.report import plain
+from ..errors import RigError
+from ..atomic_write import atomic_write
+
+
+def check_json(name: str | None) -> None:
+    """RigError when ``--json NAME`` names no place for a file: said before the work, which takes minutes."""
+    if name in (None, "-"):
+        return
+    if not Path(name).absolute().parent.is_dir():
+        raise RigError(f"--json {name}: there is no such folder")
+    if Path(name).is_dir():
+        raise RigError(f"--json {name}: it is a folder, expected a file")
+
+
+def write_json(name: str, content: dict) -> None:
+    """The content into a file, - for stdout; what is no finite number as null. RigError when it cannot be written."""
+    text = json.dumps(plain(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    if name == "-":
+        sys.stdout.write(text)
+        return
+    atomic_write(Path(name), text)

@@ -1,0 +1,56 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Values of a rig that are right one by one and cannot be true together; used by testbench.configuration.
+
+Asked when a file has been read whole, and once more when all settings of a command line have been taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ..alfa46.settings import OUTPUT_KEYS, POINTS, check_point
+from ..description.driveline import inertias_of
+from ..errors import RigError
+from ..parts import part as parts
+from ..transmission import tied_to
+
+Where = Callable[[tuple[str, ...]], str]  # opens a sentence about these keys, e.g. ("w0.inertia",)
+
+
+def cross_check(config, where: Where) -> None:
+    """RigError for plates that slide harder than they stick, a part heavier than its whole, a profile above the limit.
+
+    ``config``: of testbench.configuration.
+    """
+    for device in config.structure.of_role(parts.VALUES):
+        plates = getattr(config, device.name)
+        _not_above(where, f"{device.name}.friction_kinetic", plates.friction_kinetic, f"{device.name}.friction_static",
+                   plates.friction_static, "plates that slide hold no more than plates that stick")
+    inertias = inertias_of(config.structure, config.sections)
+    for device in config.structure.of_role(parts.METER):
+        body, values = device.wires["body"], getattr(config, device.name)
+        whole, axis = tied_to(config.structure, inertias, body)
+        taken = f"taken to {body} by {axis:.4g}^2, " if axis != 1.0 else ""
+        _not_above(where, f"{device.name}.inertia", values.inertia, f"{_owner(config, body)}.inertia", whole * axis**2, f"{taken}which counts it, in kg m2")
+    if config.alfa46 is None:
+        return
+    limit = config.alfa46.values.current_limit
+    for output, points in zip(OUTPUT_KEYS, config.alfa46.profiles, strict=True):
+        names = [f"alfa46.{output}.{point}" for point in POINTS]
+        for k, name in enumerate(names):
+            check_point(points, k, f"{where((name, 'alfa46.current_limit', *names))}{name}", limit)
+
+
+def _owner(config, body: str) -> str:
+    """The body on which the inertia of all that wheels tie to another one is stated."""
+    if body not in config.structure.massless:
+        return body
+    return next((one for mesh in config.structure.meshes for one in mesh.bodies
+                 if body in mesh.bodies and one not in config.structure.massless), body)
+
+
+def _not_above(where: Where, key: str, value: float, whole: str, most: float, why: str) -> None:
+    if value > most:
+        raise RigError(f"{where((key, whole))}{key} is {value:g}, expected at most the {most:.4g} of {whole}, {why}")

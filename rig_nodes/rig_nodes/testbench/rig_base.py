@@ -1,0 +1,233 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What every rig that is moved sample by sample has: the engine's world, simulated time, the ring of rows, its status.
+
+Base of testbench.rig, and the only place that calls the engine.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from enum import IntEnum
+
+import numpy as np
+
+from ..alfa46 import law
+from ..catalogue import Catalogue
+from ..clocks import ROW, SAMPLE, SAMPLE_NS
+from ..engine import general_step, loop
+from ..engine.warm_compile import compiling_in_parallel
+from ..engine.plan import Plan, World
+from ..errors import RigError
+from ..instruments import transducers
+from ..parts.proportional_valve import BY_DUTY
+from ..engine.outcome import NOT_SETTLED, WHOLE
+from .gauges import Gauges
+
+LOG_ROWS = 20_000  # ring of logger rows, 2 s at 10 kHz
+
+
+class Tripped(RigError):
+    """A rig went into its safe state where nothing can be measured then; the reason names what went wrong and when."""
+
+    exit_code = 1
+
+
+class RigStatus(IntEnum):
+    """As in rig_msgs/RigState."""
+
+    STARTING = 0
+    READY = 1
+    RUNNING = 2
+    TRIPPED = 3
+
+
+class RigBase(ABC):
+    """``channels``: names of the columns of a row, those of the logger first; ``sample``: controller samples since 0;
+    ``reason``: of a trip; ``world``: what the engine moves; ``drive``: name of the device that drives the rig.
+
+    A rig calls :meth:`count_steps` and :meth:`build` before time passes.
+    """
+
+    channels: tuple[str, ...]
+    drive = "motor"
+
+    def count_steps(self, step: float, catalogue: Catalogue) -> None:
+        """Note how many steps [s] of the plant make a sample and a row; RigError when they do not fit.
+
+        catalogue: of this rig; its logger's columns are the first of ``channels``.
+        """
+        self.step_ns, self.step, self.sample = SAMPLE_NS, step, 0
+        steps = SAMPLE / step
+        if abs(steps - round(steps)) > 1e-9:
+            raise RigError(f"the plant's step of {step * 1e6:g} us does not divide the controller's "
+                           "sample of 1000 us; choose e.g. 100 us or 50 us")
+        self._steps_per_sample = round(steps)
+        self._logger_stride = round(ROW / step)
+        self._drained = 0  # logger rows handed out
+        self.reason, self.stopped_by_person = "", False
+        self.logger_names = [s.name for s in catalogue.logger_channels()]
+
+    def build(self, plan: Plan, gauges: Gauges) -> None:
+        """Make the world and the first row; ``gauges`` show the plan's channels."""
+        self.world, self.gauges, self.channels = World(plan), gauges, tuple(plan.channels)
+        if self.logger_names != list(self.channels[:len(self.logger_names)]):
+            raise RigError(f"the logger's columns {self.logger_names} are not those of the rig, "
+                           f"{self.channels}")
+        self._safe = self.world.record["safe"]
+        self._enabled = self.device(self.drive)
+        self.v, self.mode = self.world.line["v"], self.world.line["mode"]
+        self._by = BY_DUTY
+        self._law_config, self._law_profiles = np.zeros(1, law.LAW_CONFIG), np.zeros((law.OUTPUTS, 6, 2))
+        self._law_outputs, self._law_state = np.zeros(law.OUTPUTS, law.LAW_OUTPUT), np.zeros(1, law.LAW_STATE)
+        self._log = np.zeros((LOG_ROWS * self._logger_stride, len(self.channels)), order="F")
+        count = len(self.channels) - plan.untouched
+        self._shown = np.zeros(1, transducers.shown_dtype(count, plan.untouched, len(plan.encoders)))
+        self._shown["present"], self._shown["source"] = gauges.present, self.world.source[:count]
+        self._shown["untouched_source"] = self.world.source[count:]
+        self._shown["encoder"] = [self.channels.index(name) for name in plan.encoders]
+        world = self.world
+        self._addresses = general_step.NONE
+        with compiling_in_parallel(plan.driven) as cold:
+            loop.first_row(self._log, self.step, world.record, world.numbers, self._shown, *gauges.arrays)
+            if cold:
+                self._advance(0)
+        self._addresses = general_step.addresses(plan.driven)
+
+    def move(self, samples: int) -> bool:
+        """Move on by samples; False when the plant trips the rig. One that is tripped moves on as far as it can."""
+        end, world = self.sample + samples, self.world
+        while self.sample < end:
+            self.sample, how = self._advance(end - self.sample)
+            if how != WHOLE and self.status != RigStatus.TRIPPED:
+                self.trip_for(how, world.names, world.kept[1, :world.finite].view(float))
+                return False
+        return True
+
+    def _advance(self, samples: int) -> tuple[int, int]:
+        world = self.world
+        return loop.advance(
+            samples, self.sample, self._steps_per_sample, self.step, self._by, self._addresses, world.record,
+            world.numbers, self._shown, *self.gauges.arrays, self._law_config, self._law_profiles, self._law_outputs,
+            self._law_state, self._log, world.moved, world.finite, world.kept)
+
+    def device(self, name: str) -> np.void:
+        """The states of a device by name, SI, to be read and set."""
+        return self.world.state(name)
+
+    def true(self, what: str) -> float:
+        """A number of the plant as it is, by its name in the rig's plan: "M_wej", "wk.speed", "clutch_s1.pressure"."""
+        return float(self.world.numbers[self.world.number(what)])
+
+    @property
+    def safe(self) -> bool:
+        """True in the safe state."""
+        return bool(self._safe[0] > 0.0)
+
+    @property
+    @abstractmethod
+    def status(self) -> RigStatus:
+        """What the rig is doing."""
+
+    def trip(self, reason: str) -> None:
+        """Safe state: no drive torque, no clutch clamped; the first reason stays until reset."""
+        if self.status != RigStatus.TRIPPED:
+            self.reason = reason
+        self._safe[0] = 1.0
+        self._enabled["enabled"] = 0.0
+
+    def trip_for(self, how: int, names: list[str], values: np.ndarray) -> None:
+        """Trip for a sample that the plant could not be moved over: ``how`` of engine.outcome, not WHOLE.
+
+        values: those that came out, of which the first that is no finite number is named by its place in ``names``.
+        """
+        when = f"between {self.time - SAMPLE:.3f} s and {self.time:.3f} s"
+        if how == NOT_SETTLED:
+            also = ", or what follows a table of the motion," if self.world.plan.driven else ""
+            self.trip(f"{when} the friction of clutches and brakes{also} did not settle within a step; a value of the rig is "
+                      "far from any real one, or its step too long")
+            return
+        first = int(np.flatnonzero(~np.isfinite(values))[0])
+        self.trip(f"{names[first]} became {values[first]} {when}, which is no finite number; the plant stays where it was "
+                  "before, and a value of the rig is far from any real one")
+
+    def e_stop(self) -> None:
+        """The red button: safe state that only ``reset`` ends."""
+        self.stopped_by_person = True
+        self._safe[0] = 0.0  # a person's stop replaces whatever tripped before
+        self.trip("emergency stop")
+
+    def check_runs(self) -> None:
+        """Tripped when the rig is in its safe state."""
+        if self.status == RigStatus.TRIPPED:
+            raise Tripped(f"the rig tripped: {self.reason}")
+
+    def check_tripped(self) -> None:
+        """RigError when there is no safe state that could be left."""
+        if self.status != RigStatus.TRIPPED:
+            raise RigError("the rig is not in its safe state; nothing done")
+
+    @abstractmethod
+    def advance_samples(self, samples: int = 1) -> None:
+        """Move by so many controller samples."""
+
+    @property
+    def time_ns(self) -> int:
+        """Simulated time since the start [ns]."""
+        return self.sample * SAMPLE_NS
+
+    @property
+    def time(self) -> float:
+        """Simulated time since the start [s]."""
+        return self.sample * SAMPLE
+
+    def advance(self, seconds: float) -> None:
+        """Advance by a whole number of controller samples (1 ms); RigError otherwise."""
+        samples = seconds / SAMPLE
+        if abs(samples - round(samples)) > 1e-6 or samples < 0:
+            raise RigError(f"cannot advance by {seconds} s: expected a whole number of milliseconds")
+        self.advance_samples(round(samples))
+
+    def row(self) -> np.ndarray:
+        """The newest logger row, columns as ``channels``, SI."""
+        return self.row_of(self.sample)
+
+    def row_of(self, sample: int) -> np.ndarray:
+        """The row of a controller sample of the last two seconds."""
+        return self._log[(sample * self._steps_per_sample) % len(self._log)]
+
+    def measurement(self, name: str) -> float:
+        """Newest value of a transducer, as the wire carries it; RigError for a name without one."""
+        try:
+            return float(self.row()[self.channels.index(name)])
+        except ValueError:
+            raise RigError(f"'{name}' is not a transducer; known are {', '.join(self.channels)}") from None
+
+    def take_rows(self, rows: int) -> tuple[int, np.ndarray]:
+        """(index of the first, the next ``rows`` 10 kHz logger rows); RigError when they are not there any more."""
+        first = self._drained
+        values = self.rows_at(ROW, first, rows)[:, :len(self.logger_names)]
+        self._drained += rows
+        return first, values
+
+    def rows_at(self, period: float, first: int, rows: int) -> np.ndarray:
+        """Rows (rows, channels) ``first`` to ``first + rows - 1``, one every ``period`` [s] from time 0, of all
+        channels; RigError when they are not there any more or the period is no whole number of steps.
+        """
+        return self.rows_in_ring(period, first, rows).copy()
+
+    def rows_in_ring(self, period: float, first: int, rows: int) -> np.ndarray:
+        """As :meth:`rows_at`, for who copies them at once: they lie in the ring itself, which is overwritten."""
+        steps = period / self.step
+        stride = round(steps)
+        if abs(steps - stride) > 1e-9 or stride < 1:
+            raise RigError(f"the plant's step of {self.step * 1e6:g} us does not divide the "
+                           f"{period * 1e6:g} us between two rows")
+        begin, last, now = first * stride, (first + rows - 1) * stride, self.sample * self._steps_per_sample
+        if rows and (last > now or now - begin >= len(self._log)):
+            raise RigError(f"rows {first} to {first + rows - 1} are not in the ring at {self.time:g} s")
+        place = begin % len(self._log)
+        if place + last - begin < len(self._log):
+            return self._log[place:place + rows * stride:stride]
+        return self._log[(begin + stride * np.arange(rows)) % len(self._log)]

@@ -1,0 +1,85 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the plant's states say of a shift: by hand, and on the sample bag beside the transducers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from synthetic_shift import I1, I2, FakeBag, Shift
+
+from rig_nodes.analysis.metrics import KEYS
+from rig_nodes.analysis.report import build_report, format_report
+from rig_nodes.analysis.plant_states import states_of, metrics_of_states
+from rig_nodes.bags.reader import Bag
+
+SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
+ROW = dict.fromkeys(KEYS) | dict(from_gear=1, to_gear=2, t_order_s=1.0, t_dt_s=0.3, t_c_s=0.6, t_o_s=0.1)
+
+
+def states():
+    """200 Hz: S2 locks at 1.6 s; the input torque peaks with 250 Nm at 1.55 s; n_wyj dips by 10 % at 1.45 s."""
+    t = np.arange(0.0, 3.0, 0.005)
+    w = np.full(t.size, 150.0)
+    w_wyj = np.interp(t, [1.4, 1.45, 1.5, 1.6], np.array([1 / I1, 0.9 / I1, 1 / I1, 1 / I2]) * 150.0)
+    m_wej = np.interp(t, [1.3, 1.55, 1.6, 1.7], [60.0, 250.0, 240.0, 80.0])
+    gearbox = {"t": t, "m_wej": m_wej, "w_wej": w, "w_wyj": w_wyj}
+    one = {"t": t, "mode": np.where(t < 1.3, 2.0, 0.0), "heat": np.interp(t, [1.2, 1.4], [0.0, 50.0]),
+           "torque": np.where(t < 1.3, 70.0, -15.0)}
+    two = {"t": t, "mode": np.select([t < 1.3, t < 1.6 - 1e-9], [0.0, 1.0], 2.0),
+           "heat": np.interp(t, [1.3, 1.6, 1.65, 1.9], [10.0, 310.0, 312.0, 999.0]),
+           "torque": np.where(t < 1.3, 0.0, 90.0)}
+    return {"/gearbox/state": gearbox, "/clutch_s1/state": one, "/clutch_s2/state": two}
+
+
+def test_metrics_by_hand():
+    truth = metrics_of_states(states(), ROW)
+    assert truth["t_lock_s"] == pytest.approx(0.6)
+    assert truth["m_wej_max_nm"] == pytest.approx(250.0)
+    assert truth["k"] == pytest.approx(0.9)
+    assert truth["n_wyj_min_rpm"] == pytest.approx(0.9 * 150 / I1 * 9.5493, rel=1e-4)
+    # from 1.0 s to the settled torque at 1.7 s
+    assert truth["heat_s1_j"] == pytest.approx(50.0)
+    assert truth["heat_s2_j"] == pytest.approx(302.0 + 687.0 * 0.05 / 0.25)
+    assert truth["torque_s1_max_nm"] == 70.0 and truth["torque_s2_max_nm"] == 90.0
+
+
+def test_a_clutch_that_is_still_locked_when_it_is_ordered_has_not_engaged_by_that():
+    held = states()
+    held["/clutch_s2/state"]["mode"][:210] = 2.0  # until 1.05 s
+    assert metrics_of_states(held, ROW)["t_lock_s"] == pytest.approx(0.6)
+
+
+def test_no_lock_no_states_no_truth():
+    assert metrics_of_states(states(), ROW, next_order_time=1.5) is None
+    assert metrics_of_states(states(), ROW | {"t_order_s": 0.0}) is None
+    assert states_of(FakeBag(Shift().recording())) is None
+    only_gearbox = {"/gearbox/state": [(0, SimpleNamespace(m_wej=1.0, w_wej=1.0, w_wyj=1.0))]}
+    assert states_of(FakeBag(Shift().recording(), only_gearbox)) is None
+
+
+def test_on_the_sample_bag_truth_and_transducers_agree():
+    bag = Bag(SAMPLE)
+    report = build_report(bag, bag.run_info(), annex_a=1.05, truth=True)
+    (row,), (truth,), (account,) = report["shifts"], report["truth"], report["energy"]["shifts"]
+    assert truth["t_lock_s"] == pytest.approx(row["t_c_s"], abs=0.01)
+    assert truth["k"] == pytest.approx(row["k"], abs=0.01)
+    # states 5 ms apart may pass over the peak's tip, or hit it where the metric's mean over 2 ms takes it down
+    peak = row["m_wej_max_nm"]
+    assert 0.5 * peak < truth["m_wej_max_nm"] < 1.1 * peak + report["uncertainty"][0]["m_wej_max_nm"]
+    for heat in ("heat_s1_j", "heat_s2_j"):
+        assert truth[heat] == pytest.approx(account[heat], rel=0.02, abs=1.0)
+    text = format_report(report)
+    assert f"order to lock-up {truth['t_lock_s'] * 1e3:.0f} ms ({row['t_c_s'] * 1e3:.0f})" in text
+    assert "not from states: t_d, t_p" in text and "Annex A" in text
+
+
+def test_a_bag_without_states_says_so():
+    events = [(0.5, "/controller/events", "shift_ordered", "", 1.0), (1.0, "/controller/events", "shift_ordered", "", 2.0)]
+    report = build_report(FakeBag(Shift().recording(), events=events), {}, truth=True)
+    assert report["truth"] == [None, None]
+    assert "holds no states of a plant" in format_report(report)
