@@ -29,10 +29,23 @@ setup(
     maintainer="Virtual rig maintainers",
     maintainer_email="rig@example.invalid",
     packages=find_packages(include=[NAME, NAME + ".*"]),
-    package_data={NAME: ["config/**/*.yaml", "config/*.xml", "rigs/**/*.yaml", "rigs/**/*.csv", "description/template/**/*.yaml", "controllers/include/*.h*",
-                         "controllers/examples/**/*.c*", "controllers/examples/**/*.h", "controllers/examples/**/*.xml",
-                         "controllers/examples/**/CMakeLists.txt", "controllers/templates/**/*", "fmu/c/*",
-                         "validation/*.yaml"]},
+    package_data={
+        NAME: [
+            "config/**/*.yaml",
+            "config/*.xml",
+            "rigs/**/*.yaml",
+            "rigs/**/*.csv",
+            "description/template/**/*.yaml",
+            "controllers/include/*.h*",
+            "controllers/examples/**/*.c*",
+            "controllers/examples/**/*.h",
+            "controllers/examples/**/*.xml",
+            "controllers/examples/**/CMakeLists.txt",
+            "controllers/templates/**/*",
+            "fmu/c/*",
+            "validation/*.yaml",
+        ]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/" + NAME]),
         ("share/" + NAME, ["package.xml"]),
@@ -44,10 +57,13 @@ setup(
     ],
     python_requires=">=3.11",
     # rclpy and rig_msgs come with ROS 2, not from a package index; requirements.lock has wheels of rclpy.
-    install_requires=["setuptools", "numpy>=1.26", "scipy", "numba", "mcap", "lz4", "zstandard", "rosbags",
-                      "ruamel.yaml"],
-    extras_require={"view": ["rerun-sdk"], "plugs": ["fmpy", "python-can", "cantools", "pymodbus"],
-                    "sweep": ["pyarrow", "dask", "distributed", "optuna"], "test": ["pytest", "mcap-ros2-support"]},
+    install_requires=["setuptools", "numpy>=1.26", "scipy", "numba", "mcap", "lz4", "zstandard", "rosbags", "ruamel.yaml"],
+    extras_require={
+        "view": ["rerun-sdk"],
+        "plugs": ["fmpy", "python-can", "cantools", "pymodbus"],
+        "sweep": ["pyarrow", "dask", "distributed", "optuna"],
+        "test": ["pytest", "mcap-ros2-support"],
+    },
     zip_safe=False,
     entry_points={
         "console_scripts": [
@@ -58,6 +74,6 @@ setup(
             "sequencer = rig_nodes.nodes.sequencer:main",
             "recorder = rig_nodes.nodes.recorder:main",
             "device = rig_nodes.nodes.cut_device:main",
-        ],
+        ]
     },
 )

@@ -1,7 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Draws driveline_1.svg and so on, beside itself, by running the examples of docs/how_to/driveline_examples.md as they stand there."""
+"""Draws driveline_1.svg and so on, beside itself, by running the examples of docs/how_to/driveline_examples.md as they stand
+there.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,6 @@ import re
 from pathlib import Path
 
 import numpy as np
-
 from rig_nodes.validation.figures import Figure, Series
 
 HERE = Path(__file__).parent
@@ -22,8 +23,14 @@ def examples() -> list[tuple[str, str, str]]:
     page = PAGE.read_text(encoding="utf-8")
     first, *parts = re.split(r"^## ", page, flags=re.MULTILINE)
     imports = re.search(r"```python\n(.*?)```", first, re.DOTALL).group(1)
-    return [(part.splitlines()[0], imports + re.search(r"```python\n(.*?)```", part, re.DOTALL).group(1),
-             re.search(r"!\[.*\]\(../pictures/(.*)\)", part).group(1)) for part in parts]
+    return [
+        (
+            part.splitlines()[0],
+            imports + re.search(r"```python\n(.*?)```", part, re.DOTALL).group(1),
+            re.search(r"!\[.*\]\(../pictures/(.*)\)", part).group(1),
+        )
+        for part in parts
+    ]
 
 
 def left_by(code: str) -> dict:
@@ -37,8 +44,10 @@ def picture(title: str, names: dict) -> str:
     """What an example's `lines` and `over` look like, as SVG."""
     x_name, x = names["over"]
     every = max(1, len(x) // POINTS)
-    series = [Series(name, np.round(x[::every], 6).tolist(), np.round(y[::every], 6).tolist(), marks=False)
-              for name, y in names["lines"].items()]
+    series = [
+        Series(name, np.round(x[::every], 6).tolist(), np.round(y[::every], 6).tolist(), marks=False)
+        for name, y in names["lines"].items()
+    ]
     return Figure(title, x_name, "", series).svg()
 
 

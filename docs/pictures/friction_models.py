@@ -10,7 +10,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-
 from rig_nodes.plant.friction import closed, drag
 from rig_nodes.plant.friction.bench import PACKS
 from rig_nodes.plant.friction.geometry import PackGeometry
@@ -34,8 +33,7 @@ def gearbox_ring(surfaces: int) -> PackGeometry:
 def drag_curves() -> dict:
     """Torque [Nm] over SLIP of each drag model, by its name in the legend."""
     pack = gearbox_ring(1)
-    curves = {"Kitabayashi": drag.kitabayashi(pack, SLIP, VISCOSITY, GAP),
-              "Davis": drag.davis_viscous(pack, SLIP, VISCOSITY, GAP)}
+    curves = {"Kitabayashi": drag.kitabayashi(pack, SLIP, VISCOSITY, GAP), "Davis": drag.davis_viscous(pack, SLIP, VISCOSITY, GAP)}
     for radius in FILM_RADII:
         end = f", film to {radius * 1e3:g} mm"
         curves["Pahlovy" + end] = drag.pahlovy(pack, SLIP, VISCOSITY, EFFECTIVE_GAP, radius)
@@ -48,10 +46,12 @@ def surface_curves() -> dict:
     """Torque over that of one surface without spline friction, over SURFACES, by name in the legend."""
     one = closed.traditional(gearbox_ring(1), 1.0, STATIC)
     packs = [gearbox_ring(n) for n in SURFACES]
-    return {"Osinski, k_os n": closed.osinski_factor(SURFACES) * SURFACES,
-            "traditional": SURFACES.astype(float),
-            "thesis": np.array([closed.thesis(pack, 1.0, STATIC, SPLINE) / one for pack in packs]),
-            "Chen": np.array([closed.chen(pack, 1.0, STATIC, SPLINE) / one for pack in packs])}
+    return {
+        "Osinski, k_os n": closed.osinski_factor(SURFACES) * SURFACES,
+        "traditional": SURFACES.astype(float),
+        "thesis": np.array([closed.thesis(pack, 1.0, STATIC, SPLINE) / one for pack in packs]),
+        "Chen": np.array([closed.chen(pack, 1.0, STATIC, SPLINE) / one for pack in packs]),
+    }
 
 
 def draw() -> None:
@@ -59,8 +59,7 @@ def draw() -> None:
     try:
         import matplotlib
     except ImportError:
-        sys.exit("friction_models.py draws with matplotlib, which is not here: "
-                 ".venv/bin/python -m pip install matplotlib")
+        sys.exit("friction_models.py draws with matplotlib, which is not here: .venv/bin/python -m pip install matplotlib")
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
@@ -68,8 +67,13 @@ def draw() -> None:
     for name, torque in drag_curves().items():
         style = "--" if "36 mm" in name or name == "Davis" else "-"
         axes.plot(SLIP, torque, style, label=name)
-    axes.set(xlabel="slip [rad/s]", ylabel="torque of one surface [Nm]", xlim=(0, SLIP[-1]), ylim=(0, None),
-             title="Drag of one friction surface, parameters of fig. 6.5")
+    axes.set(
+        xlabel="slip [rad/s]",
+        ylabel="torque of one surface [Nm]",
+        xlim=(0, SLIP[-1]),
+        ylim=(0, None),
+        title="Drag of one friction surface, parameters of fig. 6.5",
+    )
     axes.legend()
     axes.grid(alpha=0.3)
     figure.savefig(HERE / "fig_6_5.png", dpi=110, metadata={"Software": None})
@@ -78,9 +82,13 @@ def draw() -> None:
     for name, torque in surface_curves().items():
         axes.plot(SURFACES, torque, "o-" if "k_os" in name else "-", markersize=3, label=name)
     axes.axvspan(*closed.OSINSKI_TABLE, alpha=0.1, label="range of Osinski's table")
-    axes.set(xlabel="friction surfaces n", ylabel="torque over that of one loss-free surface",
-             xlim=(1, 36), ylim=(-2, 20),
-             title=f"k_os n (fig. 6.6), and what friction {STATIC:g} with splines {SPLINE:g} gives on 50x76")
+    axes.set(
+        xlabel="friction surfaces n",
+        ylabel="torque over that of one loss-free surface",
+        xlim=(1, 36),
+        ylim=(-2, 20),
+        title=f"k_os n (fig. 6.6), and what friction {STATIC:g} with splines {SPLINE:g} gives on 50x76",
+    )
     axes.legend()
     axes.grid(alpha=0.3)
     figure.savefig(HERE / "fig_6_6.png", dpi=110, metadata={"Software": None})

@@ -14,20 +14,12 @@ from pathlib import Path
 
 from ament_index_python.packages import get_package_prefix
 from launch import LaunchDescription
-from launch.actions import (
-    DeclareLaunchArgument,
-    EmitEvent,
-    LogInfo,
-    OpaqueFunction,
-    RegisterEventHandler,
-    TimerAction,
-)
+from launch.actions import DeclareLaunchArgument, EmitEvent, LogInfo, OpaqueFunction, RegisterEventHandler, TimerAction
 from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown, matches_action
 from launch.events.process import SignalProcess
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-
 from rig_nodes.config.names import DEFAULT_RIG, has_controller, rig_of
 from rig_nodes.errors import RigError
 from rig_nodes.graph.domain import check_namespace, from_environment
@@ -36,19 +28,34 @@ from rig_nodes.graph.topic_choice import TopicChoice
 from rig_nodes.testbench.folders import run_folder
 
 ARGUMENTS = (
-    ("sequence", "", "name or .yaml file of a sequence, with whose end the launch ends; "
-                     "empty: the rig runs until Ctrl-C and takes orders over ROS"),
+    (
+        "sequence",
+        "",
+        "name or .yaml file of a sequence, with whose end the launch ends; "
+        "empty: the rig runs until Ctrl-C and takes orders over ROS",
+    ),
     ("with", "", "values of the sequence's parameters, NAME=VALUE, several with commas between them"),
-    ("rig", "", "name, folder or .yaml file of the rig; empty: the one that the sequence is written for, "
-                f"{DEFAULT_RIG} without a sequence"),
+    (
+        "rig",
+        "",
+        f"name, folder or .yaml file of the rig; empty: the one that the sequence is written for, {DEFAULT_RIG} without a sequence",
+    ),
     ("set", "", "values of the rig to change, KEY=VALUE as for ./rig run --set, several with commas between them"),
     ("out", "", "new or empty folder for bag, report and logs; empty: runs/<sequence>-<n>"),
     ("seed", "1", "seed of the transducers' noise and errors"),
-    ("controller", "", "your controller in place of the Alfa46: python:FILE.py:CLASS, c:FILE.c, ros:NAME or another "
-                       "of docs/how_to/controllers.md; not for a bench"),
+    (
+        "controller",
+        "",
+        "your controller in place of the Alfa46: python:FILE.py:CLASS, c:FILE.c, ros:NAME or another "
+        "of docs/how_to/controllers.md; not for a bench",
+    ),
     ("delay", "1", "samples of 1 ms from a measurement to the effect of the controller's answer to it"),
-    ("topics", "", "regular expression: beside the rig's own topics, record only those whose whole name matches; empty: "
-                   "every topic of the ROS domain"),
+    (
+        "topics",
+        "",
+        "regular expression: beside the rig's own topics, record only those whose whole name matches; empty: "
+        "every topic of the ROS domain",
+    ),
     ("exclude", "", "regular expression: beside the rig's own topics, record none whose whole name matches"),
 )
 AFTER_FAILURE = 1.0  # s in which the rig notices that its controller is gone and the bag gets the safe state
@@ -68,8 +75,7 @@ class Run:
     def add(self, executable: str, *arguments: str) -> None:
         """One process. It gets no node name: the container hosts many nodes with names of their own."""
         logs = ["--logs", str(self.folder / "logs"), "--recorded"] if self.folder else []
-        self.nodes[executable] = Node(package="rig_nodes", executable=executable,
-                                      arguments=[*arguments, *logs], output="screen")
+        self.nodes[executable] = Node(package="rig_nodes", executable=executable, arguments=[*arguments, *logs], output="screen")
 
     def on_exit(self, event, context) -> list:
         """A process is gone: go on with the orderly end, or end all others with the reason."""
@@ -91,8 +97,7 @@ class Run:
         if not self.reason:
             self.reason = self.why(name, event.returncode)
             over = EmitEvent(event=Shutdown(reason=self.reason))
-            return [LogInfo(msg=f"the rig ends: {self.reason}"),
-                    TimerAction(period=AFTER_FAILURE, actions=[over])]
+            return [LogInfo(msg=f"the rig ends: {self.reason}"), TimerAction(period=AFTER_FAILURE, actions=[over])]
         return []
 
     def orderly(self) -> bool:
@@ -133,9 +138,18 @@ def ordered(given: dict[str, str]) -> Order:
     for name in ("seed", "delay"):
         if not given[name].isdecimal():
             raise RigError(f"{name}:={given[name]}: expected a whole number")
-    return Order(given["sequence"] or None, rig, int(given["seed"]), pairs(given["set"]),
-                 controller=given["controller"] or None, parameters=pairs(given["with"]), processes=processes,
-                 delay=int(given["delay"]), topics=given["topics"] or None, exclude=given["exclude"] or None)
+    return Order(
+        given["sequence"] or None,
+        rig,
+        int(given["seed"]),
+        pairs(given["set"]),
+        controller=given["controller"] or None,
+        parameters=pairs(given["with"]),
+        processes=processes,
+        delay=int(given["delay"]),
+        topics=given["topics"] or None,
+        exclude=given["exclude"] or None,
+    )
 
 
 def pairs(text: str) -> list[str]:
@@ -167,8 +181,8 @@ def start(context) -> list:
 
 def generate_launch_description() -> LaunchDescription:
     """Called by ros2 launch."""
-    declared = [DeclareLaunchArgument(name, default_value=default, description=text)
-                for name, default, text in ARGUMENTS]
-    record = DeclareLaunchArgument("record", default_value="true", choices=["true", "false"],
-                                   description="record a bag with a report")
+    declared = [DeclareLaunchArgument(name, default_value=default, description=text) for name, default, text in ARGUMENTS]
+    record = DeclareLaunchArgument(
+        "record", default_value="true", choices=["true", "false"], description="record a bag with a report"
+    )
     return LaunchDescription([*declared, record, OpaqueFunction(function=start)])

@@ -31,8 +31,13 @@ class Offer:
 
 # Nodes publish with these (nodes.qos) and bags say them (bags.metadata). A command's deadline is the age at which the
 # rig trips. The last one is for topics of users' own nodes only.
-QOS = {"measurement": Offer(), "command": Offer(deadline_ms=round(1e3 * COMMAND_TIMEOUT)), "setting": Offer(),
-       "latched": Offer(latched=True), "best_effort": Offer(reliable=False)}
+QOS = {
+    "measurement": Offer(),
+    "command": Offer(deadline_ms=round(1e3 * COMMAND_TIMEOUT)),
+    "setting": Offer(),
+    "latched": Offer(latched=True),
+    "best_effort": Offer(reliable=False),
+}
 
 
 @dataclass(frozen=True)
@@ -115,8 +120,11 @@ class Catalogue:
 
     def measured(self) -> dict[str, str]:
         """Topic of each transducer's messages -> its signal."""
-        return {signal.topic: name for name, signal in self.signals.items()
-                if signal.topic in self.topics and self.topics[signal.topic].type == "Measurement"}
+        return {
+            signal.topic: name
+            for name, signal in self.signals.items()
+            if signal.topic in self.topics and self.topics[signal.topic].type == "Measurement"
+        }
 
     def on_topic(self, topic: str) -> list[Signal]:
         """The signals that travel in one topic."""
@@ -164,7 +172,10 @@ def installed_topics() -> dict[str, Topic]:
 def catalogue_of(structure: Structure) -> Catalogue:
     """The catalogue of a rig by its structure; RigError for two signals of one name."""
     found = described(structure)
-    topics, cut_topics, controller_topics = ({name: Topic(name=name, **entry) for name, entry in found[key].items()}
-                                             for key in ("topics", "cut_topics", "controller_topics"))
-    return Catalogue(topics, {name: Signal(name=name, **entry) for name, entry in found["signals"].items()}, cut_topics,
-                     controller_topics)
+    topics, cut_topics, controller_topics = (
+        {name: Topic(name=name, **entry) for name, entry in found[key].items()}
+        for key in ("topics", "cut_topics", "controller_topics")
+    )
+    return Catalogue(
+        topics, {name: Signal(name=name, **entry) for name, entry in found["signals"].items()}, cut_topics, controller_topics
+    )

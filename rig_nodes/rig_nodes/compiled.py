@@ -99,8 +99,10 @@ def use_kernel_cache() -> None:
     with suppress(OSError):  # where it cannot be made, numba finds another place
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if folder.is_dir() and not own_folder(folder):
-        raise RigError(f"{folder}: the compiled code in it would run as it is, and others can write to it; delete it, or "
-                       "name a folder of your own by NUMBA_CACHE_DIR")
+        raise RigError(
+            f"{folder}: the compiled code in it would run as it is, and others can write to it; delete it, or "
+            "name a folder of your own by NUMBA_CACHE_DIR"
+        )
 
 
 def load_numba() -> None:

@@ -28,8 +28,8 @@ def no_file(path: str | Path) -> str:
 
 
 def printable(text: object, kept: str = "") -> str:
-    """``text`` as people see it: what a terminal would obey instead of show it, and what nobody can see, is written as JSON
-    writes it (``\\u001b``, ``\\n``); the characters of ``kept`` stay as they are.
+    r"""``text`` as people see it: what a terminal would obey instead of show it, and what nobody can see, is written as JSON
+    writes it (``\u001b``, ``\n``); the characters of ``kept`` stay as they are.
 
     For every text that may carry what a user, a file or another program wrote: control characters, marks that turn the
     direction of writing and halves of characters come along in names.

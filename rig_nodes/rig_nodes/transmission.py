@@ -9,6 +9,7 @@ and the tuner take gears, clutches, pressures and ratios from it and know none b
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -157,8 +158,13 @@ class Transmission:
     @cached_property
     def channels(self) -> tuple[str, ...]:
         """Signals of both shafts and all clutches' pressures, which shift metrics are computed from."""
-        return (self.input.torque, self.input.speed, self.output.torque, self.output.speed,
-                *(clutch.pressure for clutch in self.clutches))
+        return (
+            self.input.torque,
+            self.input.speed,
+            self.output.torque,
+            self.output.speed,
+            *(clutch.pressure for clutch in self.clutches),
+        )
 
     @property
     def spoken(self) -> str:
@@ -177,8 +183,14 @@ class Transmission:
     def number(self, text: str) -> int | None:
         """The gear that somebody means by its name or number, in either case; N or 0 is neutral; None: there is none."""
         said = text.strip().lower()
-        return next((gear.number for gear in self.gears
-                     if said in (gear.name.lower(), str(gear.number)) or (gear.number == NEUTRAL and said == "n")), None)
+        return next(
+            (
+                gear.number
+                for gear in self.gears
+                if said in (gear.name.lower(), str(gear.number)) or (gear.number == NEUTRAL and said == "n")
+            ),
+            None,
+        )
 
     def engaged(self, gear: int) -> tuple[Clutch, ...]:
         """The clutches that are engaged in a gear; none in neutral and in a gear that there is not."""
@@ -188,8 +200,12 @@ class Transmission:
     def shift(self, from_gear: int, to_gear: int) -> Shift:
         """What a change from one gear to another does; a clutch of both gears stays engaged and is neither."""
         old, new = self.engaged(from_gear), self.engaged(to_gear)
-        return Shift(from_gear, to_gear, tuple(clutch for clutch in old if clutch not in new),
-                     tuple(clutch for clutch in new if clutch not in old))
+        return Shift(
+            from_gear,
+            to_gear,
+            tuple(clutch for clutch in old if clutch not in new),
+            tuple(clutch for clutch in new if clutch not in old),
+        )
 
     def changes(self, from_gear: int, to_gear: int) -> bool:
         """An order changes from one gear that drives to another: no engagement from neutral, no way back to it."""
@@ -202,7 +218,7 @@ class Transmission:
     def ways(self) -> dict[str, tuple[int, int]]:
         """The changes to the next gear up and down by name, e.g. ``I-II`` -> (1, 2)."""
         driving = [gear for gear in self.gears if gear.ratio is not None]
-        pairs = [pair for a, b in zip(driving, driving[1:]) for pair in ((a, b), (b, a))]
+        pairs = [pair for a, b in itertools.pairwise(driving) for pair in ((a, b), (b, a))]
         return {f"{a.name}-{b.name}": (a.number, b.number) for a, b in pairs}
 
     def slip(self, gear: int, w_in, w_out):
@@ -250,8 +266,15 @@ def made_of(record: Mapping) -> Transmission:
         except ValueError as error:
             raise ValueError(f"gear {gear.name} of the rig '{record.get('name', '')}': {error}") from None
         valves = [valve for one in gear.clutches if (valve := structure.valve_of(one))]
-        gears.append(Gear(number, gear.name, tuple(names[one].called for one in gear.clutches), ratio,
-                          tuple(valve.wires["output"] - 1 for valve in valves)))
+        gears.append(
+            Gear(
+                number,
+                gear.name,
+                tuple(names[one].called for one in gear.clutches),
+                ratio,
+                tuple(valve.wires["output"] - 1 for valve in valves),
+            )
+        )
     wiring = dict(zip((valve.name for valve in structure.valves), record.get("wiring", ())))
     clutches = tuple(_clutch(one, structure, record, wiring) for one in structure.clutches)
     driving, one = tied_to(structure, inertias, ends[0])
@@ -270,8 +293,18 @@ def _clutch(device, structure, record: Mapping, wiring: Mapping[str, int]) -> Cl
     line = structure.line_of(device.name)
     if valve is None:
         return Clutch(device.called, device.name, "", "", -1, shown(f"{line}.pressure"), "", "", kiss, device.release_rate)
-    return Clutch(device.called, device.name, valve.name, valve.called, int(wiring[valve.name]), shown(f"{line}.pressure"),
-                  shown(f"{valve.name}.current"), f"I_set_{valve.key}", kiss, device.release_rate)
+    return Clutch(
+        device.called,
+        device.name,
+        valve.name,
+        valve.called,
+        int(wiring[valve.name]),
+        shown(f"{line}.pressure"),
+        shown(f"{valve.name}.current"),
+        f"I_set_{valve.key}",
+        kiss,
+        device.release_rate,
+    )
 
 
 def tied_to(structure, inertias: Mapping[str, float], body: str) -> tuple[float, float]:
@@ -287,4 +320,4 @@ def tied_to(structure, inertias: Mapping[str, float], body: str) -> tuple[float,
     heavy = [name for name in speeds if inertias[name] > 0.0]
     if len(heavy) == 1:
         return inertias[heavy[0]], abs(speeds[heavy[0]])
-    return sum(inertias[name] * speeds[name]**2 for name in heavy), 1.0
+    return sum(inertias[name] * speeds[name] ** 2 for name in heavy), 1.0

@@ -5,7 +5,6 @@
 
 import numpy as np
 import pytest
-
 from rig_nodes.alfa46 import law
 from rig_nodes.alfa46.controller import Alfa46
 from rig_nodes.analysis.metrics import shifts
@@ -115,7 +114,7 @@ def test_the_rig_is_driven_in_its_gears(config, gear, ratio):
 def test_a_shift_under_load_lets_one_clutch_go_for_another_and_keeps_the_third(config, folder):
     run = record(config, load_sequence("up", None, folder), plant_states=("c2_mode",))
     assert run.end["state"] == "ended", run.end
-    shift, = shifts(run.recording)
+    (shift,) = shifts(run.recording)
     assert (shift["from_gear"], shift["to_gear"], shift["valid"]) == (1, 2, True), shift["why"]
     rows = slice(round(shift["t_order_s"] * 1e4), None)
     assert set(run.plant_states["c2_mode"][rows]) == {2.0}, "C2 is locked all the way"

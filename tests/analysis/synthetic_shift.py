@@ -10,7 +10,6 @@ from math import pi
 from types import SimpleNamespace
 
 import numpy as np
-
 from rig_nodes.analysis.metrics import Recording
 from rig_nodes.bags.rig_record import rig_record
 from rig_nodes.description.structure import structure_of
@@ -50,12 +49,12 @@ class Shift:
             points = [self.depart, self.end], [1 / old, 1 / new]
         n_wyj = w * np.interp(t, *points)
         m_wyj = np.full(t.size, 80.0)
-        m_wej = np.interp(t, [self.fall, self.end - 1e-2, self.end - 5e-3, self.end, self.settle],
-                          [65.0, self.peak, self.peak, 150.0, 88.0])
-        kiss_old, kiss_new = (clutch.kiss_pressure for clutch in transmission_of().clutches[::1 if self.up else -1])
+        m_wej = np.interp(
+            t, [self.fall, self.end - 1e-2, self.end - 5e-3, self.end, self.settle], [65.0, self.peak, self.peak, 150.0, 88.0]
+        )
+        kiss_old, kiss_new = (clutch.kiss_pressure for clutch in transmission_of().clutches[:: 1 if self.up else -1])
         bend = self.fall + (2.3e6 - 0.8e6) / self.fall_rate
-        old_p = np.interp(t, [self.fall, bend, self.release, self.release + 0.06],
-                          [2.3e6, 0.8e6, kiss_old, 0.0])
+        old_p = np.interp(t, [self.fall, bend, self.release, self.release + 0.06], [2.3e6, 0.8e6, kiss_old, 0.0])
         new_p = np.interp(t, [self.engage - 0.1, self.engage, self.engage + 0.3], [0.0, kiss_new, 2.3e6])
         p1, p2 = (old_p, new_p) if self.up else (new_p, old_p)
         return {"M_wej": m_wej, "n_wej": w, "M_wyj": m_wyj, "n_wyj": n_wyj, "p1": p1, "p2": p2}

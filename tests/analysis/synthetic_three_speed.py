@@ -8,22 +8,36 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from synthetic_shift import PERIOD, RPM
-
 from rig_nodes.analysis.metrics import Recording
 from rig_nodes.description.structure import End
 from rig_nodes.transmission import Clutch, Gear, Inertias, Transmission
+from synthetic_shift import PERIOD, RPM
 
 KISS = {"C1": 0.2e6, "C2": 0.3e6, "B1": 0.25e6}
 GEARS = {1: ("C1", "B1"), 2: ("C1", "C2"), 3: ("C2", "B1")}
 RATIOS = {1: 3.0, 2: 1.8, 3: 1.0}
-CLUTCHES = tuple(Clutch(name, f"clutch_{name.lower()}", f"valve_{name.lower()}", f"V-{name}", k, f"p_{name.lower()}",
-                        f"I_{name.lower()}", f"I_set_{name.lower()}", kiss, 13e6)
-                 for k, (name, kiss) in enumerate(KISS.items()))
+CLUTCHES = tuple(
+    Clutch(
+        name,
+        f"clutch_{name.lower()}",
+        f"valve_{name.lower()}",
+        f"V-{name}",
+        k,
+        f"p_{name.lower()}",
+        f"I_{name.lower()}",
+        f"I_set_{name.lower()}",
+        kiss,
+        13e6,
+    )
+    for k, (name, kiss) in enumerate(KISS.items())
+)
 BOX = Transmission(
-    End("in", "n_in", "M_in"), End("out", "n_out", "M_out"), CLUTCHES,
+    End("in", "n_in", "M_in"),
+    End("out", "n_out", "M_out"),
+    CLUTCHES,
     (Gear(0, "N"), *(Gear(number, f"{number}.", held, RATIOS[number]) for number, held in GEARS.items())),
-    Inertias(0.5, 0.2))
+    Inertias(0.5, 0.2),
+)
 
 
 @dataclass
@@ -53,9 +67,13 @@ class ThreeSpeedShift:
             else:
                 p = np.full(t.size, 2e6 if clutch in BOX.engaged(self.old) else 0.0)
             pressures[clutch.pressure] = p
-        return {"M_in": np.interp(t, [self.depart, self.end - 1e-2, self.end, self.end + 0.1], [60.0, 200.0, 190.0, 80.0]),
-                "n_in": w, "M_out": np.full(t.size, 100.0),
-                "n_out": w * np.interp(t, [self.depart, self.end], [old, new]), **pressures}
+        return {
+            "M_in": np.interp(t, [self.depart, self.end - 1e-2, self.end, self.end + 0.1], [60.0, 200.0, 190.0, 80.0]),
+            "n_in": w,
+            "M_out": np.full(t.size, 100.0),
+            "n_out": w * np.interp(t, [self.depart, self.end], [old, new]),
+            **pressures,
+        }
 
     def recording(self, **changed) -> Recording:
         return Recording(0.0, PERIOD, self.channels() | changed, [(1.0, self.old, self.new)], BOX)

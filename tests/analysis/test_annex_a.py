@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from synthetic_shift import I1, I2, PERIOD, RPM, Shift
-
 from rig_nodes.analysis.annex_a import shift_metrics_annex_a, shifts_annex_a
 from rig_nodes.analysis.metrics import KEYS, Recording, shift_metrics, shifts
 from rig_nodes.errors import RigError
 from rig_nodes.transmission import transmission_of
+from synthetic_shift import I1, I2, PERIOD, RPM, Shift
 
 UP = (1.0, 1, 2)
 DOWN = (1.0, 2, 1)
@@ -68,10 +67,12 @@ def test_energy_is_the_printed_sum():
     n_in, n_out = c["n_wej"] * RPM, c["n_wyj"] * RPM
     taken = given = 0.0
     for i in range(first, last + 1):
-        taken += c["M_wej"][i] * 0.0001 * 2 * 3.14 * n_in[i] / 60 - \
-            0.709 * (n_in[i] ** 2 - n_in[i - 1] ** 2) * 4 * 3.14**2 / (2 * 60 * 60)
-        given += c["M_wyj"][i] * 0.0001 * 2 * 3.14 * n_out[i] / 60 + \
-            0.1273 * (n_out[i] ** 2 - n_out[i - 1] ** 2) * 4 * 3.14**2 / (2 * 60 * 60 * I2**2)
+        taken += c["M_wej"][i] * 0.0001 * 2 * 3.14 * n_in[i] / 60 - 0.709 * (n_in[i] ** 2 - n_in[i - 1] ** 2) * 4 * 3.14**2 / (
+            2 * 60 * 60
+        )
+        given += c["M_wyj"][i] * 0.0001 * 2 * 3.14 * n_out[i] / 60 + 0.1273 * (n_out[i] ** 2 - n_out[i - 1] ** 2) * 4 * 3.14**2 / (
+            2 * 60 * 60 * I2**2
+        )
     assert row["e_loss_j"] == pytest.approx(taken - given, abs=1.0)
     # the plain definition multiplies J_od by (41/40)^2 and has pi: a larger kinetic energy of the output
     plain = shift_metrics(recording, UP)

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from synthetic_shift import ENCODER
-
 from rig_nodes.analysis.coast_down import coast_down
 from rig_nodes.errors import RigError
+from synthetic_shift import ENCODER
 
 STEP = 1e-3
 
@@ -76,9 +75,15 @@ def test_a_recording_that_starts_with_it():
         coast_down(t, w, np.full(t.size, 8.32))
 
 
-@pytest.mark.parametrize("change, sentence", [
-    (dict(w=np.full(9000, 49.0)), "no coast-down"), (dict(torque=np.zeros(3)), "shape"),
-    (dict(down_to=1.0), "share of its speed"), (dict(t_cut=20.0), "ends before")])
+@pytest.mark.parametrize(
+    "change, sentence",
+    [
+        ({"w": np.full(9000, 49.0)}, "no coast-down"),
+        ({"torque": np.zeros(3)}, "shape"),
+        ({"down_to": 1.0}, "share of its speed"),
+        ({"t_cut": 20.0}, "ends before"),
+    ],
+)
 def test_what_cannot_be_answered_is_refused(change, sentence):
     t, w = printed()
     given = {"t": t, "w": w, "torque": 8.32} | change

@@ -10,7 +10,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
 from rig_nodes.analysis.energy import balance, energies_of
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
@@ -21,8 +20,14 @@ T = np.arange(0.0, 2.0001, 0.005)
 
 def account(leak=0.0):
     """500 W in; 300 W load, 120 + 30 W clutch heat, 10 W losses, the rest stored, `leak` W nowhere."""
-    return {"motor_work": (T, 500.0 * T), "load_work": (T, 300.0 * T), "heat_s1": (T, 120.0 * T),
-            "heat_s2": (T, 30.0 * T), "heat_losses": (T, 10.0 * T), "stored_kinetic": (T, (40.0 - leak) * T)}
+    return {
+        "motor_work": (T, 500.0 * T),
+        "load_work": (T, 300.0 * T),
+        "heat_s1": (T, 120.0 * T),
+        "heat_s2": (T, 30.0 * T),
+        "heat_losses": (T, 10.0 * T),
+        "stored_kinetic": (T, (40.0 - leak) * T),
+    }
 
 
 def test_closed_account():
@@ -49,7 +54,7 @@ def test_window_is_widened_to_samples_and_cut_to_the_recording():
 
 
 def test_no_clutch_heat_has_no_share():
-    still = {name: (T, 0.0 * T) for name in account()}
+    still = dict.fromkeys(account(), (T, 0.0 * T))
     assert balance(still, 0.0, 1.0)["residual_of_heat"] is None
 
 
@@ -67,9 +72,13 @@ def test_energies_out_of_a_bag():
         values = topics.get(topic)
         return (T, [values[name] for name in names]) if values else (T[:0], [T[:0] for _ in names])
 
-    topics = {"/motor/state": {"work": 500.0 * T}, "/load_pump/state": {"work": 300.0 * T},
-              "/clutch_s1/state": {"heat": 120.0 * T}, "/clutch_s2/state": {"heat": 30.0 * T},
-              "/gearbox/state": {"heat": 10.0 * T, "w_wej": 100.0 + T, "w_wyj": 80.0 - T}}
+    topics = {
+        "/motor/state": {"work": 500.0 * T},
+        "/load_pump/state": {"work": 300.0 * T},
+        "/clutch_s1/state": {"heat": 120.0 * T},
+        "/clutch_s2/state": {"heat": 30.0 * T},
+        "/gearbox/state": {"heat": 10.0 * T, "w_wej": 100.0 + T, "w_wyj": 80.0 - T},
+    }
     bag = SimpleNamespace(fields=fields, structure=load_rig().structure, transmission=transmission_of())
     box = replace(transmission_of(), inertias=Inertias(driving=2.0, driven=1.0, reduction=41 / 40))
     energies = energies_of(bag, box)

@@ -9,10 +9,9 @@ import re
 
 import numpy as np
 import pytest
+from rig_nodes.analysis.engagement import KEYS, engagement_metrics, engagement_ranks
 from synthetic_engagement import ORDER, Engagement
 from synthetic_shift import ENCODER, PERIOD
-
-from rig_nodes.analysis.engagement import KEYS, engagement_metrics, engagement_ranks
 
 ORDERED = (ORDER, 0, 1)
 
@@ -52,10 +51,14 @@ def test_only_a_level_longer_than_a_mains_period_is_a_hold(length, hold):
     assert row["level_s"] == pytest.approx(length, abs=6e-3)
 
 
-@pytest.mark.parametrize("engagement", [
-    Engagement(plateau_for=0.0, ramp=1.5e6, closed=0.9),  # a slow ramp is none
-    Engagement(plateau=0.05e6, fill_slope=0.3e6, plateau_for=0.1),  # nor what cannot be told from the rest
-    Engagement(plateau=2.15e6, plateau_for=0.1)])  # nor what is nearly the end pressure
+@pytest.mark.parametrize(
+    "engagement",
+    [
+        Engagement(plateau_for=0.0, ramp=1.5e6, closed=0.9),  # a slow ramp is none
+        Engagement(plateau=0.05e6, fill_slope=0.3e6, plateau_for=0.1),  # nor what cannot be told from the rest
+        Engagement(plateau=2.15e6, plateau_for=0.1),
+    ],
+)  # nor what is nearly the end pressure
 def test_what_is_no_hold(engagement):
     assert metrics(engagement)["hold"] == "no hold"
 
@@ -100,11 +103,15 @@ def test_dip_after_the_steep_part():
     assert clean["disturbed"] == "monotone" and clean["disturbance_start_s"] is None
 
 
-@pytest.mark.parametrize("change, reason", [
-    (dict(end=0.0, plateau=0.0, fill_slope=0.0), "did not rise"),
-    (dict(closed=1.4), "never closed|too early"),
-    (dict(rpm=0.0), "did not turn"),
-    (dict(length=0.65), "does not cover")])
+@pytest.mark.parametrize(
+    "change, reason",
+    [
+        ({"end": 0.0, "plateau": 0.0, "fill_slope": 0.0}, "did not rise"),
+        ({"closed": 1.4}, "never closed|too early"),
+        ({"rpm": 0.0}, "did not turn"),
+        ({"length": 0.65}, "does not cover"),
+    ],
+)
 def test_what_is_missing_is_said(change, reason):
     row = metrics(Engagement(**change))
     assert not row["valid"]
@@ -120,8 +127,22 @@ def test_ranks_among_series():
     def series(peak, time, hold):
         return {"engagement_peak_nm": peak, "engagement_s": time, "hold_s": hold}
 
-    rows = [series(90.0, 0.25, 0.06), series(100.0, 0.30, 0.10), series(80.0, 0.40, 0.06), series(70.0, 0.10, 0.0),
-            series(100.0, 0.30, 0.0), series(90.5, 0.27, 0.08), series(None, 0.3, 0.1)]
+    rows = [
+        series(90.0, 0.25, 0.06),
+        series(100.0, 0.30, 0.10),
+        series(80.0, 0.40, 0.06),
+        series(70.0, 0.10, 0.0),
+        series(100.0, 0.30, 0.0),
+        series(90.5, 0.27, 0.08),
+        series(None, 0.3, 0.1),
+    ]
     # 2 is beaten by 1 in all three; 3 has the lowest peak of those with a hold; 4 without a hold beats nobody
-    assert engagement_ranks(rows) == ["not dominated", "dominated", "not dominated", "not dominated", "dominated",
-                                      "not dominated", None]
+    assert engagement_ranks(rows) == [
+        "not dominated",
+        "dominated",
+        "not dominated",
+        "not dominated",
+        "dominated",
+        "not dominated",
+        None,
+    ]

@@ -7,14 +7,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from synthetic_shift import PERIOD, RPM, Shift
-
 from rig_nodes.analysis.logger_csv import parse_orders, read_logger_csv
 from rig_nodes.analysis.metrics import KEYS, shifts
 from rig_nodes.errors import RigError
+from synthetic_shift import PERIOD, RPM, Shift
 
-HEADINGS = {"M_wej": ("M_wej [Nm]", 1.0), "n_wej": ("n_wej [rpm]", RPM), "M_wyj": ("M_wyj (N·m)", 1.0),
-            "n_wyj": ("n_wyj [obr/min]", RPM), "p1": ("p1 [bar]", 1e-5), "p2": ("p2 [MPa]", 1e-6)}
+HEADINGS = {
+    "M_wej": ("M_wej [Nm]", 1.0),
+    "n_wej": ("n_wej [rpm]", RPM),
+    "M_wyj": ("M_wyj (N·m)", 1.0),
+    "n_wyj": ("n_wyj [obr/min]", RPM),
+    "p1": ("p1 [bar]", 1e-5),
+    "p2": ("p2 [MPa]", 1e-6),
+}
 ORDERS = [(1.0, 1, 2)]
 
 
@@ -69,15 +74,19 @@ def test_time_in_ms_that_starts_late(tmp_path):
     assert read_logger_csv(path).period == pytest.approx(1e-7)
 
 
-@pytest.mark.parametrize("old, new, sentence", [
-    ("M_wej [Nm]", "M_wej", "column 'M_wej' has no unit; write it in brackets, e.g. 'M_wej \\[Nm\\]'"),
-    ("p1 [bar]", "p1 [Nm]", "column 'p1 \\[Nm\\]' is in Nm; a pressure is in Pa, kPa, MPa, bar"),
-    ("p1 [bar]", "p3 [bar]", "has no column p1; the analysis needs"),
-    ("p1 [bar]", "p2 [bar]", "column p2 is there twice"),
-    ("\n0,0003;", "\n0,0003;x", "line 5 has 'x[-0-9].*' where a number is expected"),
-    ("\n0,0003;", "\n0,03;", "line 6|line 5"),
-    ("\n0,0003;", "\n0,0003\n", "line 5 has 1 fields where the header names 7"),
-    ("\n0,0003;", "\n\n0,0003;", "line 5 is empty")])
+@pytest.mark.parametrize(
+    "old, new, sentence",
+    [
+        ("M_wej [Nm]", "M_wej", "column 'M_wej' has no unit; write it in brackets, e.g. 'M_wej \\[Nm\\]'"),
+        ("p1 [bar]", "p1 [Nm]", "column 'p1 \\[Nm\\]' is in Nm; a pressure is in Pa, kPa, MPa, bar"),
+        ("p1 [bar]", "p3 [bar]", "has no column p1; the analysis needs"),
+        ("p1 [bar]", "p2 [bar]", "column p2 is there twice"),
+        ("\n0,0003;", "\n0,0003;x", "line 5 has 'x[-0-9].*' where a number is expected"),
+        ("\n0,0003;", "\n0,03;", "line 6|line 5"),
+        ("\n0,0003;", "\n0,0003\n", "line 5 has 1 fields where the header names 7"),
+        ("\n0,0003;", "\n\n0,0003;", "line 5 is empty"),
+    ],
+)
 def test_bad_files_are_refused(tmp_path, old, new, sentence):
     path = write(tmp_path / "run.csv", rows=50)
     text = path.read_text(encoding="utf-8")
@@ -91,7 +100,7 @@ def test_bad_files_are_refused(tmp_path, old, new, sentence):
 def test_times_with_too_few_digits(tmp_path):
     path = write(tmp_path / "run.csv", rows=40)
     header, *lines = path.read_text(encoding="utf-8").splitlines()
-    short = [line[:4] + line[line.index(";"):] for line in lines]  # 0,00
+    short = [line[:4] + line[line.index(";") :] for line in lines]  # 0,00
     later = [line.replace("0,00", "0,01", 1) for line in short[1:]]
     path.write_text("\n".join([header, short[0], *later]), encoding="utf-8")
     with pytest.raises(RigError, match="too few digits"):

@@ -8,11 +8,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from synthetic_shift import PERIOD, FakeBag, Shift
-
 from rig_nodes.analysis.metrics import Recording
 from rig_nodes.analysis.report import build_report, format_report
 from rig_nodes.cli.main import main
+from synthetic_shift import PERIOD, FakeBag, Shift
 
 
 def simulated(tmp_path, capsys, sequence):
@@ -23,7 +22,7 @@ def simulated(tmp_path, capsys, sequence):
 
 def test_a_valve_response_shows_the_valves_delay(tmp_path, capsys):
     report, shown = simulated(tmp_path, capsys, "valve_response")
-    row, = report["measured"]["valve_responses"]
+    (row,) = report["measured"]["valve_responses"]
     assert (row["gear"], row["t_order_s"]) == (1, pytest.approx(1.005)) and row["why"] == []
     assert row["valve_delay_s"] == pytest.approx(0.195, abs=0.01)  # thesis 7.2 has 0.195 s
     assert report["measured"]["coast_down"] is None and report["shifts"] == []
@@ -45,8 +44,14 @@ def test_a_drive_that_is_switched_off_with_a_clutch_closed_is_no_coast_down():
     t = np.arange(0.0, 6.0, PERIOD)
     w = 50.0 - 20.0 * np.maximum(t - 2.0, 0.0)
     nothing = np.zeros(t.size)
-    channels = {"n_wej": np.maximum(w, 0.0), "M_wej": nothing + 10.0, "n_wyj": nothing, "M_wyj": nothing, "p1": nothing,
-                "p2": nothing}
+    channels = {
+        "n_wej": np.maximum(w, 0.0),
+        "M_wej": nothing + 10.0,
+        "n_wyj": nothing,
+        "M_wyj": nothing,
+        "p1": nothing,
+        "p2": nothing,
+    }
     off = {"/motor/command": [(int(at * 1e9), SimpleNamespace(enable=on)) for at, on in ((0.0, True), (2.0, False))]}
     found = build_report(FakeBag(Recording(0.0, PERIOD, channels), off), {})["measured"]["coast_down"]
     assert found["inertia"] == pytest.approx(0.5, rel=0.01)  # 10 Nm slow it down by 20 rad/s2
@@ -58,7 +63,7 @@ def test_an_engagement_is_shown_where_no_gear_is_changed():
     orders = [(t, "/controller/events", "shift_ordered", "", gear) for t, gear in ((0.3, 1.0), (1.0, 2.0))]
     assert "measured" not in build_report(FakeBag(Shift().recording(1), events=orders), {})
     found = build_report(FakeBag(Shift().recording(1), events=orders[:1]), {})
-    row, = found["measured"]["engagements"]
+    (row,) = found["measured"]["engagements"]
     assert row["gear"] == 1 and "engagement of S1 at 0.30 s: " in format_report(found)
 
 

@@ -10,15 +10,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rig_nodes.analysis.metrics import KEYS
+from rig_nodes.analysis.plant_states import metrics_of_states, states_of
+from rig_nodes.analysis.report import build_report, format_report
+from rig_nodes.bags.reader import Bag
 from synthetic_shift import I1, I2, FakeBag, Shift
 
-from rig_nodes.analysis.metrics import KEYS
-from rig_nodes.analysis.report import build_report, format_report
-from rig_nodes.analysis.plant_states import states_of, metrics_of_states
-from rig_nodes.bags.reader import Bag
-
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
-ROW = dict.fromkeys(KEYS) | dict(from_gear=1, to_gear=2, t_order_s=1.0, t_dt_s=0.3, t_c_s=0.6, t_o_s=0.1)
+ROW = dict.fromkeys(KEYS) | {"from_gear": 1, "to_gear": 2, "t_order_s": 1.0, "t_dt_s": 0.3, "t_c_s": 0.6, "t_o_s": 0.1}
 
 
 def states():
@@ -28,11 +27,18 @@ def states():
     w_wyj = np.interp(t, [1.4, 1.45, 1.5, 1.6], np.array([1 / I1, 0.9 / I1, 1 / I1, 1 / I2]) * 150.0)
     m_wej = np.interp(t, [1.3, 1.55, 1.6, 1.7], [60.0, 250.0, 240.0, 80.0])
     gearbox = {"t": t, "m_wej": m_wej, "w_wej": w, "w_wyj": w_wyj}
-    one = {"t": t, "mode": np.where(t < 1.3, 2.0, 0.0), "heat": np.interp(t, [1.2, 1.4], [0.0, 50.0]),
-           "torque": np.where(t < 1.3, 70.0, -15.0)}
-    two = {"t": t, "mode": np.select([t < 1.3, t < 1.6 - 1e-9], [0.0, 1.0], 2.0),
-           "heat": np.interp(t, [1.3, 1.6, 1.65, 1.9], [10.0, 310.0, 312.0, 999.0]),
-           "torque": np.where(t < 1.3, 0.0, 90.0)}
+    one = {
+        "t": t,
+        "mode": np.where(t < 1.3, 2.0, 0.0),
+        "heat": np.interp(t, [1.2, 1.4], [0.0, 50.0]),
+        "torque": np.where(t < 1.3, 70.0, -15.0),
+    }
+    two = {
+        "t": t,
+        "mode": np.select([t < 1.3, t < 1.6 - 1e-9], [0.0, 1.0], 2.0),
+        "heat": np.interp(t, [1.3, 1.6, 1.65, 1.9], [10.0, 310.0, 312.0, 999.0]),
+        "torque": np.where(t < 1.3, 0.0, 90.0),
+    }
     return {"/gearbox/state": gearbox, "/clutch_s1/state": one, "/clutch_s2/state": two}
 
 

@@ -11,34 +11,48 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from synthetic_shift import FakeBag, Shift
-
 from rig_nodes.analysis.metrics import KEYS
 from rig_nodes.analysis.report import build_report, format_report, read_report, write_report
 from rig_nodes.errors import BagError, RigError
+from synthetic_shift import FakeBag, Shift
 
-RUN = {"configuration": {"rig": "hydmag"}, "seed": 1, "versions": {"numpy": np.__version__}, "lost": 0,
-       "ticks": 3000, "overruns": 2, "lateness_ms": {"p50": 0.11, "p99": 1.5, "max": float("nan")},
-       "end": {"reason": "sequence done"}}
+RUN = {
+    "configuration": {"rig": "hydmag"},
+    "seed": 1,
+    "versions": {"numpy": np.__version__},
+    "lost": 0,
+    "ticks": 3000,
+    "overruns": 2,
+    "lateness_ms": {"p50": 0.11, "p99": 1.5, "max": float("nan")},
+    "end": {"reason": "sequence done"},
+}
 
 
 def state_messages(length=3.0):
     times = np.arange(0.0, length, 0.005)
 
     def topic(**rates):
-        return [(int(round(t * 1e9)), SimpleNamespace(**{name: rate * t for name, rate in rates.items()}))
-                for t in times]
+        return [(int(round(t * 1e9)), SimpleNamespace(**{name: rate * t for name, rate in rates.items()})) for t in times]
 
-    return {"/motor/state": topic(work=500.0), "/load_pump/state": topic(work=300.0),
-            "/clutch_s1/state": topic(heat=150.0), "/clutch_s2/state": topic(heat=49.0),
-            "/gearbox/state": topic(heat=0.0, w_wej=0.0, w_wyj=0.0)}
+    return {
+        "/motor/state": topic(work=500.0),
+        "/load_pump/state": topic(work=300.0),
+        "/clutch_s1/state": topic(heat=150.0),
+        "/clutch_s2/state": topic(heat=49.0),
+        "/gearbox/state": topic(heat=0.0, w_wej=0.0, w_wyj=0.0),
+    }
 
 
 def bag(events=None, **kwargs):
-    events = events if events is not None else [
-        (0.2, "/controller/events", "shift_ordered", "gear I ordered", 1.0),
-        (0.5, "/sequencer/events", "step", "step 2", 2.0),
-        (1.0, "/controller/events", "shift_ordered", "gear II ordered", 2.0)]
+    events = (
+        events
+        if events is not None
+        else [
+            (0.2, "/controller/events", "shift_ordered", "gear I ordered", 1.0),
+            (0.5, "/sequencer/events", "step", "step 2", 2.0),
+            (1.0, "/controller/events", "shift_ordered", "gear II ordered", 2.0),
+        ]
+    )
     return FakeBag(Shift().recording(1), state_messages(), events=events, **kwargs)
 
 
@@ -106,7 +120,7 @@ def test_table_speaks_peoples_units():
     assert float(cells["M_wej max Nm"]) == pytest.approx(250, abs=1)
     errors = lines[at + 1].split()
     assert errors[:3] == ["+-", "1", "1.0"]  # rpm and Nm of tab. 7.1
-    assert len({len(line) for line in lines[:at + 2]}) == 1
+    assert len({len(line) for line in lines[: at + 2]}) == 1
     text = "\n".join(lines)
     assert "messages lost: 0" in text
     assert "lateness of ticks: median 0.11, p99 1.50 ms; 2 of 3000 ticks more than one tick late" in text
@@ -140,8 +154,9 @@ def test_annex_a_beside_the_plain_definitions():
 def test_annex_a_of_another_sample_rate_is_a_problem_not_a_crash():
     slow = bag()
     r = slow.recording
-    slow.logger = lambda fill: SimpleNamespace(t0=0.0, period=1e-3,
-                                               channels={name: values[::10] for name, values in r.channels.items()})
+    slow.logger = lambda fill: SimpleNamespace(
+        t0=0.0, period=1e-3, channels={name: values[::10] for name, values in r.channels.items()}
+    )
     report = build_report(slow, RUN, annex_a=1.05)
     assert "annex_a" not in report and len(report["shifts"]) == 2
     assert "no results by Annex A: Annex A counts samples of 10 kHz" in report["run"]["problems"][0]
@@ -178,8 +193,7 @@ def test_damaged_bag_still_gives_a_report():
 
 
 def test_order_after_the_last_state_has_no_balance_but_the_others_have():
-    late = bag(events=[(t, "/controller/events", "shift_ordered", "", gear)
-                       for t, gear in ((0.5, 1.0), (1.0, 2.0), (7.0, 1.0))])
+    late = bag(events=[(t, "/controller/events", "shift_ordered", "", gear) for t, gear in ((0.5, 1.0), (1.0, 2.0), (7.0, 1.0))])
     report = build_report(late, RUN)
     assert report["energy"]["shifts"][1]["motor_work_j"] > 0.0
     assert report["energy"]["shifts"][2] is None

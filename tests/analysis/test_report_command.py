@@ -14,15 +14,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from synthetic_shift import FakeBag, Shift
-
 from rig_nodes.analysis.report import build_report, write_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
 from rig_nodes.cli import report as command
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
-
+from synthetic_shift import FakeBag, Shift
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
 
@@ -54,8 +52,14 @@ def rig_report(monkeypatch):
 
 
 def test_prints_a_table_and_keeps_what_only_the_run_knew(rig_report, tmp_path, capsys):
-    run = {"seed": 7, "lost": 0, "ticks": 10, "overruns": 1, "end": {"reason": "interrupted"},
-           "lateness_ms": {"p50": 0.1, "p99": 0.2, "max": 0.3}}
+    run = {
+        "seed": 7,
+        "lost": 0,
+        "ticks": 10,
+        "overruns": 1,
+        "end": {"reason": "interrupted"},
+        "lateness_ms": {"p50": 0.1, "p99": 0.2, "max": 0.3},
+    }
     write_report(tmp_path, build_report(FakeBag(Shift().recording()), run))
     before = json.loads((tmp_path / "report.json").read_text())
     assert before["shifts"] == []
@@ -98,9 +102,9 @@ def run_of(folder):
 
 def cut(folder):
     """Only 4/5 of the bag are left; its whole bytes and how many messages are gone."""
-    mcap, = folder.glob("*.mcap")
+    (mcap,) = folder.glob("*.mcap")
     data, held = mcap.read_bytes(), sum(Bag(mcap).counts.values())
-    mcap.write_bytes(data[:len(data) * 4 // 5])
+    mcap.write_bytes(data[: len(data) * 4 // 5])
     return data, held - sum(Bag(mcap, recover=True).counts.values())
 
 
@@ -173,12 +177,11 @@ def test_a_loggers_csv_is_reported_and_nothing_is_written(rig_report, tmp_path, 
     assert "of rig 'hydmag', ratios 1.3824 and 1.0250" in out
     assert rig_report(path, "--period", "0.1 ms", "--orders", "1:I-II", "--json") == 0
     report = json.loads(capsys.readouterr().out)
-    row, = report["shifts"]
+    (row,) = report["shifts"]
     assert report["basis"]["rig"] == "hydmag" and report["basis"]["inertia_driven"] == 0.1273
     assert row["t_c_s"] == pytest.approx(0.70, abs=2e-3)
     known = ("--period", "0.1 ms", "--orders", "1:I-II", "--json")
-    assert rig_report(path, *known, "--set", "z5.inertia=0.06 kg m2", "--set",
-                      "instruments.torque_class=2 %") == 0
+    assert rig_report(path, *known, "--set", "z5.inertia=0.06 kg m2", "--set", "instruments.torque_class=2 %") == 0
     other = json.loads(capsys.readouterr().out)
     assert other["basis"]["rig"] == "hydmag" and other["basis"]["inertia_driven"] == pytest.approx(0.06)
     # (6.108): J (41/40)^2 (w2^2 - w1^2) / 2 of the output, 1500 rpm over 47/34 and 41/40
@@ -206,7 +209,8 @@ def test_options_that_do_not_fit_are_refused(rig_report, tmp_path):
 
 def test_a_bad_csv_ends_in_one_sentence(tmp_path):
     (tmp_path / "a.csv").write_text("M_wej;n_wej\n1;2\n3;4\n")
-    done = subprocess.run([sys.executable, "-m", "rig_nodes.cli.main", "report", str(tmp_path / "a.csv")], text=True,
-                          capture_output=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "rig_nodes.cli.main", "report", str(tmp_path / "a.csv")], text=True, capture_output=True
+    )
     assert done.returncode == 2 and "Traceback" not in done.stderr
     assert "column 'M_wej' has no unit" in done.stderr and done.stderr.strip().count("\n") == 0

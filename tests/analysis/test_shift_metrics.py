@@ -9,11 +9,10 @@ import dataclasses
 
 import numpy as np
 import pytest
-from synthetic_shift import ENCODER, I1, I2, PERIOD, RPM, Shift
-
 from rig_nodes.analysis.metrics import KEYS, Recording, shift_metrics, shifts
-from rig_nodes.transmission import Inertias
 from rig_nodes.errors import RigError
+from rig_nodes.transmission import Inertias
+from synthetic_shift import ENCODER, I1, I2, PERIOD, RPM, Shift
 
 UP = Shift()
 DOWN = Shift(up=False, fall=0.30, depart=0.36, end=0.42, settle=0.60, peak=180.0, engage=0.20, release=0.45)
@@ -56,8 +55,7 @@ def test_energy_loss_by_hand():
     torque = np.full(int(case.length / PERIOD), 100.0)
     row = only(case.recording(M_wej=torque, M_wyj=torque * 0.8))
     w1, w2 = w / I1, w / I2
-    by_hand = (100.0 * w * t_d - 80.0 * (w1 * (t_d - t_p) + 0.5 * (w1 + w2) * t_p)
-               - 0.5 * 0.1273 * I2**2 * (w2**2 - w1**2))
+    by_hand = 100.0 * w * t_d - 80.0 * (w1 * (t_d - t_p) + 0.5 * (w1 + w2) * t_p) - 0.5 * 0.1273 * I2**2 * (w2**2 - w1**2)
     assert row["e_loss_j"] == pytest.approx(by_hand, rel=3e-3)
     assert row["t_o_s"] == 0.0
     assert row["e_loss_settled_j"] == row["e_loss_j"]
@@ -148,8 +146,7 @@ def test_undithered_encoders_do_not_hide_a_locked_clutch():
 def test_half_a_percent_of_slip_is_no_lock():
     channels = UP.channels()
     after = np.arange(channels["p1"].size) * PERIOD - 1.0 > 0.65
-    channels["n_wyj"] = np.where(after, np.minimum(channels["n_wyj"], 0.995 * channels["n_wej"] / I2),
-                                 channels["n_wyj"])
+    channels["n_wyj"] = np.where(after, np.minimum(channels["n_wyj"], 0.995 * channels["n_wej"] / I2), channels["n_wyj"])
     row = only(Recording(0.0, PERIOD, channels, [(1.0, 1, 2)]))
     assert not row["valid"]
     assert row["t_dt_s"] is None and row["e_loss_j"] is None
@@ -180,10 +177,14 @@ def test_engagement_from_neutral_counts_from_the_pressure():
     t = np.arange(30000) * PERIOD - 1.0
     w = 1500.0 / RPM
     n = t.size
-    channels = {"M_wej": np.interp(t, [0.3, 0.5, 0.501], [10.0, 120.0, 70.0]), "n_wej": np.full(n, w),
-                "M_wyj": np.interp(t, [0.3, 0.5], [0.0, 80.0]),
-                "n_wyj": w / I1 * np.interp(t, [0.3, 0.5], [0.0, 1.0]),
-                "p1": np.interp(t, [0.2, 0.3, 0.6], [0.0, 0.17e6, 2.3e6]), "p2": np.zeros(n)}
+    channels = {
+        "M_wej": np.interp(t, [0.3, 0.5, 0.501], [10.0, 120.0, 70.0]),
+        "n_wej": np.full(n, w),
+        "M_wyj": np.interp(t, [0.3, 0.5], [0.0, 80.0]),
+        "n_wyj": w / I1 * np.interp(t, [0.3, 0.5], [0.0, 1.0]),
+        "p1": np.interp(t, [0.2, 0.3, 0.6], [0.0, 0.17e6, 2.3e6]),
+        "p2": np.zeros(n),
+    }
     row = only(Recording(0.0, PERIOD, channels, [(1.0, 0, 1)]))
     assert row["valid"], row["why"]
     assert row["t_dt_s"] == pytest.approx(0.3, abs=2e-3)
@@ -192,14 +193,17 @@ def test_engagement_from_neutral_counts_from_the_pressure():
     assert row["k"] is None and row["overlap_s"] is None
 
 
-@pytest.mark.parametrize("order, reason", [
-    # the gears named wrongly: gear II has been in for 0.5 s and stays, or gear I is about to be left
-    ((2.2, 0, 2), "gear II was in when II was ordered from neutral (slip 0.0 %)"),
-    ((1.0, 0, 1), "gear I was in when I was ordered from neutral (slip 0.0 %)"),
-    ((1.0, 0, 2), "gear I was in when II was ordered from neutral (slip 0.0 %)"),
-    # the order taken too late: the shift was over
-    ((1.75, 1, 2), "gear I was not in when II was ordered"),
-])
+@pytest.mark.parametrize(
+    "order, reason",
+    [
+        # the gears named wrongly: gear II has been in for 0.5 s and stays, or gear I is about to be left
+        ((2.2, 0, 2), "gear II was in when II was ordered from neutral (slip 0.0 %)"),
+        ((1.0, 0, 1), "gear I was in when I was ordered from neutral (slip 0.0 %)"),
+        ((1.0, 0, 2), "gear I was in when II was ordered from neutral (slip 0.0 %)"),
+        # the order taken too late: the shift was over
+        ((1.75, 1, 2), "gear I was not in when II was ordered"),
+    ],
+)
 def test_an_order_that_comes_after_what_it_ordered_is_not_valid(order, reason):
     row = shift_metrics(dataclasses.replace(UP.recording(1), orders=[order]), order)
     assert not row["valid"] and any(why.startswith(reason) for why in row["why"])
@@ -267,8 +271,7 @@ def test_a_fall_that_slows_down_starts_where_it_starts():
     fall = [shift.fall, shift.fall + 8e-3, shift.fall + 40e-3, shift.fall + 0.14, shift.release, shift.release + 0.06]
     p1 = np.interp(t, fall, [2.3e6, 2.15e6, 2.05e6, 0.8e6, 0.17e6, 0.0])
     p1 = p1 + np.random.default_rng(1).normal(0.0, 5e3, t.size)
-    row = shift_metrics(Recording(0.0, recording.period, recording.channels | {"p1": p1}, recording.orders),
-                        recording.orders[0])
+    row = shift_metrics(Recording(0.0, recording.period, recording.channels | {"p1": p1}, recording.orders), recording.orders[0])
     assert row["t_dt_s"] == pytest.approx(shift.end - shift.fall, abs=2.5e-3)
 
 
@@ -286,10 +289,9 @@ def test_the_order_that_came_first_is_named_and_not_the_end_of_the_recording():
     order = recording.orders[0]
     soon = shift_metrics(recording, order, order[0] + UP.end + 0.05)
     assert soon["why"] == ["M_wej had no time to settle: the next order came at 1.750 s"] and soon["t_dt_s"] is not None
-    sooner, = shift_metrics(recording, order, order[0] + 0.5)["why"][-1:]
+    (sooner,) = shift_metrics(recording, order, order[0] + 0.5)["why"][-1:]
     assert "never settled on the ratio of gear II" in sooner and sooner.endswith("the next order came at 1.500 s")
-    assert shift_metrics(recording, order, order[0] + 0.02)["why"] == [
-        "the next order came at 1.020 s, 0.020 s after this one"]
+    assert shift_metrics(recording, order, order[0] + 0.02)["why"] == ["the next order came at 1.020 s, 0.020 s after this one"]
 
 
 def test_a_clutch_that_cannot_carry_the_torque_is_said_to_slip_with_what_it_carries():
@@ -300,7 +302,9 @@ def test_a_clutch_that_cannot_carry_the_torque_is_said_to_slip_with_what_it_carr
     channels["M_wyj"] = np.where(np.arange(channels["M_wyj"].size) < 12000, 240.0, 171.0)
     row = only(Recording(0.0, PERIOD, channels, [(1.0, 1, 2)]))
     slip = 1500.0 - I2 * 50.0 * RPM
-    assert row["why"][-1] == (f"clutch S2 still slips at the end by {slip:.0f} rpm of the input: it carries 171 Nm to the "
-                              "output at 2.30 MPa, 240 Nm were asked before the order")
+    assert row["why"][-1] == (
+        f"clutch S2 still slips at the end by {slip:.0f} rpm of the input: it carries 171 Nm to the "
+        "output at 2.30 MPa, 240 Nm were asked before the order"
+    )
     open_clutch = only(Recording(0.0, PERIOD, channels | {"p2": np.zeros_like(channels["p2"])}, [(1.0, 1, 2)]))
     assert not any("slips" in reason for reason in open_clutch["why"])

@@ -9,36 +9,42 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from synthetic_shift import RPM, FakeBag
-from synthetic_three_speed import BOX, KISS, RATIOS, ThreeSpeedShift
-
 from rig_nodes.analysis.energy import balance, clutch_heat, energies_of
 from rig_nodes.analysis.engagement import engagement_metrics
 from rig_nodes.analysis.logger_csv import parse_orders
 from rig_nodes.analysis.metrics import Recording, shifts
-from rig_nodes.analysis.plant_states import states_of, metrics_of_states
+from rig_nodes.analysis.plant_states import metrics_of_states, states_of
 from rig_nodes.analysis.uncertainty import Instrument, uncertainty
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
+from synthetic_shift import RPM, FakeBag
+from synthetic_three_speed import BOX, KISS, RATIOS, ThreeSpeedShift
 
-INSTRUMENTS = {"torque": Instrument(500.0, 0.2), "speed": Instrument(300.0, 0.0, 0.1),
-               "p_c1": Instrument(4e6, 0.25), "p_c2": Instrument(4e6, 0.25), "p_b1": Instrument(8e6, 0.25)}
+INSTRUMENTS = {
+    "torque": Instrument(500.0, 0.2),
+    "speed": Instrument(300.0, 0.0, 0.1),
+    "p_c1": Instrument(4e6, 0.25),
+    "p_c2": Instrument(4e6, 0.25),
+    "p_b1": Instrument(8e6, 0.25),
+}
 
 
 def only(recording: Recording) -> dict:
-    row, = shifts(recording)
+    (row,) = shifts(recording)
     return row
 
 
 def test_the_clutches_of_a_shift_follow_from_the_gears():
-    names = {way: tuple("".join(clutch.name for clutch in clutches) for clutches in (moved.releasing, moved.engaging))
-             for way, moved in ((way, BOX.shift(*way)) for way in ((0, 1), (1, 2), (2, 3), (3, 1), (2, 0)))}
-    assert names == {(0, 1): ("", "C1B1"), (1, 2): ("B1", "C2"), (2, 3): ("C1", "B1"), (3, 1): ("C2", "C1"),
-                     (2, 0): ("C1C2", "")}
+    names = {
+        way: tuple("".join(clutch.name for clutch in clutches) for clutches in (moved.releasing, moved.engaging))
+        for way, moved in ((way, BOX.shift(*way)) for way in ((0, 1), (1, 2), (2, 3), (3, 1), (2, 0)))
+    }
+    assert names == {(0, 1): ("", "C1B1"), (1, 2): ("B1", "C2"), (2, 3): ("C1", "B1"), (3, 1): ("C2", "C1"), (2, 0): ("C1C2", "")}
 
 
-@pytest.mark.parametrize("old, new, releasing, engaging", [
-    (1, 2, "B1", "C2"), (2, 1, "C2", "B1"), (2, 3, "C1", "B1"), (3, 1, "C2", "C1")])
+@pytest.mark.parametrize(
+    "old, new, releasing, engaging", [(1, 2, "B1", "C2"), (2, 1, "C2", "B1"), (2, 3, "C1", "B1"), (3, 1, "C2", "C1")]
+)
 def test_a_shift_is_measured_on_the_clutches_that_it_moves(old, new, releasing, engaging):
     case = ThreeSpeedShift(old, new)
     row = only(case.recording())
@@ -59,7 +65,7 @@ def loss_by_hand(case: ThreeSpeedShift) -> float:
     m_in = np.interp(t, [case.depart, case.end - 1e-2, case.end], [60.0, 200.0, 190.0])
     w_out = w * np.interp(t, [case.depart, case.end], [1.0 / RATIOS[case.old], 1.0 / RATIOS[case.new]])
     power = m_in * w - 100.0 * w_out
-    return float(np.mean(power) * (case.end - case.fall) - 0.5 * 0.2 * (w_out[-1]**2 - w_out[0]**2))
+    return float(np.mean(power) * (case.end - case.fall) - 0.5 * 0.2 * (w_out[-1] ** 2 - w_out[0] ** 2))
 
 
 def test_a_staying_clutch_that_is_weak_before_the_shift_does_not_matter():
@@ -93,20 +99,22 @@ def test_a_gear_whose_clutch_slips_names_it():
 
 
 def test_errors_are_those_of_the_clutch_that_is_let_go():
-    by_brake, by_clutch = (uncertainty(only(ThreeSpeedShift(*way).recording()), INSTRUMENTS, BOX)
-                           for way in ((1, 2), (2, 1)))
+    by_brake, by_clutch = (uncertainty(only(ThreeSpeedShift(*way).recording()), INSTRUMENTS, BOX) for way in ((1, 2), (2, 1)))
     # B1's transducer has twice the range of C2's: its error by 0.5 MPa/s more of the overlap
     assert by_brake["overlap_s"] - by_clutch["overlap_s"] == pytest.approx((20e3 - 10e3) / 0.5e6)
 
 
 def test_the_plants_states_are_read_of_every_clutch():
     t = np.arange(0.0, 3.0, 0.005)
-    messages = {"/gearbox/state": [dict(m_wej=60.0, w_wej=150.0, w_wyj=80.0) for _ in t],
-                "/clutch_c1/state": [dict(mode=2, heat=0.0, torque=50.0) for _ in t],
-                "/clutch_c2/state": [dict(mode=2 if now >= 1.6 else 1, heat=100.0 * now, torque=60.0) for now in t],
-                "/clutch_b1/state": [dict(mode=0 if now > 1.3 else 2, heat=10.0, torque=0.0) for now in t]}
-    bag = FakeBag(None, {topic: [(round(now * 1e9), SimpleNamespace(**one)) for now, one in zip(t, ones)]
-                         for topic, ones in messages.items()})
+    messages = {
+        "/gearbox/state": [{"m_wej": 60.0, "w_wej": 150.0, "w_wyj": 80.0} for _ in t],
+        "/clutch_c1/state": [{"mode": 2, "heat": 0.0, "torque": 50.0} for _ in t],
+        "/clutch_c2/state": [{"mode": 2 if now >= 1.6 else 1, "heat": 100.0 * now, "torque": 60.0} for now in t],
+        "/clutch_b1/state": [{"mode": 0 if now > 1.3 else 2, "heat": 10.0, "torque": 0.0} for now in t],
+    }
+    bag = FakeBag(
+        None, {topic: [(round(now * 1e9), SimpleNamespace(**one)) for now, one in zip(t, ones)] for topic, ones in messages.items()}
+    )
     row = only(ThreeSpeedShift(1, 2).recording()) | {"t_o_s": None}
     truth = metrics_of_states(states_of(bag, BOX), row, None, BOX)
     assert truth["t_lock_s"] == pytest.approx(0.6, abs=0.006), "C1, which stays, does not count"
@@ -117,10 +125,14 @@ def test_the_energy_balance_has_the_heat_of_all_clutches():
     t = np.arange(0.0, 2.0, 0.005)
 
     def fields(topic, names):
-        values = {"/motor/state": {"work": 100.0 * t}, "/load_pump/state": {"work": 40.0 * t},
-                  "/clutch_c1/state": {"heat": 10.0 * t}, "/clutch_c2/state": {"heat": 20.0 * t},
-                  "/clutch_b1/state": {"heat": 30.0 * t},
-                  "/gearbox/state": {"heat": 0.0 * t, "w_wej": 100.0 + 0.0 * t, "w_wyj": 50.0 + 0.0 * t}}[topic]
+        values = {
+            "/motor/state": {"work": 100.0 * t},
+            "/load_pump/state": {"work": 40.0 * t},
+            "/clutch_c1/state": {"heat": 10.0 * t},
+            "/clutch_c2/state": {"heat": 20.0 * t},
+            "/clutch_b1/state": {"heat": 30.0 * t},
+            "/gearbox/state": {"heat": 0.0 * t, "w_wej": 100.0 + 0.0 * t, "w_wyj": 50.0 + 0.0 * t},
+        }[topic]
         return t, [values[name] for name in names]
 
     account = balance(energies_of(SimpleNamespace(fields=fields, structure=load_rig().structure), BOX), 0.0, 1.0, BOX)

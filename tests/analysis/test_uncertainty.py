@@ -8,18 +8,34 @@ from __future__ import annotations
 import math
 
 import pytest
-
 from rig_nodes.analysis.engagement import KEYS as ENGAGEMENT_KEYS
 from rig_nodes.analysis.metrics import KEYS
 from rig_nodes.analysis.uncertainty import (
-    Instrument, coast_down_uncertainty, engagement_uncertainty, instruments_of, temperature_error,
+    Instrument,
+    coast_down_uncertainty,
+    engagement_uncertainty,
+    instruments_of,
+    temperature_error,
     uncertainty,
 )
 from rig_nodes.testbench.configuration import load_rig
 
-ROW = dict.fromkeys(KEYS) | dict(
-    from_gear=1, to_gear=2, n_wej_rpm=1500.0, m_wyj_nm=80.0, t_dt_s=0.37, t_p_s=0.10, t_c_s=0.65, t_o_s=0.14,
-    m_wej_max_nm=264.0, n_wyj_min_rpm=925.0, k=0.852, e_loss_j=1800.0, e_loss_settled_j=1200.0, overlap_s=0.16)
+ROW = dict.fromkeys(KEYS) | {
+    "from_gear": 1,
+    "to_gear": 2,
+    "n_wej_rpm": 1500.0,
+    "m_wyj_nm": 80.0,
+    "t_dt_s": 0.37,
+    "t_p_s": 0.10,
+    "t_c_s": 0.65,
+    "t_o_s": 0.14,
+    "m_wej_max_nm": 264.0,
+    "n_wyj_min_rpm": 925.0,
+    "k": 0.852,
+    "e_loss_j": 1800.0,
+    "e_loss_settled_j": 1200.0,
+    "overlap_s": 0.16,
+}
 
 
 def test_table_7_1():
@@ -95,8 +111,12 @@ def test_what_is_missing_has_no_error():
 
 def test_the_printed_coast_down():
     """1.01 of 8.32 Nm are 12 %, two encoder steps (1 rpm each) of 11.736 rad/s in the first second 1.8 %: J = 0.709 +- 0.099."""
-    printed = {"coast_down_m_wej_nm": 8.32, "coast_down_tangent_s": 4.198, "inertia": 0.709,
-               "coefficients": [0.5735, -11.736, 49.274]}
+    printed = {
+        "coast_down_m_wej_nm": 8.32,
+        "coast_down_tangent_s": 4.198,
+        "inertia": 0.709,
+        "coefficients": [0.5735, -11.736, 49.274],
+    }
     found = coast_down_uncertainty(printed)
     assert found["coast_down_m_wej_nm"] == pytest.approx(1.01)
     assert found["coast_down_tangent_s"] == pytest.approx(4.198 * 0.20944 / 11.736, rel=1e-3)
@@ -104,9 +124,19 @@ def test_the_printed_coast_down():
 
 
 def test_an_engagement_by_hand():
-    row = dict.fromkeys(ENGAGEMENT_KEYS) | dict(
-        gear=1, n_wej_before=52.36, p_rest=0.0, p_end=2.3e6, p_kiss=0.17e6, engagement_s=0.26, engagement_peak_nm=90.0,
-        m_wej_mean_nm=28.0, fill_slope=1.622e6, growth_contact=0.5e6, hold_s=0.08)
+    row = dict.fromkeys(ENGAGEMENT_KEYS) | {
+        "gear": 1,
+        "n_wej_before": 52.36,
+        "p_rest": 0.0,
+        "p_end": 2.3e6,
+        "p_kiss": 0.17e6,
+        "engagement_s": 0.26,
+        "engagement_peak_nm": 90.0,
+        "m_wej_mean_nm": 28.0,
+        "fill_slope": 1.622e6,
+        "growth_contact": 0.5e6,
+        "hold_s": 0.08,
+    }
     found = engagement_uncertainty(row)
     assert found["p_end"] == pytest.approx(0.1e6) and found["m_wej_mean_nm"] == pytest.approx(1.01)
     assert found["p_kiss"] == pytest.approx(0.1e6 + 0.5e6 * 1.01 / 10.0)

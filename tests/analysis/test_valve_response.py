@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from rig_nodes.analysis.valve_response import valve_delay
 from rig_nodes.errors import RigError
 
 RATE = 125e3
 
 
-def trace(delay=0.3306, pulse=0.8753, pwm=1000.0, duty=0.3, slope=1.33, seed=None, noise=0.0, hum=0.0, hum_hz=50.0,
-          pickup=0.0, length=1.9):
+def trace(
+    delay=0.3306, pulse=0.8753, pwm=1000.0, duty=0.3, slope=1.33, seed=None, noise=0.0, hum=0.0, hum_hz=50.0, pickup=0.0, length=1.9
+):
     """Times, 24 V PWM, and a pressure [MPa] that rises to 2.3 by a straight fill and a steep end."""
     t = np.arange(int(length * RATE)) / RATE
     coil = np.where((t >= pulse) & (((t - pulse) * pwm) % 1.0 < duty), 24.0, 0.0)
@@ -69,9 +69,10 @@ def test_a_spike_on_the_coil_is_no_pulse_and_a_constant_voltage_has_no_frequency
     assert found["valve_delay_s"] == pytest.approx(0.3306, abs=1e-3)
 
 
-@pytest.mark.parametrize("change, sentence", [
-    (dict(pulse=0.05), "before it are needed"), (dict(pulse=5.0), "no first pulse"),
-    (dict(delay=3.0), "does not rise")])
+@pytest.mark.parametrize(
+    "change, sentence",
+    [({"pulse": 0.05}, "before it are needed"), ({"pulse": 5.0}, "no first pulse"), ({"delay": 3.0}, "does not rise")],
+)
 def test_what_cannot_be_answered_is_refused(change, sentence):
     with pytest.raises(RigError, match=sentence):
         valve_delay(*trace(seed=1, noise=0.01, **change))

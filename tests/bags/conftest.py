@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from rig_nodes.bags.cdr import encode_any, encoder
 from rig_nodes.bags.writer import BagWriter
 from rig_nodes.catalogue import catalogue
@@ -39,8 +38,17 @@ def _messages(seconds, start_seq):
 
     columns = catalogue().logger_channels()
     yield one("/rig/run_info", 0, '{"seed": 7, "rig": "hydmag"}')
-    yield one("/instruments/controller_record", 0, "0123456789abcdef", ["a", "b", "c"], ["", "", ""], list("wxyz"), ["1"] * 4, [0, 1],
-              ["neutral", "I"])
+    yield one(
+        "/instruments/controller_record",
+        0,
+        "0123456789abcdef",
+        ["a", "b", "c"],
+        ["", "", ""],
+        list("wxyz"),
+        ["1"] * 4,
+        [0, 1],
+        ["neutral", "I"],
+    )
     yield one("/instruments/channels", 0, [c.name for c in columns], [c.unit for c in columns], 1.0e-4)
     for ms in range(round(seconds * 1000)):
         ns = ms * 1_000_000
@@ -57,9 +65,20 @@ def _messages(seconds, start_seq):
             for name, topic in topics.items():
                 if topic.type == "Measurement":
                     yield one(name, ns, float(noise.normal()))
-            yield "/instruments/joint_states", ns, encode_any("sensor_msgs/msg/JointState", {
-                "header": {"stamp": ns, "frame_id": "rig"}, "name": ["w0", "wk"], "position": [],
-                "velocity": [157.0, 74.0], "effort": []})
+            yield (
+                "/instruments/joint_states",
+                ns,
+                encode_any(
+                    "sensor_msgs/msg/JointState",
+                    {
+                        "header": {"stamp": ns, "frame_id": "rig"},
+                        "name": ["w0", "wk"],
+                        "position": [],
+                        "velocity": [157.0, 74.0],
+                        "effort": [],
+                    },
+                ),
+            )
         if ms == 120:
             yield one("/controller/events", ns, "shift_ordered", "Gear I to gear II ordered.", 2.0)
             yield one("/sequencer/events", ns, "step", "Step 3: shift.", 3.0)
@@ -74,6 +93,7 @@ def messages():
 @pytest.fixture(scope="session")
 def write_run(messages):
     """write_run(folder, seconds=0.35, drop=None) writes it; ``drop(topic, number)`` keeps a message out."""
+
     def write(folder, seconds=0.35, drop=None):
         topics, numbers = catalogue().topics, {}
         with BagWriter(folder, "run") as writer:

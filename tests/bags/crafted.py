@@ -50,8 +50,7 @@ def message(data=b"\0\1\0\0" + bytes(8), number=1, ns=1, published=None):
 def chunk(content, compression="", size=None, packed=None, first=1, last=1, crc=None):
     pack = {"zstd": zstandard.compress, "lz4": lz4.frame.compress}.get(compression, bytes)
     packed = pack(content) if packed is None else packed
-    head = struct.pack("<QQQI", first, last, len(content) if size is None else size,
-                       zlib.crc32(content) if crc is None else crc)
+    head = struct.pack("<QQQI", first, last, len(content) if size is None else size, zlib.crc32(content) if crc is None else crc)
     return record(6, head + text(compression) + struct.pack("<Q", len(packed)) + packed)
 
 
@@ -86,8 +85,9 @@ def section(name, lines):
 def info(json_text):
     """A description of a run."""
     data = b"\0\1\0\0" + bytes(16) + text(json_text.encode() + b"\0")
-    definition = ("builtin_interfaces/Time stamp\nuint64 seq\nstring json\n"
-                  + section("builtin_interfaces/Time", "int32 sec\nuint32 nanosec\n"))
+    definition = "builtin_interfaces/Time stamp\nuint64 seq\nstring json\n" + section(
+        "builtin_interfaces/Time", "int32 sec\nuint32 nanosec\n"
+    )
     return one(definition, data, "rig_msgs/msg/RunInfo", topic="/rig/run_info")
 
 
@@ -104,78 +104,108 @@ MANY = [schema(), *(channel(number, f"/t{number}") for number in range(1, 10_102
 # what -> (its bytes, words of the sentence with which it is refused when it is opened or read)
 BAGS = {
     "a chunk of zstd that says 16 GB": lambda: (
-        file(chunk(b"", "zstd", 1 << 34, zstd_of(MIB))), "larger than the 67108864 that are read at byte"),
-    "a chunk of zstd that says 2^64 - 1": lambda: (
-        file(chunk(b"", "zstd", 2**64 - 1, zstd_of(MIB))), "larger than the 67108864"),
+        file(chunk(b"", "zstd", 1 << 34, zstd_of(MIB))),
+        "larger than the 67108864 that are read at byte",
+    ),
+    "a chunk of zstd that says 2^64 - 1": lambda: (file(chunk(b"", "zstd", 2**64 - 1, zstd_of(MIB))), "larger than the 67108864"),
     "a chunk of zstd that is 300 MB and says 1 MB": lambda: (
-        file(chunk(b"", "zstd", MIB, zstd_of(300 * MIB))), "a chunk cannot be decompressed at byte"),
+        file(chunk(b"", "zstd", MIB, zstd_of(300 * MIB))),
+        "a chunk cannot be decompressed at byte",
+    ),
     "a chunk of lz4 that is 300 MB and says so": lambda: (
-        file(chunk(b"", "lz4", 300 * MIB, lz4_of(300 * MIB))), "larger than the 67108864"),
+        file(chunk(b"", "lz4", 300 * MIB, lz4_of(300 * MIB))),
+        "larger than the 67108864",
+    ),
     "a chunk of lz4 that is 300 MB and says 1 MB": lambda: (
-        file(chunk(b"", "lz4", MIB, lz4_of(300 * MIB))), "holds more than 1048576 bytes where its head says 1048576"),
+        file(chunk(b"", "lz4", MIB, lz4_of(300 * MIB))),
+        "holds more than 1048576 bytes where its head says 1048576",
+    ),
     "a chunk of lz4 that says more than it is": lambda: (
-        file(chunk(b"", "lz4", 4 * MIB, lz4_of(MIB))), "holds 1048576 bytes where its head says 4194304"),
+        file(chunk(b"", "lz4", 4 * MIB, lz4_of(MIB))),
+        "holds 1048576 bytes where its head says 4194304",
+    ),
     "an unpacked chunk that says more than it is": lambda: (
-        file(chunk(HEAD + message(), size=1 << 33)), "larger than the 67108864"),
-    "an unpacked chunk that says less than it is": lambda: (
-        file(chunk(HEAD + message(), size=5)), "where its head says 5"),
+        file(chunk(HEAD + message(), size=1 << 33)),
+        "larger than the 67108864",
+    ),
+    "an unpacked chunk that says less than it is": lambda: (file(chunk(HEAD + message(), size=5)), "where its head says 5"),
     "forty chunks of 60 MB of zeros": lambda: (
-        file(*[chunk(b"", "zstd", 60 * MIB, zstd_of(60 * MIB), crc=0)] * 40), "a record of kind 0"),
+        file(*[chunk(b"", "zstd", 60 * MIB, zstd_of(60 * MIB), crc=0)] * 40),
+        "a record of kind 0",
+    ),
     "forty chunks of 60 MB of empty messages": lambda: (
-        file(chunk(HEAD), *[chunk(message(b"") * 1_900_000, "zstd")] * 40), "more than 200 for each byte of the file"),
+        file(chunk(HEAD), *[chunk(message(b"") * 1_900_000, "zstd")] * 40),
+        "more than 200 for each byte of the file",
+    ),
     "an unknown compression": lambda: (file(chunk(HEAD, "xz")), "compressed as 'xz', expected zstd, lz4 or nothing"),
     "a wrong checksum": lambda: (file(chunk(HEAD + message(), crc=1)), "does not match its checksum"),
     "a chunk in a chunk": lambda: (file(chunk(chunk(HEAD))), "a record of kind 6 stands among messages"),
     "a record longer than its chunk": lambda: (
-        file(chunk(HEAD + struct.pack("<BQ", 5, 1 << 40))), "a record runs past the end of its chunk"),
+        file(chunk(HEAD + struct.pack("<BQ", 5, 1 << 40))),
+        "a record runs past the end of its chunk",
+    ),
     "a record longer than the file": lambda: (file(struct.pack("<BQ", 9, 1 << 62)), "is cut or its length is garbled"),
     "a channel that names no definition": lambda: (file(chunk(channel())), "names a message definition that is not there"),
     "a message of no channel": lambda: (file(chunk(schema() + message())), "channel 1, which is not described"),
     "a channel that becomes another topic": lambda: (
         file(chunk(HEAD + message()), chunk(channel(topic="/y") + message(ns=2), last=2)),
-        "channel 1 is given twice, as /x of a/msg/B and as /y of a/msg/B, at byte"),
+        "channel 1 is given twice, as /x of a/msg/B and as /y of a/msg/B, at byte",
+    ),
     "a channel that becomes another type": lambda: (
         file(chunk(HEAD + message()), chunk(schema(2, "a/msg/C") + channel(of=2) + message(ns=2), last=2)),
-        "channel 1 is given twice, as /x of a/msg/B and as /x of a/msg/C"),
+        "channel 1 is given twice, as /x of a/msg/B and as /x of a/msg/C",
+    ),
     "a definition that becomes another": lambda: (
         file(chunk(HEAD + message()), chunk(schema(definition="int8 a\n") + message(ns=2), last=2)),
-        "definition 1 is given twice"),
+        "definition 1 is given twice",
+    ),
     "a topic of two types": lambda: (
-        file(chunk(HEAD + schema(2, "a/msg/C") + channel(2, of=2) + message())), "holds both a/msg/B and a/msg/C"),
+        file(chunk(HEAD + schema(2, "a/msg/C") + channel(2, of=2) + message())),
+        "holds both a/msg/B and a/msg/C",
+    ),
     "more topics than there can be": lambda: (file(*MANY), "more than 10000 topics"),
     "a definition of 2 MB": lambda: (one("# \n" * (2 * MIB // 3)), "larger than the 1048576 that are read"),
     "forty definitions of 1 MB each": lambda: (
         file(chunk(b"".join(schema(n, definition="#" * (MIB - 100)) for n in range(1, 41)), "zstd")),
-        "more message definitions than"),
+        "more message definitions than",
+    ),
     "a channel of 2 MB": lambda: (one(topic="/" + "x" * 2 * MIB), "a channel described by"),
     "a topic that is no text": lambda: (one(topic=b"/\xff\xfe"), "a record is garbled"),
     "metadata longer than its channel": lambda: (
         file(chunk(schema() + record(4, struct.pack("<HH", 1, 1) + text("/x") + text("cdr") + b"\xff\xff\xff\x7f"))),
-        "a record is garbled"),
+        "a record is garbled",
+    ),
     "a log time after 2038": lambda: (file(chunk(HEAD + message(ns=2**63 - 1))), "has the log time 9223372036854775807 ns"),
     "a negative log time": lambda: (file(chunk(HEAD + message(ns=2**64 - 5))), "has the log time 18446744073709551611 ns"),
     "a summary that counts too many": lambda: (
-        file(chunk(HEAD + message()), summary=record(11, struct.pack("<Q", 7) + bytes(38))), "the summary counts 7 messages"),
+        file(chunk(HEAD + message()), summary=record(11, struct.pack("<Q", 7) + bytes(38))),
+        "the summary counts 7 messages",
+    ),
     "a definition that contains itself": lambda: (one("a/B other\n"), "or a/msg/B contains itself"),
     "two definitions that contain each other": lambda: (
-        one("a/C x\n" + section("a/C", "a/B y\n")), "goes deeper than 32 messages within each other"),
+        one("a/C x\n" + section("a/C", "a/B y\n")),
+        "goes deeper than 32 messages within each other",
+    ),
     "a definition 300 deep": lambda: (one("T0 x\n" + NESTED), "goes deeper than 32 messages"),
     "a definition that doubles 30 times": lambda: (one("T0 x\n" + DOUBLING), "more than 2000 fields"),
     "an array of a billion texts": lambda: (one("string[1000000000] x\n"), "more than 2000 fields"),
     "an array of a billion numbers": lambda: (one("float64[1000000000] x\n"), "or 67108864 bytes, which is more than is read"),
     "arrays of arrays of messages": lambda: (
-        one("a/C[1000] x\n" + section("a/C", "a/D[1000] x\n") + section("a/D", "float64[1000] x\n")), "more than 2000 fields"),
+        one("a/C[1000] x\n" + section("a/C", "a/D[1000] x\n") + section("a/D", "float64[1000] x\n")),
+        "more than 2000 fields",
+    ),
     "a definition of 250 000 empty lines": lambda: (one("\n" * 250_000 + "a b c d\n"), "cannot be read"),
-    "a definition of 50 000 fields": lambda: (
-        one("".join(f"int8 f{n}\n" for n in range(50_000))), "has 50000 lines"),
+    "a definition of 50 000 fields": lambda: (one("".join(f"int8 f{n}\n" for n in range(50_000))), "has 50000 lines"),
     "a definition that is no text of a message": lambda: (one("class A: pass\n"), "cannot be read"),
     "a definition without its parts": lambda: (one("b/C x\n"), "cannot be read"),
     "a type that is no name": lambda: (one(name="a\x1b[31m/msg/B; import os"), "is not a message type"),
     "another encoding": lambda: (one(encoding="json"), "is encoded as json/ros2msg, expected cdr/ros2msg"),
     "four billion numbers": lambda: (one("float64[] x\n", b"\0\1\0\0" + b"\xff" * 4), "cannot be decoded"),
     "four billion texts": lambda: (one("string[] x\n", b"\0\1\0\0" + b"\xff" * 4), "cannot be decoded"),
-    "four billion messages": lambda: (one(
-        "a/E[] x\n" + section("a/E", "int8[0] y\n"), b"\0\1\0\0" + b"\xff" * 4), "cannot be decoded"),
+    "four billion messages": lambda: (
+        one("a/E[] x\n" + section("a/E", "int8[0] y\n"), b"\0\1\0\0" + b"\xff" * 4),
+        "cannot be decoded",
+    ),
     "thirty million messages in one": lambda: (listed(30 * MIB), "more than the 1048576 that are decoded"),
     "a text that is cut": lambda: (one("string x\n", b"\0\1\0\0" + struct.pack("<I", 100) + b"abc"), "cannot be decoded"),
     "a message of no bytes": lambda: (one(data=b""), "cannot be decoded"),
@@ -225,6 +255,7 @@ def command(verb, *options):
             code = main([verb, str(path), *options])
         if code:
             raise RigError(said.getvalue().strip().splitlines()[-1] if code == 2 else f"exit {code}")
+
     return call
 
 

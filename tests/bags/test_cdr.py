@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 from ament_index_python.packages import get_package_share_directory
 from rclpy.serialization import deserialize_message
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
 from rig_nodes.bags.cdr import decode, encode_any, encoder, exact, stamp, stamp_and_seq
 from rig_nodes.bags.definitions import installed
 from rig_nodes.errors import RigError
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 SHARE = Path(get_package_share_directory("rig_msgs")) / "msg"
 # what bags hold; the messages of a controller's handshake, Controller*, have no stamp and are recorded by nobody
@@ -33,7 +32,7 @@ def get_message(ros_type):
 
 @pytest.fixture(scope="module")
 def reference():
-    """rosbags' own type store with the rig's messages added to its standard types."""
+    """Rosbags' own type store with the rig's messages added to its standard types."""
     store = get_typestore(Stores.ROS2_JAZZY)
     types = {}
     for path in SHARE.glob("*.msg"):
@@ -83,8 +82,16 @@ def test_bytes_equal_rosbags_and_rclpy_reads_them(ros_type, reference):
 def test_standard_messages_equal_rosbags_and_rclpy_reads_them(lists, frame, reference):
     name = "sensor_msgs/msg/JointState"
     position, velocity, effort = lists
-    data = encode_any(name, {"header": {"stamp": 1_500_000_000, "frame_id": frame}, "name": ["w0", "output"],
-                             "position": position, "velocity": velocity, "effort": effort})
+    data = encode_any(
+        name,
+        {
+            "header": {"stamp": 1_500_000_000, "frame_id": frame},
+            "name": ["w0", "output"],
+            "position": position,
+            "velocity": velocity,
+            "effort": effort,
+        },
+    )
     types = reference.types
     header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](1, 500_000_000), frame)
     other = types[name](header, ["w0", "output"], *(np.array(x, dtype=float) for x in lists))
@@ -115,50 +122,58 @@ SETPOINT, COMMAND, STATE = (f"rig_msgs/msg/{name}" for name in ("Setpoint", "Val
 THREE = (0.0, 0.0, 0.0)
 
 
-@pytest.mark.parametrize("ros_type, stamp_ns, seq, values, error, says", [
-    (SETPOINT, 0, 0, (1.0,), TypeError, "2 values.*value, enable.*got 1"),
-    (SETPOINT, 0, 0, (1.0, True, 2.0), TypeError, "got 3"),
-    (SETPOINT, 0, 0, ("fast", True), TypeError, "Setpoint.value is a number.*'fast'"),
-    (SETPOINT, 0, 0, (1.0, 1), TypeError, "Setpoint.enable is a bool, got 1"),
-    (SETPOINT, 0.5, 0, (1.0, True), TypeError, "Setpoint.stamp is an integer.*0.5"),
-    (SETPOINT, 2**63, 0, (1.0, True), ValueError, "Setpoint.stamp"),
-    (SETPOINT, 0, -1, (1.0, True), ValueError, "Setpoint.seq is a uint64.*-1"),
-    (COMMAND, 0, 0, (1.5, 1, False, 0, 0, THREE, THREE), TypeError, "ValveCommand.sample is an integer.*1.5"),
-    (COMMAND, 0, 0, (1, 256, False, 0, 0, THREE, THREE), ValueError, "ValveCommand.gear is a uint8.*256"),
-    (COMMAND, 0, 0, (1, 1, False, 0, 0, ("a", 0.0), THREE), TypeError, "ValveCommand.duty is a list of"),
-    (COMMAND, 0, 0, (1, 1, False, 0, 0, THREE, ("a",) * 3), TypeError, "ValveCommand.setpoint is a list of"),
-    (STATE, 0, 0, (1, 7, False, 0, 0, 0.0), TypeError, "RigState.reason is a string, got 7"),
-    (STATE, 0, 0, (1, "", False, 0.5, 0, 0.0), TypeError, "RigState.tick is an integer.*0.5"),
-])
+@pytest.mark.parametrize(
+    "ros_type, stamp_ns, seq, values, error, says",
+    [
+        (SETPOINT, 0, 0, (1.0,), TypeError, "2 values.*value, enable.*got 1"),
+        (SETPOINT, 0, 0, (1.0, True, 2.0), TypeError, "got 3"),
+        (SETPOINT, 0, 0, ("fast", True), TypeError, "Setpoint.value is a number.*'fast'"),
+        (SETPOINT, 0, 0, (1.0, 1), TypeError, "Setpoint.enable is a bool, got 1"),
+        (SETPOINT, 0.5, 0, (1.0, True), TypeError, "Setpoint.stamp is an integer.*0.5"),
+        (SETPOINT, 2**63, 0, (1.0, True), ValueError, "Setpoint.stamp"),
+        (SETPOINT, 0, -1, (1.0, True), ValueError, "Setpoint.seq is a uint64.*-1"),
+        (COMMAND, 0, 0, (1.5, 1, False, 0, 0, THREE, THREE), TypeError, "ValveCommand.sample is an integer.*1.5"),
+        (COMMAND, 0, 0, (1, 256, False, 0, 0, THREE, THREE), ValueError, "ValveCommand.gear is a uint8.*256"),
+        (COMMAND, 0, 0, (1, 1, False, 0, 0, ("a", 0.0), THREE), TypeError, "ValveCommand.duty is a list of"),
+        (COMMAND, 0, 0, (1, 1, False, 0, 0, THREE, ("a",) * 3), TypeError, "ValveCommand.setpoint is a list of"),
+        (STATE, 0, 0, (1, 7, False, 0, 0, 0.0), TypeError, "RigState.reason is a string, got 7"),
+        (STATE, 0, 0, (1, "", False, 0.5, 0, 0.0), TypeError, "RigState.tick is an integer.*0.5"),
+    ],
+)
 def test_wrong_values_are_refused_naming_the_field(ros_type, stamp_ns, seq, values, error, says):
     with pytest.raises(error, match=says):
         encoder(ros_type).encode(stamp_ns, seq, *values)
 
 
-@pytest.mark.parametrize("message, says", [
-    ({"header": {"stamp": 0, "frame_id": ""}}, "missing: fluid_pressure, variance"),
-    ({"header": {"stamp": 0, "frame_id": ""}, "fluid_pressure": 1.0, "variance": 0.0, "gauge": True},
-     "unknown: gauge"),
-    (SimpleNamespace(fluid_pressure=1.0, variance=0.0), "without header"),
-])
+@pytest.mark.parametrize(
+    "message, says",
+    [
+        ({"header": {"stamp": 0, "frame_id": ""}}, "missing: fluid_pressure, variance"),
+        ({"header": {"stamp": 0, "frame_id": ""}, "fluid_pressure": 1.0, "variance": 0.0, "gauge": True}, "unknown: gauge"),
+        (SimpleNamespace(fluid_pressure=1.0, variance=0.0), "without header"),
+    ],
+)
 def test_incomplete_standard_messages_are_refused(message, says):
     with pytest.raises(TypeError, match=says):
         encode_any("sensor_msgs/msg/FluidPressure", message)
 
 
-@pytest.mark.parametrize("ros_type, says", [
-    ("rig_msgs/msg/Mesurement", "package 'rig_msgs' has no message 'Mesurement'"),
-    ("no_such_msgs/msg/State", "'no_such_msgs' is not installed"),
-    ("Measurement", "expected package/msg/Name"),
-])
+@pytest.mark.parametrize(
+    "ros_type, says",
+    [
+        ("rig_msgs/msg/Mesurement", "package 'rig_msgs' has no message 'Mesurement'"),
+        ("no_such_msgs/msg/State", "'no_such_msgs' is not installed"),
+        ("Measurement", "expected package/msg/Name"),
+    ],
+)
 def test_unknown_types_are_refused(ros_type, says):
     with pytest.raises(RigError, match=says):
         encoder(ros_type)
 
 
-@pytest.mark.parametrize("ros_type, values", [
-    (SETPOINT, (1.5, True)), ("rig_msgs/msg/RunInfo", ("{}",)), (STATE, (1, "why", True, 1, 2, 3.0)),
-])
+@pytest.mark.parametrize(
+    "ros_type, values", [(SETPOINT, (1.5, True)), ("rig_msgs/msg/RunInfo", ("{}",)), (STATE, (1, "why", True, 1, 2, 3.0))]
+)
 def test_padding_of_the_transport_is_cut_off(ros_type, values):
     data = encoder(ros_type).encode(5, 6, *values)
     padded = data + bytes(-len(data) % 4)

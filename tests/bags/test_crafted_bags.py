@@ -11,7 +11,6 @@ from pathlib import Path
 
 import crafted
 import pytest
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
@@ -29,8 +28,12 @@ def tried(tmp_path_factory):
         (folder / str(number)).mkdir()
         (folder / str(number) / "bag.mcap").write_bytes(data)
         del data
-    done = subprocess.run([sys.executable, "-P", str(Path(__file__).with_name("crafted.py")), str(folder)],
-                          capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        [sys.executable, "-P", str(Path(__file__).with_name("crafted.py")), str(folder)],
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
     assert done.returncode == 0, done.stderr[-2000:]
     lines = done.stdout.splitlines()
     assert len(lines) == len(crafted.BAGS) >= 30
@@ -54,9 +57,17 @@ ESCAPES = "\x1b]0;title\x07\x9b31m\u202e"
 
 @pytest.mark.parametrize("verb, options", [("report", ()), ("view", ("--no-open",)), ("replay", ("--topics", "/nothing"))])
 def test_what_a_terminal_would_obey_is_shown_and_not_sent(tmp_path, capfd, verb, options):
-    (tmp_path / "bag.mcap").write_bytes(crafted.file(crafted.chunk(
-        crafted.schema() + crafted.channel(topic=f"/{ESCAPES}") + crafted.schema(2, f"a/{ESCAPES}") +
-        crafted.channel(2, f"/{ESCAPES}", of=2) * (verb != "replay") + crafted.message())))
+    (tmp_path / "bag.mcap").write_bytes(
+        crafted.file(
+            crafted.chunk(
+                crafted.schema()
+                + crafted.channel(topic=f"/{ESCAPES}")
+                + crafted.schema(2, f"a/{ESCAPES}")
+                + crafted.channel(2, f"/{ESCAPES}", of=2) * (verb != "replay")
+                + crafted.message()
+            )
+        )
+    )
     assert main([verb, str(tmp_path), *options]) == 2
     said = "".join(capfd.readouterr())
     assert "\\u001b]0;title" in said and said.replace("\n", "").isprintable() and said.count("\n") == 1
@@ -68,15 +79,16 @@ def test_any_flip_or_cut_of_a_bag_without_checksums_is_read_or_refused(tmp_path,
     write_run(tmp_path / "run", seconds=0.02)
     bag = Bag(tmp_path / "run")
     numbers = {topic: number for number, topic in enumerate(bag.types, 1)}
-    head = b"".join(crafted.schema(n, bag.types[topic], bag.channel(topic)[1]) + crafted.channel(n, topic, n)
-                    for topic, n in numbers.items())
+    head = b"".join(
+        crafted.schema(n, bag.types[topic], bag.channel(topic)[1]) + crafted.channel(n, topic, n) for topic, n in numbers.items()
+    )
     messages = b"".join(crafted.message(data, numbers[topic], ns) for ns, topic, data in bag.timeline())
     sound = [crafted.file(head, messages), crafted.file(crafted.chunk(head + messages, last=10**10, crc=0))]
     refused, path = 0, tmp_path / "bag.mcap"
     for number in range(50):
         data = bytearray(sound[number % 2])
         if number % 5 == 0:
-            del data[rng.randrange(9, len(data)):]
+            del data[rng.randrange(9, len(data)) :]
         for _ in range(rng.choice((1, 3, 30)) * (number % 5 > 0)):
             data[rng.randrange(9, len(data))] = rng.randrange(256)
         path.write_bytes(data)

@@ -8,7 +8,6 @@ import io
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
-
 from rig_nodes.bags.cdr import encoder
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
@@ -29,7 +28,7 @@ def small(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def summary(small):
-    """mcap's own summary of it."""
+    """Mcap's own summary of it."""
     return make_reader(io.BytesIO(small)).get_summary()
 
 
@@ -50,12 +49,15 @@ def refused(path, **options):
 
 
 @pytest.mark.parametrize("recover", [False, True])
-@pytest.mark.parametrize("data, says", [
-    (b"", "is empty (0 bytes)"),
-    (b"SQLite format 3\x00" + bytes(100), "does not begin as an MCAP file at byte 0"),
-    (b"{}", "does not begin as an MCAP file at byte 0"),
-    (bytes(5000), "does not begin as an MCAP file at byte 0"),
-])
+@pytest.mark.parametrize(
+    "data, says",
+    [
+        (b"", "is empty (0 bytes)"),
+        (b"SQLite format 3\x00" + bytes(100), "does not begin as an MCAP file at byte 0"),
+        (b"{}", "does not begin as an MCAP file at byte 0"),
+        (bytes(5000), "does not begin as an MCAP file at byte 0"),
+    ],
+)
 def test_files_that_are_no_bag(tmp_path, data, says, recover):
     assert says in refused(put(tmp_path, data), recover=recover)
 
@@ -118,11 +120,14 @@ def foreign(folder, text=b"float64 value\n", encoding="ros2msg", data=bytes(12),
     return Bag(folder)
 
 
-@pytest.mark.parametrize("arguments, says", [
-    ({"text": b"this is no definition"}, "definition of some_msgs/msg/Value cannot be read"),
-    ({"encoding": "protobuf"}, "/x is encoded as cdr/protobuf, expected cdr/ros2msg"),
-    ({"data": b"\x00\x01\x00\x00\x01"}, "a message of /x cannot be decoded"),
-])
+@pytest.mark.parametrize(
+    "arguments, says",
+    [
+        ({"text": b"this is no definition"}, "definition of some_msgs/msg/Value cannot be read"),
+        ({"encoding": "protobuf"}, "/x is encoded as cdr/protobuf, expected cdr/ros2msg"),
+        ({"data": b"\x00\x01\x00\x00\x01"}, "a message of /x cannot be decoded"),
+    ],
+)
 def test_messages_that_cannot_be_decoded(tmp_path, arguments, says):
     bag = foreign(tmp_path, **arguments)
     assert bag.counts == {"/x": 1}

@@ -9,7 +9,6 @@ import sys
 
 import pytest
 from mcap.writer import CompressionType, Writer
-
 from rig_nodes.bags.index import BagIndex
 from rig_nodes.bags.reader import Bag
 
@@ -40,16 +39,23 @@ def overlapping():
     rows = []
     for block in range(10):
         for topic, late in (("/fast", 0), ("/late", 300), ("/fast", 5)):
-            rows += [(topic, max(0, block * 100 + ms - late) * MS + 10**18, b"\0\1\0\0" + bytes([block, ms % 256, late % 256]))
-                     for ms in range(0, 100, 10)]
+            rows += [
+                (topic, max(0, block * 100 + ms - late) * MS + 10**18, b"\0\1\0\0" + bytes([block, ms % 256, late % 256]))
+                for ms in range(0, 100, 10)
+            ]
     return rows
 
 
-OTHERS = {"chunks that overlap": {}, "without compression": {"compression": CompressionType.NONE},
-          "lz4": {"compression": CompressionType.LZ4}, "without chunks": {"use_chunking": False},
-          "without statistics": {"use_statistics": False}, "without summary": {"use_statistics": False,
-          "use_summary_offsets": False, "repeat_channels": False, "repeat_schemas": False},
-          "without indices": {"index_types": 0}, "without checksums": {"enable_crcs": False}}
+OTHERS = {
+    "chunks that overlap": {},
+    "without compression": {"compression": CompressionType.NONE},
+    "lz4": {"compression": CompressionType.LZ4},
+    "without chunks": {"use_chunking": False},
+    "without statistics": {"use_statistics": False},
+    "without summary": {"use_statistics": False, "use_summary_offsets": False, "repeat_channels": False, "repeat_schemas": False},
+    "without indices": {"index_types": 0},
+    "without checksums": {"enable_crcs": False},
+}
 
 
 @pytest.mark.parametrize("options", OTHERS.values(), ids=OTHERS)
@@ -57,6 +63,7 @@ def test_messages_come_complete_and_in_order_of_time_whoever_wrote_the_bag(tmp_p
     rows = overlapping()
     if "index_types" in options:
         from mcap.writer import IndexType
+
         options = {"index_types": IndexType.NONE}
     written_by_others(tmp_path / "bag.mcap", rows, **options)
     expected = sorted(((time, topic, data) for topic, time, data in rows), key=lambda row: row[0])
@@ -91,7 +98,7 @@ def test_pieces_hold_together_what_the_bag_holds(run):
 def test_a_cut_bag_is_read_as_far_as_it_goes_and_a_damaged_chunk_is_told_when_its_time_comes(run, tmp_path):
     data = (run / "run_0.mcap").read_bytes()
     path = tmp_path / "run_0.mcap"
-    path.write_bytes(data[:len(data) // 2])
+    path.write_bytes(data[: len(data) // 2])
     found, damage = all_of(path)
     assert found == Bag(path, recover=True).timeline() and len(found) > 100
     assert len(damage) == 1 and " at byte " in damage[0]

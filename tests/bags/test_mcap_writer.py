@@ -6,7 +6,6 @@
 import io
 
 from mcap.writer import CompressionType, Writer
-
 from rig_nodes.bags.mcap_writer import McapWriter
 
 CHUNK_BYTES = 20_000  # so that one is closed by its size
@@ -16,8 +15,7 @@ def test_the_bytes_are_those_of_the_mcap_library(messages):
     rows = messages(0.4)
     topics = sorted({topic for topic, _, _ in rows})
     theirs, ours = io.BytesIO(), io.BytesIO()
-    library = Writer(theirs, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_crcs=True,
-                     enable_data_crcs=True)
+    library = Writer(theirs, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_crcs=True, enable_data_crcs=True)
     library.start(profile="ros2", library="a test")
     writer = McapWriter(ours, "ros2", "a test", CHUNK_BYTES)
     for one in (library, writer):

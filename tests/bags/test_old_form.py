@@ -8,13 +8,12 @@ from pathlib import Path
 import mcap.reader
 import numpy as np
 import pytest
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
 from rig_nodes.bags import cdr
 from rig_nodes.bags.definitions import installed
 from rig_nodes.bags.index import BagIndex
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
 
@@ -40,13 +39,25 @@ def test_every_message_of_an_old_bag_says_what_it_said():
     bag = Bag(SAMPLE)
     assert not [topic for topic in bag.types if topic.startswith("/alfa46/")]
     pairs = {"/alfa46/command": "/controller/command", "/alfa46/events": "/controller/events"}
-    for before in ("/alfa46/command", "/alfa46/events", "/instruments/controller", "/motor/state", "/rig/state", "/rig/run_info",
-                   "/instruments/hmg4000", "/instruments/channels", "/clutch_s1/p1"):
+    for before in (
+        "/alfa46/command",
+        "/alfa46/events",
+        "/instruments/controller",
+        "/motor/state",
+        "/rig/state",
+        "/rig/run_info",
+        "/instruments/hmg4000",
+        "/instruments/channels",
+        "/clutch_s1/p1",
+    ):
         old, new = as_written(before), [message for _, message in bag.messages(pairs.get(before, before))]
         assert len(old) == len(new) > 0
         for one, other in zip(old[::7], new[::7]):
             assert (other.header.stamp.sec, other.header.stamp.nanosec, other.header.frame_id) == (
-                one.stamp.sec, one.stamp.nanosec, "")
+                one.stamp.sec,
+                one.stamp.nanosec,
+                "",
+            )
             for name in {name for name in vars(one) if name.islower()} - {"stamp", "n_wej", "n_wyj", "p1", "p2", "__msgtype__"}:
                 assert np.array_equal(getattr(one, name), getattr(other, name)), f"{before}.{name}"
             if before == "/instruments/controller":

@@ -6,7 +6,6 @@
 import math
 
 import pytest
-
 from rig_nodes.bags.metadata import profile_text, read_profile
 from rig_nodes.bags.player import BATCH, CLOCK, STRIDE, Player
 from rig_nodes.bags.reader import Bag
@@ -54,9 +53,21 @@ def clocks(taken):
 def test_everything_comes_once_in_recorded_order_at_its_time_and_behind_its_clock():
     run = Run()
     taken = run.drive(60)
-    assert taken == [(0, CLOCK, 0), (0, 0, 0), (0, 1, 0), (3, 2, 3), (10, CLOCK, 10), (10, 3, 10),
-                     (10, 4, 10), (10, 5, 10), (20, CLOCK, 20), (24, 6, 24), (30, CLOCK, 30),
-                     (40, CLOCK, 40), (40, 7, 40)]
+    assert taken == [
+        (0, CLOCK, 0),
+        (0, 0, 0),
+        (0, 1, 0),
+        (3, 2, 3),
+        (10, CLOCK, 10),
+        (10, 3, 10),
+        (10, 4, 10),
+        (10, 5, 10),
+        (20, CLOCK, 20),
+        (24, 6, 24),
+        (30, CLOCK, 30),
+        (40, CLOCK, 40),
+        (40, 7, 40),
+    ]
     assert run.player.finished and run.player.passes == 1 and run.player.behind == 0.0
 
 
@@ -108,8 +119,13 @@ def test_a_step_is_one_recorded_time_with_its_clock_and_needs_a_pause():
     for _ in range(5):
         assert run.player.step() and run.player.wait(run.now) == 0.0
         steps.append([(number, time) for _, number, time in run.drive(3)])
-    assert steps == [[(0, 0), (1, 0)], [(CLOCK, 3), (2, 3)], [(CLOCK, 10), (3, 10), (4, 10), (5, 10)],
-                     [(CLOCK, 24), (6, 24)], [(CLOCK, 40), (7, 40)]]
+    assert steps == [
+        [(0, 0), (1, 0)],
+        [(CLOCK, 3), (2, 3)],
+        [(CLOCK, 10), (3, 10), (4, 10), (5, 10)],
+        [(CLOCK, 24), (6, 24)],
+        [(CLOCK, 40), (7, 40)],
+    ]
     assert run.player.finished
     running = Run()
     running.drive(1)
@@ -185,8 +201,9 @@ def test_profiles_of_every_rosbag2_are_read():
     recorded = read_profile(profile_text("command"))
     assert recorded.reliable and not recorded.latched and recorded.deadline_ns == 100_000_000
     assert read_profile(profile_text("latched")).latched
-    numbers_of_humble = ("- history: 1\n  depth: 10\n  reliability: 2\n  durability: 1\n"
-                         "  deadline:\n    sec: 9223372036\n    nsec: 854775807\n")
+    numbers_of_humble = (
+        "- history: 1\n  depth: 10\n  reliability: 2\n  durability: 1\n  deadline:\n    sec: 9223372036\n    nsec: 854775807\n"
+    )
     old = read_profile(numbers_of_humble)
     assert not old.reliable and old.latched and old.deadline_ns == 0
     assert read_profile(numbers_of_humble + profile_text("measurement")).reliable

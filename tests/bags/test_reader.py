@@ -8,7 +8,6 @@ import json
 import numpy as np
 import pytest
 from mcap.writer import Writer
-
 from rig_nodes.bags.cdr import encoder
 from rig_nodes.bags.reader import Bag, missing
 from rig_nodes.bags.writer import BagWriter
@@ -62,8 +61,10 @@ def test_logger_joins_the_blocks(run):
 
 def test_events_and_run_info(run):
     bag = Bag(run)
-    assert bag.events() == [(0.12, "/controller/events", "shift_ordered", "Gear I to gear II ordered.", 2.0),
-                            (0.12, "/sequencer/events", "step", "Step 3: shift.", 3.0)]
+    assert bag.events() == [
+        (0.12, "/controller/events", "shift_ordered", "Gear I to gear II ordered.", 2.0),
+        (0.12, "/sequencer/events", "step", "Step 3: shift.", 3.0),
+    ]
     assert bag.run_info() == {"seed": 7, "rig": "hydmag"}
 
 
@@ -79,12 +80,14 @@ def test_dropped_messages_are_counted(write_run, run, tmp_path):
     bag = Bag(tmp_path)
     assert bag.gaps() == {COMMAND: 3, "/motor/state": 1}
     assert sorted(p for p in bag.check() if "lost" in p) == [
-        "/controller/command lost 3 of 350 messages", "/motor/state lost 1 of 70 messages"]
+        "/controller/command lost 3 of 350 messages",
+        "/motor/state lost 1 of 70 messages",
+    ]
     assert missing(Bag(run).counts, bag) == {COMMAND: 3, "/motor/state": 1}
 
 
 def test_messages_lost_at_the_end_are_counted_against_the_publisher(write_run, run, tmp_path):
-    write_run(tmp_path, drop=lambda topic, n: topic == "/motor/state" and n >= 60 or topic == "/rig/state")
+    write_run(tmp_path, drop=lambda topic, n: (topic == "/motor/state" and n >= 60) or topic == "/rig/state")
     bag = Bag(tmp_path)
     assert bag.gaps() == {}
     assert missing(Bag(run).counts, bag) == {"/motor/state": 10, "/rig/state": 70}
@@ -113,16 +116,23 @@ def test_missing_logger_rows_are_said_or_filled(write_run, run, tmp_path):
     np.testing.assert_array_equal(log.channels["p1"][~holes], whole.channels["p1"][50:][~holes])
 
 
-@pytest.mark.parametrize("blocks, says", [
-    ([(0, 2, 2, [1.0] * 4), (1, 2, 2, [1.0] * 4)], "overlap"),
-    ([(0, 2, 2, [1.0] * 3)], "does not hold the 4 values"),
-    ([(0, 2, 3, [1.0] * 6)], "3 columns where the channel list names 2"),
-    ([], "has no topic"),
-])
+@pytest.mark.parametrize(
+    "blocks, says",
+    [
+        ([(0, 2, 2, [1.0] * 4), (1, 2, 2, [1.0] * 4)], "overlap"),
+        ([(0, 2, 2, [1.0] * 3)], "does not hold the 4 values"),
+        ([(0, 2, 3, [1.0] * 6)], "3 columns where the channel list names 2"),
+        ([], "has no topic"),
+    ],
+)
 def test_blocks_that_do_not_fit_are_refused(tmp_path, blocks, says):
     with BagWriter(tmp_path, "run") as writer:
-        writer.write("/instruments/channels", "rig_msgs/msg/ChannelList",
-                     encoder("rig_msgs/msg/ChannelList").encode(0, 0, ["p1", "p2"], ["Pa", "Pa"], 1e-4), 0)
+        writer.write(
+            "/instruments/channels",
+            "rig_msgs/msg/ChannelList",
+            encoder("rig_msgs/msg/ChannelList").encode(0, 0, ["p1", "p2"], ["Pa", "Pa"], 1e-4),
+            0,
+        )
         for seq, (first, rows, channels, values) in enumerate(blocks):
             data = encoder("rig_msgs/msg/SampleBlock").encode(0, seq, first, 1e-4, rows, channels, values)
             writer.write(LOGGER, "rig_msgs/msg/SampleBlock", data, 0)
@@ -177,8 +187,10 @@ def test_what_is_not_there_is_said(run, tmp_path):
     BagWriter(tmp_path, "run").close()
     with pytest.raises(BagError, match="has no topic /motor/n_wej; it holds none"):
         Bag(tmp_path).series("n_wej")
-    for topic, sentence in (("/controller/signals", "the run's controller names no signals of its own"),
-                            ("/motor/logger", "has no topic /motor/logger")):
+    for topic, sentence in (
+        ("/controller/signals", "the run's controller names no signals of its own"),
+        ("/motor/logger", "has no topic /motor/logger"),
+    ):
         with pytest.raises(BagError, match=sentence):
             Bag(run).logger(topic)
     with pytest.raises(BagError, match="nothing was recorded: the run was stopped before its time began"):
@@ -221,8 +233,9 @@ def test_a_recorder_that_came_late_or_a_piece_of_a_bag_loses_nothing_by_that(run
     assert not [problem for problem in late.check() if "lost" in problem]
     piece = recorded_elsewhere(run, tmp_path / "piece", lambda topic, ns: 100_000_000 <= ns < 200_000_000)
     assert piece.recorded_from == 0.1 and piece.gaps() == {}
-    holes = recorded_elsewhere(run, tmp_path / "holes", lambda topic, ns: ns >= 80_000_000 and not
-                               (topic == COMMAND and ns in (90_000_000, 95_000_000)))
+    holes = recorded_elsewhere(
+        run, tmp_path / "holes", lambda topic, ns: ns >= 80_000_000 and not (topic == COMMAND and ns in (90_000_000, 95_000_000))
+    )
     assert holes.gaps() == {COMMAND: 2}
     assert late.events() == Bag(run).events() and list(late.fields(COMMAND, ["gear"])[0][:2]) == [0.08, 0.081]
 

@@ -8,7 +8,6 @@ import shutil
 from pathlib import Path
 
 import pytest
-
 from rig_nodes.bags.index import BagIndex
 from rig_nodes.bags.old_form import record_of_today
 from rig_nodes.bags.reader import Bag
@@ -79,9 +78,14 @@ def test_a_record_of_before_has_the_structure_and_values_of_today():
 
 
 def test_a_bench_of_before_is_read_likewise():
-    old = {"kind": "clutch_bench", "name": "mine", "hydraulic_motor": {"inertia": 0.07, "friction": 5.0},
-           "shaft": {"inertia": 0.04, "meter_stiffness": 4e4, "meter_damping": 9.0}, "pack": {"rest_torque": 12.0},
-           "plate_pack": {"surfaces": 10.0}}
+    old = {
+        "kind": "clutch_bench",
+        "name": "mine",
+        "hydraulic_motor": {"inertia": 0.07, "friction": 5.0},
+        "shaft": {"inertia": 0.04, "meter_stiffness": 4e4, "meter_damping": 9.0},
+        "pack": {"rest_torque": 12.0},
+        "plate_pack": {"surfaces": 10.0},
+    }
     record = record_of_today(old)
     assert record["motor"] == {"inertia": 0.07} and record["shaft"] == {"inertia": 0.04}
     assert record["torque_meter"] == {"stiffness": 4e4, "damping": 9.0} and record["clutch_pack"]["rest_torque"] == 12.0
@@ -95,10 +99,17 @@ def test_a_bag_that_says_nothing_of_its_rig_is_of_the_one_with_its_topics(rig):
     assert rig_record(None, config.catalogue.topics)["structure"] == config.as_dict()["structure"]
 
 
-@pytest.mark.parametrize("record", [
-    {"gearbox": 3}, {"structure": {}}, {"structure": 3}, {"structure": {"bodies": ["a"] * 1000}},
-    {"structure": {**load_rig("hydmag").as_dict()["structure"], "devices": [{"name": "x", "part": "os"}]}}],
-    ids=["values that are none", "empty", "a number", "a thousand bodies", "a part that there is not"])
+@pytest.mark.parametrize(
+    "record",
+    [
+        {"gearbox": 3},
+        {"structure": {}},
+        {"structure": 3},
+        {"structure": {"bodies": ["a"] * 1000}},
+        {"structure": {**load_rig("hydmag").as_dict()["structure"], "devices": [{"name": "x", "part": "os"}]}},
+    ],
+    ids=["values that are none", "empty", "a number", "a thousand bodies", "a part that there is not"],
+)
 def test_a_record_that_is_none_is_refused_in_one_sentence(record, monkeypatch):
     bag = Bag(SAMPLE)
     monkeypatch.setattr(bag, "run_info", lambda: {"configuration": record})

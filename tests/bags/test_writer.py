@@ -13,10 +13,6 @@ from mcap.reader import make_reader
 from mcap.records import Chunk, DataEnd
 from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
-from rosbags.highlevel import AnyReader
-from rosbags.interfaces import QosDurability, QosHistory, QosReliability
-from rosbags.rosbag2 import Reader
-
 from rig_nodes.bags.cdr import encoder
 from rig_nodes.bags.definitions import installed
 from rig_nodes.bags.metadata import PROFILES
@@ -25,6 +21,9 @@ from rig_nodes.bags.writer import BagWriter
 from rig_nodes.catalogue import QOS, catalogue
 from rig_nodes.errors import RigError
 from rig_nodes.nodes.qos import publisher_profile
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability, QosHistory, QosReliability
+from rosbags.rosbag2 import Reader
 
 MEASUREMENT = "rig_msgs/msg/Measurement"
 
@@ -53,8 +52,10 @@ def test_mcap_validates_all_checksums_and_finds_every_message(run, messages):
     (end,) = [r for r in records if isinstance(r, DataEnd)]
     assert end.data_section_crc
     with open(run / "run_0.mcap", "rb") as file:
-        found = [(channel.topic, message.log_time, message.data) for _, channel, message in
-                 make_reader(file, validate_crcs=True).iter_messages(log_time_order=False)]
+        found = [
+            (channel.topic, message.log_time, message.data)
+            for _, channel, message in make_reader(file, validate_crcs=True).iter_messages(log_time_order=False)
+        ]
     assert found == messages(0.35)
 
 
@@ -71,14 +72,14 @@ def test_mcap_ros2_support_and_rosbags_agree_on_every_value(run, messages):
     trees = {topic: installed(entry.ros_type).tree for topic, entry in catalogue().topics.items()}
     with open(run / "run_0.mcap", "rb") as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
-        foxglove = [(channel.topic, message.log_time, plain(trees[channel.topic], decoded))
-                    for _, channel, message, decoded in reader.iter_decoded_messages(log_time_order=False)]
+        foxglove = [
+            (channel.topic, message.log_time, plain(trees[channel.topic], decoded))
+            for _, channel, message, decoded in reader.iter_decoded_messages(log_time_order=False)
+        ]
     with AnyReader([run]) as reader:
-        ternaris = [(c.topic, ns, plain(trees[c.topic], reader.deserialize(data, c.msgtype)))
-                    for c, ns, data in reader.messages()]
+        ternaris = [(c.topic, ns, plain(trees[c.topic], reader.deserialize(data, c.msgtype))) for c, ns, data in reader.messages()]
     bag = Bag(run)
-    ours = [(topic, ns, plain(trees[topic], message))
-            for topic in bag.counts for ns, message in bag.messages(topic)]
+    ours = [(topic, ns, plain(trees[topic], message)) for topic in bag.counts for ns, message in bag.messages(topic)]
     assert len(foxglove) == len(messages(0.35))
 
     def order(rows):
@@ -118,8 +119,7 @@ def test_a_bag_says_how_the_nodes_offer_their_topics(qos):
 def test_no_chunk_spans_a_boundary_of_100_ms(run):
     with open(run / "run_0.mcap", "rb") as file:
         chunks = make_reader(file).get_summary().chunk_indexes
-    assert [(c.message_start_time // 10**8, c.message_end_time // 10**8) for c in chunks] == \
-        [(0, 0), (1, 1), (2, 2), (3, 3)]
+    assert [(c.message_start_time // 10**8, c.message_end_time // 10**8) for c in chunks] == [(0, 0), (1, 1), (2, 2), (3, 3)]
 
 
 def test_file_tells_nothing_of_the_machine(run):
@@ -217,8 +217,7 @@ writer.close()
 
 
 def test_a_full_disk_is_said_at_once_and_what_was_written_is_kept(tmp_path):
-    done = subprocess.run([sys.executable, "-c", FULL_DISK, str(tmp_path)], capture_output=True, text=True,
-                          timeout=60)
+    done = subprocess.run([sys.executable, "-c", FULL_DISK, str(tmp_path)], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0 and not done.stderr
     first, *again = done.stdout.splitlines()
     ms, _, sentence = first.partition(" ")

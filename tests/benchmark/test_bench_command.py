@@ -11,18 +11,19 @@ import subprocess
 import sys
 
 import pytest
-
 from rig_nodes.benchmark import document, machine, peers, two_inertias
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
 
 
 def test_what_is_refused(capsys):
-    for arguments, sentence in ((["nonsense"], "there is no part to measure 'nonsense'; known are kernel, demo"),
-                                (["kernel", "--repeats", "0"], "--repeats 0: at least 1"),
-                                (["kernel", "--write-docs"], "without naming parts"),
-                                (["kernel", "--json", "/nowhere/x.json"], "--json /nowhere/x.json: there is no such folder"),
-                                (["kernel", "--json", "/"], "it is a folder, expected a file")):
+    for arguments, sentence in (
+        (["nonsense"], "there is no part to measure 'nonsense'; known are kernel, demo"),
+        (["kernel", "--repeats", "0"], "--repeats 0: at least 1"),
+        (["kernel", "--write-docs"], "without naming parts"),
+        (["kernel", "--json", "/nowhere/x.json"], "--json /nowhere/x.json: there is no such folder"),
+        (["kernel", "--json", "/"], "it is a folder, expected a file"),
+    ):
         assert main(["bench", *arguments]) != 0
         assert sentence in capsys.readouterr().err
 
@@ -55,16 +56,21 @@ def test_ours_locks_at_the_exact_time_and_ends_at_the_exact_speed():
 
 
 def test_the_cheapest_that_is_exact_enough_speaks_for_its_tool():
-    points = [peers.Point("free", "coarse", 1e-2, 1.0, 2.0), peers.Point("free", "middle", 1e-5, 3.0, 0.7),
-              peers.Point("free", "fine", 1e-8, 2.0, 1.0), peers.Point("stopped", "other", 0.0, 0.1, 20.0)]
+    points = [
+        peers.Point("free", "coarse", 1e-2, 1.0, 2.0),
+        peers.Point("free", "middle", 1e-5, 3.0, 0.7),
+        peers.Point("free", "fine", 1e-8, 2.0, 1.0),
+        peers.Point("stopped", "other", 0.0, 0.1, 20.0),
+    ]
     assert peers.best(points, "free", 1e-3).setting == "fine"
     assert peers.best(points, "free", 1e-1).setting == "coarse"
     assert peers.best(points, "free", 1e-9) is None
 
 
 def test_a_missing_peer_is_named_and_not_shown(monkeypatch):
-    monkeypatch.setattr(peers, "TOOLS", {"this project": lambda: iter([("free", "s", two_inertias.lock_up)]),
-                                         "nonesuch": peers.by_drake})
+    monkeypatch.setattr(
+        peers, "TOOLS", {"this project": lambda: iter([("free", "s", two_inertias.lock_up)]), "nonesuch": peers.by_drake}
+    )
     result = peers.bench_peers(0.0)
     text = "\n".join(document.lines("peers", result))
     assert result["missing"] == ["nonesuch"] and "not installed, so not compared: nonesuch" in text
@@ -80,11 +86,13 @@ def test_a_program_that_fails_or_hangs_while_it_is_measured_is_said_in_a_sentenc
 
 
 def test_what_needs_no_compiler_imports_none():
-    code = ("import sys; from rig_nodes.cli.main import main\n"
-            "for line in sys.argv[1:]:\n"
-            "    try:\n        print('done', main(line.split()))\n"
-            "    except SystemExit:\n        print('done')\n"
-            "print(sorted({'numba', 'llvmlite', 'scipy.linalg'} & set(sys.modules)), file=sys.stderr)")
+    code = (
+        "import sys; from rig_nodes.cli.main import main\n"
+        "for line in sys.argv[1:]:\n"
+        "    try:\n        print('done', main(line.split()))\n"
+        "    except SystemExit:\n        print('done')\n"
+        "print(sorted({'numba', 'llvmlite', 'scipy.linalg'} & set(sys.modules)), file=sys.stderr)"
+    )
     lines = ["--help", "bench --help", "list rigs", "list sequences"]
     done = subprocess.run([sys.executable, "-c", code, *lines], capture_output=True, text=True, check=True)
     assert done.stderr.strip().splitlines()[-1] == "[]"

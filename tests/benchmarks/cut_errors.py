@@ -3,7 +3,7 @@
 
 """How far a run with devices cut out is from the same run without: the table of docs/how_to/cuts.md.
 
-    .venv/bin/python tests/benchmarks/cut_errors.py [SEQUENCE]
+.venv/bin/python tests/benchmarks/cut_errors.py [SEQUENCE]
 """
 
 import sys
@@ -39,10 +39,12 @@ def shifts(sequence, values=None):
 def errors(reference, report) -> dict[str, float]:
     """Greatest differences over all shifts: peak torque [share], times [s], k, settled loss [share]."""
     pairs = list(zip(reference["shifts"], report["shifts"], strict=True))
-    return {"peak": max(abs(b["m_wej_max_nm"] / a["m_wej_max_nm"] - 1.0) for a, b in pairs),
-            "times": max(abs(b[name] - a[name]) for a, b in pairs for name in TIMES),
-            "k": max(abs(b["k"] - a["k"]) for a, b in pairs),
-            "loss": max(abs(b["e_loss_settled_j"] / a["e_loss_settled_j"] - 1.0) for a, b in pairs)}
+    return {
+        "peak": max(abs(b["m_wej_max_nm"] / a["m_wej_max_nm"] - 1.0) for a, b in pairs),
+        "times": max(abs(b[name] - a[name]) for a, b in pairs for name in TIMES),
+        "k": max(abs(b["k"] - a["k"]) for a, b in pairs),
+        "loss": max(abs(b["e_loss_settled_j"] / a["e_loss_settled_j"] - 1.0) for a, b in pairs),
+    }
 
 
 def works(sequence, values) -> dict[str, tuple[float, float]]:
@@ -76,8 +78,11 @@ def main() -> int:
             e = errors(reference, report)
             both = "; ".join(f"{a:.1f} J, {b:.1f} J" for a, b in works(sequence, values).values())
             balance = report["energy"]["run"]["residual_j"]
-            print(f"| {name} | {tick} | {100 * e['peak']:.2f} % | {1e3 * e['times']:.1f} ms | {e['k']:.4f} "
-                  f"| {100 * e['loss']:.2f} % | {balance:+.1e} J | {both} |", flush=True)
+            print(
+                f"| {name} | {tick} | {100 * e['peak']:.2f} % | {1e3 * e['times']:.1f} ms | {e['k']:.4f} "
+                f"| {100 * e['loss']:.2f} % | {balance:+.1e} J | {both} |",
+                flush=True,
+            )
     return 0
 
 

@@ -1,9 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How far a shift's metrics are from those of a far finer step, for some steps of the plant: the table of docs/background/physics.md.
+"""How far a shift's metrics are from those of a far finer step, for some steps of the plant: the table of
+docs/background/physics.md.
 
-    .venv/bin/python tests/benchmarks/step_choice.py [--steps "100 us" "50 us"] [--reference "1 us"] [--json FILE]
+.venv/bin/python tests/benchmarks/step_choice.py [--steps "100 us" "50 us"] [--reference "1 us"] [--json FILE]
 """
 
 import argparse
@@ -13,14 +14,12 @@ import sys
 from pathlib import Path
 
 import numpy as np
-
 from rig_nodes.analysis.metrics import shifts
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.record import record
 from rig_nodes.testbench.sequence import load_sequence
 
-METRICS = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "overlap_s", "m_wej_max_nm", "n_wyj_min_rpm", "k", "e_loss_j",
-           "e_loss_settled_j")
+METRICS = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "overlap_s", "m_wej_max_nm", "n_wyj_min_rpm", "k", "e_loss_j", "e_loss_settled_j")
 # speed, torque before the shift up, torque before the shift down: points of the grid of tab. 7.4
 POINTS = (("1500 rpm", "80 Nm", "80 Nm"), ("1500 rpm", "40 Nm", "160 Nm"), ("800 rpm", "60 Nm", "120 Nm"))
 FINER = 100  # rows between two logger rows, by straight lines: the metrics count in whole rows
@@ -35,7 +34,7 @@ def finer(recording):
 
 
 def metrics_at(step: str) -> dict[str, dict[str, float]]:
-    """"speed, loads, direction" -> metric -> value, without transducers."""
+    """ "speed, loads, direction" -> metric -> value, without transducers."""
     out = {}
     for point in POINTS:
         config = load_rig("hydmag", {"kernel.step": step, "effects.transducers": "off"})
@@ -68,8 +67,11 @@ def main() -> int:
     for step in args.steps:
         worst, beyond = [], []
         for metric in METRICS:
-            errors = {name: 100.0 * (known[step][name][metric] / values[metric] - 1.0)
-                      for name, values in reference.items() if values[metric]}
+            errors = {
+                name: 100.0 * (known[step][name][metric] / values[metric] - 1.0)
+                for name, values in reference.items()
+                if values[metric]
+            }
             name = max(errors, key=lambda shift: abs(errors[shift]))
             worst.append(f"{errors[name]:+.3f} %")
             beyond += [f"{shift}: {metric}" for shift, error in errors.items() if abs(error) > 0.1]

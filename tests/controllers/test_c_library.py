@@ -9,7 +9,6 @@ import subprocess
 from pathlib import Path
 
 import pytest
-
 from rig_nodes.controllers import ControllerFailed, Status, load_controller
 from rig_nodes.errors import RigError
 
@@ -56,11 +55,7 @@ def test_a_library_answers_and_is_asked_in_its_own_units(build, config):
         ("out->command[2] = -0.5;", Status.ERROR, r"command\[2\] is -0.5"),
         ("out->gear = 9;", Status.ERROR, "gear is 9"),
         ("return 17;", Status.ERROR, "status is 17, expected 0"),
-        (
-            '__builtin_strcpy(out->message, "no speed signal"); return RIG_ERROR;',
-            Status.ERROR,
-            "error: no speed signal$",
-        ),
+        ('__builtin_strcpy(out->message, "no speed signal"); return RIG_ERROR;', Status.ERROR, "error: no speed signal$"),
         ("return RIG_FATAL;", Status.FATAL, "status fatal: it gave no reason"),
     ],
 )
@@ -78,10 +73,12 @@ def test_discard_is_no_answer(build, config):
 
 def test_another_abi_is_named_found_and_wanted(build, config):
     text = frame("").replace(
-        "RIG_CONTROLLER_DESCRIBE(RIG_LEVEL_DUTY);",
-        "static rig_controller_abi_info d = {7, 1, 0, 0, 0, 0, 0}; return &d;",
+        "RIG_CONTROLLER_DESCRIBE(RIG_LEVEL_DUTY);", "static rig_controller_abi_info d = {7, 1, 0, 0, 0, 0, 0}; return &d;"
     )
-    with pytest.raises(RigError, match="made for ABI 7 of rig_controller.h, this rig has ABI 2; compile it again with this rig's header and rig_record.h"):
+    with pytest.raises(
+        RigError,
+        match="made for ABI 7 of rig_controller.h, this rig has ABI 2; compile it again with this rig's header and rig_record.h",
+    ):
         load(config, build(text))
 
 
@@ -103,9 +100,7 @@ def test_a_function_that_the_library_itself_lacks_is_named(build, config):
 
 
 def test_create_may_refuse_with_its_reason(build, config):
-    text = frame("").replace(
-        "(void)info;", '__builtin_strcpy(info->message, "licence is missing"); return RIG_ERROR;'
-    )
+    text = frame("").replace("(void)info;", '__builtin_strcpy(info->message, "licence is missing"); return RIG_ERROR;')
     with pytest.raises(RigError, match="create refused with status 2: licence is missing"):
         load(config, build(text))
 
@@ -157,9 +152,7 @@ def test_without_a_compiler_the_sentence_says_what_to_do(tmp_path, config, monke
 
 @pytest.mark.parametrize("compiler", ["cc", *filter(shutil.which, ("gcc", "clang"))])
 def test_the_example_compiles_without_a_warning(tmp_path, compiler):
-    subprocess.run(
-        [compiler, *STRICT, "-fPIC", "-shared", "-o", tmp_path / "alfa46.so", ALFA46_C, "-lm"], check=True
-    )
+    subprocess.run([compiler, *STRICT, "-fPIC", "-shared", "-o", tmp_path / "alfa46.so", ALFA46_C, "-lm"], check=True)
 
 
 def test_the_header_is_usable_from_cpp(tmp_path):
@@ -182,9 +175,7 @@ def test_the_header_is_usable_from_cpp(tmp_path):
         ],
         check=True,
     )
-    names = subprocess.run(
-        ["nm", "-D", "--defined-only", tmp_path / "mine.so"], capture_output=True, text=True, check=True
-    )
+    names = subprocess.run(["nm", "-D", "--defined-only", tmp_path / "mine.so"], capture_output=True, text=True, check=True)
     assert " T rig_controller_step\n" in names.stdout
 
 
@@ -248,8 +239,7 @@ def test_the_example_is_clean_under_the_sanitizers(tmp_path, example):
     (tmp_path / "driver.c").write_text(DRIVER)
     sources = [ALFA46_C] if example == "c" else sorted(SIMULINK_FOLDER.glob("*.c"))
     subprocess.run(
-        ["cc", *STRICT, *SANITIZE, f"-I{SIMULINK_FOLDER}", "-o", tmp_path / "driver", tmp_path / "driver.c", *sources,
-         "-lm"],
+        ["cc", *STRICT, *SANITIZE, f"-I{SIMULINK_FOLDER}", "-o", tmp_path / "driver", tmp_path / "driver.c", *sources, "-lm"],
         check=True,
     )
     done = subprocess.run([tmp_path / "driver"], capture_output=True, text=True, timeout=60)
@@ -263,11 +253,15 @@ def model(tmp_path, shim, period=""):
     """A folder of generated code in small: the step copies an input to an output and counts."""
     folder = tmp_path / "model"
     folder.mkdir()
-    (folder / "small.h").write_text("extern struct { double u; } rtU; extern struct { double y, steps; } rtY;\n"
-                                    "void small_initialize(void); void small_step(void); void small_terminate(void);\n")
-    (folder / "small.c").write_text("struct { double u; } rtU; struct { double y, steps; } rtY;\n"
-                                    "void small_initialize(void) { rtY.steps = 0; }\nvoid small_terminate(void) {}\n"
-                                    "void small_step(void) { rtY.y = rtU.u; rtY.steps += 1; }\n")
+    (folder / "small.h").write_text(
+        "extern struct { double u; } rtU; extern struct { double y, steps; } rtY;\n"
+        "void small_initialize(void); void small_step(void); void small_terminate(void);\n"
+    )
+    (folder / "small.c").write_text(
+        "struct { double u; } rtU; struct { double y, steps; } rtY;\n"
+        "void small_initialize(void) { rtY.steps = 0; }\nvoid small_terminate(void) {}\n"
+        "void small_step(void) { rtY.y = rtU.u; rtY.steps += 1; }\n"
+    )
     (folder / "ert_main.c").write_text("int main(void) { return not_for_a_library; }\n")
     shutil.copy(EXAMPLES / "rig_record.h", folder)
     (folder / "rig_shim.c").write_text(
@@ -276,7 +270,8 @@ def model(tmp_path, shim, period=""):
         "static void rig_inputs(const rig_controller_inputs *in) { rtU.u = rig_measured_of(in)->n_wej / 1000.0; }\n"
         "static void rig_outputs(rig_controller_outputs *out) {\n"
         "  out->command[0] = rtY.y; out->setpoint[0] = rtY.steps; }\n"
-        f"static void rig_parameters(void) {{ {shim} }}\n")
+        f"static void rig_parameters(void) {{ {shim} }}\n"
+    )
     return folder
 
 
@@ -353,7 +348,8 @@ static small model;
 #define RIG_SIGNALS "steps"
 #define RIG_SETTINGS {"gain", 2.0}
 #include "rig_simulink.h"
-static void rig_inputs(const rig_controller_inputs *in) { model.small_U.u = rig_measured_of(in)->n_wej / 1000.0 + 0.0 * rig_wanted[0]; }
+static void rig_inputs(const rig_controller_inputs *in) { model.small_U.u = rig_measured_of(in)->n_wej / 1000.0 + 0.0 *
+rig_wanted[0]; }
 static void rig_outputs(rig_controller_outputs *out) {
   out->command[0] = model.small_Y.y; out->setpoint[0] = model.small_Y.steps; }
 static void rig_parameters(void) {}
@@ -364,14 +360,17 @@ static void rig_settings(const double *) {}
 
 def generated_cpp(folder):
     """As the generator leaves C++ class code: the model's folder, and beside it shared utilities, in C."""
-    files = {"rig_shim.cpp": CLASS_SHIM, "small_grt_rtw/small.h": CLASS_H, "small_grt_rtw/small.cpp": CLASS_CPP,
-             "small_grt_rtw/rt_cppclass_main.cpp": "int main() { return not_for_a_library; }\n",
-             "slprj/grt/_sharedutils/shared_types.h": "typedef double real_T;\n",
-             "slprj/grt/_sharedutils/shared_utils.h": '#ifdef __cplusplus\nextern "C"\n#endif\n'
-                                                      "double shared_half(double value);\n",
-             # C that is no C++: the name of a variable
-             "slprj/grt/_sharedutils/shared_utils.c": '#include "shared_utils.h"\n'
-                                                      "double shared_half(double class) { return class / 2.0; }\n"}
+    files = {
+        "rig_shim.cpp": CLASS_SHIM,
+        "small_grt_rtw/small.h": CLASS_H,
+        "small_grt_rtw/small.cpp": CLASS_CPP,
+        "small_grt_rtw/rt_cppclass_main.cpp": "int main() { return not_for_a_library; }\n",
+        "slprj/grt/_sharedutils/shared_types.h": "typedef double real_T;\n",
+        "slprj/grt/_sharedutils/shared_utils.h": '#ifdef __cplusplus\nextern "C"\n#endif\ndouble shared_half(double value);\n',
+        # C that is no C++: the name of a variable
+        "slprj/grt/_sharedutils/shared_utils.c": '#include "shared_utils.h"\n'
+        "double shared_half(double class) { return class / 2.0; }\n",
+    }
     shutil.copy(EXAMPLES / "rig_record.h", folder)
     for name, text in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)

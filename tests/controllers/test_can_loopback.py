@@ -13,7 +13,6 @@ from pathlib import Path
 
 import can
 import pytest
-
 from rig_nodes.cli.main import main
 from rig_nodes.controllers import load_controller
 from rig_nodes.controllers.can_bus import open_bus
@@ -90,7 +89,8 @@ def test_foreign_packets_are_counted_and_named_once(config):
     sentence = "what came could not be read (CanOperationError: a packet is no frame of python-can)"
     assert plug.faults == {sentence: 2 * len(FOREIGN)} and controller.unread == plug.faults
     assert [text for text in said if "could not be read" in text] == [
-        f"{plug.name}: {sentence}; it is not used, nor are others like it"]
+        f"{plug.name}: {sentence}; it is not used, nor are others like it"
+    ]
 
 
 @pytest.mark.parametrize("program", ["example", "template"])

@@ -6,7 +6,6 @@
 import json
 
 import pytest
-
 from rig_nodes.cli.main import main
 from rig_nodes.testbench.conformance import Check
 
@@ -51,10 +50,8 @@ def test_the_reference_passes(capsys, spec):
             "answers",
             "120 samples one after the other without an answer: the rig trips",
         ),
-        ("out.command = [max(out.command[0], 0.1), 0, 0]", "at rest",
-         "before the first order the largest command is 0.1"),
-        ("if inputs.sample > 200: out.command = [random.random(), 0, 0]", "determinism",
-         "another answer from sample 201 on"),
+        ("out.command = [max(out.command[0], 0.1), 0, 0]", "at rest", "before the first order the largest command is 0.1"),
+        ("if inputs.sample > 200: out.command = [random.random(), 0, 0]", "determinism", "another answer from sample 201 on"),
         ("if inputs.n_wej != inputs.n_wej: while_true = 1 / 0", "NaN", "trip the rig"),
         ("if inputs.p1 > 1e7: out.command = [1.5, 0, 0]", "saturation", "command[0] is 1.5"),
         ("out.command = [0.0, 0.0, 0.0]", "both gears", "10 s after the order of gear I it says gear I, and no clutch"),
@@ -76,12 +73,23 @@ def test_each_fault_is_found_by_its_item(tmp_path, capsys, what, item, sentence)
     assert all("\n" not in text for _, text in items.values())
 
 
-@pytest.mark.parametrize(("old", "new", "item", "sentence"), [
-    ("free(instance);", "free(instance); abort();", "ends",
-     "in rig_controller_destroy the library's process was ended by SIGABRT (aborted); 12 of 12 ends"),
-    ("  return RIG_OK;\n}\n\nvoid rig", "  memset(&outputs[1], 7, 64);\n  return RIG_OK;\n}\n\nvoid rig", "answers",
-     "the library wrote 64 bytes behind out of rig_controller_step; that memory is not its own"),
-])
+@pytest.mark.parametrize(
+    ("old", "new", "item", "sentence"),
+    [
+        (
+            "free(instance);",
+            "free(instance); abort();",
+            "ends",
+            "in rig_controller_destroy the library's process was ended by SIGABRT (aborted); 12 of 12 ends",
+        ),
+        (
+            "  return RIG_OK;\n}\n\nvoid rig",
+            "  memset(&outputs[1], 7, 64);\n  return RIG_OK;\n}\n\nvoid rig",
+            "answers",
+            "the library wrote 64 bytes behind out of rig_controller_step; that memory is not its own",
+        ),
+    ],
+)
 def test_what_a_library_spoils_is_found_by_its_item(tmp_path, capsys, old, new, item, sentence):
     text = ALFA46_C.read_text()
     assert old in text

@@ -8,23 +8,25 @@ import socket
 import sys
 
 import pytest
-
 from rig_nodes.controllers.examples.command import run
 
 
-@pytest.mark.parametrize(("module", "arguments", "sentence"), [
-    ("can_alfa46", "x --interface virtual --rig nowhere", "there is no rig 'nowhere'; known are "),
-    ("can_alfa46", "x --interface virtual --rig clutch_bench", "this example is for a rig with gears"),
-    ("can_alfa46", "x --interface telepathy", "the bus x cannot be opened with the interface telepathy"),
-    ("can_alfa46", "", "the following arguments are required: channel"),
-    ("modbus_alfa46", "5020 --rig nowhere.yaml", "nowhere.yaml: there is no such file"),
-    ("modbus_alfa46", "5020 --rig clutch_bench", "this example is for a rig with gears"),
-    ("modbus_alfa46", "70000", "'70000' is no port; expected 1 to 65535"),
-    ("modbus_alfa46", "5020 --host no.such.machine.invalid", "there is no machine 'no.such.machine.invalid'"),
-    ("alfa46_ros", "9lives", "'9lives' is no name of topics; expected letters, digits and single underscores"),
-    ("alfa46_udp", "127.0.0.1 plc", "'plc' is no port"),
-    ("alfa46_udp", "no.such.machine.invalid", "there is no machine 'no.such.machine.invalid'"),
-])
+@pytest.mark.parametrize(
+    ("module", "arguments", "sentence"),
+    [
+        ("can_alfa46", "x --interface virtual --rig nowhere", "there is no rig 'nowhere'; known are "),
+        ("can_alfa46", "x --interface virtual --rig clutch_bench", "this example is for a rig with gears"),
+        ("can_alfa46", "x --interface telepathy", "the bus x cannot be opened with the interface telepathy"),
+        ("can_alfa46", "", "the following arguments are required: channel"),
+        ("modbus_alfa46", "5020 --rig nowhere.yaml", "nowhere.yaml: there is no such file"),
+        ("modbus_alfa46", "5020 --rig clutch_bench", "this example is for a rig with gears"),
+        ("modbus_alfa46", "70000", "'70000' is no port; expected 1 to 65535"),
+        ("modbus_alfa46", "5020 --host no.such.machine.invalid", "there is no machine 'no.such.machine.invalid'"),
+        ("alfa46_ros", "9lives", "'9lives' is no name of topics; expected letters, digits and single underscores"),
+        ("alfa46_udp", "127.0.0.1 plc", "'plc' is no port"),
+        ("alfa46_udp", "no.such.machine.invalid", "there is no machine 'no.such.machine.invalid'"),
+    ],
+)
 def test_what_is_wrong_is_one_sentence(module, arguments, sentence, monkeypatch, capsys):
     known = socket.getaddrinfo
 

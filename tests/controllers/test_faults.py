@@ -14,7 +14,6 @@ import zipfile
 from pathlib import Path
 
 import pytest
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.controllers.can_bus import open_bus
@@ -90,13 +89,19 @@ def other_machine(build, _tmp_path):
     return path
 
 
-@pytest.mark.parametrize(("made", "sentence"), [
-    (missing, "the library does not export rig_controller_destroy; see rig_controller.h"),
-    (lacking, "the library cannot be loaded: {}: undefined symbol: model_step"),
-    (other_abi, "the library was made for ABI 7 of rig_controller.h, this rig has ABI 2; compile it again with this "
-                "rig's header and rig_record.h"),
-    (other_machine, "the library is for aarch64, 64 bits; this machine is x86_64, 64 bits"),
-])
+@pytest.mark.parametrize(
+    ("made", "sentence"),
+    [
+        (missing, "the library does not export rig_controller_destroy; see rig_controller.h"),
+        (lacking, "the library cannot be loaded: {}: undefined symbol: model_step"),
+        (
+            other_abi,
+            "the library was made for ABI 7 of rig_controller.h, this rig has ABI 2; compile it again with this "
+            "rig's header and rig_record.h",
+        ),
+        (other_machine, "the library is for aarch64, 64 bits; this machine is x86_64, 64 bits"),
+    ],
+)
 def test_a_library_that_does_not_fit_is_refused(made, sentence, simulate, build, tmp_path):
     path = made(build, tmp_path)
     code, _, said = simulate(f"c:{path}")
@@ -111,8 +116,7 @@ def test_an_fmu_without_a_binary_for_this_platform_is_refused(simulate, config, 
         for name in old.namelist():
             new.writestr(name.replace("linux64", "win64").replace(".so", ".dll"), old.read(name))
     code, _, said = simulate(f"fmu:{path}")
-    assert (code, said) == (
-        2, f"rig: controller fmu:{path}: the FMU has no binary for this platform, linux64; it has win64\n")
+    assert (code, said) == (2, f"rig: controller fmu:{path}: the FMU has no binary for this platform, linux64; it has win64\n")
     assert not (tmp_path / "run").exists()
 
 
@@ -130,21 +134,26 @@ def check_safe_state(folder, oldest):
     assert max(m.duty for t, m in states if not m.safe) > 0.1
     safe = [(1e-9 * t, m.duty) for t, m in states if m.safe]
     assert len(safe) > 10 and all(duty == 0.0 for t, duty in safe if t > tripped + 1e-6)
-    t, asked = bag.series("I_set_zr_p1")
+    t, _asked = bag.series("I_set_zr_p1")
     assert 0.0 <= tripped - t[-1] <= oldest + 0.006, "a message each 5 ms"
     t, current = bag.series("I_zr_p1")
     assert current.max() > 0.1 and current[-1] < 0.03, "the coil current has decayed"
     return run["end"]["reason"], tripped
 
 
-@pytest.mark.parametrize(("what", "sentence"), [
-    ("*(volatile int *)8 = 1;", "the library's process was ended by SIGSEGV (segmentation fault)"),
-    ("exit(3);", "the library's process ended itself with exit code 3"),
-    ("for (volatile int k = 0;;) k = 0;", "no answer for 200 ms (--step-timeout)"),
-    ("__builtin_memset(out + 1, 7, 64);", "the library wrote 64 bytes behind out of rig_controller_step; that memory is "
-                                          "not its own"),
-    ("out->command[1] = 0.0 / (in->time - in->time);", "command[1] is nan, expected 0 to 0.8 A"),
-])
+@pytest.mark.parametrize(
+    ("what", "sentence"),
+    [
+        ("*(volatile int *)8 = 1;", "the library's process was ended by SIGSEGV (segmentation fault)"),
+        ("exit(3);", "the library's process ended itself with exit code 3"),
+        ("for (volatile int k = 0;;) k = 0;", "no answer for 200 ms (--step-timeout)"),
+        (
+            "__builtin_memset(out + 1, 7, 64);",
+            "the library wrote 64 bytes behind out of rig_controller_step; that memory is not its own",
+        ),
+        ("out->command[1] = 0.0 / (in->time - in->time);", "command[1] is nan, expected 0 to 0.8 A"),
+    ],
+)
 def test_a_library_that_fails_in_the_run(what, sentence, simulate, build, tmp_path):
     path = build(holding(what), "-w")
     code, _, said = simulate(f"c:{path}", "--step-timeout", "0.2")
@@ -209,11 +218,17 @@ def modbus_that_leaves(config, port):
     return f"modbus:{port}", Leaving(port, config), lambda: None
 
 
-@pytest.mark.parametrize(("made", "told"), [
-    (can_with_short_frames, r"frame CONTROL_COMMAND_CURRENT \(0x201\) came with 6 bytes instead of 8; it is not used, "
-                            "nor are others like it"),
-    (modbus_that_leaves, r"no command on Modbus TCP 127.0.0.1:\d+ for 50 ms; the rig trips at 100 ms"),
-])
+@pytest.mark.parametrize(
+    ("made", "told"),
+    [
+        (
+            can_with_short_frames,
+            r"frame CONTROL_COMMAND_CURRENT \(0x201\) came with 6 bytes instead of 8; it is not used, "
+            "nor are others like it",
+        ),
+        (modbus_that_leaves, r"no command on Modbus TCP 127.0.0.1:\d+ for 50 ms; the rig trips at 100 ms"),
+    ],
+)
 def test_a_controller_by_its_own_clock_that_fails(made, told, simulate, config, tmp_path, free_udp_port):
     spec, controller, end = made(config, free_udp_port)
     stop = threading.Event()
@@ -230,12 +245,18 @@ def test_a_controller_by_its_own_clock_that_fails(made, told, simulate, config, 
     check_safe_state(tmp_path / "run", 0.1)
 
 
-@pytest.mark.parametrize("row", [
-    line for line in (Path(__file__).parents[2] / "docs" / "how_to" / "controllers.md").read_text(encoding="utf-8").splitlines()
-    if line.startswith("| ") and re.search(r"`test_\w+`", line)
-])
+@pytest.mark.parametrize(
+    "row",
+    [
+        line
+        for line in (Path(__file__).parents[2] / "docs" / "how_to" / "controllers.md").read_text(encoding="utf-8").splitlines()
+        if line.startswith("| ") and re.search(r"`test_\w+`", line)
+    ],
+)
 def test_the_page_names_tests_that_there_are(row):
     tests = Path(__file__).parents[1]
     for name in re.findall(r"`(test_\w+)`", row):
-        assert any(f"def {name}(" in path.read_text(encoding="utf-8")
-                   for path in (*tests.glob("controllers/*.py"), *tests.glob("graph/test_c*.py"))), name
+        assert any(
+            f"def {name}(" in path.read_text(encoding="utf-8")
+            for path in (*tests.glob("controllers/*.py"), *tests.glob("graph/test_c*.py"))
+        ), name

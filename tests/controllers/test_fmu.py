@@ -10,7 +10,6 @@ import signal
 import zipfile
 
 import pytest
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.controllers import ControllerFailed, Status, load_controller
 from rig_nodes.controllers.load import level_line
@@ -72,6 +71,7 @@ def build(tmp_path_factory):
 @pytest.fixture(scope="module")
 def hashes(tmp_path_factory):
     """canonical_hash of the sample sequence under the late settings with a controller."""
+
     def get(spec):
         config = load_rig("hydmag", {"alfa46.t12": "200 ms", "alfa46.output_2.P1": "100 ms 200 mA"})
         folder = tmp_path_factory.mktemp("run")
@@ -127,8 +127,9 @@ def test_what_it_said_before_it_crashed_stands_in_the_sentence(build, config, ca
     plug = faulty(build, config, fmi, 1)
     assert ask(plug, 1) is None
     os.kill(plug.process_id, signal.SIGKILL)
-    with pytest.raises(ControllerFailed, match=re.escape(
-            r"SIGKILL (killed); the last it said: 100 %n%s of the \u001b[31msignal lost")):
+    with pytest.raises(
+        ControllerFailed, match=re.escape(r"SIGKILL (killed); the last it said: 100 %n%s of the \u001b[31msignal lost")
+    ):
         ask(plug, 2)
     plug = faulty(build, config, fmi, 4)
     with pytest.raises(ControllerFailed, match=r"SIGABRT \(aborted\)$"):
@@ -136,10 +137,14 @@ def test_what_it_said_before_it_crashed_stands_in_the_sentence(build, config, ca
     assert capfd.readouterr().err == "\\u001b[31mred\tline\n"
 
 
-@pytest.mark.parametrize(("sample", "sentence"), [
-    (3, "status fatal: memory is gone"), (4, "the FMU's process was ended by SIGABRT (aborted)"),
-    (5, "no answer for 200 ms (--step-timeout)"),
-])
+@pytest.mark.parametrize(
+    ("sample", "sentence"),
+    [
+        (3, "status fatal: memory is gone"),
+        (4, "the FMU's process was ended by SIGABRT (aborted)"),
+        (5, "no answer for 200 ms (--step-timeout)"),
+    ],
+)
 def test_what_cannot_be_trusted_is_fatal_and_its_process_is_gone(build, config, sample, sentence):
     plug = faulty(build, config, 2, sample)
     plug.pace(0.2)
@@ -159,22 +164,30 @@ def changed(source, target, edit):
     return target
 
 
-@pytest.mark.parametrize(("edit", "sentence"), [
-    (lambda n, d: (n.replace("linux64", "win64").replace(".so", ".dll"), d),
-     "no binary for this platform, linux64; it has win64"),
-    (lambda n, d: None if n.startswith("binaries") else (n, d), "no binary for this platform, linux64; it has none"),
-    (lambda n, d: (n, d.replace(b'name="command_2"', b'name="y"')),
-     "no variable command_2; it has level, .*command_1, y"),
-    (lambda n, d: (n, re.sub(rb'(name="n_wej"[^>]*)causality="input"', rb'\1causality="local"', d)),
-     "variable n_wej has causality local, expected input"),
-    (lambda n, d: (n, re.sub(rb'(name="rig_record".*?start=")\d+', rb'\g<1>7', d, flags=re.S)),
-     "made for the record of another rig; make it anew with ./rig export controller-fmu FILE.c --rig hydmag"),
-    (lambda n, d: (n, d.replace(b"<CoSimulation", b"<ModelExchange")), "model exchange only; expected co-simulation"),
-    (lambda n, d: (n, d.replace(b'fmiVersion="2.0"', b'fmiVersion="1.0"')), "cannot be read as an FMU"),
-    (lambda n, d: (n, d[:100] if n.endswith(".so") else d), "cannot be loaded: .*controller0.so"),
-    (lambda n, d: (n, d.replace(b'guid="{', b'guid="{0')), "GUID or instantiation token is not that"),
-    (lambda n, d: (n.replace("modelDescription", "other"), d), "cannot be read as an FMU"),
-])
+@pytest.mark.parametrize(
+    ("edit", "sentence"),
+    [
+        (
+            lambda n, d: (n.replace("linux64", "win64").replace(".so", ".dll"), d),
+            "no binary for this platform, linux64; it has win64",
+        ),
+        (lambda n, d: None if n.startswith("binaries") else (n, d), "no binary for this platform, linux64; it has none"),
+        (lambda n, d: (n, d.replace(b'name="command_2"', b'name="y"')), "no variable command_2; it has level, .*command_1, y"),
+        (
+            lambda n, d: (n, re.sub(rb'(name="n_wej"[^>]*)causality="input"', rb'\1causality="local"', d)),
+            "variable n_wej has causality local, expected input",
+        ),
+        (
+            lambda n, d: (n, re.sub(rb'(name="rig_record".*?start=")\d+', rb"\g<1>7", d, flags=re.S)),
+            "made for the record of another rig; make it anew with ./rig export controller-fmu FILE.c --rig hydmag",
+        ),
+        (lambda n, d: (n, d.replace(b"<CoSimulation", b"<ModelExchange")), "model exchange only; expected co-simulation"),
+        (lambda n, d: (n, d.replace(b'fmiVersion="2.0"', b'fmiVersion="1.0"')), "cannot be read as an FMU"),
+        (lambda n, d: (n, d[:100] if n.endswith(".so") else d), "cannot be loaded: .*controller0.so"),
+        (lambda n, d: (n, d.replace(b'guid="{', b'guid="{0')), "GUID or instantiation token is not that"),
+        (lambda n, d: (n.replace("modelDescription", "other"), d), "cannot be read as an FMU"),
+    ],
+)
 def test_an_fmu_that_does_not_fit_is_refused_in_one_sentence(build, config, tmp_path, edit, sentence):
     other = changed(build(2), tmp_path / "other.fmu", edit)
     with pytest.raises(RigError, match=sentence) as refusal:
@@ -211,34 +224,40 @@ DEFINED = b'<Unit name="x"><BaseUnit A="1" factor="0.01"/></Unit><Unit name="y">
 
 def with_unit(source, target, unit):
     """The FMU with another name for its parameter level, and its commands in this unit."""
+
     def edit(name, data):
         if name == "modelDescription.xml":
             data = data.replace(b'name="level"', b'name="other"').replace(b"</UnitDefinitions>", DEFINED)
             data = UNIT.sub(rb'\1 unit="%s"' % unit if unit else rb"\1", data)
         return name, data
+
     return changed(source, target, edit)
 
 
-@pytest.mark.parametrize(("unit", "level", "level_from", "command"), [
-    (b"A", "current", "the unit of its commands", 0.25),
-    (b"mA", "current", "the unit of its commands", 0.25e-3),
-    (b"x", "current", "the unit of its commands", 0.25e-2),
-    (b"1", "duty", "the unit of its commands", 0.25),
-    (b"%", "duty", "the unit of its commands", 0.25e-2),
-    (b"", "duty", None, 0.25),
-])
+@pytest.mark.parametrize(
+    ("unit", "level", "level_from", "command"),
+    [
+        (b"A", "current", "the unit of its commands", 0.25),
+        (b"mA", "current", "the unit of its commands", 0.25e-3),
+        (b"x", "current", "the unit of its commands", 0.25e-2),
+        (b"1", "duty", "the unit of its commands", 0.25),
+        (b"%", "duty", "the unit of its commands", 0.25e-2),
+        (b"", "duty", None, 0.25),
+    ],
+)
 def test_the_level_is_what_the_fmu_says(build, config, tmp_path, unit, level, level_from, command):
     plug = load_controller(f"fmu:{with_unit(build(2, DUTY), tmp_path / 'other.fmu', unit)}", config)
     assert plug.level == level
-    assert plug.level_from == (f"as the controller says ({level_from})" if level_from else
-                               "by default, the controller says none")
+    assert plug.level_from == (f"as the controller says ({level_from})" if level_from else "by default, the controller says none")
     assert ask(plug, 0).command == pytest.approx((command, 0.0, 0.0))
     plug.close()
 
 
 def test_a_level_that_is_asked_for_and_one_of_a_parameter_are_said_to_be(build, config, tmp_path):
-    for spec, level_from in ((f"fmu:{build(2)}", "as the controller says (its parameter level)"),
-                             (f"fmu:{build(2)}@current", "as given")):
+    for spec, level_from in (
+        (f"fmu:{build(2)}", "as the controller says (its parameter level)"),
+        (f"fmu:{build(2)}@current", "as given"),
+    ):
         plug = load_controller(spec, config)
         assert plug.level_from == level_from
         plug.close()
@@ -278,9 +297,11 @@ def test_c_and_cpp_files_become_one_fmu_wherever_they_stand(config, tmp_path, mo
     plug = load_controller("fmu:mine.fmu", config)
     assert ask(plug, 0).command == pytest.approx((0.3, 0.0, 0.0))
     plug.close()
-    for wrong, sentence in (("a.cpp", "a.cpp:2:10: fatal error: gain.h: No such file or directory"),
-                            ("headers/gain.h", "headers/gain.h: expected a source file that ends in .c, .cpp, .cc, .cxx"),
-                            ("a.cpp -I nowhere", "--include nowhere: there is no such folder")):
+    for wrong, sentence in (
+        ("a.cpp", "a.cpp:2:10: fatal error: gain.h: No such file or directory"),
+        ("headers/gain.h", "headers/gain.h: expected a source file that ends in .c, .cpp, .cc, .cxx"),
+        ("a.cpp -I nowhere", "--include nowhere: there is no such folder"),
+    ):
         assert main(["export", "controller-fmu", *wrong.split(), "-o", "other.fmu"]) == 2
         assert sentence in capsys.readouterr().err and not (tmp_path / "other.fmu").exists()
 
@@ -326,7 +347,8 @@ def test_an_fmu_that_does_not_say_its_level_is_taken_at_duty_with_a_word(build, 
     try:
         assert level_line(plug) == (
             f"controller fmu:{mute} at level duty, by default, the controller says none: its commands are taken as shares of "
-            "the supply from 0 to 1; if they are amperes, choose --level current")
+            "the supply from 0 to 1; if they are amperes, choose --level current"
+        )
     finally:
         plug.close()
     plug = load_controller(f"fmu:{build(2)}", config)

@@ -18,7 +18,6 @@ import cantools
 import numpy as np
 import pymodbus.client
 import pytest
-
 from rig_nodes.analysis.report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
@@ -35,9 +34,9 @@ from rig_nodes.errors import RigError
 from rig_nodes.testbench import conformance
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
+from rig_nodes.testbench.rig_base import RigStatus
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import advance_with, ask_controller, give_answer, simulate
-from rig_nodes.testbench.rig_base import RigStatus
 
 from .conftest import MULTICAST, multicast_works
 
@@ -158,8 +157,10 @@ def late(exact, tmp_path_factory):
 @pytest.mark.against_the_clock
 @pytest.mark.parametrize("kind", [pytest.param("virtual", marks=pytest.mark.campaign), "udp_multicast", "modbus", "ros"])
 def test_every_metric_is_as_the_stated_delay_makes_it(exact, example, late, tmp_path, request, kind):
-    """docs/how_to/can.md, docs/how_to/modbus.md, docs/how_to/ros_controller.md: one sample later than in lockstep, and later where the
-    machine is busy, for either valve by itself. What setpoints so late do in lockstep is the range for every metric."""
+    """docs/how_to/can.md, docs/how_to/modbus.md, docs/how_to/ros_controller.md: one sample later than in lockstep, and later
+    where the
+    machine is busy, for either valve by itself. What setpoints so late do in lockstep is the range for every metric.
+    """
     if kind == "udp_multicast" and (why := multicast_works()):
         pytest.skip(why)
     if kind == "ros":
@@ -211,8 +212,13 @@ def test_what_cannot_be_asked_of_a_clock_of_its_own_says_why(config, example, mo
     monkeypatch.setattr(conformance, "DESK_SAMPLES", 300)  # they take as long as they say
     items = list(itertools.islice(conformance.Check(example(kind).spec, config).items(), 6))
     assert [(item.name, item.ok) for item in items] == [
-        ("loads", True), ("answers", True), ("at rest", True), ("timing", None), ("determinism", None),
-        ("restart", None)]
+        ("loads", True),
+        ("answers", True),
+        ("at rest", True),
+        ("timing", None),
+        ("determinism", None),
+        ("restart", None),
+    ]
     assert all(item.text.startswith("does not apply: ") and len(item.text) < 140 for item in items[3:])
 
 
@@ -289,9 +295,12 @@ def test_frames_of_wrong_length_are_counted_and_said_and_never_used(config):
     plug = load_controller("can:short?interface=virtual", config)
     plug.say = said.append
     try:
-        with pytest.raises(RigError, match=r"no command came .*; not used: frame CONTROL_COMMAND_CURRENT \(0x201\) "
-                                           r"came with 6 bytes instead of 8 \(\d\d+ times\), "
-                                           r"frame .* 0 bytes instead of 8 \(\d\d+ "):
+        with pytest.raises(
+            RigError,
+            match=r"no command came .*; not used: frame CONTROL_COMMAND_CURRENT \(0x201\) "
+            r"came with 6 bytes instead of 8 \(\d\d+ times\), "
+            r"frame .* 0 bytes instead of 8 \(\d\d+ ",
+        ):
             plug.wait(0.3)
     finally:
         stop.set()
@@ -301,12 +310,15 @@ def test_frames_of_wrong_length_are_counted_and_said_and_never_used(config):
 
 
 @pytest.mark.against_the_clock
-@pytest.mark.parametrize(("state", "command", "sentence"), [
-    ((0, 1, 0, 0, 2), (0, 0, 0), "status error: the controller says so on the bus"),
-    ((0, 1, 0, 0, 3), (0, 0, 0), "status fatal: the controller says so on the bus"),
-    ((0, 1, 0, 0, 0), (0, 41000, 0), r"command\[1\] is 0.82, expected 0 to 0.8 A"),
-    ((0, 7, 0, 0, 0), (0, 0, 0), "gear is 7, expected 0"),
-])
+@pytest.mark.parametrize(
+    ("state", "command", "sentence"),
+    [
+        ((0, 1, 0, 0, 2), (0, 0, 0), "status error: the controller says so on the bus"),
+        ((0, 1, 0, 0, 3), (0, 0, 0), "status fatal: the controller says so on the bus"),
+        ((0, 1, 0, 0, 0), (0, 41000, 0), r"command\[1\] is 0.82, expected 0 to 0.8 A"),
+        ((0, 7, 0, 0, 0), (0, 0, 0), "gear is 7, expected 0"),
+    ],
+)
 def test_what_the_bus_says_is_checked_like_any_answer(config, state, command, sentence):
     stop = threading.Event()
     bus = open_bus("spoken", "virtual", "test")
@@ -332,9 +344,10 @@ def test_what_the_bus_says_is_checked_like_any_answer(config, state, command, se
     assert re.search(sentence, rig.reason)
 
 
-@pytest.mark.parametrize(("last", "next_one", "anew"), [
-    (700, 0, True), (40_000, 0, True), (0, 12_345, True), (40_000, 40_020, False), (65_535, 0, False),
-])
+@pytest.mark.parametrize(
+    ("last", "next_one", "anew"),
+    [(700, 0, True), (40_000, 0, True), (0, 12_345, True), (40_000, 40_020, False), (65_535, 0, False)],
+)
 def test_a_counter_that_jumps_back_begins_the_law_anew(config, last, next_one, anew):
     """The end of a run at 40 s too, from where 0 is as far ahead as back in the 16 bits of the counter."""
     bus = open_bus("jumps", "virtual", "test")
@@ -360,8 +373,7 @@ def test_two_controllers_on_one_bus_trip_the_rig(config, example):
         while not stop.is_set():
             if (frame := bus.recv(0.05)) and frame.arbitration_id == 0x102:
                 for number in (0x200, 0x201):
-                    bus.send(can.Message(arbitration_id=number, data=bytes(frame.data[:2]) + bytes(6),
-                                         is_extended_id=False))
+                    bus.send(can.Message(arbitration_id=number, data=bytes(frame.data[:2]) + bytes(6), is_extended_id=False))
 
     thread = threading.Thread(target=answer, daemon=True)
     thread.start()
@@ -380,19 +392,25 @@ def test_two_controllers_on_one_bus_trip_the_rig(config, example):
         bus.shutdown()
         plug.close()
     why = rf"another controller is at work on CAN virtual {controller.place}"
-    assert re.fullmatch(rf"controller {re.escape(controller.spec)}, sample \d+: {why}: sample \d+ and others got "
-                        "two different answers; end one of the two controllers", rig.reason)
+    assert re.fullmatch(
+        rf"controller {re.escape(controller.spec)}, sample \d+: {why}: sample \d+ and others got "
+        "two different answers; end one of the two controllers",
+        rig.reason,
+    )
 
 
-@pytest.mark.parametrize(("spec", "sentence"), [
-    ("can:x?interface=virtual&speed=3", "unknown option 'speed'; known are interface, bitrate"),
-    ("modbus:5020?wait=3", "unknown option 'wait'; known are host"),
-    ("can:x?interface=virtual&every=0", "option every is '0', expected 1 to 50"),
-    ("can:x?interface=telepathy", "cannot be opened with the interface telepathy"),
-    ("can:no_such_net?interface=socketcan", "the bus no_such_net cannot be opened with the interface socketcan: "),
-    ("modbus:plc", "'plc' is no port; expected modbus:PORT"),
-    ("modbus:70000", "is no port"),
-])
+@pytest.mark.parametrize(
+    ("spec", "sentence"),
+    [
+        ("can:x?interface=virtual&speed=3", "unknown option 'speed'; known are interface, bitrate"),
+        ("modbus:5020?wait=3", "unknown option 'wait'; known are host"),
+        ("can:x?interface=virtual&every=0", "option every is '0', expected 1 to 50"),
+        ("can:x?interface=telepathy", "cannot be opened with the interface telepathy"),
+        ("can:no_such_net?interface=socketcan", "the bus no_such_net cannot be opened with the interface socketcan: "),
+        ("modbus:plc", "'plc' is no port; expected modbus:PORT"),
+        ("modbus:70000", "is no port"),
+    ],
+)
 def test_specifications_that_do_not_fit_are_refused(config, spec, sentence):
     with pytest.raises(RigError, match=sentence) as refusal:
         load_controller(spec, config)
@@ -440,9 +458,10 @@ def test_the_bus_carries_j1939_by_the_standards_scaling(config):
     bus.shutdown()
 
 
-@pytest.mark.parametrize(("value", "raw"), [
-    (1500 * RPM, 15000), (-0.26 * RPM, -3), (1e9, 32767), (-1e9, -32767), (float("nan"), -32768), (float("inf"), 32767),
-])
+@pytest.mark.parametrize(
+    ("value", "raw"),
+    [(1500 * RPM, 15000), (-0.26 * RPM, -3), (1e9, 32767), (-1e9, -32767), (float("nan"), -32768), (float("inf"), 32767)],
+)
 def test_a_measurement_is_the_nearest_number_of_the_wire(config, value, raw):
     n_wej = next(wire for wire in measured(record_of(config)) if wire.name == "n_wej")
     assert n_wej.encode(value) == raw
@@ -469,14 +488,26 @@ def test_the_dbc_is_what_the_plug_speaks(config, tmp_path):
     read = cantools.database.load_file(tmp_path / "rig.dbc")
     assert (tmp_path / "rig.dbc").read_bytes().decode() == dbc_text(record_of(config))
     assert {m.name: m.frame_id for m in read.messages} == {
-        "RIG_REQUEST": 0x100, "RIG_MEASURED": 0x101, "RIG_CURRENTS": 0x102, "CONTROL_STATE": 0x200,
-        "CONTROL_COMMAND_CURRENT": 0x201, "CONTROL_COMMAND_DUTY": 0x202, "ETC1": 0x0CF00203, "ETC2": 0x18F00503,
-        "CONTROL_STATE_J1939": 0x0CFF10FE, "CONTROL_COMMAND_CURRENT_J1939": 0x0CFF11FE,
-        "CONTROL_COMMAND_DUTY_J1939": 0x0CFF12FE}
+        "RIG_REQUEST": 0x100,
+        "RIG_MEASURED": 0x101,
+        "RIG_CURRENTS": 0x102,
+        "CONTROL_STATE": 0x200,
+        "CONTROL_COMMAND_CURRENT": 0x201,
+        "CONTROL_COMMAND_DUTY": 0x202,
+        "ETC1": 0x0CF00203,
+        "ETC2": 0x18F00503,
+        "CONTROL_STATE_J1939": 0x0CFF10FE,
+        "CONTROL_COMMAND_CURRENT_J1939": 0x0CFF11FE,
+        "CONTROL_COMMAND_DUTY_J1939": 0x0CFF12FE,
+    }
     shafts = read.decode_message("RIG_MEASURED", struct.pack("<4h", 15000, -10, 500, 500))
     assert shafts == pytest.approx({"n_wej": 1500.0, "n_wyj": -1.0, "p1": 1.0, "p2": 0.5})
     assert {s.name: s.unit for s in read.get_message_by_name("RIG_MEASURED").signals} == {
-        "n_wej": "rpm", "n_wyj": "rpm", "p1": "MPa", "p2": "MPa"}
+        "n_wej": "rpm",
+        "n_wyj": "rpm",
+        "p1": "MPa",
+        "p2": "MPa",
+    }
 
 
 def test_the_register_map_is_that_of_the_page_and_of_the_export(config, tmp_path):

@@ -14,7 +14,6 @@ import time
 import can
 import cantools
 import pytest
-
 from rig_nodes.controllers import load_controller
 from rig_nodes.controllers.can_bus import open_bus
 from rig_nodes.controllers.can_database import dbc_text
@@ -23,8 +22,8 @@ from rig_nodes.controllers.record import record_of
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.simulate import advance_with
 from rig_nodes.testbench.rig_base import RigStatus
+from rig_nodes.testbench.simulate import advance_with
 
 RPM = 0.10471975511965977
 ETC1, ETC2 = 61442, 61445
@@ -122,10 +121,17 @@ def test_the_current_gear_is_what_the_clutches_hold(config):
         assert sample > locked_at[gear] + 150, "and not with the order"
 
 
-@pytest.mark.parametrize(("n_wej", "n_wyj", "raw"), [
-    (1500 * RPM, 1000 * RPM, 1500), (3000 * RPM, 11 * RPM, 0xFAFF), (-20 * RPM, 1000 * RPM, 0),
-    (1500 * RPM, 5 * RPM, 0xFFFF), (float("nan"), 1000 * RPM, 0xFE00), (1500 * RPM, float("inf"), 0xFE00),
-])
+@pytest.mark.parametrize(
+    ("n_wej", "n_wyj", "raw"),
+    [
+        (1500 * RPM, 1000 * RPM, 1500),
+        (3000 * RPM, 11 * RPM, 0xFAFF),
+        (-20 * RPM, 1000 * RPM, 0),
+        (1500 * RPM, 5 * RPM, 0xFFFF),
+        (float("nan"), 1000 * RPM, 0xFE00),
+        (1500 * RPM, float("inf"), 0xFE00),
+    ],
+)
 def test_the_ratio_stays_below_the_reserved_range(make, n_wej, n_wyj, raw):
     """SPN 526: values to 0xFAFF, "error" 0xFExx for a transducer without a reading, 0xFFFF at standstill."""
     bus = make()
@@ -164,10 +170,18 @@ def test_the_rig_claims_its_address_before_it_speaks(make):
     assert {0x0CF00203, 0x18F00503} <= {number for number, _ in rest}
 
 
-@pytest.mark.parametrize(("destination", "asked", "answer"), [
-    (0xFF, 60928, 0x18EEFF03), (0x03, 60928, 0x18EEFF03), (0xFF, ETC1, 0x0CF00203), (0x03, ETC2, 0x18F00503),
-    (0x03, 65262, 0x18E8FF03), (0xFF, 65262, None), (0x21, ETC1, None),
-])
+@pytest.mark.parametrize(
+    ("destination", "asked", "answer"),
+    [
+        (0xFF, 60928, 0x18EEFF03),
+        (0x03, 60928, 0x18EEFF03),
+        (0xFF, ETC1, 0x0CF00203),
+        (0x03, ETC2, 0x18F00503),
+        (0x03, 65262, 0x18E8FF03),
+        (0xFF, 65262, None),
+        (0x21, ETC1, None),
+    ],
+)
 def test_a_request_is_answered(make, destination, asked, answer):
     """To all or to the rig: the claim and both messages at once, a refusal for others only to who asks it alone."""
     bus = make()
@@ -247,7 +261,8 @@ def test_commands_are_taken_from_one_source_address(make):
         assert answer.command == pytest.approx((0.2, 0.0, 0.0)) and bus.plug.gear == 1
     assert [text for text in bus.said if "refused" in text] == [
         f"{bus.spec}: a command of J1939 address 34 is refused: J1939 address 33 commands, until it leaves or has been "
-        "silent for 1 s; it is not used, nor are others like it"]
+        "silent for 1 s; it is not used, nor are others like it"
+    ]
     assert sum(bus.plug.faults.values()) == 38
     bus.plug._mastered -= 1.0  # a second later
     bus.answer(20, source=0x22, gear=2, command=20000)
@@ -272,15 +287,26 @@ def test_the_dbc_says_what_j1939_tools_look_for():
     assert read.dbc.attribute_definitions["VFrameFormat"].choices[3] == "J1939PG"
     groups = {message.name: message for message in read.messages if message.protocol == "j1939"}
     assert {name: message.dbc.attributes["PGN"].value for name, message in groups.items()} == {
-        "ETC1": 61442, "ETC2": 61445, "CONTROL_STATE_J1939": 65296, "CONTROL_COMMAND_CURRENT_J1939": 65297,
-        "CONTROL_COMMAND_DUTY_J1939": 65298}
+        "ETC1": 61442,
+        "ETC2": 61445,
+        "CONTROL_STATE_J1939": 65296,
+        "CONTROL_COMMAND_CURRENT_J1939": 65297,
+        "CONTROL_COMMAND_DUTY_J1939": 65298,
+    }
     for message in groups.values():
         parts = cantools.j1939.frame_id_unpack(message.frame_id)
         pgn = cantools.j1939.pgn_pack(parts.reserved, parts.data_page, parts.pdu_format, parts.pdu_specific)
         assert pgn == message.dbc.attributes["PGN"].value
     spns = {s.name: s.spn for name in ("ETC1", "ETC2") for s in groups[name].signals}
-    assert spns == {"TransDrivelineEngaged": 560, "TransShiftInProcess": 574, "TransOutputShaftSpeed": 191,
-                    "PercentClutchSlip": 522, "TransInputShaftSpeed": 161, "TransSelectedGear": 524,
-                    "TransActualGearRatio": 526, "TransCurrentGear": 523}
+    assert spns == {
+        "TransDrivelineEngaged": 560,
+        "TransShiftInProcess": 574,
+        "TransOutputShaftSpeed": 191,
+        "PercentClutchSlip": 522,
+        "TransInputShaftSpeed": 161,
+        "TransSelectedGear": 524,
+        "TransActualGearRatio": 526,
+        "TransCurrentGear": 523,
+    }
     assert {message.name: message.cycle_time for message in read.messages}["ETC2"] == 100
     assert read.get_message_by_name("CONTROL_STATE").protocol is None

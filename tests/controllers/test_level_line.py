@@ -6,7 +6,6 @@
 import json
 
 import pytest
-
 from rig_nodes.cli.main import main
 from rig_nodes.controllers.load import level_line, load_controller
 from rig_nodes.testbench.configuration import load_rig
@@ -17,7 +16,7 @@ steps:
   - oil: {pressure: 4 MPa}
   - shift: {to: I, timeout: 2 s}
 """
-BOX = '''
+BOX = """
 from rig_nodes.controllers.seam import ControllerOutputs
 
 
@@ -28,7 +27,7 @@ class Box:
         ampere = 0.5 if inputs.gear_request else 0.0
         return ControllerOutputs([ampere, 0.0, 0.0], SETPOINT, inputs.gear_request, False)
     def terminate(self): pass
-'''
+"""
 
 
 @pytest.fixture
@@ -39,15 +38,23 @@ def box(tmp_path, monkeypatch):
     def written(levels="", setpoint="None"):
         (tmp_path / "box.py").write_text(BOX.replace("LEVELS", levels).replace("SETPOINT", setpoint))
         return "python:box.py:Box"
+
     return written
 
 
-@pytest.mark.parametrize("levels, given, line", [
-    ("", [], "at level duty, by default, the controller says none: its commands are taken as shares of the supply from 0 "
-             "to 1; if they are amperes, choose --level current"),
-    ("", ["--level", "duty"], "at level duty, as given"),
-    ('levels = ("current", "duty")', [], "at level current, as the controller says"),
-])
+@pytest.mark.parametrize(
+    "levels, given, line",
+    [
+        (
+            "",
+            [],
+            "at level duty, by default, the controller says none: its commands are taken as shares of the supply from 0 "
+            "to 1; if they are amperes, choose --level current",
+        ),
+        ("", ["--level", "duty"], "at level duty, as given"),
+        ('levels = ("current", "duty")', [], "at level current, as the controller says"),
+    ],
+)
 def test_a_run_says_controller_level_and_its_origin_first(box, capsys, levels, given, line):
     assert main(["simulate", "short.yaml", "--controller", box(levels), "--out", "run", *given]) in (0, 1)
     said = capsys.readouterr().out.splitlines()
@@ -68,8 +75,9 @@ def test_the_built_in_one_says_it_too_in_runs_and_procedures(box, capsys):
 
 def test_a_sweep_and_a_check_say_it(box, capsys):
     spec = box('levels = ("current",)')
-    assert main(["sweep", "short.yaml", "--vary", "alfa46.t12=-200 ms, -180 ms", "--controller", spec, "--jobs", "1",
-                 "--out", "swept"]) in (0, 1)
+    assert main(
+        ["sweep", "short.yaml", "--vary", "alfa46.t12=-200 ms, -180 ms", "--controller", spec, "--jobs", "1", "--out", "swept"]
+    ) in (0, 1)
     said = capsys.readouterr().err.splitlines()[0]
     assert said.startswith("controller python:") and said.endswith("box.py:Box at level current, as the controller says")
     main(["controller", "check", spec])

@@ -10,13 +10,12 @@ import time
 import can
 import pymodbus.client
 import pytest
-
 from rig_nodes.controllers import load_controller
 from rig_nodes.controllers.can_bus import open_bus
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.simulate import advance_with
 from rig_nodes.testbench.rig_base import RigStatus
+from rig_nodes.testbench.simulate import advance_with
 
 from .test_free_running import free_port
 
@@ -69,9 +68,11 @@ def test_the_first_client_that_writes_is_the_master(make):
     assert watching.write_register(5, 1).exception_code == 2, "nor does what the map does not let be written"
     assert not master.write_registers(32, command(1, 10000, 1)).isError()
     assert server.step(0).command == pytest.approx((0.2, 0.0, 0.0))
-    for answer in (watching.write_registers(32, command(7, 40000, 2)), watching.write_register(33, 40000),
-                   watching.readwrite_registers(read_address=0, read_count=11, write_address=32,
-                                                values=command(8, 40000, 2))):
+    for answer in (
+        watching.write_registers(32, command(7, 40000, 2)),
+        watching.write_register(33, 40000),
+        watching.readwrite_registers(read_address=0, read_count=11, write_address=32, values=command(8, 40000, 2)),
+    ):
         assert answer.isError() and answer.exception_code == 6
     assert server.step(1) is None and server.plug.gear == 1, "no command has come"
     assert watching.read_input_registers(32, count=8).registers == command(1, 10000, 1)
@@ -79,7 +80,8 @@ def test_the_first_client_that_writes_is_the_master(make):
     assert server.step(2).command == pytest.approx((0.2, 0.0, 0.0)), "the registers still hold what the master wrote"
     (told,) = [text for text in server.said if "refused" in text]
     assert told.startswith(f"modbus:{server.port}: a command of the client 127.0.0.1:") and (
-        "commands, until it leaves or has been silent for 1 s; it is not used, nor are others like it" in told)
+        "commands, until it leaves or has been silent for 1 s; it is not used, nor are others like it" in told
+    )
 
 
 def test_another_client_may_write_when_the_master_has_left(make):
@@ -109,12 +111,25 @@ def test_another_client_may_write_when_the_master_has_been_silent(make):
 def test_functions_that_the_page_does_not_name_are_refused(make):
     """Every other function code, with bodies as those have that know it: illegal function, and the connection lives."""
     server = make()
-    served = {3: struct.pack(">HH", 0, 1), 4: struct.pack(">HH", 0, 1), 6: struct.pack(">HH", 33, 0),
-              16: struct.pack(">HHBH", 33, 1, 2, 0), 23: struct.pack(">HHHHBH", 0, 1, 33, 1, 2, 0)}
-    bodies = {1: struct.pack(">HH", 0, 1), 2: struct.pack(">HH", 0, 1), 5: struct.pack(">HH", 33, 0xFF00),
-              8: struct.pack(">HH", 0, 1), 15: struct.pack(">HHBB", 33, 1, 1, 1), 22: struct.pack(">HHH", 33, 0, 1),
-              24: struct.pack(">H", 0), 43: bytes([14, 1, 0]), 20: bytes([7, 6, 0, 1, 0, 0, 0, 1]),
-              21: bytes([9, 6, 0, 1, 0, 0, 0, 1, 0, 0])}
+    served = {
+        3: struct.pack(">HH", 0, 1),
+        4: struct.pack(">HH", 0, 1),
+        6: struct.pack(">HH", 33, 0),
+        16: struct.pack(">HHBH", 33, 1, 2, 0),
+        23: struct.pack(">HHHHBH", 0, 1, 33, 1, 2, 0),
+    }
+    bodies = {
+        1: struct.pack(">HH", 0, 1),
+        2: struct.pack(">HH", 0, 1),
+        5: struct.pack(">HH", 33, 0xFF00),
+        8: struct.pack(">HH", 0, 1),
+        15: struct.pack(">HHBB", 33, 1, 1, 1),
+        22: struct.pack(">HHH", 33, 0, 1),
+        24: struct.pack(">H", 0),
+        43: bytes([14, 1, 0]),
+        20: bytes([7, 6, 0, 1, 0, 0, 0, 1]),
+        21: bytes([9, 6, 0, 1, 0, 0, 0, 1, 0, 0]),
+    }
     found = {}
     with socket.create_connection(("127.0.0.1", server.port), timeout=5) as line:
         for code in (*served, *(code for code in range(1, 128) if code not in served)):
@@ -126,7 +141,8 @@ def test_functions_that_the_page_does_not_name_are_refused(make):
             found[code] = answer[0] if answer[0] == code else tuple(answer)
     assert {code for code, answer in found.items() if answer == code} == set(served)
     assert {code: answer for code, answer in found.items() if code not in served} == {
-        code: (code | 0x80, 1) for code in range(1, 128) if code not in served}
+        code: (code | 0x80, 1) for code in range(1, 128) if code not in served
+    }
 
 
 @pytest.mark.parametrize("unit", [0, 1, 17, 247, 255])

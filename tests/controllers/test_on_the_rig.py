@@ -12,16 +12,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.controllers import load_controller
 from rig_nodes.controllers.bench import controllers_table, format_table
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.rig import Rig
+from rig_nodes.testbench.rig_base import RigStatus
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import advance_with, simulate
-from rig_nodes.testbench.rig_base import RigStatus
 
 from .conftest import PYTHON
 
@@ -122,9 +121,7 @@ def test_silence_ends_in_the_safe_state_at_level_current_too(config):
     assert [float(valve["duty"]) for valve in rig.valves] == [0.0, 0.0] and rig.measurement("I_zr_p1") < 0.005
     rig.reset()
     rig.advance(0.05)
-    assert rig.status == RigStatus.STARTING and rig.measurement("I_zr_p1") < 0.005, (
-        "the old setpoint is forgotten"
-    )
+    assert rig.status == RigStatus.STARTING and rig.measurement("I_zr_p1") < 0.005, "the old setpoint is forgotten"
 
 
 @pytest.mark.parametrize("spec", ["alfa46", f"{PYTHON}@current"])
@@ -157,7 +154,9 @@ def test_after_a_reset_a_clutch_is_clamped_only_when_it_is_ordered_anew(config, 
     moved(5)
     rig.reset()
     moved(3000)
-    assert rig.status == RigStatus.READY and [float(clutch["static"]) for clutch in rig.clutches] == [0.0, 0.0] and not plug.shifting
+    assert (
+        rig.status == RigStatus.READY and [float(clutch["static"]) for clutch in rig.clutches] == [0.0, 0.0] and not plug.shifting
+    )
     plug.close()
 
 
@@ -182,10 +181,7 @@ def test_an_output_at_zero_is_off_unless_its_flag_holds_it(config):
         (lambda rig: rig.set_current(9, [0.1, 0], 1, False), "3 finite numbers"),
         (lambda rig: rig.set_current(4, [0.1, 0, 0], 1, False), "expected one after 4 and not after 10"),
         (lambda rig: rig.set_current(11, [0.1, 0, 0], 1, False), "not after 10"),
-        (
-            lambda rig: rig.set_duty(9, [0.1, 0, 0], [0, 0, 0], 1, False),
-            "at level 'current', found one at level 'duty'",
-        ),
+        (lambda rig: rig.set_duty(9, [0.1, 0, 0], [0, 0, 0], 1, False), "at level 'current', found one at level 'duty'"),
     ],
 )
 def test_wrong_setpoints_are_refused_and_the_old_ones_stay(config, call, sentence):
@@ -218,22 +214,14 @@ def test_an_answer_acts_one_sample_later(config, python_controller):
 @pytest.mark.parametrize(
     ("what", "reason"),
     [
-        (
-            "raise ValueError('the table is empty')",
-            r"sample 1500: step failed: mine.py line 8: ValueError: the table is empty",
-        ),
-        (
-            "return ControllerOutputs(status=Status.ERROR, message='no speed')",
-            "sample 1500: status error: no speed",
-        ),
+        ("raise ValueError('the table is empty')", r"sample 1500: step failed: mine.py line 8: ValueError: the table is empty"),
+        ("return ControllerOutputs(status=Status.ERROR, message='no speed')", "sample 1500: status error: no speed"),
         ("return ControllerOutputs(status=Status.FATAL)", "sample 1500: status fatal"),
         ("return ControllerOutputs([float('nan'), 0, 0])", r"sample 1500: command\[0\] is nan"),
         ("return ControllerOutputs(status=Status.DISCARD)", "older than 100 ms"),
     ],
 )
-def test_a_controller_that_fails_trips_the_rig_and_the_bag_is_whole(
-    config, sequence, failing, tmp_path, what, reason
-):
+def test_a_controller_that_fails_trips_the_rig_and_the_bag_is_whole(config, sequence, failing, tmp_path, what, reason):
     plug = load_controller(failing(what), config)
     run = simulate(config, load_sequence(sequence), tmp_path / "run", controller=plug)
     assert run["end"]["state"] == "tripped" and re.search(reason, run["end"]["reason"])
@@ -256,13 +244,10 @@ def test_a_controller_that_never_answers_trips_the_rig(config, sequence, failing
 
 
 def test_a_gear_that_is_not_taken_is_a_shift_that_does_not_end(config, sequence, python_controller, tmp_path):
-    run = simulate(
-        config, load_sequence(sequence), tmp_path / "run", controller=python_controller("return Out()")
-    )
+    run = simulate(config, load_sequence(sequence), tmp_path / "run", controller=python_controller("return Out()"))
     assert (
         run["end"]["state"] == "failed"
-        and "'shift to I' did not come true within 2 s; the controller says gear 0, not shifting"
-        in run["end"]["reason"]
+        and "'shift to I' did not come true within 2 s; the controller says gear 0, not shifting" in run["end"]["reason"]
     )
 
 
@@ -290,10 +275,7 @@ def test_the_command_says_why_and_ends_with_1(sequence, failing, tmp_path, capsy
 
 
 def test_the_command_refuses_before_it_makes_a_folder(tmp_path, capsys):
-    for arguments in (
-        ["--controller", "c:nowhere.so"],
-        ["--controller", f"{PYTHON}@duty", "--level", "current"],
-    ):
+    for arguments in (["--controller", "c:nowhere.so"], ["--controller", f"{PYTHON}@duty", "--level", "current"]):
         assert main(["simulate", "sample", "--out", str(tmp_path / "run"), *arguments]) == 2
         said = capsys.readouterr()
         assert said.err.startswith("rig: controller ") and said.err.count("\n") == 1
@@ -339,10 +321,16 @@ def doc_commands(heading, page=DOCS):
     return re.findall(r"^    (\S.*)$", re.sub(r"```.*?```", "", section, flags=re.S), re.M)
 
 
-@pytest.mark.parametrize(("kind", "page", "count"), [
-    ("Python", "controllers.md", 1), ("C", "controllers.md", 4), ("Simulink Coder", "controllers.md", 2),
-    ("UDP", "udp.md", 7), ("ROS", "ros_controller.md", 3),
-])
+@pytest.mark.parametrize(
+    ("kind", "page", "count"),
+    [
+        ("Python", "controllers.md", 1),
+        ("C", "controllers.md", 4),
+        ("Simulink Coder", "controllers.md", 2),
+        ("UDP", "udp.md", 7),
+        ("ROS", "ros_controller.md", 3),
+    ],
+)
 def test_the_first_shift_page_works_as_it_is_written(kind, page, count, tmp_path, monkeypatch, request):
     if kind == "ROS":
         request.getfixturevalue("ros_domain")

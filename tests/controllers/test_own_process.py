@@ -11,12 +11,11 @@ import subprocess
 import sys
 
 import pytest
-
 from rig_nodes.controllers import ControllerFailed, Status, load_controller
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.simulate import advance_with
 from rig_nodes.testbench.rig_base import RigStatus
+from rig_nodes.testbench.simulate import advance_with
 
 from .conftest import C_FRAME, ask
 
@@ -121,8 +120,7 @@ def test_destroy_is_called_at_an_orderly_end_and_never_after_fatal(build, config
 
 def test_arithmetic_that_a_library_changes_is_its_own(build, config):
     """As -ffast-math does with many compilers: tiny numbers become zero, in that process."""
-    flush = ("#include <xmmintrin.h>\n__attribute__((constructor)) static void flush(void) "
-             "{ _mm_setcsr(_mm_getcsr() | 0x8040); }\n")
+    flush = "#include <xmmintrin.h>\n__attribute__((constructor)) static void flush(void) { _mm_setcsr(_mm_getcsr() | 0x8040); }\n"
     plug = load_controller(f"c:{build(frame('out->command[0] = rig_measured_of(in)->n_wej / 2.0 > 0.0;', flush))}", config)
     tiny = sys.float_info.min
     assert plug.step(0, (0.0, 0.0, 0.0), [tiny, 0.0, 0.0, 0.0]).command[0] == 0.0
@@ -165,17 +163,26 @@ def test_two_plugs_of_one_library_share_nothing(build, config):
 
 def framed(step, extra=""):
     """A library that wants, records and lets set one number each, so that all kinds of memory are handed to it."""
-    return frame(step) + extra + """
+    return (
+        frame(step)
+        + extra
+        + """
 const char *const *rig_controller_wants(void) { static const char *const names[] = {"M_wej", 0}; return names; }
 const char *const *rig_controller_signals(void) { static const char *const names[] = {"slip", 0}; return names; }
 const rig_parameter *rig_controller_settings(void) { static const rig_parameter all[] = {{"gain", 1}, {0, 0}}; return all; }
-""" + "".join(f"void {name}({kind} *values, uint32_t count) {{ (void)instance; (void)values; (void)count; "
-              f"{body} }}\n" for name, kind, body in OWN)
+"""
+        + "".join(
+            f"void {name}({kind} *values, uint32_t count) {{ (void)instance; (void)values; (void)count; {body} }}\n"
+            for name, kind, body in OWN
+        )
+    )
 
 
-OWN = [("rig_controller_wanted", "void *instance, const double", "WANTED"),
-       ("rig_controller_signal_values", "void *instance, double", "values[0] = 1.0; SIGNALS"),
-       ("rig_controller_set", "void *instance, const double", "SET")]
+OWN = [
+    ("rig_controller_wanted", "void *instance, const double", "WANTED"),
+    ("rig_controller_signal_values", "void *instance, double", "values[0] = 1.0; SIGNALS"),
+    ("rig_controller_set", "void *instance, const double", "SET"),
+]
 
 
 @pytest.mark.parametrize(
@@ -220,8 +227,11 @@ def test_memory_written_behind_the_info_of_create_is_refused(build, config):
 
 DESTROY = "void rig_controller_destroy(void *instance) { (void)instance; }"
 ENDS = [
-    ("*(volatile int *)8 = 1;", r"in rig_controller_destroy the library's process was ended by SIGSEGV "
-                                r"\(segmentation fault\)"),
+    (
+        "*(volatile int *)8 = 1;",
+        r"in rig_controller_destroy the library's process was ended by SIGSEGV "
+        r"\(segmentation fault\)",
+    ),
     ("exit(3);", "in rig_controller_destroy the library's process ended itself with exit code 3"),
     ("exit(0);", "in rig_controller_destroy the library's process ended itself with exit code 0"),
     (ENDLESS, "rig_controller_destroy did not return within 2 s"),

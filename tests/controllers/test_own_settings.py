@@ -5,7 +5,6 @@
 
 import numpy as np
 import pytest
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.controllers import load_controller
 from rig_nodes.errors import RigError
@@ -46,12 +45,14 @@ steps:
 @pytest.fixture
 def run(tmp_path, config):
     """Simulates a sequence of this text; (end of the run, bag)."""
+
     def go(text=SEQUENCE, spec=None):
         (tmp_path / "mine.py").write_text(HOLDING)
         (tmp_path / "sequence.yaml").write_text(text)
         plug = load_controller(spec or f"python:{tmp_path / 'mine.py'}:Mine", config)
         end = simulate(config, load_sequence(tmp_path / "sequence.yaml"), tmp_path / "run", controller=plug)["end"]
         return end, Bag(tmp_path / "run")
+
     return go
 
 
@@ -63,8 +64,10 @@ def test_a_step_of_a_sequence_sets_it(run):
     began = changes[1][0]
     assert changes == [(0.0, 0.25), (began, 0.5), (round(began + 0.1, 3), 0.125)]
     assert [(text, value) for _, _, name, text, value in bag.events() if name == "setting_changed"] == [
-        ("alfa46.controller.held = 0.5", 0.5), ("alfa46.controller.other = 2", 2.0),
-        ("alfa46.controller.held = 0.125", 0.125)]
+        ("alfa46.controller.held = 0.5", 0.5),
+        ("alfa46.controller.other = 2", 2.0),
+        ("alfa46.controller.held = 0.125", 0.125),
+    ]
 
 
 def test_a_setting_that_it_does_not_have_ends_the_sequence(run):
@@ -79,11 +82,15 @@ def test_the_alfa46_has_none_of_its_own(run):
     assert "controller alfa46: there is no setting of its own 'held'; there is none" in end["reason"]
 
 
-@pytest.mark.parametrize(("step", "sentence"), [
-    ("controller: {held: fast}", "controller.held is 'fast', expected a number"),
-    ("controller: {held: true}", "controller.held is True, expected a number"),
-    ("controller: {}", "controller takes names of its settings"), ("controller: 5", "controller takes names of its settings"),
-])
+@pytest.mark.parametrize(
+    ("step", "sentence"),
+    [
+        ("controller: {held: fast}", "controller.held is 'fast', expected a number"),
+        ("controller: {held: true}", "controller.held is True, expected a number"),
+        ("controller: {}", "controller takes names of its settings"),
+        ("controller: 5", "controller takes names of its settings"),
+    ],
+)
 def test_steps_that_set_nothing_are_refused(tmp_path, step, sentence):
     (tmp_path / "sequence.yaml").write_text(f"description: wrong\nsteps:\n  - {step}\n")
     with pytest.raises(RigError, match=sentence):
@@ -98,6 +105,7 @@ def test_the_clutch_bench_has_no_controller_to_set(tmp_path):
 
 def test_a_setting_that_is_not_answered_yet_is_looked_at_with_every_tick(tmp_path):
     """Its value, 900, is no time to wait for."""
+
     class Late:
         def ready(self):
             return True

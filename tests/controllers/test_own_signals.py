@@ -5,7 +5,6 @@
 
 import numpy as np
 import pytest
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.controllers import ControllerFailed, load_controller
 from rig_nodes.controllers.own_signals import Blocks
@@ -47,7 +46,7 @@ def test_they_are_in_the_bag_by_name(config, tmp_path):
     whole = np.arange(len(count), dtype=float)
     whole[103] = np.nan  # discarded
     assert np.array_equal(count, whole, equal_nan=True)
-    samples = [(m.sample, m.measured[0] - m.measured[1]) for _, m in bag.messages("/instruments/controller")][:len(slip)]
+    samples = [(m.sample, m.measured[0] - m.measured[1]) for _, m in bag.messages("/instruments/controller")][: len(slip)]
     assert all(slip[k] == value for k, value in samples if k != 103)
     assert not any(bag.gaps().values()) and bag.check() == []
 
@@ -66,11 +65,15 @@ def test_blocks_are_five_samples_and_holes_are_none():
     assert np.array_equal([rows[:, 0] for _, rows in done], expected, equal_nan=True)
 
 
-@pytest.mark.parametrize(("signals", "sentence"), [
-    ("('a b',)", "expected up to 64 names"), ("'slip'", "expected up to 64 names"),
-    ("{'a': 1}", "expected up to 64 names"),
-    ("tuple(f's{k}' for k in range(65))", "expected up to 64 names"),
-])
+@pytest.mark.parametrize(
+    ("signals", "sentence"),
+    [
+        ("('a b',)", "expected up to 64 names"),
+        ("'slip'", "expected up to 64 names"),
+        ("{'a': 1}", "expected up to 64 names"),
+        ("tuple(f's{k}' for k in range(65))", "expected up to 64 names"),
+    ],
+)
 def test_names_that_cannot_be_recorded_are_refused(python_controller, signals, sentence):
     with pytest.raises(RigError, match=sentence):
         python_controller("return Out()", f"signals = {signals}")
@@ -82,13 +85,17 @@ def test_a_signal_without_its_value_is_an_error(python_controller, given):
         ask(python_controller(f"return Out(signals={given})", "signals = ('slip',)"))
 
 
-C_SIGNALS = C_FRAME.replace("STEP", "now = (double)in->sample; if (in->sample == 2) return RIG_DISCARD;").replace(
-    '#include "rig_record.h"', '#include "rig_record.h"\nstatic double now;') + """
+C_SIGNALS = (
+    C_FRAME.replace("STEP", "now = (double)in->sample; if (in->sample == 2) return RIG_DISCARD;").replace(
+        '#include "rig_record.h"', '#include "rig_record.h"\nstatic double now;'
+    )
+    + """
 const char *const *rig_controller_signals(void) {
   static const char *const names[] = {"number", "half_of_it", 0};
   return names;
 }
 """
+)
 VALUES = """
 void rig_controller_signal_values(void *instance, double *values, uint32_t count) {
   (void)instance;

@@ -9,7 +9,6 @@ import sys
 import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.controllers import load_controller
 from rig_nodes.fmu.build import build_controller_fmu
@@ -105,8 +104,10 @@ WARNINGS = ["-Wall", "-Wextra", "-Werror"]
 
 
 def c_library(folder, _config, _port):
-    subprocess.run(["cc", "-std=c99", "-pedantic", *WARNINGS, "-fPIC", "-shared", f"-I{INCLUDE}",
-                    "-o", folder / "mine.so", folder / "mine.c"], check=True)
+    subprocess.run(
+        ["cc", "-std=c99", "-pedantic", *WARNINGS, "-fPIC", "-shared", f"-I{INCLUDE}", "-o", folder / "mine.so", folder / "mine.c"],
+        check=True,
+    )
     return f"c:{folder / 'mine.so'}", None
 
 
@@ -114,8 +115,9 @@ def model(folder, _config, _port):
     (folder / "model").mkdir()
     for name, text in (("my_model.c", MODEL_C), ("my_model.h", MODEL_H), ("rig_shim.c", SHIM)):
         (folder / "model" / name).write_text(text)
-    subprocess.run(["cc", "-std=c99", *WARNINGS, f"-I{INCLUDE}", "-c",
-                    "-o", folder / "shim.o", folder / "model" / "rig_shim.c"], check=True)
+    subprocess.run(
+        ["cc", "-std=c99", *WARNINGS, f"-I{INCLUDE}", "-c", "-o", folder / "shim.o", folder / "model" / "rig_shim.c"], check=True
+    )
     return f"simulink:{folder / 'model'}", None
 
 
@@ -158,7 +160,7 @@ def test_it_gets_what_it_wants_is_set_and_recorded(made, config, tmp_path, free_
     changes = [(round(t[k], 3), asked[k]) for k in np.flatnonzero(np.diff(asked, prepend=-1.0))]
     assert changes == [(0.0, 0.25), (0.105, 0.5)], "the sequence looks every 5 ms"
     own = bag.logger("/controller/signals").channels
-    assert set(own) == {"twice", "held_now"} and np.array_equal(own["held_now"], asked[:len(own["held_now"])])
+    assert set(own) == {"twice", "held_now"} and np.array_equal(own["held_now"], asked[: len(own["held_now"])])
     pressure = own["twice"] / 2.0
     assert 3.8e6 < pressure[-1] < 4.2e6 and pressure[0] < 1e6, "the supply's pressure as it is measured"
     changed = [text for _, _, name, text, _ in bag.events() if name == "setting_changed"]

@@ -4,7 +4,6 @@
 """A user's Python class: what it gets, what it may return, and one sentence for everything that is wrong."""
 
 import pytest
-
 from rig_nodes.controllers import ControllerFailed, Status, load_controller
 from rig_nodes.errors import RigError
 
@@ -14,9 +13,7 @@ BOTH = "levels = ('current', 'duty')"
 
 
 def test_it_gets_what_the_wires_carry(python_controller):
-    plug = python_controller(
-        "self.seen = inputs\nreturn Out([0.25, 0.5, 1.0], [0.1, 0.2, 0.0], inputs.gear_request, True)"
-    )
+    plug = python_controller("self.seen = inputs\nreturn Out([0.25, 0.5, 1.0], [0.1, 0.2, 0.0], inputs.gear_request, True)")
     plug.order(2)
     answer = plug.step(12, [0.1, 0.2, 0.0], [157.0, 100.0, 1e5, 2e5])
     assert answer.command == (0.25, 0.5, 1.0) and answer.setpoint == (0.1, 0.2, 0.0)
@@ -49,12 +46,7 @@ def test_at_level_current_the_setpoint_shown_is_the_command(python_controller):
 
 @pytest.mark.parametrize(
     ("suffix", "level", "found"),
-    [
-        ("", None, "current"),
-        ("", "duty", "duty"),
-        ("@duty", None, "duty"),
-        ("@current", "current", "current"),
-    ],
+    [("", None, "current"), ("", "duty", "duty"), ("@duty", None, "duty"), ("@current", "current", "current")],
 )
 def test_the_level_is_chosen_by_the_user_else_by_the_class(python_controller, config, suffix, level, found):
     name = python_controller("return Out()", BOTH).name
@@ -112,9 +104,7 @@ def test_after_fatal_nothing_is_called_again(python_controller, tmp_path):
 
 
 def test_a_discarded_sample_has_no_answer(python_controller):
-    plug = python_controller(
-        "return Out(status=Status.DISCARD) if inputs.sample % 2 else Out([1, 0, 0], gear=1)"
-    )
+    plug = python_controller("return Out(status=Status.DISCARD) if inputs.sample % 2 else Out([1, 0, 0], gear=1)")
     assert [ask(plug, sample) is None for sample in range(4)] == [False, True, False, True]
     assert plug.gear == 1
 
@@ -149,26 +139,13 @@ def test_orders_are_refused_by_what_the_controller_says(python_controller):
     ("text", "name", "sentence"),
     [
         ("class Mine:\n    def step(self, i): pass\n", "Mine", "no method initialize, terminate"),
-        (
-            "class Mine:\n    def step(self, i): pass\n",
-            "Yours",
-            "class with a step 'Yours'; known are Mine",
-        ),
+        ("class Mine:\n    def step(self, i): pass\n", "Yours", "class with a step 'Yours'; known are Mine"),
         ("x = (\n", "Mine", "cannot be loaded: line 1: SyntaxError"),
         ("import math\n\n1 / 0\n", "Mine", "cannot be loaded: mine.py line 3: ZeroDivisionError"),
+        ("import not_there_at_all\n", "Mine", "mine.py line 1: ModuleNotFoundError: No module named 'not_there_at_all'"),
+        ("class Mine:\n    levels = ('volts',)\n    initialize = step = terminate = print\n", "Mine", "levels is"),
         (
-            "import not_there_at_all\n",
-            "Mine",
-            "mine.py line 1: ModuleNotFoundError: No module named 'not_there_at_all'",
-        ),
-        (
-            "class Mine:\n    levels = ('volts',)\n    initialize = step = terminate = print\n",
-            "Mine",
-            "levels is",
-        ),
-        (
-            "class Mine:\n    step = terminate = print\n    def initialize(self, info):\n"
-            "        raise KeyError('t13')\n",
+            "class Mine:\n    step = terminate = print\n    def initialize(self, info):\n        raise KeyError('t13')\n",
             "Mine",
             "initialize failed: mine.py line 4: KeyError: 't13'",
         ),
@@ -215,8 +192,4 @@ def test_the_file_finds_its_neighbours(tmp_path, config):
         "class Mine:\n    def initialize(self, info): pass\n    def terminate(self): pass\n"
         "    def step(self, inputs): return ControllerOutputs([ramps_of_mine.LEVEL] * 3)\n"
     )
-    assert ask(load_controller(f"python:{tmp_path / 'mine.py'}:Mine", config)).command == (
-        0.5,
-        0.5,
-        0.5,
-    )
+    assert ask(load_controller(f"python:{tmp_path / 'mine.py'}:Mine", config)).command == (0.5, 0.5, 0.5)

@@ -7,7 +7,6 @@ import subprocess
 from dataclasses import replace
 
 import pytest
-
 from rig_nodes.catalogue import catalogue
 from rig_nodes.controllers import ControllerFailed, ControllerInputs, load_controller
 from rig_nodes.controllers.can_database import database
@@ -16,8 +15,8 @@ from rig_nodes.controllers.record_header import NAME, header_text
 from rig_nodes.controllers.registers import register_map
 from rig_nodes.controllers.seam import ControllerOutputs, checked
 from rig_nodes.errors import RigError
-from rig_nodes.testbench.conformance import Desk
 from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.conformance import Desk
 
 from .conftest import C_FRAME, EXAMPLES, INCLUDE, ask
 
@@ -28,8 +27,15 @@ def other():
     signals = catalogue().signals
     outputs = tuple(Output(f"v{k}", f"valve_{k}", signals["I_zr_p1"]) for k in range(4))
     gears = Gear(0, "N"), Gear(5, "fast", 1.5, (("p_p", 1e5),))
-    return ControllerRecord("other", outputs, (signals["T_oil"], signals["p_p"]), gears,
-                            {"duty": signals["zr_p1_duty"], "current": signals["I_set_zr_p1"]}, "T_oil", "p_p")
+    return ControllerRecord(
+        "other",
+        outputs,
+        (signals["T_oil"], signals["p_p"]),
+        gears,
+        {"duty": signals["zr_p1_duty"], "current": signals["I_set_zr_p1"]},
+        "T_oil",
+        "p_p",
+    )
 
 
 def test_a_sample_has_its_transducers_by_name_and_in_order(other):
@@ -53,9 +59,11 @@ def test_an_answer_is_checked_by_the_record(config, other):
     info = controller_info(other, config.alfa46, "duty")
     assert checked(ControllerOutputs([0.1] * 4, gear=5, flags=15), info)[2:] == (5, False, 15)
     assert checked(ControllerOutputs(), info)[0] == (0.0,) * 4
-    for wrong, sentence in ((ControllerOutputs([0.1] * 3), "command has 3 numbers, expected 4"),
-                            (ControllerOutputs(gear=1), "gear is 1, expected 0 .N. or 5 .fast."),
-                            (ControllerOutputs(flags=16), "flags is 16, expected 0 to 15")):
+    for wrong, sentence in (
+        (ControllerOutputs([0.1] * 3), "command has 3 numbers, expected 4"),
+        (ControllerOutputs(gear=1), "gear is 1, expected 0 .N. or 5 .fast."),
+        (ControllerOutputs(flags=16), "flags is 16, expected 0 to 15"),
+    ):
         with pytest.raises(RigError, match=sentence):
             checked(wrong, info)
 
@@ -87,10 +95,14 @@ def test_a_library_of_another_record_is_refused_with_what_to_do(build, config):
     plug = load_controller(f"c:{build(text)}", config)
     assert ask(plug).command == (0.0, 0.0, 0.0)
     plug.close()
-    with pytest.raises(RigError, match="the library was made for the record 0123456789abcdef of another rig, this one's is "
-                                       f"{record_of(config).id}; write rig_record.h anew with ./rig export record --rig hydmag"):
-        load_controller(f"c:{build(text.replace('const rig_controller_abi_info', ANOTHER + 'const rig_controller_abi_info'))}",
-                        config)
+    with pytest.raises(
+        RigError,
+        match="the library was made for the record 0123456789abcdef of another rig, this one's is "
+        f"{record_of(config).id}; write rig_record.h anew with ./rig export record --rig hydmag",
+    ):
+        load_controller(
+            f"c:{build(text.replace('const rig_controller_abi_info', ANOTHER + 'const rig_controller_abi_info'))}", config
+        )
 
 
 def test_a_library_without_a_record_finds_its_signals_by_name(build, config):
@@ -99,12 +111,19 @@ def test_a_library_without_a_record_finds_its_signals_by_name(build, config):
     plug.close()
 
 
-BY_NAME = C_FRAME.replace("rig_record.h", "rig_controller.h").replace("(void)info;", """
+BY_NAME = (
+    C_FRAME.replace("rig_record.h", "rig_controller.h")
+    .replace(
+        "(void)info;",
+        """
   for (place = 0; place < info->transducer_count && strcmp(info->transducers[place].name, "p1"); place++) ;
   if (info->output_count != 3 || strcmp(info->outputs[2], "output_3") || strcmp(info->transducers[place].unit, "Pa") ||
       info->gear_count != 3 || strcmp(info->gears[2].name, "II")) return RIG_ERROR;
-""").replace("const rig_controller_abi_info", "#include <string.h>\nstatic uint32_t place;\nconst rig_controller_abi_info", 1).replace(
-    "STEP", "out->command[0] = in->measured[place];")
+""",
+    )
+    .replace("const rig_controller_abi_info", "#include <string.h>\nstatic uint32_t place;\nconst rig_controller_abi_info", 1)
+    .replace("STEP", "out->command[0] = in->measured[place];")
+)
 
 
 def test_a_library_that_moves_the_arrays_is_ended_with_the_reason(build, config):
@@ -127,11 +146,15 @@ def test_the_header_beside_the_examples_is_that_of_the_rig(config):
 
 def test_the_header_of_any_record_is_c_and_cpp(other, tmp_path):
     (tmp_path / NAME).write_text(header_text(other))
-    (tmp_path / "mine.c").write_text('#include "rig_record.h"\nint main(void) { rig_controller_inputs in = {sizeof in, 0, 0, 0, '
-                                     "NULL, NULL};\n  return RIG_V2 - 2 + RIG_GEAR_FAST - 5 + (rig_measured_of(&in) != NULL); }\n")
+    (tmp_path / "mine.c").write_text(
+        '#include "rig_record.h"\nint main(void) { rig_controller_inputs in = {sizeof in, 0, 0, 0, '
+        "NULL, NULL};\n  return RIG_V2 - 2 + RIG_GEAR_FAST - 5 + (rig_measured_of(&in) != NULL); }\n"
+    )
     for compiler, *language in (("cc", "-std=c99"), ("c++", "-x", "c++", "-std=c++11")):
-        subprocess.run([compiler, *language, "-Wall", "-Wextra", "-Werror", f"-I{INCLUDE}", "-o", tmp_path / "mine",
-                        tmp_path / "mine.c"], check=True)
+        subprocess.run(
+            [compiler, *language, "-Wall", "-Wextra", "-Werror", f"-I{INCLUDE}", "-o", tmp_path / "mine", tmp_path / "mine.c"],
+            check=True,
+        )
         assert subprocess.run([tmp_path / "mine"], check=False).returncode == 0
 
 

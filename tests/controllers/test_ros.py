@@ -17,19 +17,18 @@ from rclpy.duration import Duration
 from rclpy.experimental import EventsExecutor
 from rclpy.task import Future
 from rig_msgs.msg import ControllerAnswer, ControllerReady, ControllerStart, ControllerStep
-
 from rig_nodes.bags import cdr
 from rig_nodes.bags.reader import Bag
 from rig_nodes.controllers import ControllerFailed, ControllerInputs, ControllerOutputs, Status, load_controller
 from rig_nodes.controllers.ros_node import ControllerNode
 from rig_nodes.controllers.ros_topics import NoAnswer, pack_step, unpack_answer
 from rig_nodes.errors import RigError
-from rig_nodes.testbench.conformance import Check
 from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.conformance import Check
 from rig_nodes.testbench.rig import Rig
+from rig_nodes.testbench.rig_base import RigStatus
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import advance_with, simulate
-from rig_nodes.testbench.rig_base import RigStatus
 
 from .conftest import ask
 from .test_thesis_trace import SETTINGS, currents_are_those_of_the_thesis
@@ -132,8 +131,7 @@ def test_the_conformance_set_takes_it(config, example):
 
 def test_what_it_asks_for_reaches_it_and_what_it_records_comes_back(config, thread):
     user = Steady()
-    user.out = SimpleNamespace(command=[0, 0, 0], setpoint=None, gear=0, shifting=False, flags=0,
-                               signals={"slip": 1.5, "state": 2})
+    user.out = SimpleNamespace(command=[0, 0, 0], setpoint=None, gear=0, shifting=False, flags=0, signals={"slip": 1.5, "state": 2})
     thread(user, "asking")
     plug = load_controller("ros:asking?wants=M_wej,p_p&settings=gain:2.0&signals=slip:rad/s,state", config)
     plug.wait(20.0)
@@ -158,15 +156,48 @@ def test_the_bytes_are_those_of_the_messages(others, settings):
     """The rig packs and unpacks by hand; here by the definitions of the messages."""
     inputs = ControllerInputs(2**40, 0.25, 2, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0, 7.0), others, settings)
     data = pack_step(3, 4, 2**33, inputs)
-    assert data == cdr.encode_any("rig_msgs/msg/ControllerStep", ControllerStep(
-        session=3, controller=4, seq=2**33, sample=2**40, time=0.25, current=[1.0, 2.0, 3.0],
-        measured=[4.0, 5.0, 6.0, 7.0], gear_request=2, others=list(others.values()), settings=list(settings.values())))
-    answer = ControllerAnswer(session=5, controller=6, seq=7, status=2, gear=1, shifting=True, flags=3,
-                              command=[0.5] * 3, setpoint=list(others.values()), signals=list(settings.values()),
-                              message="nie ma prędkości")
+    assert data == cdr.encode_any(
+        "rig_msgs/msg/ControllerStep",
+        ControllerStep(
+            session=3,
+            controller=4,
+            seq=2**33,
+            sample=2**40,
+            time=0.25,
+            current=[1.0, 2.0, 3.0],
+            measured=[4.0, 5.0, 6.0, 7.0],
+            gear_request=2,
+            others=list(others.values()),
+            settings=list(settings.values()),
+        ),
+    )
+    answer = ControllerAnswer(
+        session=5,
+        controller=6,
+        seq=7,
+        status=2,
+        gear=1,
+        shifting=True,
+        flags=3,
+        command=[0.5] * 3,
+        setpoint=list(others.values()),
+        signals=list(settings.values()),
+        message="nie ma prędkości",
+    )
     data = cdr.encode_any("rig_msgs/msg/ControllerAnswer", answer)
-    assert unpack_answer(data) == (5, 6, 7, 2, 1, True, 3, (0.5,) * 3, tuple(others.values()), tuple(settings.values()),
-                                   "nie ma prędkości")
+    assert unpack_answer(data) == (
+        5,
+        6,
+        7,
+        2,
+        1,
+        True,
+        3,
+        (0.5,) * 3,
+        tuple(others.values()),
+        tuple(settings.values()),
+        "nie ma prędkości",
+    )
     for length in range(len(data)):
         with pytest.raises(NoAnswer):
             unpack_answer(data[:length])
@@ -250,8 +281,10 @@ def test_in_real_time_nobody_waits_and_a_controller_comes_back(plug, ros_program
         sample += 1
     place = f"ROS topic /{plug.topics_name}/answer in domain {ros_domain}"
     assert plug.said == [f"waiting for controller on {place}, 1 s"]
-    assert plug.awaited() == (f"no controller has come on {place}; start its node in the same ROS domain "
-                              f"(export ROS_DOMAIN_ID={ros_domain} in both terminals)")
+    assert plug.awaited() == (
+        f"no controller has come on {place}; start its node in the same ROS domain "
+        f"(export ROS_DOMAIN_ID={ros_domain} in both terminals)"
+    )
     process = ros_program(plug.topics_name)
     while ask(plug, sample) is None and sample < 30_000:
         sample += 1
@@ -338,14 +371,17 @@ def test_a_node_says_what_it_needs_and_serves_on_when_its_end_of_a_run_fails(plu
 # ---- wrong answers
 
 
-@pytest.mark.parametrize(("change", "why"), [
-    ({"command": [float("nan"), 0.0, 0.0]}, r"command\[0\] is nan, expected 0 to 1"),
-    ({"command": [0.5, 0.0]}, "command has 2 numbers, expected 3"),
-    ({"setpoint": [0.5]}, "setpoint has 1 numbers, expected 3"),
-    ({"gear": 7}, "gear is 7, expected 0"),
-    ({"status": 9}, "status is 9, expected 0"),
-    ({"status": 2, "message": "no speed"}, "status error: no speed"),
-])
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"command": [float("nan"), 0.0, 0.0]}, r"command\[0\] is nan, expected 0 to 1"),
+        ({"command": [0.5, 0.0]}, "command has 2 numbers, expected 3"),
+        ({"setpoint": [0.5]}, "setpoint has 1 numbers, expected 3"),
+        ({"gear": 7}, "gear is 7, expected 0"),
+        ({"status": 9}, "status is 9, expected 0"),
+        ({"status": 2, "message": "no speed"}, "status error: no speed"),
+    ],
+)
 def test_an_answer_that_no_valve_can_be_given_is_an_error(plug, thread, monkeypatch, change, why):
     node = thread(Steady(), plug.topics_name)
     compute = node.compute
@@ -371,11 +407,13 @@ def test_answers_to_other_steps_and_bytes_that_are_none_are_not_used(plug, threa
         if step.sample == 1:
             node._answer.publish(bytes(12))
         if step.sample == 2:
-            node._answer.publish(ControllerAnswer(session=step.session, controller=node.number, seq=step.seq + 5,
-                                                  command=[1.0] * 3))
+            node._answer.publish(
+                ControllerAnswer(session=step.session, controller=node.number, seq=step.seq + 5, command=[1.0] * 3)
+            )
         if step.sample == 3:
-            node._answer.publish(ControllerAnswer(session=step.session + 1, controller=node.number, seq=step.seq,
-                                                  command=[1.0] * 3))
+            node._answer.publish(
+                ControllerAnswer(session=step.session + 1, controller=node.number, seq=step.seq, command=[1.0] * 3)
+            )
         return compute(step)
 
     monkeypatch.setattr(node, "compute", wrong)
@@ -384,15 +422,18 @@ def test_answers_to_other_steps_and_bytes_that_are_none_are_not_used(plug, threa
         assert ask(plug, sample).command == (0.5, 0.0, 0.0)
 
 
-@pytest.mark.parametrize(("spec", "why"), [
-    ("ros:9lives", "'9lives' is no name of topics"),
-    ("ros:my__box", "'my__box' is no name of topics"),
-    ("ros:?timing=soon", "timing is 'soon', expected lockstep or free"),
-    ("ros:?speed=2", "unknown option 'speed'; known are timing, wants, settings, signals"),
-    ("ros:?wants=torque", "transducer 'torque'; "),
-    ("ros:?settings=gain", "setting 'gain' has no first value; expected e.g. gain:2.0"),
-    ("ros:?signals=a-b", "expected up to 64 names"),
-])
+@pytest.mark.parametrize(
+    ("spec", "why"),
+    [
+        ("ros:9lives", "'9lives' is no name of topics"),
+        ("ros:my__box", "'my__box' is no name of topics"),
+        ("ros:?timing=soon", "timing is 'soon', expected lockstep or free"),
+        ("ros:?speed=2", "unknown option 'speed'; known are timing, wants, settings, signals"),
+        ("ros:?wants=torque", "transducer 'torque'; "),
+        ("ros:?settings=gain", "setting 'gain' has no first value; expected e.g. gain:2.0"),
+        ("ros:?signals=a-b", "expected up to 64 names"),
+    ],
+)
 def test_what_is_no_specification_is_refused(config, spec, why):
     with pytest.raises(RigError, match=re.escape(why)):
         load_controller(spec, config)
@@ -447,8 +488,7 @@ def test_free_running_nobody_waits_and_silence_is_the_safe_state(config, ros_pro
 def test_the_description_in_the_words_of_ros2_control_names_fields_that_there_are():
     text = (Path(__file__).parents[2] / "docs" / "how_to" / "ros_controller.md").read_text(encoding="utf-8")
     description = ElementTree.fromstring(re.search(r"```xml\n(.*?)```", text, re.S)[1])
-    fields = [(parent.tag, param.text) for parent in description.iter()
-              for param in parent.iterfind("param[@name='field']")]
+    fields = [(parent.tag, param.text) for parent in description.iter() for param in parent.iterfind("param[@name='field']")]
     assert len(fields) == 11
     for tag, field in fields:
         message, _, name = field.partition(".")

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from rig_msgs.msg import ControllerReady
-
 from rig_nodes.controllers import load_controller
 from rig_nodes.testbench.configuration import load_rig
 
@@ -96,8 +95,15 @@ def includes(*packages):
 
 @pytest.fixture(scope="module")
 def messages():
-    return includes("rig_msgs", "std_msgs", "builtin_interfaces", "rosidl_runtime_cpp", "rosidl_runtime_c",
-                    "rosidl_typesupport_interface", "rcutils")
+    return includes(
+        "rig_msgs",
+        "std_msgs",
+        "builtin_interfaces",
+        "rosidl_runtime_cpp",
+        "rosidl_runtime_c",
+        "rosidl_typesupport_interface",
+        "rcutils",
+    )
 
 
 @pytest.fixture(scope="module")
@@ -201,5 +207,15 @@ def test_the_node_compiles_without_a_warning(messages):
     """Only where a ROS 2 with rclcpp is."""
     folder = Path(includes("rclcpp")[1]).parent
     more = [word for path in sorted(folder.iterdir()) if path.is_dir() for word in ("-isystem", str(path))]
-    subprocess.run(["c++", *STRICT, f"-I{INCLUDE}", *messages, *more, "-fsyntax-only",
-                    CONTROLLERS / "examples" / "ros_cpp" / "alfa46_node.cpp"], check=True)
+    subprocess.run(
+        [
+            "c++",
+            *STRICT,
+            f"-I{INCLUDE}",
+            *messages,
+            *more,
+            "-fsyntax-only",
+            CONTROLLERS / "examples" / "ros_cpp" / "alfa46_node.cpp",
+        ],
+        check=True,
+    )

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from rig_nodes.alfa46.settings import Alfa46Config, Alfa46Values
 from rig_nodes.bags.reader import Bag
 from rig_nodes.controllers import load_controller
@@ -32,10 +31,7 @@ steps:
   - shift: {to: I}
   - shift: {to: neutral}
 """
-SETTINGS = {
-    "as it is": (1, {}),
-    "late": (7, {"alfa46.t12": "200 ms", "alfa46.t21": "-2.5 ms"}),
-}
+SETTINGS = {"as it is": (1, {}), "late": (7, {"alfa46.t12": "200 ms", "alfa46.t21": "-2.5 ms"})}
 
 
 @pytest.fixture(scope="module")
@@ -76,11 +72,21 @@ def hashes(sequence, tmp_path_factory, request):
     return get
 
 
-@pytest.mark.parametrize(("name", "spec"), [
-    # at level current other settings differ from them at level duty by the power stage alone: one plug shows that
-    pytest.param(name, f"{spec}{level}", id=f"{spec.partition(':')[0]}{level}-{name}",
-                 marks=[pytest.mark.campaign] if (name, level) == ("late", "@current") and spec != PYTHON else [])
-    for name in SETTINGS for level in ("", "@current") for spec in ("alfa46", PYTHON, C, SIMULINK, ROS)])
+@pytest.mark.parametrize(
+    ("name", "spec"),
+    [
+        # at level current other settings differ from them at level duty by the power stage alone: one plug shows that
+        pytest.param(
+            name,
+            f"{spec}{level}",
+            id=f"{spec.partition(':')[0]}{level}-{name}",
+            marks=[pytest.mark.campaign] if (name, level) == ("late", "@current") and spec != PYTHON else [],
+        )
+        for name in SETTINGS
+        for level in ("", "@current")
+        for spec in ("alfa46", PYTHON, C, SIMULINK, ROS)
+    ],
+)
 def test_every_topic_is_that_of_the_built_in_controller(hashes, name, spec):
     built_in = hashes(name, None)
     assert len(built_in) > 30 and "/controller/command" in built_in
@@ -99,13 +105,13 @@ def random_settings(rng) -> Alfa46Config:
     values = load_rig("hydmag").alfa46.values
     changed = {
         "t12": rng.choice((-0.22, 0.0, 0.0005, 0.0015, 0.0025, -0.0025, rng.uniform(-0.5, 0.5))),
-        "t21": rng.uniform(-0.5, 0.5), "t23": rng.uniform(-0.5, 0.5), "t32": rng.uniform(-0.5, 0.5),
+        "t21": rng.uniform(-0.5, 0.5),
+        "t23": rng.uniform(-0.5, 0.5),
+        "t32": rng.uniform(-0.5, 0.5),
         "gain_d": rng.choice((0.0, 1.0)),
         "gain_i": rng.uniform(0.0, 3000.0),
     }
-    values = Alfa46Values(
-        **{**{name: getattr(values, name) for name in values.__dataclass_fields__}, **changed}
-    )
+    values = Alfa46Values(**{**{name: getattr(values, name) for name in values.__dataclass_fields__}, **changed})
     profiles = np.zeros((3, 6, 2))
     for output in profiles:
         for half in (slice(0, 3), slice(3, 6)):
@@ -138,10 +144,7 @@ def test_any_settings_orders_and_currents_give_the_same_bits(tmp_path, seed, rig
             assert len(said) == 1
             taken += said == {""}
         current = [rng.choice((0.0, rng.uniform(0.0, 0.9))) for _ in range(3)]
-        seen = {
-            (repr(plug.step(sample, current, transducers)), plug.gear, plug.shifting, plug.flags)
-            for plug in plugs
-        }
+        seen = {(repr(plug.step(sample, current, transducers)), plug.gear, plug.shifting, plug.flags) for plug in plugs}
         assert len(seen) == 1, f"sample {sample}"
     assert taken > 3
     for plug in plugs:

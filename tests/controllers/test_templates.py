@@ -15,7 +15,6 @@ import sys
 from pathlib import Path
 
 import pytest
-
 from rig_nodes.cli.main import main
 from rig_nodes.controllers.templates import HERE, KINDS
 
@@ -27,8 +26,9 @@ PYTHONS = ("python3", ".venv/bin/python")
 OWN_CLOCK = ("can", "modbus")  # nobody starts them with a run
 
 
-@pytest.mark.parametrize("kind", [pytest.param(kind, marks=pytest.mark.against_the_clock) if kind in OWN_CLOCK else kind
-                                  for kind in KINDS])
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=pytest.mark.against_the_clock) if kind in OWN_CLOCK else kind for kind in KINDS]
+)
 def test_it_shifts_by_the_commands_that_are_printed(kind, tmp_path, monkeypatch, capsys, request, on_own_port):
     if kind == "can" and (why := multicast_works()):
         pytest.skip(why)
@@ -64,15 +64,15 @@ def test_it_shifts_by_the_commands_that_are_printed(kind, tmp_path, monkeypatch,
         for program in programs:
             program.kill()
             program.communicate()
-    shift, = json.loads(Path("run", "report.json").read_text())["shifts"]
+    (shift,) = json.loads(Path("run", "report.json").read_text())["shifts"]
     assert (shift["from_gear"], shift["to_gear"], shift["valid"]) == (1, 2, True)
     assert shift["t_c_s"] == pytest.approx(0.636, abs=0.05), "one law in all templates"
 
 
-@pytest.mark.parametrize(("kind", "compiler", "standard"), [
-    ("c", "cc", "-std=c99"), ("cpp", "c++", "-std=c++17"), ("simulink", "cc", "-std=c99"),
-    ("udp-c", "cc", "-std=gnu99"),
-])
+@pytest.mark.parametrize(
+    ("kind", "compiler", "standard"),
+    [("c", "cc", "-std=c99"), ("cpp", "c++", "-std=c++17"), ("simulink", "cc", "-std=c99"), ("udp-c", "cc", "-std=gnu99")],
+)
 def test_it_compiles_without_a_warning(kind, compiler, standard, tmp_path):
     folder = tmp_path / "mine"
     assert main(["controller", "new", kind, str(folder)]) == 0
@@ -81,24 +81,31 @@ def test_it_compiles_without_a_warning(kind, compiler, standard, tmp_path):
         subprocess.run([compiler, *flags, "-c", "-o", tmp_path / "out.o", source], check=True)
 
 
-@pytest.mark.parametrize(("kind", "arguments", "domain", "sentence"), [
-    ("ros-python", [], "abc", "ROS_DOMAIN_ID is 'abc', expected a number from 0 to 232"),
-    ("udp-python", ["127.0.0.1", "abc"], "", "'abc' is no port; expected 1 to 65535, e.g. 9002"),
-    ("udp-python", ["localhost.", "0"], "", "'0' is no port; expected 1 to 65535, e.g. 9002"),
-])
+@pytest.mark.parametrize(
+    ("kind", "arguments", "domain", "sentence"),
+    [
+        ("ros-python", [], "abc", "ROS_DOMAIN_ID is 'abc', expected a number from 0 to 232"),
+        ("udp-python", ["127.0.0.1", "abc"], "", "'abc' is no port; expected 1 to 65535, e.g. 9002"),
+        ("udp-python", ["localhost.", "0"], "", "'0' is no port; expected 1 to 65535, e.g. 9002"),
+    ],
+)
 def test_what_is_wrong_is_one_sentence(kind, arguments, domain, sentence, tmp_path):
     assert main(["controller", "new", kind, str(tmp_path / "mine")]) == 0
     program = tmp_path / "mine" / "my_controller.py"
-    done = subprocess.run([sys.executable, program, *arguments], capture_output=True, text=True,
-                          env=os.environ | {"ROS_DOMAIN_ID": domain})
+    done = subprocess.run(
+        [sys.executable, program, *arguments], capture_output=True, text=True, env=os.environ | {"ROS_DOMAIN_ID": domain}
+    )
     assert (done.returncode, done.stderr) == (2, f"{program}: {sentence}\n")
 
 
-@pytest.mark.parametrize(("kind", "sentence"), [
-    ("udp-python", "waiting for the rig at 127.0.0.1:9002, until Ctrl-C"),
-    ("udp-c", "waiting for the rig at 127.0.0.1:9002, until Ctrl-C"),
-    ("ros-python", "waiting for the rig in ROS domain {domain}, topics /controller/..., until Ctrl-C"),
-])
+@pytest.mark.parametrize(
+    ("kind", "sentence"),
+    [
+        ("udp-python", "waiting for the rig at 127.0.0.1:9002, until Ctrl-C"),
+        ("udp-c", "waiting for the rig at 127.0.0.1:9002, until Ctrl-C"),
+        ("ros-python", "waiting for the rig in ROS domain {domain}, topics /controller/..., until Ctrl-C"),
+    ],
+)
 def test_a_program_says_where_it_waits(kind, sentence, tmp_path, ros_domain):
     folder = tmp_path / "mine"
     assert main(["controller", "new", kind, str(folder)]) == 0
@@ -129,13 +136,18 @@ def test_the_code_of_the_page_shifts_as_the_templates_do(language, tmp_path, mon
     if language == "simulink":  # the page's shim, before the template's model with the names that the page gives it
         assert main(["controller", "new", "simulink", "mine"]) == 0
         parameter = "typedef struct { real_T t12; } P;\nextern P rtP;\nextern ExtU rtU;"
-        for old, new in (("n_wej; ", "n_in_rpm; "), ("i_zr_p", "i_valve_"), ("extern ExtU rtU;", parameter),
-                         ("ExtU rtU;\nExtY", "P rtP;\nExtU rtU;\nExtY"), ("my_model.h", "your_model.h"),
-                         ("my_model_", "your_model_")):
+        for old, new in (
+            ("n_wej; ", "n_in_rpm; "),
+            ("i_zr_p", "i_valve_"),
+            ("extern ExtU rtU;", parameter),
+            ("ExtU rtU;\nExtY", "P rtP;\nExtU rtU;\nExtY"),
+            ("my_model.h", "your_model.h"),
+            ("my_model_", "your_model_"),
+        ):
             for name in ("my_model.h", "my_model.c"):
                 Path("mine", name).write_text(Path("mine", name).read_text().replace(old, new))
         Path("mine", "my_model.h").rename("mine/your_model.h")
-        shim, = (code for code in re.findall(r"```c\n(.*?)```", page, re.S) if "rtU" in code)
+        (shim,) = (code for code in re.findall(r"```c\n(.*?)```", page, re.S) if "rtU" in code)
         Path("mine", "rig_shim.c").write_text(shim)
         spec = "simulink:mine"
     else:
@@ -143,7 +155,7 @@ def test_the_code_of_the_page_shifts_as_the_templates_do(language, tmp_path, mon
         Path(f"my_controller.{suffix}").write_text(re.search(rf"```{language}\n(.*?)```", page, re.S)[1])
         spec = f"{language}:my_controller.{suffix}{rest}"
     assert main(["simulate", "sample", "--controller", spec, "--out", "run"]) == 0, capsys.readouterr().err
-    shift, = json.loads(Path("run", "report.json").read_text())["shifts"]
+    (shift,) = json.loads(Path("run", "report.json").read_text())["shifts"]
     assert shift["t_c_s"] == pytest.approx(0.636, abs=0.01)
 
 

@@ -13,7 +13,6 @@ import threading
 from pathlib import Path
 
 import pytest
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.run_arguments import step_timeout
 from rig_nodes.controllers import ControllerFailed, ControllerOutputs, Status, load_controller
@@ -36,9 +35,9 @@ from rig_nodes.controllers.udp_frames import (
 )
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.rig import Rig
+from rig_nodes.testbench.rig_base import RigStatus
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import advance_with, simulate
-from rig_nodes.testbench.rig_base import RigStatus
 
 from .conftest import ALFA46_C, C_FRAME, CONTROLLERS, EXAMPLES, INCLUDE, SANITIZE, STRICT, ask
 
@@ -244,9 +243,7 @@ def test_an_end_of_the_run_ends_the_waiting(plug, program):
         ask(plug, 1)
 
 
-@pytest.mark.parametrize(("text", "step", "come"), [
-    ("3", 3.0, 3.0), ("0.1", 0.1, 2.0), ("90", 90.0, 60.0), ("none", None, None),
-])
+@pytest.mark.parametrize(("text", "step", "come"), [("3", 3.0, 3.0), ("0.1", 0.1, 2.0), ("90", 90.0, 60.0), ("none", None, None)])
 def test_a_step_timeout_bounds_the_waiting_too(text, step, come):
     assert step_timeout(text) == (step, come)
 
@@ -258,8 +255,9 @@ def test_in_real_time_waiting_is_told_too(plug, port):
         assert ask(plug, sample) is None
         sample += 1
     assert plug.said == [f"waiting for controller on udp {port}, 1 s"]
-    assert plug.awaited() == (f"no controller has come on udp {port}; start it, or see that it sends to port {port} of "
-                              "this machine")
+    assert plug.awaited() == (
+        f"no controller has come on udp {port}; start it, or see that it sends to port {port} of this machine"
+    )
 
 
 def test_waiting_is_told_and_has_an_end(plug, port):
@@ -370,17 +368,21 @@ def named(*own):
     return type("Named", (Steady,), {"wants": wants, "signals": signals, "settings": settings, "step": step})()
 
 
-@pytest.mark.parametrize(("own", "why"), [
-    ((("p_9",), (), {}), "transducer 'p_9'; "),
-    (((), ("a b",), {}), "signals is {'a b': '-'}, expected up to 64 names"),
-    (((), (), {"held": float("nan")}), "settings is {'held': nan}, expected a map of names"),
-])
+@pytest.mark.parametrize(
+    ("own", "why"),
+    [
+        ((("p_9",), (), {}), "transducer 'p_9'; "),
+        (((), ("a b",), {}), "signals is {'a b': '-'}, expected up to 64 names"),
+        (((), (), {"held": float("nan")}), "settings is {'held': nan}, expected a map of names"),
+    ],
+)
 def test_names_that_cannot_be_had_are_said_to_both_sides(plug, thread, capsys, own, why):
     client = thread(named(*own))
     with pytest.raises(RigError, match="one has come and is not used: controller .*: "):
         plug.wait(0.3)
     assert [text.partition(": ")[0] for text in plug.said if why in text] == [
-        f"a controller was sent away from {plug.name.replace(':', ' ')}"]
+        f"a controller was sent away from {plug.name.replace(':', ' ')}"
+    ]
     assert not client.running and f"the rig says: controller {plug.name}: " in capsys.readouterr().err
     plug.close()
 
@@ -456,12 +458,20 @@ def frame_of_version(version):
     return hello[:4] + version.to_bytes(2, "little") + hello[6:]
 
 
-@pytest.mark.parametrize(("data", "sentence"), [
-    (frame_of_version(2), "it speaks version 2 of the protocol, this side speaks 3: both need the rig_udp.py or rig_udp.h of the "
-                          "same rig"),
-    (pack(HELLO, 0, 0, 1, 0, "0123456789abcdef"), "it was made for the record 0123456789abcdef of another rig, this one's is .*; "
-     "write rig_record.h anew with ./rig export record --rig hydmag -o rig_record.h, and compile it again"),
-])
+@pytest.mark.parametrize(
+    ("data", "sentence"),
+    [
+        (
+            frame_of_version(2),
+            "it speaks version 2 of the protocol, this side speaks 3: both need the rig_udp.py or rig_udp.h of the same rig",
+        ),
+        (
+            pack(HELLO, 0, 0, 1, 0, "0123456789abcdef"),
+            "it was made for the record 0123456789abcdef of another rig, this one's is .*; "
+            "write rig_record.h anew with ./rig export record --rig hydmag -o rig_record.h, and compile it again",
+        ),
+    ],
+)
 def test_a_controller_of_another_version_or_record_is_sent_away(plug, port, data, sentence):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         for _ in range(3):
@@ -514,8 +524,9 @@ int main(void) {
     sources = [tmp_path / "sizes.c", ALFA46_C]
     subprocess.run(["cc", "-std=gnu99", f"-I{INCLUDE}", "-o", tmp_path / "sizes", *sources, "-lm"], check=True)
     sizes, data = subprocess.run([tmp_path / "sizes"], capture_output=True, check=True).stdout.split(b"\n", 1)
-    assert list(map(int, sizes.split())) == [HEADER.size + BODIES[kind].size for kind in (HELLO, INFO, 3, 4, READY,
-                                                                                           SAMPLE, ANSWER, BYE, OWN)]
+    assert list(map(int, sizes.split())) == [
+        HEADER.size + BODIES[kind].size for kind in (HELLO, INFO, 3, 4, READY, SAMPLE, ANSWER, BYE, OWN)
+    ]
     assert data == pack(ANSWER, 7, 9, 0, 2, 0, 5, "no speed", more=(0.0, 0.0, 0.25, 0.5, 0.0, 0.0, 0.0, 0.125))
 
 
@@ -563,8 +574,9 @@ def test_what_the_rig_says_again_and_again_a_program_says_once(port, config, c_p
         rig.bind(("127.0.0.1", port))
         commands = {"c": [c_program], "python": [sys.executable, "-m", "rig_nodes.controllers.examples.alfa46_udp"]}
         for language, command in commands.items():
-            process = subprocess.Popen([*command, "127.0.0.1", str(port)], stdout=subprocess.DEVNULL,
-                                       stderr=subprocess.PIPE, text=True)
+            process = subprocess.Popen(
+                [*command, "127.0.0.1", str(port)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+            )
             for words in ("no", "no"):  # it asks again after a second
                 _, peer = rig.recvfrom(2048)
                 rig.sendto(pack(BYE, 0, 0, words), peer)

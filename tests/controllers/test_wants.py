@@ -4,7 +4,6 @@
 """Transducers that a controller asks for by name, in Python and in C, and controllers that packages bring by name."""
 
 import pytest
-
 from rig_nodes.controllers import load_controller
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.rig import Rig
@@ -12,8 +11,11 @@ from rig_nodes.testbench.simulate import advance_with
 
 from .conftest import C_FRAME
 
-C_WANTS = C_FRAME.replace("STEP", "out->setpoint[0] = seen[0]; out->setpoint[1] = seen[1];").replace(
-    '#include "rig_record.h"', '#include "rig_record.h"\nstatic double seen[2];') + """
+C_WANTS = (
+    C_FRAME.replace("STEP", "out->setpoint[0] = seen[0]; out->setpoint[1] = seen[1];").replace(
+        '#include "rig_record.h"', '#include "rig_record.h"\nstatic double seen[2];'
+    )
+    + """
 const char *const *rig_controller_wants(void) {
   static const char *const names[] = {"p_p", "T_oil", 0};
   return names;
@@ -23,6 +25,7 @@ void rig_controller_wanted(void *instance, const double *values, uint32_t count)
   if (count == 2) { seen[0] = values[0]; seen[1] = values[1]; }
 }
 """
+)
 
 
 def seen_on_the_rig(config, plug, samples=300):
@@ -44,9 +47,7 @@ def check(pairs):
 
 
 def test_a_class_gets_what_it_wants(config, python_controller):
-    plug = python_controller(
-        "return Out(setpoint=[inputs.others['p_p'], inputs.others['T_oil'], 0.0])", "wants = ('p_p', 'T_oil')"
-    )
+    plug = python_controller("return Out(setpoint=[inputs.others['p_p'], inputs.others['T_oil'], 0.0])", "wants = ('p_p', 'T_oil')")
     assert plug.wants == ("p_p", "T_oil")
     check(seen_on_the_rig(config, plug))
 

@@ -4,7 +4,6 @@
 """A free-wheel in a rig's folder: it holds one way and overruns the other, with nobody to actuate it."""
 
 import pytest
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
@@ -106,8 +105,10 @@ def test_check_draws_it_and_names_it_with_its_gear(folder, tmp_path, capsys):
 
 
 def test_between_two_bodies_it_joins_them_in_the_picture(tmp_path):
-    folder = written(tmp_path / "two", FREEWHEEL.replace("[ground, ring]", "[wheel_2, output]").replace("  1: [brake_1, ring_stop]\n", "")
-                     .replace("gears:\n", ""))
+    folder = written(
+        tmp_path / "two",
+        FREEWHEEL.replace("[ground, ring]", "[wheel_2, output]").replace("  1: [brake_1, ring_stop]\n", "").replace("gears:\n", ""),
+    )
     assert main(["check", str(folder), "--picture", str(tmp_path / "p.svg")]) == 0
     assert "F1: wheel_2 not faster" in (tmp_path / "p.svg").read_text()
     rig = driven(load_rig(folder, {"effects.transducers": "off"}), None)
@@ -115,17 +116,20 @@ def test_between_two_bodies_it_joins_them_in_the_picture(tmp_path):
     assert rig.true("output.speed") == pytest.approx(rig.true("input.speed") / 1.6, rel=1e-9)
 
 
-@pytest.mark.parametrize("old, new, sentence", [
-    ("[ground, ring]", "[ring, ground]", r"rig.yaml:\d+: parts.ring_stop.joins: it overruns as the input drives in gear 1"),
-    ("[ground, ring]", "[ground, ground]", "joins 'ground' with itself; two bodies are needed"),
-    ("[ground, ring]", "[ground, rung]", "parts.ring_stop.joins names the body 'rung'; did you mean 'ring'"),
-    ("[ground, ring]", "[input, wheel_2]", "gears.1: brake_1, ring_stop held alone: they let nothing turn"),
-    ("[ground, ring]", "ring", "must be a list of two bodies"),
-    ("    joins: [ground, ring]\n", "", "parts.ring_stop lacks the key 'joins', two bodies, one of which may be 'ground'"),
-    ("    joins: [ground, ring]\n", "    joins: [ground, ring]\n    drag: [1 Nm s/rad, x]\n", "unknown key 'drag'"),
-    ("[brake_1, ring_stop]", "[ring_stop]", "gears.1 is held by free-wheels alone; a gear is ordered by a clutch"),
-    ("[brake_1, ring_stop]", "[brake_1, ring_stap]", "names the clutch 'ring_stap'; did you mean 'ring_stop'"),
-])
+@pytest.mark.parametrize(
+    "old, new, sentence",
+    [
+        ("[ground, ring]", "[ring, ground]", r"rig.yaml:\d+: parts.ring_stop.joins: it overruns as the input drives in gear 1"),
+        ("[ground, ring]", "[ground, ground]", "joins 'ground' with itself; two bodies are needed"),
+        ("[ground, ring]", "[ground, rung]", "parts.ring_stop.joins names the body 'rung'; did you mean 'ring'"),
+        ("[ground, ring]", "[input, wheel_2]", "gears.1: brake_1, ring_stop held alone: they let nothing turn"),
+        ("[ground, ring]", "ring", "must be a list of two bodies"),
+        ("    joins: [ground, ring]\n", "", "parts.ring_stop lacks the key 'joins', two bodies, one of which may be 'ground'"),
+        ("    joins: [ground, ring]\n", "    joins: [ground, ring]\n    drag: [1 Nm s/rad, x]\n", "unknown key 'drag'"),
+        ("[brake_1, ring_stop]", "[ring_stop]", "gears.1 is held by free-wheels alone; a gear is ordered by a clutch"),
+        ("[brake_1, ring_stop]", "[brake_1, ring_stap]", "names the clutch 'ring_stap'; did you mean 'ring_stop'"),
+    ],
+)
 def test_what_cannot_be_is_refused_in_one_sentence(tmp_path, old, new, sentence):
     assert old in FREEWHEEL
     with pytest.raises(RigError, match=sentence) as refusal:

@@ -7,14 +7,26 @@ import ast
 import re
 from pathlib import Path
 
-import rig_nodes
 from rig_nodes.config.names import installed
 from rig_nodes.testbench.configuration import load_rig
 
+import rig_nodes
+
 ROOT = Path(rig_nodes.__file__).parent
 # What evaluates the laboratory's own printed pages and tests, beside the rigs' folders and examples for users
-OF_THE_LABORATORY = ("rigs/", "validation/", "cli/calibrate.py", "config/conditions.py", "controllers/examples/", "analysis/annex_a.py", "analysis/slip_tests.py",
-                     "analysis/bench_report.py", "analysis/coast_down.py", "plant/friction/bench.py", "bags/old_form.py")
+OF_THE_LABORATORY = (
+    "rigs/",
+    "validation/",
+    "cli/calibrate.py",
+    "config/conditions.py",
+    "controllers/examples/",
+    "analysis/annex_a.py",
+    "analysis/slip_tests.py",
+    "analysis/bench_report.py",
+    "analysis/coast_down.py",
+    "plant/friction/bench.py",
+    "bags/old_form.py",
+)
 
 
 def names_of_rigs() -> set[str]:
@@ -25,7 +37,10 @@ def names_of_rigs() -> set[str]:
         for device in (*config.structure.clutches, *config.structure.valves):
             out |= {device.name, device.called, *(one for one in config.catalogue.signals if one.startswith(f"{device.key}_"))}
         out |= {one.name for one in config.structure.transducers}
-    return {name for name in out if len(name) > 1 and not name.islower() or "_" in name or name in ("p1", "p2")} - {"n_in", "n_out"}
+    return {name for name in out if (len(name) > 1 and not name.islower()) or "_" in name or name in ("p1", "p2")} - {
+        "n_in",
+        "n_out",
+    }
 
 
 def words_of(path: Path) -> list[tuple[int, str]]:

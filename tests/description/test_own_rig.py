@@ -6,7 +6,6 @@
 import xml.etree.ElementTree as ElementTree
 
 import pytest
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.config import RIGS_DIR
@@ -98,8 +97,11 @@ def test_steady_states_are_those_of_a_calculation_by_hand(three, gear):
     n = w_out * 30 / 3.141592653589793
     assert load == pytest.approx(100e-6 / (2 * 3.141592653589793) * 3e6 * (3.84e-7 * n * n - 6.36e-4 * n + 1.32) + 0.5, rel=1e-3)
     ring = (112 * w_out - 40 * w_in) / 72
-    slips = {"brake_1": (ring, -40 / 72, 112 / 72), "clutch_2": (35 / 56 * w_in - w_out, 35 / 56, -1.0),
-             "clutch_3": (w_in - w_out, 1.0, -1.0)}  # slip, and its change by the input's and the output's speed
+    slips = {
+        "brake_1": (ring, -40 / 72, 112 / 72),
+        "clutch_2": (35 / 56 * w_in - w_out, 35 / 56, -1.0),
+        "clutch_3": (w_in - w_out, 1.0, -1.0),
+    }  # slip, and its change by the input's and the output's speed
     drags = {name: float(rig.device(name)["drag"]) * slip for name, (slip, *_) in slips.items()}
     held = {1: "brake_1", 2: "clutch_2", 3: "clutch_3"}[gear]
     # balance at the output: what the held clutch gives it carries load, bearings and drag
@@ -119,7 +121,7 @@ def test_all_gears_up_and_down_under_load(three):
     assert [gear for *_, gear in orders] == [1, 2, 3, 2, 1]
     for (_, _, gear), (at, *_) in zip(orders[1:], [*orders[2:], (len(n_in) - 6_000, 0, 0)]):
         assert n_in[at - 10] / n_out[at - 10] == pytest.approx(RATIOS[gear], rel=1e-3)
-    assert n_out[orders[1][0]:orders[-1][0]].min() > 0.8 * n_in.max() / 2.8, "under load all the way"
+    assert n_out[orders[1][0] : orders[-1][0]].min() > 0.8 * n_in.max() / 2.8, "under load all the way"
 
 
 def test_the_energy_of_a_run_closes(three):
@@ -138,4 +140,9 @@ def test_the_energy_of_a_run_closes(three):
 def test_a_rig_is_its_folder_wherever_it_lies(mine, tmp_path):
     assert load_rig(str(mine)).name == "mine" and load_rig(mine / "rig.yaml").as_dict() == load_rig(mine).as_dict()
     assert sorted(path.name for path in (RIGS_DIR / "three_speed").iterdir()) == [
-        "calibration.yaml", "controller.yaml", "rig.yaml", "sequences", "validation.yaml"]
+        "calibration.yaml",
+        "controller.yaml",
+        "rig.yaml",
+        "sequences",
+        "validation.yaml",
+    ]

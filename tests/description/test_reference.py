@@ -23,7 +23,9 @@ def described():
 
 
 def test_the_parameters_page_is_what_the_parts_say():
-    assert (ROOT / "docs" / "reference" / "parameters.md").read_text() == page(), "run: ./rig list parts --markdown > docs/reference/parameters.md"
+    assert (ROOT / "docs" / "reference" / "parameters.md").read_text() == page(), (
+        "run: ./rig list parts --markdown > docs/reference/parameters.md"
+    )
 
 
 def test_every_value_says_what_it_is_in_one_sentence():

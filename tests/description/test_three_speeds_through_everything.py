@@ -11,7 +11,6 @@ import sys
 from pathlib import Path
 
 import pytest
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.fmu.drive import main as drive
@@ -40,8 +39,9 @@ def simulated(tmp_path_factory):
 
 
 def rig(*arguments, **keywords):
-    return subprocess.run([sys.executable, "-m", "rig_nodes.cli.main", *arguments], text=True, capture_output=True, timeout=200,
-                          **keywords)
+    return subprocess.run(
+        [sys.executable, "-m", "rig_nodes.cli.main", *arguments], text=True, capture_output=True, timeout=200, **keywords
+    )
 
 
 def test_simulate_and_report(simulated, capsys):
@@ -57,7 +57,8 @@ def test_run_in_lockstep_has_the_same_bits(simulated, tmp_path):
     mine, its = Bag(tmp_path / "run").canonical_hash(), Bag(simulated).canonical_hash()
     # orders reach the box over ROS: when it says so is its own affair
     assert {topic: mine[topic] for topic in its if topic not in ("/controller/events", "all")} == {
-        topic: its[topic] for topic in its if topic not in ("/controller/events", "all")}
+        topic: its[topic] for topic in its if topic not in ("/controller/events", "all")
+    }
 
 
 @pytest.mark.against_the_clock
@@ -137,14 +138,15 @@ def test_a_controller_of_ones_own_shifts_it(kind, tmp_path, monkeypatch, capsys,
 
 # the set looks how long a step takes; two plugs tell what becomes of the record of a rig, in its process and out of it
 @pytest.mark.against_the_clock
-@pytest.mark.parametrize("kind", ["c", "udp-python", *(
-    pytest.param(kind, marks=pytest.mark.campaign) for kind in ("python", "ros-python"))])
+@pytest.mark.parametrize(
+    "kind", ["c", "udp-python", *(pytest.param(kind, marks=pytest.mark.campaign) for kind in ("python", "ros-python"))]
+)
 def test_a_controller_for_it_passes_the_conformance_set(kind, tmp_path, monkeypatch, capsys, ros_domain, programs, on_own_port):
     monkeypatch.chdir(tmp_path)
     for command in printed(kind, capsys, on_own_port):
         if command[0] == "./rig":
             plug = command[command.index("--controller") + 1]
-            level = command[command.index("--level"):][:2] if "--level" in command else []
+            level = command[command.index("--level") :][:2] if "--level" in command else []
             assert main(["controller", "check", plug, *level, *RIG]) == 0, capsys.readouterr().out
         elif command[-1] == "&":
             programs(command)

@@ -6,7 +6,6 @@
 import shutil
 
 import pytest
-
 from rig_nodes.cli.main import main
 from rig_nodes.config import RIGS_DIR
 from rig_nodes.errors import RigError
@@ -14,7 +13,10 @@ from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.plan import plan_of
 
 THREE = (RIGS_DIR / "three_speed" / "rig.yaml").read_text()
-MESH = '  - {bodies: [input, wheel_2], teeth: [35, 56], source: "assumed: with an idler between them, so both turn the same way; 1.6"}\n'
+MESH = (
+    "  - {bodies: [input, wheel_2], teeth: [35, 56], "
+    'source: "assumed: with an idler between them, so both turn the same way; 1.6"}\n'
+)
 SET = 'set_1: {sun: input, ring: ring, carrier: output, teeth: [40, 72], source: "assumed: 1 + 72/40 = 2.8 with the ring held"}'
 N_IN = "n_in: {type: speed, shows: input.speed, at: motor, range: [0 rpm, 3000 rpm]"
 
@@ -22,14 +24,34 @@ WRONG = {
     # the driveline
     "a loop of wheels": (MESH, MESH + MESH.replace("[35, 56]", "[36, 56]"), r"rig\.yaml:\d+: gear .* closes a loop"),
     "a loop of wheels that fits": (MESH, MESH + MESH, None),
-    "no body": ("bodies: [input, wheel_2]", "bodies: [input, wheel_3]", r"rig\.yaml:\d+: mesh 1\.bodies names the body 'wheel_3'; did you mean 'wheel_2'"),
-    "a mesh with itself": ("bodies: [input, wheel_2]", "bodies: [input, input]", "joins 'input' with itself; two bodies are needed"),
-    "teeth of 0": ("teeth: [35, 56]", "teeth: [0, 56]", r"rig\.yaml:\d+: mesh 1\.teeth: 0 is no number of teeth; expected 1 to 1000"),
+    "no body": (
+        "bodies: [input, wheel_2]",
+        "bodies: [input, wheel_3]",
+        r"rig\.yaml:\d+: mesh 1\.bodies names the body 'wheel_3'; did you mean 'wheel_2'",
+    ),
+    "a mesh with itself": (
+        "bodies: [input, wheel_2]",
+        "bodies: [input, input]",
+        "joins 'input' with itself; two bodies are needed",
+    ),
+    "teeth of 0": (
+        "teeth: [35, 56]",
+        "teeth: [0, 56]",
+        r"rig\.yaml:\d+: mesh 1\.teeth: 0 is no number of teeth; expected 1 to 1000",
+    ),
     "half a tooth": ("teeth: [35, 56]", "teeth: [35.5, 56]", "35.5 is no number of teeth"),
     "one wheel": ("teeth: [35, 56]", "teeth: [35]", "must be two whole numbers"),
-    "no source": (', source: "assumed: with an idler between them, so both turn the same way; 1.6"}', "}", "mesh 1 lacks the key 'source'"),
-    "nobody holds it": (MESH, MESH.replace("input, wheel_2", "wheel_2, wheel_9") , "names the body 'wheel_9'"),
-    "a body without inertia": ('  ring:\n    inertia: [0.02 kg m2, "assumed"]', "  ring: massless\n  loose: massless", r"rig\.yaml:\d+: .*'loose'"),
+    "no source": (
+        ', source: "assumed: with an idler between them, so both turn the same way; 1.6"}',
+        "}",
+        "mesh 1 lacks the key 'source'",
+    ),
+    "nobody holds it": (MESH, MESH.replace("input, wheel_2", "wheel_2, wheel_9"), "names the body 'wheel_9'"),
+    "a body without inertia": (
+        '  ring:\n    inertia: [0.02 kg m2, "assumed"]',
+        "  ring: massless\n  loose: massless",
+        r"rig\.yaml:\d+: .*'loose'",
+    ),
     "inertia of 0": ("inertia: [0.02 kg m2", "inertia: [0 kg m2", r"rig\.yaml:\d+: ring\.inertia is 0 kg m2, outside"),
     "a sun larger than its ring": ("teeth: [40, 72]", "teeth: [72, 40]", "the sun stands first and has fewer"),
     "a set of two bodies": ("ring: ring, carrier: output", "ring: output, carrier: output", "must be three bodies"),
@@ -37,36 +59,68 @@ WRONG = {
     "a list for a map": ("planetary_sets:\n  " + SET, "planetary_sets:\n  - " + SET, "planetary_sets must be a map of names"),
     # clutches, gears, valves
     "a clutch onto itself": ("joins: [wheel_2, output]", "joins: [output, output]", "joins 'output' with itself"),
-    "a clutch of tied bodies": ("joins: [wheel_2, output]", "joins: [wheel_2, input]", r"rig\.yaml:\d+: gears\.2: clutch_2 held alone: they hold the input"),
-    "a clutch that is a brake too": ("    joins: [wheel_2, output]\n", "    joins: [wheel_2, output]\n    brakes: ring\n", "must have one of the keys joins"),
+    "a clutch of tied bodies": (
+        "joins: [wheel_2, output]",
+        "joins: [wheel_2, input]",
+        r"rig\.yaml:\d+: gears\.2: clutch_2 held alone: they hold the input",
+    ),
+    "a clutch that is a brake too": (
+        "    joins: [wheel_2, output]\n",
+        "    joins: [wheel_2, output]\n    brakes: ring\n",
+        "must have one of the keys joins",
+    ),
     "a clutch of nothing": ("    joins: [wheel_2, output]\n", "", "must have one of the keys joins"),
-    "two valves on a clutch": ("feeds: clutch_2", "feeds: clutch_3", r"rig\.yaml:\d+: parts\.valve_c3\.feeds: the clutch clutch_3 has the valve valve_c2 already"),
+    "two valves on a clutch": (
+        "feeds: clutch_2",
+        "feeds: clutch_3",
+        r"rig\.yaml:\d+: parts\.valve_c3\.feeds: the clutch clutch_3 has the valve valve_c2 already",
+    ),
     "a clutch without a valve": ("    feeds: clutch_2\n", "    feeds: motor\n", "names 'motor', expected a clutch"),
     "two valves on an output": ("output: 2", "output: 1", "the output of the controller 1 has the valve valve_b1 already"),
     "an output that is not there": ("output: 3", "output: 4", "expected output 1 to 3 of the controller"),
     "a gear of no clutch": ("  2: [clutch_2]", "  2: []", "gears.2 must be a list of the clutches that hold it"),
     "a gear of an unknown clutch": ("  2: [clutch_2]", "  2: [clutch_4]", "names the clutch 'clutch_4'; did you mean"),
-    "a gear that locks": ("  2: [clutch_2]", "  2: [clutch_2, clutch_3]", r"rig\.yaml:\d+: gears\.2: clutch_2, clutch_3 held alone: they let nothing turn"),
+    "a gear that locks": (
+        "  2: [clutch_2]",
+        "  2: [clutch_2, clutch_3]",
+        r"rig\.yaml:\d+: gears\.2: clutch_2, clutch_3 held alone: they let nothing turn",
+    ),
     "a gear twice": ("  2: [clutch_2]", "  2: [brake_1]", "is held by the same clutches as 1"),
     "a clutch twice in a gear": ("  2: [clutch_2]", "  2: [clutch_2, clutch_2]", "names a clutch twice"),
     "a gear called neutral": ("  2: [clutch_2]", "  neutral: [clutch_2]", "is no name for the gear of number 2"),
     "gears that do not count up": ("  2: [clutch_2]", "  5: [clutch_2]", "'5' is no name for the gear of number 2"),
-    "gears without an output": ("output: {body: output, speed: n_out, torque: M_out}\n", "", "a rig with gears needs the keys input and output"),
+    "gears without an output": (
+        "output: {body: output, speed: n_out, torque: M_out}\n",
+        "",
+        "a rig with gears needs the keys input and output",
+    ),
     "an input of an unknown speed": ("speed: n_in", "speed: M_in", "expected a transducer of type speed; did you mean 'n_in'"),
     # parts
-    "an unknown part": ("part: dc_motor", "part: ac_motor", r"rig\.yaml:\d+: parts\.motor\.part: there is no part 'ac_motor'; did you mean 'dc_motor'"),
+    "an unknown part": (
+        "part: dc_motor",
+        "part: ac_motor",
+        r"rig\.yaml:\d+: parts\.motor\.part: there is no part 'ac_motor'; did you mean 'dc_motor'",
+    ),
     "no part": ("    part: dc_motor\n", "", "parts.motor lacks the key 'part'"),
     "a part without its body": ("    part: dc_motor\n    body: input\n", "    part: dc_motor\n", "lacks the key 'body', a body"),
     "a name twice": ("  loss_in:\n", "  ring:\n", r"rig\.yaml:\d+: parts\.ring: there is 'ring' among the bodies already"),
     "a name of the rig's own": ("  loss_in:\n", "  alfa46:\n", "the name 'alfa46' is taken by the rig itself"),
-    "a key twice": ("    side: [within,", "    side: [within, \"x\"]\n    side: [within,", "duplicate key 'side'"),
+    "a key twice": ("    side: [within,", '    side: [within, "x"]\n    side: [within,', "duplicate key 'side'"),
     "a name with a space": ("  loss_in:\n", "  loss in:\n", "has other characters than letters"),
     "a meter of nothing": ("    source: motor\n", "", "must name one of source and load"),
     "a unit of another dimension": ("torque_limit: [500 Nm", "torque_limit: [500 kW", "is a power, expected a torque"),
     "no unit": ("torque_limit: [500 Nm", "torque_limit: [500", "write a number with its unit"),
     "a value without a source": ('torque_limit: [500 Nm, "assumed: as in the rig hydmag"]', "torque_limit: 500 Nm", "its source"),
-    "a value that is not there": ("    torque_limit:", "    torqe_limit:", "unknown key 'torqe_limit' in motor; did you mean 'torque_limit'"),
-    "a value that is missing": ('    braking_limit: [200 Nm, "assumed: as in the rig hydmag"]\n', "", "motor lacks the key 'braking_limit'"),
+    "a value that is not there": (
+        "    torque_limit:",
+        "    torqe_limit:",
+        "unknown key 'torqe_limit' in motor; did you mean 'torque_limit'",
+    ),
+    "a value that is missing": (
+        '    braking_limit: [200 Nm, "assumed: as in the rig hydmag"]\n',
+        "",
+        "motor lacks the key 'braking_limit'",
+    ),
     "no oil supply": ("  oil_supply:\n    part: oil_supply\n", "  oil_supply:\n    part: load_pump\n", "expected|lacks|unknown"),
     # transducers
     "a type that is not there": (N_IN, N_IN.replace("speed, shows", "tacho, shows"), "type is 'tacho', expected one of"),
@@ -74,8 +128,11 @@ WRONG = {
     "a device that is not there": (N_IN, N_IN.replace("at: motor", "at: moter"), "did you mean 'motor'"),
     "a range the wrong way round": (N_IN, N_IN.replace("[0 rpm, 3000 rpm]", "[3000 rpm, 0 rpm]"), "the lowest value stands first"),
     "a range of another dimension": (N_IN, N_IN.replace("3000 rpm]", "3000 Nm]"), "expected an angular velocity"),
-    "nothing measures what is set": ("  p_load: {type: pressure, shows: load_pump.pressure, at: load_pump",
-                                     "  p_load: {type: pressure, shows: load_pump.pressure, at: motor", "nothing measures its pressure"),
+    "nothing measures what is set": (
+        "  p_load: {type: pressure, shows: load_pump.pressure, at: load_pump",
+        "  p_load: {type: pressure, shows: load_pump.pressure, at: motor",
+        "nothing measures its pressure",
+    ),
     "a logged one behind": ("p_oil: {type: pressure, logged: no,", "p_oil: {type: pressure,", None),
     # the file as a whole
     "no bodies": ("bodies:\n", "bodys:\n", "unknown key 'bodys' in the rig; did you mean 'bodies'"),
@@ -109,13 +166,23 @@ def test_there_are_at_least_forty_of_them():
     assert sum(sentence is not None for *_, sentence in WRONG.values()) >= 40
 
 
-@pytest.mark.parametrize("text, sentence", [
-    ("description: x\nbase: {here}\n", "stands on this rig itself"),
-    ("description: x\nbase: nobody\n", r"rig\.yaml:2: base: there is no rig 'nobody'"),
-    ("description: x\nbase: three_speed\nparts:\n  motor:\n    rmap: [1 rpm/s, \"x\"]\n", r"rig\.yaml:5: unknown key 'rmap' in motor"),
-    ("description: x\nbase: three_speed\nparts:\n  moter:\n    ramp: [1 rpm/s, \"x\"]\n", r"rig\.yaml:4: parts\.moter lacks the key 'part'"),
-    ("", "it is empty, expected a map of keys"), ("- 1\n", "must be a map of keys"),
-])
+@pytest.mark.parametrize(
+    "text, sentence",
+    [
+        ("description: x\nbase: {here}\n", "stands on this rig itself"),
+        ("description: x\nbase: nobody\n", r"rig\.yaml:2: base: there is no rig 'nobody'"),
+        (
+            'description: x\nbase: three_speed\nparts:\n  motor:\n    rmap: [1 rpm/s, "x"]\n',
+            r"rig\.yaml:5: unknown key 'rmap' in motor",
+        ),
+        (
+            'description: x\nbase: three_speed\nparts:\n  moter:\n    ramp: [1 rpm/s, "x"]\n',
+            r"rig\.yaml:4: parts\.moter lacks the key 'part'",
+        ),
+        ("", "it is empty, expected a map of keys"),
+        ("- 1\n", "must be a map of keys"),
+    ],
+)
 def test_a_wrong_variant_is_refused_where_it_stands(tmp_path, text, sentence):
     into = folder(tmp_path)
     (into / "rig.yaml").write_text(text.replace("{here}", str(into)))

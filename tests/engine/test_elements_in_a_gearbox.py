@@ -1,25 +1,30 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Elements of the driveline beside clutches, valves, losses by torque and meters: the step that moves laws moves the devices too."""
+"""Elements of the driveline beside clutches, valves, losses by torque and meters: one step moves laws and devices."""
 
 import pytest
-
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 
 BASE = "description: three speeds and more\nbase: three_speed\n"
-WITHOUT = BASE + """\
+WITHOUT = (
+    BASE
+    + """\
 torques:
   air: {body: output, table: [[[0 rpm, 0 Nm], [3000 rpm, 0 Nm]], "nothing"]}
 """
-WITH = BASE + """\
+)
+WITH = (
+    BASE
+    + """\
 torques:
   air: {body: output, table: [[[0 rpm, 0 Nm], [3000 rpm, -30 Nm]], "assumed"]}
 bodies: {wheel_2: {inertia: [0.01 kg m2, "assumed"]}}
 meshes:
   - {name: second, bodies: [input, wheel_2], teeth: [30, 48], efficiency: [90 %, "assumed"], source: "as the base"}
 """
+)
 
 
 def driven(folder, text: str | None, gear: int) -> Rig:
@@ -50,7 +55,11 @@ def test_a_law_that_does_nothing_leaves_the_gearbox_as_it_was(tmp_path):
 def test_a_gear_whose_mesh_loses_keeps_its_ratio_and_takes_its_share_of_the_power(tmp_path):
     rig = driven(tmp_path / "lossy", WITH, 2)
     w_in, w_out = rig.true("input.speed"), rig.true("output.speed")
-    assert rig.reason == "" and rig.config.transmission.ratios[2] == pytest.approx(1.6) and w_in / w_out == pytest.approx(1.6, rel=1e-9)
+    assert (
+        rig.reason == ""
+        and rig.config.transmission.ratios[2] == pytest.approx(1.6)
+        and w_in / w_out == pytest.approx(1.6, rel=1e-9)
+    )
     taken, given = rig.true("second.torque"), rig.friction_torque("clutch_2")
     assert given * w_out == pytest.approx(0.9 * taken * w_in, rel=1e-6), "what the wheel gives the clutch"
     energy = rig.energy()

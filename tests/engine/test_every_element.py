@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every element that plant.driveline has, in a rig's folder: the engine moves it as driveline_run.Run moves the same description."""
+"""Every element that plant.driveline has, in a rig's folder: the engine moves it as driveline_run.Run does."""
 
 import shutil
 from pathlib import Path
@@ -9,7 +9,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.description.signals import torque_signals
@@ -120,7 +119,16 @@ def test_a_bag_knows_its_rig_without_the_folder(config):
 
 def test_values_are_settings_by_their_names(config):
     known = config.settings
-    for name in ("worm.efficiency", "worm.back", "soft.backlash", "geared.ca", "across.stick_back", "low.drag", "piston.rod", "engine.speed"):
+    for name in (
+        "worm.efficiency",
+        "worm.back",
+        "soft.backlash",
+        "geared.ca",
+        "across.stick_back",
+        "low.drag",
+        "piston.rod",
+        "engine.speed",
+    ):
         assert known.find(name).kept, name
     assert "shoes.drag" not in known and "drum.speed" not in known, "what is not written is no setting"
     looser = load_rig(FOLDER, {"soft.backlash": "3 deg"})
@@ -130,8 +138,24 @@ def test_values_are_settings_by_their_names(config):
 def test_check_draws_every_element(tmp_path, capsys):
     assert main(["check", str(FOLDER), "--picture", str(tmp_path / "p.svg")]) == 0
     drawn = (tmp_path / "p.svg").read_text()
-    for name in ("worm", "differential", "soft", "geared", "shoes", "across", "low", "grip", "air", "weight", "gravity", "tyre", "between",
-                 "cam", "piston", "shake"):
+    for name in (
+        "worm",
+        "differential",
+        "soft",
+        "geared",
+        "shoes",
+        "across",
+        "low",
+        "grip",
+        "air",
+        "weight",
+        "gravity",
+        "tyre",
+        "between",
+        "cam",
+        "piston",
+        "shake",
+    ):
         assert name in drawn, name
     assert "worm 2 : 40, 0.6" in drawn and len(ElementTree.fromstring(drawn)) > 50
     told = capsys.readouterr().out
@@ -143,7 +167,9 @@ def test_a_run_records_the_torques_in_all_that_joins_bodies(tmp_path):
     shutil.copytree(FOLDER, folder)
     (folder / "sequences").mkdir()
     (folder / "sequences" / "short.yaml").write_text("description: some of it\nsteps:\n  - wait: {for: 300 ms}\n")
-    assert main(["simulate", "short", "--rig", str(folder), "--set", "effects.transducers=off", "--out", str(tmp_path / "run")]) == 0
+    assert (
+        main(["simulate", "short", "--rig", str(folder), "--set", "effects.transducers=off", "--out", str(tmp_path / "run")]) == 0
+    )
     bag, run = Bag(tmp_path / "run"), alone(load_rig(folder))
     run.to(0.32)
     result, signals = run.result(), torque_signals(bag.structure)
@@ -172,52 +198,114 @@ def test_a_gearbox_tells_the_torques_of_its_wheels_when_it_is_asked_and_nothing_
     torques = JointTorques(rigs[1])
     told = dict(zip(torques.names, torques.values(), strict=True))
     # what the set puts on its wheels is in the ratio of their teeth
-    assert told["set_1_ring_torque"] == pytest.approx(72 / 40 * told["set_1_input_torque"], rel=1e-9) and told["set_1_input_torque"] < -0.5
+    assert (
+        told["set_1_ring_torque"] == pytest.approx(72 / 40 * told["set_1_input_torque"], rel=1e-9)
+        and told["set_1_input_torque"] < -0.5
+    )
     assert told["set_1_ring_torque"] == pytest.approx(rigs[1].friction_torque("brake_1"), rel=0.05), "the brake holds it"
     assert told["set_1_output_torque"] == pytest.approx(-112 / 40 * told["set_1_input_torque"], rel=1e-9)
 
 
 WRONG = {
-    "speeds that contradict": ("  input: {inertia: [0.05 kg m2, \"assumed\"]}\n  drum: {inertia: [2.0 kg m2, \"assumed\"]}",
-                               "  input: {inertia: [0.05 kg m2, x], speed: [9 rad/s, x]}\n  drum: {inertia: [2 kg m2, x], speed: [9 rad/s, x]}",
-                               "by the others 'drum' would have 0.45 rad/s"),
-    "an efficiency above 1": ("[60 %, \"assumed\"]", "[160 %, \"assumed\"]", "worm.efficiency is 160 %, outside 0.1 to 100 %"),
+    "speeds that contradict": (
+        '  input: {inertia: [0.05 kg m2, "assumed"]}\n  drum: {inertia: [2.0 kg m2, "assumed"]}',
+        "  input: {inertia: [0.05 kg m2, x], speed: [9 rad/s, x]}\n  drum: {inertia: [2 kg m2, x], speed: [9 rad/s, x]}",
+        "by the others 'drum' would have 0.45 rad/s",
+    ),
+    "an efficiency above 1": ('[60 %, "assumed"]', '[160 %, "assumed"]', "worm.efficiency is 160 %, outside 0.1 to 100 %"),
     "an efficiency without a name": ("{name: worm, bodies", "{bodies", "mesh 1 has an efficiency and no name"),
-    "the way back without the way there": ("efficiency: [60 %, \"assumed\"], back", "back", "has the key back and no efficiency"),
-    "a mesh that loses on a wheel": ("  drum: {inertia: [2.0 kg m2, \"assumed\"]}", "  drum: massless", "both sides of a mesh with an efficiency need an inertia"),
+    "the way back without the way there": ('efficiency: [60 %, "assumed"], back', "back", "has the key back and no efficiency"),
+    "a mesh that loses on a wheel": (
+        '  drum: {inertia: [2.0 kg m2, "assumed"]}',
+        "  drum: massless",
+        "both sides of a mesh with an efficiency need an inertia",
+    ),
     "a name twice": ("name: worm", "name: drum", "meshes.drum: there is 'drum' among the bodies already"),
     "a relation of one": ("{carrier: 2, left: -1, right: -1}", "{carrier: 2}", "must be a map of two bodies or more"),
-    "a coefficient of none": ("left: -1, right", "left: 0, right", "relations.differential.coefficients.left is 0, expected a number other"),
-    "a body that is not there": ("coefficients: {carrier", "coefficients: {carier", "names the body 'carier'; did you mean 'carrier'"),
-    "a shaft with both": ("damping: [0.4 Nm s/rad, \"assumed\"]", "damping: [0.4 Nm s/rad, \"assumed\"]\n    stiffness: [500 Nm/rad, x]",
-                          "shafts.soft must have one of the keys stiffness, and table"),
-    "a shaft that falls": ("[0.2 rad, 60 Nm]]", "[0.2 rad, 6 Nm]]", "the table of shaft 'soft' needs two points or more, twists rising"),
-    "a table that goes back": ("[0.2 rad, 60 Nm]]", "[0.02 rad, 60 Nm]]", "'0.02 rad' stands behind '0.05 rad'; points of a table rise"),
+    "a coefficient of none": (
+        "left: -1, right",
+        "left: 0, right",
+        "relations.differential.coefficients.left is 0, expected a number other",
+    ),
+    "a body that is not there": (
+        "coefficients: {carrier",
+        "coefficients: {carier",
+        "names the body 'carier'; did you mean 'carrier'",
+    ),
+    "a shaft with both": (
+        'damping: [0.4 Nm s/rad, "assumed"]',
+        'damping: [0.4 Nm s/rad, "assumed"]\n    stiffness: [500 Nm/rad, x]',
+        "shafts.soft must have one of the keys stiffness, and table",
+    ),
+    "a shaft that falls": (
+        "[0.2 rad, 60 Nm]]",
+        "[0.2 rad, 6 Nm]]",
+        "the table of shaft 'soft' needs two points or more, twists rising",
+    ),
+    "a table that goes back": (
+        "[0.2 rad, 60 Nm]]",
+        "[0.02 rad, 60 Nm]]",
+        "'0.02 rad' stands behind '0.05 rad'; points of a table rise",
+    ),
     "a unit of another dimension": ("[0.2 rad, 60 Nm]]", "[0.2 rad/s, 60 Nm]]", "is an angular velocity, expected an angle"),
     "a point of three": ("[0.2 rad, 60 Nm]]", "[0.2 rad, 60 Nm, 1]]", r"a point is \[angle, torque\], each with its unit"),
-    "a table without a source": ("[[[0 rad/s, -30 Nm]], \"assumed\"]", "[[0 rad/s, -30 Nm]]",
-                                 "torques.weight.table must be .value with unit or table"),
-    "backlash below 0": ("[1.5 deg, \"assumed\"]", "[-1.5 deg, \"assumed\"]", "soft.backlash is -1.5 deg, outside 0 to"),
+    "a table without a source": (
+        '[[[0 rad/s, -30 Nm]], "assumed"]',
+        "[[0 rad/s, -30 Nm]]",
+        "torques.weight.table must be .value with unit or table",
+    ),
+    "backlash below 0": ('[1.5 deg, "assumed"]', '[-1.5 deg, "assumed"]', "soft.backlash is -1.5 deg, outside 0 to"),
     "a spring of one number": ("[[300 Nm/rad, 2 Nm],", "[[300 Nm/rad],", r"a spring is \[stiffness, torque\]"),
     "a spring without torque": ("[300 Nm/rad, 2 Nm]", "[300 Nm/rad, 0 Nm]", "torque in the hysteresis of shaft 'soft' is 0.0"),
     "no such file": ("shoes.csv", "shoe.csv", "capacity.table: .*shoe.csv cannot be read"),
     "a clutch on one body": ("joins: [engine, saw]", "body: engine", "clutches.shoes lacks the key 'joins'"),
     "a stick limit below 1": ("stick_back: [1.1 -,", "stick_back: [0.9 -,", "across.stick_back is 0.9 -, outside 1 to 10"),
-    "friction that begins late": ("[[[0 rad/s, 1 -], [20 rad/s", "[[[1 rad/s, 1 -], [20 rad/s", "the table of friction of 'low' needs slips that rise from 0"),
-    "a law over time": ("gravity: {body: swing, by: angle", "gravity: {body: swing, by: time", "what is by time stands under inputs"),
-    "a law of nobody": ("tyre: {body: right, of: across", "tyre: {body: right, of: acros", "expected a body, or a clutch or brake whose slip counts; did you mean 'across'"),
-    "a torque on both": ("air: {body: saw,", "air: {body: saw, joins: [saw, engine],", "torques.air must have one of the keys body"),
+    "friction that begins late": (
+        "[[[0 rad/s, 1 -], [20 rad/s",
+        "[[[1 rad/s, 1 -], [20 rad/s",
+        "the table of friction of 'low' needs slips that rise from 0",
+    ),
+    "a law over time": (
+        "gravity: {body: swing, by: angle",
+        "gravity: {body: swing, by: time",
+        "what is by time stands under inputs",
+    ),
+    "a law of nobody": (
+        "tyre: {body: right, of: across",
+        "tyre: {body: right, of: acros",
+        "expected a body, or a clutch or brake whose slip counts; did you mean 'across'",
+    ),
+    "a torque on both": (
+        "air: {body: saw,",
+        "air: {body: saw, joins: [saw, engine],",
+        "torques.air must have one of the keys body",
+    ),
     "a speed at which it jumps": ("[1000 rpm, -4 Nm]", "[0 rpm, -4 Nm]", "the table of torque 'air' jumps at 0 rad/s"),
-    "a period that is another": ("period: [360 deg, \"one turn\"], angle: [0.5", "period: [350 deg, \"one turn\"], angle: [0.5",
-                                 "the table of torque 'gravity' reaches over 6.28319; its period is 6.10865"),
+    "a period that is another": (
+        'period: [360 deg, "one turn"], angle: [0.5',
+        'period: [350 deg, "one turn"], angle: [0.5',
+        "the table of torque 'gravity' reaches over 6.28319; its period is 6.10865",
+    ),
     "an inertia below 0": ("[180 deg, 0.03 kg m2]", "[180 deg, -0.03 kg m2]", "the table of varying inertia 'cam' falls to -0.03"),
     "a rod that is too short": ("rod: [200 mm", "rod: [20 mm", "rod of slider-crank 'piston' is 0.02 m, its radius 0.08 m"),
-    "two motions of one": ("  shake: {body: shaker}", "  shake: {body: shaker}\n  again: {body: shaker}", "motions prescribe the speeds of bodies"),
-    "an input of nobody": ("  engine: [12 Nm", "  engin: [12 Nm", "inputs.engin: nothing of this name takes an input; did you mean 'engine'"),
+    "two motions of one": (
+        "  shake: {body: shaker}",
+        "  shake: {body: shaker}\n  again: {body: shaker}",
+        "motions prescribe the speeds of bodies",
+    ),
+    "an input of nobody": (
+        "  engine: [12 Nm",
+        "  engin: [12 Nm",
+        "inputs.engin: nothing of this name takes an input; did you mean 'engine'",
+    ),
     "an input of another dimension": ("  engine: [12 Nm", "  engine: [12 rpm", "is an angular velocity, expected a torque"),
     "a capacity below 0": ("[0.2 s, 3 Nm]]", "[0.2 s, -3 Nm]]", "inputs.across falls to -3; a capacity is at least 0"),
     "a time that comes back": ("[0.31 s, -2 Nm]]", "[0.2 s, -2 Nm]]", "inputs.input: '0.2 s' stands behind '0.3 s'"),
-    "signals of another kind": ("signals: [torques]", "signals: [torque]", r"signals is .'torque'., expected .torques., which tells"),
+    "signals of another kind": (
+        "signals: [torques]",
+        "signals: [torque]",
+        r"signals is .'torque'., expected .torques., which tells",
+    ),
     "an unknown key": ("    body: ring", "    body: ring\n    stik: [2 -, x]", "unknown key 'stik' in low; did you mean 'stick'"),
 }
 
@@ -237,12 +325,17 @@ def test_a_wrong_element_is_refused_in_one_sentence_with_its_line(tmp_path, what
     assert len(capsys.readouterr().err.splitlines()) == 1 and not (tmp_path / "p.svg").exists()
 
 
-@pytest.mark.parametrize("text, sentence", [
-    ("", "needs a heading"), ("speed, torque\n0, 0\n", "the heading 'speed' names no unit of angular velocity"),
-    ("speed [rpm], torque [Nm]\n0, zero\n", "row 2, '0,zero', is not two numbers"),
-    ("speed [rpm], torque [Nm]\n10, 1\n5, 2\n", "row 3: 5 stands behind 10"), ("speed [rpm], torque [Nm]\n1,2,3\n", "of two columns each"),
-    ("speed [rpm], torque [Nm]\n1, inf\n", "all finite"),
-])
+@pytest.mark.parametrize(
+    "text, sentence",
+    [
+        ("", "needs a heading"),
+        ("speed, torque\n0, 0\n", "the heading 'speed' names no unit of angular velocity"),
+        ("speed [rpm], torque [Nm]\n0, zero\n", "row 2, '0,zero', is not two numbers"),
+        ("speed [rpm], torque [Nm]\n10, 1\n5, 2\n", "row 3: 5 stands behind 10"),
+        ("speed [rpm], torque [Nm]\n1,2,3\n", "of two columns each"),
+        ("speed [rpm], torque [Nm]\n1, inf\n", "all finite"),
+    ],
+)
 def test_a_wrong_table_beside_the_file_is_refused_in_one_sentence(tmp_path, text, sentence):
     folder = tmp_path / "rig"
     shutil.copytree(FOLDER, folder)

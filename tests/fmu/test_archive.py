@@ -7,7 +7,6 @@ import stat
 import zipfile
 
 import pytest
-
 from rig_nodes.errors import RigError
 from rig_nodes.fmu import archive
 from rig_nodes.fmu.archive import unpack
@@ -32,21 +31,24 @@ def written(path, entries, xml=XML):
     return path
 
 
-@pytest.mark.parametrize(("entries", "sentence"), [
-    ([entry("/etc/own.conf")], r"the entry '/etc/own.conf', an absolute path; expected paths inside the FMU"),
-    ([entry("C:/own.dll")], "the entry 'C:/own.dll', an absolute path"),
-    ([entry("resources/../../own")], "the entry 'resources/../../own', which leads out of it"),
-    ([entry("binaries\\own.dll")], "with a character that no path in an FMU has"),
-    ([entry("a\x1b[31mb")], r"the entry 'a\\u001b\[31mb', with a character"),
-    ([entry("x" * 300)], "which is too long"),
-    ([entry("binaries/link", b"/etc/passwd", stat.S_IFLNK | 0o777)], "entry 'binaries/link' is a symbolic link"),
-    ([entry("binaries/pipe", b"", stat.S_IFIFO | 0o644)], "entry 'binaries/pipe' is no ordinary file"),
-    ([entry("resources/zeros", bytes(20_000_000))], r"entry 'resources/zeros' unpacks to \d+ times its size, at most 200"),
-    ([entry("resources/packed", method=zipfile.ZIP_LZMA)], "packed by a method that FMI does not allow"),
-    ([entry(f"resources/{k}", b"") for k in range(10_001)], "has 10002 entries, expected at most 10000"),
-    ([entry("same", b"1"), entry("same", b"2")], "has the entry 'same' twice"),
-    ([entry("both", b"1"), entry("both/inside", b"2")], "has 'both' as a file and as a folder"),
-])
+@pytest.mark.parametrize(
+    ("entries", "sentence"),
+    [
+        ([entry("/etc/own.conf")], r"the entry '/etc/own.conf', an absolute path; expected paths inside the FMU"),
+        ([entry("C:/own.dll")], "the entry 'C:/own.dll', an absolute path"),
+        ([entry("resources/../../own")], "the entry 'resources/../../own', which leads out of it"),
+        ([entry("binaries\\own.dll")], "with a character that no path in an FMU has"),
+        ([entry("a\x1b[31mb")], r"the entry 'a\\u001b\[31mb', with a character"),
+        ([entry("x" * 300)], "which is too long"),
+        ([entry("binaries/link", b"/etc/passwd", stat.S_IFLNK | 0o777)], "entry 'binaries/link' is a symbolic link"),
+        ([entry("binaries/pipe", b"", stat.S_IFIFO | 0o644)], "entry 'binaries/pipe' is no ordinary file"),
+        ([entry("resources/zeros", bytes(20_000_000))], r"entry 'resources/zeros' unpacks to \d+ times its size, at most 200"),
+        ([entry("resources/packed", method=zipfile.ZIP_LZMA)], "packed by a method that FMI does not allow"),
+        ([entry(f"resources/{k}", b"") for k in range(10_001)], "has 10002 entries, expected at most 10000"),
+        ([entry("same", b"1"), entry("same", b"2")], "has the entry 'same' twice"),
+        ([entry("both", b"1"), entry("both/inside", b"2")], "has 'both' as a file and as a folder"),
+    ],
+)
 @pytest.mark.filterwarnings("ignore:Duplicate name")
 def test_an_archive_that_leads_astray_is_refused_before_anything_is_written(entries, sentence, tmp_path):
     path, folder = written(tmp_path / "bad.fmu", entries), tmp_path / "unpacked"
@@ -68,22 +70,25 @@ def test_a_size_is_refused_that_is_declared_and_one_that_is_hidden(tmp_path, mon
     data = bytearray(path.read_bytes())
     size = (300_000).to_bytes(4, "little")
     while (at := data.find(size)) >= 0:  # both the file's own head and the archive's list say 100 bytes
-        data[at:at + 4] = (100).to_bytes(4, "little")
+        data[at : at + 4] = (100).to_bytes(4, "little")
     path.write_bytes(data)
     with pytest.raises(RigError, match="it is damaged at 'a'"):
         unpack(path, folder)
     assert list(folder.iterdir()) == []
 
 
-@pytest.mark.parametrize(("xml", "sentence"), [
-    (LAUGHS, "has a document type declaration"),
-    (b"<a>" * 300 + b"</a>" * 300, "is nested deeper than 50 elements"),
-    (b"<a>%s</a>" % b"".join(b"<b%x/>" % k for k in range(1_000_001)), "has more than 1000000 elements"),
-    (XML[:60], "is no well-formed XML: "),
-    (b"\xff\xfe\x00", "is no well-formed XML: "),
-    (b"", "is no well-formed XML: no element found"),
-    (None, "its archive has no modelDescription.xml"),
-])
+@pytest.mark.parametrize(
+    ("xml", "sentence"),
+    [
+        (LAUGHS, "has a document type declaration"),
+        (b"<a>" * 300 + b"</a>" * 300, "is nested deeper than 50 elements"),
+        (b"<a>%s</a>" % b"".join(b"<b%x/>" % k for k in range(1_000_001)), "has more than 1000000 elements"),
+        (XML[:60], "is no well-formed XML: "),
+        (b"\xff\xfe\x00", "is no well-formed XML: "),
+        (b"", "is no well-formed XML: no element found"),
+        (None, "its archive has no modelDescription.xml"),
+    ],
+)
 def test_a_description_without_end_or_sense_is_refused(xml, sentence, tmp_path):
     with pytest.raises(RigError, match=f"bad.fmu: it cannot be read as an FMU: .*{sentence}") as refusal:
         Fmu(written(tmp_path / "bad.fmu", [], xml))

@@ -9,8 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fmpy import read_model_description, simulate_fmu
-
-import rig_nodes
 from rig_nodes.controllers.c_library import INCLUDE
 from rig_nodes.errors import RigError
 from rig_nodes.fmu.build import build_controller_fmu
@@ -18,6 +16,8 @@ from rig_nodes.fmu.importer import Fmu, FmuFailed
 from rig_nodes.fmu.rig_variables import Reader, Values, rig_variables, with_parameters
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
+
+import rig_nodes
 
 PACKAGE = Path(rig_nodes.__file__).parents[1]
 SI = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
@@ -39,8 +39,9 @@ def test_a_step_past_the_stop_time_is_an_error_and_one_up_to_it_is_not(fmu):
     fmu.initialize(0.5, 0.7)
     fmu.step(0.5, 0.1)
     for _ in range(2):
-        with pytest.raises(FmuFailed, match=r"a step from 0\.600000 s to 0\.701000 s is asked for, past the stop time of 0\.7"
-                           ) as failure:
+        with pytest.raises(
+            FmuFailed, match=r"a step from 0\.600000 s to 0\.701000 s is asked for, past the stop time of 0\.7"
+        ) as failure:
             fmu.step(0.6, 0.101)
         assert failure.value.status == "error"
     fmu.step(0.6, 0.1)
@@ -60,17 +61,20 @@ def test_a_controller_has_a_stop_time_too(controller_fmu, fmi):
             fmu.step(0.003, 0.001)
 
 
-@pytest.mark.parametrize(("act", "sentence"), [
-    (lambda f: f.get("n_wej"), "n_wej is an output and has no value before the initialization"),
-    (lambda f: f.step(0.0, 1e-3), "a step is for an initialized instance"),
-    (lambda f: f.terminate(), "there is no run that could be terminated"),
-    (lambda f: f.initialize(1.0, 0.5), "the stop time of 0.5 s lies before the start time of 1 s"),
-    (lambda f: f.initialize(float("inf")), "a start time of inf s is refused"),
-    (lambda f: (f.initialize(), f.initialize()), "before the initialization|the initialization comes first, and once"),
-    (lambda f: (f.initialize(), f.terminate(), f.terminate()), "there is no run that could be terminated"),
-    (lambda f: (f.initialize(), f.terminate(), f.set(gear_request=1)), "gear_request cannot be set any more"),
-    (lambda f: (f.initialize(), f.terminate(), f.step(0.0, 1e-3)), "a step is for an initialized instance"),
-])
+@pytest.mark.parametrize(
+    ("act", "sentence"),
+    [
+        (lambda f: f.get("n_wej"), "n_wej is an output and has no value before the initialization"),
+        (lambda f: f.step(0.0, 1e-3), "a step is for an initialized instance"),
+        (lambda f: f.terminate(), "there is no run that could be terminated"),
+        (lambda f: f.initialize(1.0, 0.5), "the stop time of 0.5 s lies before the start time of 1 s"),
+        (lambda f: f.initialize(float("inf")), "a start time of inf s is refused"),
+        (lambda f: (f.initialize(), f.initialize()), "before the initialization|the initialization comes first, and once"),
+        (lambda f: (f.initialize(), f.terminate(), f.terminate()), "there is no run that could be terminated"),
+        (lambda f: (f.initialize(), f.terminate(), f.set(gear_request=1)), "gear_request cannot be set any more"),
+        (lambda f: (f.initialize(), f.terminate(), f.step(0.0, 1e-3)), "a step is for an initialized instance"),
+    ],
+)
 def test_calls_out_of_order_are_errors_with_a_sentence(fmu, act, sentence):
     with pytest.raises(FmuFailed, match=sentence) as failure:
         act(fmu)
@@ -127,8 +131,10 @@ def test_every_unit_has_its_base_units_and_states_have_words(rig_fmu, controller
         assert float(description.coSimulation.fixedInternalStepSize) == 1e-3
     else:
         with zipfile.ZipFile(rig_fmu(fmi)) as archive:
-            assert (f'<SimpleType name="{told.name}" description="0 starting, 1 ready, 2 running, 3 tripped">'
-                    in archive.read("modelDescription.xml").decode())
+            assert (
+                f'<SimpleType name="{told.name}" description="0 starting, 1 ready, 2 running, 3 tripped">'
+                in archive.read("modelDescription.xml").decode()
+            )
     assert "whole multiples of 1 ms" in description.description
     assert all(unit.baseUnit is not None for unit in read_model_description(str(controller_fmu(fmi))).unitDefinitions)
 
@@ -223,7 +229,13 @@ def test_a_trip_ends_the_step_and_its_reason_is_in_the_log(rig_fmu, tripping, fm
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_fmpy_ends_its_simulation_at_the_trip(rig_fmu, tripping, fmi):
     said = []
-    result = simulate_fmu(str(rig_fmu(fmi)), stop_time=1.0, step_size=0.01, output_interval=0.01, output=["rig_state"],
-                          logger=lambda *message: said.append(message[-1]))
+    result = simulate_fmu(
+        str(rig_fmu(fmi)),
+        stop_time=1.0,
+        step_size=0.01,
+        output_interval=0.01,
+        output=["rig_state"],
+        logger=lambda *message: said.append(message[-1]),
+    )
     assert result["time"][-1] == pytest.approx(0.25) and result["rig_state"][-1] == 3
     assert f"the rig tripped at 0.250 s: {REASON}".encode() in said

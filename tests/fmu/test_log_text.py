@@ -7,7 +7,6 @@ import ctypes as ct
 import subprocess
 
 import pytest
-
 from rig_nodes.fmu.log_text import SIGNATURE, formatted, text_at
 
 CALLER = """
@@ -24,12 +23,10 @@ void speak(logger say, int which) {
 """
 
 
-@pytest.mark.parametrize(("which", "text"), [
-    (0, "sensor p1 lost at 1.250 s, -7 of   2.5 %"),
-    (2, "-5 6 0xff z|ab  |0.5"),
-    (3, "100 %"),
-    (4, "abc and (null)"),
-])
+@pytest.mark.parametrize(
+    ("which", "text"),
+    [(0, "sensor p1 lost at 1.250 s, -7 of   2.5 %"), (2, "-5 6 0xff z|ab  |0.5"), (3, "100 %"), (4, "abc and (null)")],
+)
 def test_values_stand_where_the_format_has_them(which, text, speak):
     assert speak(which) == text
 

@@ -16,7 +16,6 @@ from pathlib import Path
 import pytest
 from fmpy import read_model_description, simulate_fmu
 from fmpy.validation import validate_fmu
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.main import main
@@ -53,8 +52,14 @@ def gone(pid):
 
 def test_fmpy_finds_nothing_wrong_and_runs_it(rig_fmu):
     assert [validate_fmu(str(rig_fmu(fmi))) for fmi in (2, 3)] == [[], []]
-    result = simulate_fmu(str(rig_fmu()), stop_time=0.3, step_size=1e-3, output_interval=1e-2,
-                          start_values={"oil_pressure": 4 * MPA, "oil_enable": True}, output=["p_p", "sample", "true.p_p"])
+    result = simulate_fmu(
+        str(rig_fmu()),
+        stop_time=0.3,
+        step_size=1e-3,
+        output_interval=1e-2,
+        start_values={"oil_pressure": 4 * MPA, "oil_enable": True},
+        output=["p_p", "sample", "true.p_p"],
+    )
     assert result["sample"][-1] == 300
     assert result["p_p"][0] < 0.1 * MPA and result["p_p"][-1] == pytest.approx(4 * MPA, rel=0.02)
     settled = 4 * MPA * (1.0 - math.exp(-0.3 / load_rig().oil_supply.pressure_time))
@@ -186,14 +191,17 @@ def test_reset_makes_it_new_and_instances_do_not_meet(fmu2, rig_fmu):
 # ---- what is refused
 
 
-@pytest.mark.parametrize(("act", "sentence"), [
-    (lambda f: f.step(0.0, 2.5e-3), "communication step of 0.0025 s is refused; expected whole milliseconds"),
-    (lambda f: f.step(0.0, 0.0), "expected whole milliseconds"),
-    (lambda f: f.step(0.5, 1e-3), "a step from 0.500000 s is asked for, but the instance stands at 0.000000 s"),
-    (lambda f: f.set(seed=2), "seed is a parameter and cannot be set after the initialization"),
-    (lambda f: f.set(n_wej=2.0), "n_wej is an output"),
-    (lambda f: (f.set(motor_speed=1e9), f.step(0.0, 1e-3)), r"motor.speed of 1e\+09 rad/s refused; expected 0 to 314.2"),
-])
+@pytest.mark.parametrize(
+    ("act", "sentence"),
+    [
+        (lambda f: f.step(0.0, 2.5e-3), "communication step of 0.0025 s is refused; expected whole milliseconds"),
+        (lambda f: f.step(0.0, 0.0), "expected whole milliseconds"),
+        (lambda f: f.step(0.5, 1e-3), "a step from 0.500000 s is asked for, but the instance stands at 0.000000 s"),
+        (lambda f: f.set(seed=2), "seed is a parameter and cannot be set after the initialization"),
+        (lambda f: f.set(n_wej=2.0), "n_wej is an output"),
+        (lambda f: (f.set(motor_speed=1e9), f.step(0.0, 1e-3)), r"motor.speed of 1e\+09 rad/s refused; expected 0 to 314.2"),
+    ],
+)
 def test_what_cannot_be_done_is_an_error_with_a_sentence(fmu, act, sentence):
     fmu.initialize()
     with pytest.raises(FmuFailed, match=sentence) as failure:
@@ -201,11 +209,14 @@ def test_what_cannot_be_done_is_an_error_with_a_sentence(fmu, act, sentence):
     assert failure.value.status == "error"
 
 
-@pytest.mark.parametrize(("values", "sentence"), [
-    ({"alfa46.t12": 9.0}, "alfa46.t12 of 9 s refused; expected -5 to 5 s"),
-    ({"alfa46.output_1.P2.time": 0.1}, "P2 is at 100 ms; it must come after P1 at 200 ms"),
-    ({"controller": 3}, "controller is 3, expected 0"),
-])
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ({"alfa46.t12": 9.0}, "alfa46.t12 of 9 s refused; expected -5 to 5 s"),
+        ({"alfa46.output_1.P2.time": 0.1}, "P2 is at 100 ms; it must come after P1 at 200 ms"),
+        ({"controller": 3}, "controller is 3, expected 0"),
+    ],
+)
 def test_parameters_out_of_range_are_refused_at_the_initialization(fmu, values, sentence):
     fmu.set(**values)
     with pytest.raises(FmuFailed, match=sentence):
@@ -265,20 +276,30 @@ def test_the_death_of_the_process_is_fatal_and_said(rig_fmu):
 
 
 def test_the_death_of_the_importer_ends_the_process(rig_fmu):
-    code = ("import sys; from rig_nodes.fmu.importer import Fmu; fmu = Fmu(sys.argv[1]); fmu.initialize();"
-            "import os; print(open(f'/proc/self/task/{os.getpid()}/children').read(), flush=True); sys.stdin.read()")
-    importer = subprocess.Popen([sys.executable, "-c", code, str(rig_fmu())], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                                text=True, env={**os.environ, "PYTHONPATH": str(Path(example.__file__).parents[2])})
+    code = (
+        "import sys; from rig_nodes.fmu.importer import Fmu; fmu = Fmu(sys.argv[1]); fmu.initialize();"
+        "import os; print(open(f'/proc/self/task/{os.getpid()}/children').read(), flush=True); sys.stdin.read()"
+    )
+    importer = subprocess.Popen(
+        [sys.executable, "-c", code, str(rig_fmu())],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(Path(example.__file__).parents[2])},
+    )
     pid = int(importer.stdout.readline().split()[0])
     importer.kill()
     importer.communicate()
     assert gone(pid)
 
 
-@pytest.mark.parametrize(("variable", "value", "sentence"), [
-    ("RIG_FMU_PYTHON", "/nowhere/python", r"'/nowhere/python' does not start \(No such file or directory\)"),
-    ("RIG_FMU_PATH", "/nowhere", "the rig's process ended with exit code 1.*RIG_FMU_PATH"),
-])
+@pytest.mark.parametrize(
+    ("variable", "value", "sentence"),
+    [
+        ("RIG_FMU_PYTHON", "/nowhere/python", r"'/nowhere/python' does not start \(No such file or directory\)"),
+        ("RIG_FMU_PATH", "/nowhere", "the rig's process ended with exit code 1.*RIG_FMU_PATH"),
+    ],
+)
 def test_an_interpreter_that_is_not_the_rigs_is_named(rig_fmu, monkeypatch, variable, value, sentence):
     monkeypatch.setenv(variable, value)
     if variable == "RIG_FMU_PATH":
@@ -332,17 +353,20 @@ def test_the_command_writes_it(tmp_path, capsys):
     assert main(["export", "fmu", "stray.c"]) == 2 and main(["export", "controller-fmu"]) == 2
 
 
-@pytest.mark.parametrize(("arguments", "sentence"), [
-    ("controller-fmu own.c -o own.c", "-o own.c: export controller-fmu writes a file that ends in .fmu"),
-    ("controller-fmu own.c -o linked.fmu", "-o linked.fmu: it is what is to be exported; name another file"),
-    ("dbc -o README.md", "-o README.md: export dbc writes a file that ends in .dbc"),
-    ("registers -o x.pdf", "-o x.pdf: export registers writes a file that ends in .csv or .md"),
-    ("registers -o README.md", "-o README.md: it exists; remove it first, or name another file"),
-    ("fmu -o folder", "-o folder: it is a folder; name the file in it, which ends in .fmu"),
-    ("controller-fmu folder", "folder: it is a folder, expected a file"),
-    ("dbc -o none/rig.dbc", "-o none/rig.dbc: there is no folder none"),
-    ("", "the following arguments are required: what (see 'rig export --help')"),
-])
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ("controller-fmu own.c -o own.c", "-o own.c: export controller-fmu writes a file that ends in .fmu"),
+        ("controller-fmu own.c -o linked.fmu", "-o linked.fmu: it is what is to be exported; name another file"),
+        ("dbc -o README.md", "-o README.md: export dbc writes a file that ends in .dbc"),
+        ("registers -o x.pdf", "-o x.pdf: export registers writes a file that ends in .csv or .md"),
+        ("registers -o README.md", "-o README.md: it exists; remove it first, or name another file"),
+        ("fmu -o folder", "-o folder: it is a folder; name the file in it, which ends in .fmu"),
+        ("controller-fmu folder", "folder: it is a folder, expected a file"),
+        ("dbc -o none/rig.dbc", "-o none/rig.dbc: there is no folder none"),
+        ("", "the following arguments are required: what (see 'rig export --help')"),
+    ],
+)
 def test_the_command_writes_over_nothing_of_the_users(arguments, sentence, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     for name in ("own.c", "README.md"):

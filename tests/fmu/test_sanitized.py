@@ -9,13 +9,14 @@ import subprocess
 import sys
 from pathlib import Path
 
-from rig_nodes import fmu
 from rig_nodes.controllers.c_library import INCLUDE
 from rig_nodes.controllers.record import record_of
 from rig_nodes.fmu.build import SOURCES, controller_defines, controller_variables, fmpy_headers, record_text
 from rig_nodes.fmu.description import c_header
 from rig_nodes.fmu.rig_variables import rig_variables
 from rig_nodes.testbench.configuration import load_rig
+
+from rig_nodes import fmu
 
 PACKAGE = Path(fmu.__file__).parents[2]
 ALFA46_C = INCLUDE.parent / "examples" / "alfa46.c"
@@ -27,15 +28,30 @@ def build(folder, header, sources):
     """Path of the program."""
     (folder / "variables.h").write_text(header)
     files = [Path(__file__).parent / "driver.c", SOURCES / "fmi2.c", SOURCES / "instance.c", *sources]
-    subprocess.run(["cc", *STRICT, *SANITIZE, f"-I{folder}", f"-I{SOURCES}", f"-I{INCLUDE}", f"-I{fmpy_headers()}",
-                    "-o", folder / "driver", *files, "-lm"], check=True)
+    subprocess.run(
+        [
+            "cc",
+            *STRICT,
+            *SANITIZE,
+            f"-I{folder}",
+            f"-I{SOURCES}",
+            f"-I{INCLUDE}",
+            f"-I{fmpy_headers()}",
+            "-o",
+            folder / "driver",
+            *files,
+            "-lm",
+        ],
+        check=True,
+    )
     return folder / "driver"
 
 
 def drive(program, folder):
     """What the program prints; it ends with 0 and without a complaint of the sanitizers."""
-    done = subprocess.run([program, folder.as_uri().replace("resources", "%72esources")], capture_output=True, text=True,
-                          timeout=100)
+    done = subprocess.run(
+        [program, folder.as_uri().replace("resources", "%72esources")], capture_output=True, text=True, timeout=100
+    )
     assert (done.returncode, done.stderr) == (0, "") and done.stdout.endswith("done\n"), done.stdout + done.stderr
     return done.stdout
 

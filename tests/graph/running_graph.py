@@ -21,7 +21,6 @@ from rclpy.experimental import EventsExecutor
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
-
 from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.main import main
 from rig_nodes.graph.domain import allocate
@@ -181,8 +180,9 @@ class RigRun:
         self.folder, self.output = folder, []
         # as at most users: with it, the order of what comes out on stdout and stderr would not depend on our flushes
         plain = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-                                        start_new_session=True, env=plain | (env or {}))
+        self.process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True, env=plain | (env or {})
+        )
 
     def until(self, text: str) -> str:
         """Read its output up to a line with this text."""
@@ -206,8 +206,11 @@ class RigRun:
             except OSError:
                 continue
             if parent == self.process.pid:
-                found |= {word.decode().rpartition(".")[2]: int(stat.parent.name)
-                          for word in words if word.startswith(b"rig_nodes.nodes.")}
+                found |= {
+                    word.decode().rpartition(".")[2]: int(stat.parent.name)
+                    for word in words
+                    if word.startswith(b"rig_nodes.nodes.")
+                }
         return found
 
     def end(self) -> tuple[int, str]:

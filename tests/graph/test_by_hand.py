@@ -10,15 +10,14 @@ import subprocess
 import sys
 
 import pytest
-from running_graph import PATIENCE, Graph, RigRun
-from verbs import Verbs
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
 from rig_nodes.graph import domain as domains
 from rig_nodes.graph.domain import allocate, of_running_rig, running_rigs
 from rig_nodes.nodes import running_rig
+from running_graph import PATIENCE, Graph, RigRun
+from verbs import Verbs
 
 pytestmark = pytest.mark.against_the_clock
 
@@ -33,8 +32,13 @@ def graph(tmp_path_factory):
 def rig(domain: int, *words: str) -> tuple[int, str, str]:
     """Exit code, stdout and stderr of a command."""
     plain = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
-    done = subprocess.run([sys.executable, "-P", "-m", "rig_nodes.cli.main", *words, "--domain", str(domain)],
-                          capture_output=True, text=True, timeout=60, env=plain)
+    done = subprocess.run(
+        [sys.executable, "-P", "-m", "rig_nodes.cli.main", *words, "--domain", str(domain)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env=plain,
+    )
     return done.returncode, done.stdout, done.stderr
 
 
@@ -75,19 +79,25 @@ def test_values_are_set_with_their_units_and_shown_as_people_read_them(ask, ask_
     assert not any("use_sim_time" in name for name in rows)
 
 
-@pytest.mark.parametrize("words, code, sentence", [
-    (["set", "motor.speed", "50000 rpm"], 2, "motor.speed is 50000 rpm, outside 0 to 3000 rpm"),
-    (["set", "motor.speed", "3 MPa"], 2, "'3 MPa' is a pressure, expected an angular velocity (rad/s, rpm)"),
-    (["set", "motor.sped", "600 rpm"], 2, "there is no value of motor 'sped'; did you mean 'speed'"),
-    (["set", "moter.speed", "600 rpm"], 2, "there is no value 'moter.speed'; did you mean 'motor.speed'"),
-    (["set", "w0.inertia", "1 kg m2"], 2, "w0.inertia cannot be set while the rig runs; give --set w0.inertia=... to the run"),
-    (["set", "motor.enabled", "maybe"], 2, "motor.enabled is 'maybe', expected one of on, off"),
-    (["set", "alfa46.output_1.currents", "300 mA, 250 mA, 900 mA, 300 mA, 200 mA, 0 mA"], 1,
-     "output_1.P3 asks for 900 mA; the valve takes 0 to 800 mA"),
-    (["gear", "III"], 2, "there is no gear 'III'; expected I, II or N (neutral)"),
-    (["gear", "N"], 1, "shift refused: gear neutral is already ordered"),
-    (["reset"], 1, "the rig is not in its safe state; nothing done"),
-])
+@pytest.mark.parametrize(
+    "words, code, sentence",
+    [
+        (["set", "motor.speed", "50000 rpm"], 2, "motor.speed is 50000 rpm, outside 0 to 3000 rpm"),
+        (["set", "motor.speed", "3 MPa"], 2, "'3 MPa' is a pressure, expected an angular velocity (rad/s, rpm)"),
+        (["set", "motor.sped", "600 rpm"], 2, "there is no value of motor 'sped'; did you mean 'speed'"),
+        (["set", "moter.speed", "600 rpm"], 2, "there is no value 'moter.speed'; did you mean 'motor.speed'"),
+        (["set", "w0.inertia", "1 kg m2"], 2, "w0.inertia cannot be set while the rig runs; give --set w0.inertia=... to the run"),
+        (["set", "motor.enabled", "maybe"], 2, "motor.enabled is 'maybe', expected one of on, off"),
+        (
+            ["set", "alfa46.output_1.currents", "300 mA, 250 mA, 900 mA, 300 mA, 200 mA, 0 mA"],
+            1,
+            "output_1.P3 asks for 900 mA; the valve takes 0 to 800 mA",
+        ),
+        (["gear", "III"], 2, "there is no gear 'III'; expected I, II or N (neutral)"),
+        (["gear", "N"], 1, "shift refused: gear neutral is already ordered"),
+        (["reset"], 1, "the rig is not in its safe state; nothing done"),
+    ],
+)
 def test_what_is_wrong_is_one_sentence_and_what_the_rig_refuses_is_exit_code_1(ask_on, words, code, sentence):
     ended, out, error = ask_on(*words)
     assert ended == code and out == "" and sentence in error and error.startswith("rig: ") and error.count("\n") == 1

@@ -9,13 +9,12 @@ import sys
 
 import numpy as np
 import pytest
-from running_graph import SHORT, RigRun, rig_run
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.controllers import load_controller
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
+from running_graph import SHORT, RigRun, rig_run
 
 NOT_THE_PLANTS = {"/controller/events", "all"}
 BREAKING = """
@@ -109,8 +108,9 @@ steps:
 """
 
 
-@pytest.mark.parametrize("arguments", [("--speed", "max"), pytest.param((), marks=pytest.mark.against_the_clock)],
-                         ids=["lockstep", "real time"])
+@pytest.mark.parametrize(
+    "arguments", [("--speed", "max"), pytest.param((), marks=pytest.mark.against_the_clock)], ids=["lockstep", "real time"]
+)
 def test_a_controller_gets_what_it_wants_and_the_settings_that_it_names_as_its_own(tmp_path, arguments):
     """Transducers in lockstep as of each sample, as in simulate; in real time the newest of their topics."""
     (tmp_path / "own.py").write_text(OWN)
@@ -132,20 +132,23 @@ def test_a_controller_gets_what_it_wants_and_the_settings_that_it_names_as_its_o
 def other_topics(folder, spec="alfa46", sequence=SHORT):
     """Topics whose content is not that of `simulate` with the same controller."""
     config = load_rig()
-    simulate(config, load_sequence(sequence), folder / "simulated",
-             controller=load_controller(spec, config))
+    simulate(config, load_sequence(sequence), folder / "simulated", controller=load_controller(spec, config))
     expected, found = (Bag(folder / name).canonical_hash() for name in ("simulated", "run"))
     return {topic for topic in expected if found.get(topic) != expected[topic]} - NOT_THE_PLANTS
 
 
-@pytest.mark.parametrize(("what", "arguments", "sentence", "oldest"), [
-    ("*(volatile int *)8 = 1;", ("--speed", "1"), "sample 500: the library's process was ended by SIGSEGV", 0.007),
-    ("for (;;);", ("--speed", "1", "--step-timeout", "3"), "sample 500: no answer for 3 s (--step-timeout)",
-     0.007),
-    pytest.param("*(volatile int *)8 = 1;", (), SILENT, 0.107,
-                 marks=[pytest.mark.against_the_clock, pytest.mark.campaign]),  # the rig sees it as it sees a hang
-    pytest.param("for (;;);", (), SILENT, 0.107, marks=pytest.mark.against_the_clock),
-], ids=["crash in lockstep", "hang in lockstep", "crash in real time", "hang in real time"])
+@pytest.mark.parametrize(
+    ("what", "arguments", "sentence", "oldest"),
+    [
+        ("*(volatile int *)8 = 1;", ("--speed", "1"), "sample 500: the library's process was ended by SIGSEGV", 0.007),
+        ("for (;;);", ("--speed", "1", "--step-timeout", "3"), "sample 500: no answer for 3 s (--step-timeout)", 0.007),
+        pytest.param(
+            "*(volatile int *)8 = 1;", (), SILENT, 0.107, marks=[pytest.mark.against_the_clock, pytest.mark.campaign]
+        ),  # the rig sees it as it sees a hang
+        pytest.param("for (;;);", (), SILENT, 0.107, marks=pytest.mark.against_the_clock),
+    ],
+    ids=["crash in lockstep", "hang in lockstep", "crash in real time", "hang in real time"],
+)
 def test_a_library_that_breaks_ends_in_the_safe_state(tmp_path, breaking, what, arguments, sentence, oldest):
     code, output = rig_run(tmp_path / "run", *arguments, "--controller", breaking(what))
     assert code == 1 and sentence in output, output

@@ -12,8 +12,6 @@ import subprocess
 import sys
 
 import pytest
-from running_graph import BRIEF, RigRun
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.graph.domain import Domain, allocate, environment
@@ -21,6 +19,7 @@ from rig_nodes.nodes import cut_device
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
+from running_graph import BRIEF, RigRun
 
 NOT_THE_PLANTS = {"/controller/events", "/diagnostics", "/parameter_events", "/rosout", "all"}
 GATE = "import sys; from rig_nodes.nodes import rig_container as c; c.GATE_TIMEOUT = 2.0; sys.exit(c.main())"
@@ -32,7 +31,11 @@ class DeviceProcess:
     def __init__(self, name: str, domain: int):
         self.process = subprocess.Popen(
             [sys.executable, "-P", "-m", "rig_nodes.cli.main", "device", name, "--domain", str(domain)],
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
         self.output = ""
 
     def until(self, text: str) -> None:
@@ -92,7 +95,7 @@ def test_lockstep_gives_the_bits_of_simulate(tmp_path, start):
     for topic in answers:
         # the last port is answered too, when nobody goes on from it
         mine, its = messages(ours, topic), messages(theirs, topic)
-        assert len(mine) > 500 and its[:len(mine)] == mine and len(its) - len(mine) <= 1
+        assert len(mine) > 500 and its[: len(mine)] == mine and len(its) - len(mine) <= 1
     for device in devices:
         device.until("the rig has left")
         assert device.end() == 0 and "Traceback" not in device.output
@@ -101,7 +104,7 @@ def test_lockstep_gives_the_bits_of_simulate(tmp_path, start):
 @pytest.mark.against_the_clock
 def test_a_killed_device_trips_the_rig_within_100_ms_and_is_named(tmp_path, start):
     run = RigRun(tmp_path / "run", *cut("motor"))
-    device, = start(run, "motor")
+    (device,) = start(run, "motor")
     run.until("wait until n_wej above")
     device.process.kill()
     code, output = run.end()
@@ -110,14 +113,14 @@ def test_a_killed_device_trips_the_rig_within_100_ms_and_is_named(tmp_path, star
     assert reason in output.splitlines()[-1]
     bag = Bag(run.folder)
     last = [message.sample for _, message in bag.messages("/motor/cut/answer")][-1] * 1e-3
-    tripped, = [t for t, _, name, text, _ in bag.events() if name == "rig_tripped" and text == reason]
+    (tripped,) = [t for t, _, name, text, _ in bag.events() if name == "rig_tripped" and text == reason]
     assert 0.1 < tripped - last < 0.106
     assert [m.torque for _, m in bag.messages("/motor/state")][-1] == 0.0
 
 
 def test_a_device_that_hangs_in_lockstep_trips_after_the_step_timeout(tmp_path, start):
     run = RigRun(tmp_path / "run", "--speed", "1", "--step-timeout", "3", *cut("load_pump"))
-    device, = start(run, "load_pump")
+    (device,) = start(run, "load_pump")
     run.until("shift to I")
     device.process.send_signal(signal.SIGSTOP)
     code, output = run.end()
@@ -130,11 +133,13 @@ def test_a_device_that_hangs_in_lockstep_trips_after_the_step_timeout(tmp_path, 
 def test_without_its_device_the_rig_does_not_start_and_says_how():
     with allocate() as domain:
         env = os.environ | {"ROS_DOMAIN_ID": str(domain.number)}
-        done = subprocess.run([sys.executable, "-P", "-c", GATE, *cut("motor")], env=env, text=True,
-                              capture_output=True, timeout=60)
+        done = subprocess.run(
+            [sys.executable, "-P", "-c", GATE, *cut("motor")], env=env, text=True, capture_output=True, timeout=60
+        )
         assert done.returncode != 0 and "Traceback" not in done.stderr
-        assert ("motor is cut out and nobody answers /motor/cut/port; start its node with: ./rig device "
-                f"motor --domain {domain.number}") in done.stderr
+        assert (
+            f"motor is cut out and nobody answers /motor/cut/port; start its node with: ./rig device motor --domain {domain.number}"
+        ) in done.stderr
 
 
 def test_a_device_without_a_rig_says_so_and_ends_in_order():
@@ -144,15 +149,18 @@ def test_a_device_without_a_rig_says_so_and_ends_in_order():
         assert device.end(signal.SIGTERM) == 0
 
 
-@pytest.mark.parametrize("module, arguments, sentence", [
-    ("cli.main", ["device", "gearbox"], "gearbox cannot be cut out of the plant: its shafts carry"),
-    ("nodes.cut_device", ["clutch_s1"], "clutch_s1 cannot be cut out of the plant: clutches that lock"),
-    ("nodes.cut_device", ["motr"], "there is no device 'motr'"),
-    ("nodes.cut_device", [], "name the device that the rig has cut out, e.g. device motor"),
-    ("cli.main", ["device", "motor"], "give --domain N"),
-    ("cli.main", ["device", "motor", "--domain", "300"], "expected a number from 0 to 232"),
-    ("cli.main", ["device", "motor", "--domain", "3", "--set", "motor.ramp=3 Nm"], "is a torque"),
-])
+@pytest.mark.parametrize(
+    "module, arguments, sentence",
+    [
+        ("cli.main", ["device", "gearbox"], "gearbox cannot be cut out of the plant: its shafts carry"),
+        ("nodes.cut_device", ["clutch_s1"], "clutch_s1 cannot be cut out of the plant: clutches that lock"),
+        ("nodes.cut_device", ["motr"], "there is no device 'motr'"),
+        ("nodes.cut_device", [], "name the device that the rig has cut out, e.g. device motor"),
+        ("cli.main", ["device", "motor"], "give --domain N"),
+        ("cli.main", ["device", "motor", "--domain", "300"], "expected a number from 0 to 232"),
+        ("cli.main", ["device", "motor", "--domain", "3", "--set", "motor.ramp=3 Nm"], "is a torque"),
+    ],
+)
 def test_what_is_no_device_is_refused_in_one_sentence(module, arguments, sentence, capsys, monkeypatch):
     monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
     monkeypatch.setattr(sys, "argv", [module, *arguments])
@@ -162,27 +170,36 @@ def test_what_is_no_device_is_refused_in_one_sentence(module, arguments, sentenc
     assert sentence in said and len(said.strip().splitlines()) == 1
 
 
-STRONG = ("import sys; from rig_nodes.nodes import cut_device as d; from rig_nodes.engine.outside import Answer, OtherSide\n"
-          "def step(self, port, ticks=1, old=OtherSide.step):\n"
-          "    self.ticks = getattr(self, 'ticks', 0) + ticks\n"
-          "    answer = old(self, port, ticks)\n"
-          "    return answer._replace(torque=1e308) if self.ticks > 200 else answer\n"
-          "OtherSide.step = step; sys.argv[1:1] = ['motor']; sys.exit(d.main())")
+STRONG = (
+    "import sys; from rig_nodes.nodes import cut_device as d; from rig_nodes.engine.outside import Answer, OtherSide\n"
+    "def step(self, port, ticks=1, old=OtherSide.step):\n"
+    "    self.ticks = getattr(self, 'ticks', 0) + ticks\n"
+    "    answer = old(self, port, ticks)\n"
+    "    return answer._replace(torque=1e308) if self.ticks > 200 else answer\n"
+    "OtherSide.step = step; sys.argv[1:1] = ['motor']; sys.exit(d.main())"
+)
 
 
 def test_a_torque_that_no_speed_can_follow_trips_the_rig_and_is_in_no_message(tmp_path):
     run = RigRun(tmp_path / "run", "--speed", "max", *cut("motor"))
     domain = re.search(r"--domain (\d+)", run.until("is cut out; start it with: ./rig device"))[1]
-    device = subprocess.Popen([sys.executable, "-P", "-c", STRONG], env=environment(Domain(int(domain))),
-                              stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    device = subprocess.Popen(
+        [sys.executable, "-P", "-c", STRONG],
+        env=environment(Domain(int(domain))),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
     try:
         code, output = run.end()
     finally:
         device.kill()
         device.wait()
     last = output.splitlines()[-1]
-    assert code == 1 and re.search(r"^rig: .* became (-?inf|nan) between \d+\.\d{3} s and \d+\.\d{3} s, which is no finite "
-                                   "number", last), output
+    assert code == 1 and re.search(
+        r"^rig: .* became (-?inf|nan) between \d+\.\d{3} s and \d+\.\d{3} s, which is no finite "
+        "number",
+        last,
+    ), output
     end = json.loads((run.folder / "report.json").read_text())["run"]["end"]
     assert end["reason"] in last
     bag = Bag(run.folder)

@@ -5,7 +5,6 @@
 
 import pytest
 import rclpy
-
 from rig_nodes.graph.domain import allocate, use_own_transports
 from rig_nodes.nodes.commands import Commands
 from rig_nodes.nodes.device import DeviceNode, device_names, pace_of, setpoints_taken
@@ -16,11 +15,18 @@ from rig_nodes.testbench.sequence import BY_HAND
 from rig_nodes.testbench.simulate import run_record
 
 PARAMETERS = {
-    "hydmag": {"motor": {"speed", "enabled"}, "load_pump": {"relief_pressure", "enabled"},
-               "oil_supply": {"pressure", "enabled", "temperature"}},
-    "spring_bench": {"hydraulic_motor": {"speed", "enabled"}, "valve_zp2": {"pressure", "enabled"},
-                     "cylinder": {"pressure", "enabled"}, "testing_machine": {"travel", "enabled"},
-                     "oil_supply": {"temperature"}},
+    "hydmag": {
+        "motor": {"speed", "enabled"},
+        "load_pump": {"relief_pressure", "enabled"},
+        "oil_supply": {"pressure", "enabled", "temperature"},
+    },
+    "spring_bench": {
+        "hydraulic_motor": {"speed", "enabled"},
+        "valve_zp2": {"pressure", "enabled"},
+        "cylinder": {"pressure", "enabled"},
+        "testing_machine": {"travel", "enabled"},
+        "oil_supply": {"temperature"},
+    },
 }
 
 
@@ -47,8 +53,9 @@ def test_each_device_has_the_topics_and_parameters_of_its_part(ros, name):
         told = nodes["oil_supply"].describe_parameter("temperature").description
         assert told == "Temperature of the oil, to which the plates cool [degC]", "as the part says it"
         published = {topic for node in nodes.values() for topic in node.outputs}
-        whole = {topic.name for topic in config.catalogue.topics.values()
-                 if topic.node in ("rig", "instruments", "alfa46", "sequencer")}
+        whole = {
+            topic.name for topic in config.catalogue.topics.values() if topic.node in ("rig", "instruments", "alfa46", "sequencer")
+        }
         assert published == set(config.catalogue.topics) - whole
         assert {topic for node in nodes.values() for topic in node.inputs} == {one.topic for one in setpoints_taken(config)}
     finally:

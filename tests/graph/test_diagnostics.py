@@ -10,17 +10,30 @@ import time
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rig_msgs.msg import RigState, Setpoint
+from rig_nodes.bags.reader import Bag
 from running_graph import Client, Graph
 from std_srvs.srv import Trigger
-
-from rig_nodes.bags.reader import Bag
 
 pytestmark = pytest.mark.against_the_clock
 
 OK, WARN, ERROR, STALE = (getattr(DiagnosticStatus, name) for name in ("OK", "WARN", "ERROR", "STALE"))
-IN_CONTAINER = {"rig", *(f"rig/{name}" for name in (
-    "motor", "gearbox", "clutch_s1", "clutch_s2", "valve_zr_p1", "valve_zr_p2", "oil_supply", "load_pump",
-    "instruments"))}
+IN_CONTAINER = {
+    "rig",
+    *(
+        f"rig/{name}"
+        for name in (
+            "motor",
+            "gearbox",
+            "clutch_s1",
+            "clutch_s2",
+            "valve_zr_p1",
+            "valve_zr_p2",
+            "oil_supply",
+            "load_pump",
+            "instruments",
+        )
+    ),
+}
 ALL = IN_CONTAINER | {"rig/alfa46", "rig/sequencer", "rig/recorder"}
 FAILING = """
 from rig_nodes.controllers.examples.alfa46 import Alfa46
@@ -50,6 +63,7 @@ class Watcher(Client):
 
     def shows(self, name, level, text):
         """Wait until a device says this; returns its values."""
+
         def there():
             status = self.newest.get(name)
             return status is not None and status.level == level and text in status.message

@@ -10,11 +10,10 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile
 from rig_msgs.action import RunSequence
 from rig_msgs.msg import ControllerSample, RigState, ValveCommand
-from running_graph import SHORT, Client, Graph
-
 from rig_nodes.analysis.report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.graph.result import facts_of, lost_messages
+from running_graph import SHORT, Client, Graph
 
 pytestmark = pytest.mark.against_the_clock
 
@@ -44,7 +43,7 @@ def test_a_sequence_runs_at_level_current_and_the_gains_are_the_rigs(tmp_path):
         for name, value, taken in (("gain_p", 10.0, False), ("t12", -0.2, True)):
             future = client.set_parameters([Parameter(name, value=value)])
             user.until(future.done, "the answer")
-            result, = future.result().results
+            (result,) = future.result().results
             assert result.successful is taken and ("power stage closes the loop" in result.reason) is not taken
         result = user.order(RunSequence, "/sequencer/run", RunSequence.Goal(name=str(SHORT))).result()
         assert result.success, result.message
@@ -54,7 +53,7 @@ def test_a_sequence_runs_at_level_current_and_the_gains_are_the_rigs(tmp_path):
     bag, facts = Bag(graph.folder), facts_of(graph.folder)
     assert facts["alfa46"]["controller"] == {"name": "alfa46", "level": "current", "level_from": "as given"}
     assert lost_messages(bag, facts) == {}
-    shift, = build_report(bag, bag.run_info())["shifts"]
+    (shift,) = build_report(bag, bag.run_info())["shifts"]
     assert (shift["from_gear"], shift["to_gear"], shift["valid"]) == (1, 2, True)
     commands = [message for _, message in bag.messages("/controller/command")]
     assert {message.level for message in commands} == {ValveCommand.LEVEL_CURRENT}

@@ -3,6 +3,7 @@
 
 """What a user sees of the running graph from a process of his own."""
 
+import itertools
 import math
 
 import pytest
@@ -11,12 +12,11 @@ from rclpy.action import ActionClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rig_msgs.action import RunSequence, Shift
 from rig_msgs.msg import RigState, Setpoint, ValveCommand
-from running_graph import SHORT, Client, Graph
-from std_srvs.srv import Trigger
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.catalogue import catalogue
 from rig_nodes.graph.result import facts_of, lost_messages
+from running_graph import SHORT, Client, Graph
+from std_srvs.srv import Trigger
 
 pytestmark = pytest.mark.against_the_clock
 
@@ -71,6 +71,7 @@ def test_every_node_and_topic_is_seen(user):
     user.until(lambda: nodes <= set(user.node.get_node_names()), f"the nodes {nodes}")
     # discovery tells of one endpoint after the other
     for topic in catalogue().topics.values():
+
         def offered(name=topic.name) -> list[str]:
             return [info.node_name for info in user.node.get_publishers_info_by_topic(name)]
 
@@ -86,7 +87,7 @@ def test_torque_is_read_without_gaps_and_in_time(user):
     seqs = [message.seq for message in torque]
     assert seqs == list(range(seqs[0], seqs[0] + len(seqs)))
     stamps = [message.header.stamp.sec + message.header.stamp.nanosec * 1e-9 for message in torque]
-    assert all(abs(b - a - 0.01) < 1e-9 for a, b in zip(stamps, stamps[1:]))
+    assert all(abs(b - a - 0.01) < 1e-9 for a, b in itertools.pairwise(stamps))
 
 
 def test_a_sequence_is_run_by_action(user, still):
@@ -124,8 +125,7 @@ def test_a_shift_gives_feedback_and_result_and_refuses_another(user, still):
     assert len(goal.feedback) >= 8 and {feedback.phase for feedback in goal.feedback} - {""}
     assert max(max(feedback.setpoint) for feedback in goal.feedback) > 0.3
     user.until(lambda: len(events) >= 3, "the events of the shift")
-    assert [(event.name, event.value) for event in events] == [
-        ("shift_ordered", new), ("shift_refused", 0.0), ("shift_done", new)]
+    assert [(event.name, event.value) for event in events] == [("shift_ordered", new), ("shift_refused", 0.0), ("shift_done", new)]
     assert events[0].header.stamp.sec + events[0].header.stamp.nanosec * 1e-9 == pytest.approx(result.t_order)
     same = user.order(Shift, "/alfa46/shift", Shift.Goal(gear=new)).result()
     assert not same.success and "already" in same.message
@@ -157,7 +157,7 @@ def test_a_wrong_setpoint_is_refused_and_the_old_one_stays(user, still, value):
     user.until(turning, "the motor at 300 rpm")
     publisher.publish(Setpoint(value=value, enable=True))
     user.until(lambda: any(event.name == "command_refused" for event in events), "the refusal")
-    assert "/motor/command" in [event.text for event in events if event.name == "command_refused"][0]
+    assert "/motor/command" in next(event.text for event in events if event.name == "command_refused")
     seen = len(states)
     user.until(lambda: len(states) > seen + 20, "the motor going on")
     assert states[-1].enabled and states[-1].speed_setpoint == pytest.approx(300.0 * RPM)

@@ -9,8 +9,6 @@ import signal
 from pathlib import Path
 
 import pytest
-from running_graph import BRIEF, SHORT, RigRun, Traces, rig_run
-
 import rig_nodes.controllers
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
@@ -18,6 +16,7 @@ from rig_nodes.controllers import load_controller
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
+from running_graph import BRIEF, SHORT, RigRun, Traces, rig_run
 
 EXAMPLES = Path(rig_nodes.controllers.__file__).parent / "examples"
 # orders of the sequencer reach the box over ROS: when it says so is its own affair
@@ -43,11 +42,15 @@ def simulated(tmp_path_factory):
     return get
 
 
-@pytest.mark.parametrize("arguments", [
-    pytest.param(("--speed", "max"), marks=pytest.mark.against_the_clock),  # its factor is a promise of an idle machine
-    ("--speed", "max", "--controller", f"c:{EXAMPLES / 'alfa46.c'}"),
-    ("--speed", "2", "--delay", "3", "--controller", PYTHON, "--level", "current"),
-], ids=["max", "c", "late python-current at twice"])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        pytest.param(("--speed", "max"), marks=pytest.mark.against_the_clock),  # its factor is a promise of an idle machine
+        ("--speed", "max", "--controller", f"c:{EXAMPLES / 'alfa46.c'}"),
+        ("--speed", "2", "--delay", "3", "--controller", PYTHON, "--level", "current"),
+    ],
+    ids=["max", "c", "late python-current at twice"],
+)
 def test_same_bits_as_simulate(tmp_path, simulated, arguments):
     folder, sequence = tmp_path / "run", BRIEF if "2" in arguments else SHORT
     code, output = rig_run(folder, *arguments, sequence=sequence)
@@ -74,18 +77,23 @@ def test_a_controller_that_dies_in_lockstep_trips_at_once(tmp_path):
     code, _ = run.end()
     assert code == 1
     bag = Bag(run.folder)
-    trip, = [t for t, _, name, text, _ in bag.events() if name == "rig_tripped" and "process has ended" in text]
+    (trip,) = [t for t, _, name, text, _ in bag.events() if name == "rig_tripped" and "process has ended" in text]
     age = next(m.command_age for _, m in bag.messages("/valve_zr_p1/state") if m.safe)
     assert age <= 0.007, "nothing is held from a dead controller"  # two samples, then up to a tick to the message
     newest = max(m.header.stamp.sec + m.header.stamp.nanosec * 1e-9 for _, m in bag.messages("/controller/command"))
     assert trip - newest < 0.05, "the recorder had all but the last moment of what it said"
 
 
-@pytest.mark.parametrize("arguments, sentence", [
-    (("--speed", "0"), "expected a number above 0 or max"), (("--speed", "fast"), "expected a number above 0 or max"),
-    (("--step-timeout", "-1"), "expected a number above 0"), (("--controller", "c:none.so"), "none.so"),
-    (("--delay", "0"), "in real time time passes while the controller computes"),
-])
+@pytest.mark.parametrize(
+    "arguments, sentence",
+    [
+        (("--speed", "0"), "expected a number above 0 or max"),
+        (("--speed", "fast"), "expected a number above 0 or max"),
+        (("--step-timeout", "-1"), "expected a number above 0"),
+        (("--controller", "c:none.so"), "none.so"),
+        (("--delay", "0"), "in real time time passes while the controller computes"),
+    ],
+)
 def test_wrong_options_are_refused(tmp_path, arguments, sentence, capsys):
     assert main(["run", str(SHORT), "--out", str(tmp_path / "run"), *arguments]) == 2
     assert sentence in capsys.readouterr().err and not (tmp_path / "run").exists()

@@ -11,10 +11,9 @@ from pathlib import Path
 
 import pytest
 from rig_msgs.msg import RigState
-from running_graph import SHORT, Client, RigRun
-
 from rig_nodes.errors import RigError
 from rig_nodes.graph.domain import allocate, from_environment
+from running_graph import SHORT, Client, RigRun
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
 
@@ -30,10 +29,16 @@ def test_a_second_rig_in_a_domain_is_refused_and_the_first_goes_on(tmp_path, rig
             second = rig_command(*arguments, env=env)
             assert second.returncode == 2, second.stdout + second.stderr
             assert second.stderr.splitlines()[-1].startswith(
-                f"rig: there is a rig or a replay in ROS domain {domain.number} already (it runs on this machine)")
+                f"rig: there is a rig or a replay in ROS domain {domain.number} already (it runs on this machine)"
+            )
         assert not (tmp_path / "second").exists()
-        alone = subprocess.run([sys.executable, "-P", "-m", "rig_nodes.nodes.rig_container"], text=True,
-                               capture_output=True, env=os.environ | env, timeout=60)
+        alone = subprocess.run(
+            [sys.executable, "-P", "-m", "rig_nodes.nodes.rig_container"],
+            text=True,
+            capture_output=True,
+            env=os.environ | env,
+            timeout=60,
+        )
         assert alone.returncode == 2 and f"a rig or a replay in ROS domain {domain.number}" in alone.stderr
         first.ctrl_c()
         code, output = first.end()
@@ -47,8 +52,7 @@ def test_a_rig_that_only_dds_shows_is_found_too(tmp_path, rig_command):
         user = Client(domain)
         try:
             user.node.create_publisher(RigState, "/rig/state", 10)
-            second = rig_command("run", str(SHORT), "--out", str(tmp_path / "run"),
-                                 env={"ROS_DOMAIN_ID": str(domain.number)})
+            second = rig_command("run", str(SHORT), "--out", str(tmp_path / "run"), env={"ROS_DOMAIN_ID": str(domain.number)})
         finally:
             user.close()
     assert second.returncode == 2 and "(/rig/state is sent by user)" in second.stderr.splitlines()[-1]

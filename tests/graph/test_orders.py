@@ -15,12 +15,11 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import Log
 from rig_msgs.action import RunSequence, Shift
 from rig_msgs.msg import RigState, Setpoint
+from rig_nodes.bags.reader import Bag
+from rig_nodes.graph.result import facts_of, lost_messages
 from running_graph import Client, Graph
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
-
-from rig_nodes.bags.reader import Bag
-from rig_nodes.graph.result import facts_of, lost_messages
 
 # in lockstep too: the box that is stopped must not have the order yet
 pytestmark = pytest.mark.against_the_clock
@@ -39,8 +38,11 @@ steps:
 @pytest.fixture(scope="module", params=[None, 1.0], ids=["real time", "lockstep"])
 def graph(request, tmp_path_factory):
     # a small pump, which reaches 500 Nm at rest with no setting that the rig takes: 59 MPa
-    graph = Graph(tmp_path_factory.mktemp("graph") / "orders", speed=request.param,
-                  settings=["load_pump.displacement=40 cm3/rev", "load_pump.pressure_limit=100 MPa"])
+    graph = Graph(
+        tmp_path_factory.mktemp("graph") / "orders",
+        speed=request.param,
+        settings=["load_pump.displacement=40 cm3/rev", "load_pump.pressure_limit=100 MPa"],
+    )
     yield graph
     graph.close()
 
@@ -76,8 +78,7 @@ def test_a_cancelled_sequence_gives_no_more_orders_and_leaves_what_is_set(user, 
     result = goal.result()
     assert goal.status == GoalStatus.STATUS_CANCELED
     assert not result.success and result.steps_done == 2
-    assert result.message == ("sequence 'long' was cancelled in step 3 of 4 (wait 20 s); "
-                              "motor, load and oil stay as they are set")
+    assert result.message == ("sequence 'long' was cancelled in step 3 of 4 (wait 20 s); motor, load and oil stay as they are set")
     event = told(user, "/sequencer/events", "sequence_cancelled")
     assert event.text == result.message and event.value == 2.0
     seen = len(motor)
@@ -166,6 +167,7 @@ def test_an_emergency_stop_takes_every_order_back(user):
         def there():
             setters[name].publish(Setpoint(value=value, enable=value > 0.0))
             return reached()
+
         user.until(there, f"{name} at {value}")
 
     def order(gear):
@@ -193,8 +195,7 @@ def test_an_emergency_stop_takes_every_order_back(user):
     assert result.message == "the rig is in its safe state: emergency stop; the shift to II was given up"
     assert told(user, "/controller/events", "shift_aborted").text == result.message
     refused = order(1)
-    assert refused.result().message == (
-        "shift refused: the rig is in its safe state (emergency stop); call /rig/reset first")
+    assert refused.result().message == ("shift refused: the rig is in its safe state (emergency stop); call /rig/reset first")
     assert refused.status == GoalStatus.STATUS_ABORTED
 
     assert user.call(Trigger, "/rig/reset").success
@@ -203,8 +204,8 @@ def test_an_emergency_stop_takes_every_order_back(user):
     before = len(valve), len(clutch)
     user.until(lambda: len(valve) > before[0] + 100, "half a second more")
     # what is left of coil and oil may still run down
-    assert max(state.current for state in valve[before[0] + 50:]) < 0.02
-    assert max(state.pressure for state in clutch[before[1] + 50:]) < 0.5e6
+    assert max(state.current for state in valve[before[0] + 50 :]) < 0.02
+    assert max(state.pressure for state in clutch[before[1] + 50 :]) < 0.5e6
     assert order(1).result().success
     user.until(lambda: clutch[-1].pressure > 1.5e6, "a clutch that is ordered anew")
 
@@ -220,8 +221,9 @@ def test_a_stamp_of_the_wall_clock_is_logged_when_it_came(graph, user):
     user.node.create_subscription(DiagnosticArray, "/diagnostics", lambda m: health.extend(m.status), 100)
     publisher = user.publisher("/oil_supply/command")
     publisher.publish(Setpoint(header=Header(stamp=Time(sec=1_790_000_000)), value=3e6, enable=False))
-    status = user.until(lambda: [s for s in health if s.name == "rig/recorder" and s.level == DiagnosticStatus.WARN],
-                        "a warning of the recorder")[0]
+    status = user.until(
+        lambda: [s for s in health if s.name == "rig/recorder" and s.level == DiagnosticStatus.WARN], "a warning of the recorder"
+    )[0]
     assert "/oil_supply/command" in status.message and "use_sim_time" in status.message
     publisher.publish(Setpoint(value=2e6, enable=False))
     seen = len(user.states)

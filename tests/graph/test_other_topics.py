@@ -7,9 +7,6 @@ from unittest.mock import MagicMock
 
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from running_graph import Client, Graph
-from std_msgs.msg import Float64, String, UInt64
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.config import load_yaml
@@ -18,6 +15,8 @@ from rig_nodes.graph.topic_choice import TopicChoice
 from rig_nodes.nodes.other_topics import OtherTopics
 from rig_nodes.nodes.replay import obstacle, offered
 from rig_nodes.view.convert import make_view
+from running_graph import Client, Graph
+from std_msgs.msg import Float64, String, UInt64
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 FAST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -27,8 +26,9 @@ def heard(user, publisher) -> None:
     user.until(publisher.get_subscription_count, f"the recorder on {publisher.topic_name}")
 
 
-@pytest.fixture(scope="module", params=[pytest.param(None, marks=pytest.mark.against_the_clock), 1.0],
-                ids=["real time", "lockstep"])
+@pytest.fixture(
+    scope="module", params=[pytest.param(None, marks=pytest.mark.against_the_clock), 1.0], ids=["real time", "lockstep"]
+)
 def bag(request, tmp_path_factory):
     """The bag of a run in which a user's nodes took part."""
     graph = Graph(tmp_path_factory.mktemp("graph") / "others", speed=request.param, exclude="/secret/.*")
@@ -96,8 +96,10 @@ def test_report_view_and_replay_take_such_a_bag(bag, capsys):
 
 def test_a_type_that_cannot_be_loaded_is_named_once():
     node = MagicMock()
-    node.get_topic_names_and_types.return_value = [("/odd/one", ["no_such_package/msg/Thing"]),
-                                                   ("/odd/two", ["std_msgs/msg/String", "std_msgs/msg/Bool"])]
+    node.get_topic_names_and_types.return_value = [
+        ("/odd/one", ["no_such_package/msg/Thing"]),
+        ("/odd/two", ["std_msgs/msg/String", "std_msgs/msg/Bool"]),
+    ]
     others = OtherTopics(node, {"/motor/state"}, TopicChoice(), MagicMock())
     for _ in range(3):
         others._look_at = 0.0
@@ -108,12 +110,15 @@ def test_a_type_that_cannot_be_loaded_is_named_once():
     assert node.get_logger().warning.call_count == 2 and not node.create_subscription.called
 
 
-@pytest.mark.parametrize("topics, exclude, taken", [
-    (None, None, ["/rosout", "/camera/left", "/parameter_events"]),
-    ("/camera/.*", None, ["/camera/left"]),
-    (None, "/camera/.*", ["/rosout", "/parameter_events"]),
-    ("/camera/.*|/rosout", "/camera/left", ["/rosout"]),
-])
+@pytest.mark.parametrize(
+    "topics, exclude, taken",
+    [
+        (None, None, ["/rosout", "/camera/left", "/parameter_events"]),
+        ("/camera/.*", None, ["/camera/left"]),
+        (None, "/camera/.*", ["/rosout", "/parameter_events"]),
+        ("/camera/.*|/rosout", "/camera/left", ["/rosout"]),
+    ],
+)
 def test_patterns_choose_by_the_whole_name(topics, exclude, taken):
     choice = TopicChoice(topics, exclude)
     names = ["/rosout", "/camera/left", "/parameter_events", "/clock", "/alfa46/shift/_action/feedback"]

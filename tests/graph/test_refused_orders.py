@@ -10,12 +10,11 @@ from builtin_interfaces.msg import Time
 from rcl_interfaces.msg import Log
 from rclpy.qos import QoSProfile
 from rig_msgs.msg import Event, RigState, Setpoint, ValveCommand
+from rig_nodes.bags.reader import Bag
+from rig_nodes.graph.result import facts_of, lost_messages, run_part
 from running_graph import Client, Graph
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
-
-from rig_nodes.bags.reader import Bag
-from rig_nodes.graph.result import facts_of, lost_messages, run_part
 
 pytestmark = pytest.mark.against_the_clock
 
@@ -41,8 +40,9 @@ def user(graph):
 
 def refused(user, text) -> str:
     """The refusal with this text, when it has come."""
-    return user.until(lambda: [e.text for e in user.refusals if e.name == "command_refused" and text in e.text],
-                      f"a refusal with '{text}'")[-1]
+    return user.until(
+        lambda: [e.text for e in user.refusals if e.name == "command_refused" and text in e.text], f"a refusal with '{text}'"
+    )[-1]
 
 
 def test_one_valve_command_without_a_deadline_is_heard_and_refused_with_the_reason(user):
@@ -57,12 +57,12 @@ def test_orders_in_the_safe_state_are_refused_with_its_reason(user):
     user.until(lambda: user.states[-1].state == RigState.TRIPPED, "the safe state")
     user.publisher("/motor/command").publish(Setpoint(value=300.0 * RPM, enable=True))
     assert refused(user, "/motor/command") == (
-        "/motor/command: refused: the rig is in its safe state (emergency stop); call /rig/reset first")
+        "/motor/command: refused: the rig is in its safe state (emergency stop); call /rig/reset first"
+    )
     publisher = user.publisher("/controller/command", PLAIN)
 
     def asks():
-        publisher.publish(ValveCommand(sample=user.states[-1].tick * 5 + 4, gear=1, duty=[0.5, 0.0, 0.0],
-                                       setpoint=[0.0] * 3))
+        publisher.publish(ValveCommand(sample=user.states[-1].tick * 5 + 4, gear=1, duty=[0.5, 0.0, 0.0], setpoint=[0.0] * 3))
         return any("does not act: the rig is in its safe state (emergency stop)" in e.text for e in user.refusals)
 
     user.until(asks, "a valve command that does not act")

@@ -3,6 +3,7 @@
 
 """`rig replay` as a user starts it: what reaches another process over DDS, how it is steered and ended."""
 
+import itertools
 import os
 import pickle
 import pty
@@ -17,17 +18,16 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rosgraph_msgs.msg import Clock
-from running_graph import Client
-from std_msgs.msg import String
-from std_srvs.srv import Trigger
-
 from rig_nodes.bags import cdr
 from rig_nodes.bags.definitions import installed
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
 from rig_nodes.cli.main import main
 from rig_nodes.graph.domain import allocate, environment
+from rosgraph_msgs.msg import Clock
+from running_graph import Client
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 PATIENCE = 60.0
@@ -46,9 +46,15 @@ class Replay:
 
     def __init__(self, domain, bag, *arguments, stdin=subprocess.DEVNULL):
         command = [sys.executable, "-P", "-m", "rig_nodes.cli.main", "replay", str(bag), *map(str, arguments)]
-        self.process = subprocess.Popen(command, stdin=stdin, stdout=subprocess.PIPE, text=True,
-                                        stderr=subprocess.STDOUT, start_new_session=True,
-                                        env=environment(domain))
+        self.process = subprocess.Popen(
+            command,
+            stdin=stdin,
+            stdout=subprocess.PIPE,
+            text=True,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+            env=environment(domain),
+        )
         self.output = ""
         self._limit = threading.Timer(PATIENCE, self.process.kill)  # a hung replay must not hang the tests
         self._limit.start()
@@ -74,8 +80,13 @@ def heard(domain, folder, bag, *arguments):
     """Replay a bag to a listener in another process; what that got, by topic, and the replay's output."""
     out = folder / "heard.pickle"
     topics = {**bag.types, "/clock": "rosgraph_msgs/msg/Clock"}
-    command = [sys.executable, "-P", str(Path(__file__).with_name("listener.py")), str(out),
-               *(f"{topic}={kind}" for topic, kind in topics.items())]
+    command = [
+        sys.executable,
+        "-P",
+        str(Path(__file__).with_name("listener.py")),
+        str(out),
+        *(f"{topic}={kind}" for topic, kind in topics.items()),
+    ]
     listener = subprocess.Popen(command, env=environment(domain))
     output = Replay(domain, bag.path, "--wait", len(bag.types), *arguments).end()
     assert listener.wait(60) == 0
@@ -98,8 +109,9 @@ def test_another_process_gets_the_whole_bag_in_order(domain, tmp_path, rate):
             for data in messages:
                 writer.write(topic, bag.types[topic], data, cdr.stamp(data))
     assert Bag(tmp_path / "again").canonical_hash() == bag.canonical_hash()
-    times = [message.sec * 10**9 + message.nanosec
-             for message in (cdr.decode("rosgraph_msgs/msg/Clock", data).clock for data in clock)]
+    times = [
+        message.sec * 10**9 + message.nanosec for message in (cdr.decode("rosgraph_msgs/msg/Clock", data).clock for data in clock)
+    ]
     length = bag.timeline()[-1][0]
     assert times == list(range(0, length + 1, TICK))
     assert f"{sum(bag.counts.values())} messages in" in output
@@ -117,12 +129,13 @@ def foreign(tmp_path):
         writer.start(profile="ros2")
         channels = {}
         for topic, name, definition, encoding in [
-                ("/chatter", "std_msgs/msg/String", text, "cdr"),
-                ("/about", "std_msgs/msg/String", text, "cdr"),
-                ("/clock", "rosgraph_msgs/msg/Clock", installed("rosgraph_msgs/msg/Clock").text, "cdr"),
-                ("/elsewhere", "their_msgs/msg/Thing", "int32 a\n", "cdr"),
-                ("/older", "std_msgs/msg/Bool", "int8 data\n", "cdr"),
-                ("/web", "Thing", "int32 a\n", "json")]:
+            ("/chatter", "std_msgs/msg/String", text, "cdr"),
+            ("/about", "std_msgs/msg/String", text, "cdr"),
+            ("/clock", "rosgraph_msgs/msg/Clock", installed("rosgraph_msgs/msg/Clock").text, "cdr"),
+            ("/elsewhere", "their_msgs/msg/Thing", "int32 a\n", "cdr"),
+            ("/older", "std_msgs/msg/Bool", "int8 data\n", "cdr"),
+            ("/web", "Thing", "int32 a\n", "json"),
+        ]:
             schema = writer.register_schema(name, "ros2msg", definition.encode())
             profile = {"offered_qos_profiles": LATCHED} if topic == "/about" else {}
             channels[topic] = writer.register_channel(topic, encoding, schema, profile)
@@ -155,8 +168,7 @@ def listen(user, kind, topic, latched=False):
     return messages
 
 
-def test_a_foreign_bag_from_its_middle_with_its_latched_topic_and_a_sentence_for_each_one_left_out(
-        domain, user, foreign):
+def test_a_foreign_bag_from_its_middle_with_its_latched_topic_and_a_sentence_for_each_one_left_out(domain, user, foreign):
     chatter, clock = listen(user, String, "/chatter"), listen(user, Clock, "/clock")
     replay = Replay(domain, foreign, "--start", 0.1, "--paused", "--wait", 1)
     user.until(lambda: clock, "the clock")
@@ -169,9 +181,12 @@ def test_a_foreign_bag_from_its_middle_with_its_latched_topic_and_a_sentence_for
     assert [int(message.data) for message in chatter] == list(range(10, 20))
     stamps = [message.clock.sec * 1000 + message.clock.nanosec // 10**6 - 10**12 for message in clock]
     assert stamps == sorted(stamps) and stamps[0] == 100 and 180 <= stamps[-1] <= 190
-    for topic, why in [("/clock", "a clock of its own"),
-                       ("/elsewhere", "their_msgs/msg/Thing is not installed"),
-                       ("/older", "another version of std_msgs/msg/Bool"), ("/web", "encoded as json")]:
+    for topic, why in [
+        ("/clock", "a clock of its own"),
+        ("/elsewhere", "their_msgs/msg/Thing is not installed"),
+        ("/older", "another version of std_msgs/msg/Bool"),
+        ("/web", "encoded as json"),
+    ]:
         assert re.search(rf"^rig: {topic}: 2 messages are left out: .*{why}", output, re.M), output
 
 
@@ -206,7 +221,7 @@ def test_a_loop_begins_again_and_ctrl_c_ends_it_with_its_counts(domain, user):
 
     def jumps():
         times = [message.clock.sec + 1e-9 * message.clock.nanosec for message in clock]
-        return [later for earlier, later in zip(times, times[1:]) if later < earlier]
+        return [later for earlier, later in itertools.pairwise(times) if later < earlier]
 
     user.until(lambda: len(jumps()) >= 2, "two jumps of the clock")
     os.killpg(replay.process.pid, signal.SIGINT)
@@ -246,17 +261,20 @@ def test_a_clock_that_comes_while_it_plays_ends_it(domain, user):
     assert "another node publishes /clock" in replay.end(2)
 
 
-@pytest.mark.parametrize("arguments, sentence", [
-    (["no_such_bag"], "no_such_bag: there is no such file or folder"),
-    ([__file__], "does not begin as an MCAP file"),
-    ([SAMPLE, "--rate", "0"], "0 is no rate; give 0.01 to 100, or max"),
-    ([SAMPLE, "--rate", "101"], "101 is no rate"),
-    ([SAMPLE, "--start", "9"], f"the bag is {Bag(SAMPLE).timeline()[-1][0] * 1e-9:.3f} s long"),
-    ([SAMPLE, "--start", "-1"], "-1 is no time"),
-    ([SAMPLE, "--topics", "/motor/m_we"], "topic in the bag '/motor/m_we'; did you mean '/motor/m_wej'"),
-    ([SAMPLE, "--topics", "/motor/command", "--start", "1"], "nothing is left to replay after 1 s"),
-    ([SAMPLE, "--clock", "0"], "0 is no frequency"),
-])
+@pytest.mark.parametrize(
+    "arguments, sentence",
+    [
+        (["no_such_bag"], "no_such_bag: there is no such file or folder"),
+        ([__file__], "does not begin as an MCAP file"),
+        ([SAMPLE, "--rate", "0"], "0 is no rate; give 0.01 to 100, or max"),
+        ([SAMPLE, "--rate", "101"], "101 is no rate"),
+        ([SAMPLE, "--start", "9"], f"the bag is {Bag(SAMPLE).timeline()[-1][0] * 1e-9:.3f} s long"),
+        ([SAMPLE, "--start", "-1"], "-1 is no time"),
+        ([SAMPLE, "--topics", "/motor/m_we"], "topic in the bag '/motor/m_we'; did you mean '/motor/m_wej'"),
+        ([SAMPLE, "--topics", "/motor/command", "--start", "1"], "nothing is left to replay after 1 s"),
+        ([SAMPLE, "--clock", "0"], "0 is no frequency"),
+    ],
+)
 def test_bad_input_is_one_sentence(arguments, sentence, capfd, monkeypatch):
     monkeypatch.setattr(os, "environ", os.environ.copy())
     assert main(["replay", *map(str, arguments)]) == 2

@@ -8,15 +8,14 @@ import time
 from pathlib import Path
 
 import pytest
+import rig_nodes.controllers
 from rclpy.action import ActionClient
 from rig_msgs.action import RunSequence, Shift
-from running_graph import SHORT, Client, Graph
-from std_srvs.srv import Trigger
-
-import rig_nodes.controllers
 from rig_nodes.bags.reader import Bag
 from rig_nodes.graph.result import join_pieces, run_part
 from rig_nodes.transmission import NEUTRAL
+from running_graph import SHORT, Client, Graph
+from std_srvs.srv import Trigger
 
 pytestmark = pytest.mark.against_the_clock
 
@@ -46,9 +45,11 @@ def shifting(user, commands) -> None:
     user.until(obeyed, "a shift that runs")
 
 
-@pytest.mark.parametrize("victims, controller", [
-    (("alfa46", "sequencer"), f"c:{C_BOX}"), (("recorder",), None),
-], ids=["alfa46 with its library and sequencer", "recorder"])
+@pytest.mark.parametrize(
+    "victims, controller",
+    [(("alfa46", "sequencer"), f"c:{C_BOX}"), (("recorder",), None)],
+    ids=["alfa46 with its library and sequencer", "recorder"],
+)
 def test_a_killed_process_is_started_again(tmp_path, victims, controller):
     graph = Graph(tmp_path / "run", controller=controller)
     user = Client(graph.domain)
@@ -82,8 +83,7 @@ def test_a_killed_process_is_started_again(tmp_path, victims, controller):
     join_pieces(graph.folder)
     bag = Bag(graph.folder)
     part = run_part(bag, graph.folder, {}, end, graph.supervisor.restarts)
-    assert [(r["process"], r["how"]) for r in part["restarts"]] == [
-        (victim, "killed by signal 9 (SIGKILL)") for victim in victims]
+    assert [(r["process"], r["how"]) for r in part["restarts"]] == [(victim, "killed by signal 9 (SIGKILL)") for victim in victims]
     if "recorder" in victims:
         at, times = seconds(trips[0].header.stamp), bag.series("n_wej")[0]
         assert at - times[times < at].max() < 0.2, "what a killed recorder had not written"

@@ -11,15 +11,14 @@ from pathlib import Path
 import pytest
 from rclpy.parameter_client import AsyncParameterClient
 from rig_msgs.msg import RigState
-from running_graph import Client
-from std_srvs.srv import Trigger
-from verbs import Verbs
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.graph.domain import allocate, environment
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
+from running_graph import Client
+from std_srvs.srv import Trigger
+from verbs import Verbs
 
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 PATIENCE = 60.0
@@ -47,10 +46,18 @@ def said(domain):
 NAMESPACE = "--ros-args -r __ns:=/left: the rig has no namespace"
 
 
-@pytest.mark.parametrize("start, arguments", [
-    (of("rig_container"), []), (of("alfa46"), []), (of("sequencer"), ["--sequence", "demo"]),
-    (of("recorder"), ["--out", "nowhere", "--name", "x"]), (DEVICE, ["motor"]), (REPLAY, [str(SAMPLE)]),
-], ids=["container", "alfa46", "sequencer", "recorder", "device", "replay"])
+@pytest.mark.parametrize(
+    "start, arguments",
+    [
+        (of("rig_container"), []),
+        (of("alfa46"), []),
+        (of("sequencer"), ["--sequence", "demo"]),
+        (of("recorder"), ["--out", "nowhere", "--name", "x"]),
+        (DEVICE, ["motor"]),
+        (REPLAY, [str(SAMPLE)]),
+    ],
+    ids=["container", "alfa46", "sequencer", "recorder", "device", "replay"],
+)
 def test_no_executable_takes_a_namespace(said, tmp_path, monkeypatch, start, arguments):
     monkeypatch.chdir(tmp_path)
     code, _, error = said(start, *arguments, "--ros-args", "-r", "__ns:=/left")
@@ -58,17 +65,21 @@ def test_no_executable_takes_a_namespace(said, tmp_path, monkeypatch, start, arg
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("start, arguments, ros, sentence", [
-    (of("rig_container"), [], ["-r", "__node:=lab"], "the rig's nodes keep their names"),
-    (of("rig_container"), [], ["-p", "motor:sped:=100.0"], "no parameter of /motor 'sped'; did you mean 'speed'?"),
-    (of("rig_container"), [], ["-p", "valve_zr_p1:gain:=1.0"], "there is no parameter of /valve_zr_p1 'gain'"),
-    (of("rig_container"), [], ["-p", "motor:speed:=5000.0"], "parameters of /motor from the command line"),
-    (of("alfa46"), [], ["-p", "motor:speed:=100.0"], "there is no node /motor here; expected one of /alfa46"),
-    (of("alfa46"), [], ["-p", "t12:=9.0"], "Parameter t12 out of range"),
-    (of("alfa46"), [], ["-p", "output_1.currents:=[0.3, 0.3, 0.9, 0.3, 0.2, 0.0]"], "output_1.P3 asks for 900 mA"),
-    (REPLAY, [str(SAMPLE)], ["-p", "rig_replay:rate:=2.0"], "there is no parameter of /rig_replay 'rate'"),
-    (REPLAY, [str(SAMPLE)], ["-r", "nonsense"], "--ros-args: Failed to parse ROS arguments"),
-], ids=lambda value: value[-1] if isinstance(value, list) and value else "")
+@pytest.mark.parametrize(
+    "start, arguments, ros, sentence",
+    [
+        (of("rig_container"), [], ["-r", "__node:=lab"], "the rig's nodes keep their names"),
+        (of("rig_container"), [], ["-p", "motor:sped:=100.0"], "no parameter of /motor 'sped'; did you mean 'speed'?"),
+        (of("rig_container"), [], ["-p", "valve_zr_p1:gain:=1.0"], "there is no parameter of /valve_zr_p1 'gain'"),
+        (of("rig_container"), [], ["-p", "motor:speed:=5000.0"], "parameters of /motor from the command line"),
+        (of("alfa46"), [], ["-p", "motor:speed:=100.0"], "there is no node /motor here; expected one of /alfa46"),
+        (of("alfa46"), [], ["-p", "t12:=9.0"], "Parameter t12 out of range"),
+        (of("alfa46"), [], ["-p", "output_1.currents:=[0.3, 0.3, 0.9, 0.3, 0.2, 0.0]"], "output_1.P3 asks for 900 mA"),
+        (REPLAY, [str(SAMPLE)], ["-p", "rig_replay:rate:=2.0"], "there is no parameter of /rig_replay 'rate'"),
+        (REPLAY, [str(SAMPLE)], ["-r", "nonsense"], "--ros-args: Failed to parse ROS arguments"),
+    ],
+    ids=lambda value: value[-1] if isinstance(value, list) and value else "",
+)
 def test_what_cannot_be_honoured_is_refused_in_one_sentence(said, start, arguments, ros, sentence):
     code, _, error = said(start, *arguments, "--ros-args", *ros)
     assert code == 2 and "Traceback" not in error
@@ -83,9 +94,23 @@ def test_the_rig_command_says_who_takes_them(capsys):
 def test_a_replay_takes_remappings_and_is_listed_at_once(domain):
     user = Client(domain)
     start = "import pkgutil, sys; sys.exit(pkgutil.resolve_name(sys.argv.pop(1))())"
-    replay = subprocess.Popen([sys.executable, "-c", start, REPLAY, str(SAMPLE), "--loop", "--ros-args", "-r",
-                               "/motor/m_wej:=/left/m_wej", "--log-level", "warn"], env=environment(domain),
-                              stdout=subprocess.DEVNULL)
+    replay = subprocess.Popen(
+        [
+            sys.executable,
+            "-c",
+            start,
+            REPLAY,
+            str(SAMPLE),
+            "--loop",
+            "--ros-args",
+            "-r",
+            "/motor/m_wej:=/left/m_wej",
+            "--log-level",
+            "warn",
+        ],
+        env=environment(domain),
+        stdout=subprocess.DEVNULL,
+    )
     try:
         user.until(lambda: user.node.count_publishers("/left/m_wej"), "the topic under its other name", PATIENCE)
         assert user.node.count_publishers("/motor/m_wej") == 0
@@ -106,16 +131,26 @@ def test_parameters_of_a_command_line_and_a_file_act_and_stand_in_the_bag(domain
     """As launch hands them on: SetParameter and a file for all go to every process."""
     Rig(load_rig()).advance_samples(1)  # compiles, when nothing has done so before, outside the patience below
     (tmp_path / "logs").mkdir()
-    (tmp_path / "lab.yaml").write_text("motor:\n  ros__parameters: {speed: 100.0}\n"
-                                       "/alfa46:\n  ros__parameters: {t21: 0.125, output_1.currents: "
-                                       "[0.3, 0.25, 0.6, 0.3, 0.2, 0.0]}\nmotr:\n  ros__parameters: {speed: 1.0}\n")
+    (tmp_path / "lab.yaml").write_text(
+        "motor:\n  ros__parameters: {speed: 100.0}\n"
+        "/alfa46:\n  ros__parameters: {t21: 0.125, output_1.currents: "
+        "[0.3, 0.25, 0.6, 0.3, 0.2, 0.0]}\nmotr:\n  ros__parameters: {speed: 1.0}\n"
+    )
     ros = ["--ros-args", "-p", "t12:=0.25", "--params-file", str(tmp_path / "lab.yaml")]
     processes = {}
-    for name, arguments in (("recorder", ["--out", str(tmp_path / "bag"), "--name", "x"]), ("alfa46", []),
-                            ("rig_container", []), ("sequencer", [])):
+    for name, arguments in (
+        ("recorder", ["--out", str(tmp_path / "bag"), "--name", "x"]),
+        ("alfa46", []),
+        ("rig_container", []),
+        ("sequencer", []),
+    ):
         with open(tmp_path / "logs" / f"{name}.log", "wb") as log:
-            processes[name] = subprocess.Popen([sys.executable, "-P", "-m", f"rig_nodes.nodes.{name}", *arguments, "--recorded", *ros],
-                                               stdout=log, stderr=log, env=environment(domain))
+            processes[name] = subprocess.Popen(
+                [sys.executable, "-P", "-m", f"rig_nodes.nodes.{name}", *arguments, "--recorded", *ros],
+                stdout=log,
+                stderr=log,
+                env=environment(domain),
+            )
     user = Client(domain)
     try:
         states, motor = user.listen("/rig/state"), user.listen("/motor/state")

@@ -8,11 +8,10 @@ import os
 import signal
 
 import pytest
-from running_graph import SHORT, RigRun, Traces
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.graph.domain import allocate
+from running_graph import SHORT, RigRun, Traces
 
 pytestmark = pytest.mark.against_the_clock
 
@@ -66,10 +65,13 @@ def test_a_killed_controller_brings_the_safe_state_within_100_ms(tmp_path):
     traces.wait_gone()
 
 
-@pytest.mark.parametrize("module, name", [
-    ("rig_container", "container"),
-    pytest.param("recorder", "recorder", marks=pytest.mark.campaign),  # test_restart.py kills one, and again
-])
+@pytest.mark.parametrize(
+    "module, name",
+    [
+        ("rig_container", "container"),
+        pytest.param("recorder", "recorder", marks=pytest.mark.campaign),  # test_restart.py kills one, and again
+    ],
+)
 def test_another_killed_process_ends_the_run_with_its_name(tmp_path, module, name):
     run = RigRun(tmp_path / "run")
     run.until(IN_GEAR)
@@ -127,11 +129,14 @@ def test_a_killed_supervisor_leaves_no_process_and_a_whole_bag(tmp_path):
     assert Bag(run.folder).check() == []
 
 
-@pytest.mark.parametrize("arguments, sentence", [
-    (["--out-there"], "there is no option '--out-there'"),
-    (["--set", "alfa46.t12=1 bar"], "t12"),
-    (["--drop", "/motor/m_wej"], "expected a topic"),
-])
+@pytest.mark.parametrize(
+    "arguments, sentence",
+    [
+        (["--out-there"], "there is no option '--out-there'"),
+        (["--set", "alfa46.t12=1 bar"], "t12"),
+        (["--drop", "/motor/m_wej"], "expected a topic"),
+    ],
+)
 def test_wrong_arguments_start_nothing(tmp_path, arguments, sentence, capsys):
     assert main(["run", str(SHORT), "--out", str(tmp_path / "run"), *arguments]) == 2
     said = capsys.readouterr().err

@@ -12,9 +12,6 @@ from rclpy.parameter_client import AsyncParameterClient
 from rig_msgs.action import Shift
 from rig_msgs.msg import RigState, Setpoint
 from rig_msgs.srv import SetProfile
-from running_graph import Client, Graph
-from std_srvs.srv import Trigger
-
 from rig_nodes.alfa46 import law
 from rig_nodes.alfa46.controller import Alfa46
 from rig_nodes.bags.reader import Bag
@@ -23,6 +20,8 @@ from rig_nodes.errors import RigError
 from rig_nodes.graph.result import facts_of, lost_messages
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
+from running_graph import Client, Graph
+from std_srvs.srv import Trigger
 
 pytestmark = pytest.mark.against_the_clock
 
@@ -82,14 +81,12 @@ class User(Client):
     def get(self, node, name):
         future = self._at(node).get_parameters([name])
         self.until(future.done, f"the answer of {node}")
-        return Parameter.from_parameter_msg(
-            type("Message", (), {"name": name, "value": future.result().values[0]})()).value
+        return Parameter.from_parameter_msg(type("Message", (), {"name": name, "value": future.result().values[0]})()).value
 
     def acted(self, topic, when: float, is_new):
         """The setting acts in every message from two ticks after it was taken on, and in none before it was."""
         messages = self.heard(topic)
-        after = self.until(lambda: [m for m in messages if seconds(m) >= when + TWO_TICKS][:3],
-                           f"what {topic} says then")
+        after = self.until(lambda: [m for m in messages if seconds(m) >= when + TWO_TICKS][:3], f"what {topic} says then")
         assert all(is_new(message) for message in after), after
         assert not any(is_new(message) for message in messages if when - 0.05 < seconds(message) < when)
 
@@ -123,17 +120,21 @@ def user(graph):
     user.close()
 
 
-@pytest.mark.parametrize("node, values, topic, is_new", [
-    ("oil_supply", {"pressure": 3e6}, "/oil_supply/state", lambda m: m.pressure_setting == 3e6),
-    ("oil_supply", {"enabled": True}, "/oil_supply/state", lambda m: m.enabled and m.pressure > 0.0),
-    ("oil_supply", {"temperature": 55.0}, "/oil_supply/state", lambda m: m.temperature == 55.0),
-    ("oil_supply", {"temperature": 60.0}, "/oil_supply/t_oil", lambda m: abs(m.value - 60.0) < 1.0),
-    ("load_pump", {"relief_pressure": 5e6}, "/load_pump/state", lambda m: m.relief_setting == 5e6),
-    ("load_pump", {"enabled": True}, "/load_pump/state", lambda m: m.pressure > 0.0),
-    ("motor", {"enabled": True}, "/motor/state", lambda m: m.enabled),
-    ("motor", {"speed": 60.0}, "/motor/state", lambda m: m.speed_setpoint > 0.0),
-    ("motor", {"enabled": False}, "/motor/state", lambda m: not m.enabled),
-], ids=lambda part: "-".join(part) if isinstance(part, dict) else "" if callable(part) else str(part))
+@pytest.mark.parametrize(
+    "node, values, topic, is_new",
+    [
+        ("oil_supply", {"pressure": 3e6}, "/oil_supply/state", lambda m: m.pressure_setting == 3e6),
+        ("oil_supply", {"enabled": True}, "/oil_supply/state", lambda m: m.enabled and m.pressure > 0.0),
+        ("oil_supply", {"temperature": 55.0}, "/oil_supply/state", lambda m: m.temperature == 55.0),
+        ("oil_supply", {"temperature": 60.0}, "/oil_supply/t_oil", lambda m: abs(m.value - 60.0) < 1.0),
+        ("load_pump", {"relief_pressure": 5e6}, "/load_pump/state", lambda m: m.relief_setting == 5e6),
+        ("load_pump", {"enabled": True}, "/load_pump/state", lambda m: m.pressure > 0.0),
+        ("motor", {"enabled": True}, "/motor/state", lambda m: m.enabled),
+        ("motor", {"speed": 60.0}, "/motor/state", lambda m: m.speed_setpoint > 0.0),
+        ("motor", {"enabled": False}, "/motor/state", lambda m: not m.enabled),
+    ],
+    ids=lambda part: "-".join(part) if isinstance(part, dict) else "" if callable(part) else str(part),
+)
 def test_a_device_takes_a_setting_within_two_ticks(user, node, values, topic, is_new):
     user.until(lambda: len(user.heard(topic)) > 10, topic)
     user.acted(topic, user.set(node, **values), is_new)
@@ -146,8 +147,7 @@ def test_noise_is_set_per_channel_and_switched_off_and_on(user):
 
     def spread(since: float, column: int = 4) -> float:
         """Of p1, over the rows of the blocks from two ticks after a setting on."""
-        later = user.until(
-            lambda: (b := [b for b in blocks if seconds(b) >= since + TWO_TICKS])[3:] and b, "logger blocks")
+        later = user.until(lambda: (b := [b for b in blocks if seconds(b) >= since + TWO_TICKS])[3:] and b, "logger blocks")
         return max(np.ptp(np.reshape(block.data, (block.rows, -1))[:, column]) for block in later)
 
     usual, most = spread(0.0), load_rig().settings.find("instruments.noise.p1").high
@@ -186,23 +186,34 @@ def test_the_box_takes_gains_hold_current_and_delays(user):
         assert result.t_end - result.t_order == pytest.approx(delay + config.profiles[gear - 1, 2, 0], abs=0.003)
 
 
-@pytest.mark.parametrize("node, values, reason", [
-    ("motor", {"speed": NAN}, "out of range"), ("motor", {"speed": math.inf}, "out of range"),
-    ("motor", {"speed": -1.0}, "Min: 0.0, Max: 314.2"), ("motor", {"speed": 315.0}, "Min: 0.0, Max: 314.2"),
-    ("motor", {"speed": 314.20001}, "expected 0 to 314.2 rad/s"),
-    ("motor", {"speed": "fast"}, "STRING"), ("motor", {"enabled": 1.0}, "DOUBLE"),
-    ("load_pump", {"relief_pressure": 5e7}, "Max: 40000000.0"), ("oil_supply", {"pressure": -1.0}, "Min: 0.0"),
-    ("oil_supply", {"temperature": 200.0}, "Max: 150.0"), ("instruments", {"noise__p1": -1.0}, "Min: 0.0"),
-    ("instruments", {"noise__I_zr_p1": NAN}, "out of range"),
-    ("alfa46", {"t12": 6.0}, "Max: 5.0"), ("alfa46", {"t21": NAN}, "out of range"),
-    ("alfa46", {"gain_p": -1.0}, "Min: 0.0"), ("alfa46", {"derivative_time": 0.0}, "Min: 0.001"),
-    ("alfa46", {"output_1__times": [0.2, 0.1, 0.6, 0.2, 0.3, 0.4]}, "output_1.P2 is at 100 ms; it must come after P1"),
-    ("alfa46", {"output_1__times": [0.1, NAN, 0.6, 0.2, 0.3, 0.4]}, "output_1.P2 is at nan"),
-    ("alfa46", {"output_2__currents": [0.2, 0.2, 0.9, 0.2, 0.1, 0.0]}, "output_2.P3 asks for 900 mA"),
-    ("alfa46", {"output_2__currents": [0.2, NAN, 0.7, 0.2, 0.1, 0.0]}, "takes 0 to 800 mA"),
-    ("alfa46", {"output_3__times": [0.1, 0.2, 0.3]}, "must have 6 numbers"),
-    ("alfa46", {"t12": 0.5, "output_3__times": [0.1, 0.2, 0.3]}, "must have 6 numbers"),
-], ids=lambda part: "-".join(f"{k}={v}" for k, v in part.items()) if isinstance(part, dict) else str(part))
+@pytest.mark.parametrize(
+    "node, values, reason",
+    [
+        ("motor", {"speed": NAN}, "out of range"),
+        ("motor", {"speed": math.inf}, "out of range"),
+        ("motor", {"speed": -1.0}, "Min: 0.0, Max: 314.2"),
+        ("motor", {"speed": 315.0}, "Min: 0.0, Max: 314.2"),
+        ("motor", {"speed": 314.20001}, "expected 0 to 314.2 rad/s"),
+        ("motor", {"speed": "fast"}, "STRING"),
+        ("motor", {"enabled": 1.0}, "DOUBLE"),
+        ("load_pump", {"relief_pressure": 5e7}, "Max: 40000000.0"),
+        ("oil_supply", {"pressure": -1.0}, "Min: 0.0"),
+        ("oil_supply", {"temperature": 200.0}, "Max: 150.0"),
+        ("instruments", {"noise__p1": -1.0}, "Min: 0.0"),
+        ("instruments", {"noise__I_zr_p1": NAN}, "out of range"),
+        ("alfa46", {"t12": 6.0}, "Max: 5.0"),
+        ("alfa46", {"t21": NAN}, "out of range"),
+        ("alfa46", {"gain_p": -1.0}, "Min: 0.0"),
+        ("alfa46", {"derivative_time": 0.0}, "Min: 0.001"),
+        ("alfa46", {"output_1__times": [0.2, 0.1, 0.6, 0.2, 0.3, 0.4]}, "output_1.P2 is at 100 ms; it must come after P1"),
+        ("alfa46", {"output_1__times": [0.1, NAN, 0.6, 0.2, 0.3, 0.4]}, "output_1.P2 is at nan"),
+        ("alfa46", {"output_2__currents": [0.2, 0.2, 0.9, 0.2, 0.1, 0.0]}, "output_2.P3 asks for 900 mA"),
+        ("alfa46", {"output_2__currents": [0.2, NAN, 0.7, 0.2, 0.1, 0.0]}, "takes 0 to 800 mA"),
+        ("alfa46", {"output_3__times": [0.1, 0.2, 0.3]}, "must have 6 numbers"),
+        ("alfa46", {"t12": 0.5, "output_3__times": [0.1, 0.2, 0.3]}, "must have 6 numbers"),
+    ],
+    ids=lambda part: "-".join(f"{k}={v}" for k, v in part.items()) if isinstance(part, dict) else str(part),
+)
 def test_a_wrong_value_is_refused_with_the_reason_and_changes_nothing(user, node, values, reason):
     names = [name.replace("__", ".") for name in values]
     before = [user.get(node, name) for name in names]
@@ -221,9 +232,12 @@ def test_a_profile_is_set_as_a_whole(user):
     assert answer.success and answer.message == "profile of output_3 set"
     columns = [user.get("alfa46", f"output_3.{name}") for name in ("times", "currents")]
     assert np.column_stack(columns).tolist() == points
-    for output, wrong, reason in ((0, points, "no output 0"), (4, points, "expected 1 to 3"),
-                                  (3, points[::-1], "must come after"),
-                                  (3, [*points[:5], [0.3, 0.9]], "output_3.P6 asks for 900 mA")):
+    for output, wrong, reason in (
+        (0, points, "no output 0"),
+        (4, points, "expected 1 to 3"),
+        (3, points[::-1], "must come after"),
+        (3, [*points[:5], [0.3, 0.9]], "output_3.P6 asks for 900 mA"),
+    ):
         answer = user.set_profile(output, wrong)
         assert not answer.success and reason in answer.message
     assert list(user.get("alfa46", "output_3.times")) == [point[0] for point in points]
@@ -288,8 +302,12 @@ def test_all_of_it_stands_in_the_bag(graph, user):
     said = [text.partition(" = ")[0] for _, _, name, text, _ in bag.events() if name == "setting_changed"]
     assert sorted(said) == sorted(user.accepted) and len(said) > 20
     texts = [text for _, _, name, text, _ in bag.events() if name == "setting_changed"]
-    assert {"motor.speed = 60 rad/s", "instruments.noise = false", "alfa46.t12 = 1 s",
-            "alfa46.output_3.currents = 0 0 0.1 0.1 0.05 0 A"} <= set(texts)
+    assert {
+        "motor.speed = 60 rad/s",
+        "instruments.noise = false",
+        "alfa46.t12 = 1 s",
+        "alfa46.output_3.currents = 0 0 0.1 0.1 0.05 0 A",
+    } <= set(texts)
     assert {value for *_, text, value in bag.events() if text == "motor.speed = 60 rad/s"} == {60.0}
 
 
@@ -313,11 +331,17 @@ def test_the_same_settings_again_change_no_bit():
         assert [v.tolist() for v in one.step(sample, [0.1] * 3)] == [v.tolist() for v in other.step(sample, [0.1] * 3)]
 
 
-@pytest.mark.parametrize("name, value, sentence", [
-    ("oil_supply.temperature", NAN, "expected -30 to 150 degC"), ("instruments.noise.T_oil", 1.0, "there is no value of instruments 'noise.T_oil'; did you mean"),
-    ("instruments.noise.p1", -1.0, "expected 0 to"), ("w0.inertia", 1.0, "cannot be set while the rig runs"),
-    ("alfa46.t12", 0.1, "is the shift controller's"), ("motor.speed", 400.0, "motor.speed of 400 rad/s refused; expected 0 to 314.2 rad/s"),
-])
+@pytest.mark.parametrize(
+    "name, value, sentence",
+    [
+        ("oil_supply.temperature", NAN, "expected -30 to 150 degC"),
+        ("instruments.noise.T_oil", 1.0, "there is no value of instruments 'noise.T_oil'; did you mean"),
+        ("instruments.noise.p1", -1.0, "expected 0 to"),
+        ("w0.inertia", 1.0, "cannot be set while the rig runs"),
+        ("alfa46.t12", 0.1, "is the shift controller's"),
+        ("motor.speed", 400.0, "motor.speed of 400 rad/s refused; expected 0 to 314.2 rad/s"),
+    ],
+)
 def test_the_rig_refuses_what_cannot_be_set(name, value, sentence):
     with pytest.raises(RigError, match=sentence):
         Rig(load_rig()).set_value(name, value)

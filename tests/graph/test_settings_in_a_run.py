@@ -8,10 +8,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rig_nodes.bags.reader import Bag
 from running_graph import RigRun
 from test_settings import PROFILE_1, User
-
-from rig_nodes.bags.reader import Bag
 
 TWO_TICKS = 0.0101
 HELD = """
@@ -33,8 +32,10 @@ SHOWN = {
     "alfa46.output_1.currents = 0.16 0.3 0.6 0.13 0.13 0 A": ("I_set_zr_p1", lambda v: v == 0.6),
 }
 REFUSED = [
-    ("motor", {"speed": 400.0}, "Max: 314.2"), ("load_pump", {"relief_pressure": -1.0}, "Min: 0.0"),
-    ("oil_supply", {"temperature": 200.0}, "Max: 150.0"), ("instruments", {"noise__p1": -1.0}, "Min: 0.0"),
+    ("motor", {"speed": 400.0}, "Max: 314.2"),
+    ("load_pump", {"relief_pressure": -1.0}, "Min: 0.0"),
+    ("oil_supply", {"temperature": 200.0}, "Max: 150.0"),
+    ("instruments", {"noise__p1": -1.0}, "Min: 0.0"),
     ("alfa46", {"output_1__currents": [0.2, 0.2, 0.9, 0.1, 0.1, 0.0]}, "output_1.P3 asks for 900 mA"),
 ]
 
@@ -57,8 +58,9 @@ def test_a_setting_of_each_node_acts_within_two_ticks(tmp_path, speed, record_pr
         for node, values, reason in REFUSED:
             result = user.ask(node, **values)
             assert not result.successful and reason in result.reason
-        user.until(lambda: sum(e.name == "setting_changed" for t in user.events.values() for e in t) >= 6,
-                   f"the events, after {said}")
+        user.until(
+            lambda: sum(e.name == "setting_changed" for t in user.events.values() for e in t) >= 6, f"the events, after {said}"
+        )
     finally:
         user.close()
         run.ctrl_c()
@@ -66,8 +68,7 @@ def test_a_setting_of_each_node_acts_within_two_ticks(tmp_path, speed, record_pr
     assert code == 130, output
     bag = Bag(run.folder)
     taken = {text: t for t, _, name, text, _ in bag.events() if name == "setting_changed"}
-    assert taken.keys() == SHOWN.keys() | {
-        "instruments.noise = false", "alfa46.output_1.times = 0.2 0.33 0.65 0.25 0.75 1.25 s"}
+    assert taken.keys() == SHOWN.keys() | {"instruments.noise = false", "alfa46.output_1.times = 0.2 0.33 0.65 0.25 0.75 1.25 s"}
     delays = {}
     for text, (signal, is_new) in SHOWN.items():
         t, values = bag.series(signal)

@@ -10,9 +10,8 @@ import subprocess
 import time
 
 import pytest
-from running_graph import BRIEF, SHORT, RigRun, Traces, rig_run
-
 from rig_nodes.bags.reader import Bag
+from running_graph import BRIEF, SHORT, RigRun, Traces, rig_run
 
 CONNECTED = "all nodes are connected"
 

@@ -35,8 +35,11 @@ def test_ros2_run_finds_every_script_and_no_other(install):
 
 
 def test_every_file_that_is_read_is_installed(install):
-    read = [path.relative_to(PACKAGE) for suffix in ("yaml", "xml", "h", "c", "py")
-            for path in (PACKAGE / "rig_nodes").rglob(f"*.{suffix}")]
+    read = [
+        path.relative_to(PACKAGE)
+        for suffix in ("yaml", "xml", "h", "c", "py")
+        for path in (PACKAGE / "rig_nodes").rglob(f"*.{suffix}")
+    ]
     assert len([path for path in read if path.suffix != ".py"]) >= 7
     assert [str(path) for path in read if not (site(install) / path).is_file()] == []
 
@@ -49,7 +52,8 @@ def test_launch_file_and_marker_are_where_ros2_looks(install):
 
 def test_what_is_installed_runs(install, tmp_path):
     environment = dict(os.environ, PYTHONPATH=str(site(install)))
-    listed = subprocess.run([install / "lib" / "rig_nodes" / "rig", "list", "sequences"], capture_output=True,
-                            text=True, env=environment, cwd=tmp_path)
+    listed = subprocess.run(
+        [install / "lib" / "rig_nodes" / "rig", "list", "sequences"], capture_output=True, text=True, env=environment, cwd=tmp_path
+    )
     assert listed.returncode == 0, listed.stderr
     assert "demo" in listed.stdout

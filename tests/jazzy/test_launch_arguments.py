@@ -13,7 +13,6 @@ from types import SimpleNamespace
 from unittest.mock import MagicMock
 
 import pytest
-
 from rig_nodes.catalogue import installed_topics
 from rig_nodes.errors import RigError
 from rig_nodes.graph.supervisor import Order
@@ -22,8 +21,16 @@ from rig_nodes.nodes.process import rig_config
 from rig_nodes.testbench.configuration import load_rig
 
 LAUNCH_FILE = Path(__file__).resolve().parents[2] / "rig_nodes" / "launch" / "rig_launch.py"
-OF_LAUNCH = ("launch", "launch.actions", "launch.event_handlers", "launch.events", "launch.events.process",
-             "launch.substitutions", "launch_ros", "launch_ros.actions")
+OF_LAUNCH = (
+    "launch",
+    "launch.actions",
+    "launch.event_handlers",
+    "launch.events",
+    "launch.events.process",
+    "launch.substitutions",
+    "launch_ros",
+    "launch_ros.actions",
+)
 
 
 @pytest.fixture
@@ -52,8 +59,15 @@ def test_a_bench_sequence_is_launched_on_its_own_rig_without_a_shift_controller(
 
 
 def test_the_gearbox_rig_is_launched_with_everything_that_was_given(launch_file):
-    order = launch_file.ordered(given(launch_file, sequence="demo", seed="3", delay="2", **{
-        "set": "alfa46.t12=200 ms, wiring=swapped", "with": "pressures=1 MPa, 2 MPa,speed=40 rpm"}))
+    order = launch_file.ordered(
+        given(
+            launch_file,
+            sequence="demo",
+            seed="3",
+            delay="2",
+            **{"set": "alfa46.t12=200 ms, wiring=swapped", "with": "pressures=1 MPa, 2 MPa,speed=40 rpm"},
+        )
+    )
     rig = ["--rig", "hydmag", "--set", "alfa46.t12=200 ms", "--set", "wiring=swapped"]
     chosen = ["--sequence", "demo", "--with", "pressures=1 MPa, 2 MPa", "--with", "speed=40 rpm"]
     assert order.arguments("container") == [*rig, *chosen, "--seed", "3", "--delay", "2"]
@@ -65,8 +79,10 @@ def test_the_gearbox_rig_is_launched_with_everything_that_was_given(launch_file)
 
 def test_the_launch_file_reads_names_without_the_packages_that_the_system_lacks():
     blocked = "import sys; sys.modules.update(dict.fromkeys(('numba', 'scipy', 'mcap', 'rosbags', 'rclpy')));"
-    asked = ("import rig_nodes.graph.supervisor, rig_nodes.testbench.folders; from rig_nodes.config.names import *;"
-             "print(has_controller(rig_of('spring_bench')), has_controller(rig_of('')))")
+    asked = (
+        "import rig_nodes.graph.supervisor, rig_nodes.testbench.folders; from rig_nodes.config.names import *;"
+        "print(has_controller(rig_of('spring_bench')), has_controller(rig_of('')))"
+    )
     said = subprocess.run([sys.executable, "-c", blocked + asked], capture_output=True, text=True)
     assert said.stdout.split() == ["False", "True"], said.stderr
 
@@ -87,9 +103,9 @@ def test_a_rig_that_is_told_to_end_ends_the_launch_and_fails_only_a_sequence(lau
     assert run.reason == reason
 
 
-@pytest.mark.parametrize("rig, sequence, name", [
-    (None, "clutch_bench", "clutch_bench"), (None, None, "hydmag"), ("spring_bench", None, "spring_bench"),
-])
+@pytest.mark.parametrize(
+    "rig, sequence, name", [(None, "clutch_bench", "clutch_bench"), (None, None, "hydmag"), ("spring_bench", None, "spring_bench")]
+)
 def test_a_process_takes_the_rig_of_its_sequence_unless_it_is_told_another(rig, sequence, name):
     assert rig_config(SimpleNamespace(rig=rig, sequence=sequence, settings=[])).name == name
 
@@ -97,11 +113,16 @@ def test_a_process_takes_the_rig_of_its_sequence_unless_it_is_told_another(rig, 
 OF_A_DEVICE, OF_A_CONTROLLER = {"/motor/cut/port", "/motor/cut/answer"}, {"/controller/signals", "/controller/channels"}
 
 
-@pytest.mark.parametrize("rig, settings, controller, more", [
-    ("hydmag", [], None, set()), ("hydmag", [], "alfa46@duty", set()),
-    ("hydmag", ["motor.source=topic"], None, OF_A_DEVICE), ("hydmag", [], "udp:9000@current", OF_A_CONTROLLER),
-    ("spring_bench", [], None, set()),
-])
+@pytest.mark.parametrize(
+    "rig, settings, controller, more",
+    [
+        ("hydmag", [], None, set()),
+        ("hydmag", [], "alfa46@duty", set()),
+        ("hydmag", ["motor.source=topic"], None, OF_A_DEVICE),
+        ("hydmag", [], "udp:9000@current", OF_A_CONTROLLER),
+        ("spring_bench", [], None, set()),
+    ],
+)
 def test_the_recorder_takes_the_topics_of_its_rig_and_no_other(rig, settings, controller, more):
     order = Order(None, rig, settings=settings, controller=controller)
     parser = ArgumentParser()
@@ -116,13 +137,25 @@ def test_the_recorder_takes_the_topics_of_its_rig_and_no_other(rig, settings, co
 RUN = "import sys; from rig_nodes.nodes.sequencer import main; sys.exit(main())"
 
 
-@pytest.mark.parametrize("before, arguments, sentence", [
-    ("", ["--once", "--ros-args", "-r", "a:=b", "--", "--sequence", "nowhere"], "there is no sequence 'nowhere'"),
-    ("", ["--ros-args", "-r", "nonsense"], "--ros-args: Failed to parse ROS arguments: Couldn't parse remap rule"),
-    ("import sys, rclpy; sys.modules['rclpy.experimental'] = None;", ["--sequence", "demo"],
-     "the rig needs rclpy 7.1.4 or newer"),
-], ids=["behind-ros-args", "wrong-ros-args", "old-rclpy"])
+@pytest.mark.parametrize(
+    "before, arguments, sentence",
+    [
+        ("", ["--once", "--ros-args", "-r", "a:=b", "--", "--sequence", "nowhere"], "there is no sequence 'nowhere'"),
+        ("", ["--ros-args", "-r", "nonsense"], "--ros-args: Failed to parse ROS arguments: Couldn't parse remap rule"),
+        (
+            "import sys, rclpy; sys.modules['rclpy.experimental'] = None;",
+            ["--sequence", "demo"],
+            "the rig needs rclpy 7.1.4 or newer",
+        ),
+    ],
+    ids=["behind-ros-args", "wrong-ros-args", "old-rclpy"],
+)
 def test_a_process_says_in_one_sentence_what_stops_it(before, arguments, sentence, domain):
-    said = subprocess.run([sys.executable, "-c", before + RUN, *arguments], capture_output=True, text=True, timeout=60,
-                          env=dict(os.environ, ROS_DOMAIN_ID=str(domain)))
+    said = subprocess.run(
+        [sys.executable, "-c", before + RUN, *arguments],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env=dict(os.environ, ROS_DOMAIN_ID=str(domain)),
+    )
     assert said.returncode == 2 and sentence in said.stderr and "Traceback" not in said.stderr

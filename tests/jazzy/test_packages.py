@@ -16,8 +16,12 @@ RIGHTS = re.compile(r"(#!.*\n)?(/\*\n)?(#|//| \*) Copyright \d{4} \S.*\n\3 SPDX-
 
 
 def test_every_source_file_says_whose_it_is_and_under_which_licence():
-    files = [path for folder in ("rig_nodes", "msgs", "tests") for path in (CHECKOUT / folder).rglob("*")
-             if path.suffix in SUFFIXES and not {"build", "install"} & set(path.parts)]
+    files = [
+        path
+        for folder in ("rig_nodes", "msgs", "tests")
+        for path in (CHECKOUT / folder).rglob("*")
+        if path.suffix in SUFFIXES and not {"build", "install"} & set(path.parts)
+    ]
     assert len(files) > 400
     without = [path for path in files if not RIGHTS.match(path.read_text(encoding="utf-8"))]
     assert [str(path.relative_to(CHECKOUT)) for path in without] == []

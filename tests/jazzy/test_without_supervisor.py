@@ -11,7 +11,6 @@ import sys
 from pathlib import Path
 
 import pytest
-
 from rig_nodes.graph.result import end_of
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
@@ -23,11 +22,9 @@ PROFILES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
 
 def start(folder: Path, domain: int, name: str, *arguments: str) -> subprocess.Popen:
     environment = {key: value for key, value in os.environ.items() if key not in PROFILES}
-    command = [sys.executable, "-P", "-m", f"rig_nodes.nodes.{name}", *arguments, "--recorded", "--logs",
-               str(folder / "logs")]
+    command = [sys.executable, "-P", "-m", f"rig_nodes.nodes.{name}", *arguments, "--recorded", "--logs", str(folder / "logs")]
     with open(folder / "logs" / f"{name}.log", "wb") as log:
-        return subprocess.Popen(command, stdout=log, stderr=log,
-                                env=environment | {"ROS_DOMAIN_ID": str(domain)})
+        return subprocess.Popen(command, stdout=log, stderr=log, env=environment | {"ROS_DOMAIN_ID": str(domain)})
 
 
 @pytest.mark.against_the_clock
@@ -35,10 +32,12 @@ def test_a_run_without_a_supervisor_has_a_whole_report(tmp_path, domain):
     Rig(load_rig()).advance_samples(1)  # compiles, when nothing has done so before, outside the patience below
     (tmp_path / "logs").mkdir()
     sequence = ("--sequence", str(SHORT))
-    processes = {"recorder": start(tmp_path, domain, "recorder", "--out", str(tmp_path), "--name", "short"),
-                 "rig_container": start(tmp_path, domain, "rig_container", *sequence),
-                 "alfa46": start(tmp_path, domain, "alfa46"),
-                 "sequencer": start(tmp_path, domain, "sequencer", *sequence, "--once")}
+    processes = {
+        "recorder": start(tmp_path, domain, "recorder", "--out", str(tmp_path), "--name", "short"),
+        "rig_container": start(tmp_path, domain, "rig_container", *sequence),
+        "alfa46": start(tmp_path, domain, "alfa46"),
+        "sequencer": start(tmp_path, domain, "sequencer", *sequence, "--once"),
+    }
     try:
         assert processes["sequencer"].wait(PATIENCE) == 0
         shared = Path(f"/proc/{processes['rig_container'].pid}/maps").read_text()
@@ -62,21 +61,23 @@ def test_a_run_without_a_supervisor_has_a_whole_report(tmp_path, domain):
     assert set(run["processes"]) == {"recorder", "container", "alfa46", "sequencer"}
 
 
-WELL = {"recorder": {}, "alfa46": {}, "sequencer": {"outcome": None},
-        "container": {"reason": "", "interrupted": False}}
+WELL = {"recorder": {}, "alfa46": {}, "sequencer": {"outcome": None}, "container": {"reason": "", "interrupted": False}}
 DONE = {"sequencer": {"outcome": {"success": True, "text": "done"}}}
 FAILED = {"sequencer": {"outcome": {"success": False, "text": "step 3 waited too long"}}}
 TRIPPED = {"container": {"reason": "no command", "interrupted": False}}
 
 
-@pytest.mark.parametrize("change, lost, state, reason", [
-    (DONE, None, "ended", "the sequence ended"),
-    ({}, None, "ended", "stopped"),
-    (FAILED, None, "failed", "step 3 waited too long"),
-    ({"container": {"reason": "no command", "interrupted": True}}, None, "interrupted", "no command"),
-    (TRIPPED, "alfa46", "failed", "alfa46 left no counts, as a process that was killed; safe state: no command"),
-    ({}, "container", "failed", "container left no counts, as a process that was killed"),
-])
+@pytest.mark.parametrize(
+    "change, lost, state, reason",
+    [
+        (DONE, None, "ended", "the sequence ended"),
+        ({}, None, "ended", "stopped"),
+        (FAILED, None, "failed", "step 3 waited too long"),
+        ({"container": {"reason": "no command", "interrupted": True}}, None, "interrupted", "no command"),
+        (TRIPPED, "alfa46", "failed", "alfa46 left no counts, as a process that was killed; safe state: no command"),
+        ({}, "container", "failed", "container left no counts, as a process that was killed"),
+    ],
+)
 def test_how_a_run_ended_is_told_from_what_its_processes_left(change, lost, state, reason):
     end = end_of({name: fact for name, fact in (WELL | change).items() if name != lost}, shifts=True)
     assert (end.state, end.reason) == (state, reason)

@@ -46,11 +46,17 @@ def small_checkout(tmp_path, launcher) -> Path:
     (venv / "lib" / "librig_msgs.so").touch()
     (venv / "bin").mkdir()
     os.symlink(sys.executable, venv / "bin" / "python")
-    launcher.write_stamp(str(venv), {
-        "recipe": launcher.RECIPE, "root": str(root),
-        "lock": launcher.file_hash(str(root / "requirements.lock")),
-        "messages": launcher.tree_hash(str(root / "msgs")),
-        "python": launcher.base_python(str(venv)), "series": "%d.%d" % sys.version_info[:2],
-        "entries": {"lib/python3.11/site-packages": ["numpy", "numpy-2.4.6.dist-info"], "bin": ["python"]},
-        "message_entries": {"lib": ["librig_msgs.so"], "lib/python3.11/site-packages": ["rig_msgs"]}})
+    launcher.write_stamp(
+        str(venv),
+        {
+            "recipe": launcher.RECIPE,
+            "root": str(root),
+            "lock": launcher.file_hash(str(root / "requirements.lock")),
+            "messages": launcher.tree_hash(str(root / "msgs")),
+            "python": launcher.base_python(str(venv)),
+            "series": "%d.%d" % sys.version_info[:2],
+            "entries": {"lib/python3.11/site-packages": ["numpy", "numpy-2.4.6.dist-info"], "bin": ["python"]},
+            "message_entries": {"lib": ["librig_msgs.so"], "lib/python3.11/site-packages": ["rig_msgs"]},
+        },
+    )
     return root

@@ -12,16 +12,13 @@ import sys
 import time
 
 import pytest
-
 from rig_nodes.cli.main import VERBS
 
-pytestmark = pytest.mark.skipif(os.path.basename(sys.prefix) != ".venv",
-                                reason="not in the launcher's environment")
+pytestmark = pytest.mark.skipif(os.path.basename(sys.prefix) != ".venv", reason="not in the launcher's environment")
 
 
 def rig(checkout, *arguments, **options):
-    return subprocess.run([checkout / "rig", *arguments], capture_output=True, text=True, timeout=60,
-                          **options)
+    return subprocess.run([checkout / "rig", *arguments], capture_output=True, text=True, timeout=60, **options)
 
 
 def test_help_is_quick_and_names_every_verb(checkout):
@@ -36,9 +33,11 @@ def test_help_is_quick_and_names_every_verb(checkout):
 
 
 def test_help_imports_nothing_heavy():
-    code = ("import sys; from rig_nodes.cli.main import main; main(['--help']); "
-            "heavy = {'numpy', 'numba', 'rclpy', 'mcap', 'rerun'}; "
-            "print(sorted(heavy & set(sys.modules)), file=sys.stderr)")
+    code = (
+        "import sys; from rig_nodes.cli.main import main; main(['--help']); "
+        "heavy = {'numpy', 'numba', 'rclpy', 'mcap', 'rerun'}; "
+        "print(sorted(heavy & set(sys.modules)), file=sys.stderr)"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30)
     assert done.stderr.strip() == "[]"
 
@@ -46,14 +45,13 @@ def test_help_imports_nothing_heavy():
 @pytest.mark.parametrize("verb", VERBS)
 def test_help_line_is_that_of_the_module(verb):
     module = importlib.import_module(f"rig_nodes.cli.{verb}")
-    assert module.HELP == VERBS[verb]
+    assert VERBS[verb] == module.HELP
 
 
-@pytest.mark.parametrize(("arguments", "words"), [
-    (["simulat"], "did you mean 'simulate'?"),
-    (["xyzzy"], "known are run, simulate"),
-    (["doctor", "--jsn"], "--jsn"),
-])
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [(["simulat"], "did you mean 'simulate'?"), (["xyzzy"], "known are run, simulate"), (["doctor", "--jsn"], "--jsn")],
+)
 def test_mistake_is_one_sentence_and_exit_code_2(checkout, arguments, words):
     done = rig(checkout, *arguments)
     assert done.returncode == 2
@@ -69,9 +67,14 @@ def test_test_passes_its_arguments_on(checkout, tmp_path):
 
 def test_foreign_shell_settings_and_no_home_do_not_matter(checkout, tmp_path):
     (tmp_path / "numpy.py").write_text("raise SystemExit('the wrong numpy')\n")
-    env = {"PATH": "/usr/bin:/bin:" + os.path.dirname(sys.executable), "PYTHONPATH": str(tmp_path),
-           "LD_LIBRARY_PATH": "/opt/ros/jazzy/lib", "AMENT_PREFIX_PATH": "/opt/ros/jazzy",
-           "RMW_IMPLEMENTATION": "rmw_none", "_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1"}
+    env = {
+        "PATH": "/usr/bin:/bin:" + os.path.dirname(sys.executable),
+        "PYTHONPATH": str(tmp_path),
+        "LD_LIBRARY_PATH": "/opt/ros/jazzy/lib",
+        "AMENT_PREFIX_PATH": "/opt/ros/jazzy",
+        "RMW_IMPLEMENTATION": "rmw_none",
+        "_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1",
+    }
     # Without HOME and with a python3 on the path that is not the environment's own.
     done = rig(checkout, "doctor", "--json", env=env, cwd=tmp_path)
     findings = {c["what"]: c for c in json.loads(done.stdout)["checks"]}
@@ -80,6 +83,7 @@ def test_foreign_shell_settings_and_no_home_do_not_matter(checkout, tmp_path):
 
 
 def test_closed_pipe_is_quiet(checkout):
-    done = subprocess.run(f"{checkout / 'rig'} doctor --json | head -c 1 | wc -c", shell=True,
-                          capture_output=True, text=True, timeout=60)
+    done = subprocess.run(
+        f"{checkout / 'rig'} doctor --json | head -c 1 | wc -c", shell=True, capture_output=True, text=True, timeout=60
+    )
     assert done.stdout.strip() == "1" and done.stderr == ""

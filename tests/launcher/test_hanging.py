@@ -32,7 +32,12 @@ def test_a_test_that_hangs_is_ended(tmp_path):
         text = text.replace(limit, f"{limit.partition(' ')[0]} = {new}")
     (tmp_path / "conftest.py").write_text(text)
     (tmp_path / "test_one.py").write_text(HANGS)
-    done = subprocess.run([sys.executable, "-m", "pytest", "-v", "-p", "no:cacheprovider", str(tmp_path)], text=True,
-                          capture_output=True, timeout=50, cwd=tmp_path)
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-v", "-p", "no:cacheprovider", str(tmp_path)],
+        text=True,
+        capture_output=True,
+        timeout=50,
+        cwd=tmp_path,
+    )
     assert "test_hangs FAILED" in done.stdout and "test_next PASSED" in done.stdout
     assert done.returncode == 1 and "Timeout (0:00:01)" in done.stderr and "in test_hears_nothing" in done.stderr

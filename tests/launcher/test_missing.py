@@ -16,18 +16,21 @@ def without(*names):
 COMPILERS = ("c++", "g++", "clang++", "cc", "gcc", "clang")
 
 
-@pytest.mark.parametrize(("situation", "words"), [
-    ({"version": (3, 10, 13), "which": without("python3.14")}, ["3.11", "3.10", "start it as 'python3.13"]),
-    ({"version": (3, 10, 13), "which": lambda name: None}, ["3.11", "3.10", "python3.12-venv"]),
-    ({"version": (3, 15, 0)}, ["3.14", "3.15"]),
-    ({"machine": "aarch64"}, ["x86-64", "aarch64"]),
-    ({"system": "darwin"}, ["Linux", "darwin"]),
-    ({"glibc": (2, 17)}, ["glibc 2.28", "2.17"]),
-    ({"glibc": (0, 0)}, ["glibc 2.28", "another C library"]),
-    ({"has_module": lambda name: name != "ensurepip"}, ["venv", "python3-venv"]),
-    ({"include": "/nowhere"}, ["Python.h", "/nowhere", "python3-dev"]),
-    ({"which": without(*COMPILERS)}, ["C++ compiler", "g++"]),
-])
+@pytest.mark.parametrize(
+    ("situation", "words"),
+    [
+        ({"version": (3, 10, 13), "which": without("python3.14")}, ["3.11", "3.10", "start it as 'python3.13"]),
+        ({"version": (3, 10, 13), "which": lambda name: None}, ["3.11", "3.10", "python3.12-venv"]),
+        ({"version": (3, 15, 0)}, ["3.14", "3.15"]),
+        ({"machine": "aarch64"}, ["x86-64", "aarch64"]),
+        ({"system": "darwin"}, ["Linux", "darwin"]),
+        ({"glibc": (2, 17)}, ["glibc 2.28", "2.17"]),
+        ({"glibc": (0, 0)}, ["glibc 2.28", "another C library"]),
+        ({"has_module": lambda name: name != "ensurepip"}, ["venv", "python3-venv"]),
+        ({"include": "/nowhere"}, ["Python.h", "/nowhere", "python3-dev"]),
+        ({"which": without(*COMPILERS)}, ["C++ compiler", "g++"]),
+    ],
+)
 def test_missing_thing_is_named(launcher, situation, words, monkeypatch, tmp_path):
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.delenv("CXX", raising=False)
@@ -61,13 +64,16 @@ def test_old_python_gets_a_sentence(checkout, launcher, tmp_path, minor):
     assert not (tmp_path / ".venv").exists()
 
 
-@pytest.mark.parametrize(("output", "words"), [
-    ("WARNING: Retrying: NewConnectionError('Temporary failure in name resolution')", "network or proxy"),
-    ("SSLError(SSLCertVerificationError: CERTIFICATE_VERIFY_FAILED", "ca-certificates"),
-    ("ERROR: THESE PACKAGES DO NOT MATCH THE HASHES FROM THE REQUIREMENTS FILE.", "requirements.lock"),
-    ("OSError: [Errno 28] No space left on device", "disk is full"),
-    ("all is well\nCMake Error at CMakeLists.txt:12:\n\n  no such message\nmore", "no such message"),
-])
+@pytest.mark.parametrize(
+    ("output", "words"),
+    [
+        ("WARNING: Retrying: NewConnectionError('Temporary failure in name resolution')", "network or proxy"),
+        ("SSLError(SSLCertVerificationError: CERTIFICATE_VERIFY_FAILED", "ca-certificates"),
+        ("ERROR: THESE PACKAGES DO NOT MATCH THE HASHES FROM THE REQUIREMENTS FILE.", "requirements.lock"),
+        ("OSError: [Errno 28] No space left on device", "disk is full"),
+        ("all is well\nCMake Error at CMakeLists.txt:12:\n\n  no such message\nmore", "no such message"),
+    ],
+)
 def test_failure_of_a_tool_is_explained(launcher, output, words):
     sentence = launcher.explain(output, "installing the packages failed", "/somewhere/setup.log")
     assert words in sentence and "\n" not in sentence

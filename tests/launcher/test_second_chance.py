@@ -9,14 +9,15 @@ import sys
 from pathlib import Path
 
 import pytest
-
 from rig_nodes.cli.test import counted, failed_tests, may_try_again, parts_of
 
 CLOCK = "tests/graph/test_live_graph.py::test_torque_is_read_without_gaps_and_in_time"
 PLAIN = "tests/plant/test_models.py::test_something"
 ROOT = Path(__file__).resolve().parents[2]
-RUN_ALL = ("import sys; from argparse import Namespace; from pathlib import Path; from rig_nodes.cli import test; "
-           "test.tests_root = lambda: Path(sys.argv[1]); sys.exit(test.main(Namespace(passed_on=[])))")
+RUN_ALL = (
+    "import sys; from argparse import Namespace; from pathlib import Path; from rig_nodes.cli import test; "
+    "test.tests_root = lambda: Path(sys.argv[1]); sys.exit(test.main(Namespace(passed_on=[])))"
+)
 TWICE = """
 from pathlib import Path
 
@@ -36,8 +37,9 @@ def test_beside():
 """
 
 
-@pytest.mark.parametrize("failed, again", [
-    ([], False), ([CLOCK], True), ([CLOCK, PLAIN], False), ([f"{CLOCK}[{n}]" for n in range(6)], False)])
+@pytest.mark.parametrize(
+    "failed, again", [([], False), ([CLOCK], True), ([CLOCK, PLAIN], False), ([f"{CLOCK}[{n}]" for n in range(6)], False)]
+)
 def test_only_a_few_failures_against_the_clock(failed, again):
     assert may_try_again(failed, [test for test in failed if test != PLAIN]) is again
 
@@ -59,19 +61,27 @@ def test_every_file_is_in_exactly_one_part_and_what_has_a_clock_is_found():
     assert sorted(covered) == sorted((ROOT / "tests").rglob("test_*.py")) and not first.keys() & beside.keys()
 
 
-@pytest.mark.parametrize("line, counts", [
-    ("1 failed, 30 passed, 1 skipped, 2 deselected in 3.10s", {"failed": 1, "passed": 30, "skipped": 1}),
-    ("==== 7 passed, 2 errors in 0.5s ====", {"passed": 7, "error": 2}), ("no tests ran in 0.01s", {})])
+@pytest.mark.parametrize(
+    "line, counts",
+    [
+        ("1 failed, 30 passed, 1 skipped, 2 deselected in 3.10s", {"failed": 1, "passed": 30, "skipped": 1}),
+        ("==== 7 passed, 2 errors in 0.5s ====", {"passed": 7, "error": 2}),
+        ("no tests ran in 0.01s", {}),
+    ],
+)
 def test_what_a_part_says_at_its_end_is_counted(line, counts):
     assert counted(f"....\n{line}\n") == counts
 
 
 def test_a_checkout_is_tested_in_parts_and_its_failures_are_told(tmp_path):
-    (tmp_path / "pytest.ini").write_text("[pytest]\ntestpaths = tests\naddopts = --import-mode=importlib\n"
-                                         "markers =\n    campaign\n    against_the_clock\n")
-    for folder, text in (("plant", "def test_a(): pass\n"), ("bags", "def test_b(): assert False\n"),
-                         ("graph", "import pytest\n\n\ndef test_c(): pass\n\n\n@pytest.mark.against_the_clock\n"
-                                   "def test_d(): pass\n")):
+    (tmp_path / "pytest.ini").write_text(
+        "[pytest]\ntestpaths = tests\naddopts = --import-mode=importlib\nmarkers =\n    campaign\n    against_the_clock\n"
+    )
+    for folder, text in (
+        ("plant", "def test_a(): pass\n"),
+        ("bags", "def test_b(): assert False\n"),
+        ("graph", "import pytest\n\n\ndef test_c(): pass\n\n\n@pytest.mark.against_the_clock\ndef test_d(): pass\n"),
+    ):
         (tmp_path / "tests" / folder).mkdir(parents=True)
         (tmp_path / "tests" / folder / "test_one.py").write_text(text)
     notes = tmp_path / ".pytest_cache/parts/plant/v/cache/lastfailed"
@@ -84,8 +94,9 @@ def test_a_checkout_is_tested_in_parts_and_its_failures_are_told(tmp_path):
 
 
 def test_what_fails_against_the_clock_runs_once_more_alone(tmp_path):
-    (tmp_path / "pytest.ini").write_text("[pytest]\ntestpaths = tests\naddopts = --import-mode=importlib\n"
-                                         "markers =\n    campaign\n    against_the_clock\n")
+    (tmp_path / "pytest.ini").write_text(
+        "[pytest]\ntestpaths = tests\naddopts = --import-mode=importlib\nmarkers =\n    campaign\n    against_the_clock\n"
+    )
     (tmp_path / "tests" / "graph").mkdir(parents=True)
     (tmp_path / "tests" / "graph" / "test_one.py").write_text(TWICE)
     done = subprocess.run([sys.executable, "-c", RUN_ALL, str(tmp_path)], capture_output=True, text=True, timeout=120)

@@ -36,13 +36,16 @@ def test_half_made_environment(launcher, small_checkout, content):
     assert launcher.find_stale(str(small_checkout)) == ("packages", "the environment is half made")
 
 
-@pytest.mark.parametrize(("lost", "stale"), [
-    ("lib/python3.11/site-packages/numpy", "packages"),
-    ("lib/python3.11/site-packages/numpy-2.4.6.dist-info", "packages"),
-    ("bin/python", "packages"),
-    ("lib/python3.11/site-packages/rig_msgs", "messages"),
-    ("lib/librig_msgs.so", "messages"),
-])
+@pytest.mark.parametrize(
+    ("lost", "stale"),
+    [
+        ("lib/python3.11/site-packages/numpy", "packages"),
+        ("lib/python3.11/site-packages/numpy-2.4.6.dist-info", "packages"),
+        ("bin/python", "packages"),
+        ("lib/python3.11/site-packages/rig_msgs", "messages"),
+        ("lib/librig_msgs.so", "messages"),
+    ],
+)
 def test_lost_part(launcher, small_checkout, lost, stale):
     path = small_checkout / ".venv" / lost
     path.unlink() if path.is_symlink() or path.is_file() else path.rmdir()
@@ -67,11 +70,14 @@ def test_changed_lock(launcher, small_checkout):
     assert launcher.find_stale(str(small_checkout)) == ("packages", "requirements.lock changed")
 
 
-@pytest.mark.parametrize("change", [
-    lambda msgs: (msgs / "msg/Torque.msg").write_text("float64 value\nfloat64 other\n"),
-    lambda msgs: (msgs / "msg/Torque.msg").rename(msgs / "msg/Moment.msg"),
-    lambda msgs: (msgs / "msg/Speed.msg").write_text("float64 value\n"),
-])
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda msgs: (msgs / "msg/Torque.msg").write_text("float64 value\nfloat64 other\n"),
+        lambda msgs: (msgs / "msg/Torque.msg").rename(msgs / "msg/Moment.msg"),
+        lambda msgs: (msgs / "msg/Speed.msg").write_text("float64 value\n"),
+    ],
+)
 def test_changed_messages_cost_only_the_messages(launcher, small_checkout, change):
     change(small_checkout / "msgs")
     assert launcher.find_stale(str(small_checkout)) == ("messages", "msgs/ changed")
@@ -104,10 +110,8 @@ def test_second_start_waits_for_the_first_and_says_so(launcher, small_checkout):
     complete = stamp.read_text()
     stamp.unlink()
     lock = launcher.take_lock(str(small_checkout))
-    code = (f"import runpy; rig = runpy.run_path({launcher.__file__!r}); "
-            f"rig['set_up']({str(small_checkout)!r}); print('ready')")
-    second = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                              text=True)
+    code = f"import runpy; rig = runpy.run_path({launcher.__file__!r}); rig['set_up']({str(small_checkout)!r}); print('ready')"
+    second = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         assert "waiting" in second.stderr.readline()
         stamp.write_text(complete)
@@ -123,17 +127,18 @@ def test_failing_tool_ends_in_a_sentence_and_leaves_no_stamp(launcher, small_che
     steps = launcher.Steps(1, str(tmp_path / "setup.log"), lock)
     steps.start("trying")
     with pytest.raises(launcher.SetupError, match="trying failed: error: no such thing"):
-        steps.run(["sh", "-c", "echo fine; echo 'error: no such thing' >&2; exit 3"], dict(os.environ),
-                  "trying failed")
+        steps.run(["sh", "-c", "echo fine; echo 'error: no such thing' >&2; exit 3"], dict(os.environ), "trying failed")
     os.close(lock)
 
 
 def test_killed_start_keeps_the_lock_until_its_tool_has_ended(launcher, small_checkout, tmp_path):
     """Otherwise the next start would remove the environment below a pip that still runs."""
-    code = (f"import runpy; rig = runpy.run_path({launcher.__file__!r}); "
-            f"lock = rig['take_lock']({str(small_checkout)!r}); "
-            f"steps = rig['Steps'](1, {str(tmp_path / 'log')!r}, lock); "
-            "steps.start('x'); steps.run(['sh', '-c', 'read line < fifo'], None, 'failed')")
+    code = (
+        f"import runpy; rig = runpy.run_path({launcher.__file__!r}); "
+        f"lock = rig['take_lock']({str(small_checkout)!r}); "
+        f"steps = rig['Steps'](1, {str(tmp_path / 'log')!r}, lock); "
+        "steps.start('x'); steps.run(['sh', '-c', 'read line < fifo'], None, 'failed')"
+    )
     os.mkfifo(tmp_path / "fifo")
     first = subprocess.Popen([sys.executable, "-c", code], cwd=tmp_path, stderr=subprocess.DEVNULL)
     # Opening the writing end returns when the tool has opened the reading end: then it runs.
@@ -148,8 +153,7 @@ def test_killed_start_keeps_the_lock_until_its_tool_has_ended(launcher, small_ch
     os.close(folder)
 
 
-def test_a_shell_without_stored_bytecode_gets_it_from_the_launcher_once_for_each_change(
-        launcher, small_checkout, monkeypatch):
+def test_a_shell_without_stored_bytecode_gets_it_from_the_launcher_once_for_each_change(launcher, small_checkout, monkeypatch):
     package, venv = small_checkout / "rig_nodes" / "rig_nodes", str(small_checkout / ".venv")
     package.mkdir(parents=True)
     (package / "plant.py").write_text("SPEED = 1\n")
@@ -159,7 +163,7 @@ def test_a_shell_without_stored_bytecode_gets_it_from_the_launcher_once_for_each
 
     monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
     launcher.keep_bytecode(str(small_checkout), venv)
-    stored, = (package / "__pycache__").iterdir()
+    (stored,) = (package / "__pycache__").iterdir()
     stored.unlink()
     launcher.keep_bytecode(str(small_checkout), venv)
     assert not stored.exists(), "nothing has changed"

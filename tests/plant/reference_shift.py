@@ -22,9 +22,8 @@ from dataclasses import dataclass
 from math import copysign, exp, pi, sqrt
 
 import numpy as np
-from scipy.integrate import solve_ivp
-
 from rig_nodes.plant.friction import closed, drag
+from scipy.integrate import solve_ivp
 
 SAMPLE = 1e-3  # s between two duties
 ROW = 1e-4  # s between two logger rows
@@ -69,12 +68,16 @@ class Equations:
         self.valves = (config.valve_zr_p1, config.valve_zr_p2)
         self.cylinders = (config.clutch_s1, config.clutch_s2)
         pack = self.pack = config.plate_pack
-        cases = ((pack.friction_kinetic, pack.friction_spline, False), (pack.friction_static, pack.friction_spline, False),
-                 (pack.friction_static, pack.friction_spline_static, True))
+        cases = (
+            (pack.friction_kinetic, pack.friction_spline, False),
+            (pack.friction_static, pack.friction_spline, False),
+            (pack.friction_static, pack.friction_spline_static, True),
+        )
         per_force = [closed.thesis(pack, 1.0, mu, spline, releasing=way) for mu, spline, way in cases]
-        self.per_force = [[x.friction_correction * f for f in
-                           (*per_force[:2], per_force[1] + x.spline_hold * (per_force[2] - per_force[1]))]
-                          for x in self.cylinders]
+        self.per_force = [
+            [x.friction_correction * f for f in (*per_force[:2], per_force[1] + x.spline_hold * (per_force[2] - per_force[1]))]
+            for x in self.cylinders
+        ]
         self.film = drag.kitabayashi(pack, 1.0, 1.0, 1.0)
         self.j_in, self.j_out = config.w0.inertia, config.z5.inertia * (41 / 40) ** 2
         self.stiff = [a * a / self.j_in + b * b / self.j_out for a, b in SLIPS]
@@ -142,11 +145,24 @@ class Equations:
             speed = max(0.0, speed)
         _, engaging, releasing = self.per_force[k]
         apart = max(0.0, x.clearance + z[WEAR] - piston) / (self.pack.surfaces * self.pack.film_gap)
-        held = [(clamp(z[kind], low, high) - z[kind]) / PULL for kind, low, high in (
-            (HELD, engaging * force, releasing * force),
-            (REST, min(1.0, force / self.pack.film_force), max(0.0, 1.0 - apart)))]
-        return ((target - spool) / v.spool_time, (flow - feed) * oil.bulk_modulus / x.line_volume,
-                (feed - x.piston_area * speed) * oil.bulk_modulus / x.chamber_volume, speed, *held), flow, force
+        held = [
+            (clamp(z[kind], low, high) - z[kind]) / PULL
+            for kind, low, high in (
+                (HELD, engaging * force, releasing * force),
+                (REST, min(1.0, force / self.pack.film_force), max(0.0, 1.0 - apart)),
+            )
+        ]
+        return (
+            (
+                (target - spool) / v.spool_time,
+                (flow - feed) * oil.bulk_modulus / x.line_volume,
+                (feed - x.piston_area * speed) * oil.bulk_modulus / x.chamber_volume,
+                speed,
+                *held,
+            ),
+            flow,
+            force,
+        )
 
     # ---- clutches and shafts
 
@@ -182,8 +198,7 @@ class Equations:
             raise ValueError("both clutches stick")
         carried, meter = 0.0, load
         for _ in range(60):  # the losses depend on the torques that they load: a contraction by a factor below 0.2
-            u = abs(carried) if into.square >= 0.0 else min(
-                abs(carried), -0.5 * into.share / into.square)
+            u = abs(carried) if into.square >= 0.0 else min(abs(carried), -0.5 * into.share / into.square)
             loss_in = by_speed + max(0.0, into.constant + into.share * u + into.square * u * u)
             m = abs(meter)
             loss_out = 41 / 40 * max(0.0, out.drag)
@@ -212,7 +227,7 @@ class Equations:
 
     def whole(self, t, y):
         """All at once: (hydraulics of both, capacities of both, shafts)."""
-        parts = [y[FIRST + k * PER_CLUTCH:FIRST + (k + 1) * PER_CLUTCH] for k in range(2)]
+        parts = [y[FIRST + k * PER_CLUTCH : FIRST + (k + 1) * PER_CLUTCH] for k in range(2)]
         oil = [self.hydraulics(k, t, parts[k], y[SUPPLY]) for k in range(2)]
         capacities = [self.capacities(k, parts[k], oil[k][2]) for k in range(2)]
         return parts, oil, capacities, self.shafts(y, capacities)
@@ -233,13 +248,21 @@ class Equations:
         relief = min(self.start.load * (3.84e-7 * n * n - 6.36e-4 * n + 1.32), c.load_pump.pressure_limit)
         drawn = sum(max(0.0, flow) for _, flow, _ in oil)
         supply = max(0.0, self.start.oil - c.oil_supply.relief_droop * drawn)
-        out = [*accelerations, (asked - y[TORQUE]) / m.torque_time, integral,
-               (relief - y[LOAD]) / c.load_pump.pressure_time, (supply - y[SUPPLY]) / c.oil_supply.pressure_time]
+        out = [
+            *accelerations,
+            (asked - y[TORQUE]) / m.torque_time,
+            integral,
+            (relief - y[LOAD]) / c.load_pump.pressure_time,
+            (supply - y[SUPPLY]) / c.oil_supply.pressure_time,
+        ]
         for k in range(2):
             power = (torques[k] + viscous[k]) * slips[k]
             warmer = (power - self.pack.cooling * (parts[k][HEAT] - c.oil_supply.temperature)) / self.pack.heat_capacity
-            wear = self.pack.wear_rate * max(0.0, 1.0 + self.pack.wear_per_kelvin * (
-                parts[k][HEAT] - self.pack.friction_temperature)) * power
+            wear = (
+                self.pack.wear_rate
+                * max(0.0, 1.0 + self.pack.wear_per_kelvin * (parts[k][HEAT] - self.pack.friction_temperature))
+                * power
+            )
             out += [*oil[k][0], warmer, wear]
         return out
 

@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 import pytest
-
 from rig_nodes.plant.driveline import Driveline
 from rig_nodes.plant.driveline_run import run
 
@@ -44,11 +43,18 @@ def result():
         d.clutch(f"c{k}", f"J{k}", f"J{k + 1}", stick=1.1)
     # a step also ends at each time of the table, so that speeds are compared there and not nearby
     times = [row[0] for row in TABLE]
-    return run(d.build(), 1.5, 1e-4,
-               {"J1": drive, "c1": capacity_1,
-                "c2": ([0.0, 0.4, 0.4, 1.5], [0.0, 0.0, 10.0, 10.0]),
-                "c3": ([0.0, 0.9, 0.9, 1.5], [0.0, 0.0, 10.0, 10.0])},
-               breakpoints=times)
+    return run(
+        d.build(),
+        1.5,
+        1e-4,
+        {
+            "J1": drive,
+            "c1": capacity_1,
+            "c2": ([0.0, 0.4, 0.4, 1.5], [0.0, 0.0, 10.0, 10.0]),
+            "c3": ([0.0, 0.9, 0.9, 1.5], [0.0, 0.0, 10.0, 10.0]),
+        },
+        breakpoints=times,
+    )
 
 
 def test_events_and_nothing_but_these(result):

@@ -7,13 +7,12 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-
 from rig_nodes.errors import RigError
 from rig_nodes.plant import driveline_algebra as algebra
 from rig_nodes.plant.driveline import Driveline
 from rig_nodes.plant.driveline_kernel import driveline_step
 from rig_nodes.plant.driveline_run import run
+from scipy.integrate import solve_ivp
 
 
 def pair(stick=1.0, w1=100.0, w2=0.0, drag=0.0):
@@ -85,8 +84,7 @@ def test_brake_stops_the_shaft_and_never_turns_it_back():
     assert w.min() == 0.0
     stop = event(r, "b", "lock")
     assert np.all(w[r.t >= stop] == 0.0)
-    assert np.abs(r.torque("b")[r.t > stop + 1e-3] - (-8.0 + 5.0 * np.sin(40.0 * r.t[r.t > stop + 1e-3]))
-                  ).max() < 1e-9
+    assert np.abs(r.torque("b")[r.t > stop + 1e-3] - (-8.0 + 5.0 * np.sin(40.0 * r.t[r.t > stop + 1e-3]))).max() < 1e-9
 
 
 def test_slides_through_zero_where_friction_is_too_weak():
@@ -189,10 +187,13 @@ def gearbox(stick=1.2, drag=0.002):
     return d.build()
 
 
-SHIFT = {"in": 60.0,
-         "s1": ([0.0, 0.3, 0.35, 1.0, 1.1], [300.0, 300.0, 0.0, 0.0, 400.0]),
-         "s2": ([0.0, 0.3, 0.5, 1.5], [0.0, 0.0, 250.0, 400.0]),
-         "load": ([0.0, 0.9, 1.2], [80.0, 80.0, 1500.0]), "seal": 1.0}
+SHIFT = {
+    "in": 60.0,
+    "s1": ([0.0, 0.3, 0.35, 1.0, 1.1], [300.0, 300.0, 0.0, 0.0, 400.0]),
+    "s2": ([0.0, 0.3, 0.5, 1.5], [0.0, 0.0, 250.0, 400.0]),
+    "load": ([0.0, 0.9, 1.2], [80.0, 80.0, 1500.0]),
+    "seal": 1.0,
+}
 
 
 def test_tie_up_with_every_element_locked_does_not_crash():
@@ -207,13 +208,31 @@ def test_tie_up_with_every_element_locked_does_not_crash():
 def test_locked_clutch_does_not_creep_over_a_million_steps():
     system = pair(stick=1.1, w1=90.0, w2=90.0)
     x, cap, q = system.state(), system.limits(), np.zeros((2, 2))
-    cap[algebra.KIN0:algebra.KIN1 + 1], cap[algebra.HI0:algebra.HI1 + 1] = 30.0, 33.0
-    cap[algebra.LO0:algebra.LO1 + 1] = -33.0
+    cap[algebra.KIN0 : algebra.KIN1 + 1], cap[algebra.HI0 : algebra.HI1 + 1] = 30.0, 33.0
+    cap[algebra.LO0 : algebra.LO1 + 1] = -33.0
     worst = 0.0
     for i in range(20000):
         q[:, 0] = 7.3 * (-1.0) ** i + 0.01
-        driveline_step(1e-3, i * 1e-3, system.minv, system.w, system.sh, system.kc, q, cap, x.loss, x.v, x.twist,
-                       x.mode, x.el, x.shaft, x.e_in, x.events, x.count, x.work)
+        driveline_step(
+            1e-3,
+            i * 1e-3,
+            system.minv,
+            system.w,
+            system.sh,
+            system.kc,
+            q,
+            cap,
+            x.loss,
+            x.v,
+            x.twist,
+            x.mode,
+            x.el,
+            x.shaft,
+            x.e_in,
+            x.events,
+            x.count,
+            x.work,
+        )
         worst = max(worst, abs(x.v[0] - x.v[1]))
     assert x.mode[0] == algebra.STUCK and worst < 1e-13
     assert x.v[0] == pytest.approx(90.0 + 0.01 * 20.0 / 0.827, rel=1e-9)
@@ -225,8 +244,26 @@ def test_drag_that_comes_after_a_very_short_step_is_met_as_any_other():
         x, cap, q = system.state(), system.limits(), np.zeros((2, 2))
         for h, drag in (*before, (1.0, 1e-4)):
             cap[algebra.VISC] = drag
-            driveline_step(h, 0.0, system.minv, system.w, system.sh, system.kc, q, cap, x.loss, x.v, x.twist,
-                           x.mode, x.el, x.shaft, x.e_in, x.events, x.count, x.work)
+            driveline_step(
+                h,
+                0.0,
+                system.minv,
+                system.w,
+                system.sh,
+                system.kc,
+                q,
+                cap,
+                x.loss,
+                x.v,
+                x.twist,
+                x.mode,
+                x.el,
+                x.shaft,
+                x.e_in,
+                x.events,
+                x.count,
+                x.work,
+            )
         return x.v
 
     assert np.array_equal(moved([(1e-9, 0.0)]), moved([]))
@@ -241,8 +278,12 @@ def test_mirrored_signs_give_the_mirrored_motion():
         d.clutch("bc", "b", "c", stick=1.1, drag=0.01)
         d.brake("cg", "c", stick=1.3)
         d.shaft("s", "a", "c", stiffness=300.0, damping=0.4)
-        return run(d.build(), 3.0, 1e-3, {"a": lambda t: sign * 20.0 * math.sin(7.0 * t), "ab": 6.0,
-                                          "bc": lambda t: 9.0 + 8.0 * math.cos(3.0 * t), "cg": 4.0})
+        return run(
+            d.build(),
+            3.0,
+            1e-3,
+            {"a": lambda t: sign * 20.0 * math.sin(7.0 * t), "ab": 6.0, "bc": lambda t: 9.0 + 8.0 * math.cos(3.0 * t), "cg": 4.0},
+        )
 
     plus, minus = mirrored(1.0), mirrored(-1.0)
     assert len(plus.events) > 10
@@ -266,12 +307,35 @@ def test_running_in_pieces_gives_the_same_bits():
                 cap[algebra.KIN0 + k, f], cap[algebra.HI0 + k, f] = kin, 1.2 * kin
                 cap[algebra.LO0 + k, f] = -1.2 * kin
         for x in (one, other):
-            driveline_step(1e-3, t, system.minv, system.w, system.sh, system.kc, q, cap, x.loss, x.v, x.twist, x.mode,
-                           x.el, x.shaft, x.e_in, x.events, x.count, x.work)
+            driveline_step(
+                1e-3,
+                t,
+                system.minv,
+                system.w,
+                system.sh,
+                system.kc,
+                q,
+                cap,
+                x.loss,
+                x.v,
+                x.twist,
+                x.mode,
+                x.el,
+                x.shaft,
+                x.e_in,
+                x.events,
+                x.count,
+                x.work,
+            )
         other.work = np.zeros_like(other.work)
     assert one.count[algebra.N_EVENTS] > 5
-    for a, b in ((one.v, other.v), (one.twist, other.twist), (one.mode, other.mode), (one.el, other.el),
-                 (one.events, other.events)):
+    for a, b in (
+        (one.v, other.v),
+        (one.twist, other.twist),
+        (one.mode, other.mode),
+        (one.el, other.el),
+        (one.events, other.events),
+    ):
         assert np.array_equal(a, b)
 
 
@@ -292,15 +356,15 @@ def test_random_chain_against_scipy():
     d.clutch("c0", "J0", "J1", drag=0.05)
     d.clutch("c1", "J1", "J2", drag=0.02)
     d.shaft("s", "J0", "J2", stiffness=30.0, damping=0.3)
-    r = run(d.build(), 0.1, 1e-4, {"J0": lambda t: 30.0 * math.cos(9.0 * t), "J2": -4.0, "c0": 12.0,
-                                   "c1": lambda t: 5.0 + 20.0 * t})
+    r = run(
+        d.build(), 0.1, 1e-4, {"J0": lambda t: 30.0 * math.cos(9.0 * t), "J2": -4.0, "c0": 12.0, "c1": lambda t: 5.0 + 20.0 * t}
+    )
 
     def rate(t, y):
         c0 = 12.0 + 0.05 * (y[0] - y[1])
         c1 = 5.0 + 20.0 * t + 0.02 * (y[1] - y[2])
         s = 30.0 * y[3] + 0.3 * (y[0] - y[2])
-        return [(30.0 * math.cos(9.0 * t) - c0 - s) / j[0], (c0 - c1) / j[1], (c1 + s - 4.0) / j[2],
-                y[0] - y[2]]
+        return [(30.0 * math.cos(9.0 * t) - c0 - s) / j[0], (c0 - c1) / j[1], (c1 + s - 4.0) / j[2], y[0] - y[2]]
 
     truth = solve_ivp(rate, (0.0, 0.1), [80.0, 40.0, 10.0, 0.0], method="DOP853", rtol=1e-11, atol=1e-11)
     assert [e.kind for e in r.events] == ["close"] * 2
@@ -400,15 +464,23 @@ def test_a_planetary_gearbox_shifts_under_power_from_its_brake_to_its_clutch():
     system = d.build()
     assert system.speeds == ("sun", "carrier") and system.w[0] == pytest.approx([-1.0 / K, low / K])
     t0, friction = 0.5, 150.0
-    r = run(system, 2.0, 1e-2, {"sun": drive, "carrier": load, "low": ([0.0, t0, t0, 2.0], [500.0, 500.0, 0.0, 0.0]),
-                                "high": ([0.0, t0, t0, 2.0], [0.0, 0.0, friction, friction])})
+    r = run(
+        system,
+        2.0,
+        1e-2,
+        {
+            "sun": drive,
+            "carrier": load,
+            "low": ([0.0, t0, t0, 2.0], [500.0, 500.0, 0.0, 0.0]),
+            "high": ([0.0, t0, t0, 2.0], [0.0, 0.0, friction, friction]),
+        },
+    )
     in_low = (low * drive + load) / (jc + low**2 * js)
     at_shift = 35.0 + in_low * t0
     assert r.speed("carrier")[r.t < t0][-1] == pytest.approx(35.0 + in_low * r.t[r.t < t0][-1], rel=1e-12)
     assert np.abs(r.speed("ring")[r.t < t0]).max() < 1e-12
     apart = (low - 1.0) * at_shift
-    assert event(r, "high", "lock") == pytest.approx(
-        t0 + apart / ((friction - drive) / js + (friction + load) / jc), rel=1e-12)
+    assert event(r, "high", "lock") == pytest.approx(t0 + apart / ((friction - drive) / js + (friction + load) / jc), rel=1e-12)
     momentum = js * low * at_shift + jc * at_shift + (drive + load) * (2.0 - t0)
     assert r.speeds[-1] == pytest.approx([momentum / (js + jc)] * 3, rel=1e-12)
     assert np.abs(r.residual()).max() < 1e-9
@@ -418,8 +490,13 @@ def test_wheels_without_inertia_are_the_coefficients_of_a_clutch_bit_for_bit():
     """Wheel z3, the countershaft and wheel z5 of the laboratory's gearbox as bodies, or in the clutches' slips."""
     z3, countershaft, z5 = 34 / 47, 41 / 41, 41 / 40  # teeth of tab. 3.2
     as_bodies, as_numbers = Driveline(), Driveline()
-    for name, j, d in (("z3", 0.0, [as_bodies]), ("w0", 0.71, [as_bodies, as_numbers]), ("countershaft", 0.0, [as_bodies]),
-                       ("wk", 0.127 * z5**2, [as_bodies, as_numbers]), ("z5", 0.0, [as_bodies])):
+    for name, j, d in (
+        ("z3", 0.0, [as_bodies]),
+        ("w0", 0.71, [as_bodies, as_numbers]),
+        ("countershaft", 0.0, [as_bodies]),
+        ("wk", 0.127 * z5**2, [as_bodies, as_numbers]),
+        ("z5", 0.0, [as_bodies]),
+    ):
         for one in d:
             one.inertia(name, j, speed=None if j == 0.0 else 7.0)
     as_bodies.gear("z3", "w0", z3)
@@ -469,42 +546,52 @@ def described(*calls):
     return d.build()
 
 
-@pytest.mark.parametrize("calls, words", [
-    ([("clutch", "c", "a", "x")], "'x', which does not exist"),
-    ([("inertia", "a", 1.0)], "'a' is already taken"),
-    ([("brake", "b", "a")], "'b' is already taken"),
-    ([("inertia", "c", -1.0)], "inertia of 'c' is -1.0"),
-    ([("inertia", "c", 0.0)], "body 'c' has no inertia"),
-    ([("inertia", "c", 0.0), ("clutch", "ac", "a", "c")], "body 'c' has no inertia"),
-    ([("inertia", "c", 0.0), ("inertia", "e", 0.0), ("gear", "c", "e", 2.0)], "body 'c' has no inertia"),
-    ([("inertia", "c", 0.0), ("inertia", "e", 0.0), ("planetary", "p", "a", "c", "e", 2.0)], "body '[ce]' has no inertia"),
-    ([("inertia", "c", 1.0), ("planetary", "p", "a", "b", "c", -2.0)], "ratio of planetary set 'p' is -2"),
-    ([("planetary", "p", "a", "a", "b", 2.0)], "planetary set 'p' joins 'a' and 'b'; three different bodies"),
-    ([("relation", "r", {"a": 1.0}, {})], "relation 'r' joins 'a'; two different bodies"),
-    ([("relation", "r", {"a": 1.0, "x": 1.0}, {})], "'x', which does not exist"),
-    ([("relation", "r", {"a": 1.0, "b": 0.0}, {})], "coefficient of 'b' in relation 'r' is 0.0"),
-    ([("relation", "b", {"a": 1.0, "b": 1.0}, {})], "'b' is already taken"),
-    ([("relation", "r", {"a": 1.0, "b": 1.0}, {}), ("brake", "r", "a")], "'r' is already taken"),
-    ([("relation", "r", {"a": 1.0, "ground": 1.0}, {})], "with relation 'r', body 'a' could not turn"),
-    ([("relation", "r", {"a": 1.0, "b": -2.0}, {}), ("relation", "s", {"b": -4.0, "a": 2.0}, {})],
-     "relation 's' says no more"),
-    ([("relation", "r", {"a": 1.0, "b": -2.0}, {}), ("relation", "s", {"a": 1.0, "b": -3.0}, {})],
-     "with relation 's', body 'a' could not turn"),
-    ([("inertia", "c", 0.0), ("planetary", "p", "a", "c", "b", 2.0), ("gear", "a", "b", 3.0)], "body 'c' could not turn"),
-    ([("relation", "r", {"a": 1.0, "b": -2.0}, {}), ("clutch", "c", "a", "b", 1.0, 2.0)], "its slip is always 0"),
-    ([("inertia", "c", 0.0, 5.0), ("inertia", "e", 1.0, 1.0), ("inertia", "f", 1.0, 1.0),
-      ("planetary", "p", "e", "c", "f", 2.0)], "contradict the gears"),
-    ([("inertia", "c", float("nan"))], "inertia of 'c' is nan"),
-    ([("gear", "a", "b", 0.0)], "ratio of gear a-b"),
-    ([("gear", "a", "b", 2.0), ("gear", "a", "b", 3.0)], "closes a loop"),
-    ([("gear", "a", "b", 2.0), ("clutch", "c", "a", "b", 1.0, 2.0)], "its slip is always 0"),
-    ([("clutch", "c", "a", "a")], "joins 'a' with itself"),
-    ([("clutch", "c", "a", "b", {"stick": 0.9})], "stick ratio of 'c'"),
-    ([("shaft", "s", "a", "b", {"stiffness": -1.0})], "stiffness of shaft 's'"),
-    ([("inertia", "c", 1.0, 3.0), ("freewheel", "f", "c", "a")], "free-wheel 'f'"),
-    ([("inertia", "c", 1.0, 3.0), ("inertia", "e", 1.0, 1.0), ("gear", "c", "e", 2.0)],
-     "contradict the gears"),
-])
+@pytest.mark.parametrize(
+    "calls, words",
+    [
+        ([("clutch", "c", "a", "x")], "'x', which does not exist"),
+        ([("inertia", "a", 1.0)], "'a' is already taken"),
+        ([("brake", "b", "a")], "'b' is already taken"),
+        ([("inertia", "c", -1.0)], "inertia of 'c' is -1.0"),
+        ([("inertia", "c", 0.0)], "body 'c' has no inertia"),
+        ([("inertia", "c", 0.0), ("clutch", "ac", "a", "c")], "body 'c' has no inertia"),
+        ([("inertia", "c", 0.0), ("inertia", "e", 0.0), ("gear", "c", "e", 2.0)], "body 'c' has no inertia"),
+        ([("inertia", "c", 0.0), ("inertia", "e", 0.0), ("planetary", "p", "a", "c", "e", 2.0)], "body '[ce]' has no inertia"),
+        ([("inertia", "c", 1.0), ("planetary", "p", "a", "b", "c", -2.0)], "ratio of planetary set 'p' is -2"),
+        ([("planetary", "p", "a", "a", "b", 2.0)], "planetary set 'p' joins 'a' and 'b'; three different bodies"),
+        ([("relation", "r", {"a": 1.0}, {})], "relation 'r' joins 'a'; two different bodies"),
+        ([("relation", "r", {"a": 1.0, "x": 1.0}, {})], "'x', which does not exist"),
+        ([("relation", "r", {"a": 1.0, "b": 0.0}, {})], "coefficient of 'b' in relation 'r' is 0.0"),
+        ([("relation", "b", {"a": 1.0, "b": 1.0}, {})], "'b' is already taken"),
+        ([("relation", "r", {"a": 1.0, "b": 1.0}, {}), ("brake", "r", "a")], "'r' is already taken"),
+        ([("relation", "r", {"a": 1.0, "ground": 1.0}, {})], "with relation 'r', body 'a' could not turn"),
+        ([("relation", "r", {"a": 1.0, "b": -2.0}, {}), ("relation", "s", {"b": -4.0, "a": 2.0}, {})], "relation 's' says no more"),
+        (
+            [("relation", "r", {"a": 1.0, "b": -2.0}, {}), ("relation", "s", {"a": 1.0, "b": -3.0}, {})],
+            "with relation 's', body 'a' could not turn",
+        ),
+        ([("inertia", "c", 0.0), ("planetary", "p", "a", "c", "b", 2.0), ("gear", "a", "b", 3.0)], "body 'c' could not turn"),
+        ([("relation", "r", {"a": 1.0, "b": -2.0}, {}), ("clutch", "c", "a", "b", 1.0, 2.0)], "its slip is always 0"),
+        (
+            [
+                ("inertia", "c", 0.0, 5.0),
+                ("inertia", "e", 1.0, 1.0),
+                ("inertia", "f", 1.0, 1.0),
+                ("planetary", "p", "e", "c", "f", 2.0),
+            ],
+            "contradict the gears",
+        ),
+        ([("inertia", "c", float("nan"))], "inertia of 'c' is nan"),
+        ([("gear", "a", "b", 0.0)], "ratio of gear a-b"),
+        ([("gear", "a", "b", 2.0), ("gear", "a", "b", 3.0)], "closes a loop"),
+        ([("gear", "a", "b", 2.0), ("clutch", "c", "a", "b", 1.0, 2.0)], "its slip is always 0"),
+        ([("clutch", "c", "a", "a")], "joins 'a' with itself"),
+        ([("clutch", "c", "a", "b", {"stick": 0.9})], "stick ratio of 'c'"),
+        ([("shaft", "s", "a", "b", {"stiffness": -1.0})], "stiffness of shaft 's'"),
+        ([("inertia", "c", 1.0, 3.0), ("freewheel", "f", "c", "a")], "free-wheel 'f'"),
+        ([("inertia", "c", 1.0, 3.0), ("inertia", "e", 1.0, 1.0), ("gear", "c", "e", 2.0)], "contradict the gears"),
+    ],
+)
 def test_refuses_what_cannot_be(calls, words):
     with pytest.raises(RigError, match=words) as refusal:
         described(*calls)
@@ -512,12 +599,15 @@ def test_refuses_what_cannot_be(calls, words):
     assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.parametrize("inputs, words", [
-    ({"nobody": 1.0}, "no input 'nobody'"),
-    ({"c": -1.0}, "capacity of 'c' falls to -1"),
-    ({"a": float("nan")}, "input 'a' is not finite"),
-    ({"a": ([0.0, 1.0], [1.0])}, "table for 'a'"),
-])
+@pytest.mark.parametrize(
+    "inputs, words",
+    [
+        ({"nobody": 1.0}, "no input 'nobody'"),
+        ({"c": -1.0}, "capacity of 'c' falls to -1"),
+        ({"a": float("nan")}, "input 'a' is not finite"),
+        ({"a": ([0.0, 1.0], [1.0])}, "table for 'a'"),
+    ],
+)
 def test_run_refuses_bad_inputs(inputs, words):
     with pytest.raises(RigError, match=words):
         run(pair(), 1.0, 0.1, inputs)
@@ -546,8 +636,7 @@ def test_random_drivelines_keep_the_laws(seed):
         a, b = rng.choice(names, 2, replace=False)
         stick, drag = rng.choice([1.0, 1.2]), rng.choice([0.0, 0.05])
         if rng.random() < 0.6:
-            d.clutch(f"f{i}", a, b, rng.choice([0.5, 1.0, 2.0]), rng.choice([-1.0, 1.0]), stick=stick,
-                     drag=drag)
+            d.clutch(f"f{i}", a, b, rng.choice([0.5, 1.0, 2.0]), rng.choice([-1.0, 1.0]), stick=stick, drag=drag)
         else:
             d.brake(f"f{i}", a, stick=stick, drag=drag)
         k = rng.uniform(0.0, 20.0, 4) * (rng.random(4) < 0.7)

@@ -7,11 +7,10 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-
 from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline import Driveline
 from rig_nodes.plant.driveline_run import Run, run
+from scipy.integrate import solve_ivp
 
 MASS, RADIUS, ROD, WHEEL = 2.0, 0.08, 0.2, 0.05
 
@@ -99,14 +98,20 @@ def test_a_gear_to_a_crank_carries_what_the_slider_takes():
     assert r.torque("gear", "crank") == pytest.approx(takes, abs=0.02) and np.ptp(takes) > 0.5
 
 
-@pytest.mark.parametrize("act, words", [
-    (lambda d: d.slider_crank("p", "x", mass=1.0, radius=0.1, rod=0.3), "varying inertia 'p' names the body 'x'"),
-    (lambda d: d.slider_crank("p", "crank", mass=0.0, radius=0.1, rod=0.3), "mass of slider-crank 'p' is 0.0"),
-    (lambda d: d.slider_crank("p", "crank", mass=1.0, radius=0.1, rod=0.1), "rod of slider-crank 'p' is 0.1 m"),
-    (lambda d: d.varying_inertia("p", "crank", table=([0.0, 1.0], [0.1, -0.1])), "table of varying inertia 'p' falls to -0.1"),
-    (lambda d: d.varying_inertia("p", "crank", table=([0.0, 0.0], [0.1, 0.2])), "table of varying inertia 'p' jumps"),
-    (lambda d: d.slider_crank("p", "crank", mass=1.0, radius=0.1, rod=0.3, angle=math.nan), "angle of varying inertia 'p' is nan"),
-])
+@pytest.mark.parametrize(
+    "act, words",
+    [
+        (lambda d: d.slider_crank("p", "x", mass=1.0, radius=0.1, rod=0.3), "varying inertia 'p' names the body 'x'"),
+        (lambda d: d.slider_crank("p", "crank", mass=0.0, radius=0.1, rod=0.3), "mass of slider-crank 'p' is 0.0"),
+        (lambda d: d.slider_crank("p", "crank", mass=1.0, radius=0.1, rod=0.1), "rod of slider-crank 'p' is 0.1 m"),
+        (lambda d: d.varying_inertia("p", "crank", table=([0.0, 1.0], [0.1, -0.1])), "table of varying inertia 'p' falls to -0.1"),
+        (lambda d: d.varying_inertia("p", "crank", table=([0.0, 0.0], [0.1, 0.2])), "table of varying inertia 'p' jumps"),
+        (
+            lambda d: d.slider_crank("p", "crank", mass=1.0, radius=0.1, rod=0.3, angle=math.nan),
+            "angle of varying inertia 'p' is nan",
+        ),
+    ],
+)
 def test_refuses_in_one_sentence(act, words):
     with pytest.raises(RigError, match=words) as refusal:
         act(engine())

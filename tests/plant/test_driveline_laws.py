@@ -7,13 +7,12 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-from scipy.linalg import expm
-from scipy.special import ellipk
-
 from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline import Driveline
 from rig_nodes.plant.driveline_run import Run, run
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+from scipy.special import ellipk
 
 
 def event(result, element, kind):
@@ -142,7 +141,7 @@ def test_friction_that_falls_with_slip_makes_a_shaft_stick_and_slip():
     d.brake("b", "body", friction=friction)
     r = run(d.build(), 1.0, 1e-4, {"b": 20.0})
     away = 20.0 / (200.0 * pull)
-    assert [e.t for e in r.events if e.kind == "break"][0] == pytest.approx(away, abs=1e-9)
+    assert next(e.t for e in r.events if e.kind == "break") == pytest.approx(away, abs=1e-9)
 
     def rate(t, y):
         return [(200.0 * y[1] - 20.0 * np.interp(y[0], *friction)) / 0.4, pull - y[0]]
@@ -241,7 +240,9 @@ def test_a_locked_clutch_carries_what_a_prescribed_motion_needs():
     assert event(r, "c", "break") == pytest.approx(away, abs=1e-9)
     assert r.torque("ramp")[(r.t > 0.0) & (r.t < away)] == pytest.approx(0.8 * 20.0, abs=1e-6)
     assert r.torque("ramp")[-1] == pytest.approx(6.0, abs=0.1)
-    assert r.speed("b")[-1] == pytest.approx(20.0 * away + (12.0 * (2.0 - away) - 6.0 * ((2.0 - 1.0) ** 2 - (away - 1.0) ** 2)) / 0.5)
+    assert r.speed("b")[-1] == pytest.approx(
+        20.0 * away + (12.0 * (2.0 - away) - 6.0 * ((2.0 - 1.0) ** 2 - (away - 1.0) ** 2)) / 0.5
+    )
 
 
 def test_a_run_with_laws_is_continued_bit_for_bit():
@@ -267,24 +268,27 @@ def described(*calls):
 LINE = ([0.0, 1.0], [0.0, 1.0])
 
 
-@pytest.mark.parametrize("calls, words", [
-    ([("torque", "t", "a", {"table": ([0.0, 1.0], [1.0])})], "table of torque 't' needs as many values as points"),
-    ([("torque", "t", "a", {"table": ([0.0, 2.0, 1.0], [1.0, 1.0, 1.0])})], "points of the table of torque 't' fall"),
-    ([("torque", "t", "a", {"table": ([0.0, math.nan], [1.0, 1.0])})], "table of torque 't' needs .* all finite"),
-    ([("torque", "t", "a", {"table": LINE, "period": 3.0})], "reaches over 1; its period is 3"),
-    ([("torque", "t", "a", {"table": LINE, "by": "time"})], "torque 't' is by 'time'"),
-    ([("torque", "t", "a", {"table": ([0.0, 1.0, 1.0], [0.0, 1.0, 2.0])})], "torque 't' jumps at 1 rad/s"),
-    ([("torque", "t", "a", {"table": LINE, "of": "x"})], "names the body 'x', which does not exist"),
-    ([("torque", "c", "a", {"table": LINE})], "'c' is already taken"),
-    ([("capacity", "x", "a", {"table": LINE})], "no clutch or brake of that name"),
-    ([("freewheel", "f", "a", {}), ("capacity", "f", "a", {"table": LINE})], "no clutch or brake of that name"),
-    ([("capacity", "c", "a", {"table": LINE}), ("capacity", "c", "b", {"table": LINE})], "follows another table already"),
-    ([("brake", "k", "a", {"friction": ([1.0, 2.0], [1.0, 1.0])})], "slips that rise from 0"),
-    ([("brake", "k", "a", {"friction": ([0.0, 2.0], [1.0, 0.0])})], "factors above 0"),
-    ([("brake", "k", "a", {"stick": (1.0, 0.5)})], "stick ratio of 'k'"),
-    ([("motion", "m", "x", {})], "motion 'm' names the body 'x'"),
-    ([("motion", "m", "a", {}), ("motion", "n", "a", {})], "one is enough"),
-])
+@pytest.mark.parametrize(
+    "calls, words",
+    [
+        ([("torque", "t", "a", {"table": ([0.0, 1.0], [1.0])})], "table of torque 't' needs as many values as points"),
+        ([("torque", "t", "a", {"table": ([0.0, 2.0, 1.0], [1.0, 1.0, 1.0])})], "points of the table of torque 't' fall"),
+        ([("torque", "t", "a", {"table": ([0.0, math.nan], [1.0, 1.0])})], "table of torque 't' needs .* all finite"),
+        ([("torque", "t", "a", {"table": LINE, "period": 3.0})], "reaches over 1; its period is 3"),
+        ([("torque", "t", "a", {"table": LINE, "by": "time"})], "torque 't' is by 'time'"),
+        ([("torque", "t", "a", {"table": ([0.0, 1.0, 1.0], [0.0, 1.0, 2.0])})], "torque 't' jumps at 1 rad/s"),
+        ([("torque", "t", "a", {"table": LINE, "of": "x"})], "names the body 'x', which does not exist"),
+        ([("torque", "c", "a", {"table": LINE})], "'c' is already taken"),
+        ([("capacity", "x", "a", {"table": LINE})], "no clutch or brake of that name"),
+        ([("freewheel", "f", "a", {}), ("capacity", "f", "a", {"table": LINE})], "no clutch or brake of that name"),
+        ([("capacity", "c", "a", {"table": LINE}), ("capacity", "c", "b", {"table": LINE})], "follows another table already"),
+        ([("brake", "k", "a", {"friction": ([1.0, 2.0], [1.0, 1.0])})], "slips that rise from 0"),
+        ([("brake", "k", "a", {"friction": ([0.0, 2.0], [1.0, 0.0])})], "factors above 0"),
+        ([("brake", "k", "a", {"stick": (1.0, 0.5)})], "stick ratio of 'k'"),
+        ([("motion", "m", "x", {})], "motion 'm' names the body 'x'"),
+        ([("motion", "m", "a", {}), ("motion", "n", "a", {})], "one is enough"),
+    ],
+)
 def test_refuses_in_one_sentence(calls, words):
     with pytest.raises(RigError, match=words) as refusal:
         described(*calls)

@@ -6,14 +6,12 @@
 import numpy as np
 import pytest
 from numba import njit
-
 from rig_nodes.engine.world import Sizes, driveline_dtype
 from rig_nodes.plant.driveline import Driveline
 from rig_nodes.plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LAM, LO0, LO1, N_CAPPED, OPEN, VISC
 from rig_nodes.plant.driveline_calls import ARGUMENTS
 from rig_nodes.plant.driveline_kernel import driveline_step
-from rig_nodes.plant.driveline_losses import (
-    BASE, CONSTANT, FACTOR, ON, OWN, SHARE, SQUARE, WAY, WEIGHTS, loss_width)
+from rig_nodes.plant.driveline_losses import BASE, CONSTANT, FACTOR, ON, OWN, SHARE, SQUARE, WAY, WEIGHTS, loss_width
 from rig_nodes.plant.driveline_quiet import quiet_step
 
 J = (0.4, 0.3, 0.2, 1.5)
@@ -29,8 +27,14 @@ def _quiet(h, lines):
 def record_of(system, losses=np.zeros((0, 0))):
     """The driveline's record of a system, all clutches closed at 500 Nm."""
     owned = tuple(int(row[OWN]) for row in losses)
-    lines = np.zeros(1, driveline_dtype(Sizes(
-        speeds=len(system.speeds), elements=len(system.elements), shafts=len(system.shafts), losses=len(losses), owned=owned)))
+    lines = np.zeros(
+        1,
+        driveline_dtype(
+            Sizes(
+                speeds=len(system.speeds), elements=len(system.elements), shafts=len(system.shafts), losses=len(losses), owned=owned
+            )
+        ),
+    )
     line, start = lines[0], system.state()
     for name in ("minv", "w", "sh", "kc"):
         line[name] = getattr(system, name)
@@ -55,8 +59,14 @@ def chain(count):
     d = Driveline()
     for name, j in zip("abcd", J):
         d.inertia(name, j, speed=50.0)
-    for name, a, b in (("loss0", "b", None), ("ab", "a", "b"), ("loss2", "d", None), ("bc", "b", "c"), ("loss1", "c", None),
-                       ("cd", "c", "d")):
+    for name, a, b in (
+        ("loss0", "b", None),
+        ("ab", "a", "b"),
+        ("loss2", "d", None),
+        ("bc", "b", "c"),
+        ("loss1", "c", None),
+        ("cd", "c", "d"),
+    ):
         if b:
             d.clutch(name, a, b)
         elif int(name[-1]) < count:

@@ -9,12 +9,11 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-
 from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline import Driveline
 from rig_nodes.plant.driveline_modes import modes
 from rig_nodes.plant.driveline_run import run
+from scipy.integrate import solve_ivp
 
 JA, JB, R = 0.5, 3.0, 4.0
 EFFICIENCIES = [0.95, 0.5, 0.4, 0.3]
@@ -153,15 +152,18 @@ def test_a_mesh_joins_two_bodies_for_the_modes_and_at_the_start():
     assert run(system, 0.1, 1e-3).speeds[0] == pytest.approx([2.0 * R, 2.0, 0.0])
 
 
-@pytest.mark.parametrize("arguments, words", [
-    (("m", "a", "x", 2.0, 0.9), "mesh 'm' names the body 'x', which does not exist"),
-    (("m", "a", "ground", 2.0, 0.9), "mesh 'm' names the ground"),
-    (("m", "a", "a", 2.0, 0.9), "joins 'a' with itself"),
-    (("m", "a", "b", 0.0, 0.9), "ratio of mesh 'm' is 0.0"),
-    (("m", "a", "b", 2.0, 0.0), "efficiency of mesh 'm' is 0.0"),
-    (("m", "a", "b", 2.0, 1.1), "efficiency of mesh 'm' is 1.1"),
-    (("m", "a", "b", 2.0, 0.9, 1.5), "from b back to a is 1.5"),
-])
+@pytest.mark.parametrize(
+    "arguments, words",
+    [
+        (("m", "a", "x", 2.0, 0.9), "mesh 'm' names the body 'x', which does not exist"),
+        (("m", "a", "ground", 2.0, 0.9), "mesh 'm' names the ground"),
+        (("m", "a", "a", 2.0, 0.9), "joins 'a' with itself"),
+        (("m", "a", "b", 0.0, 0.9), "ratio of mesh 'm' is 0.0"),
+        (("m", "a", "b", 2.0, 0.0), "efficiency of mesh 'm' is 0.0"),
+        (("m", "a", "b", 2.0, 1.1), "efficiency of mesh 'm' is 1.1"),
+        (("m", "a", "b", 2.0, 0.9, 1.5), "from b back to a is 1.5"),
+    ],
+)
 def test_refuses_in_one_sentence(arguments, words):
     d = Driveline()
     d.inertia("a", 1.0)

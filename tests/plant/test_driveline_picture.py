@@ -6,7 +6,6 @@
 import xml.etree.ElementTree as ElementTree
 
 import pytest
-
 from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline import Driveline
 
@@ -32,9 +31,24 @@ def described():
 def test_all_that_is_described_stands_in_the_picture(tmp_path):
     described().draw(tmp_path / "set.svg", "a set & more")
     words = " | ".join(ElementTree.parse(tmp_path / "set.svg").getroot().itertext())
-    for name in ("a set & more", "input", "0.3 kg m2", "no inertia of its own", "output <1>", "wheel", "set (2.5)", "low, park", "high",
-                 "half-shaft", "bevel: 2, efficiency 0.9 and 0.5", "hill hold (not backwards)", "fan: torque", "brushes",
-                 "piston: varying inertia", "drive: motion"):
+    for name in (
+        "a set & more",
+        "input",
+        "0.3 kg m2",
+        "no inertia of its own",
+        "output <1>",
+        "wheel",
+        "set (2.5)",
+        "low, park",
+        "high",
+        "half-shaft",
+        "bevel: 2, efficiency 0.9 and 0.5",
+        "hill hold (not backwards)",
+        "fan: torque",
+        "brushes",
+        "piston: varying inertia",
+        "drive: motion",
+    ):
         assert name in words, name
 
 

@@ -10,7 +10,6 @@ import math
 
 import numpy as np
 import pytest
-
 from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline import Driveline
 from rig_nodes.plant.driveline_run import run
@@ -32,11 +31,21 @@ def draw(seed):
 
     for i, at in enumerate(order[1:], 1):
         a, b = names[at], names[order[rng.integers(0, i)]]
-        kind = rng.choice(["clutch", "shaft", "gear", "mesh", "soft", "torque", "planetary"], p=[.35, .2, .1, .12, .12, .06, .05])
+        kind = rng.choice(
+            ["clutch", "shaft", "gear", "mesh", "soft", "torque", "planetary"], p=[0.35, 0.2, 0.1, 0.12, 0.12, 0.06, 0.05]
+        )
         name = f"{kind}{i}"
         if kind == "clutch":
-            d.clutch(name, a, b, rng.choice([0.5, 1.0, 2.0]), rng.choice([-1.0, 1.0]), stick=(rng.choice([1.0, 1.2]), 1.0),
-                     drag=rng.choice([0.0, 0.05]), friction=([0.0, 1.0, 20.0], [1.0, 0.8, 0.9]) if rng.random() < 0.3 else None)
+            d.clutch(
+                name,
+                a,
+                b,
+                rng.choice([0.5, 1.0, 2.0]),
+                rng.choice([-1.0, 1.0]),
+                stick=(rng.choice([1.0, 1.2]), 1.0),
+                drag=rng.choice([0.0, 0.05]),
+                friction=([0.0, 1.0, 20.0], [1.0, 0.8, 0.9]) if rng.random() < 0.3 else None,
+            )
             joined.append(name)
         elif kind == "shaft":
             d.shaft(name, a, b, stiffness=10.0 ** rng.uniform(0.0, 5.0), damping=10.0 ** rng.uniform(-2.0, 1.0))
@@ -45,8 +54,15 @@ def draw(seed):
         elif kind == "mesh":
             d.mesh(name, a, b, rng.choice([-2.0, 0.7, 4.0]), rng.uniform(0.2, 1.0), rng.uniform(0.2, 1.0))
         elif kind == "soft":
-            d.shaft(name, a, b, stiffness=10.0 ** rng.uniform(1.0, 4.0), damping=rng.uniform(0.0, 1.0),
-                    backlash=rng.choice([0.0, 0.1]), hysteresis=[(50.0, 2.0)])
+            d.shaft(
+                name,
+                a,
+                b,
+                stiffness=10.0 ** rng.uniform(1.0, 4.0),
+                damping=rng.uniform(0.0, 1.0),
+                backlash=rng.choice([0.0, 0.1]),
+                hysteresis=[(50.0, 2.0)],
+            )
         elif kind == "torque":
             d.torque(name, a, b, table=([-50.0, -1.0, 1.0, 50.0], [20.0, 5.0, -5.0, -30.0]))
         else:
@@ -102,8 +118,16 @@ def test_forty_random_drivelines():
     assert sum(check(seed) for seed in range(40)) > 25
 
 
-@pytest.mark.parametrize("seed", [20044, 20630, 40026, 60050], ids=[
-    "a lock-up in a capped step", "one beside shafts", "speeds of 1e-170 rad/s over a table's corner", "elements that others let go"])
+@pytest.mark.parametrize(
+    "seed",
+    [20044, 20630, 40026, 60050],
+    ids=[
+        "a lock-up in a capped step",
+        "one beside shafts",
+        "speeds of 1e-170 rad/s over a table's corner",
+        "elements that others let go",
+    ],
+)
 def test_random_drivelines_that_were_wrong_once(seed):
     assert check(seed)
 

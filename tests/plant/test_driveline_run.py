@@ -9,7 +9,6 @@ import time
 
 import numpy as np
 import pytest
-
 from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline import Driveline
 from rig_nodes.plant.driveline_run import Run, run
@@ -130,6 +129,7 @@ def test_a_controller_is_called_every_so_many_steps_and_its_torque_holds_between
 
 def test_a_controller_sees_slip_and_sets_a_capacity():
     """Slip is led down a straight line by the controller; what it asks for is seen by the next row."""
+
     def controller(now):
         wanted = max(0.0, 100.0 - 200.0 * (now.t + 1e-3))
         ask = (now.slip("c") - wanted) / (1e-3 * (1.0 / 0.7 + 1.0 / 0.127))
@@ -186,19 +186,22 @@ def test_a_table_finer_than_the_step_keeps_its_impulse():
     assert len(r.t) == 301
 
 
-@pytest.mark.parametrize("act, words", [
-    (lambda s: Run(s, 0.0), "a step of 0.0 s"),
-    (lambda s: Run(s, 0.1, every=0), "called every 0 steps"),
-    (lambda s: run(s, -1.0, 0.1), "end time -1.0 s"),
-    (lambda s: Run(s, 0.1).to(math.inf), "end time inf s"),
-    (lambda s: Run(s, 0.1, {"c": "much"}), "input 'c' is 'much'; a number, a function of time or a table"),
-    (lambda s: Run(s, 0.1, {"c": ([0.0, 1.0], [1.0, math.nan])}), "table for 'c' is not finite"),
-    (lambda s: Run(s, 0.1, {"c": ([1.0, 0.0], [1.0, 2.0])}), "times not falling"),
-    (lambda s: Run(s, 0.1, controller=lambda now: {"d": 1.0}).step(), "no input 'd'; inputs are: a, b, c"),
-    (lambda s: Run(s, 0.1, controller=lambda now: {"c": -1.0}).step(), "capacity of 'c' falls to -1"),
-    (lambda s: run(s, 1.0, 0.1).speed("d"), "no body 'd'; there are: a, b"),
-    (lambda s: run(s, 1.0, 0.1).torque("d"), "no clutch, shaft, gear or set 'd'; there are: c"),
-])
+@pytest.mark.parametrize(
+    "act, words",
+    [
+        (lambda s: Run(s, 0.0), "a step of 0.0 s"),
+        (lambda s: Run(s, 0.1, every=0), "called every 0 steps"),
+        (lambda s: run(s, -1.0, 0.1), "end time -1.0 s"),
+        (lambda s: Run(s, 0.1).to(math.inf), "end time inf s"),
+        (lambda s: Run(s, 0.1, {"c": "much"}), "input 'c' is 'much'; a number, a function of time or a table"),
+        (lambda s: Run(s, 0.1, {"c": ([0.0, 1.0], [1.0, math.nan])}), "table for 'c' is not finite"),
+        (lambda s: Run(s, 0.1, {"c": ([1.0, 0.0], [1.0, 2.0])}), "times not falling"),
+        (lambda s: Run(s, 0.1, controller=lambda now: {"d": 1.0}).step(), "no input 'd'; inputs are: a, b, c"),
+        (lambda s: Run(s, 0.1, controller=lambda now: {"c": -1.0}).step(), "capacity of 'c' falls to -1"),
+        (lambda s: run(s, 1.0, 0.1).speed("d"), "no body 'd'; there are: a, b"),
+        (lambda s: run(s, 1.0, 0.1).torque("d"), "no clutch, shaft, gear or set 'd'; there are: c"),
+    ],
+)
 def test_refuses_in_one_sentence(act, words):
     with pytest.raises(RigError, match=words) as refusal:
         act(engagement())

@@ -7,12 +7,11 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, solve_ivp
-
 from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline import Driveline
 from rig_nodes.plant.driveline_modes import modes
 from rig_nodes.plant.driveline_run import run
+from scipy.integrate import quad, solve_ivp
 
 
 def closes(r):
@@ -81,7 +80,9 @@ def test_backlash_bodies_bounce_at_its_ends_as_often_as_the_closed_form_says():
     r = run(d.build(), 10.25 * period, 1e-4)
     relative = r.speed("a") - r.speed("b")
     at = np.searchsorted(r.t, 10.0 * period)
-    assert r.twists[at, 0] == pytest.approx(3.0 * (r.t[at] - 10.0 * period), abs=3e-4) and relative[at] == pytest.approx(3.0, abs=1e-6)
+    assert r.twists[at, 0] == pytest.approx(3.0 * (r.t[at] - 10.0 * period), abs=3e-4) and relative[at] == pytest.approx(
+        3.0, abs=1e-6
+    )
     free = np.abs(r.twists[:, 0]) < 0.5 * gap
     assert np.abs(r.torque("s")[free]).max() == 0.0 and np.abs(np.abs(relative[free]) - 3.0).max() < 1e-9
     assert r.torque("s").max() == pytest.approx(3.0 * math.sqrt(1e4 * j), rel=1e-4) and closes(r)
@@ -90,7 +91,7 @@ def test_backlash_bodies_bounce_at_its_ends_as_often_as_the_closed_form_says():
 
 
 def test_damping_acts_only_where_the_backlash_is_closed():
-    """tau = c (x -+ b/2) + d dx/dt in contact, 0 between: the equations of MSL 4.1.0's ElastoBacklash, by scipy with events."""
+    """Tau = c (x -+ b/2) + d dx/dt in contact, 0 between: the equations of MSL 4.1.0's ElastoBacklash, by scipy with events."""
     d = bodies()
     d.shaft("s", "a", "b", stiffness=1e4, damping=6.0, backlash=0.1, twist=0.02)
     r = run(d.build(), 0.5, 1e-5)
@@ -138,18 +139,21 @@ def test_a_stiff_backlash_stays_finite_and_closes_on_a_coarse_step():
     assert np.isfinite(r.speeds).all() and closes(r) and np.all(np.diff(r.e_shaft[:, 0]) >= 0.0)
 
 
-@pytest.mark.parametrize("options, words", [
-    ({}, "needs a stiffness or a table"),
-    ({"stiffness": 1.0, "table": ([0.0, 1.0], [0.0, 1.0])}, "needs a stiffness or a table"),
-    ({"table": ([0.0, 1.0], [1.0, 0.0])}, "torques not falling"),
-    ({"table": ([0.0, 0.0, 1.0], [0.0, 1.0, 2.0])}, "twists rising"),
-    ({"table": ([-1.0, 1.0], [-1.0, 2.0]), "backlash": 0.1}, "has 0.5 Nm at twist 0"),
-    ({"stiffness": 1.0, "backlash": -0.1}, "backlash of shaft 's' is -0.1"),
-    ({"stiffness": 1.0, "hysteresis": [(0.0, 1.0)]}, "stiffness in the hysteresis of shaft 's' is 0.0"),
-    ({"stiffness": 1.0, "hysteresis": [(1.0, -1.0)]}, "torque in the hysteresis of shaft 's' is -1.0"),
-    ({"stiffness": 1.0, "ca": 0.0}, "coefficients of 's' are 0.0"),
-    ({"stiffness": 1.0, "twist": math.nan}, "twist of shaft 's' is nan"),
-])
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        ({}, "needs a stiffness or a table"),
+        ({"stiffness": 1.0, "table": ([0.0, 1.0], [0.0, 1.0])}, "needs a stiffness or a table"),
+        ({"table": ([0.0, 1.0], [1.0, 0.0])}, "torques not falling"),
+        ({"table": ([0.0, 0.0, 1.0], [0.0, 1.0, 2.0])}, "twists rising"),
+        ({"table": ([-1.0, 1.0], [-1.0, 2.0]), "backlash": 0.1}, "has 0.5 Nm at twist 0"),
+        ({"stiffness": 1.0, "backlash": -0.1}, "backlash of shaft 's' is -0.1"),
+        ({"stiffness": 1.0, "hysteresis": [(0.0, 1.0)]}, "stiffness in the hysteresis of shaft 's' is 0.0"),
+        ({"stiffness": 1.0, "hysteresis": [(1.0, -1.0)]}, "torque in the hysteresis of shaft 's' is -1.0"),
+        ({"stiffness": 1.0, "ca": 0.0}, "coefficients of 's' are 0.0"),
+        ({"stiffness": 1.0, "twist": math.nan}, "twist of shaft 's' is nan"),
+    ],
+)
 def test_refuses_in_one_sentence(options, words):
     with pytest.raises(RigError, match=words) as refusal:
         bodies().shaft("s", "a", "b", **options)

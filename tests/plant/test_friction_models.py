@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """The clutch models of chapter 6 against hand computations from the source, their limits, and chapter 8's
-bench."""
+bench.
+"""
 
 import math
 import runpy
@@ -13,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from rig_nodes.errors import RigError
 from rig_nodes.parts import plates
 from rig_nodes.plant.friction import bench, closed, comparison, drag
@@ -44,6 +44,7 @@ def torque_by_balance(surfaces, radius, arms, friction, spline):
 
 
 # ---- closed
+
 
 def test_traditional_is_pressure_times_the_ring_integral():
     pressure = 5000.0 / (math.pi * (0.038**2 - 0.025**2))  # (6.29)
@@ -101,7 +102,8 @@ def test_models_with_spline_friction_meet_the_balance_of_every_plate(surfaces):
 
 def test_chen_by_the_pressures_of_neighbouring_surfaces():
     """(6.20) from plate to plate, (6.21) summed over the plates with inner splines, which see every surface
-    once."""
+    once.
+    """
     area, factor = math.pi * (0.038**2 - 0.025**2), 2 / 3 * math.pi * 0.3 * (0.038**3 - 0.025**3)
     pressures, lost = [2000.0 / area], 0.0
     for plate in range(12):
@@ -151,8 +153,12 @@ def test_order_of_the_models_and_direction_of_every_influence():
 
 def test_arrays_broadcast():
     force, mu = np.array([[0.0], [1000.0], [5000.0]]), [0.17, 0.30]
-    for torque in (closed.thesis(GEARBOX, force, mu, 0.12), closed.newcomb(GEARBOX, force, mu, 0.12),
-                   closed.chen(GEARBOX, force, mu, 0.12), closed.traditional(GEARBOX, force, np.array(mu))):
+    for torque in (
+        closed.thesis(GEARBOX, force, mu, 0.12),
+        closed.newcomb(GEARBOX, force, mu, 0.12),
+        closed.chen(GEARBOX, force, mu, 0.12),
+        closed.traditional(GEARBOX, force, np.array(mu)),
+    ):
         assert torque.shape == (3, 2)
         assert np.all(torque[0] == 0.0) and np.allclose(torque[2], 5 * torque[1])
     assert isinstance(closed.newcomb(GEARBOX, 1, 0.17, 0.12), float)
@@ -166,19 +172,26 @@ def test_corrected_is_the_measured_line():
         closed.corrected(100.0, 1.0, -1.0)
 
 
-@pytest.mark.parametrize("change, message", [
-    ({"surfaces": 0}, "surfaces is 0"), ({"surfaces": 12.5}, "surfaces is 12.5"),
-    ({"outer_radius": 0.024}, "ring from 0.025 to 0.024 m is empty"),
-    ({"outer_spline_diameter": 0.07}, "between the splines"),
-    ({"inner_spline_diameter": 0.06}, "between the splines"),
-    ({"pressure_angle_deg": 90.0}, "pressure_angle_deg"),
-])
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"surfaces": 0}, "surfaces is 0"),
+        ({"surfaces": 12.5}, "surfaces is 12.5"),
+        ({"outer_radius": 0.024}, "ring from 0.025 to 0.024 m is empty"),
+        ({"outer_spline_diameter": 0.07}, "between the splines"),
+        ({"inner_spline_diameter": 0.06}, "between the splines"),
+        ({"pressure_angle_deg": 90.0}, "pressure_angle_deg"),
+    ],
+)
 def test_impossible_packs_are_refused(change, message):
     pack = replace(GEARBOX, **change)
-    for call in (lambda: closed.thesis(pack, 1.0, 0.3, 0.12), lambda: closed.traditional(pack, 1.0, 0.3),
-                 lambda: closed.newcomb(pack, 1.0, 0.3, 0.12),
-                 lambda: drag.kitabayashi(pack, 1.0, 0.08, 1e-4),
-                 lambda: drag.davis_viscous(pack, 1.0, 0.08, 1e-4)):
+    for call in (
+        lambda: closed.thesis(pack, 1.0, 0.3, 0.12),
+        lambda: closed.traditional(pack, 1.0, 0.3),
+        lambda: closed.newcomb(pack, 1.0, 0.3, 0.12),
+        lambda: drag.kitabayashi(pack, 1.0, 0.08, 1e-4),
+        lambda: drag.davis_viscous(pack, 1.0, 0.08, 1e-4),
+    ):
         with pytest.raises(ValueError, match=message):
             call()
 
@@ -222,7 +235,8 @@ def test_drag_models_by_hand():
 
 def test_davis_and_kitabayashi_differ_by_the_mean_of_the_square():
     """The thesis calls them equal in fig. 6.5; mean of r^2 over r_m^2 is 1034.5 / 1020.6 on the gearbox's
-    ring."""
+    ring.
+    """
     ratio = drag.davis_viscous(ONE, 50.0, 0.08, 1e-4) / drag.kitabayashi(ONE, 50.0, 0.08, 1e-4)
     assert ratio == pytest.approx((38**2 + 25**2) / 2 / (R_M * 1e3) ** 2, rel=1e-9)
     assert ratio == pytest.approx(1.0, abs=0.015)
@@ -264,8 +278,11 @@ def test_drag_limits():
     laminar = drag.kitabayashi(ONE, 100.0, 0.08, 1e-4)
     assert drag.pahlovy(ONE, 100.0, 0.08, 1e-4, 0.038) == pytest.approx(laminar)
     radii = np.linspace(0.025, 0.038, 9)
-    for rising in (drag.pahlovy(ONE, 100.0, 0.08, 1e-4, radii), drag.peng_yuan(ONE, 100.0, 0.08, 1e-4, radii),
-                   drag.iqbal(ONE, 100.0, 0.08, 1e-4, radii, 0.5, 6.53e-4)):
+    for rising in (
+        drag.pahlovy(ONE, 100.0, 0.08, 1e-4, radii),
+        drag.peng_yuan(ONE, 100.0, 0.08, 1e-4, radii),
+        drag.iqbal(ONE, 100.0, 0.08, 1e-4, radii, 0.5, 6.53e-4),
+    ):
         assert rising.shape == (9,) and np.all(np.diff(rising) > 0)
     pack_of_12 = drag.iqbal(GEARBOX, 100.0, 0.08, 1e-4, 0.032, 0.5, 6.53e-4)
     assert pack_of_12 == pytest.approx(12 * drag.iqbal(ONE, 100.0, 0.08, 1e-4, 0.032, 0.5, 6.53e-4))
@@ -281,15 +298,18 @@ def test_effective_gap_and_liquid_share():
         drag.liquid_share(0.4, 0.5)
 
 
-@pytest.mark.parametrize("call, message", [
-    (lambda: drag.kitabayashi(ONE, 1.0, 0.08, 0.0), "gap"),
-    (lambda: drag.kitabayashi(ONE, 1.0, -0.08, 1e-4), "viscosity"),
-    (lambda: drag.peng_yuan(ONE, 1.0, 0.08, 1e-4, 0.039), "film_radius"),
-    (lambda: drag.pahlovy(ONE, 1.0, 0.08, 1e-4, 0.024), "film_radius"),
-    (lambda: drag.iqbal(ONE, 1.0, 0.08, 1e-4, 0.032, 1.2, 6.53e-4), "share"),
-    (lambda: drag.davis_viscous(ONE, 1.0, 0.08, lambda r: r - 0.03), "gap"),
-    (lambda: drag.davis_boundary(ONE, 0.17, 1e6, 1.5), "contact_share"),
-])
+@pytest.mark.parametrize(
+    "call, message",
+    [
+        (lambda: drag.kitabayashi(ONE, 1.0, 0.08, 0.0), "gap"),
+        (lambda: drag.kitabayashi(ONE, 1.0, -0.08, 1e-4), "viscosity"),
+        (lambda: drag.peng_yuan(ONE, 1.0, 0.08, 1e-4, 0.039), "film_radius"),
+        (lambda: drag.pahlovy(ONE, 1.0, 0.08, 1e-4, 0.024), "film_radius"),
+        (lambda: drag.iqbal(ONE, 1.0, 0.08, 1e-4, 0.032, 1.2, 6.53e-4), "share"),
+        (lambda: drag.davis_viscous(ONE, 1.0, 0.08, lambda r: r - 0.03), "gap"),
+        (lambda: drag.davis_boundary(ONE, 0.17, 1e6, 1.5), "contact_share"),
+    ],
+)
 def test_impossible_films_are_refused(call, message):
     with pytest.raises(ValueError, match=message):
         call()
@@ -297,10 +317,12 @@ def test_impossible_films_are_refused(call, message):
 
 # ---- bench of chapter 8
 
+
 def test_clamp_force_of_the_bench():
     assert bench.spring_force(0.0) == pytest.approx(9.8468)
     assert bench.spring_force(2e-3) == pytest.approx(  # (8.1) with - 38.063
-        2.9035 * 64 - 38.063 * 32 + 197.57 * 16 - 515.09 * 8 + 658.13 * 4 - 38.596 * 2 + 9.8468)
+        2.9035 * 64 - 38.063 * 32 + 197.57 * 16 - 515.09 * 8 + 658.13 * 4 - 38.596 * 2 + 9.8468
+    )
     assert bench.spring_force(4e-3) == pytest.approx(914, abs=1)
     # above its first 0.03 mm the line only rises, as springs do; with the printed sign it would reach 79 kN
     assert np.all(np.diff(bench.spring_force(np.linspace(0.05e-3, 4e-3, 80))) > 0)
@@ -338,8 +360,7 @@ def test_what_chapter_8_says_bounds_the_product_of_frictions():
     assert (low, high) == pytest.approx((0.00688, 0.00755), abs=1e-5)
     for product in (low * 1.001, high * 0.999):
         pack = bench.PACKS["46x88.9"].geometry(18)
-        ratio = (closed.thesis(pack, 1.0, 0.1, product / 0.1)
-                 / closed.osinski(pack, 1.0, 0.1, beyond_table=True))
+        ratio = closed.thesis(pack, 1.0, 0.1, product / 0.1) / closed.osinski(pack, 1.0, 0.1, beyond_table=True)
         assert 1.505 / 0.955 <= ratio <= 1.515 / 0.945
         assert comparison.contradicted(0.12, product / 0.12, said) == []
         assert comparison.contradicted(0.30, product / 0.30, said) == []  # the product alone counts
@@ -369,6 +390,7 @@ def test_model_ratio_falls_with_the_product():
 
 # ---- pictures
 
+
 def test_curves_of_the_pictures():
     script = runpy.run_path(str(PICTURES))
     end = {name: torque[-1] for name, torque in script["drag_curves"]().items()}
@@ -379,9 +401,9 @@ def test_curves_of_the_pictures():
 
 
 def test_pictures_without_a_plotting_library_say_what_to_install():
-    code = ("import sys, runpy; sys.modules['matplotlib'] = None; "
-            f"runpy.run_path({str(PICTURES)!r}, run_name='__main__')")
+    code = f"import sys, runpy; sys.modules['matplotlib'] = None; runpy.run_path({str(PICTURES)!r}, run_name='__main__')"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.returncode == 1
-    assert done.stderr.splitlines() == ["friction_models.py draws with matplotlib, which is not here: "
-                                        ".venv/bin/python -m pip install matplotlib"]
+    assert done.stderr.splitlines() == [
+        "friction_models.py draws with matplotlib, which is not here: .venv/bin/python -m pip install matplotlib"
+    ]

@@ -9,15 +9,18 @@ import subprocess
 import sys
 
 import pytest
-
 import rig_nodes.compiled
 
 
-@pytest.mark.parametrize("first", ["rig_nodes.alfa46.law", "rig_nodes.testbench.configuration", "rig_nodes.instruments.noise",
-                                   "rig_nodes.engine.loop", "numba"])
+@pytest.mark.parametrize(
+    "first",
+    ["rig_nodes.alfa46.law", "rig_nodes.testbench.configuration", "rig_nodes.instruments.noise", "rig_nodes.engine.loop", "numba"],
+)
 def test_every_way_in_leads_to_the_keyed_folder(first):
-    code = (f"import {first}; from rig_nodes.engine import loop; from rig_nodes.alfa46 import law; "
-            "print(loop.advance._cache.cache_path); print(law.law_step._cache.cache_path)")
+    code = (
+        f"import {first}; from rig_nodes.engine import loop; from rig_nodes.alfa46 import law; "
+        "print(loop.advance._cache.cache_path); print(law.law_step._cache.cache_path)"
+    )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     folder = str(rig_nodes.compiled.cache_root() / rig_nodes.compiled.cache_key())
     assert all(path.startswith(folder) for path in out), out
@@ -35,8 +38,12 @@ def test_an_edited_source_changes_the_key(tmp_path, monkeypatch):
 
 def test_compiled_code_that_others_could_have_written_is_not_run(tmp_path):
     def start(folder):
-        return subprocess.run([sys.executable, "-m", "rig_nodes.cli.main", "simulate", "no-such-sequence"],
-                              capture_output=True, text=True, env={**os.environ, "NUMBA_CACHE_DIR": str(folder)})
+        return subprocess.run(
+            [sys.executable, "-m", "rig_nodes.cli.main", "simulate", "no-such-sequence"],
+            capture_output=True,
+            text=True,
+            env={**os.environ, "NUMBA_CACHE_DIR": str(folder)},
+        )
 
     open_one = tmp_path / "open"
     open_one.mkdir()

@@ -8,7 +8,6 @@ import math
 
 import numpy as np
 import pytest
-
 from rig_nodes.config.schema import fill, record_dtype
 from rig_nodes.parts import dc_motor as motor
 from rig_nodes.parts import load_pump, plates
@@ -49,10 +48,22 @@ def test_capacity_is_held_while_the_plates_stick_on_their_splines():
 
 def test_an_unclamped_pack_has_to_be_torn_loose_until_the_piston_has_gone_back(config):
     """M_rest comes with 200 N of clamp, stays without it, and lets go over 12 films of 0.1 mm."""
-    c = record(dataclasses.replace(config.clutch_s1, clearance=2e-3),
-               dataclasses.replace(config.plate_pack, film_force=200.0, film_gap=0.1e-3, surfaces=12))
-    way = ((0.0, 0.0, 0.0), (2.01e-3, 50.0, 0.25), (2.1e-3, 900.0, 1.0), (2.01e-3, 50.0, 1.0), (2e-3, 0.0, 1.0),
-           (1.7e-3, 0.0, 0.75), (1.9e-3, 0.0, 0.75), (1.4e-3, 0.0, 0.5), (0.8e-3, 0.0, 0.0), (1.9e-3, 0.0, 0.0))
+    c = record(
+        dataclasses.replace(config.clutch_s1, clearance=2e-3),
+        dataclasses.replace(config.plate_pack, film_force=200.0, film_gap=0.1e-3, surfaces=12),
+    )
+    way = (
+        (0.0, 0.0, 0.0),
+        (2.01e-3, 50.0, 0.25),
+        (2.1e-3, 900.0, 1.0),
+        (2.01e-3, 50.0, 1.0),
+        (2e-3, 0.0, 1.0),
+        (1.7e-3, 0.0, 0.75),
+        (1.9e-3, 0.0, 0.75),
+        (1.4e-3, 0.0, 0.5),
+        (0.8e-3, 0.0, 0.0),
+        (1.9e-3, 0.0, 0.0),
+    )
     share = 0.0
     for piston, clamp, expected in way:
         share = plates.rest_share(share, piston, clamp, c)
@@ -70,9 +81,19 @@ def test_coil_rises_with_its_time_constant(config):
 @pytest.fixture
 def zr(config):
     """A valve in round numbers: 4 MPa/A from 100 mA, 10 % hysteresis, 0.1 MPa friction, 0.1 MPa for the full stroke."""
-    return record(dataclasses.replace(
-        config.valve_zr_p1, pressure_gain=4e6, cracking_current=0.1, hysteresis=0.1, friction_pressure=0.1e6,
-        pressure_limit=2.3e6, full_opening_pressure=0.1e6, spool_stroke=0.5e-3, spool_dead_band=0.5e-3))
+    return record(
+        dataclasses.replace(
+            config.valve_zr_p1,
+            pressure_gain=4e6,
+            cracking_current=0.1,
+            hysteresis=0.1,
+            friction_pressure=0.1e6,
+            pressure_limit=2.3e6,
+            full_opening_pressure=0.1e6,
+            spool_stroke=0.5e-3,
+            spool_dead_band=0.5e-3,
+        )
+    )
 
 
 def test_the_magnet_rises_and_falls_along_different_lines(zr):
@@ -84,8 +105,7 @@ def test_the_magnet_rises_and_falls_along_different_lines(zr):
     assert seen == pytest.approx([1.08e6, 1.8e6, 1.8e6, 1.8e6, 1.32e6])
 
 
-@pytest.mark.parametrize("magnet, lowest, highest", [
-    (1.0e6, 0.5e6, 0.7e6), (0.4e6, -0.1e6, 0.1e6), (4.0e6, 2.3e6, 2.3e6)])
+@pytest.mark.parametrize("magnet, lowest, highest", [(1.0e6, 0.5e6, 0.7e6), (0.4e6, -0.1e6, 0.1e6), (4.0e6, 2.3e6, 2.3e6)])
 def test_friction_holds_the_spool_in_a_band_around_the_balance(zr, magnet, lowest, highest):
     """Magnet less spring (4 MPa/A x 0.1 A), 0.1 MPa of friction to both sides, and no more than 2.3 MPa."""
     assert valve.held_pressures(magnet, zr) == pytest.approx((lowest, highest))
@@ -104,6 +124,7 @@ def test_spool_opens_closes_and_has_a_dead_band_on_the_relieving_side(zr):
 
 def test_friction_holds_the_supply_open_up_to_the_limit_and_no_further(zr):
     """Magnet for 3.5 to 3.7 MPa, limit 2.3 MPa: a spool a tenth open closes there and lets off above the overlap."""
+
     def after(port):
         return valve.opening(valve.spool_position(0.05e-3, 4.0e6, port, 1.0, zr), zr)
 
@@ -124,9 +145,14 @@ def test_pulses_are_on_for_their_duty():
     assert sum(valve.on_share(k * 1e-4, 1e-4, 0.3, 1e3) for k in range(100)) == pytest.approx(30.0)
 
 
-@pytest.mark.parametrize("model, by_hand", [
-    # one surface after the other has mu r_m F, 12 of them; k_os(12) = 1 - 0.03 x 10
-    ("traditional", 12 * 0.17 * 0.031948), ("osinski", 0.7 * 12 * 0.17 * 0.031948)])
+@pytest.mark.parametrize(
+    "model, by_hand",
+    [
+        # one surface after the other has mu r_m F, 12 of them; k_os(12) = 1 - 0.03 x 10
+        ("traditional", 12 * 0.17 * 0.031948),
+        ("osinski", 0.7 * 12 * 0.17 * 0.031948),
+    ],
+)
 def test_models_without_splines_follow_their_clamp_force(config, model, by_hand):
     assert plates.torque_per_force(config.plate_pack, 0.17, model=model) == pytest.approx(by_hand, rel=1e-4)
     assert plates.torque_per_force(config.plate_pack, 0.17, True, model) == pytest.approx(by_hand, rel=1e-4)
@@ -141,9 +167,18 @@ def test_models_with_splines_but_no_reading_of_the_release_follow_their_clamp_fo
 
 
 def test_plates_heat_cool_and_wear(config):
-    c = record(config.clutch_s1, dataclasses.replace(
-        config.plate_pack, heat_capacity=200.0, cooling=50.0, friction_per_kelvin=-1e-3, friction_temperature=40.0,
-        wear_rate=1e-15, wear_per_kelvin=0.01))
+    c = record(
+        config.clutch_s1,
+        dataclasses.replace(
+            config.plate_pack,
+            heat_capacity=200.0,
+            cooling=50.0,
+            friction_per_kelvin=-1e-3,
+            friction_temperature=40.0,
+            wear_rate=1e-15,
+            wear_per_kelvin=0.01,
+        ),
+    )
     hot, wear = plates.plates_after(40.0, 0.0, 1000.0, 40.0, *plates.plates_cooling(1e-3, c), c)
     # 200 J/K over 50 W/K are 4 s: of 5 K that come evenly within 1 ms half of 1/4000 has gone again
     assert hot == pytest.approx(45.0 - 5.0 / 8000.0, abs=1e-6) and wear == pytest.approx(1e-12)
@@ -161,7 +196,8 @@ def test_orifice_limits_the_filling_flow(config):
     assert slope < 0.0
     assert valve.port_flow(1.0, 5e6, 4e6, valve.orifice_speed(870.0), v)[0] == 0.0, "no flow back into the supply"
     assert valve.port_flow(-1.0, 1e6, 4e6, valve.orifice_speed(870.0), v)[0] == pytest.approx(
-        -config.valve_zr_p1.drain_area * math.sqrt(2e6 / 870), rel=1e-4)
+        -config.valve_zr_p1.drain_area * math.sqrt(2e6 / 870), rel=1e-4
+    )
 
 
 @pytest.mark.parametrize("part, kiss", [("clutch_s1", 0.17e6), ("clutch_s2", 0.36e6)])
@@ -177,8 +213,18 @@ def test_kiss_point_lies_where_the_thesis_puts_it(config, part, kiss):
 def test_piston_rests_on_its_seals_and_moves_against_its_springs(config):
     """128 N + 128 N/mm against 2480 mm2, seals 24 N and 3 %, pack 600 N/mm that is flat after 1.4 mm."""
     cylinder = dataclasses.replace(
-        config.clutch_s1, piston_area=2480e-6, force_per_pressure_squared=0.0, spring_preload=128.0, spring_rate=128e3, seal_friction=24.0,
-        seal_friction_share=0.03, clearance=2.04e-3, pack_rate=600e3, pack_travel=1.4e-3, piston_damping=2000.0)
+        config.clutch_s1,
+        piston_area=2480e-6,
+        force_per_pressure_squared=0.0,
+        spring_preload=128.0,
+        spring_rate=128e3,
+        seal_friction=24.0,
+        seal_friction_share=0.03,
+        clearance=2.04e-3,
+        pack_rate=600e3,
+        pack_travel=1.4e-3,
+        piston_damping=2000.0,
+    )
     c = record(cylinder, config.plate_pack)
     x, slope = clutch.piston_step(0.001, (128 + 128) / 2480e-6, 1e-4, c)  # springs balanced: within seal friction
     assert (x, slope) == (0.001, 0.0)
@@ -216,9 +262,13 @@ def test_load_is_what_the_relief_valve_makes_of_the_speed(config):
 
 def test_the_loss_by_speed_runs_down_along_the_printed_parabola():
     """(7.7): w = 0.5735 t2 - 11.736 t + 49.274, so dw/dt is -11.736 rad/s2 at first, -7.148 rad/s2 after 4 s at 11.506
-    rad/s; the torques are those times 0.709 kg m2, and 3.522 Nm where the parabola ends, at 4.967 rad/s2."""
-    loss = record(GearLossConfig(by_speed=0.0, at_rest=3.522, at_470=8.321, drag=0.0, constant=0.0, share=0.0, square=0.0,
-                                 torque_side="driven"))
+    rad/s; the torques are those times 0.709 kg m2, and 3.522 Nm where the parabola ends, at 4.967 rad/s2.
+    """
+    loss = record(
+        GearLossConfig(
+            by_speed=0.0, at_rest=3.522, at_470=8.321, drag=0.0, constant=0.0, share=0.0, square=0.0, torque_side="driven"
+        )
+    )
     assert loss_by_speed(49.274, loss) == pytest.approx(0.709 * 11.736, rel=1e-3)
     assert loss_by_speed(11.506, loss) == pytest.approx(0.709 * 7.148, rel=2e-3)
     assert loss_by_speed(0.0, loss) == pytest.approx(3.522)

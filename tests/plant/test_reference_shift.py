@@ -9,7 +9,6 @@ import math
 import numpy as np
 import pytest
 import reference_shift
-
 from rig_nodes.analysis.metrics import Recording, shift_metrics
 from rig_nodes.parts.load_pump import relief_setting_for
 from rig_nodes.testbench.configuration import load_rig
@@ -34,7 +33,8 @@ def whole_rig():
     return config.replaced(
         effects=dataclasses.replace(config.effects, pwm_frequency=0.0, **on),
         clutch_s1=dataclasses.replace(config.clutch_s1, **models),
-        clutch_s2=dataclasses.replace(config.clutch_s2, **models))
+        clutch_s2=dataclasses.replace(config.clutch_s2, **models),
+    )
 
 
 def locked(rig):
@@ -43,15 +43,29 @@ def locked(rig):
 
 def state_of(rig):
     """The rig's present state, as the reference has it."""
-    y = [rig.true("w0.speed"), rig.true("wk.speed"), rig.motor["torque"], rig.motor["integral"], rig.load["pressure"], rig.oil["pressure"]]
+    y = [
+        rig.true("w0.speed"),
+        rig.true("wk.speed"),
+        rig.motor["torque"],
+        rig.motor["integral"],
+        rig.load["pressure"],
+        rig.oil["pressure"],
+    ]
     for k, (valve, clutch) in enumerate(zip(rig.valves, rig.clutches)):
-        y += [valve["spool"], rig.line_pressure(k), *(clutch[name] for name in (
-            "chamber", "piston", "held", "rest", "temperature", "wear"))]
-    modes = [reference_shift.STUCK if stuck else int(math.copysign(1, rig.slip(k)))
-             for k, stuck in enumerate(locked(rig))]
+        y += [
+            valve["spool"],
+            rig.line_pressure(k),
+            *(clutch[name] for name in ("chamber", "piston", "held", "rest", "temperature", "wear")),
+        ]
+    modes = [reference_shift.STUCK if stuck else int(math.copysign(1, rig.slip(k))) for k, stuck in enumerate(locked(rig))]
     return reference_shift.Start(
-        np.array(y), *([valve[name] for valve in rig.valves] for name in ("current", "magnet")), modes,
-        rig.motor["setpoint"], rig.load["setting"], rig.oil["setting"])
+        np.array(y),
+        *([valve[name] for valve in rig.valves] for name in ("current", "magnet")),
+        modes,
+        rig.motor["setpoint"],
+        rig.load["setting"],
+        rig.oil["setting"],
+    )
 
 
 class RigShift:
@@ -77,12 +91,12 @@ class RigShift:
             rows.append(rig.rows_at(1e-4, 10 * rig.sample - 9, 10))
             self.locked.append(locked(rig))
         rows = np.concatenate(rows)
-        self.duty = rows[10 * BEFORE + 1::10, [rig.channels.index(name) for name in ("U_zr_p1", "U_zr_p2")]]
+        self.duty = rows[10 * BEFORE + 1 :: 10, [rig.channels.index(name) for name in ("U_zr_p1", "U_zr_p2")]]
         self.channels = rows[:, [rig.channels.index(name) for name in reference_shift.CHANNELS]]
 
     def metrics(self, channels):
         """Shift metrics of the channels from the order on, after those before it."""
-        whole = np.concatenate([self.channels[:10 * BEFORE], channels])
+        whole = np.concatenate([self.channels[: 10 * BEFORE], channels])
         rows = np.arange(len(whole))
         finer = np.arange(FINER * (len(whole) - 1) + 1) / FINER
         by_name = {name: np.interp(finer, rows, column) for name, column in zip(reference_shift.CHANNELS, whole.T)}
@@ -109,7 +123,7 @@ def reference(shift):
 
 
 def test_every_metric_is_that_of_the_reference(shift, reference):
-    rig, other = (shift.metrics(x) for x in (shift.channels[10 * BEFORE:], reference[0]))
+    rig, other = (shift.metrics(x) for x in (shift.channels[10 * BEFORE :], reference[0]))
     assert other["valid"], other["why"]
     assert not far_apart(rig, other, CLOSE)
 
@@ -121,7 +135,7 @@ def test_channels_and_lock_ups_are_those_of_the_reference(shift, reference):
     stays so for seconds.
     """
     rows, events = reference
-    off = np.abs(shift.channels[10 * BEFORE:] - rows).mean(axis=0) / np.ptp(rows, axis=0)
+    off = np.abs(shift.channels[10 * BEFORE :] - rows).mean(axis=0) / np.ptp(rows, axis=0)
     pressure = np.isin(reference_shift.CHANNELS, ("p1", "p2"))
     assert off[~pressure].max() < 1e-3 and off[pressure].max() < 4e-3, dict(zip(reference_shift.CHANNELS, off))
     told, at = np.array(shift.locked), 1e-3 * np.arange(1, AFTER + 1)
@@ -145,11 +159,12 @@ def test_the_reference_is_converged(shift, reference, monkeypatch):
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize("old, new, rpm, load", [
-    (1, 2, 1000, 30), (1, 2, 1800, 100), (1, 2, 2000, 60), (2, 1, 1000, 60), (2, 1, 1800, 120)])
+@pytest.mark.parametrize(
+    "old, new, rpm, load", [(1, 2, 1000, 30), (1, 2, 1800, 100), (1, 2, 2000, 60), (2, 1, 1000, 60), (2, 1, 1800, 120)]
+)
 def test_other_speeds_and_loads(old, new, rpm, load):
     shift = RigShift(whole_rig(), old, new, rpm, load)
     rows, _ = reference_shift.solve(shift.config, shift.start, shift.duty)
-    rig, other = (shift.metrics(x) for x in (shift.channels[10 * BEFORE:], rows))
+    rig, other = (shift.metrics(x) for x in (shift.channels[10 * BEFORE :], rows))
     assert other["valid"], other["why"]
     assert not far_apart(rig, other, CLOSE)

@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 import pytest
-
 from rig_nodes.instruments import transducers as parts
 from rig_nodes.instruments.noise import channel_key, noise_at, uniform
 
@@ -58,7 +57,7 @@ def test_an_encoder_is_never_wrong_by_more_than_a_step_and_late_by_half_its_gate
     """From rest at 750 rpm/s: the mean of the gate of 20 rows, 9.5 rows or 0.71 rpm behind the speed of the last one."""
     true = 750.0 * 1e-4 * np.arange(1, 20_001)
     shown = readings(true, state=0.3)
-    mean = np.convolve(true, np.full(20, 0.05))[:len(true)]
+    mean = np.convolve(true, np.full(20, 0.05))[: len(true)]
     assert np.abs(shown - mean).max() < 1.0 + 1e-6
     assert (true - shown)[1000:].mean() == pytest.approx(750.0 * 19 / 2 * 1e-4, abs=0.02)
 
@@ -95,8 +94,7 @@ def test_the_converter_stays_in_its_range_and_rounds_to_its_step():
     assert parts.logged(1e9 / 3, 0, table()) == 1e9 / 3
 
 
-@pytest.mark.parametrize("frequency, step, rows", [
-    (50.0, 1e-4, 200), (500.0, 1e-4, 20), (60.0, 1e-4, 500), (50.0, 4e-6, 5000)])
+@pytest.mark.parametrize("frequency, step, rows", [(50.0, 1e-4, 200), (500.0, 1e-4, 20), (60.0, 1e-4, 500), (50.0, 4e-6, 5000)])
 def test_hum_repeats_after_its_table(frequency, step, rows):
     hum = parts.mains(step, frequency, 0.25)
     assert len(hum) == rows

@@ -9,6 +9,7 @@ the commit that is checked. Exit code 0: all commands passed; 1: one failed; 2: 
 Standard library only. Mounts and processes live in namespaces of their own, so the kernel ends them with the
 script, however that ends; nothing has to be unmounted.
 """
+
 import argparse
 import os
 import re
@@ -38,6 +39,7 @@ class CheckError(Exception):
 
 # --- what is checked ------------------------------------------------------------------------------
 
+
 def git(*arguments):
     """Output of a git command in the checkout, which may belong to somebody else than root."""
     try:
@@ -64,22 +66,32 @@ def read_readme(text):
 
 # --- what this machine lacks ----------------------------------------------------------------------
 
+
 def check_machine(folder):
     """Raise CheckError with the first reason why no root can be made in `folder`."""
     if sys.platform != "linux" or os.geteuid() != 0:
         raise CheckError("only root on Linux can make a Debian root: start this script with sudo")
-    for tool, package in (("debootstrap", "debootstrap"), ("git", "git"), ("chroot", "coreutils"),
-                          ("unshare", "util-linux"), ("setpriv", "util-linux")):
+    for tool, package in (
+        ("debootstrap", "debootstrap"),
+        ("git", "git"),
+        ("chroot", "coreutils"),
+        ("unshare", "util-linux"),
+        ("setpriv", "util-linux"),
+    ):
         if not shutil.which(tool):
             raise CheckError("%s is missing: install the Debian package %s" % (tool, package))
     probe = ["unshare", "--mount", "--pid", "--fork", "true"]
     if subprocess.run(probe, stderr=subprocess.DEVNULL).returncode:
-        raise CheckError("mounting is not allowed here: start this script outside of the container, or in "
-                         "one with the right to mount (CAP_SYS_ADMIN)")
+        raise CheckError(
+            "mounting is not allowed here: start this script outside of the container, or in "
+            "one with the right to mount (CAP_SYS_ADMIN)"
+        )
     free = shutil.disk_usage(folder).free / 1e9
     if free < DISK_MIN_GB:
-        raise CheckError("%.0f GB of free disk are needed in %s, there are %.1f GB: name another folder with "
-                         "--root" % (DISK_MIN_GB, folder, free))
+        raise CheckError(
+            "%.0f GB of free disk are needed in %s, there are %.1f GB: name another folder with "
+            "--root" % (DISK_MIN_GB, folder, free)
+        )
 
 
 def make_folder(wanted):
@@ -110,6 +122,7 @@ def remove(folder):
 
 # --- the root -------------------------------------------------------------------------------------
 
+
 def run_quietly(command, log, failure):
     """Run a tool with its output in the file `log`; a failure becomes a CheckError with the reason."""
     with open(log, "w+", errors="replace") as output:
@@ -124,19 +137,27 @@ def run_quietly(command, log, failure):
 def make_root(root, suite, mirror, packages):
     """A minimal Debian with these packages in the folder `root`, in which nothing is mounted yet."""
     command = ["debootstrap", "--variant=minbase", "--include=" + ",".join(packages), suite, str(root)]
-    run_quietly(command + ([mirror] if mirror else []), root / "debootstrap.log",
-                "the Debian root cannot be made (no network, or another mirror is needed: --mirror)")
+    run_quietly(
+        command + ([mirror] if mirror else []),
+        root / "debootstrap.log",
+        "the Debian root cannot be made (no network, or another mirror is needed: --mirror)",
+    )
 
 
 def mount_filesystems(root):
     """What a booted system has mounted: /proc, /sys, shared memory for DDS, terminals."""
-    for kind, options, where in (("proc", "nosuid,nodev,noexec", "proc"),
-                                 ("sysfs", "ro,nosuid,nodev,noexec", "sys"),
-                                 ("tmpfs", "nosuid,nodev,mode=1777", "dev/shm"),
-                                 ("devpts", "newinstance,ptmxmode=666,mode=620,gid=5", "dev/pts")):
+    for kind, options, where in (
+        ("proc", "nosuid,nodev,noexec", "proc"),
+        ("sysfs", "ro,nosuid,nodev,noexec", "sys"),
+        ("tmpfs", "nosuid,nodev,mode=1777", "dev/shm"),
+        ("devpts", "newinstance,ptmxmode=666,mode=620,gid=5", "dev/pts"),
+    ):
         (root / where).mkdir(exist_ok=True)
-        run_quietly(["mount", "-t", kind, "-o", options, kind, str(root / where)], root / "mount.log",
-                    "/%s cannot be mounted in the root" % where)
+        run_quietly(
+            ["mount", "-t", kind, "-o", options, kind, str(root / where)],
+            root / "mount.log",
+            "/%s cannot be mounted in the root" % where,
+        )
 
 
 def give_access(root):
@@ -153,15 +174,21 @@ def give_access(root):
             copy.unlink(missing_ok=True)
             shutil.copyfile(path, copy)
     if local and (root / "usr/sbin/update-ca-certificates").exists():
-        run_quietly(["chroot", str(root), "/usr/sbin/update-ca-certificates"], root / "certificates.log",
-                    "this machine's certificates cannot be added to the root")
+        run_quietly(
+            ["chroot", str(root), "/usr/sbin/update-ca-certificates"],
+            root / "certificates.log",
+            "this machine's certificates cannot be added to the root",
+        )
     return access
 
 
 def clone_checkout(root, environment):
     """The bundled commit as a clone in the user's home, made by that user like a reader makes it."""
-    run_quietly(["chroot", str(root), "useradd", "--create-home", "--shell", "/bin/bash", USER],
-                root / "user.log", "the user cannot be made in the root")
+    run_quietly(
+        ["chroot", str(root), "useradd", "--create-home", "--shell", "/bin/bash", USER],
+        root / "user.log",
+        "the user cannot be made in the root",
+    )
     quiet = "-c advice.detachedHead=false -c init.defaultBranch=main"
     command = "git %s clone --quiet /%s rig" % (quiet, BUNDLE)
     if run_as_user(root, command, root / HOME, environment, timeout=300):
@@ -170,8 +197,10 @@ def clone_checkout(root, environment):
 
 # --- the commands ---------------------------------------------------------------------------------
 
+
 def run_as_user(root, command, folder, environment, timeout):
     """Run a shell command as the root's user in `folder`; its exit code, 124 when it took too long."""
+
     def ordinary_login():
         # Root's shell may carry rights that a login has not; with real-time ones the check would be too kind.
         for right in (resource.RLIMIT_RTPRIO, resource.RLIMIT_NICE):
@@ -179,9 +208,13 @@ def run_as_user(root, command, folder, environment, timeout):
 
     inside = "cd /%s && %s" % (folder.relative_to(root), command)
     # The user's PATH, in which a name would be looked up here, has no chroot.
-    process = subprocess.Popen([shutil.which("chroot"), "--userspec=%s:%s" % (USER, USER), str(root),
-                                "/bin/sh", "-c", inside], stdin=subprocess.DEVNULL, env=environment,
-                               preexec_fn=ordinary_login, start_new_session=True)
+    process = subprocess.Popen(
+        [shutil.which("chroot"), "--userspec=%s:%s" % (USER, USER), str(root), "/bin/sh", "-c", inside],
+        stdin=subprocess.DEVNULL,
+        env=environment,
+        preexec_fn=ordinary_login,
+        start_new_session=True,
+    )
     end = time.monotonic() + timeout
     # This is process 1 of its namespace: whatever loses its parent in there has to be collected here.
     while True:
@@ -208,9 +241,16 @@ def check(root, options):
     print("fresh root: making " + what, flush=True)
     make_root(root, options.suite, options.mirror, packages)
     mount_filesystems(root)
-    environment = {"HOME": "/" + HOME, "USER": USER, "LOGNAME": USER, "SHELL": "/bin/bash", "LANG": "C.UTF-8",
-                   "PATH": "/usr/local/bin:/usr/bin:/bin", "TERM": os.environ.get("TERM", "dumb"),
-                   **give_access(root)}
+    environment = {
+        "HOME": "/" + HOME,
+        "USER": USER,
+        "LOGNAME": USER,
+        "SHELL": "/bin/bash",
+        "LANG": "C.UTF-8",
+        "PATH": "/usr/local/bin:/usr/bin:/bin",
+        "TERM": os.environ.get("TERM", "dumb"),
+        **give_access(root),
+    }
     clone_checkout(root, environment)
     version = (root / "etc/debian_version").read_text().strip()
     python = subprocess.check_output(["chroot", str(root), "python3", "--version"], text=True).strip()
@@ -225,24 +265,33 @@ def check(root, options):
         why = "ok" if code == 0 else "took too long, ended" if code == 124 else "FAILED (exit code %d)" % code
         results.append("%s %s after %.0f s" % (command, why, time.monotonic() - began))
     verdict = "FAILED" if failed else "passed"
-    print("fresh root: %s on Debian %s, %s, commit %s: %s" % (verdict, version, python, commit[:12],
-                                                              "; ".join(results)))
+    print("fresh root: %s on Debian %s, %s, commit %s: %s" % (verdict, version, python, commit[:12], "; ".join(results)))
     return int(failed)
 
 
 # --- the start ------------------------------------------------------------------------------------
+
 
 def read_options(arguments):
     parser = argparse.ArgumentParser(description="Run the README's commands in a Debian root made for it.")
     parser.add_argument("--root", metavar="FOLDER", help="new or empty folder for the root (a temporary one)")
     parser.add_argument("--keep", action="store_true", help="leave the root where it is, to look into it")
     parser.add_argument("--suite", default="trixie", help="Debian release (trixie, which is Debian 13)")
-    parser.add_argument("--mirror", default=os.environ.get("DEBIAN_MIRROR"), metavar="URL",
-                        help="where Debian packages come from (DEBIAN_MIRROR, else what debootstrap takes)")
-    parser.add_argument("--with", dest="extra", action="append", default=[], metavar="PACKAGE",
-                        help="a Debian package beside those of the README's `apt install`; may be repeated")
-    parser.add_argument("--timeout", type=float, default=1800.0, metavar="S",
-                        help="longest time of one command (1800)")
+    parser.add_argument(
+        "--mirror",
+        default=os.environ.get("DEBIAN_MIRROR"),
+        metavar="URL",
+        help="where Debian packages come from (DEBIAN_MIRROR, else what debootstrap takes)",
+    )
+    parser.add_argument(
+        "--with",
+        dest="extra",
+        action="append",
+        default=[],
+        metavar="PACKAGE",
+        help="a Debian package beside those of the README's `apt install`; may be repeated",
+    )
+    parser.add_argument("--timeout", type=float, default=1800.0, metavar="S", help="longest time of one command (1800)")
     parser.add_argument("--inside", metavar="FOLDER", help=argparse.SUPPRESS)
     return parser.parse_args(arguments)
 
@@ -261,9 +310,23 @@ def main(arguments):
     inside = None
     try:
         # Each of the two dies with its parent, and process 1 of the namespaces takes all others along.
-        inside = subprocess.Popen(["setpriv", "--pdeathsig", "KILL", "unshare", "--mount", "--pid", "--fork",
-                                   "--kill-child", sys.executable, os.path.abspath(__file__), *arguments,
-                                   "--inside", str(folder)])
+        inside = subprocess.Popen(
+            [
+                "setpriv",
+                "--pdeathsig",
+                "KILL",
+                "unshare",
+                "--mount",
+                "--pid",
+                "--fork",
+                "--kill-child",
+                sys.executable,
+                os.path.abspath(__file__),
+                *arguments,
+                "--inside",
+                str(folder),
+            ]
+        )
         return inside.wait()
     finally:
         if inside and inside.poll() is None:

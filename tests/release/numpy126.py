@@ -7,6 +7,7 @@
 Standard library only. Makes a copy of the checkout with an environment of its own in a temporary folder and
 compares what `rig simulate demo` writes there with what the checkout's writes. See docs/how_to/release.md.
 """
+
 import argparse
 import hashlib
 import importlib.util
@@ -64,8 +65,7 @@ def with_old_numpy(lock):
     names = [block.split("==")[0] for block in blocks]
     if "numpy" not in names:
         raise CheckError("requirements.lock has no numpy")
-    return "".join(NUMPY if name == "numpy" else block
-                   for name, block in zip(names, blocks) if name not in VIEWER)
+    return "".join(NUMPY if name == "numpy" else block for name, block in zip(names, blocks) if name not in VIEWER)
 
 
 def make_environment(launcher, folder):
@@ -97,9 +97,11 @@ def compare(ours, theirs):
     """True when both environments wrote the same bag; says how the two stand."""
     digests = [hashlib.sha256((folder / "demo_0.mcap").read_bytes()).hexdigest() for folder in (ours, theirs)]
     same = digests[0] == digests[1]
-    print("numpy 1.26: demo_0.mcap is %s (sha256 %s with numpy 1.26, %s in the checkout's environment)"
-          % ("the same, byte for byte" if same else "NOT the same", digests[0][:16], digests[1][:16]),
-          flush=True)
+    print(
+        "numpy 1.26: demo_0.mcap is %s (sha256 %s with numpy 1.26, %s in the checkout's environment)"
+        % ("the same, byte for byte" if same else "NOT the same", digests[0][:16], digests[1][:16]),
+        flush=True,
+    )
     return same
 
 
@@ -117,19 +119,26 @@ def check(folder, options):
     rig = [sys.executable, str(folder / "rig")]
     python = str(folder / ".venv" / "bin" / "python")
     show = "import numpy, sys; print('numpy', numpy.__version__, 'Python', sys.version.split()[0])"
-    passed = [run("versions", [python, "-c", show], folder),
-              run("rig simulate demo", rig + ["simulate", "demo", "--out", "ours"], folder),
-              run("rig report", rig + ["report", "ours"], folder)]
+    passed = [
+        run("versions", [python, "-c", show], folder),
+        run("rig simulate demo", [*rig, "simulate", "demo", "--out", "ours"], folder),
+        run("rig report", [*rig, "report", "ours"], folder),
+    ]
     reference = [str(CHECKOUT / "rig"), "simulate", "demo", "--out", str(folder / "theirs")]
     if run("rig simulate demo, in the checkout", reference, CHECKOUT) and passed[1]:
         passed.append(compare(folder / "ours", folder / "theirs"))
     else:
         passed.append(False)
     tests = TESTS + (GRAPH_TESTS if options.graph else ())
-    passed.append(run("rig test " + " ".join("tests/" + name for name in tests),
-                      rig + ["test", *("tests/" + name for name in tests), "-q"], folder))
+    passed.append(
+        run(
+            "rig test " + " ".join("tests/" + name for name in tests),
+            [*rig, "test", *("tests/" + name for name in tests), "-q"],
+            folder,
+        )
+    )
     if options.graph:
-        passed.append(run("rig run demo", rig + ["run", "demo", "--out", "run"], folder))
+        passed.append(run("rig run demo", [*rig, "run", "demo", "--out", "run"], folder))
     print("numpy 1.26: %s" % ("passed" if all(passed) else "FAILED"))
     return 0 if all(passed) else 1
 
@@ -141,8 +150,7 @@ def main(arguments):
     parser.add_argument("--graph", action="store_true", help="the live graph and `rig run demo` too")
     options = parser.parse_args(arguments)
     if sys.version_info[:2] not in PYTHONS:
-        raise CheckError("numpy 1.26 has no wheels for this Python %d.%d: start this script with python3.12"
-                         % sys.version_info[:2])
+        raise CheckError("numpy 1.26 has no wheels for this Python %d.%d: start this script with python3.12" % sys.version_info[:2])
     folder = Path(options.folder or tempfile.mkdtemp(prefix="numpy126_")).resolve()
     if options.folder:
         if folder.exists():

@@ -7,6 +7,7 @@
 Standard library only. Needs a `ros2` that sees rig_msgs and rig_nodes (a sourced overlay, ros_ws/README.md).
 Starts the rig itself, in a ROS domain of its own. See docs/how_to/ros2.md and docs/how_to/release.md.
 """
+
 import argparse
 import json
 import os
@@ -32,14 +33,37 @@ WITHOUT = (
     ("run rig_nodes rig list sequences", r"demo"),
 )
 BY_HAND = (
-    ("node list", r"/alfa46$", r"/clutch_s1$", r"/instruments$", r"/load_pump$", r"/motor$", r"/recorder$",
-     r"/rig$", r"/sequencer$", r"/valve_zr_p2$"),
-    ("node info /alfa46", r"/controller/command: rig_msgs/msg/ValveCommand",
-     r"/alfa46/shift: rig_msgs/action/Shift", r"/alfa46/set_profile: rig_msgs/srv/SetProfile"),
-    ("topic list -t", r"^/motor/state \[rig_msgs/msg/MotorState\]",
-     r"^/instruments/hmg4000 \[rig_msgs/msg/SampleBlock\]", r"\A(?![\s\S]*/(cylinder|hydraulic_motor|controller/signals))"),
-    ("topic info -v /controller/command", r"Publisher count: 1", r"Subscription count: 2",
-     r"Reliability: RELIABLE", r"Deadline: 100000000 nanoseconds"),
+    (
+        "node list",
+        r"/alfa46$",
+        r"/clutch_s1$",
+        r"/instruments$",
+        r"/load_pump$",
+        r"/motor$",
+        r"/recorder$",
+        r"/rig$",
+        r"/sequencer$",
+        r"/valve_zr_p2$",
+    ),
+    (
+        "node info /alfa46",
+        r"/controller/command: rig_msgs/msg/ValveCommand",
+        r"/alfa46/shift: rig_msgs/action/Shift",
+        r"/alfa46/set_profile: rig_msgs/srv/SetProfile",
+    ),
+    (
+        "topic list -t",
+        r"^/motor/state \[rig_msgs/msg/MotorState\]",
+        r"^/instruments/hmg4000 \[rig_msgs/msg/SampleBlock\]",
+        r"\A(?![\s\S]*/(cylinder|hydraulic_motor|controller/signals))",
+    ),
+    (
+        "topic info -v /controller/command",
+        r"Publisher count: 1",
+        r"Subscription count: 2",
+        r"Reliability: RELIABLE",
+        r"Deadline: 100000000 nanoseconds",
+    ),
     ("topic echo --once /rig/state", r"^header:", r"^energy_residual:"),
     ("topic echo --once /instruments/channels", r"names:"),
     ("param list /alfa46", r"^\s*t12$", r"^\s*output_3\.currents$"),
@@ -53,25 +77,34 @@ BY_HAND = (
     ("param get /motor enabled", r"Boolean value is: True"),
     ("topic pub -t 3 -r 5 -w 2 /motor/command rig_msgs/msg/Setpoint", "{value: 100.0}", r"publishing #1"),
     ("param get /motor enabled", r"Boolean value is: False"),
-    ("service list -t", r"^/rig/e_stop \[std_srvs/srv/Trigger\]",
-     r"^/alfa46/set_profile \[rig_msgs/srv/SetProfile\]"),
+    ("service list -t", r"^/rig/e_stop \[std_srvs/srv/Trigger\]", r"^/alfa46/set_profile \[rig_msgs/srv/SetProfile\]"),
     ("service call /rig/e_stop std_srvs/srv/Trigger", r"success=True, message='emergency stop'"),
     ("service call /rig/reset std_srvs/srv/Trigger", r"success=True, message='safe state left'"),
-    ("service call /alfa46/set_profile rig_msgs/srv/SetProfile", PROFILE % (TIMES, CURRENTS),
-     r"success=True"),
-    ("service call /alfa46/set_profile rig_msgs/srv/SetProfile",
-     PROFILE % (TIMES, CURRENTS.replace("0.6", "0.9")), r"success=False, message='output_1.P3 asks for 900 mA"),
-    ("action list -t", r"^/alfa46/shift \[rig_msgs/action/Shift\]",
-     r"^/sequencer/run \[rig_msgs/action/RunSequence\]"),
+    ("service call /alfa46/set_profile rig_msgs/srv/SetProfile", PROFILE % (TIMES, CURRENTS), r"success=True"),
+    (
+        "service call /alfa46/set_profile rig_msgs/srv/SetProfile",
+        PROFILE % (TIMES, CURRENTS.replace("0.6", "0.9")),
+        r"success=False, message='output_1.P3 asks for 900 mA",
+    ),
+    ("action list -t", r"^/alfa46/shift \[rig_msgs/action/Shift\]", r"^/sequencer/run \[rig_msgs/action/RunSequence\]"),
     ("action info /alfa46/shift", r"Action servers: 1", r"/alfa46$"),
-    ("action send_goal --feedback /alfa46/shift rig_msgs/action/Shift", "{gear: 1}",
-     r"success: true", r"SUCCEEDED"),
+    ("action send_goal --feedback /alfa46/shift rig_msgs/action/Shift", "{gear: 1}", r"success: true", r"SUCCEEDED"),
     ("action send_goal /alfa46/shift rig_msgs/action/Shift", "{gear: 7}", r"rejected"),
     ("action send_goal /alfa46/shift rig_msgs/action/Shift", "{gear: 0}", r"success: true", r"SUCCEEDED"),
-    ("action send_goal --feedback /sequencer/run rig_msgs/action/RunSequence", "{name: no_such_sequence}",
-     r"success: false", r"no_such_sequence", r"ABORTED"),
-    ("action send_goal --feedback /sequencer/run rig_msgs/action/RunSequence", "{name: %s}" % SHORT,
-     r"Feedback:", r"is done", r"SUCCEEDED"),
+    (
+        "action send_goal --feedback /sequencer/run rig_msgs/action/RunSequence",
+        "{name: no_such_sequence}",
+        r"success: false",
+        r"no_such_sequence",
+        r"ABORTED",
+    ),
+    (
+        "action send_goal --feedback /sequencer/run rig_msgs/action/RunSequence",
+        "{name: %s}" % SHORT,
+        r"Feedback:",
+        r"is done",
+        r"SUCCEEDED",
+    ),
 )
 # What was answered is not ordered twice.
 ANSWERED = re.compile(r"^(response:|Result:|Set parameter|Setting parameter)", re.MULTILINE)
@@ -104,9 +137,15 @@ class Check:
                 return process.communicate()[0]
 
     def start(self, words):
-        return subprocess.Popen([self.ros2, *words], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-                                stderr=subprocess.STDOUT, text=True, env=self.environment,
-                                start_new_session=True)
+        return subprocess.Popen(
+            [self.ros2, *words],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env=self.environment,
+            start_new_session=True,
+        )
 
     def expect(self, words, patterns):
         """Ask until everything is shown: finding each other takes DDS a while."""
@@ -123,8 +162,12 @@ class Check:
         output = self.call(words, 12)
         found = re.findall(r"([\d.]+) ?%s" % unit if unit != "rate" else r"average rate: ([\d.]+)", output)
         good = bool(found) and low <= float(found[-1]) <= high
-        self.note("ros2 " + " ".join(words), good, "expected %g to %g in:\n%s" % (low, high, output),
-                  "%s %s" % (found[-1] if found else "nothing", unit))
+        self.note(
+            "ros2 " + " ".join(words),
+            good,
+            "expected %g to %g in:\n%s" % (low, high, output),
+            "%s %s" % (found[-1] if found else "nothing", unit),
+        )
 
     def note(self, what, good, why, output=""):
         print("ros2: %s %s" % ("ok    " if good else "FAILED", what), flush=True)
@@ -169,9 +212,12 @@ def by_hand(check, folder):
     finally:
         output = end(rig)
     report = read_report(folder)
-    check.note("the rig by hand ends on Ctrl-C with a whole bag",
-               report.get("lost") == 0 and ended(report) == "interrupted", output[-3000:],
-               json.dumps(report.get("end")))
+    check.note(
+        "the rig by hand ends on Ctrl-C with a whole bag",
+        report.get("lost") == 0 and ended(report) == "interrupted",
+        output[-3000:],
+        json.dumps(report.get("end")),
+    )
 
 
 def a_sequence(check, folder):
@@ -179,51 +225,62 @@ def a_sequence(check, folder):
     process = launch(check, "sequence:=%s" % SHORT, "out:=%s" % folder, "seed:=7")
     output = finish(process)
     report = read_report(folder)
-    good = process.returncode == 0 and report.get("lost") == 0 and ended(report) == "ended" \
-        and report.get("seed") == 7
-    check.note("ros2 launch rig_nodes rig_launch.py sequence:=short.yaml", good, output[-3000:],
-               json.dumps({name: report.get(name) for name in ("end", "lost", "seed", "lateness_ms")}))
+    good = process.returncode == 0 and report.get("lost") == 0 and ended(report) == "ended" and report.get("seed") == 7
+    check.note(
+        "ros2 launch rig_nodes rig_launch.py sequence:=short.yaml",
+        good,
+        output[-3000:],
+        json.dumps({name: report.get(name) for name in ("end", "lost", "seed", "lateness_ms")}),
+    )
     check.expect(["run", "rig_nodes", "replay", str(folder), "--rate", "max"], [r"/motor/state"])
 
 
 def a_bench(check, folder):
     """The clutch bench, which has no shift controller, with a parameter whose value has commas."""
-    process = launch(check, "sequence:=clutch_bench", "with:=pressures=1 MPa, 1.5 MPa,wetting=200 ms",
-                     "out:=%s" % folder)
+    process = launch(check, "sequence:=clutch_bench", "with:=pressures=1 MPa, 1.5 MPa,wetting=200 ms", "out:=%s" % folder)
     output = finish(process)
     report = read_report(folder)
-    check.note("ros2 launch rig_nodes rig_launch.py sequence:=clutch_bench",
-               process.returncode == 0 and report.get("lost") == 0 and ended(report) == "ended", output[-3000:],
-               json.dumps(report.get("end")))
+    check.note(
+        "ros2 launch rig_nodes rig_launch.py sequence:=clutch_bench",
+        process.returncode == 0 and report.get("lost") == 0 and ended(report) == "ended",
+        output[-3000:],
+        json.dumps(report.get("end")),
+    )
 
 
 def refusals(check, folder):
     """Launches that cannot go on say why and end."""
-    for arguments, sentence in ((["sequence:=no_such_sequence", "record:=false"], r"no_such_sequence"),
-                                (["rig:=no_such_rig", "record:=false"], r"no_such_rig"),
-                                (["set:=alfa46.t12=9 s", "record:=false"], r"alfa46\.t12"),
-                                (["sequence:=spring_bench", "delay:=2", "record:=false"], r"no valves for a shift"),
-                                (["out:=%s" % folder], r"not an empty folder")):
+    for arguments, sentence in (
+        (["sequence:=no_such_sequence", "record:=false"], r"no_such_sequence"),
+        (["rig:=no_such_rig", "record:=false"], r"no_such_rig"),
+        (["set:=alfa46.t12=9 s", "record:=false"], r"alfa46\.t12"),
+        (["sequence:=spring_bench", "delay:=2", "record:=false"], r"no valves for a shift"),
+        (["out:=%s" % folder], r"not an empty folder"),
+    ):
         process = launch(check, *arguments)
         output = finish(process)
-        check.note("ros2 launch rig_nodes rig_launch.py %s: refused" % " ".join(arguments),
-                   process.returncode != 0 and re.search(sentence, output), output[-3000:])
+        check.note(
+            "ros2 launch rig_nodes rig_launch.py %s: refused" % " ".join(arguments),
+            process.returncode != 0 and re.search(sentence, output),
+            output[-3000:],
+        )
 
 
 def a_death(check, folder):
     """A node that is killed ends the launch with its name, and what was recorded is whole."""
     rig = launch(check, "out:=%s" % folder)
     check.expect(["topic", "echo", "--once", "/rig/state"], [r"^header:"])
-    killed = [int(path.parent.name) for path in Path("/proc").glob("[0-9]*/cmdline")
-              if re.search(rb"lib/rig_nodes/alfa46\0", contents(path)) and bytes(folder) in contents(path)]
+    killed = [
+        int(path.parent.name)
+        for path in Path("/proc").glob("[0-9]*/cmdline")
+        if re.search(rb"lib/rig_nodes/alfa46\0", contents(path)) and bytes(folder) in contents(path)
+    ]
     for pid in killed:
         os.kill(pid, signal.SIGKILL)
     output = finish(rig)
     report = read_report(folder)
-    good = rig.returncode != 0 and "alfa46 killed by signal 9" in output \
-        and ended(report) == "failed"
-    check.note("a killed alfa46 ends the launch", bool(killed) and good, output[-3000:],
-               json.dumps(report.get("end")))
+    good = rig.returncode != 0 and "alfa46 killed by signal 9" in output and ended(report) == "failed"
+    check.note("a killed alfa46 ends the launch", bool(killed) and good, output[-3000:], json.dumps(report.get("end")))
 
 
 def finish(process):
@@ -254,8 +311,7 @@ def ended(report):
 
 def main(arguments):
     parser = argparse.ArgumentParser(description="Run the ROS 2 command line against a rig started for it.")
-    parser.add_argument("--ros2", default=shutil.which("ros2"), metavar="FILE",
-                        help="the ros2 command (on PATH)")
+    parser.add_argument("--ros2", default=shutil.which("ros2"), metavar="FILE", help="the ros2 command (on PATH)")
     parser.add_argument("--domain", type=int, default=87, metavar="N", help="ROS domain for the check (87)")
     parser.add_argument("--patience", type=float, default=60.0, metavar="S", help="for one answer (60)")
     parser.add_argument("--verbose", action="store_true", help="print what the commands answer")
@@ -266,8 +322,7 @@ def main(arguments):
     listed = check.call(["pkg", "list"], options.patience).split()
     for name in PACKAGES:
         if name not in listed:
-            raise CheckError("ros2 does not see the package %s: build and source the overlay "
-                             "(ros_ws/README.md)" % name)
+            raise CheckError("ros2 does not see the package %s: build and source the overlay (ros_ws/README.md)" % name)
     folder = Path(tempfile.mkdtemp(prefix="ros2_command_line_"))
     try:
         ask(check, WITHOUT)

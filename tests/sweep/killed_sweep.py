@@ -25,9 +25,11 @@ def plan():
 
 def many():
     """Two thousand members, all different."""
-    return make_plan(str(HERE / "short.yaml"), {
-        "alfa46.t12": "-300 ms .. 100 ms", "oil_supply.temperature": "20 degC .. 70 degC", "rest": "20 ms .. 130 ms"},
-        samples=2000)
+    return make_plan(
+        str(HERE / "short.yaml"),
+        {"alfa46.t12": "-300 ms .. 100 ms", "oil_supply.temperature": "20 degC .. 70 degC", "rest": "20 ms .. 130 ms"},
+        samples=2000,
+    )
 
 
 def main() -> None:

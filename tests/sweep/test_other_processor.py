@@ -13,9 +13,12 @@ import pytest
 pq = pytest.importorskip("pyarrow.parquet")
 SCRIPT = Path(__file__).with_name("other_processor.py")
 # x86-64 as it was in 2003: no AVX, no fused multiply-add in compiled code, in libm and in numpy's loops
-SIMPLE = {"NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": "",
-          "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX2 FMA3 AVX512F",  # as numpy 2 and 1 call them
-          "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX512F,-AVX512VL,-AVX2,-AVX,-FMA,-FMA4,-BMI2,-SSE4_1,-SSE4_2"}
+SIMPLE = {
+    "NUMBA_CPU_NAME": "x86-64",
+    "NUMBA_CPU_FEATURES": "",
+    "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX2 FMA3 AVX512F",  # as numpy 2 and 1 call them
+    "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX512F,-AVX512VL,-AVX2,-AVX,-FMA,-FMA4,-BMI2,-SSE4_1,-SSE4_2",
+}
 UNLIKE = 1e-9
 
 

@@ -5,7 +5,6 @@
 
 import numpy as np
 import pytest
-
 from rig_nodes.errors import RigError
 from rig_nodes.sweep.plan import make_plan, plan_of, read_plan
 from rig_nodes.testbench.configuration import load_rig, with_overrides
@@ -36,14 +35,12 @@ def test_a_list_goes_row_by_row():
 
 
 def test_a_latin_hypercube_has_one_sample_in_each_stratum_of_each_parameter():
-    plan = make_plan("demo", {"alfa46.t12": "-250 ms .. -150 ms", "oil_supply.temperature": "20 degC .. 70 degC"},
-                     samples=50)
+    plan = make_plan("demo", {"alfa46.t12": "-250 ms .. -150 ms", "oil_supply.temperature": "20 degC .. 70 degC"}, samples=50)
     table = np.array(points(plan))
     for column, low, high in ((0, -250.0, -150.0), (1, 20.0, 70.0)):
         strata = np.floor((table[:, column] - low) / (high - low) * 50).astype(int)
         assert sorted(strata) == list(range(50))
-    again = make_plan("demo", {"alfa46.t12": "-250 ms .. -150 ms", "oil_supply.temperature": "20 degC .. 70 degC"},
-                      samples=50)
+    again = make_plan("demo", {"alfa46.t12": "-250 ms .. -150 ms", "oil_supply.temperature": "20 degC .. 70 degC"}, samples=50)
     assert points(again) == points(plan)
     assert plan_of(plan.as_dict()) == plan
 
@@ -75,27 +72,31 @@ def test_a_points_time_alone_keeps_its_current():
 def test_a_file(tmp_path):
     (tmp_path / "s.yaml").write_text(
         "sequence: demo\nmethod: lhs\nsamples: 8\nseed: 3\nset: {oil_supply.temperature: 60 degC}\n"
-        "vary:\n  alfa46.t12: -250 ms .. -150 ms\n  wiring: [swapped]\n")
+        "vary:\n  alfa46.t12: -250 ms .. -150 ms\n  wiring: [swapped]\n"
+    )
     plan = read_plan(tmp_path / "s.yaml")
     assert plan.count() == 8 and plan.seed == 3 and plan.members()[0].overrides["wiring"] == "swapped"
     assert plan.members()[0].overrides["oil_supply.temperature"] == "60 degC"
 
 
-@pytest.mark.parametrize("vary, options, sentence", [
-    ({"alfa46.t13": "1 ms, 2 ms"}, {}, "there is no value of alfa46 't13'; did you mean 't"),
-    ({"sped": "1 rpm, 2 rpm"}, {}, "no value of the rig .as --set names them. 'sped'; known are "),
-    ({"alfa46.t12": "1 Nm, 2 Nm"}, {}, "is a torque, expected a time"),
-    ({"alfa46.t12": "-6 s .. 1 s in 3"}, {}, "outside -5 to 5"),
-    ({"alfa46.t12": "100 ms .. 50 ms in 3"}, {}, "the range must rise"),
-    ({"alfa46.t12": "-250 ms .. -150 ms"}, {}, "method grid needs values"),
-    ({"alfa46.t12": "-250 ms .. -150 ms"}, {"method": "lhs"}, "say how many with --samples"),
-    ({"alfa46.t12": "-250 ms .. -150 ms"}, {"samples": 0}, "samples is 0, expected 1 to"),
-    ({"alfa46.t12": "-250 ms .. -150 ms"}, {"method": "sobol", "samples": 3}, "expected grid, list, random, lhs"),
-    ({"alfa46.t12": "-1 ms .. 1 ms log"}, {"samples": 3}, "must be above 0"),
-    ({"alfa46.output_1.P1.current": "700 mA, 900 mA"}, {}, "outside 0 to 800 mA"),
-    ({"alfa46.t12": "1 ms, 2 ms"}, {"fixed": {"alfa46.t12": "3 ms"}}, "it is set for all members too"),
-    ({}, {}, "needs something to vary"),
-])
+@pytest.mark.parametrize(
+    "vary, options, sentence",
+    [
+        ({"alfa46.t13": "1 ms, 2 ms"}, {}, "there is no value of alfa46 't13'; did you mean 't"),
+        ({"sped": "1 rpm, 2 rpm"}, {}, "no value of the rig .as --set names them. 'sped'; known are "),
+        ({"alfa46.t12": "1 Nm, 2 Nm"}, {}, "is a torque, expected a time"),
+        ({"alfa46.t12": "-6 s .. 1 s in 3"}, {}, "outside -5 to 5"),
+        ({"alfa46.t12": "100 ms .. 50 ms in 3"}, {}, "the range must rise"),
+        ({"alfa46.t12": "-250 ms .. -150 ms"}, {}, "method grid needs values"),
+        ({"alfa46.t12": "-250 ms .. -150 ms"}, {"method": "lhs"}, "say how many with --samples"),
+        ({"alfa46.t12": "-250 ms .. -150 ms"}, {"samples": 0}, "samples is 0, expected 1 to"),
+        ({"alfa46.t12": "-250 ms .. -150 ms"}, {"method": "sobol", "samples": 3}, "expected grid, list, random, lhs"),
+        ({"alfa46.t12": "-1 ms .. 1 ms log"}, {"samples": 3}, "must be above 0"),
+        ({"alfa46.output_1.P1.current": "700 mA, 900 mA"}, {}, "outside 0 to 800 mA"),
+        ({"alfa46.t12": "1 ms, 2 ms"}, {"fixed": {"alfa46.t12": "3 ms"}}, "it is set for all members too"),
+        ({}, {}, "needs something to vary"),
+    ],
+)
 def test_refused(vary, options, sentence):
     with pytest.raises(RigError, match=sentence):
         make_plan("demo", vary, **options)

@@ -12,7 +12,6 @@ import time
 from pathlib import Path
 
 import pytest
-
 from rig_nodes.errors import RigError
 from rig_nodes.sweep.run import manifest_of, run_sweep
 from rig_nodes.sweep.store import JOURNAL, RESULTS, Store, decode
@@ -24,8 +23,7 @@ SCRIPT = Path(__file__).with_name("killed_sweep.py")
 
 
 def start(folder: Path, jobs: int, *more: str) -> subprocess.Popen:
-    return subprocess.Popen([sys.executable, str(SCRIPT), str(folder), str(jobs), *more], stdout=subprocess.PIPE,
-                            text=True)
+    return subprocess.Popen([sys.executable, str(SCRIPT), str(folder), str(jobs), *more], stdout=subprocess.PIPE, text=True)
 
 
 def read_until(process, word: str, count: int = 1) -> list[str]:
@@ -119,8 +117,12 @@ def test_two_thousand_runs(tmp_path, record_property):
     table = pytest.importorskip("pyarrow.parquet").read_table(undisturbed)
     assert set(table["end"].to_pylist()) == {"ended"} and len(set(table["member"].to_pylist())) == 2000
     ended = time.monotonic()
-    for name, value in (("killed", len(before)), ("resumed", len(ran)), ("seconds", killed - began),
-                        ("seconds_undisturbed", ended - killed)):
+    for name, value in (
+        ("killed", len(before)),
+        ("resumed", len(ran)),
+        ("seconds", killed - began),
+        ("seconds_undisturbed", ended - killed),
+    ):
         record_property(name, value)
     assert ended - began < 1800.0, "4000 runs of 0.05 s on two cores, and what else they do"
 

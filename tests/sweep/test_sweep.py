@@ -7,7 +7,6 @@ import json
 from pathlib import Path
 
 import pytest
-
 from rig_nodes.cli import run_arguments
 from rig_nodes.cli.main import main, run_verb
 from rig_nodes.errors import RigError
@@ -40,7 +39,10 @@ def test_a_failing_member_is_a_row_and_the_rest_goes_on(tmp_path):
     # P2 must come after P1, at 330 ms: the second member's profile is refused
     table = ran(tmp_path / "sweep", make_plan(SHORT, {"alfa46.output_1.P1.time": "200 ms, 400 ms, 210 ms"}))
     assert [(row["member"], row["end"]) for row in table.to_pylist() if row["shift"] in (0, None)] == [
-        (0, "ended"), (1, "refused"), (2, "ended")]
+        (0, "ended"),
+        (1, "refused"),
+        (2, "ended"),
+    ]
     row = next(row for row in table.to_pylist() if row["member"] == 1)
     assert "must come after P1" in row["reason"] and row["t_c_s"] is None
 
@@ -61,7 +63,12 @@ def test_the_file_says_where_it_is_from(tmp_path):
     assert {"rig_nodes", "plant", "numba"} <= set(about["versions"])
     units = {name: (table.schema.field(name).metadata or {}).get(b"unit") for name in table.schema.names}
     assert (units["alfa46.t12"], units["rest"], units["t_c_s"], units["m_wej_max_nm"], units["k"]) == (
-        b"ms", b"ms", b"s", b"Nm", None)
+        b"ms",
+        b"ms",
+        b"s",
+        b"Nm",
+        None,
+    )
 
 
 def test_the_command_goes_on_and_says_so(tmp_path, capsys):
@@ -86,11 +93,14 @@ def test_a_sweep_of_which_nothing_came_to_its_end_says_so_by_its_exit_code_too(t
     assert "setting alfa46.current_limit=100.0 mA: alfa46.output_1.P1 asks for 160 mA" in said.out
 
 
-@pytest.mark.parametrize("arguments, sentence", [
-    ([], "a sweep needs something to vary"),
-    (["--vary", "rest=1 rpm"], "rest"),
-    (["--vary", "rest=30 ms", "--rig", "nope"], "there is no rig 'nope'"),
-])
+@pytest.mark.parametrize(
+    "arguments, sentence",
+    [
+        ([], "a sweep needs something to vary"),
+        (["--vary", "rest=1 rpm"], "rest"),
+        (["--vary", "rest=30 ms", "--rig", "nope"], "there is no rig 'nope'"),
+    ],
+)
 def test_what_is_wrong_is_said_before_processes_are_started(arguments, sentence, capsys, monkeypatch):
     """Where nothing is compiled yet, their start takes half a minute."""
     monkeypatch.setattr("rig_nodes.testbench.workers.start_server", None)
@@ -137,8 +147,24 @@ def test_a_member_with_a_controller_is_what_simulate_gives(tmp_path, options):
     chosen = dict(zip(("level", "delay"), (options[1], int(options[3])))) if options else {"level": None, "delay": 1}
     plan = make_plan(SHORT, {"alfa46.t12": "-200 ms, -100 ms"}, plugged=plugged_of(ALFA46, **chosen))
     row = ran(tmp_path / "sweep", plan).to_pylist()[-1]
-    assert main(["simulate", SHORT, "--seed", "2", "--set", "alfa46.t12=-100 ms", "--controller", ALFA46, *options,
-                 "--out", str(tmp_path / "run")]) == 0
+    assert (
+        main(
+            [
+                "simulate",
+                SHORT,
+                "--seed",
+                "2",
+                "--set",
+                "alfa46.t12=-100 ms",
+                "--controller",
+                ALFA46,
+                *options,
+                "--out",
+                str(tmp_path / "run"),
+            ]
+        )
+        == 0
+    )
     shift = json.loads((tmp_path / "run" / "report.json").read_text())["shifts"][-1]
     assert {key: row[key] for key in shift if key != "why"} == {key: shift[key] for key in shift if key != "why"}
     assert shift["valid"] and row["end"] == "ended"
@@ -147,13 +173,25 @@ def test_a_member_with_a_controller_is_what_simulate_gives(tmp_path, options):
 def test_a_controller_that_fails_in_some_members_is_a_row_there_and_its_own_in_each(tmp_path, capsys):
     """Counts its own samples: one that had lived through a member before would fail in the next one too."""
     mine = tmp_path / "mine.py"
-    mine.write_text("from rig_nodes.controllers.examples.alfa46 import Alfa46\n\n\n"
-                    "class Mine(Alfa46):\n    seen = 0\n\n"
-                    "    def step(self, inputs):\n        self.seen += 1\n"
-                    "        assert self.seen < 4000\n        return super().step(inputs)\n")
+    mine.write_text(
+        "from rig_nodes.controllers.examples.alfa46 import Alfa46\n\n\n"
+        "class Mine(Alfa46):\n    seen = 0\n\n"
+        "    def step(self, inputs):\n        self.seen += 1\n"
+        "        assert self.seen < 4000\n        return super().step(inputs)\n"
+    )
     folder = tmp_path / "sweep"
-    command = ["sweep", SHORT, "--vary", "rest=10 ms, 3 s, 20 ms", "--jobs", "1", "--out", str(folder),
-               "--controller", f"python:{mine}:Mine"]
+    command = [
+        "sweep",
+        SHORT,
+        "--vary",
+        "rest=10 ms, 3 s, 20 ms",
+        "--jobs",
+        "1",
+        "--out",
+        str(folder),
+        "--controller",
+        f"python:{mine}:Mine",
+    ]
     assert main(command) == 0
     rows = {row["member"]: row for row in pq.read_table(folder / RESULTS).to_pylist()}
     assert [rows[k]["end"] for k in range(3)] == ["ended", "tripped", "ended"]
@@ -164,9 +202,14 @@ def test_a_controller_that_fails_in_some_members_is_a_row_there_and_its_own_in_e
     assert "holds another sweep (controller is not the same)" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("spec", "why"), [
-    ("udp:9000", "controller udp:9000: it is one program of its own, which cannot drive the members of a sweep"),
-    ("python:nothing.py:Mine", "nothing.py"), ("rust:x", "there is no kind 'rust'; known are alfa46, python")])
+@pytest.mark.parametrize(
+    ("spec", "why"),
+    [
+        ("udp:9000", "controller udp:9000: it is one program of its own, which cannot drive the members of a sweep"),
+        ("python:nothing.py:Mine", "nothing.py"),
+        ("rust:x", "there is no kind 'rust'; known are alfa46, python"),
+    ],
+)
 def test_a_controller_that_a_sweep_cannot_run_is_refused_at_once(tmp_path, capsys, spec, why):
     out = tmp_path / "sweep"
     assert main(["sweep", SHORT, "--vary", "rest=10 ms, 20 ms", "--controller", spec, "--out", str(out)]) == 2

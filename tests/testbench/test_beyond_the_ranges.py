@@ -8,20 +8,22 @@ import random
 
 import numpy as np
 import pytest
-
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
+from rig_nodes.testbench.cross_checks import cross_check
 from rig_nodes.testbench.record import record
 from rig_nodes.testbench.rig import Rig
-from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.rig_base import RigStatus
-from rig_nodes.testbench.cross_checks import cross_check
+from rig_nodes.testbench.sequence import load_sequence
 
 RPM = np.pi / 30.0
 VACUUM = -0.1013e6
 HEAVY_PUMP = {"z5.inertia": "3 kg m2", "M_wyj.inertia": "2.7 kg m2"}
-STIFF_VALVE = {"valve_zr_p2.full_opening_pressure": "1 kPa", "valve_zr_p2.spool_time": "0.1 ms",
-               "valve_zr_p2.drain_area": "1000 mm2"}
+STIFF_VALVE = {
+    "valve_zr_p2.full_opening_pressure": "1 kPa",
+    "valve_zr_p2.spool_time": "0.1 ms",
+    "valve_zr_p2.drain_area": "1000 mm2",
+}
 
 
 def shift_up_and_down(settings):
@@ -60,19 +62,29 @@ def nonsense(channels, rig):
     """What of a run cannot be, in words; nothing of one that can."""
     said = [f"{name} is not finite" for name, x in channels.items() if not np.isfinite(x).all()]
     said += [f"{name} falls to {x.min():g} Pa" for name, x in channels.items() if name[0] == "p" and x.min() < VACUUM]
-    said += [f"{name} alternates from step to step" for name in ("M_wej", "M_wyj")
-             if rig.status != RigStatus.TRIPPED and longest_alternation(channels[name], 1.0) > 6]
+    said += [
+        f"{name} alternates from step to step"
+        for name in ("M_wej", "M_wyj")
+        if rig.status != RigStatus.TRIPPED and longest_alternation(channels[name], 1.0) > 6
+    ]
     energy = rig.energy()
     if not abs(energy["residual"]) < 1e-6 * (1.0 + sum(map(abs, energy.values()))):
         said.append(f"{energy['residual']:g} J come from nowhere")
     return said
 
 
-@pytest.mark.parametrize("settings", [
-    {"plate_pack.heat_capacity": "10 J/K", "plate_pack.cooling": "300000 W/K"},
-    HEAVY_PUMP, {**HEAVY_PUMP, "loss_out.torque_side": "driven"},
-    {"loss_in.square": "0.003 1/Nm"}, {**HEAVY_PUMP, "loss_in.square": "0.01 1/Nm"},
-    STIFF_VALVE], ids=["cold plates", "heavy pump", "heavy pump behind the clutches", "steep loss", "both", "stiff valve"])
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"plate_pack.heat_capacity": "10 J/K", "plate_pack.cooling": "300000 W/K"},
+        HEAVY_PUMP,
+        {**HEAVY_PUMP, "loss_out.torque_side": "driven"},
+        {"loss_in.square": "0.003 1/Nm"},
+        {**HEAVY_PUMP, "loss_in.square": "0.01 1/Nm"},
+        STIFF_VALVE,
+    ],
+    ids=["cold plates", "heavy pump", "heavy pump behind the clutches", "steep loss", "both", "stiff valve"],
+)
 def test_a_shift_with_stiff_parts_is_one_that_can_be(settings):
     channels, rig = shift_up_and_down(settings)
     assert rig.status == RigStatus.RUNNING, rig.reason
@@ -84,9 +96,13 @@ def test_no_pressure_falls_below_the_tank_when_a_wide_drain_shuts():
     assert min(channels["p1"].min(), channels["p2"].min()) > -0.011e6
 
 
-@pytest.mark.parametrize("name, spoil, said", [
-    ("hydmag", lambda rig: rig.clutches[0].__setitem__("wear", np.inf), "clutch_s1: "),
-    ("clutch_bench", lambda rig: rig.clutches[0].__setitem__("temperature", np.nan), "clutch_pack: temperature became nan ")])
+@pytest.mark.parametrize(
+    "name, spoil, said",
+    [
+        ("hydmag", lambda rig: rig.clutches[0].__setitem__("wear", np.inf), "clutch_s1: "),
+        ("clutch_bench", lambda rig: rig.clutches[0].__setitem__("temperature", np.nan), "clutch_pack: temperature became nan "),
+    ],
+)
 def test_a_value_that_is_no_number_is_a_trip_that_names_it_and_is_in_no_row(name, spoil, said):
     rig = Rig(load_rig(name))
     rig.advance(0.02)
@@ -119,14 +135,31 @@ def drawn(rng):
     """Two to five settings of the plant at, or anywhere between, the ends of their ranges."""
     config, out = load_rig("hydmag"), {}
     for _ in range(rng.randint(2, 5)):
-        part = rng.choice(["motor", "w0", "z5", "M_wej", "M_wyj", "loss_in", "loss_out", "plate_pack", "clutch_s1", "clutch_s2", "valve_zr_p1", "valve_zr_p2",
-                           "oil_supply", "load_pump"])
+        part = rng.choice(
+            [
+                "motor",
+                "w0",
+                "z5",
+                "M_wej",
+                "M_wyj",
+                "loss_in",
+                "loss_out",
+                "plate_pack",
+                "clutch_s1",
+                "clutch_s2",
+                "valve_zr_p1",
+                "valve_zr_p2",
+                "oil_supply",
+                "load_pump",
+            ]
+        )
         field = rng.choice([name for name, value in vars(getattr(config, part)).items() if isinstance(value, float)])
         setting = config.settings.find(f"{part}.{field}")
         low, high = setting.low, setting.high
         kind = rng.random()
-        value = low if kind < 0.3 else high if kind < 0.6 else getattr(getattr(config, part), field) * rng.choice(
-            (0.1, 0.3, 3.0, 10.0))
+        value = (
+            low if kind < 0.3 else high if kind < 0.6 else getattr(getattr(config, part), field) * rng.choice((0.1, 0.3, 3.0, 10.0))
+        )
         out[part, field] = min(max(value, low), high)
     return out
 
@@ -144,9 +177,13 @@ def run_drawn(seed):
         return None
     rows = []
     rig.set("oil", 4e6, True)
-    for seconds, act in ((0.8, lambda: rig.order_gear(1)), (1.0, lambda: rig.set("motor", 100.0, True)),
-                         (0.3, lambda: rig.set("load", 5e6, True)), (1.5, lambda: rig.order_gear(2)),
-                         (1.0, lambda: rig.order_gear(1))):
+    for seconds, act in (
+        (0.8, lambda: rig.order_gear(1)),
+        (1.0, lambda: rig.set("motor", 100.0, True)),
+        (0.3, lambda: rig.set("load", 5e6, True)),
+        (1.5, lambda: rig.order_gear(2)),
+        (1.0, lambda: rig.order_gear(1)),
+    ):
         if rig.status != RigStatus.TRIPPED:
             act()
         for _ in range(round(seconds * 10)):
@@ -166,4 +203,3 @@ def test_hundreds_of_drawn_rigs_are_ones_that_can_be_or_trip():
     wrong = [found for found in map(run_drawn, range(1000, 1500)) if found]
     assert all("alternates" in words for _, _, said in wrong for words in said), wrong
     assert len(wrong) <= 5, "a stiff part may still swing from step to step in one rig of a hundred"
-

@@ -6,13 +6,12 @@
 from pathlib import Path
 
 import pytest
-
 from rig_nodes.bags.definitions import installed
 from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.list import WHAT, markdown
 from rig_nodes.cli.main import main
-from rig_nodes.errors import RigError
 from rig_nodes.config.names import installed as installed_rigs
+from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.plan import plan_of
 
@@ -36,20 +35,31 @@ def test_the_logger_and_the_transducers_carry_the_plans_channels(rig):
     config = RIGS[rig]
     channels, valves = list(plan_of(config).plan.channels), len(config.structure.valves)
     logged = [s.name for s in config.catalogue.logger_channels()]
-    assert logged == channels[:len(logged)]
-    assert set(config.catalogue.measured().values()) == set(channels[:len(channels) - valves])
+    assert logged == channels[: len(logged)]
+    assert set(config.catalogue.measured().values()) == set(channels[: len(channels) - valves])
 
 
 def test_the_catalogue_of_the_laboratorys_rig_has_its_names():
     known = RIGS["hydmag"].catalogue
-    assert [s.name for s in known.logger_channels()] == ["M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2", "p_po", "I_zr_p1", "I_zr_p2"]
+    assert [s.name for s in known.logger_channels()] == [
+        "M_wej",
+        "n_wej",
+        "M_wyj",
+        "n_wyj",
+        "p1",
+        "p2",
+        "p_po",
+        "I_zr_p1",
+        "I_zr_p2",
+    ]
     assert known.signals["s1_slip"].topic == "/clutch_s1/state" and known.signals["relief_setting"].topic == "/load_pump/state"
     assert catalogue(RIGS["hydmag"].as_dict()) == known, "as a bag says it"
 
 
 def test_the_signals_page_is_what_the_catalogue_says():
-    assert (ROOT / "docs" / "reference" / "signals.md").read_text() == markdown(), \
+    assert (ROOT / "docs" / "reference" / "signals.md").read_text() == markdown(), (
         "run: ./rig list signals --markdown > docs/reference/signals.md"
+    )
 
 
 @pytest.mark.parametrize("rig", RIGS)
@@ -71,7 +81,7 @@ def test_a_list_says_what_its_columns_are(capsys):
     heading, *rows = capsys.readouterr().out.splitlines()
     assert heading.split() == ["signal", "unit", "shown", "range", "device", "topic", "field", "rate", "sign", "meaning"]
     assert len(rows) == len(catalogue().signals)
-    assert all(row[heading.index("topic"):].startswith("/") for row in rows)
+    assert all(row[heading.index("topic") :].startswith("/") for row in rows)
 
 
 def test_list_alone_names_what_there_is_to_list_and_each_of_it_lists_something(capsys):

@@ -9,7 +9,6 @@ from math import pi
 
 import numpy as np
 import pytest
-
 from rig_nodes.analysis.slip_tests import cylinder_line, slip_line, slip_tests, spring_line
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
@@ -44,11 +43,18 @@ def found_line(config, run):
 # --- the bench's own procedure -----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("k_kor", "rest", "surfaces", "seed"), [
-    (0.9, 0.0, 18, 1), (1.0, 30.0, 10, 2), (1.1, 80.0, 12, 3), (1.19, 0.0, 16, 4)])
+@pytest.mark.parametrize(
+    ("k_kor", "rest", "surfaces", "seed"), [(0.9, 0.0, 18, 1), (1.0, 30.0, 10, 2), (1.1, 80.0, 12, 3), (1.19, 0.0, 16, 4)]
+)
 def test_a_planted_k_kor_comes_back_within_one_percent_through_the_instruments(k_kor, rest, surfaces, seed):
-    config, run = slipped({"clutch_pack.friction_correction": f"{k_kor} -", "clutch_pack.rest_torque": f"{rest} Nm",
-                           "plate_pack.surfaces": f"{surfaces} -"}, seed)
+    config, run = slipped(
+        {
+            "clutch_pack.friction_correction": f"{k_kor} -",
+            "clutch_pack.rest_torque": f"{rest} Nm",
+            "plate_pack.surfaces": f"{surfaces} -",
+        },
+        seed,
+    )
     line = found_line(config, run)
     assert line["tests"] == 3 and line["r_squared"] > 0.999
     assert line["k_kor"]["thesis"] == pytest.approx(k_kor, rel=0.01)
@@ -65,10 +71,10 @@ def test_k_kor_of_the_gearboxes_plates_comes_back_too():
 
 def test_the_torque_at_slip_is_that_of_hand_calculation():
     config, run = slipped({**TRUE, "clutch_pack.friction_model": "traditional"}, pressures="2 MPa")
-    test, = slip_tests(run.recording, config.plate_pack)
+    (test,) = slip_tests(run.recording, config.plate_pack)
     # (8.2) at 2 MPa: 4 * 63.034 + 2 * 1251.7 - 123.7 = 2631.836 N; (8.1) at the travel that was measured
     s = test["s_m"] * 1e3
-    spring = (2.9035 * s**6 - 38.063 * s**5 + 197.57 * s**4 - 515.09 * s**3 + 658.13 * s**2 - 38.596 * s + 9.8468)
+    spring = 2.9035 * s**6 - 38.063 * s**5 + 197.57 * s**4 - 515.09 * s**3 + 658.13 * s**2 - 38.596 * s + 9.8468
     clamp = 2631.836 - spring
     assert test["clamp_n"] == pytest.approx(clamp, rel=1e-4)
     assert test["pressure_pa"] == pytest.approx(clamp / AREA, rel=1e-4)
@@ -87,7 +93,7 @@ def test_models_are_compared_on_one_measurement():
 
 def test_the_pack_is_let_go_at_once():
     """8.1.6: as little wear and heat as may be."""
-    config, run = slipped(TRUE, pressures="2 MPa")
+    _config, run = slipped(TRUE, pressures="2 MPa")
     channels, period = run.recording.channels, run.recording.period
     slips = np.flatnonzero((channels["n"] > 0.5 * RPM) & (channels["p_z"] > 0.5e6))
     clamped = slips[slips > np.argmax(channels["M_e"]) - 10]
@@ -122,7 +128,7 @@ def force_bench(name):
 def test_the_cylinder_bench_gives_8_2_back():
     pressure, force = cylinder_line(force_bench("cylinder_bench").recording)
     assert len(pressure) == 3 * 8 and force.max() < 5000.0  # three series inside the transducer's range
-    printed = 63.034 * (pressure * 1e-6)**2 + 1251.7 * pressure * 1e-6 - 123.7
+    printed = 63.034 * (pressure * 1e-6) ** 2 + 1251.7 * pressure * 1e-6 - 123.7
     # class 0.25 of 25 MPa is 0.0625 MPa, at up to 1690 N/MPa; class 0.2 of 5 kN is 10 N
     assert np.abs(force - printed).max() < 0.0625 * 1690 + 10.0
     square, linear, constant = np.polyfit(pressure * 1e-6, force, 2)
@@ -187,11 +193,14 @@ def test_a_transducer_that_is_not_fitted_shows_nothing():
     assert np.all(rig.rows_at(1e-4, 1, 4_000)[:, rig.channels.index("F_ps")] == 0.0)
 
 
-@pytest.mark.parametrize(("act", "said"), [
-    (lambda rig: rig.set("press", 1e-3, True), "'clutch_bench' has no testing machine"),
-    (lambda rig: rig.set("cylinder", 2e7, True), "cylinder.pressure of 2e.07 Pa refused; expected 0 to 1e.07 Pa"),
-    (lambda rig: rig.set("motor", float("nan"), True), "hydraulic_motor.speed of nan rad/s refused"),
-])
+@pytest.mark.parametrize(
+    ("act", "said"),
+    [
+        (lambda rig: rig.set("press", 1e-3, True), "'clutch_bench' has no testing machine"),
+        (lambda rig: rig.set("cylinder", 2e7, True), "cylinder.pressure of 2e.07 Pa refused; expected 0 to 1e.07 Pa"),
+        (lambda rig: rig.set("motor", float("nan"), True), "hydraulic_motor.speed of nan rad/s refused"),
+    ],
+)
 def test_what_the_bench_refuses(act, said):
     with pytest.raises(RigError, match=said):
         act(Rig(load_rig("clutch_bench")))
@@ -217,8 +226,18 @@ def test_the_sizes_of_the_series_are_those_of_the_tables():
 
 
 def test_simulate_writes_bag_and_report(tmp_path, capsys):
-    arguments = ["simulate", "clutch_bench", "--out", str(tmp_path / "run"), "--set", "plate_pack.surfaces=12 -",
-                 "--with", "pressures=1 MPa, 1.5 MPa, 2 MPa", "--with", "wetting=100 ms"]
+    arguments = [
+        "simulate",
+        "clutch_bench",
+        "--out",
+        str(tmp_path / "run"),
+        "--set",
+        "plate_pack.surfaces=12 -",
+        "--with",
+        "pressures=1 MPa, 1.5 MPa, 2 MPa",
+        "--with",
+        "wetting=100 ms",
+    ]
     assert main(arguments) == 0
     out = capsys.readouterr().out
     assert "M_eks Nm" in out and "k_kor against the models: thesis" in out and "messages lost: 0" in out
@@ -228,7 +247,7 @@ def test_simulate_writes_bag_and_report(tmp_path, capsys):
     assert report["shifts"] == [] and report["run"]["configuration"]["name"] == "clutch_bench"
     assert [round(row["p_z_pa"], -5) for row in report["bench"]["slip_tests"]] == [1e6, 1.5e6, 2e6]
     assert report["bench"]["line"]["k_kor"]["thesis"] == pytest.approx(1.0, rel=0.01)
-    t, mode = bag.series("pack_mode")
+    _t, mode = bag.series("pack_mode")
     assert set(mode) == {0.0, 1.0, 2.0} and not bag.check()
     # the rows are those that procedures measure in memory
     config = load_rig("clutch_bench", {"plate_pack.surfaces": "12 -"})
@@ -238,25 +257,30 @@ def test_simulate_writes_bag_and_report(tmp_path, capsys):
     assert np.array_equal(logger.channels["M_e"], run.recording.channels["M_e"][:rows]) and rows > 100_000
 
 
-@pytest.mark.parametrize(("arguments", "said"), [
-    (["simulate", "demo", "--rig", "clutch_bench"], "sequence 'demo' is for a rig like hydmag, not for "),
-    (["simulate", "clutch_bench", "--rig", "hydmag"], "sequence 'clutch_bench' is for a rig like clutch_bench, not for 'hydmag'"),
-    (["simulate", "clutch_bench", "--level", "duty"], "'clutch_bench' has no valves for a shift controller"),
-    (["simulate", "clutch_bench", "--delay", "2"], "leave out --controller, --level and --delay"),
-    (["run", "clutch_bench", "--delay", "2"], "leave out --controller, --level and --delay"),
-    (["run", "clutch_bench", "--speed", "max"], "--speed: 'clutch_bench' has no shift controller to wait for"),
-    (["run", "clutch_bench", "--view"], "--view: the live view shows a rig with gears"),
-    (["run", "demo", "--rig", "spring_bench"], "sequence 'demo' is for a rig like hydmag, not for "),
-    (["simulate", "clutch_bench", "--set", "alfa46.t12=0 ms"], "setting alfa46.t12=0 ms: there is no value 'alfa46.t12'"),
-    (["simulate", "clutch_bench", "--set", "plate_pack.surfaces=12 mm"], "plate_pack.surfaces"),
-    (["simulate", "clutch_bench", "--with", "pressures=12 bananas"], "unknown unit 'bananas'"),
-    (["simulate", "clutch_bench", "--with", "pressures=1 MPa,,2 MPa"], "repeat.each.p_z must be a list of values"),
-    (["validate", "--rig", "clutch_bench"], "the rig 'clutch_bench' has no validation.yaml"),
-    (["controller", "check", "alfa46", "--rig", "clutch_bench"], "controller check is for a rig with gears"),
-    (["export", "fmu", "--rig", "clutch_bench"], "export fmu is for a rig with gears"),
-    (["export", "controller-fmu", "x.c", "--rig", "clutch_bench"],
-     "export controller-fmu is for a rig with gears"),
-])
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["simulate", "demo", "--rig", "clutch_bench"], "sequence 'demo' is for a rig like hydmag, not for "),
+        (
+            ["simulate", "clutch_bench", "--rig", "hydmag"],
+            "sequence 'clutch_bench' is for a rig like clutch_bench, not for 'hydmag'",
+        ),
+        (["simulate", "clutch_bench", "--level", "duty"], "'clutch_bench' has no valves for a shift controller"),
+        (["simulate", "clutch_bench", "--delay", "2"], "leave out --controller, --level and --delay"),
+        (["run", "clutch_bench", "--delay", "2"], "leave out --controller, --level and --delay"),
+        (["run", "clutch_bench", "--speed", "max"], "--speed: 'clutch_bench' has no shift controller to wait for"),
+        (["run", "clutch_bench", "--view"], "--view: the live view shows a rig with gears"),
+        (["run", "demo", "--rig", "spring_bench"], "sequence 'demo' is for a rig like hydmag, not for "),
+        (["simulate", "clutch_bench", "--set", "alfa46.t12=0 ms"], "setting alfa46.t12=0 ms: there is no value 'alfa46.t12'"),
+        (["simulate", "clutch_bench", "--set", "plate_pack.surfaces=12 mm"], "plate_pack.surfaces"),
+        (["simulate", "clutch_bench", "--with", "pressures=12 bananas"], "unknown unit 'bananas'"),
+        (["simulate", "clutch_bench", "--with", "pressures=1 MPa,,2 MPa"], "repeat.each.p_z must be a list of values"),
+        (["validate", "--rig", "clutch_bench"], "the rig 'clutch_bench' has no validation.yaml"),
+        (["controller", "check", "alfa46", "--rig", "clutch_bench"], "controller check is for a rig with gears"),
+        (["export", "fmu", "--rig", "clutch_bench"], "export fmu is for a rig with gears"),
+        (["export", "controller-fmu", "x.c", "--rig", "clutch_bench"], "export controller-fmu is for a rig with gears"),
+    ],
+)
 def test_what_does_not_fit_the_bench_is_refused_in_one_sentence(arguments, said, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(arguments) == 2
@@ -265,11 +289,14 @@ def test_what_does_not_fit_the_bench_is_refused_in_one_sentence(arguments, said,
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(("text", "said"), [
-    ("kind: brake_bench\n", "r.yaml:2: unknown key 'kind' in the rig"),
-    ("base: clutch_bench\nvalve_zr_p1: {}\n", "r.yaml:3: unknown key 'valve_zr_p1'"),
-    ("base: clutch_bench\nparts:\n  cylinder: {machine_speed: [1 m, x]}\n", "r.yaml:4: cylinder.machine_speed"),
-])
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("kind: brake_bench\n", "r.yaml:2: unknown key 'kind' in the rig"),
+        ("base: clutch_bench\nvalve_zr_p1: {}\n", "r.yaml:3: unknown key 'valve_zr_p1'"),
+        ("base: clutch_bench\nparts:\n  cylinder: {machine_speed: [1 m, x]}\n", "r.yaml:4: cylinder.machine_speed"),
+    ],
+)
 def test_bench_files_are_checked_like_the_gearboxs(text, said, tmp_path):
     file = tmp_path / "r.yaml"
     file.write_text("description: x\n" + text)

@@ -8,20 +8,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.config import RIGS_DIR
-from rig_nodes.errors import RigError
 from rig_nodes.engine.outside import NOT_DEVICES, Answer
+from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
+from rig_nodes.testbench.rig_base import RigStatus
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
-from rig_nodes.testbench.rig_base import RigStatus
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
-from cut_errors import CASES, errors, settings, shifts  # noqa: E402
+from cut_errors import CASES, errors, settings, shifts
 
 SHORT = Path(__file__).resolve().parents[1] / "graph" / "short.yaml"
 TICKS = ("1 ms", "5 ms")
@@ -42,10 +41,15 @@ def uncut():
     return shifts(load_sequence("demo"))
 
 
-@pytest.mark.parametrize("devices", [
-    # one of two valves that differ in nothing
-    pytest.param(names, marks=[pytest.mark.campaign] if names == ("valve_zr_p2",) else []) for names in CASES],
-    ids=lambda names: "+".join(names))
+@pytest.mark.parametrize(
+    "devices",
+    [
+        # one of two valves that differ in nothing
+        pytest.param(names, marks=[pytest.mark.campaign] if names == ("valve_zr_p2",) else [])
+        for names in CASES
+    ],
+    ids=lambda names: "+".join(names),
+)
 def test_a_cut_of_1_ms_changes_the_demo_by_less_than_3_percent_and_10_ms(uncut, devices):
     report = shifts(load_sequence("demo"), settings(devices, "1 ms"))
     found = errors(uncut, report)
@@ -64,8 +68,7 @@ def test_nothing_moves_at_standstill_and_nothing_chatters_in_gear(tick):
         for _ in range(round(seconds * 1e3)):
             rig.advance_samples(1)
             k = rig.gear - 1
-            seen.append((*rig.v, rig.motor["torque"], rig.slip(k), rig.line_pressure(k),
-                         rig.valves[k]["flow"], rig.load_torque()))
+            seen.append((*rig.v, rig.motor["torque"], rig.slip(k), rig.line_pressure(k), rig.valves[k]["flow"], rig.load_torque()))
         return np.array(seen)
 
     rig.set("oil", 4e6, True)
@@ -162,10 +165,10 @@ def test_a_silent_device_trips_the_rig_within_100_ms_and_is_named(device):
     assert rig.status != RigStatus.TRIPPED, "silence counts anew after a reset"
 
 
-@pytest.mark.parametrize("answer, sentence", [
-    (Answer(torque=float("nan")), "must be finite"),
-    (Answer(flow_slope=1e-12), "flow_slope must be 0 or negative"),
-])
+@pytest.mark.parametrize(
+    "answer, sentence",
+    [(Answer(torque=float("nan")), "must be finite"), (Answer(flow_slope=1e-12), "flow_slope must be 0 or negative")],
+)
 def test_bad_answers_are_refused(answer, sentence):
     rig = cut_rig(("motor",), devices="external")
     rig.advance_samples(1)
@@ -208,10 +211,9 @@ def test_ports_and_answers_are_in_the_bag_one_a_tick(tmp_path):
     ports = [message for _, message in bag.messages("/motor/cut/port")]
     answers = [message for _, message in bag.messages("/motor/cut/answer")]
     assert [m.sample for m in ports] == list(range(0, 5 * len(ports), 5))
-    assert [m.sample for m in answers] == [m.sample for m in ports[:len(answers)]]
+    assert [m.sample for m in answers] == [m.sample for m in ports[: len(answers)]]
     assert len(ports) - len(answers) <= 1
-    torque = {m.header.stamp.sec * 1000 + m.header.stamp.nanosec // 1_000_000: m.torque
-              for _, m in bag.messages("/motor/state")}
+    torque = {m.header.stamp.sec * 1000 + m.header.stamp.nanosec // 1_000_000: m.torque for _, m in bag.messages("/motor/state")}
     # the answer to a sample acts from the next tick on, and is seen in the state at the end of it
     assert max(torque.values()) > 10.0
     on = [m for m in answers if m.sample + 10 in torque and m.sample < 2000]
@@ -222,13 +224,20 @@ def test_ports_and_answers_are_in_the_bag_one_a_tick(tmp_path):
 RIG = (RIGS_DIR / "hydmag" / "rig.yaml").read_text()
 
 
-@pytest.mark.parametrize("key, value, sentence", [
-    *((f"{device}.source", "topic", f"{device} cannot be cut out of the plant: ") for device in
-      (*NOT_DEVICES, "clutch_s1", "clutch_s2", "oil_supply", "loss_in", "plate_pack")),
-    ("motor.source", "topics", "source is 'topics', expected plant or topic"),
-    ("cut.tick", "1.5 ms", "no whole number of samples"), ("cut.tick", "50 ms", "outside 1 to 10 ms"),
-    ("cut.tick", "5 rpm", "expected a time"), ("cut.tock", "5 ms", "there is no value of cut 'tock'; did you mean 'tick'"),
-])
+@pytest.mark.parametrize(
+    "key, value, sentence",
+    [
+        *(
+            (f"{device}.source", "topic", f"{device} cannot be cut out of the plant: ")
+            for device in (*NOT_DEVICES, "clutch_s1", "clutch_s2", "oil_supply", "loss_in", "plate_pack")
+        ),
+        ("motor.source", "topics", "source is 'topics', expected plant or topic"),
+        ("cut.tick", "1.5 ms", "no whole number of samples"),
+        ("cut.tick", "50 ms", "outside 1 to 10 ms"),
+        ("cut.tick", "5 rpm", "expected a time"),
+        ("cut.tock", "5 ms", "there is no value of cut 'tock'; did you mean 'tick'"),
+    ],
+)
 def test_wrong_cuts_are_refused(key, value, sentence):
     with pytest.raises(RigError, match=f"{key}={value}: .*{sentence}"):
         load_rig("hydmag", {key: value})
@@ -247,13 +256,13 @@ def test_a_motor_is_not_cut_at_a_tick_that_its_speed_loop_does_not_stand(tmp_pat
 
 def test_a_rig_file_may_cut_too(tmp_path):
     path = tmp_path / "rig.yaml"
-    path.write_text(RIG.replace("parts:\n  motor:\n", "cut: {tick: [2 ms, \"tried\"]}\n\nparts:\n  motor:\n    source: topic\n", 1))
+    path.write_text(RIG.replace("parts:\n  motor:\n", 'cut: {tick: [2 ms, "tried"]}\n\nparts:\n  motor:\n    source: topic\n', 1))
     config = load_rig(path)
     assert config.cut_out == ("motor",) and config.cut.tick == 0.002
     assert load_rig(path, {"motor.source": "plant"}).cut_out == ()
     path.write_text(RIG.replace("  clutch_s1:\n", "  clutch_s1:\n    source: topic\n", 1))
     with pytest.raises(RigError, match=r"rig\.yaml:\d+: clutch_s1: clutch_s1 cannot be cut out"):
         load_rig(path)
-    path.write_text(RIG.replace("parts:\n", "cut: {tick: [1500 us, \"tried\"]}\n\nparts:\n", 1))
+    path.write_text(RIG.replace("parts:\n", 'cut: {tick: [1500 us, "tried"]}\n\nparts:\n', 1))
     with pytest.raises(RigError, match=r"rig\.yaml:\d+: cut\.tick: a tick of 1.5 ms"):
         load_rig(path)

@@ -5,7 +5,6 @@
 
 import numpy as np
 import pytest
-
 from rig_nodes.analysis.report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.testbench.configuration import load_rig
@@ -94,13 +93,13 @@ def test_pressures_show_fill_hold_and_rise(demo):
     seen = {}
     for shift, name in zip(report["shifts"], ("p2", "p1")):
         first = int((shift["t_order_s"] - log.t0) / log.period)
-        seen[name] = np.convolve(log.channels[name][first:first + 10_000], np.ones(30) / 30, "same") / 1e6
+        seen[name] = np.convolve(log.channels[name][first : first + 10_000], np.ones(30) / 30, "same") / 1e6
     p1, p2, t = seen["p1"], seen["p2"], np.arange(10_000) * log.period
     assert p2[:3000].max() < 0.15, "nothing before the current leaves 215 mA at 0.33 s"
     fill = 0.14 / between(p2, t, 0.22, 0.36)
     assert 0.5 < fill < 3.0, "filling is limited by the flow and the springs, MPa/s"
     assert 0.5 / between(p2, t, 0.7, 1.2) > 5.0 * fill
-    level = [np.ptp(p1[i:i + 400]) for i in range(2500, 4500, 50)]  # 40 ms each
+    level = [np.ptp(p1[i : i + 400]) for i in range(2500, 4500, 50)]  # 40 ms each
     held = 2500 + 50 * int(np.argmin(level))
     assert min(level) < 0.06 and 0.4 < p1[held] < 1.3, "the hold phase"
     for p in (p1, p2):

@@ -8,7 +8,6 @@ import math
 
 import numpy as np
 import pytest
-
 from rig_nodes.controllers import load_controller
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
@@ -20,16 +19,29 @@ SPEED = 1200 * RPM
 CHANNELS = ("current", "setpoint", "line", "piston", "clamp", "kinetic", "static", "drag", "temperature", "wear")
 # strong enough to be seen, whatever the rig's own values are; the oil is colder than what its viscosity is given for
 STRONG = {
-    "loss_in.share": "5 %", "loss_out.drag": "1 Nm", "loss_out.share": "5 %",
+    "loss_in.share": "5 %",
+    "loss_out.drag": "1 Nm",
+    "loss_out.share": "5 %",
     "loss_out.torque_side": "driven",
-    "plate_pack.friction_per_kelvin": "-0.2 %/K", "plate_pack.friction_temperature": "20 degC",
-    "plate_pack.wear_rate": "0.003 um/MJ", "plate_pack.friction_spline": "0.12 -",
+    "plate_pack.friction_per_kelvin": "-0.2 %/K",
+    "plate_pack.friction_temperature": "20 degC",
+    "plate_pack.wear_rate": "0.003 um/MJ",
+    "plate_pack.friction_spline": "0.12 -",
     "plate_pack.friction_spline_static": "0.12 -",
-    "oil_supply.viscosity_per_kelvin": "3 %/K", "oil_supply.viscosity_temperature": "40 degC",
+    "oil_supply.viscosity_per_kelvin": "3 %/K",
+    "oil_supply.viscosity_temperature": "40 degC",
     "oil_supply.temperature": "20 degC",
     **{f"valve_zr_p{k}.hysteresis": "8 %" for k in (1, 2)},
-    **{f"clutch_s{k}.{name}": value for k in (1, 2) for name, value in (
-        ("seal_friction", "200 N"), ("seal_friction_share", "2 %"), ("friction_model", "thesis"), ("rest_torque", "0 Nm"))},
+    **{
+        f"clutch_s{k}.{name}": value
+        for k in (1, 2)
+        for name, value in (
+            ("seal_friction", "200 N"),
+            ("seal_friction_share", "2 %"),
+            ("friction_model", "thesis"),
+            ("rest_torque", "0 Nm"),
+        )
+    },
 }
 
 
@@ -55,8 +67,10 @@ class Shift:
         rows, alone, self.modes = [], [], ([], [])
         for _ in range(1500):
             rig.advance_samples(1)
-            clutches = [[rig.line_pressure(k) if name == "line" else float(rig.clutches[k][name]) for k in range(2)]
-                        for name in CHANNELS[2:]]
+            clutches = [
+                [rig.line_pressure(k) if name == "line" else float(rig.clutches[k][name]) for k in range(2)]
+                for name in CHANNELS[2:]
+            ]
             rows.append([[float(valve["current"]) for valve in rig.valves], rig.setpoint[[0, 1]], *clutches])
             alone.append((rig.v[0], rig.true("M_wej"), rig.device("loss_out")["torque"]))
             for k in range(2):
@@ -77,8 +91,11 @@ def strong(noiseless):
 @pytest.fixture(scope="module")
 def whole(strong):
     """With every effect on the plant but the resolved pulses, which are no part of the rig's own settings."""
-    effects = dataclasses.replace(strong.effects, pwm_frequency=0.0, **{
-        f.name: f.name != "transducers" for f in dataclasses.fields(strong.effects) if f.type == "bool"})
+    effects = dataclasses.replace(
+        strong.effects,
+        pwm_frequency=0.0,
+        **{f.name: f.name != "transducers" for f in dataclasses.fields(strong.effects) if f.type == "bool"},
+    )
     return Shift(strong.replaced(effects=effects))
 
 
@@ -91,6 +108,7 @@ def largest(difference):
 
 
 # ---- what an effect is about: (with it, without it)
+
 
 def current_follows_the_setpoint(on, off):
     """That of the sample before, as every answer acts one sample later."""

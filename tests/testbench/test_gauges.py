@@ -7,19 +7,37 @@ import math
 
 import numpy as np
 import pytest
-
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 
 RPM = math.pi / 30
 CHANNELS = Rig(load_rig()).channels
-QUIET = {f"instruments.{name}": value for name, value in {
-    "torque_noise": "0 Nm", "torque_class": "0 %", "torque_hum": "0 Nm", "speed_noise": "0 rpm", "speed_step": "0 rpm",
-    "p1_noise": "0 Pa", "p1_class": "0 %", "p1_hum": "0 Pa", "p1_pickup": "0 Pa", "p2_noise": "0 Pa",
-    "p2_class": "0 %", "p2_hum": "0 Pa", "p2_pickup": "0 Pa", "p_po_noise": "0 Pa", "p_po_class": "0 %",
-    "current_noise": "0 A", "temperature_offset": "0 degC", "temperature_gain": "0 %", "anti_alias": "0 Hz",
-    "resolution_bits": "0 -"}.items()}
+QUIET = {
+    f"instruments.{name}": value
+    for name, value in {
+        "torque_noise": "0 Nm",
+        "torque_class": "0 %",
+        "torque_hum": "0 Nm",
+        "speed_noise": "0 rpm",
+        "speed_step": "0 rpm",
+        "p1_noise": "0 Pa",
+        "p1_class": "0 %",
+        "p1_hum": "0 Pa",
+        "p1_pickup": "0 Pa",
+        "p2_noise": "0 Pa",
+        "p2_class": "0 %",
+        "p2_hum": "0 Pa",
+        "p2_pickup": "0 Pa",
+        "p_po_noise": "0 Pa",
+        "p_po_class": "0 %",
+        "current_noise": "0 A",
+        "temperature_offset": "0 degC",
+        "temperature_gain": "0 %",
+        "anti_alias": "0 Hz",
+        "resolution_bits": "0 -",
+    }.items()
+}
 # largest errors of tab. 7.1 and, for 40 degC, of (7.2), less the 0.01 Nm and the 1 MPa of a person who reads
 LARGEST = {"M_wej": 1.0, "M_wyj": 1.0, "p1": 0.1e6, "p2": 0.0625e6, "p_po": 0.2e6, "T_oil": 0.5}
 
@@ -53,9 +71,18 @@ def turned(rig, rpm: float = 1500.0) -> Rig:
 
 
 def truth(rig) -> dict:
-    return {"M_wej": rig.true("M_wej"), "n_wej": rig.v[0], "M_wyj": rig.true("M_wyj"), "n_wyj": rig.true("wk.speed"),
-            "p1": rig.line_pressure(0), "p2": rig.line_pressure(1), "p_po": rig.load["pressure"],
-            "I_zr_p1": rig.valves[0]["current"], "p_p": rig.oil["pressure"], "T_oil": 40.0}
+    return {
+        "M_wej": rig.true("M_wej"),
+        "n_wej": rig.v[0],
+        "M_wyj": rig.true("M_wyj"),
+        "n_wyj": rig.true("wk.speed"),
+        "p1": rig.line_pressure(0),
+        "p2": rig.line_pressure(1),
+        "p_po": rig.load["pressure"],
+        "I_zr_p1": rig.valves[0]["current"],
+        "p_p": rig.oil["pressure"],
+        "T_oil": 40.0,
+    }
 
 
 def test_without_transducers_every_channel_shows_the_truth():
@@ -74,8 +101,14 @@ def test_each_part_is_left_out_by_its_zero():
 
 
 def test_class_errors_stay_in_a_run_and_inside_the_largest_error_of_7_1():
-    classes = {"torque_class": "0.2 %", "p1_class": "0.25 %", "p2_class": "0.25 %", "p_po_class": "0.5 %",
-               "temperature_offset": "0.3 degC", "temperature_gain": "0.5 %"}
+    classes = {
+        "torque_class": "0.2 %",
+        "p1_class": "0.25 %",
+        "p2_class": "0.25 %",
+        "p_po_class": "0.5 %",
+        "temperature_offset": "0.3 degC",
+        "temperature_gain": "0.5 %",
+    }
     zeros = []
     for seed in range(1, 21):
         standing = rows(only(seed, **classes), 0.01)
@@ -125,8 +158,9 @@ def pulses(rig) -> np.ndarray:
 def test_the_coil_induces_its_pulses_in_its_own_pressure_though_the_plant_takes_their_mean():
     """1 kHz at duty 0.5 without oil: five rows up, five down, half of the height each way."""
     quiet = {"p1_pickup": "20 kPa", "p1_class": "0.25 %", "p2_pickup": "12.5 kPa"}
-    config = load_rig("hydmag", QUIET | {"alfa46.pwm_frequency": "1 kHz"} | {
-        f"instruments.{name}": value for name, value in quiet.items()})
+    config = load_rig(
+        "hydmag", QUIET | {"alfa46.pwm_frequency": "1 kHz"} | {f"instruments.{name}": value for name, value in quiet.items()}
+    )
     rig = Rig(config, controller="external")
     zero = rig.measurement("p1")
     induced = pulses(rig) - zero
@@ -163,9 +197,20 @@ def test_noise_off_takes_hum_and_pickup_too_and_leaves_the_class_error():
 
 
 def test_transducers_change_nothing_of_the_plant_but_what_the_current_loop_reads():
-    with_them, without = (turned(only(**parts)) for parts in (
-        {"p1_class": "0.25 %", "torque_class": "0.2 %", "torque_hum": "0.1 Nm", "speed_step": "1 rpm",
-         "anti_alias": "1 kHz", "p1_pickup": "20 kPa"}, {}))
+    with_them, without = (
+        turned(only(**parts))
+        for parts in (
+            {
+                "p1_class": "0.25 %",
+                "torque_class": "0.2 %",
+                "torque_hum": "0.1 Nm",
+                "speed_step": "1 rpm",
+                "anti_alias": "1 kHz",
+                "p1_pickup": "20 kPa",
+            },
+            {},
+        )
+    )
     assert np.array_equal(with_them.v, without.v) and with_them.clutches == without.clutches
 
 

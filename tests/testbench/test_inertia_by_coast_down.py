@@ -5,7 +5,6 @@
 
 import numpy as np
 import pytest
-
 from rig_nodes.analysis.coast_down import coast_down
 from rig_nodes.testbench.procedure import load_procedure, run_repeat
 
@@ -18,8 +17,7 @@ def test_the_inertia_of_the_rig_comes_back_within_2_percent(config, share):
     """
     inertia = share * config.w0.inertia
     series = load_procedure("coast_down").series()[0]
-    run = run_repeat(series, 0, settings={"w0.inertia": f"{inertia:.9f} kg m2",
-                                         "instruments.torque_class": "0 %"})
+    run = run_repeat(series, 0, settings={"w0.inertia": f"{inertia:.9f} kg m2", "instruments.torque_class": "0 %"})
     assert run.end["state"] == "ended", run.end
     channels, period = run.recording.channels, run.recording.period
     t = np.arange(run.recording.rows) * period

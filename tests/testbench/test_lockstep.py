@@ -5,7 +5,6 @@
 
 import numpy as np
 import pytest
-
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
@@ -130,9 +129,9 @@ def test_the_embedded_controller_begins_in_neutral_after_a_reset(config):
     assert rig.clutch_mode(0) == 2 and rig.measurement("p1") > 1.5e6
 
 
-@pytest.mark.parametrize("duty, sentence", [
-    ([float("nan"), 0, 0], "finite"), ([1.5, 0, 0], "0 to 1"), ([0.5, 0], "3 finite numbers"),
-])
+@pytest.mark.parametrize(
+    "duty, sentence", [([float("nan"), 0, 0], "finite"), ([1.5, 0, 0], "0 to 1"), ([0.5, 0], "3 finite numbers")]
+)
 def test_wrong_duty_is_refused_and_the_old_one_stays(config, duty, sentence):
     rig = external(config)
     before = [float(valve["pending"]) for valve in rig.valves]
@@ -147,12 +146,15 @@ def test_a_repeated_command_is_not_a_fresh_one(config):
         rig.set_duty(199, [0.5, 0.0, 0.0], [0.5, 0.0, 0.0], 1, True)
 
 
-@pytest.mark.parametrize("call, sentence", [
-    (lambda rig: rig.set("motor", float("nan"), True), "motor.speed of nan rad/s refused"),
-    (lambda rig: rig.set("motor", -5.0, True), "0 to 314.2"),
-    (lambda rig: rig.set("load", 1e9, True), "load_pump.relief_pressure of"),
-    (lambda rig: rig.set("oil", float("inf"), True), "oil_supply.pressure of inf Pa"),
-])
+@pytest.mark.parametrize(
+    "call, sentence",
+    [
+        (lambda rig: rig.set("motor", float("nan"), True), "motor.speed of nan rad/s refused"),
+        (lambda rig: rig.set("motor", -5.0, True), "0 to 314.2"),
+        (lambda rig: rig.set("load", 1e9, True), "load_pump.relief_pressure of"),
+        (lambda rig: rig.set("oil", float("inf"), True), "oil_supply.pressure of inf Pa"),
+    ],
+)
 def test_impossible_settings_are_refused(config, call, sentence):
     with pytest.raises(RigError, match=sentence):
         call(Rig(config))

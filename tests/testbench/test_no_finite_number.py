@@ -11,7 +11,6 @@ import json
 
 import numpy as np
 import pytest
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.testbench.rig import Rig

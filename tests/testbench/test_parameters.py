@@ -6,7 +6,6 @@
 import math
 
 import pytest
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
@@ -47,26 +46,32 @@ def test_defaults_and_given_values_reach_the_steps(path):
     assert (wait.condition.low, wait.condition.high) == pytest.approx((1190 * RPM, 1210 * RPM))
 
 
-@pytest.mark.parametrize("values, sentence", [
-    ({"sped": "500 rpm"}, "sequence 'asked': there is no parameter 'sped'; did you mean 'speed'"),
-    ({"speed": "500 Nm"}, "parameter speed=500 Nm: '500 Nm' is a torque, expected an angular velocity"),
-    ({"speed": "500"}, "is a ratio, expected an angular velocity"),
-    ({"times": "2.5"}, "parameter times=2.5: expected a whole number, e.g. 2"),
-    ({"gear": "III"}, r"asked\.yaml:8: shift.to is 'III', expected neutral, I, II"),
-    ({"speed": "5000 rpm"}, r"asked\.yaml:9: motor.speed is 5000 rpm; the rig takes 0 to"),
-])
+@pytest.mark.parametrize(
+    "values, sentence",
+    [
+        ({"sped": "500 rpm"}, "sequence 'asked': there is no parameter 'sped'; did you mean 'speed'"),
+        ({"speed": "500 Nm"}, "parameter speed=500 Nm: '500 Nm' is a torque, expected an angular velocity"),
+        ({"speed": "500"}, "is a ratio, expected an angular velocity"),
+        ({"times": "2.5"}, "parameter times=2.5: expected a whole number, e.g. 2"),
+        ({"gear": "III"}, r"asked\.yaml:8: shift.to is 'III', expected neutral, I, II"),
+        ({"speed": "5000 rpm"}, r"asked\.yaml:9: motor.speed is 5000 rpm; the rig takes 0 to"),
+    ],
+)
 def test_values_are_refused(path, values, sentence):
     with pytest.raises(RigError, match=sentence):
         load_sequence(path, values)
 
 
-@pytest.mark.parametrize("old, new, sentence", [
-    ("gear: I\n", "gear: I\n  load: 3 Nm\n", r"asked\.yaml:5: parameter load is used by no step"),
-    ('"${speed}"}\n', '"${spede}"}\n', r"asked\.yaml:9: there is no parameter '\$\{spede\}'; did you mean '\$\{speed\}'"),
-    ("times: 2", "times: [2]", r"asked\.yaml:5: parameter times is \[2\]; expected"),
-    ("near: \"${speed}\", ", "near: 500 rpm, above: 3 rpm, ", r"asked\.yaml:10: unknown key 'above'"),
-    (", within: 10 rpm", "", r"lacks the key 'within'"),
-])
+@pytest.mark.parametrize(
+    "old, new, sentence",
+    [
+        ("gear: I\n", "gear: I\n  load: 3 Nm\n", r"asked\.yaml:5: parameter load is used by no step"),
+        ('"${speed}"}\n', '"${spede}"}\n', r"asked\.yaml:9: there is no parameter '\$\{spede\}'; did you mean '\$\{speed\}'"),
+        ("times: 2", "times: [2]", r"asked\.yaml:5: parameter times is \[2\]; expected"),
+        ('near: "${speed}", ', "near: 500 rpm, above: 3 rpm, ", r"asked\.yaml:10: unknown key 'above'"),
+        (", within: 10 rpm", "", r"lacks the key 'within'"),
+    ],
+)
 def test_a_wrong_sequence_is_refused(path, old, new, sentence):
     assert old in SEQUENCE
     path.write_text(SEQUENCE.replace(old, new, 1))
@@ -84,11 +89,14 @@ def test_the_command_line_gives_them_and_the_bag_says_them(path, tmp_path, capsy
     assert Bag(tmp_path / "run").run_info()["parameters"] == {"speed": "40 rpm", "gear": "I", "times": 1}
 
 
-@pytest.mark.parametrize("arguments, sentence", [
-    (["--with", "speed"], "--with speed: expected NAME=VALUE"),
-    (["--with", "speed=1 rpm", "--with", "speed=2 rpm"], "--with speed is given twice"),
-    (["--with", "load=1 Nm"], "there is no parameter 'load'"),
-])
+@pytest.mark.parametrize(
+    "arguments, sentence",
+    [
+        (["--with", "speed"], "--with speed: expected NAME=VALUE"),
+        (["--with", "speed=1 rpm", "--with", "speed=2 rpm"], "--with speed is given twice"),
+        (["--with", "load=1 Nm"], "there is no parameter 'load'"),
+    ],
+)
 @pytest.mark.parametrize("verb", ["simulate", "run"])
 def test_the_command_line_refuses(path, capsys, verb, arguments, sentence):
     assert main([verb, str(path), *arguments]) == 2

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from rig_nodes.analysis.metrics import shifts
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
@@ -25,11 +24,26 @@ from rig_nodes.testbench.sequence import load_sequence
 
 RPM = math.pi / 30.0
 NAMES = sorted(path.stem for path in RIGS_DIR.glob("*/procedures/*.yaml"))
-COUNTS = {"coast_down": 1, "delay_series": 19, "grid_down": 33, "grid_up": 30, "profile_series": 47,
-          "valve_response": 2, "clutch_bench_series": 32, "cylinder_bench_series": 1, "spring_bench_series": 1}
+COUNTS = {
+    "coast_down": 1,
+    "delay_series": 19,
+    "grid_down": 33,
+    "grid_up": 30,
+    "profile_series": 47,
+    "valve_response": 2,
+    "clutch_bench_series": 32,
+    "cylinder_bench_series": 1,
+    "spring_bench_series": 1,
+}
 BENCHES = [name for name in NAMES if name.endswith("_bench_series")]  # chapter 8: without gears, every series once
-ORDERS = {"coast_down": [], "delay_series": [2, 0, 1, 2, 1, 2, 1], "grid_down": [2, 0, 1, 2, 1], "grid_up": [2, 0, 1, 2, 1],
-          "profile_series": [1, 0, 1], "valve_response": [1]}
+ORDERS = {
+    "coast_down": [],
+    "delay_series": [2, 0, 1, 2, 1, 2, 1],
+    "grid_down": [2, 0, 1, 2, 1],
+    "grid_up": [2, 0, 1, 2, 1],
+    "profile_series": [1, 0, 1],
+    "valve_response": [1],
+}
 
 SMALL = """description: two loads
 source: nobody
@@ -61,7 +75,7 @@ def small(tmp_path):
 
 @pytest.fixture(scope="module")
 def first_runs():
-    """procedure -> (its first series, the first run of it)."""
+    """Procedure -> (its first series, the first run of it)."""
     out = {}
     for name in NAMES:
         series = load_procedure(name).series()[0]
@@ -70,6 +84,7 @@ def first_runs():
 
 
 # ---- what is installed
+
 
 @pytest.mark.parametrize("path", sorted(RIGS_DIR.glob("*/sequences/*.yaml")), ids=lambda path: path.stem)
 def test_every_sequence_loads_with_its_defaults(path):
@@ -96,8 +111,7 @@ def test_series_have_the_laboratorys_settings(config):
     for chosen in ("ZR-P1-19", "ZR-P2-10"):  # tab. 7.2 and 7.3: what the rig is set to
         assert profiles[chosen] == pytest.approx(config.alfa46.profiles)
     seventh, last = (load_procedure("delay_series").series([number])[0] for number in ("7", "19"))
-    assert seventh.conditions == pytest.approx(
-        {"series": 7, "t12": -0.175, "t21": 0.125, "n_wej": 500 * RPM, "m_wyj": 60.0})
+    assert seventh.conditions == pytest.approx({"series": 7, "t12": -0.175, "t21": 0.125, "n_wej": 500 * RPM, "m_wyj": 60.0})
     values = prepare(seventh)[0].alfa46.values
     assert (values.t12, values.t21) == pytest.approx((-0.175, 0.125))
     assert prepare(last)[0].alfa46.values == config.alfa46.values
@@ -105,8 +119,10 @@ def test_series_have_the_laboratorys_settings(config):
 
 def test_the_grids_go_as_far_as_the_laboratorys():
     """7.1.3.5: up to 120 Nm, down to 240 Nm, but not at 1000 and 2000 rpm."""
-    for name, shift, highest in (("grid_up", "I-II", dict.fromkeys((1000, 1200, 1500, 1800, 2000), 120.0)),
-                                 ("grid_down", "II-I", {1000: 180.0, 1200: 240.0, 1500: 240.0, 1800: 240.0, 2000: 180.0})):
+    for name, shift, highest in (
+        ("grid_up", "I-II", dict.fromkeys((1000, 1200, 1500, 1800, 2000), 120.0)),
+        ("grid_down", "II-I", {1000: 180.0, 1200: 240.0, 1500: 240.0, 1800: 240.0, 2000: 180.0}),
+    ):
         found = {}
         for series in load_procedure(name).series():
             assert series.conditions["shift"] == shift
@@ -116,6 +132,7 @@ def test_the_grids_go_as_far_as_the_laboratorys():
 
 
 # ---- their first series
+
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_first_series_runs_to_its_end_with_its_orders(first_runs, name):
@@ -157,9 +174,9 @@ def test_the_shaft_runs_out_by_itself(first_runs):
     off = next(t for t, name, text, _ in run.events if text == "motor off")
     n, period = run.recording.channels["n_wej"], run.recording.period
     start = round(off / period)
-    assert n[start - 10_000:start].mean() == pytest.approx(470 * RPM, rel=5e-3)
-    assert run.recording.channels["M_wej"][start - 10_000:start].mean() > 3.0
-    seconds = n[start:start + 10_000 * int((len(n) - start) // 10_000)].reshape(-1, 10_000).mean(axis=1)
+    assert n[start - 10_000 : start].mean() == pytest.approx(470 * RPM, rel=5e-3)
+    assert run.recording.channels["M_wej"][start - 10_000 : start].mean() > 3.0
+    seconds = n[start : start + 10_000 * int((len(n) - start) // 10_000)].reshape(-1, 10_000).mean(axis=1)
     assert np.all(np.diff(seconds) < 0.0) and n[-100:].mean() < 2 * RPM
     # as far as the transducers' class, hum and noise let one say so
     assert max(run.recording.channels["p1"].max(), run.recording.channels["p2"].max()) < 0.1e6, "both clutches open"
@@ -182,6 +199,7 @@ def test_repeats_differ_by_noise_only(small):
 
 # ---- choosing and refusing
 
+
 def test_series_are_chosen_by_label_and_by_number():
     procedure = load_procedure("profile_series")
     assert [s.label for s in procedure.series(["19"])] == ["ZR-P1-19"]
@@ -190,20 +208,23 @@ def test_series_are_chosen_by_label_and_by_number():
         procedure.series(["48"])
 
 
-@pytest.mark.parametrize("old, new, sentence", [
-    ("repeats: 2", "repeats: 0", r"loads\.yaml:4: repeats is 0, expected a whole number"),
-    ("sequence: small.yaml", "sequence: smal.yaml", r"loads\.yaml:3: sequence: .*there is no such file"),
-    ("grid: {m_wyj", "gird: {m_wyj", r"loads\.yaml:6: unknown key 'gird'.*did you mean 'grid'"),
-    ("[10 Nm, 20 Nm]", "10 Nm", r"grid.m_wyj must be a list of values"),
-    ("[10 Nm, 20 Nm]", "[10 Nm, 10 Nm]", r"the label '10Nm' is there twice"),
-    ('label: "${m_wyj}"', 'label: "${m_wij}"', r"there is no name '\$\{m_wij\}'; did you mean '\$\{m_wyj\}'"),
-    ('{m_wyj: "${m_wyj}", valve', '{m_wej: "${m_wyj}", valve', r"loads\.yaml:8: there is no condition 'm_wej'"),
-    ("valve: ZR-P1", "valve: ZR-P3", r"valve is 'ZR-P3', expected ZR-P1, ZR-P2"),
-    ("series: 3", "series: three", r"series is 'three', expected a whole number"),
-    ("[10 Nm, 20 Nm]", "[10 rpm, 20 rpm]", r"is an angular velocity, expected a torque"),
-    ("grid: {m_wyj: [10 Nm, 20 Nm]}", "table: no.csv", r"loads\.yaml:6: table: .*no\.csv cannot be read"),
-    ("grid: {m_wyj: [10 Nm, 20 Nm]}", "table: bad.csv", r"bad\.csv needs a heading and rows"),
-])
+@pytest.mark.parametrize(
+    "old, new, sentence",
+    [
+        ("repeats: 2", "repeats: 0", r"loads\.yaml:4: repeats is 0, expected a whole number"),
+        ("sequence: small.yaml", "sequence: smal.yaml", r"loads\.yaml:3: sequence: .*there is no such file"),
+        ("grid: {m_wyj", "gird: {m_wyj", r"loads\.yaml:6: unknown key 'gird'.*did you mean 'grid'"),
+        ("[10 Nm, 20 Nm]", "10 Nm", r"grid.m_wyj must be a list of values"),
+        ("[10 Nm, 20 Nm]", "[10 Nm, 10 Nm]", r"the label '10Nm' is there twice"),
+        ('label: "${m_wyj}"', 'label: "${m_wij}"', r"there is no name '\$\{m_wij\}'; did you mean '\$\{m_wyj\}'"),
+        ('{m_wyj: "${m_wyj}", valve', '{m_wej: "${m_wyj}", valve', r"loads\.yaml:8: there is no condition 'm_wej'"),
+        ("valve: ZR-P1", "valve: ZR-P3", r"valve is 'ZR-P3', expected ZR-P1, ZR-P2"),
+        ("series: 3", "series: three", r"series is 'three', expected a whole number"),
+        ("[10 Nm, 20 Nm]", "[10 rpm, 20 rpm]", r"is an angular velocity, expected a torque"),
+        ("grid: {m_wyj: [10 Nm, 20 Nm]}", "table: no.csv", r"loads\.yaml:6: table: .*no\.csv cannot be read"),
+        ("grid: {m_wyj: [10 Nm, 20 Nm]}", "table: bad.csv", r"bad\.csv needs a heading and rows"),
+    ],
+)
 def test_a_wrong_procedure_is_refused(small, old, new, sentence):
     assert old in SMALL
     (small.parent / "bad.csv").write_text("# comment\nm_wyj,x\n10 Nm\n")
@@ -220,6 +241,7 @@ def test_a_setting_that_the_series_set_themselves_is_refused(small):
 
 
 # ---- many at once
+
 
 def highest_supply(series, run):
     """Measured of a run, in a process of its own."""
@@ -264,8 +286,9 @@ def test_a_killed_process_and_a_fault_end_a_campaign_with_a_sentence():
 
 def test_an_interrupt_ends_a_campaign_without_a_word_of_its_processes(small):
     program = Path(__file__).with_name("interrupted_campaign.py")
-    process = subprocess.Popen([sys.executable, program, small], text=True, stdout=subprocess.PIPE,
-                               stderr=subprocess.PIPE, start_new_session=True)
+    process = subprocess.Popen(
+        [sys.executable, program, small], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
+    )
     assert process.stdout.readline() == "running\n"
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all of them
     began = time.monotonic()
@@ -275,6 +298,7 @@ def test_an_interrupt_ends_a_campaign_without_a_word_of_its_processes(small):
 
 
 # ---- the command
+
 
 def test_the_command_writes_a_bag_and_a_report_for_each_repeat(small, tmp_path, capsys):
     assert main(["procedure", str(small), "--series", "20Nm", "--out", str(tmp_path / "out")]) == 0

@@ -11,7 +11,6 @@ import sys
 from types import SimpleNamespace
 
 import pytest
-
 from rig_nodes.cli.main import Shown, main
 from rig_nodes.config import CONFIG_DIR, RIGS_DIR
 from rig_nodes.config.names import find_of_rigs
@@ -31,24 +30,27 @@ def changed(text, old, new):
     return text.replace(old, new, 1)
 
 
-@pytest.mark.parametrize("old, new, sentence", [
-    ("ready: {timeout: 20 s}", "redy: {timeout: 20 s}", r"seq\.yaml:\d+: unknown key 'redy'.*did you mean 'ready'"),
-    ("  - oil: {pressure: 4 MPa}", "  - oil: {pressure: 4 MPa, pressure: 5 MPa}", r"seq\.yaml:\d+:.*duplicate key"),
-    ("speed: 1500 rpm", "speed: 1500 Nm", r"seq\.yaml:\d+:.*is a torque, expected an angular velocity"),
-    ("speed: 1500 rpm", "speed: 1500", r"seq\.yaml:\d+:.*write a number with its unit"),
-    ("speed: 1500 rpm", "speed: 1500 rmp", r"unknown unit 'rmp'"),
-    ("speed: 1500 rpm", "speed: -1500 rpm", "the rig takes 0 to 3000 rpm"),
-    ("speed: 1500 rpm", "speed: 1e6 rpm", r"seq\.yaml:\d+: motor.speed is 1e6 rpm; the rig takes 0 to 3000 rpm"),
-    ("torque: 80 Nm", "torque: 800 Nm", "takes 0 to 500 Nm"),
-    ("timeout: 10 s", "timeout: -3 s", "expected 0 to 86400 s"),
-    ("to: II", "to: III", "expected neutral, I, II"),
-    ("signal: n_wej, above: 1490 rpm", "signal: n_wei, above: 1490 rpm", "there is no signal 'n_wei'; did you mean 'n_wej'"),
-    ("{signal: n_wej, above: 1490 rpm}", "{signal: n_wej}", "needs 'above', 'below' or both"),
-    ("  - wait: {for: 3 s}", "  - wait: {for: 2 s, timeout: 3 s}", "takes no timeout"),
-    ("  - wait: {for: 3 s}", "  - repeat: {times: 0, steps: [{wait: {for: 2 s}}]}", "repeat.times is 0"),
-    ("  - oil: {pressure: 4 MPa}", "  - oil: {pressure: 4 MPa}\n    motor: {off: true}", "a step has one key"),
-    ("steps:", "steps: {", "expected YAML"),
-])
+@pytest.mark.parametrize(
+    "old, new, sentence",
+    [
+        ("ready: {timeout: 20 s}", "redy: {timeout: 20 s}", r"seq\.yaml:\d+: unknown key 'redy'.*did you mean 'ready'"),
+        ("  - oil: {pressure: 4 MPa}", "  - oil: {pressure: 4 MPa, pressure: 5 MPa}", r"seq\.yaml:\d+:.*duplicate key"),
+        ("speed: 1500 rpm", "speed: 1500 Nm", r"seq\.yaml:\d+:.*is a torque, expected an angular velocity"),
+        ("speed: 1500 rpm", "speed: 1500", r"seq\.yaml:\d+:.*write a number with its unit"),
+        ("speed: 1500 rpm", "speed: 1500 rmp", r"unknown unit 'rmp'"),
+        ("speed: 1500 rpm", "speed: -1500 rpm", "the rig takes 0 to 3000 rpm"),
+        ("speed: 1500 rpm", "speed: 1e6 rpm", r"seq\.yaml:\d+: motor.speed is 1e6 rpm; the rig takes 0 to 3000 rpm"),
+        ("torque: 80 Nm", "torque: 800 Nm", "takes 0 to 500 Nm"),
+        ("timeout: 10 s", "timeout: -3 s", "expected 0 to 86400 s"),
+        ("to: II", "to: III", "expected neutral, I, II"),
+        ("signal: n_wej, above: 1490 rpm", "signal: n_wei, above: 1490 rpm", "there is no signal 'n_wei'; did you mean 'n_wej'"),
+        ("{signal: n_wej, above: 1490 rpm}", "{signal: n_wej}", "needs 'above', 'below' or both"),
+        ("  - wait: {for: 3 s}", "  - wait: {for: 2 s, timeout: 3 s}", "takes no timeout"),
+        ("  - wait: {for: 3 s}", "  - repeat: {times: 0, steps: [{wait: {for: 2 s}}]}", "repeat.times is 0"),
+        ("  - oil: {pressure: 4 MPa}", "  - oil: {pressure: 4 MPa}\n    motor: {off: true}", "a step has one key"),
+        ("steps:", "steps: {", "expected YAML"),
+    ],
+)
 def test_sequence_is_refused(tmp_path, old, new, sentence):
     path = tmp_path / "seq.yaml"
     path.write_text(changed(DEMO, old, new))
@@ -56,17 +58,20 @@ def test_sequence_is_refused(tmp_path, old, new, sentence):
         load_sequence(path)
 
 
-@pytest.mark.parametrize("old, new, sentence", [
-    ("P2: [330 ms, 300 mA]", "P2: [150 ms, 300 mA]", r"alfa46.*:\d+: .*output_1\.P2 is at 150 ms; it must come after P1"),
-    ("P2: [330 ms, 300 mA]", "P2: [200 ms, 300 mA]", "must come after P1 at 200 ms"),
-    ("P5: [750 ms, 130 mA]", "P5: [100 ms, 130 mA]", "must come after P4 at 250 ms"),
-    ("P3: [650 ms, 740 mA]", "P3: [650 ms, 810 mA]", r"asks for 810 mA; the valve takes 0 to 800 mA"),
-    ("P3: [650 ms, 740 mA]", "P3: [650 ms, -1 mA]", "asks for -1 mA"),
-    ("P3: [650 ms, 740 mA]", "P3: [650 ms, 740 V]", "is a voltage, expected a current"),
-    ("P3: [650 ms, 740 mA]", "P3: [650 ms]", r"must be \[time, current\]"),
-    ("current_limit: [800 mA", "current_limit: [900 mA", "outside 0 to 800 mA"),
-    ("gain_d: [2 V s/A, \"thesis 3.4: D = 1; unit as P\"]", "gain_d: 2 V s/A", "its source"),
-])
+@pytest.mark.parametrize(
+    "old, new, sentence",
+    [
+        ("P2: [330 ms, 300 mA]", "P2: [150 ms, 300 mA]", r"alfa46.*:\d+: .*output_1\.P2 is at 150 ms; it must come after P1"),
+        ("P2: [330 ms, 300 mA]", "P2: [200 ms, 300 mA]", "must come after P1 at 200 ms"),
+        ("P5: [750 ms, 130 mA]", "P5: [100 ms, 130 mA]", "must come after P4 at 250 ms"),
+        ("P3: [650 ms, 740 mA]", "P3: [650 ms, 810 mA]", r"asks for 810 mA; the valve takes 0 to 800 mA"),
+        ("P3: [650 ms, 740 mA]", "P3: [650 ms, -1 mA]", "asks for -1 mA"),
+        ("P3: [650 ms, 740 mA]", "P3: [650 ms, 740 V]", "is a voltage, expected a current"),
+        ("P3: [650 ms, 740 mA]", "P3: [650 ms]", r"must be \[time, current\]"),
+        ("current_limit: [800 mA", "current_limit: [900 mA", "outside 0 to 800 mA"),
+        ('gain_d: [2 V s/A, "thesis 3.4: D = 1; unit as P"]', "gain_d: 2 V s/A", "its source"),
+    ],
+)
 def test_controller_settings_are_refused(tmp_path, old, new, sentence):
     controller = tmp_path / "alfa46_tried.yaml"
     controller.write_text(changed(ALFA46, old, new))
@@ -76,14 +81,17 @@ def test_controller_settings_are_refused(tmp_path, old, new, sentence):
         load_rig(rig)
 
 
-@pytest.mark.parametrize("old, new, sentence", [
-    ("    speed_gain: [", "    speed_gian: [", r"rig\.yaml:\d+: unknown key 'speed_gian'"),
-    ("torque_limit: [500 Nm", "torque_limit: [500 kW", "is a power, expected a torque"),
-    ("    output: 2", "    output: 1", "the output of the controller 1 has the valve valve_zr_p1 already"),
-    ("    output: 2", "    output: 4", "expected output 1 to 3"),
-    ("surfaces: [12 -", "surfaces: [0 -", "outside 1 to 40"),
-    ("inertia: [0.709 kg m2", "inertia: [0.709 kg", "is a mass, expected an inertia"),
-])
+@pytest.mark.parametrize(
+    "old, new, sentence",
+    [
+        ("    speed_gain: [", "    speed_gian: [", r"rig\.yaml:\d+: unknown key 'speed_gian'"),
+        ("torque_limit: [500 Nm", "torque_limit: [500 kW", "is a power, expected a torque"),
+        ("    output: 2", "    output: 1", "the output of the controller 1 has the valve valve_zr_p1 already"),
+        ("    output: 2", "    output: 4", "expected output 1 to 3"),
+        ("surfaces: [12 -", "surfaces: [0 -", "outside 1 to 40"),
+        ("inertia: [0.709 kg m2", "inertia: [0.709 kg", "is a mass, expected an inertia"),
+    ],
+)
 def test_rig_is_refused(tmp_path, old, new, sentence):
     path = tmp_path / "rig.yaml"
     path.write_text(changed(RIG, old, new))
@@ -140,30 +148,41 @@ def test_an_empty_file_is_called_empty(tmp_path):
         load_sequence(path)
 
 
-@pytest.mark.parametrize("name, sentence", [
-    ("demmo", r"there is no sequence 'demmo'; did you mean 'demo'\?"), ("no/such.yaml", "there is no such file"),    ("/", "/: it is a folder, expected a file"),
-])
+@pytest.mark.parametrize(
+    "name, sentence",
+    [
+        ("demmo", r"there is no sequence 'demmo'; did you mean 'demo'\?"),
+        ("no/such.yaml", "there is no such file"),
+        ("/", "/: it is a folder, expected a file"),
+    ],
+)
 def test_unknown_names_are_refused(name, sentence):
     with pytest.raises(RigError, match=sentence):
         find_of_rigs("sequences", name)
 
 
 def rig_command(*arguments, cwd):
-    return subprocess.run([sys.executable, "-m", "rig_nodes.cli.main", *arguments], cwd=cwd, text=True,
-                          capture_output=True, timeout=60)
+    return subprocess.run(
+        [sys.executable, "-m", "rig_nodes.cli.main", *arguments], cwd=cwd, text=True, capture_output=True, timeout=60
+    )
 
 
 @pytest.mark.parametrize("verb", ["simulate", "run"])
-@pytest.mark.parametrize("arguments, sentence", [
-    (["nothing"], "there is no sequence 'nothing'"),
-    (["full"], "full: it is a folder, expected a file"),
-    (["demo", "--set", "alfa46.t12=200 mA"], "is a current, expected a time"),
-    (["demo", "--rig", "other"], "there is no rig 'other'"),
-    (["demo", "--seed", "99999999999999999999999"], "expected a whole number from 0"),
-    (["demo", "--set", "load_pump.displacement=1 cm3/rev"],
-     "demo.yaml:12: load torque 80 Nm: the load pump holds at most 4.479 Nm"),  # 25 MPa * 1 cm3 / 2 pi + 0.5 Nm
-    (["demo", "--out", "full"], "exists and is not an empty folder"),
-])
+@pytest.mark.parametrize(
+    "arguments, sentence",
+    [
+        (["nothing"], "there is no sequence 'nothing'"),
+        (["full"], "full: it is a folder, expected a file"),
+        (["demo", "--set", "alfa46.t12=200 mA"], "is a current, expected a time"),
+        (["demo", "--rig", "other"], "there is no rig 'other'"),
+        (["demo", "--seed", "99999999999999999999999"], "expected a whole number from 0"),
+        (
+            ["demo", "--set", "load_pump.displacement=1 cm3/rev"],
+            "demo.yaml:12: load torque 80 Nm: the load pump holds at most 4.479 Nm",
+        ),  # 25 MPa * 1 cm3 / 2 pi + 0.5 Nm
+        (["demo", "--out", "full"], "exists and is not an empty folder"),
+    ],
+)
 def test_the_command_line_says_one_sentence_and_ends_with_2(tmp_path, verb, arguments, sentence):
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "mine.txt").write_text("mine")
@@ -173,11 +192,16 @@ def test_the_command_line_says_one_sentence_and_ends_with_2(tmp_path, verb, argu
     assert sorted(p.name for p in tmp_path.rglob("*")) == ["full", "mine.txt"], "nothing half-written"
 
 
-@pytest.mark.parametrize("arguments, before", [
-    (["simulate", "demo", "--controller", ""], "--controller"), (["run", "demo", "--rig="], "--rig"),
-    (["controller", "check", " "], "check"), (["simulate", ""], "rig simulate"),
-    (["sweep", "demo", "--vary", "", "--out", "x"], "--vary"),
-])
+@pytest.mark.parametrize(
+    "arguments, before",
+    [
+        (["simulate", "demo", "--controller", ""], "--controller"),
+        (["run", "demo", "--rig="], "--rig"),
+        (["controller", "check", " "], "check"),
+        (["simulate", ""], "rig simulate"),
+        (["sweep", "demo", "--vary", "", "--out", "x"], "--vary"),
+    ],
+)
 def test_an_empty_argument_stands_for_no_default(arguments, before, capsys):
     assert main(arguments) == 2
     assert f"what follows '{before}' is empty" in capsys.readouterr().err
@@ -191,12 +215,19 @@ def test_the_kernels_step_is_named_as_in_the_file(rig):
 
 def test_ctrl_c_is_answered_by_one_sentence_even_before_the_command_has_begun(tmp_path):
     """The launcher holds it back until the command can answer."""
+
     def held_back():
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         os.kill(os.getpid(), signal.SIGINT)
 
-    done = subprocess.run([sys.executable, "-m", "rig_nodes.cli.main", "validate"], cwd=tmp_path, text=True,
-                          capture_output=True, timeout=60, preexec_fn=held_back)
+    done = subprocess.run(
+        [sys.executable, "-m", "rig_nodes.cli.main", "validate"],
+        cwd=tmp_path,
+        text=True,
+        capture_output=True,
+        timeout=60,
+        preexec_fn=held_back,
+    )
     assert (done.returncode, done.stdout) == (130, "")
     assert done.stderr == "rig: interrupted by Ctrl-C; what was begun is not finished\n"
 
@@ -277,8 +308,11 @@ def test_a_setpoint_that_the_rig_refuses_fails_the_sequence_at_once(tmp_path):
     path.write_text("description: x\nsteps:\n  - load: {torque: 500 Nm}\n  - wait: {for: 30 s}\n")
     run = simulate(load_rig("hydmag", SMALL_PUMP), load_sequence(path), tmp_path / "run")
     assert run["end"]["state"] == "failed" and run["duration_s"] < 0.1
-    assert "s.yaml:3: load torque 500 Nm asks the relief valve, at this speed, for too much: load_pump.relief_pressure of 5.94" in (
-        run["end"]["reason"]) and "expected 0 to 4e+07 Pa" in run["end"]["reason"]
+    assert (
+        "s.yaml:3: load torque 500 Nm asks the relief valve, at this speed, for too much: load_pump.relief_pressure of 5.94"
+        in (run["end"]["reason"])
+        and "expected 0 to 4e+07 Pa" in run["end"]["reason"]
+    )
 
 
 class FakeOutputs:
@@ -328,11 +362,19 @@ def shown(capsys):
     return out + err
 
 
-@pytest.mark.parametrize("arguments", [
-    [HOSTILE], ["simulate", HOSTILE], ["simulate", f"{HOSTILE}.yaml"], ["simulate", "demo", f"--{HOSTILE}"],
-    ["simulate", "demo", "--set", f"alfa46.{HOSTILE}=1"], ["simulate", "demo", "--with", f"{HOSTILE}=1"],
-    ["simulate", "demo", "--rig", "\udcff\udcfe"], ["simulate", "demo", "--out", HOSTILE * 20],
-])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [HOSTILE],
+        ["simulate", HOSTILE],
+        ["simulate", f"{HOSTILE}.yaml"],
+        ["simulate", "demo", f"--{HOSTILE}"],
+        ["simulate", "demo", "--set", f"alfa46.{HOSTILE}=1"],
+        ["simulate", "demo", "--with", f"{HOSTILE}=1"],
+        ["simulate", "demo", "--rig", "\udcff\udcfe"],
+        ["simulate", "demo", "--out", HOSTILE * 20],
+    ],
+)
 def test_control_characters_of_arguments_do_not_reach_the_terminal(arguments, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(arguments) == 2
@@ -343,15 +385,20 @@ def test_control_characters_of_arguments_do_not_reach_the_terminal(arguments, ca
 def test_control_characters_of_files_and_of_the_environment_do_not_reach_the_terminal(capsys, tmp_path, monkeypatch):
     name = f"seq{HOSTILE.replace('/', '')}.yaml"
     path, words = tmp_path / name, '"' + HOSTILE.encode("unicode_escape").decode() + '"'
-    for text in (changed(DEMO, "ready:", f"{words}:"), changed(DEMO, "speed: 1500 rpm", f"speed: {words}"),
-                 changed(DEMO, "signal: n_wej", f"signal: {words}"), changed(DEMO, "to: II", f"to: {words}")):
+    for text in (
+        changed(DEMO, "ready:", f"{words}:"),
+        changed(DEMO, "speed: 1500 rpm", f"speed: {words}"),
+        changed(DEMO, "signal: n_wej", f"signal: {words}"),
+        changed(DEMO, "to: II", f"to: {words}"),
+    ):
         path.write_text(text)
         assert main(["simulate", str(path), "--out", str(tmp_path / "run")]) == 2
         said = shown(capsys)
         assert len(said.splitlines()) == 1 and said.count("[2J") == 2, "once of the name, once of what is wrong"
     # what a run says of its steps as it goes on, and how it ends
-    path.write_text(f"description: x\nparameters: {{p: {words}}}\nsteps:\n  - wait: {{for: 1 ms}}\n"
-                    "  - controller: {\"a\\eb${p}\": 1}\n")
+    path.write_text(
+        f'description: x\nparameters: {{p: {words}}}\nsteps:\n  - wait: {{for: 1 ms}}\n  - controller: {{"a\\eb${{p}}": 1}}\n'
+    )
     assert main(["simulate", str(path), "--out", str(tmp_path / "run")]) == 1
     assert "\\u001bb" in shown(capsys)
     monkeypatch.setenv("ROS_DOMAIN_ID", HOSTILE)

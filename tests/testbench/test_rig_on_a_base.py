@@ -4,7 +4,6 @@
 """Rigs that name another one and what differs, and clutch pressures that are prescribed."""
 
 import pytest
-
 from rig_nodes.config import RIGS_DIR
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
@@ -21,16 +20,19 @@ def test_what_is_not_named_is_that_of_the_base():
     assert other.as_dict()["prescribed"]["forces"][0]["contact_force"] == 389.0 and "prescribed" not in base.as_dict()
 
 
-@pytest.mark.parametrize("old, new, sentence", [
-    ("base: hydmag", "base: hydmga", r"rig\.yaml:\d+: base: there is no rig 'hydmga'"),
-    ("    ramp: [750 rpm/s", "    rmap: [750 rpm/s", r"rig\.yaml:\d+: unknown key 'rmap' in motor"),
-    ("[off, \"chapter 9: n_wej is constant\"]", "[of, \"x\"]", "is 'of', expected one of on, off"),
-    ("- [0.38869, 2.3, -13.028, 18.294, 0]", "- [0.38869, 2.3, -13.028, 18.294]", "a row is"),
-    ("- [0.38869, 2.3, -13.028, 18.294, 0]", "- 5", r"rig\.yaml:\d+: .* a row is .* found \[5\]"),
-    ("      - [end, 0, 0, 0, 0]\n", "", "the last of them up to \"end\""),
-    ("    contact_force: [389 N", "    contact_force: [389 Nm", "expected a force"),
-    ("output_speed: bounded", "output_speed: bound", r"rig\.yaml:\d+: .* one of bounded, free, found 'bound'"),
-])
+@pytest.mark.parametrize(
+    "old, new, sentence",
+    [
+        ("base: hydmag", "base: hydmga", r"rig\.yaml:\d+: base: there is no rig 'hydmga'"),
+        ("    ramp: [750 rpm/s", "    rmap: [750 rpm/s", r"rig\.yaml:\d+: unknown key 'rmap' in motor"),
+        ('[off, "chapter 9: n_wej is constant"]', '[of, "x"]', "is 'of', expected one of on, off"),
+        ("- [0.38869, 2.3, -13.028, 18.294, 0]", "- [0.38869, 2.3, -13.028, 18.294]", "a row is"),
+        ("- [0.38869, 2.3, -13.028, 18.294, 0]", "- 5", r"rig\.yaml:\d+: .* a row is .* found \[5\]"),
+        ("      - [end, 0, 0, 0, 0]\n", "", 'the last of them up to "end"'),
+        ("    contact_force: [389 N", "    contact_force: [389 Nm", "expected a force"),
+        ("output_speed: bounded", "output_speed: bound", r"rig\.yaml:\d+: .* one of bounded, free, found 'bound'"),
+    ],
+)
 def test_a_wrong_rig_on_a_base_is_refused(tmp_path, old, new, sentence):
     assert old in CHAPTER9
     path = tmp_path / "rig.yaml"

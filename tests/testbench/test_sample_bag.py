@@ -6,7 +6,6 @@
 from pathlib import Path
 
 import pytest
-
 from rig_nodes.analysis.report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.testbench.configuration import load_rig
@@ -20,7 +19,7 @@ def test_sample_bag_is_what_its_command_makes(tmp_path):
     assert sum(path.stat().st_size for path in SAMPLE.iterdir()) < 2**20
     bag = Bag(SAMPLE)
     assert bag.check() == []
-    shift, = build_report(bag, bag.run_info())["shifts"]
+    (shift,) = build_report(bag, bag.run_info())["shifts"]
     assert shift["valid"] and (shift["from_gear"], shift["to_gear"]) == (1, 2)
     simulate(load_rig("hydmag"), load_sequence("sample"), tmp_path / "again")
     again = Bag(tmp_path / "again")

@@ -4,7 +4,6 @@
 """One table of settings: a value has one name, one range and one sentence, whoever changes it and whenever."""
 
 import pytest
-
 from rig_nodes.config.names import installed
 from rig_nodes.description.settings import settings_of
 from rig_nodes.description.structure import structure_of
@@ -79,7 +78,9 @@ def test_setpoints_and_switches_are_set_by_the_names_of_their_settings():
 
 def test_a_setpoint_of_what_the_rig_leaves_out_is_no_parameter_of_a_node():
     assert [one.name for one in load_rig("spring_bench").settings.at("testing_machine")] == [
-        "testing_machine.travel", "testing_machine.enabled"]
+        "testing_machine.travel",
+        "testing_machine.enabled",
+    ]
     bench = load_rig("clutch_bench")
     assert bench.settings.at("testing_machine") == []
     with pytest.raises(RigError, match="'clutch_bench' has no testing machine; its cylinder.testing_machine is off"):

@@ -12,7 +12,6 @@ import time
 from pathlib import Path
 
 import pytest
-
 from rig_nodes.bags.reader import Bag
 
 PATIENCE = 180.0
@@ -25,8 +24,9 @@ class Verb:
     def __init__(self, folder: Path, *arguments: str):
         command = [sys.executable, "-P", "-m", "rig_nodes.cli.main", *arguments]
         plain = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=folder,
-                                        start_new_session=True, env=plain)
+        self.process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=folder, start_new_session=True, env=plain
+        )
 
     def session(self) -> list[int]:
         """Processes of its session that are there and no zombies."""
@@ -86,13 +86,19 @@ def test_simulate_leaves_a_whole_bag_and_its_report(tmp_path, start):
     assert end == {"state": "interrupted", "reason": "ended by SIGTERM"}
 
 
-@pytest.mark.parametrize("arguments, last", [
-    (["sweep", "demo", "--vary", "alfa46.t12=-250 ms .. -150 ms", "--samples", "500", "--out", "sweep"],
-     "rig: ended by SIGTERM; go on with: ./rig sweep sweep"),
-    (["procedure", "delay_series", "--out", "series"], "rig: ended by SIGTERM"),
-    (["tune", "--out", "tune"], "rig: ended by SIGTERM"),
-    (["validate"], "rig: ended by SIGTERM; what was begun is not finished"),
-], ids=lambda value: value[0] if isinstance(value, list) else "")
+@pytest.mark.parametrize(
+    "arguments, last",
+    [
+        (
+            ["sweep", "demo", "--vary", "alfa46.t12=-250 ms .. -150 ms", "--samples", "500", "--out", "sweep"],
+            "rig: ended by SIGTERM; go on with: ./rig sweep sweep",
+        ),
+        (["procedure", "delay_series", "--out", "series"], "rig: ended by SIGTERM"),
+        (["tune", "--out", "tune"], "rig: ended by SIGTERM"),
+        (["validate"], "rig: ended by SIGTERM; what was begun is not finished"),
+    ],
+    ids=lambda value: value[0] if isinstance(value, list) else "",
+)
 def test_a_campaign_ends_with_its_processes_and_leaves_no_half_file(tmp_path, start, arguments, last):
     verb = start(*arguments)
     # beside it the server of its processes, their tracker and themselves; a procedure without --jobs has none

@@ -7,7 +7,6 @@ import dataclasses
 import math
 
 import pytest
-
 from rig_nodes.testbench.rig import Rig
 
 # by hand, from the tables of the thesis and, where they were calibrated, the values of rigs/hydmag/rig.yaml
@@ -55,9 +54,12 @@ def test_the_loss_by_load_costs_the_motor_the_same_on_either_side(config):
     """Equal power: without Annex D's parabola of w0's own torque, M_wej is the same in both readings."""
     found = []
     for side in ("driving", "driven"):
-        rig = Rig(config.replaced(
-            loss_in=dataclasses.replace(config.loss_in, constant=0.0, share=0.0, square=0.0),
-            loss_out=dataclasses.replace(config.loss_out, torque_side=side)))
+        rig = Rig(
+            config.replaced(
+                loss_in=dataclasses.replace(config.loss_in, constant=0.0, share=0.0, square=0.0),
+                loss_out=dataclasses.replace(config.loss_out, torque_side=side),
+            )
+        )
         rig.set("oil", 4e6, True)
         rig.advance(0.3)
         rig.order_gear(2)
@@ -104,7 +106,8 @@ def test_transducers_read_the_truth_within_their_largest_errors(steady_rig, conf
         "M_wej": (rig.true("M_wej"), 500 * 0.2e-2 + 3.5 * parts.torque_noise + 1.45 * parts.torque_hum),
         "n_wej": (rig.v[0], 2 * math.pi / 60 + 3.5 * parts.speed_noise),
         "p1": (rig.line_pressure(0), 40e6 * 0.25e-2 + 3.5 * parts.p1_noise + 1.45 * parts.p1_hum + parts.p1_pickup),
-        "I_zr_p1": (rig.valves[0]["current"], 3.5 * parts.current_noise + 0.5 / 4096)}
+        "I_zr_p1": (rig.valves[0]["current"], 3.5 * parts.current_noise + 0.5 / 4096),
+    }
     for name, (value, most) in truth.items():
         reading = rig.measurement(name)
         assert reading != value

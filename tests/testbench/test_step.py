@@ -7,14 +7,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-
 from rig_nodes.analysis.metrics import shifts
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.record import record
 from rig_nodes.testbench.sequence import load_sequence
 
-METRICS = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "m_wej_max_nm", "n_wyj_min_rpm", "k", "e_loss_j", "e_loss_settled_j",
-           "overlap_s")
+METRICS = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "m_wej_max_nm", "n_wyj_min_rpm", "k", "e_loss_j", "e_loss_settled_j", "overlap_s")
 SHORT = 4e-4  # s: half a percent of a t_p of 50 ms would be less than three logger rows
 FINER = 10  # rows between two logger rows, by straight lines: the metrics count in whole rows
 
@@ -31,11 +29,16 @@ def finer(recording):
 def test_half_the_step_changes_no_metric_by_half_a_percent(noiseless, up, down):
     """Up and down at two loads, without noise, which moves the metrics more than the step does."""
     sequence = load_sequence("grid_point", {"speed": "1500 rpm", "load_up": up, "load_down": down})
-    whole, half = (shifts(finer(record(noiseless(load_rig("hydmag", {"kernel.step": step})), sequence).recording))
-                   for step in ("100 us", "50 us"))
+    whole, half = (
+        shifts(finer(record(noiseless(load_rig("hydmag", {"kernel.step": step})), sequence).recording))
+        for step in ("100 us", "50 us")
+    )
     assert [(row["from_gear"], row["to_gear"], row["valid"]) for row in half] == [(1, 2, True), (2, 1, True)]
     for before, after in zip(whole, half, strict=True):
-        moved = {name: (before[name], after[name]) for name in METRICS
-                 if before[name] != pytest.approx(after[name], rel=5e-3, abs=SHORT if name == "t_p_s" else None)}
+        moved = {
+            name: (before[name], after[name])
+            for name in METRICS
+            if before[name] != pytest.approx(after[name], rel=5e-3, abs=SHORT if name == "t_p_s" else None)
+        }
         assert not moved, f"from gear {before['from_gear']}: {moved}"
         assert after["m_wej_max_nm"] != before["m_wej_max_nm"], "the step was changed"

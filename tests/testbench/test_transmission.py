@@ -7,15 +7,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from rig_nodes.alfa46.controller import Alfa46
 from rig_nodes.alfa46.settings import Alfa46Config
 from rig_nodes.catalogue import catalogue
+from rig_nodes.description.driveline import held_ratio
 from rig_nodes.errors import RigError
 from rig_nodes.nodes.shift_phase import ShiftPhase
-from rig_nodes.testbench.configuration import load_rig
-from rig_nodes.description.driveline import held_ratio
 from rig_nodes.plant.driveline import Driveline
+from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.plan import plan_of
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.transmission import Clutch, Gear, Transmission, transmission_of
@@ -30,7 +29,7 @@ def test_ratios_are_those_of_tab_3_1_and_of_the_driveline(config):
     box, system = transmission_of(config), plan_of(config).true
     assert box.ratios == {1: pytest.approx(47 / 34), 2: pytest.approx(41 / 40)}
     for number, ratio in box.ratios.items():
-        clutch, = box.engaged(number)
+        (clutch,) = box.engaged(number)
         slip = system.w[system.elements.index(clutch.instance)]
         into, out = (system.bodies_from_speeds[system.bodies.index(end.body)] for end in (box.input, box.output))
         speeds = np.linalg.solve([into, out], [ratio, 1.0])
@@ -57,8 +56,13 @@ def test_the_ratio_of_a_planetary_set_follows_from_what_is_held():
 def test_every_signal_and_device_of_it_is_one_of_the_rig(config):
     box, signals, topics = transmission_of(config), catalogue().signals, catalogue().topics
     for clutch in box.clutches:
-        names = [clutch.pressure, clutch.current, clutch.setpoint, *map(clutch.signal, (
-            "torque", "capacity", "slip", "mode", "clamp", "piston")), *map(clutch.valve_signal, ("duty", "flow"))]
+        names = [
+            clutch.pressure,
+            clutch.current,
+            clutch.setpoint,
+            *map(clutch.signal, ("torque", "capacity", "slip", "mode", "clamp", "piston")),
+            *map(clutch.valve_signal, ("duty", "flow")),
+        ]
         assert [name for name in names if name not in signals] == []
         assert signals[clutch.signal("torque")].topic == clutch.state and clutch.state in topics
         assert hasattr(config, clutch.instance) and hasattr(config, clutch.valve)
@@ -108,8 +112,10 @@ def test_gears_are_meant_by_name_or_number():
 
 def with_gears(count: int) -> Transmission:
     box = transmission_of()
-    more = [Clutch(f"S{k}", f"clutch_s{k}", f"valve_{k}", f"V{k}", k - 1, f"p{k}", f"I{k}", f"I_set{k}", 0.2e6, 1e7)
-            for k in range(3, count + 1)]
+    more = [
+        Clutch(f"S{k}", f"clutch_s{k}", f"valve_{k}", f"V{k}", k - 1, f"p{k}", f"I{k}", f"I_set{k}", 0.2e6, 1e7)
+        for k in range(3, count + 1)
+    ]
     gears = [Gear(k, "I" * k, (f"S{k}",), 1.0 / k, (k - 1,) if k <= 3 else ()) for k in range(3, count + 1)]
     return Transmission(box.input, box.output, (*box.clutches, *more), (*box.gears, *gears), box.inertias)
 

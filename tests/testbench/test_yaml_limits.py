@@ -11,7 +11,6 @@ import sys
 import time
 
 import pytest
-
 from rig_nodes.alfa46.settings import read_alfa46
 from rig_nodes.config import CONFIG_DIR, RIGS_DIR, load_yaml
 from rig_nodes.config.yaml_file import MOST_BYTES, MOST_DEPTH, MOST_VALUES
@@ -25,7 +24,8 @@ from rig_nodes.validation.targets import TARGETS_FILE, load_targets
 
 SECONDS = 4.0  # of the processor, on a machine that has other work; twice what is promised
 LAUGHS = "a: &a [x,x,x,x,x,x,x,x,x,x]\n" + "".join(
-    f"{name}: &{name} [{','.join(['*' + before] * 10)}]\n" for before, name in zip("abcdefgh", "bcdefghi"))
+    f"{name}: &{name} [{','.join(['*' + before] * 10)}]\n" for before, name in zip("abcdefgh", "bcdefghi")
+)
 MANY = ",".join(map(str, range(2000)))
 
 
@@ -34,8 +34,11 @@ def steps(text):
 
 
 TOO_MUCH = {
-    "a circle of one": (load_rig, "description: x\nbase: tried.yaml\n",
-                        r"tried\.yaml:2: base: 'tried\.yaml' stands on this rig itself"),
+    "a circle of one": (
+        load_rig,
+        "description: x\nbase: tried.yaml\n",
+        r"tried\.yaml:2: base: 'tried\.yaml' stands on this rig itself",
+    ),
     "lists in lists": (load_yaml, "a: " + "[" * 500 + "]" * 500, f":1: .* more than {MOST_DEPTH} deep"),
     "maps in maps": (load_yaml, "".join(" " * k + "a:\n" for k in range(500)), f":41: .* more than {MOST_DEPTH} deep"),
     "an open end": (load_yaml, "[" * 100_000, "deep"),
@@ -48,19 +51,35 @@ TOO_MUCH = {
     "no number": (load_yaml, "a: .nan", ":1: .nan is no finite number"),
     "two documents": (load_yaml, "a: 1\n---\nb: 1\n", ":2: a second document begins here"),
     "a tag": (load_yaml, "a: !!python/object:os.system x", ":1: the tag .* is not known here"),
-    "a long list in a sentence": (load_rig, f"description: x\nbase: hydmag\nparts: {{motor: [{MANY}]}}\n",
-                                  r":3: parts.motor must be a map with the key 'part', found \[0, 1, 2"),
-    "each in each": (load_sequence, steps(
-        f"  - repeat:\n      each: {{a: [{MANY}]}}\n      steps:\n        - repeat:\n            each: {{b: [{MANY}]}}\n"
-        "            steps: [{wait: {for: 1 ms}}]"), "repeats make more than 200000 values of the steps"),
-    "times in times": (load_sequence, steps(
-        "  - repeat: {times: 10000, steps: [{repeat: {times: 10000, steps: [{wait: {for: 1 s}}]}}]}"),
-        ":3: repeat makes 100000000 steps, more than 10000"),
-    "a million steps": (load_sequence, steps("  - repeat: {times: 1000000, steps: [{wait: {for: 1 s}}]}"),
-                        ":3: repeat.times is 1000000, expected a whole number from 1 to 10000"),
+    "a long list in a sentence": (
+        load_rig,
+        f"description: x\nbase: hydmag\nparts: {{motor: [{MANY}]}}\n",
+        r":3: parts.motor must be a map with the key 'part', found \[0, 1, 2",
+    ),
+    "each in each": (
+        load_sequence,
+        steps(
+            f"  - repeat:\n      each: {{a: [{MANY}]}}\n      steps:\n        - repeat:\n            each: {{b: [{MANY}]}}\n"
+            "            steps: [{wait: {for: 1 ms}}]"
+        ),
+        "repeats make more than 200000 values of the steps",
+    ),
+    "times in times": (
+        load_sequence,
+        steps("  - repeat: {times: 10000, steps: [{repeat: {times: 10000, steps: [{wait: {for: 1 s}}]}}]}"),
+        ":3: repeat makes 100000000 steps, more than 10000",
+    ),
+    "a million steps": (
+        load_sequence,
+        steps("  - repeat: {times: 1000000, steps: [{wait: {for: 1 s}}]}"),
+        ":3: repeat.times is 1000000, expected a whole number from 1 to 10000",
+    ),
     "thirty years": (load_sequence, steps("  - wait: {for: 1e9 s}"), ":3: wait.for is 1e9 s, expected 0 to 86400 s"),
-    "a week in pieces": (load_sequence, steps("  - repeat: {times: 7, steps: [{wait: {for: 1440 min}}]}"),
-                         ":2: the waits of the sequence take 604800 s in all, expected at most 86400 s"),
+    "a week in pieces": (
+        load_sequence,
+        steps("  - repeat: {times: 7, steps: [{wait: {for: 1440 min}}]}"),
+        ":2: the waits of the sequence take 604800 s in all, expected at most 86400 s",
+    ),
 }
 
 
@@ -80,13 +99,15 @@ def test_a_file_that_eats_memory_ends_below_300_mb(tmp_path):
     """All files that are too much, one after the other in a process of its own, numerics included."""
     for k, what in enumerate(TOO_MUCH):
         (tmp_path / f"{k}.yaml").write_text(TOO_MUCH[what][1])
-    code = ("import sys; from rig_nodes.testbench.sequence import load_sequence; "
-            "from rig_nodes.testbench.configuration import load_rig; from rig_nodes.errors import RigError\n"
-            "for path in sys.argv[1:]:\n"
-            "    for load in (load_rig, load_sequence):\n"
-            "        try:\n            load(path)\n"
-            "        except RigError:\n            pass\n"
-            "print(*(line.split()[1] for line in open('/proc/self/status') if line.startswith('VmHWM')))")
+    code = (
+        "import sys; from rig_nodes.testbench.sequence import load_sequence; "
+        "from rig_nodes.testbench.configuration import load_rig; from rig_nodes.errors import RigError\n"
+        "for path in sys.argv[1:]:\n"
+        "    for load in (load_rig, load_sequence):\n"
+        "        try:\n            load(path)\n"
+        "        except RigError:\n            pass\n"
+        "print(*(line.split()[1] for line in open('/proc/self/status') if line.startswith('VmHWM')))"
+    )
     done = subprocess.run([sys.executable, "-c", code, *map(str, tmp_path.iterdir())], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert int(done.stdout) < 300 * 1024, "kB"
@@ -125,11 +146,13 @@ SLIPS = [
     ("a:\n  b: 1\n  - c: 2\n", ":3: a dash stands here where the lines above have none"),
     ("a: {b: 1\nc: 2\n", ":1: what is opened in this line is not closed; expected '}'"),
     ("a: {b: 1 c: 2}\n", ":1: a comma or '}' is missing in column 11"),
-    ("a: \"x\nb: 2\n", ":1: the quote that is opened here is not closed"),
+    ('a: "x\nb: 2\n', ":1: the quote that is opened here is not closed"),
     ("a: {b: ${c}}\n", r":1: \$\{...\} between braces or brackets needs quotes"),
     ("a: b: c\n", ":1: a second colon; a value with a colon in it needs quotes"),
-    ("a: @b\n", ":1: a value that begins with '@' needs quotes"), ("a: {b: 1}}\n", ":1: '}' closes nothing that is open"),
-    ("a: 1\nb: 2\na: 3\n", ":3: duplicate key 'a', first in line 1"), ("a: \x01\n", ":1: is not YAML"),
+    ("a: @b\n", ":1: a value that begins with '@' needs quotes"),
+    ("a: {b: 1}}\n", ":1: '}' closes nothing that is open"),
+    ("a: 1\nb: 2\na: 3\n", ":3: duplicate key 'a', first in line 1"),
+    ("a: \x01\n", ":1: is not YAML"),
 ]
 
 
@@ -141,23 +164,29 @@ def test_slips_of_the_hand_are_named(tmp_path, text, sentence):
         load_yaml(path)
 
 
-PARAMETRIC = ("description: x\nparameters:\n  speed: 500 rpm\nsteps:\n  - oil: {pressure: 4 MPa}\n"
-              "  - motor: {speed: \"${speed}\"}\n")
+PARAMETRIC = 'description: x\nparameters:\n  speed: 500 rpm\nsteps:\n  - oil: {pressure: 4 MPa}\n  - motor: {speed: "${speed}"}\n'
 
 
-@pytest.mark.parametrize("old, new, sentence", [
-    ('"${speed}"', '"${sped}"', r":6: there is no parameter '\$\{sped\}'; did you mean '\$\{speed\}'\?"),
-    ('"${speed}"', '"${speed}${speed"', r":6: the brace of '\$\{speed' is not closed; write e.g. \$\{speed\}"),
-    ('"${speed}"', '"${speed + 100}"', r":6: between the braces of '\$\{speed \+ 100\}' stands no name; nothing is computed"),
-    ('"${speed}"', '"$speed ${speed}"', r":6: '\$speed' has no braces; write \$\{speed\}"),
-    ('{speed: "${speed}"}', '{speed:1 rpm, a: "${speed}"}', ":6: there is no space after the colon; write 'speed: 1 rpm'"),
-    ("  - motor", "    motor", r":5: a step has one key, .*; found oil, motor; is there a dash missing before 'motor'\?"),
-    ("steps:\n  - oil: {pressure: 4 MPa}\n  - motor", "steps:\n  motor", ":4: steps must be a list .*; each begins with a dash"),
-    ("oil: {pressure: 4 MPa}", "oil:{pressure: 4 MPa}", ":5: .*there is no space after the colon"),
-    ("pressure: 4 MPa", "pressure: 40 bar, a: 1", ":5: unknown key 'a' in oil"),
-    ("pressure: 4 MPa", "pressure: 900 bar", ":5: oil.pressure is 900 bar; the rig takes 0 to 100 bar"),
-    ("pressure: 4 MPa", "pressure: 90 MPa", ":5: oil.pressure is 90 MPa; the rig takes 0 to 10 MPa"),
-])
+@pytest.mark.parametrize(
+    "old, new, sentence",
+    [
+        ('"${speed}"', '"${sped}"', r":6: there is no parameter '\$\{sped\}'; did you mean '\$\{speed\}'\?"),
+        ('"${speed}"', '"${speed}${speed"', r":6: the brace of '\$\{speed' is not closed; write e.g. \$\{speed\}"),
+        ('"${speed}"', '"${speed + 100}"', r":6: between the braces of '\$\{speed \+ 100\}' stands no name; nothing is computed"),
+        ('"${speed}"', '"$speed ${speed}"', r":6: '\$speed' has no braces; write \$\{speed\}"),
+        ('{speed: "${speed}"}', '{speed:1 rpm, a: "${speed}"}', ":6: there is no space after the colon; write 'speed: 1 rpm'"),
+        ("  - motor", "    motor", r":5: a step has one key, .*; found oil, motor; is there a dash missing before 'motor'\?"),
+        (
+            "steps:\n  - oil: {pressure: 4 MPa}\n  - motor",
+            "steps:\n  motor",
+            ":4: steps must be a list .*; each begins with a dash",
+        ),
+        ("oil: {pressure: 4 MPa}", "oil:{pressure: 4 MPa}", ":5: .*there is no space after the colon"),
+        ("pressure: 4 MPa", "pressure: 40 bar, a: 1", ":5: unknown key 'a' in oil"),
+        ("pressure: 4 MPa", "pressure: 900 bar", ":5: oil.pressure is 900 bar; the rig takes 0 to 100 bar"),
+        ("pressure: 4 MPa", "pressure: 90 MPa", ":5: oil.pressure is 90 MPa; the rig takes 0 to 10 MPa"),
+    ],
+)
 def test_mistakes_in_a_sequence_are_named_with_what_would_be_right(tmp_path, old, new, sentence):
     assert old in PARAMETRIC
     path = tmp_path / "f.yaml"
@@ -166,17 +195,20 @@ def test_mistakes_in_a_sequence_are_named_with_what_would_be_right(tmp_path, old
         load_sequence(path)
 
 
-@pytest.mark.parametrize("key, text, sentence", [
-    ("oil_supply.temperature", "999 degC", "is 999 degC, outside -30 to 150 degC$"),
-    ("motor.torque_limit", "1e9 Nm", "is 1e9 Nm, outside .* Nm$"),
-    ("alfa46.current_limit", "0.9 A", "is 0.9 A, outside 0 to 0.8 A$"),
-    ("alfa46.current_limit", "900 mA", "is 900 mA, outside 0 to 800 mA$"),
-    ("alfa46.T12", "1 ms", "there is no value of alfa46 'T12'; did you mean 't12'"),
-    ("alfa64.t12", "1 ms", "there is no value 'alfa64.t12'; did you mean 'alfa46.t12'"),
-    ("t12", "1 ms", "there is no value 't12'; did you mean 'alfa46.t12'"),
-    ("motor", "1", "'motor' is a part of the rig; name one of its values, e.g. motor.torque_limit"),
-    ("kitchen", "1", "there is no part of the rig 'kitchen'; known are kernel, cut, w0, z5, motor"),
-])
+@pytest.mark.parametrize(
+    "key, text, sentence",
+    [
+        ("oil_supply.temperature", "999 degC", "is 999 degC, outside -30 to 150 degC$"),
+        ("motor.torque_limit", "1e9 Nm", "is 1e9 Nm, outside .* Nm$"),
+        ("alfa46.current_limit", "0.9 A", "is 0.9 A, outside 0 to 0.8 A$"),
+        ("alfa46.current_limit", "900 mA", "is 900 mA, outside 0 to 800 mA$"),
+        ("alfa46.T12", "1 ms", "there is no value of alfa46 'T12'; did you mean 't12'"),
+        ("alfa64.t12", "1 ms", "there is no value 'alfa64.t12'; did you mean 'alfa46.t12'"),
+        ("t12", "1 ms", "there is no value 't12'; did you mean 'alfa46.t12'"),
+        ("motor", "1", "'motor' is a part of the rig; name one of its values, e.g. motor.torque_limit"),
+        ("kitchen", "1", "there is no part of the rig 'kitchen'; known are kernel, cut, w0, z5, motor"),
+    ],
+)
 def test_settings_say_the_range_in_the_unit_that_was_typed_and_what_was_meant(key, text, sentence):
     with pytest.raises(RigError, match=f"^setting {re.escape(f'{key}={text}')}: (the value )?{sentence}"):
         load_rig("hydmag", {key: text})
@@ -184,13 +216,65 @@ def test_settings_say_the_range_in_the_unit_that_was_typed_and_what_was_meant(ke
 
 # ---- mutilated files
 
-SWEEP = ('sequence: demo\nvary:\n  alfa46.t12: "-250 ms .. -150 ms in 5"\n  alfa46.output_1.P1.current: [150 mA, 160 mA]\n'
-         "method: grid\nseed: 3\nset: {alfa46.t21: 10 ms}\n")
+SWEEP = (
+    'sequence: demo\nvary:\n  alfa46.t12: "-250 ms .. -150 ms in 5"\n  alfa46.output_1.P1.current: [150 mA, 160 mA]\n'
+    "method: grid\nseed: 3\nset: {alfa46.t21: 10 ms}\n"
+)
 ON_BASE = 'description: "x"\nbase: hydmag\nparts:\n  motor:\n    ramp: [700 rpm/s, "x"]\ncontroller_values:\n  t12: [1 ms, "x"]\n'
-VALUES = ["null", "true", "off", "[]", "{}", "[1, 2]", "{a: 1}", "1", "-1", "0", "1e400", "1e308", "9" * 40, ".inf", "2001-01-01",
-          "0x1F", "!!binary aGk=", "&a x", "*a", "'", '"', '"\\e[31m"', "\u202e", "\t", "| ", "? x", "${x", "${a+1}", "$a", "NaN",
-          "inf s", "1 rpm", "-5 rpm", "1500", "1500rpm", "x" * 3000, "- 1", '""', "~nobody/x.yaml", "/dev/zero.yaml",
-          "[[[[1]]]]", "true: 1", "[~, ~]", '[1 s, "x", 3]', "[1, x]", "12:30:45", "=", "<<", "%", "@x", "\u00a05 s", "\u0665 s"]
+VALUES = [
+    "null",
+    "true",
+    "off",
+    "[]",
+    "{}",
+    "[1, 2]",
+    "{a: 1}",
+    "1",
+    "-1",
+    "0",
+    "1e400",
+    "1e308",
+    "9" * 40,
+    ".inf",
+    "2001-01-01",
+    "0x1F",
+    "!!binary aGk=",
+    "&a x",
+    "*a",
+    "'",
+    '"',
+    '"\\e[31m"',
+    "\u202e",
+    "\t",
+    "| ",
+    "? x",
+    "${x",
+    "${a+1}",
+    "$a",
+    "NaN",
+    "inf s",
+    "1 rpm",
+    "-5 rpm",
+    "1500",
+    "1500rpm",
+    "x" * 3000,
+    "- 1",
+    '""',
+    "~nobody/x.yaml",
+    "/dev/zero.yaml",
+    "[[[[1]]]]",
+    "true: 1",
+    "[~, ~]",
+    '[1 s, "x", 3]',
+    "[1, x]",
+    "12:30:45",
+    "=",
+    "<<",
+    "%",
+    "@x",
+    "\u00a05 s",
+    "\u0665 s",
+]
 MARKS = "{}[]:,-#&*!|>'\"%@`\t\x00\x1b\u2028\ufeff\x85 \\"
 
 
@@ -209,7 +293,7 @@ def mutilated(chance: random.Random, text: str) -> str:
         elif what == 2:
             lines[k] = " " * chance.randrange(1, 5) + line
         elif what == 3:
-            lines[k] = line[chance.randrange(1, 4):]
+            lines[k] = line[chance.randrange(1, 4) :]
         elif what == 4:
             lines[k], lines[k2] = lines[k2], line
         elif what == 5:
@@ -222,7 +306,7 @@ def mutilated(chance: random.Random, text: str) -> str:
             lines[k] = f"{line.partition(':')[0]}: {chance.choice(VALUES)}"
         elif words:
             word = chance.choice(words)
-            lines[k] = line[:word.start()] + chance.choice(VALUES) + line[word.end():]
+            lines[k] = line[: word.start()] + chance.choice(VALUES) + line[word.end() :]
     return "\n".join(lines)
 
 
@@ -233,12 +317,19 @@ def read_procedure(path):
 
 def test_mutilated_files_are_taken_or_refused_and_nothing_else(tmp_path):
     """Every kind of YAML that the program reads; which ones are taken does not matter."""
-    files = [("sweep.yaml", SWEEP, read_plan), ("rigs/mine.yaml", ON_BASE, load_rig),
-             ("calibration.yaml", CALIBRATION_FILE.read_text(), load_stages)]
+    files = [
+        ("sweep.yaml", SWEEP, read_plan),
+        ("rigs/mine.yaml", ON_BASE, load_rig),
+        ("calibration.yaml", CALIBRATION_FILE.read_text(), load_stages),
+    ]
     head, _, rows = TARGETS_FILE.read_text().partition("\ntargets:")
     files.append(("targets.yaml", "\n- ".join(f"{head}\ntargets:{rows}".split("\n- ")[:12]) + "\n", load_targets))
-    for root, pattern, load in ((RIGS_DIR, "*/rig.yaml", load_rig), (RIGS_DIR, "*/sequences/*.yaml", load_sequence),
-                                (RIGS_DIR, "*/procedures/*.yaml", read_procedure), (CONFIG_DIR, "controllers/*.yaml", read_alfa46)):
+    for root, pattern, load in (
+        (RIGS_DIR, "*/rig.yaml", load_rig),
+        (RIGS_DIR, "*/sequences/*.yaml", load_sequence),
+        (RIGS_DIR, "*/procedures/*.yaml", read_procedure),
+        (CONFIG_DIR, "controllers/*.yaml", read_alfa46),
+    ):
         shutil.copytree(root, tmp_path / root.name, dirs_exist_ok=True)
         files += [(str(path.relative_to(root.parent)), path.read_text(), load) for path in sorted(root.glob(pattern))]
     chance, refused = random.Random(20), 0

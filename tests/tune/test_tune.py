@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from rig_nodes.alfa46.settings import read_alfa46
+from rig_nodes.analysis.metrics import shifts
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.campaign import Workers
@@ -17,13 +17,10 @@ from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.record import record
 from rig_nodes.testbench.rig import Rig
 from rig_nodes.testbench.sequence import load_sequence
-from rig_nodes.analysis.metrics import shifts
 from rig_nodes.transmission import transmission_of
 from rig_nodes.tune import document, folder, judge, run, scout, search, space, uncertainty
 from rig_nodes.tune.bench import RPM, Bench, Point, Shift
-from rig_nodes.tune.problem import (
-    INVALID, REFUSED, Ground, Range, Task, dominates, excess, front_of, held, share, sought,
-)
+from rig_nodes.tune.problem import INVALID, REFUSED, Ground, Range, Task, dominates, excess, front_of, held, share, sought
 
 WAYS = ("I-II", "II-I")
 
@@ -115,8 +112,18 @@ def test_numbers_and_settings_are_each_others_inverse(config, way):
 
 def test_tab_7_5_as_numbers(config):
     assert space.values_of(config.alfa46, "I-II", transmission_of(config)) == {
-        "P1.time": 125, "P1.current": 215, "P2.gap": 205, "P2.current": 215, "P3.gap": 250, "P4.time": 250,
-        "P4.current": 130, "P5.gap": 500, "P5.current": 130, "P6.gap": 500, "delay": -220}
+        "P1.time": 125,
+        "P1.current": 215,
+        "P2.gap": 205,
+        "P2.current": 215,
+        "P3.gap": 250,
+        "P4.time": 250,
+        "P4.current": 130,
+        "P5.gap": 500,
+        "P5.current": 130,
+        "P6.gap": 500,
+        "delay": -220,
+    }
 
 
 def test_rates_of_the_coil(config):
@@ -165,13 +172,28 @@ def test_who_dominates_is_better_in_every_shift():
 
 
 def test_the_settings_furthest_below_the_compared_ones_are_chosen():
-    row = {"dominates": True, "better": 8, "missed": 0, "peak_mean": 0.8, "time_mean": 0.7, "rise_worst": 0.9,
-           "time_worst": 0.8, "peak": 0.9, "time": 0.8}
-    rows = [{**row, "name": "middle"}, {**row, "name": "soft", "peak_mean": 0.7, "time_worst": 0.97},
-            {**row, "name": "fast", "time_mean": 0.6, "peak": 0.98},
-            {**row, "name": "lucky", "peak_mean": 0.1, "dominates": False, "better": 7}]
+    row = {
+        "dominates": True,
+        "better": 8,
+        "missed": 0,
+        "peak_mean": 0.8,
+        "time_mean": 0.7,
+        "rise_worst": 0.9,
+        "time_worst": 0.8,
+        "peak": 0.9,
+        "time": 0.8,
+    }
+    rows = [
+        {**row, "name": "middle"},
+        {**row, "name": "soft", "peak_mean": 0.7, "time_worst": 0.97},
+        {**row, "name": "fast", "time_mean": 0.6, "peak": 0.98},
+        {**row, "name": "lucky", "peak_mean": 0.1, "dominates": False, "better": 7},
+    ]
     assert {way: found["name"] for way, found in run.choose(rows, ("peak", "time")).items()} == {
-        "soft": "soft", "balanced": "middle", "fast": "fast"}
+        "soft": "soft",
+        "balanced": "middle",
+        "fast": "fast",
+    }
 
 
 def test_fronts():
@@ -198,8 +220,9 @@ def test_penalties_stand_behind_every_shift(config):
 
 
 def test_settings_that_are_out_of_reach_are_tried_no_further(config):
-    task = Task((config,), (Point("I-II", 1500.0 * RPM, 80.0), Point("I-II", 1200.0 * RPM, 60.0)), config.alfa46,
-                ("peak", "time"), (), 1.0)
+    task = Task(
+        (config,), (Point("I-II", 1500.0 * RPM, 80.0), Point("I-II", 1200.0 * RPM, 60.0)), config.alfa46, ("peak", "time"), (), 1.0
+    )
     slow = {**space.values_of(config.alfa46, "I-II", transmission_of(config)), "P2.gap": 245}  # takes hold 40 ms later
     whole = tried(config, task, slow)
     assert whole["whole"] and whole["tried"] == 2
@@ -263,8 +286,9 @@ def test_a_controller_file_is_the_settings(config, tmp_path):
 def study(config, rigs=()):
     points = Range(1200.0 * RPM, 1600.0 * RPM, 50.0, 100.0).grid("II-I")[:2]
     task = Task((config, *rigs), tuple(points), config.alfa46, ("peak", "time"), ())
-    return search.Study("II-I", "II-I", config, config.alfa46, task,
-                        [space.values_of(config.alfa46, "II-I", transmission_of(config))], 7)
+    return search.Study(
+        "II-I", "II-I", config, config.alfa46, task, [space.values_of(config.alfa46, "II-I", transmission_of(config))], 7
+    )
 
 
 def test_a_search_that_goes_on_is_as_one_that_was_never_stopped(config, monkeypatch):
@@ -327,9 +351,32 @@ def test_a_whole_tuning(config, tmp_path, capsys, monkeypatch):
     pq = pytest.importorskip("pyarrow.parquet")
     (tmp_path / "s.json").write_text(json.dumps({"spread": {"clutch_s2.orifice": 2e-8}}))
     out = tmp_path / "tune"
-    arguments = ["tune", "--ways", "II-I", "--speeds", "1200 rpm .. 1600 rpm", "--load-down", "60 Nm .. 160 Nm",
-                 "--rigs", "1", "--judge-rigs", "1", "--points", "2", "--fresh", "1", "--generations", "2",
-                 "--jobs", "1", "--spreads", str(tmp_path / "s.json"), "--out", str(out), "--json"]
+    arguments = [
+        "tune",
+        "--ways",
+        "II-I",
+        "--speeds",
+        "1200 rpm .. 1600 rpm",
+        "--load-down",
+        "60 Nm .. 160 Nm",
+        "--rigs",
+        "1",
+        "--judge-rigs",
+        "1",
+        "--points",
+        "2",
+        "--fresh",
+        "1",
+        "--generations",
+        "2",
+        "--jobs",
+        "1",
+        "--spreads",
+        str(tmp_path / "s.json"),
+        "--out",
+        str(out),
+        "--json",
+    ]
     assert main(arguments) == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["searches"]["II-I"]["generations"] == 2 and summary["searches"]["least"]["generations"] == 2
@@ -387,20 +434,23 @@ def test_the_thesis_range(config, tmp_path, capsys):
         assert speed["engine_nm"] < speed["m_wej_before_nm"] <= speed["least_peak_nm"] < speed["compared_peak_nm"]
 
 
-@pytest.mark.parametrize("arguments, sentence", [
-    (["--objectives", "peak"], "two or more different ones"),
-    (["--objectives", "peak,noise"], "there is no objective 'noise'"),
-    (["--speeds", "1000 rpm"], "expected \"LOW .. HIGH\""),
-    (["--load-up", "120 Nm .. 40 Nm"], "must rise"),
-    (["--bound", "peak=300 rpm"], "is an angular velocity, expected a torque"),
-    (["--bound", "peak=0 Nm"], "--bound peak=0 Nm: expected more than 0"),
-    (["--bound", "jerk=nan rad/s3"], "--bound jerk=nan rad/s3: expected more than 0"),
-    (["--bound", "dip=-1 %"], "--bound dip=-1 %: expected 0 or more"),
-    (["--rig", "nope"], "there is no rig 'nope'"),
-    (["--ways", "II-III"], "there is no way 'II-III'"),
-    (["--shifts", "0"], "--shifts and --generations must be above 0"),
-    (["--rig", "chapter9"], "prescribed pressures"),
-])
+@pytest.mark.parametrize(
+    "arguments, sentence",
+    [
+        (["--objectives", "peak"], "two or more different ones"),
+        (["--objectives", "peak,noise"], "there is no objective 'noise'"),
+        (["--speeds", "1000 rpm"], 'expected "LOW .. HIGH"'),
+        (["--load-up", "120 Nm .. 40 Nm"], "must rise"),
+        (["--bound", "peak=300 rpm"], "is an angular velocity, expected a torque"),
+        (["--bound", "peak=0 Nm"], "--bound peak=0 Nm: expected more than 0"),
+        (["--bound", "jerk=nan rad/s3"], "--bound jerk=nan rad/s3: expected more than 0"),
+        (["--bound", "dip=-1 %"], "--bound dip=-1 %: expected 0 or more"),
+        (["--rig", "nope"], "there is no rig 'nope'"),
+        (["--ways", "II-III"], "there is no way 'II-III'"),
+        (["--shifts", "0"], "--shifts and --generations must be above 0"),
+        (["--rig", "chapter9"], "prescribed pressures"),
+    ],
+)
 def test_refused(arguments, sentence, capsys, tmp_path):
     pytest.importorskip("optuna")
     pytest.importorskip("pyarrow")
@@ -412,8 +462,26 @@ def test_settings_that_shift_nowhere_are_nothing_to_compare_with(tmp_path, capsy
     pytest.importorskip("optuna")
     pytest.importorskip("pyarrow")
     (tmp_path / "s.json").write_text(json.dumps({"spread": {"clutch_s2.orifice": 2e-8}}))
-    assert main(["tune", "--ways", "I-II", "--jobs", "1", "--rigs", "0", "--spreads", str(tmp_path / "s.json"),
-                 "--set", "valve_zr_p2.pressure_gain=1 MPa/A", "--out", str(tmp_path / "t")]) != 0
+    assert (
+        main(
+            [
+                "tune",
+                "--ways",
+                "I-II",
+                "--jobs",
+                "1",
+                "--rigs",
+                "0",
+                "--spreads",
+                str(tmp_path / "s.json"),
+                "--set",
+                "valve_zr_p2.pressure_gain=1 MPa/A",
+                "--out",
+                str(tmp_path / "t"),
+            ]
+        )
+        != 0
+    )
     assert "the rig shifts I-II in none of 9 operating points" in capsys.readouterr().err
 
 

@@ -8,7 +8,6 @@ import shutil
 
 import numpy as np
 import pytest
-
 from rig_nodes.cli.main import main
 from rig_nodes.config import CONFIG_DIR, RIGS_DIR
 from rig_nodes.errors import RigError
@@ -34,10 +33,15 @@ def test_the_rig_lies_within_what_may_change(config):
             assert p.low <= getattr(config.values(part), key) / times <= p.high, f"{stage}.{name}"
 
 
-@pytest.mark.parametrize("old, new, sentence", [
-    ("losses:", "loses:", "unknown key 'loses'"), ("low: 4 Nm", "low: 40 Nm", "low must be below high"),
-    ("[loss_in.at_rest]", "[loss_in.at]", "there is no value of loss_in 'at'; did you mean 'at_470'"),
-    ("high: 15 Nm", "high: 15 rpm", "expected a torque")])
+@pytest.mark.parametrize(
+    "old, new, sentence",
+    [
+        ("losses:", "loses:", "unknown key 'loses'"),
+        ("low: 4 Nm", "low: 40 Nm", "low must be below high"),
+        ("[loss_in.at_rest]", "[loss_in.at]", "there is no value of loss_in 'at'; did you mean 'at_470'"),
+        ("high: 15 Nm", "high: 15 rpm", "expected a torque"),
+    ],
+)
 def test_a_wrong_list_of_parameters_is_refused(tmp_path, old, new, sentence):
     text = c.CALIBRATION_FILE.read_text()
     assert old in text
@@ -60,8 +64,15 @@ def test_a_curve_of_chapter_9_begins_and_ends_as_printed():
 def test_kiss_pressure_by_hand(config):
     """2408 mm2, no square term: (128 N + 128 N/mm x 2 mm + 25 N) / 2408 mm2 = 0.170 MPa."""
     cylinder = dataclasses.replace(
-        config.clutch_s1, piston_area=2408e-6, force_per_pressure_squared=0.0, spring_preload=128.0, spring_rate=128e3,
-        clearance=2e-3, seal_friction=25.0, seal_friction_share=0.0)
+        config.clutch_s1,
+        piston_area=2408e-6,
+        force_per_pressure_squared=0.0,
+        spring_preload=128.0,
+        spring_rate=128e3,
+        clearance=2e-3,
+        seal_friction=25.0,
+        seal_friction_share=0.0,
+    )
     assert kiss_pressure(cylinder) == pytest.approx(409.0 / 2408e-6)
     squared = dataclasses.replace(cylinder, force_per_pressure_squared=140e-12)
     p = kiss_pressure(squared)
@@ -96,9 +107,14 @@ def test_what_is_found_is_written_where_the_rig_reads_it(tmp_path):
         c.write_values({"losses.loss_at_470": 6.25}, rig, controller)
 
 
-@pytest.mark.parametrize("arguments, sentence", [
-    (["--stages", "loses"], "there is no stage 'loses'; did you mean 'losses'?"), (["--generations", "-1"], "expected at least 0"),
-    (["--json", "/nowhere/x.json"], "--json /nowhere/x.json: there is no such folder")])
+@pytest.mark.parametrize(
+    "arguments, sentence",
+    [
+        (["--stages", "loses"], "there is no stage 'loses'; did you mean 'losses'?"),
+        (["--generations", "-1"], "expected at least 0"),
+        (["--json", "/nowhere/x.json"], "--json /nowhere/x.json: there is no such folder"),
+    ],
+)
 def test_wrong_arguments_are_refused(capsys, arguments, sentence):
     assert main(["calibrate", *arguments]) == 2
     assert sentence in capsys.readouterr().err
@@ -144,8 +160,9 @@ def test_random_places_are_no_worse_than_the_one_at_hand(config):
     parameters = {"loss_out_constant": c.load_stages()["losses"]["loss_out_constant"]}
     shares = c.anywhere([0.99], 3, 1, 1, config, parameters, made_up)
     assert c.at_shares(config, parameters, shares)[1]["loss_out_constant"] == pytest.approx(LEAST, abs=5e-3)
-    best = [(LEAST - parameters["loss_out_constant"].low) / (parameters["loss_out_constant"].high
-                                                          - parameters["loss_out_constant"].low)]
+    best = [
+        (LEAST - parameters["loss_out_constant"].low) / (parameters["loss_out_constant"].high - parameters["loss_out_constant"].low)
+    ]
     assert c.anywhere(best, 3, 1, 1, config, parameters, made_up) == pytest.approx(best, abs=1e-3)
 
 
@@ -174,8 +191,9 @@ def test_rows_that_can_be_mended_together_are_no_conflict():
 def test_a_clutch_that_holds_longer_lets_the_dip_begin_later(config):
     """How long a released S1 holds shows in the delay t12 from which on the output dips."""
     parameters = c.load_stages()["release"]
-    borders = [rows.s1_releases(c.with_values(config, parameters, {"rest_s1": torque}), TARGETS)[0].value
-               for torque in (40.0, 70.0)]
+    borders = [
+        rows.s1_releases(c.with_values(config, parameters, {"rest_s1": torque}), TARGETS)[0].value for torque in (40.0, 70.0)
+    ]
     assert borders[0] < borders[1] - 5e-3
     assert borders[1] == pytest.approx(-0.175, abs=0.025)
 

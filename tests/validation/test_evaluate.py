@@ -7,7 +7,6 @@ import dataclasses
 from math import inf, nan, pi
 
 import pytest
-
 from rig_nodes.errors import RigError
 from rig_nodes.validation.evaluate import evaluate
 from rig_nodes.validation.records import Record, average, select
@@ -17,16 +16,29 @@ RPM = pi / 30.0
 UP = {"shift": ("I-II",), "n_wej": (1000.0 * RPM, 2000.0 * RPM), "m_wyj": Span(40.0, 120.0)}
 
 
-def target(kind, quantity="m_wej_max_nm", procedure="grid_up", conditions=UP, role="predict", dimension="torque",
-           **more):
-    return Target(id="row", text="A row.", where="7", kind=kind, quantity=quantity, dimension=dimension,
-                  procedure=procedure, role=role, why="A reason.", line=1, conditions=conditions, **more)
+def target(kind, quantity="m_wej_max_nm", procedure="grid_up", conditions=UP, role="predict", dimension="torque", **more):
+    return Target(
+        id="row",
+        text="A row.",
+        where="7",
+        kind=kind,
+        quantity=quantity,
+        dimension=dimension,
+        procedure=procedure,
+        role=role,
+        why="A reason.",
+        line=1,
+        conditions=conditions,
+        **more,
+    )
 
 
 def grid(values, quantity="m_wej_max_nm", **more):
     """Records from {(rpm, Nm): value}."""
-    return [Record("grid_up", {"shift": "I-II", "n_wej": rpm * RPM, "m_wyj": float(nm), **more}, {quantity: value})
-            for (rpm, nm), value in values.items()]
+    return [
+        Record("grid_up", {"shift": "I-II", "n_wej": rpm * RPM, "m_wyj": float(nm), **more}, {quantity: value})
+        for (rpm, nm), value in values.items()
+    ]
 
 
 def verdict(row_target, records):
@@ -65,8 +77,14 @@ def test_what_is_not_there_is_not_compared_but_a_miss_stays_a_miss():
 
 def test_a_value_that_was_not_found_says_why():
     records = grid({(1000, 40): 250.0})
-    records.append(Record("grid_up", {"shift": "I-II", "n_wej": 2000.0 * RPM, "m_wyj": 40.0}, {"m_wej_max_nm": None},
-                          {"m_wej_max_nm": "the output never settled"}))
+    records.append(
+        Record(
+            "grid_up",
+            {"shift": "I-II", "n_wej": 2000.0 * RPM, "m_wyj": 40.0},
+            {"m_wej_max_nm": None},
+            {"m_wej_max_nm": "the output never settled"},
+        )
+    )
     assert "the output never settled" in evaluate(target("upper", high=300.0), records).reason
 
 
@@ -85,7 +103,7 @@ def test_other_conditions_spans_and_parts_of_a_test_are_left_out():
 
 
 def test_statistics_are_taken_across_one_condition_and_within_the_others():
-    spread = dict(statistic="spread", across="m_wyj", fixed=("n_wej",))
+    spread = {"statistic": "spread", "across": "m_wyj", "fixed": ("n_wej",)}
     assert verdict(target("upper", high=10.0, **spread), grid(FLAT)) == "inside"
     row = evaluate(target("upper", high=9.9, **spread), grid({**FLAT, (2000, 80): 300.0}))
     assert (row.verdict, row.value, row.count, row.inside) == ("outside", 30.0, 2, 0)
@@ -93,8 +111,7 @@ def test_statistics_are_taken_across_one_condition_and_within_the_others():
     fast = {(2000, 40): 1.0, (2000, 80): 1.0}
     assert verdict(share, grid({(1000, 40): 200.0, (1000, 120): 230.0, **fast})) == "inside"
     assert evaluate(share, grid({(1000, 40): 200.0, (1000, 120): 230.1, **fast})).value == pytest.approx(0.1505)
-    highest = target("lower", low=275.0, statistic="highest", across="n_wej",
-                     conditions={**UP, "m_wyj": (40.0,)})
+    highest = target("lower", low=275.0, statistic="highest", across="n_wej", conditions={**UP, "m_wyj": (40.0,)})
     assert evaluate(highest, grid(FLAT)).value == 270.0
     lone = evaluate(target("upper", high=9.0, **spread), grid({(1000, 40): 1.0, (2000, 40): 1.0}))
     assert lone.verdict == "not compared" and "no spread" in lone.reason
@@ -104,21 +121,20 @@ def test_statistics_are_taken_across_one_condition_and_within_the_others():
 
 def test_all_series_must_be_there():
     conditions = {"shift": ("I-II",), "series": ("all",)}
-    records = [Record("delay_series", {"shift": "I-II", "series": n}, {"m_wej_max_nm": 200.0 + n})
-               for n in range(1, 20)]
+    records = [Record("delay_series", {"shift": "I-II", "series": n}, {"m_wej_max_nm": 200.0 + n}) for n in range(1, 20)]
     row = target("upper", procedure="delay_series", conditions=conditions, high=300.0)
     assert verdict(row, records) == "inside"
     cut = evaluate(row, records[:7] + records[8:])
     assert cut.verdict == "not compared" and "series 8" in cut.reason
-    spread = target("value", procedure="delay_series", conditions=conditions, low=18.0, high=18.0, statistic="spread",
-                    across="series")
+    spread = target(
+        "value", procedure="delay_series", conditions=conditions, low=18.0, high=18.0, statistic="spread", across="series"
+    )
     assert verdict(spread, records) == "inside"
 
 
 def test_a_difference_pairs_like_with_like():
     both = {"n_wej": (1000.0 * RPM, 2000.0 * RPM), "m_wyj": Span(40.0, 120.0)}
-    row = target("difference", low=100.0, conditions=both,
-                 of={"shift": ("I-II",)}, to={"shift": ("II-I",)})
+    row = target("difference", low=100.0, conditions=both, of={"shift": ("I-II",)}, to={"shift": ("II-I",)})
     records = grid({(1000, 40): 250.0, (2000, 40): 300.0}) + grid({(1000, 40): 150.0, (2000, 40): 180.0}, shift="II-I")
     assert verdict(row, records) == "inside"
     records[-1].values["m_wej_max_nm"] = 201.0
@@ -131,8 +147,13 @@ def test_a_difference_pairs_like_with_like():
 
 
 def test_a_difference_takes_every_one_against_every_one():
-    row = target("difference", low=0.0, conditions={"shift": ("I-II",), "m_wyj": Span(40.0, 170.0)},
-                 of={"n_wej": (1800.0 * RPM, 2000.0 * RPM)}, to={"n_wej": (1000.0 * RPM, 1200.0 * RPM)})
+    row = target(
+        "difference",
+        low=0.0,
+        conditions={"shift": ("I-II",), "m_wyj": Span(40.0, 170.0)},
+        of={"n_wej": (1800.0 * RPM, 2000.0 * RPM)},
+        to={"n_wej": (1000.0 * RPM, 1200.0 * RPM)},
+    )
     values = {(1800, 40): 130.0, (2000, 40): 140.0, (1000, 40): 120.0, (1200, 40): 131.0}
     worst = evaluate(row, grid(values))
     assert (worst.verdict, worst.value, worst.count, worst.inside) == ("outside", -1.0, 4, 3)
@@ -140,8 +161,11 @@ def test_a_difference_takes_every_one_against_every_one():
 
 
 def test_an_absolute_difference_and_a_ratio():
-    sides = dict(conditions={"shift": ("I-II",), "m_wyj": (40.0,)}, of={"n_wej": (2000.0 * RPM,)},
-                 to={"n_wej": (1000.0 * RPM,)})
+    sides = {
+        "conditions": {"shift": ("I-II",), "m_wyj": (40.0,)},
+        "of": {"n_wej": (2000.0 * RPM,)},
+        "to": {"n_wej": (1000.0 * RPM,)},
+    }
     records = grid({(2000, 40): 300.0, (1000, 40): 306.0})
     assert evaluate(target("difference", high=6.0, absolute=True, **sides), records).verdict == "inside"
     assert evaluate(target("difference", high=5.9, absolute=True, **sides), records).value == 6.0
@@ -152,23 +176,39 @@ def test_an_absolute_difference_and_a_ratio():
 
 
 def test_a_ratio_of_the_highest_is_not_the_highest_ratio():
-    row = target("ratio", low=2.5, high=3.0, statistic="highest", across="m_wyj",
-                 conditions={"shift": ("I-II",), "m_wyj": Span(40.0, 120.0)}, of={"n_wej": (2000.0 * RPM,)},
-                 to={"n_wej": (1000.0 * RPM,)})
+    row = target(
+        "ratio",
+        low=2.5,
+        high=3.0,
+        statistic="highest",
+        across="m_wyj",
+        conditions={"shift": ("I-II",), "m_wyj": Span(40.0, 120.0)},
+        of={"n_wej": (2000.0 * RPM,)},
+        to={"n_wej": (1000.0 * RPM,)},
+    )
     # ratios at one load are 4 and 2.5, of the highest 2.5
     values = {(2000, 40): 400.0, (2000, 120): 500.0, (1000, 40): 100.0, (1000, 120): 200.0}
     assert evaluate(row, grid(values)).value == 2.5
 
 
 def test_a_difference_of_spreads():
-    row = target("difference", low=0.0, statistic="spread", across="m_wyj",
-                 conditions={"shift": ("I-II",), "m_wyj": Span(40.0, 120.0)},
-                 of={"source": ("measured",)}, to={"source": ("simulated",)})
+    row = target(
+        "difference",
+        low=0.0,
+        statistic="spread",
+        across="m_wyj",
+        conditions={"shift": ("I-II",), "m_wyj": Span(40.0, 120.0)},
+        of={"source": ("measured",)},
+        to={"source": ("simulated",)},
+    )
     measured = grid({(1000, 40): 250.0, (1000, 120): 280.0}, source="measured")
     simulated = grid({(1000, 40): 250.0, (1000, 120): 270.0}, source="simulated")
     assert evaluate(row, measured + simulated).value == 10.0
-    swapped = [Record(r.procedure, {**r.conditions, "source": source}, r.values)
-               for source, records in (("measured", simulated), ("simulated", measured)) for r in records]
+    swapped = [
+        Record(r.procedure, {**r.conditions, "source": source}, r.values)
+        for source, records in (("measured", simulated), ("simulated", measured))
+        for r in records
+    ]
     assert verdict(row, swapped) == "outside"
 
 
@@ -213,10 +253,11 @@ def test_a_trend_goes_through_what_is_fixed_and_averages_what_is_tested_twice():
     mixed = line([1.0, 2.0], rpm=(1000,)) + line([2.0, 1.0], rpm=(2000,))
     row = evaluate(grows, mixed)
     assert (row.verdict, row.count, row.inside) == ("outside", 2, 1)
-    twice = [Record("delay_series", {"t12": t12, "series": n}, {"m_wej_max_nm": value})
-             for n, (t12, value) in enumerate([(-0.2, 1.0), (-0.2, 3.0), (-0.1, 2.5)], 1)]
-    over = target("trend", sign="grows", tolerance=0.0, over="t12", procedure="delay_series",
-                  conditions={"series": (1, 2, 3)})
+    twice = [
+        Record("delay_series", {"t12": t12, "series": n}, {"m_wej_max_nm": value})
+        for n, (t12, value) in enumerate([(-0.2, 1.0), (-0.2, 3.0), (-0.1, 2.5)], 1)
+    ]
+    over = target("trend", sign="grows", tolerance=0.0, over="t12", procedure="delay_series", conditions={"series": (1, 2, 3)})
     assert verdict(over, twice) == "inside"
     short = evaluate(grows, grid({(1000, 40): 1.0, (2000, 40): 1.0}))
     assert short.verdict == "not compared" and "m_wyj" in short.reason
@@ -230,12 +271,15 @@ def test_a_trend_of_a_statistic():
 
 
 def test_most_is_more_than_half():
-    row, = (t for t in load_targets() if t.inside == "most")  # the one claim of this kind: "for most loads"
+    (row,) = (t for t in load_targets() if t.inside == "most")  # the one claim of this kind: "for most loads"
     assert row.id == "up_t_dt_grows_with_speed"
 
     def shifts(sense):
-        return grid({(rpm, nm): 0.3 + sign * rpm * 1e-4 for nm, sign in sense.items()
-                     for rpm in (1000, 1200, 1500, 1800, 2000)}, quantity="t_dt_s")
+        return grid(
+            {(rpm, nm): 0.3 + sign * rpm * 1e-4 for nm, sign in sense.items() for rpm in (1000, 1200, 1500, 1800, 2000)},
+            quantity="t_dt_s",
+        )
+
     assert evaluate(row, shifts({40: 1, 80: 1, 120: -1})).verdict == "inside"
     assert evaluate(row, shifts({40: 1, 120: -1})).verdict == "outside"
     of_all = dataclasses.replace(row, inside="all")
@@ -264,20 +308,24 @@ def test_a_fit_over_a_setting_takes_all_points_and_one_within_a_test_each_test()
     row = target("fit", shape="linear", low=0.5, over="n_wej", conditions=conditions)
     # two parallel lines 2 apart, each rising by 1: total variance 1 + 1/6, explained 1/6
     assert evaluate(row, grid(values)).value == pytest.approx(1.0 / 7.0)
-    rises = [Record("profile_series", {"valve": "ZR-P1", "series": n, "time": t}, {"pressure_rise": n * t})
-             for n in (1, 2) for t in (0.0, 0.1, 0.2)]
-    each = target("fit", "pressure_rise", "profile_series", {"valve": ("ZR-P1",)}, shape="linear", low=0.99,
-                  over="time")
+    rises = [
+        Record("profile_series", {"valve": "ZR-P1", "series": n, "time": t}, {"pressure_rise": n * t})
+        for n in (1, 2)
+        for t in (0.0, 0.1, 0.2)
+    ]
+    each = target("fit", "pressure_rise", "profile_series", {"valve": ("ZR-P1",)}, shape="linear", low=0.99, over="time")
     result = evaluate(each, rises)
     assert (result.verdict, result.count) == ("inside", 2)
 
 
-CURVE = dict(variable="t", variable_unit="s", unit="MPa", pieces=((0.0, 1.0, (2.0, 0.0)), (1.0, 2.0, (2.0,))))
+CURVE = {"variable": "t", "variable_unit": "s", "unit": "MPa", "pieces": ((0.0, 1.0, (2.0, 0.0)), (1.0, 2.0, (2.0,)))}
 
 
 def trace(function, times):
-    return [Record("grid_up", {"shift": "I-II", "n_wej": 1000.0 * RPM, "m_wyj": 40.0, "time": t},
-                   {"p1_mpa": function(t) * 1e6}) for t in times]
+    return [
+        Record("grid_up", {"shift": "I-II", "n_wej": 1000.0 * RPM, "m_wyj": 40.0, "time": t}, {"p1_mpa": function(t) * 1e6})
+        for t in times
+    ]
 
 
 def test_a_curve_is_judged_by_its_deviation_over_the_whole_span():
@@ -296,8 +344,7 @@ def test_a_curve_is_judged_by_its_deviation_over_the_whole_span():
 
 
 def test_a_class_must_be_the_expected_one_in_every_record():
-    row = target("classification", "dip", "delay_series", {"series": (1, 2)}, classes=("dip", "no dip"),
-                 expected="dip")
+    row = target("classification", "dip", "delay_series", {"series": (1, 2)}, classes=("dip", "no dip"), expected="dip")
     records = [Record("delay_series", {"series": n}, {"dip": "dip"}) for n in (1, 2)]
     assert verdict(row, records) == "inside"
     records[1].values["dip"] = "no dip"
@@ -308,14 +355,26 @@ def test_a_class_must_be_the_expected_one_in_every_record():
     assert verdict(row, records[:1]) == "not compared"
     # a class of another question, and a number of the same quantity, are not asked
     records[1].values["dip"] = "dip"
-    assert verdict(row, records + [Record("delay_series", {"series": 2}, {"dip": "monotone"}),
-                                   Record("delay_series", {"series": 2}, {"dip": 0.9})]) == "inside"
+    assert (
+        verdict(
+            row,
+            [
+                *records,
+                Record("delay_series", {"series": 2}, {"dip": "monotone"}),
+                Record("delay_series", {"series": 2}, {"dip": 0.9}),
+            ],
+        )
+        == "inside"
+    )
 
 
 def test_repeats_are_averaged_and_none_spoils_the_mean():
     def once(peak, hold):
-        return [Record("profile_series", {"series": 1}, {"engagement_peak_nm": peak, "hold": hold}),
-                Record("profile_series", {"series": 1, "time": 0.0}, {"pressure_rise": peak})]
+        return [
+            Record("profile_series", {"series": 1}, {"engagement_peak_nm": peak, "hold": hold}),
+            Record("profile_series", {"series": 1, "time": 0.0}, {"pressure_rise": peak}),
+        ]
+
     (mean, first) = average([once(100.0, "hold"), once(104.0, "hold")])
     assert mean.values == {"engagement_peak_nm": 102.0, "hold": "hold"} and first.values == {"pressure_rise": 100.0}
     mean = average([once(100.0, "hold"), once(None, "no hold")])[0]

@@ -6,7 +6,6 @@
 import re
 
 import pytest
-
 from rig_nodes.cli.main import main
 from rig_nodes.testbench.configuration import load_rig
 
@@ -51,8 +50,12 @@ parts:
 @pytest.fixture
 def folder(tmp_path):
     (tmp_path / "sequences").mkdir()
-    for name, text in (("rig.yaml", RIG), ("validation.yaml", ROWS), ("calibration.yaml", MAY_CHANGE),
-                       ("sequences/steady.yaml", SEQUENCE)):
+    for name, text in (
+        ("rig.yaml", RIG),
+        ("validation.yaml", ROWS),
+        ("calibration.yaml", MAY_CHANGE),
+        ("sequences/steady.yaml", SEQUENCE),
+    ):
         (tmp_path / name).write_text(text)
     return tmp_path
 
@@ -68,16 +71,24 @@ def test_a_value_is_found_that_meets_the_row_and_written_where_the_rig_has_it(fo
     assert "calibrated inside 1 of 1" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("file, old, new, sentence", [
-    ("calibration.yaml", "loss_in.drag", "loss_in.drug", r"calibration.yaml:3: there is no value of loss_in 'drug'; did you mean 'drag'"),
-    ("calibration.yaml", "loss_in.drag", "loss_in.torque_side", "loss_in.torque_side is no number that a search could change"),
-    ("calibration.yaml", "loss_in.drag", "motor.speed", "motor.speed is set while the rig runs"),
-    ("calibration.yaml", "high: 10 Nm", "high: 10 rpm", "expected a torque"),
-    ("calibration.yaml", "low: 0 Nm", "low: 20 Nm", "low must be below high"),
-    ("calibration.yaml", MAY_CHANGE, "stages: {}\n", "stages must be a map of names, each of the parameters that it searches"),
-    ("calibration.yaml", MAY_CHANGE, "stages: {losses: 3}\n", "stages must be a map of names"),
-    ("validation.yaml", "role: calibrate", "role: predict", "no row has the role calibrate, so there is nothing to search on"),
-])
+@pytest.mark.parametrize(
+    "file, old, new, sentence",
+    [
+        (
+            "calibration.yaml",
+            "loss_in.drag",
+            "loss_in.drug",
+            r"calibration.yaml:3: there is no value of loss_in 'drug'; did you mean 'drag'",
+        ),
+        ("calibration.yaml", "loss_in.drag", "loss_in.torque_side", "loss_in.torque_side is no number that a search could change"),
+        ("calibration.yaml", "loss_in.drag", "motor.speed", "motor.speed is set while the rig runs"),
+        ("calibration.yaml", "high: 10 Nm", "high: 10 rpm", "expected a torque"),
+        ("calibration.yaml", "low: 0 Nm", "low: 20 Nm", "low must be below high"),
+        ("calibration.yaml", MAY_CHANGE, "stages: {}\n", "stages must be a map of names, each of the parameters that it searches"),
+        ("calibration.yaml", MAY_CHANGE, "stages: {losses: 3}\n", "stages must be a map of names"),
+        ("validation.yaml", "role: calibrate", "role: predict", "no row has the role calibrate, so there is nothing to search on"),
+    ],
+)
 def test_a_wrong_calibration_is_refused_in_one_sentence(folder, capsys, file, old, new, sentence):
     text = (folder / file).read_text()
     assert old in text

@@ -7,7 +7,6 @@ import json
 
 import numpy as np
 import pytest
-
 from rig_nodes.analysis.metrics import Recording
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
@@ -70,7 +69,8 @@ def run_of(**channels) -> Run:
     """3 s at 1 kHz: gear 1 ordered at 1 s, gear 2 at 2 s."""
     config = load_rig("three_speed")
     rows = {name: np.zeros(3000) for name in config.transmission.channels} | {
-        name: np.asarray(values, dtype=float) * np.ones(3000) for name, values in channels.items()}
+        name: np.asarray(values, dtype=float) * np.ones(3000) for name, values in channels.items()
+    }
     return Run(Recording(0.0, 1e-3, rows, [(1.0, 0, 1), (2.0, 1, 2)], config.transmission), {"state": "ended", "reason": ""})
 
 
@@ -93,39 +93,61 @@ def test_what_cannot_be_taken_is_not_compared_with_the_reason(folder):
     run = run_of(n_in=1.0)
     assert own_rows._of_signals(of(folder, "n_in / n_out"), run) == (None, "divides by 0")
     assert own_rows._of_signals(of(folder, "n_in", "gear: 3", "rad/s"), run) == (None, "the run does not order the gear")
-    assert own_rows._of_signals(of(folder, "n_in", "gear: 1\n    over: 2 s", "rad/s"), run) == (None, "the gear is not in for so long")
+    assert own_rows._of_signals(of(folder, "n_in", "gear: 1\n    over: 2 s", "rad/s"), run) == (
+        None,
+        "the gear is not in for so long",
+    )
     assert own_rows._of_signals(of(folder, "n_in", "from: 9 s\n    to: 10 s", "rad/s"), run) == (None, "the run ends before 9 s")
     row = own_rows.judge(of(folder, "n_in / n_out"), None, "divides by 0")
     assert (row.verdict, row.reason) == ("not compared", "divides by 0")
 
 
-@pytest.mark.parametrize("old, new, sentence", [
-    ("n_in / n_out", "n_in / n_aus", r"validation.yaml:8: ratio.value names 'n_aus': there is no signal 'n_aus'"),
-    ("n_in / n_out", "n_in ** 2", r"ratio.value is 'n_in \*\* 2', expected signals, numbers and"),
-    ("n_in / n_out", "open('x')", "expected signals, numbers and"),
-    ("n_in / n_out", "n_in.real", "expected signals, numbers and"),
-    ("n_in / n_out", "3 * 4", "which names no signal"),
-    ("n_in / n_out", "n_in", "ratio.low is '1.59 -', but n_in is given in rpm"),
-    ("gear: 2", "gear: 5", "validation.yaml:7: ratio.gear names the gear '5'; known are neutral, 1, 2, 3"),
-    ("    gear: 2\n", "", "needs the key gear, whose steady end is taken, or from and to"),
-    ("    gear: 2\n", "    from: 1 s\n", "stands alone; from and to are needed"),
-    ("    gear: 2\n", "    from: 2 s\n    to: 1 s\n", "not before to, which is 1 s"),
-    ("low: 1.59 -", "low: 1.62 -", "ratio.low is 1.62 -, above high, which is 1.61 -"),
-    ("low: 1.59 -", "low: 1.59", "ratio.low is 1.59, expected a number with its unit"),
-    ("high: 1.61 -", "high: 1.61 rpm", "expected a ratio"),
-    ("role: predict", "role: guess", "expected calibrate or predict"),
-    ("sequence: demo", "sequence: damo", "did you mean 'demo'"),
-    ("    gear: 2\n    value: n_in / n_out\n", "    metric: t_c_s\n    shift: 1-2\n", "ratio.low is '1.59 -', but t_c_s is given in s"),
-    ("    gear: 2\n    value: n_in / n_out\n", "    metric: t_x_s\n    shift: 1-2\n", "there is no metric 't_x_s'; did you mean"),
-    ("    gear: 2\n    value: n_in / n_out\n", "    metric: k\n", "ratio.metric needs the key shift: two gears with a dash"),
-    ("    value: n_in / n_out\n", "    metric: t_c_s\n    shift: 1-2\n", "ratio.gear goes with value; a metric is that of a shift"),
-    ("    value: n_in / n_out\n", "", "needs one of value, an expression of signals, and metric"),
-    ("    source: by hand\n", "", "a row lacks the key 'source'"),
-    ("    gear: 2\n", "    gear: 2\n    settings: {motor.ramb: 1 rpm/s}\n", "there is no value of motor 'ramb'; did you mean 'ramp'"),
-    (ROW, ROW + ROW.removeprefix("rows:\n"), "there is a row 'ratio' already"),
-    (ROW, "programme: school\n", "expected laboratory, or rows in its place"),
-    (ROW, "rows: []\n", "rows must be a list"),
-])
+@pytest.mark.parametrize(
+    "old, new, sentence",
+    [
+        ("n_in / n_out", "n_in / n_aus", r"validation.yaml:8: ratio.value names 'n_aus': there is no signal 'n_aus'"),
+        ("n_in / n_out", "n_in ** 2", r"ratio.value is 'n_in \*\* 2', expected signals, numbers and"),
+        ("n_in / n_out", "open('x')", "expected signals, numbers and"),
+        ("n_in / n_out", "n_in.real", "expected signals, numbers and"),
+        ("n_in / n_out", "3 * 4", "which names no signal"),
+        ("n_in / n_out", "n_in", "ratio.low is '1.59 -', but n_in is given in rpm"),
+        ("gear: 2", "gear: 5", "validation.yaml:7: ratio.gear names the gear '5'; known are neutral, 1, 2, 3"),
+        ("    gear: 2\n", "", "needs the key gear, whose steady end is taken, or from and to"),
+        ("    gear: 2\n", "    from: 1 s\n", "stands alone; from and to are needed"),
+        ("    gear: 2\n", "    from: 2 s\n    to: 1 s\n", "not before to, which is 1 s"),
+        ("low: 1.59 -", "low: 1.62 -", "ratio.low is 1.62 -, above high, which is 1.61 -"),
+        ("low: 1.59 -", "low: 1.59", "ratio.low is 1.59, expected a number with its unit"),
+        ("high: 1.61 -", "high: 1.61 rpm", "expected a ratio"),
+        ("role: predict", "role: guess", "expected calibrate or predict"),
+        ("sequence: demo", "sequence: damo", "did you mean 'demo'"),
+        (
+            "    gear: 2\n    value: n_in / n_out\n",
+            "    metric: t_c_s\n    shift: 1-2\n",
+            "ratio.low is '1.59 -', but t_c_s is given in s",
+        ),
+        (
+            "    gear: 2\n    value: n_in / n_out\n",
+            "    metric: t_x_s\n    shift: 1-2\n",
+            "there is no metric 't_x_s'; did you mean",
+        ),
+        ("    gear: 2\n    value: n_in / n_out\n", "    metric: k\n", "ratio.metric needs the key shift: two gears with a dash"),
+        (
+            "    value: n_in / n_out\n",
+            "    metric: t_c_s\n    shift: 1-2\n",
+            "ratio.gear goes with value; a metric is that of a shift",
+        ),
+        ("    value: n_in / n_out\n", "", "needs one of value, an expression of signals, and metric"),
+        ("    source: by hand\n", "", "a row lacks the key 'source'"),
+        (
+            "    gear: 2\n",
+            "    gear: 2\n    settings: {motor.ramb: 1 rpm/s}\n",
+            "there is no value of motor 'ramb'; did you mean 'ramp'",
+        ),
+        (ROW, ROW + ROW.removeprefix("rows:\n"), "there is a row 'ratio' already"),
+        (ROW, "programme: school\n", "expected laboratory, or rows in its place"),
+        (ROW, "rows: []\n", "rows must be a list"),
+    ],
+)
 def test_wrong_rows_are_refused_in_one_sentence(folder, old, new, sentence):
     assert old in ROW
     (folder / "validation.yaml").write_text(ROW.replace(old, new))

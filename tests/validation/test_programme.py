@@ -8,8 +8,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from synthetic_shift import PERIOD, Shift
-
 from rig_nodes.analysis.metrics import Recording
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.campaign import Workers
@@ -20,6 +18,7 @@ from rig_nodes.validation.derived import derive, dip_begins
 from rig_nodes.validation.evaluate import evaluate
 from rig_nodes.validation.records import Record
 from rig_nodes.validation.targets import load_targets
+from synthetic_shift import PERIOD, Shift
 
 RPM = pi / 30.0
 UP = {"shift": "I-II", "n_wej": 1500.0 * RPM, "m_wyj": 80.0}
@@ -43,8 +42,7 @@ def test_a_shift_gives_si_values_and_what_follows_from_them():
     assert whole.values["t_c_s"] == pytest.approx(0.70, abs=3e-3)
     assert whole.values["peak_share"] == pytest.approx(250.0 / 80.0, rel=5e-3)
     assert whole.values["n_wyj_min_rpm"] == pytest.approx(1500.0 * RPM * 34.0 / 47.0, rel=2e-3)  # rad/s
-    assert whole.values["e_loss_release_j"] == pytest.approx(
-        whole.values["e_loss_settled_j"] - whole.values["e_loss_j"])
+    assert whole.values["e_loss_release_j"] == pytest.approx(whole.values["e_loss_settled_j"] - whole.values["e_loss_j"])
     phases = {r.conditions["phase"]: r.values["m_wej_max_nm"] for r in records if "phase" in r.conditions}
     assert phases == {"shift": pytest.approx(250.0, rel=5e-3), "before": pytest.approx(88.0, abs=0.1)}
 
@@ -65,8 +63,7 @@ def test_a_run_without_its_shift_says_so_in_every_value():
     empty = run_of(Recording(recording.t0, recording.period, recording.channels, []))
     series = SimpleNamespace(procedure="grid_up", conditions=UP)
     assert programme.measure(series, empty) == "the shift I-II did not take place"
-    stopped = SimpleNamespace(recording=recording, end={
-        "state": "failed", "reason": "/x/y/a.yaml:5: did not come true"})
+    stopped = SimpleNamespace(recording=recording, end={"state": "failed", "reason": "/x/y/a.yaml:5: did not come true"})
     assert programme.measure(series, stopped) == "a.yaml:5: did not come true"  # without the machine's folders
     records = readers.failed("grid_up", UP, "step 5 did not come true")
     row = evaluate(TARGETS["up_t_p_upper"], records)
@@ -79,8 +76,9 @@ def test_each_shift_of_the_delay_sequence_is_a_repeat():
     parts = [Shift(up=True), Shift(up=False), Shift(up=True, peak=270.0), Shift(up=False)]
     channels = [part.channels() for part in parts]
     joined = {name: np.concatenate([c[name] for c in channels]) for name in channels[0]}
-    recording = Recording(0.0, PERIOD, joined,
-                          [(1.0 + 3.0 * i, 1 if part.up else 2, 2 if part.up else 1) for i, part in enumerate(parts)])
+    recording = Recording(
+        0.0, PERIOD, joined, [(1.0 + 3.0 * i, 1 if part.up else 2, 2 if part.up else 1) for i, part in enumerate(parts)]
+    )
     conditions = {"series": 19, "t12": -0.22, "t21": -0.22, "n_wej": 500.0 * RPM, "m_wyj": 60.0}
     repeats = readers.delay_series(conditions, run_of(recording))
     assert len(repeats) == 2
@@ -109,10 +107,14 @@ def test_a_coast_down_gives_inertia_and_speed_over_time():
 
 def delays(values, shift="I-II", quantity="k"):
     """Records from {series: (t12, value)}."""
-    return [Record("delay_series", {"shift": shift, "series": n, "t12": t12, "t21": t12, "n_wej": 500.0 * RPM,
-                                    "m_wyj": 60.0},
-                   {"k": 1.0, "m_wej_max_nm": 250.0, "t_dt_s": 0.3, quantity: value})
-            for n, (t12, value) in values.items()]
+    return [
+        Record(
+            "delay_series",
+            {"shift": shift, "series": n, "t12": t12, "t21": t12, "n_wej": 500.0 * RPM, "m_wyj": 60.0},
+            {"k": 1.0, "m_wej_max_nm": 250.0, "t_dt_s": 0.3, quantity: value},
+        )
+        for n, (t12, value) in values.items()
+    ]
 
 
 def test_the_dip_begins_where_k_crosses_its_bound_for_the_last_time():
@@ -134,8 +136,7 @@ def test_a_result_of_all_series_answers_a_row_on_all_series():
 
 def test_smallest_and_shortest_within_what_counts_as_equal():
     found = derive(delays({1: (0.0, 250.0), 19: (-0.2, 249.1), 3: (-0.1, 248.5)}, quantity="m_wej_max_nm"))
-    words = {r.conditions["series"]: r.values["m_wej_max_nm"] for r in found
-             if isinstance(r.values.get("m_wej_max_nm"), str)}
+    words = {r.conditions["series"]: r.values["m_wej_max_nm"] for r in found if isinstance(r.values.get("m_wej_max_nm"), str)}
     assert words == {1: "not smallest", 19: "smallest", 3: "smallest"}
     found = derive(delays({1: (0.0, 0.30), 19: (-0.2, 0.289), 3: (-0.1, 0.285)}, "II-I", "t_dt_s"))
     words = {r.conditions["series"]: r.values["t_dt_s"] for r in found if isinstance(r.values.get("t_dt_s"), str)}
@@ -144,19 +145,30 @@ def test_smallest_and_shortest_within_what_counts_as_equal():
 
 def test_a_dominated_series_is_worse_in_all_three():
     def series(n, peak, time, hold):
-        return Record("profile_series", {"valve": "ZR-P1", "series": n},
-                      {"engagement_peak_nm": peak, "engagement_s": time, "level_s": hold})
-    found = derive([series(1, 100.0, 0.30, 0.06), series(2, 90.0, 0.25, 0.03), series(3, 80.0, 0.35, 0.02),
-                    series(4, 50.0, 0.1, 0.0)])
+        return Record(
+            "profile_series", {"valve": "ZR-P1", "series": n}, {"engagement_peak_nm": peak, "engagement_s": time, "level_s": hold}
+        )
+
+    found = derive(
+        [series(1, 100.0, 0.30, 0.06), series(2, 90.0, 0.25, 0.03), series(3, 80.0, 0.35, 0.02), series(4, 50.0, 0.1, 0.0)]
+    )
     ranks = {r.conditions["series"]: r.values["engagement_rank"] for r in found if "engagement_rank" in r.values}
     assert ranks == {1: "dominated", 2: "not dominated", 3: "not dominated", 4: "not dominated"}
 
 
 def test_a_hold_is_classed_by_the_mean_of_its_repeats():
     """The shortest hold phase is one period of the mains hum, 20 ms."""
-    found = derive([Record("profile_series", {"valve": "ZR-P1", "series": n}, {
-        "level_s": level, "engagement_peak_nm": 90.0, "engagement_s": 0.2}, {"level_s": "no rise"})
-        for n, level in ((1, 0.0201), (2, 0.0199), (3, None))])
+    found = derive(
+        [
+            Record(
+                "profile_series",
+                {"valve": "ZR-P1", "series": n},
+                {"level_s": level, "engagement_peak_nm": 90.0, "engagement_s": 0.2},
+                {"level_s": "no rise"},
+            )
+            for n, level in ((1, 0.0201), (2, 0.0199), (3, None))
+        ]
+    )
     holds = {r.conditions["series"]: (r.values["hold"], r.why) for r in found if "hold" in r.values}
     assert holds == {1: ("hold", {}), 2: ("no hold", {}), 3: (None, {"hold": "no rise"})}
     phases = [r.values["pressure_rise"] for r in found if "pressure_rise" in r.values]
@@ -168,7 +180,10 @@ def test_a_hold_is_classed_by_the_mean_of_its_repeats():
 
 def test_rows_are_chosen_by_name_and_procedure():
     assert {t.id for t in programme.choose(["valve_delay_*"])} == {
-        "valve_delay_zr_p1", "valve_delay_zr_p2", "valve_delay_p1_shorter"}
+        "valve_delay_zr_p1",
+        "valve_delay_zr_p2",
+        "valve_delay_p1_shorter",
+    }
     assert {t.procedure for t in programme.choose([], ["grid_up"])} == {"grid_up"}
     assert len(programme.choose()) == len(TARGETS)
     with pytest.raises(RigError, match="row 'peaks'"):
@@ -202,9 +217,11 @@ def test_the_series_hold_every_condition_that_rows_list():
                 there = [one.conditions[name] for one in series if name in one.conditions]
                 if name == "shift" and not there:
                     continue  # the delay sequence shifts both ways
-                lacking += [(target.id, name, one) for one in wanted
-                            if not any(one == value or isinstance(one, float) and abs(one - value) < 1e-9
-                                       for value in there)]
+                lacking += [
+                    (target.id, name, one)
+                    for one in wanted
+                    if not any(one == value or (isinstance(one, float) and abs(one - value) < 1e-9) for value in there)
+                ]
     assert lacking == []
 
 
@@ -218,8 +235,12 @@ def test_series_beyond_the_laboratorys_are_named_apart():
 
 def test_a_procedure_runs_and_its_rows_are_judged():
     result = programme.validate(programme.choose(["coast_down_*"]))
-    assert {row.target.id for row in result.rows} == {"coast_down_curve", "coast_down_tangent_time",
-                                                      "coast_down_torque", "coast_down_inertia"}
+    assert {row.target.id for row in result.rows} == {
+        "coast_down_curve",
+        "coast_down_tangent_time",
+        "coast_down_torque",
+        "coast_down_inertia",
+    }
     assert all(row.verdict in ("inside", "outside") and row.value is not None for row in result.rows)
     # the mass that the rig was given, back from its own running out
     inertia = next(row.value for row in result.rows if row.target.id == "coast_down_inertia")
@@ -257,8 +278,7 @@ def test_chapter_8_is_judged_by_what_the_bench_measured():
 def test_the_settings_of_the_gearbox_do_not_touch_the_benches():
     programme.check_settings(["clutch_bench", "spring_bench"], {"motor.ramp": "500 rpm/s"})
     with Workers(1) as workers:
-        result = programme.validate(programme.choose(["cylinder_*", "spring_*"]), workers,
-                                    settings={"motor.ramp": "500 rpm/s"})
+        result = programme.validate(programme.choose(["cylinder_*", "spring_*"]), workers, settings={"motor.ramp": "500 rpm/s"})
     rows = {row.target.id: row for row in result.rows}
     assert {row.verdict for row in rows.values()} == {"inside"} and len(rows) == 3
 

@@ -13,8 +13,6 @@ from math import pi
 from types import SimpleNamespace
 
 import pytest
-from synthetic_shift import Shift
-
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.procedure import load_procedure
@@ -24,6 +22,7 @@ from rig_nodes.validation.figures import Band, Figure, Series, ticks
 from rig_nodes.validation.pictures import figures
 from rig_nodes.validation.records import Record
 from rig_nodes.validation.targets import load_targets
+from synthetic_shift import Shift
 
 RPM = pi / 30.0
 TARGETS = {target.id: target for target in load_targets()}
@@ -56,8 +55,7 @@ def test_rows_come_back_as_json_and_misses_do_not_fail(capsys):
 
 def test_rows_go_into_a_file_and_figures_into_a_folder(capsys, tmp_path):
     file = tmp_path / "rows.json"
-    assert main(["validate", "--rows", "cylinder_*", "--jobs", "1", "--json", str(file),
-                 "--pictures", str(tmp_path / "p")]) == 0
+    assert main(["validate", "--rows", "cylinder_*", "--jobs", "1", "--json", str(file), "--pictures", str(tmp_path / "p")]) == 0
     assert "predicted inside 1 of 1" in capsys.readouterr().out
     # where the cylinder begins to push, by (8.2) at 0.098 MPa, within the class of the pressure transducer
     start = next(row for row in json.loads(file.read_text())["rows"] if row["id"] == "cylinder_force_start")
@@ -65,15 +63,18 @@ def test_rows_go_into_a_file_and_figures_into_a_folder(capsys, tmp_path):
     assert (tmp_path / "p" / "fig_8_8.svg").is_file() and (tmp_path / "p" / "fig_8_9.svg").is_file()
 
 
-@pytest.mark.parametrize(("arguments", "said"), [
-    (["--rows", "peaks"], "row 'peaks'"),
-    (["--procedures", "grid"], "procedure 'grid'; did you mean "),
-    (["--jobs", "0"], "--jobs is 0"),
-    (["--write-docs", "--rows", "up_*"], "--write-docs"),
-    (["--rows", "bench_*", "--set", "motor.speed=1"], "motor.speed"),
-    (["--rows", "bench_*", "--json", "/no/such/folder/x.json"], "/no/such/folder/x.json"),
-    (["--procedures", "delay_series", "--set", "alfa46.t12=0 ms"], "series '1' of delay_series sets it itself"),
-])
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--rows", "peaks"], "row 'peaks'"),
+        (["--procedures", "grid"], "procedure 'grid'; did you mean "),
+        (["--jobs", "0"], "--jobs is 0"),
+        (["--write-docs", "--rows", "up_*"], "--write-docs"),
+        (["--rows", "bench_*", "--set", "motor.speed=1"], "motor.speed"),
+        (["--rows", "bench_*", "--json", "/no/such/folder/x.json"], "/no/such/folder/x.json"),
+        (["--procedures", "delay_series", "--set", "alfa46.t12=0 ms"], "series '1' of delay_series sets it itself"),
+    ],
+)
 def test_bad_arguments_are_refused_in_one_sentence(arguments, said, capsys):
     assert main(["validate", *arguments]) == 2
     err = capsys.readouterr().err.splitlines()
@@ -81,8 +82,14 @@ def test_bad_arguments_are_refused_in_one_sentence(arguments, said, capsys):
 
 
 def test_ctrl_c_ends_it_without_a_word():
-    process = subprocess.Popen([*COMMAND, "--rows", "coast_down_torque", "hold_*"], stdout=subprocess.PIPE,
-                               stderr=subprocess.PIPE, text=True, start_new_session=True, env=dict(os.environ))
+    process = subprocess.Popen(
+        [*COMMAND, "--rows", "coast_down_torque", "hold_*"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env=dict(os.environ),
+    )
     controller, first = process.stderr.readline(), process.stderr.readline()
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=60)
@@ -98,28 +105,47 @@ def test_every_row_has_its_section_and_what_it_accepts():
     for target in TARGETS.values():
         assert document.section(target) in document.SECTIONS, target.id
         assert document.accepted(evaluate(target, [])), target.id
-    sections = {name: document.section(TARGETS[name]) for name in (
-        "rise_disturbed", "valve_delay_zr_p1", "hold_zr_p1_19", "delay_up_peak_spread", "up_t_dt_range",
-        "bench_m_eks_linear", "ch9_load_law_minimum", "concl_dip_negligible")}
-    assert sections == {"rise_disturbed": "7.1", "valve_delay_zr_p1": "7.2", "hold_zr_p1_19": "7.3.2",
-                        "delay_up_peak_spread": "7.5", "up_t_dt_range": "7.5", "bench_m_eks_linear": "8",
-                        "ch9_load_law_minimum": "9", "concl_dip_negligible": "10"}
+    sections = {
+        name: document.section(TARGETS[name])
+        for name in (
+            "rise_disturbed",
+            "valve_delay_zr_p1",
+            "hold_zr_p1_19",
+            "delay_up_peak_spread",
+            "up_t_dt_range",
+            "bench_m_eks_linear",
+            "ch9_load_law_minimum",
+            "concl_dip_negligible",
+        )
+    }
+    assert sections == {
+        "rise_disturbed": "7.1",
+        "valve_delay_zr_p1": "7.2",
+        "hold_zr_p1_19": "7.3.2",
+        "delay_up_peak_spread": "7.5",
+        "up_t_dt_range": "7.5",
+        "bench_m_eks_linear": "8",
+        "ch9_load_law_minimum": "9",
+        "concl_dip_negligible": "10",
+    }
 
 
 def test_numbers_are_in_the_laboratorys_unit():
-    row = evaluate(TARGETS["up_peak_torque_range"], [shift(rpm, 80, m_wej_max_nm=300.0 + rpm / 1000)
-                                                     for rpm in (1000, 1200, 1500, 1800, 2000)])
+    row = evaluate(
+        TARGETS["up_peak_torque_range"], [shift(rpm, 80, m_wej_max_nm=300.0 + rpm / 1000) for rpm in (1000, 1200, 1500, 1800, 2000)]
+    )
     assert document.accepted(row) == document.laboratory(row) == "244 Nm to 293 Nm"
     assert document.of_rig(row) == "302 Nm (0 of 5 inside; 2000 rpm)"
-    delay = evaluate(TARGETS["delay_up_dip_begins"], [Record("delay_series", {
-        "shift": "I-II", "n_wej": 500.0 * RPM, "m_wyj": 60.0, "series": "all"}, {"dip_begins_s": -0.18})])
+    delay = evaluate(
+        TARGETS["delay_up_dip_begins"],
+        [Record("delay_series", {"shift": "I-II", "n_wej": 500.0 * RPM, "m_wyj": 60.0, "series": "all"}, {"dip_begins_s": -0.18})],
+    )
     assert document.of_rig(delay) == "-180 ms" and delay.verdict == "inside"
     assert document.laboratory(delay) == "-175 ms; accepted: -200 ms to -150 ms"
 
 
 def hold(number, word):
-    return Record("profile_series", {"valve": "ZR-P1", "series": number, "n_wej": 500.0 * RPM, "m_wyj": 30.0},
-                  {"hold": word})
+    return Record("profile_series", {"valve": "ZR-P1", "series": number, "n_wej": 500.0 * RPM, "m_wyj": 30.0}, {"hold": word})
 
 
 def test_the_document_counts_holds_and_explains_misses():
@@ -157,8 +183,7 @@ def test_ticks_enclose_the_values_with_round_steps():
 
 
 def test_a_figure_draws_every_point_where_it_belongs():
-    figure = Figure("a < b", "x", "y", [Series("one", [0.0, 1.0, 2.0, 3.0], [0.0, 10.0, None, 5.0])],
-                    [Band("accepted", None, 5.0)])
+    figure = Figure("a < b", "x", "y", [Series("one", [0.0, 1.0, 2.0, 3.0], [0.0, 10.0, None, 5.0])], [Band("accepted", None, 5.0)])
     root = ElementTree.fromstring(figure.svg())
     circles = [(float(c.get("cx")), float(c.get("cy"))) for c in root.iter("{http://www.w3.org/2000/svg}circle")]
     assert len(circles) == 3 and circles[0][0] < circles[1][0] < circles[2][0]
@@ -173,7 +198,7 @@ def test_a_figure_draws_every_point_where_it_belongs():
 
 def test_figures_show_the_grid_and_what_is_accepted():
     records = [shift(rpm, nm, t_dt_s=0.3 + nm * 1e-4) for rpm in (1000, 2000) for nm in (40, 80, 120)]
-    found = dict(figures(records + [shift(1000, 0, t_dt_s=9.0)]))
+    found = dict(figures([*records, shift(1000, 0, t_dt_s=9.0)]))
     figure = found["fig_7_35"]
     assert [s.name for s in figure.series] == ["1000 rpm", "2000 rpm"]
     assert figure.series[0].x == [40.0, 80.0, 120.0] and figure.series[0].y[0] == pytest.approx(0.304)

@@ -9,7 +9,6 @@ import sys
 from pathlib import Path
 
 import pytest
-
 from rig_nodes.analysis.report import build_report, write_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
@@ -72,14 +71,15 @@ def tripped(tmp_path_factory):
 @pytest.fixture
 def without(recorded, tmp_path):
     """Makes a copy of the demo run that lacks topics."""
+
     def copy(*topics):
         bag = Bag(recorded)
         with BagWriter(tmp_path / "less", "less") as less:
-            rows = [(stamp, topic, data) for topic in bag.counts if topic not in topics
-                    for stamp, data in bag.raw(topic)]
+            rows = [(stamp, topic, data) for topic in bag.counts if topic not in topics for stamp, data in bag.raw(topic)]
             for stamp, topic, data in sorted(rows, key=lambda row: row[0]):
                 less.write(topic, bag.types[topic], data, stamp)
         return tmp_path / "less"
+
     return copy
 
 

@@ -7,15 +7,14 @@ import io
 
 import numpy as np
 from PIL import Image
-
 from rig_nodes.view.pages import Pages
 
 PAGES = Pages()
-LONGEST = 300.0    # s for what one viewer is asked, on a busy machine
-DOT = 5           # px; a legend's dot holds a square of this size, no curve does
-LEGEND = 0.3      # of the width, in which the legend lies
-WHITE = 200       # of each channel of a text, at least
-BAR = 0.78        # brightness of a state's bar over the colour it is given
+LONGEST = 300.0  # s for what one viewer is asked, on a busy machine
+DOT = 5  # px; a legend's dot holds a square of this size, no curve does
+LEGEND = 0.3  # of the width, in which the legend lies
+WHITE = 200  # of each channel of a text, at least
+BAR = 0.78  # brightness of a state's bar over the colour it is given
 
 
 def image_of(png: bytes) -> np.ndarray:
@@ -25,13 +24,13 @@ def image_of(png: bytes) -> np.ndarray:
 
 def has(image: np.ndarray, colour, tolerance: int = 10) -> np.ndarray:
     """Which pixels have a colour, but for smoothed edges."""
-    return (np.abs(image - np.array(colour)).max(axis=2) <= tolerance)
+    return np.abs(image - np.array(colour)).max(axis=2) <= tolerance
 
 
 def curve_pixels(image: np.ndarray, colour, side: str = "right") -> int:
     """Pixels of a colour where no legend lies. side: where the legend is."""
     width = image.shape[1]
-    part = image[:, :int((1 - LEGEND) * width)] if side == "right" else image[:, int(LEGEND * width):]
+    part = image[:, : int((1 - LEGEND) * width)] if side == "right" else image[:, int(LEGEND * width) :]
     return int(has(part, colour).sum())
 
 
@@ -47,7 +46,7 @@ def legend_text(image: np.ndarray, colour) -> int:
     if not found:
         return 0
     row, column = found[0]
-    return text_pixels(image[max(0, row - 4):row + DOT + 4, column + 2 * DOT:])
+    return text_pixels(image[max(0, row - 4) : row + DOT + 4, column + 2 * DOT :])
 
 
 def text_pixels(image: np.ndarray) -> int:

@@ -14,7 +14,6 @@ from pathlib import Path
 import psutil
 import pytest
 from pixels import LONGEST, curve_pixels, dots, image_of, lanes, share, text_pixels
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.main import main
@@ -31,8 +30,7 @@ PAGES = Pages()
 
 def plots(*groups):
     """(name of the view, signals) of plots."""
-    return [(f"{title} [{catalogue().signal(names[0]).display_unit}]", names) for group in groups
-            for title, names in group]
+    return [(f"{title} [{catalogue().signal(names[0]).display_unit}]", names) for group in groups for title, names in group]
 
 
 RUN, OTHER = plots(PAGES.run_left, PAGES.run_right), plots(PAGES.other_plots)
@@ -70,7 +68,7 @@ def messages(recorded):
 def feed(sender, messages):
     """Hand over messages, never more than the queue holds."""
     for begin in range(0, len(messages), 2000):
-        for _, topic, data in messages[begin:begin + 2000]:
+        for _, topic, data in messages[begin : begin + 2000]:
             sender.put(topic, data)
         until(lambda: not sender.waiting, "the sender to send")
 
@@ -242,10 +240,10 @@ class LiveCommand:
         command = [sys.executable, "-P", "-m", "rig_nodes.cli.main"]
         self.log = folder / "live.log"
         with open(self.log, "wb") as log:
-            self.process = subprocess.Popen([*command, "view", "--live", *arguments], env=env, stdout=log,
-                                            stderr=log)
-        self.replay = subprocess.Popen([*command, "replay", str(SAMPLE), "--loop"], env=env,
-                                       stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+            self.process = subprocess.Popen([*command, "view", "--live", *arguments], env=env, stdout=log, stderr=log)
+        self.replay = subprocess.Popen(
+            [*command, "replay", str(SAMPLE), "--loop"], env=env, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL
+        )
 
     def said(self):
         return self.log.read_text()
@@ -276,9 +274,13 @@ def test_it_shows_a_real_graph_listens_on_loopback_only_and_ends_in_time(live_co
     url = until(lambda: address.search(live_command.said()), "the address")[1]
     with picture.HeadlessViewer(url, longest=LONGEST) as viewer:
         until(lambda: any(newest > 10**9 for _, newest in spans(viewer)), "a second of data")
-        until(lambda: any(curve_pixels(image_of(image), SUPPLY, side="left") > 30
-                          for _, image in viewer.views(lambda name: name.startswith("Clutch and supply"))),
-              "the curve of the supply pressure")
+        until(
+            lambda: any(
+                curve_pixels(image_of(image), SUPPLY, side="left") > 30
+                for _, image in viewer.views(lambda name: name.startswith("Clutch and supply"))
+            ),
+            "the curve of the supply pressure",
+        )
     family = live_command.family()
     tcp = [c for process in family for c in process.net_connections("tcp") if c.status == psutil.CONN_LISTEN]
     assert [c.laddr.ip for c in tcp] == ["127.0.0.1"]
@@ -294,8 +296,7 @@ def test_it_shows_a_real_graph_listens_on_loopback_only_and_ends_in_time(live_co
 
 @pytest.mark.against_the_clock
 def test_a_run_neither_waits_for_its_live_view_nor_ends_with_it(tmp_path):
-    command = [sys.executable, "-P", "-m", "rig_nodes.cli.main", "run", str(SHORT), "--view", "--out",
-               str(tmp_path / "run")]
+    command = [sys.executable, "-P", "-m", "rig_nodes.cli.main", "run", str(SHORT), "--view", "--out", str(tmp_path / "run")]
     env = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
     run = subprocess.Popen(command, env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     said = []

@@ -9,7 +9,6 @@ import xml.etree.ElementTree as xml
 from pathlib import Path
 
 import pytest
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.main import main
@@ -30,8 +29,9 @@ def fields():
         _, text, _ = bag.channel(topic)
         top = text.split("=" * 80)[0]
         rows = [line.split("#")[0].split() for line in top.splitlines()]
-        found[topic] = {row[1]: re.fullmatch(r"([\w/]+)(?:\[(\d*)\])?", row[0]).groups()
-                        for row in rows if len(row) == 2 and "=" not in row[1]}
+        found[topic] = {
+            row[1]: re.fullmatch(r"([\w/]+)(?:\[(\d*)\])?", row[0]).groups() for row in rows if len(row) == 2 and "=" not in row[1]
+        }
     return found
 
 
@@ -47,11 +47,13 @@ def signal_at(fields, topic, field):
 @pytest.fixture
 def made(tmp_path):
     """Writes a layout by the command; returns its text."""
+
     def make(tool):
         path = tmp_path / "layout"
         assert main(["view", "--layout", tool, "--out", str(path)]) == 0
         assert [entry.name for entry in tmp_path.iterdir()] == ["layout"]
         return path.read_text(encoding="utf-8")
+
     return make
 
 
@@ -132,8 +134,10 @@ def test_foxglove_finds_each_panel_once(foxglove):
     root = foxglove["configById"][foxglove["layout"]]
     placed = {tab["title"]: leaves(tab["layout"]) for tab in root["tabs"]}
     assert sorted(sum(placed.values(), [foxglove["layout"]])) == sorted(foxglove["configById"])
-    shown = {title: [foxglove["configById"][key]["foxglovePanelTitle"].partition(" [")[0] for key in keys]
-             for title, keys in placed.items()}
+    shown = {
+        title: [foxglove["configById"][key]["foxglovePanelTitle"].partition(" [")[0] for key in keys]
+        for title, keys in placed.items()
+    }
     assert shown == titles()
     for columns in tabs(PAGES):
         parts = foxglove["configById"][placed[columns[0]][0]]

@@ -6,7 +6,6 @@
 import json
 
 import pytest
-
 from rig_nodes.cli.main import main
 from rig_nodes.description.structure import structure_of
 from rig_nodes.errors import RigError
@@ -74,16 +73,26 @@ def test_a_picture_is_made_of_a_page_by_its_name(tmp_path, capsys):
         save_bare_layout(tmp_path / "run", None, tmp_path / "page.rbl", "Slips at a glanze")
 
 
-@pytest.mark.parametrize("old, new, sentence", [
-    ("c3_slip]", "c4_slip]", r"rig.yaml:5: view.Slips at a glance.Slip: there is no signal 'c4_slip'; did you mean"),
-    ("[p_b1]", "[p_b1, n_in]", "rig.yaml:6: view.Slips at a glance.Oil of B1: a plot's signals share their unit, found p_b1 in MPa and n_in in rpm"),
-    ("[p_b1]", "[gear]", "gear is a state, which the view shows in lanes of its own"),
-    ("[p_b1]", "p_b1", "view.Slips at a glance.Oil of B1 must be a list of signals, found"),
-    ("[p_b1]", "[]", "must be a list of signals"),
-    ("  Slips at a glance:\n    Slip: [b1_slip, c2_slip, c3_slip]\n    Oil of B1: [p_b1]\n", "  Slips: [n_in]\n",
-     "view.Slips must be a map of plots, each a title and the list of its signals"),
-    (OWN[OWN.index("view:"):], "view: [n_in]\n", "rig.yaml:3: view must be a map of pages"),
-])
+@pytest.mark.parametrize(
+    "old, new, sentence",
+    [
+        ("c3_slip]", "c4_slip]", r"rig.yaml:5: view.Slips at a glance.Slip: there is no signal 'c4_slip'; did you mean"),
+        (
+            "[p_b1]",
+            "[p_b1, n_in]",
+            "rig.yaml:6: view.Slips at a glance.Oil of B1: a plot's signals share their unit, found p_b1 in MPa and n_in in rpm",
+        ),
+        ("[p_b1]", "[gear]", "gear is a state, which the view shows in lanes of its own"),
+        ("[p_b1]", "p_b1", "view.Slips at a glance.Oil of B1 must be a list of signals, found"),
+        ("[p_b1]", "[]", "must be a list of signals"),
+        (
+            "  Slips at a glance:\n    Slip: [b1_slip, c2_slip, c3_slip]\n    Oil of B1: [p_b1]\n",
+            "  Slips: [n_in]\n",
+            "view.Slips must be a map of plots, each a title and the list of its signals",
+        ),
+        (OWN[OWN.index("view:") :], "view: [n_in]\n", "rig.yaml:3: view must be a map of pages"),
+    ],
+)
 def test_what_cannot_be_shown_is_refused_with_its_line(tmp_path, old, new, sentence):
     assert old in OWN
     with pytest.raises(RigError, match=sentence):

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 import rerun
-
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
 from rig_nodes.view import picture, viewer
@@ -47,8 +46,7 @@ def test_no_open_only_writes(run, monkeypatch, capsys):
     monkeypatch.setattr(viewer, "program", lambda: pytest.fail("a viewer was started"))
     assert main(["view", str(run), "--no-open"]) == 0
     assert main(["view", str(run), "--no-open"]) == 0
-    assert capsys.readouterr().out.splitlines() == [f"{run / 'view.rrd'} written",
-                                                    f"{run / 'view.rrd'} is up to date"]
+    assert capsys.readouterr().out.splitlines() == [f"{run / 'view.rrd'} written", f"{run / 'view.rrd'} is up to date"]
 
 
 REFUSED = {
@@ -90,6 +88,7 @@ def test_without_rerun_one_sentence(run, monkeypatch, capsys):
 def test_a_folder_that_cannot_be_written_is_named(run, monkeypatch, capsys):
     def refuse(*_, **__):
         raise PermissionError(13, "Permission denied")
+
     monkeypatch.setattr("tempfile.mkstemp", refuse)
     assert main(["view", str(run), "--no-open"]) == 2
     assert "view.rrd: cannot be written (Permission denied)" in capsys.readouterr().err
@@ -108,8 +107,7 @@ def test_a_viewer_that_cannot_open_a_window_is_quoted(run, monkeypatch, tmp_path
 def test_the_window_outlives_the_command_and_listens_on_loopback_only(tmp_path, monkeypatch):
     told = tmp_path / "told"
     program = tmp_path / "viewer"
-    program.write_text(f'#!/bin/sh\n{{ echo "$@"; cat "$XDG_CONFIG_HOME/rerun/analytics.json"; }} > {told}\n'
-                       f'exec sleep 60\n')
+    program.write_text(f'#!/bin/sh\n{{ echo "$@"; cat "$XDG_CONFIG_HOME/rerun/analytics.json"; }} > {told}\nexec sleep 60\n')
     program.chmod(0o755)
     monkeypatch.setattr(viewer, "program", lambda: str(program))
     monkeypatch.setattr(viewer, "START", 1.0)

@@ -4,11 +4,10 @@
 """The file that `rig view` writes: signals, states, events, report, layout, also of runs with parts missing."""
 
 import json
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
 from rig_nodes.catalogue import catalogue
@@ -84,8 +83,7 @@ def test_events_are_logged_with_their_time(shown, recorded):
 def test_an_upright_line_marks_each_order(shown, recorded):
     orders = [t for t, _, name, _, _ in Bag(recorded).events() if name == "shift_ordered"]
     times, values = shown.rows("/orders/shaft_torque", "Scalars:scalars")
-    upright = [(a, values[i], values[i + 1]) for i, (a, b) in enumerate(zip(times, times[1:])) if a == b
-               and values[i] < values[i + 1]]
+    upright = [(a, values[i], values[i + 1]) for i, (a, b) in enumerate(pairwise(times)) if a == b and values[i] < values[i + 1]]
     assert [a for a, _, _ in upright] == [round(t * 1e9) for t in orders]
 
 
@@ -102,8 +100,15 @@ def test_report_is_shown_as_tables(shown, recorded):
 def test_layout_belongs_to_the_recording_and_shows_every_signal(shown, orders):
     assert len(shown.applications) == 1
     views = shown.views()
-    assert {"Coil current [mA]", "Clutch pressure [MPa]", "Shaft torque [Nm]", "Speed [rpm]", "Report",
-            "Events", *(f"{way} at {t:.3f} s" for way, t in zip(("I → II", "II → I"), orders))} <= set(views)
+    assert {
+        "Coil current [mA]",
+        "Clutch pressure [MPa]",
+        "Shaft torque [Nm]",
+        "Speed [rpm]",
+        "Report",
+        "Events",
+        *(f"{way} at {t:.3f} s" for way, t in zip(("I → II", "II → I"), orders)),
+    } <= set(views)
     drawn = {entity for contents in views.values() for entity in contents}
     assert {path_of(name) for name in catalogue().signals} <= drawn
 
@@ -145,7 +150,7 @@ def test_the_file_is_written_again_only_when_something_changed(run, read_rrd):
 @pytest.mark.parametrize("content", [b"", b"no Rerun file at all", None], ids=["empty", "text", "half"])
 def test_a_damaged_file_is_replaced(run, read_rrd, content):
     path = make_view(run).path
-    path.write_bytes(path.read_bytes()[:path.stat().st_size // 2] if content is None else content)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2] if content is None else content)
     assert make_view(run).written
     assert path_of("p1") in read_rrd(path).data
 
@@ -153,7 +158,7 @@ def test_a_damaged_file_is_replaced(run, read_rrd, content):
 def test_a_cut_bag_is_shown_as_far_as_it_goes(run, read_rrd):
     bag = run / "demo_0.mcap"
     whole = Bag(run).logger().time()[-1]
-    bag.write_bytes(bag.read_bytes()[:bag.stat().st_size // 2])
+    bag.write_bytes(bag.read_bytes()[: bag.stat().st_size // 2])
     (run / "report.json").unlink()
     view = make_view(run)
     assert any("recovered" in note for note in view.notes)
@@ -179,8 +184,8 @@ def test_a_report_that_is_none_is_named(run):
 
 def test_a_run_without_logger_is_drawn_from_the_transducers(without, recorded, read_rrd):
     view = make_view(without("/instruments/hmg4000", "/instruments/channels"))
-    t, values = Bag(recorded).series("p1")
-    times, curve = read_rrd(view.path).rows(path_of("p1"), "Scalars:scalars")
+    _t, values = Bag(recorded).series("p1")
+    _times, curve = read_rrd(view.path).rows(path_of("p1"), "Scalars:scalars")
     np.testing.assert_array_equal(curve, values * 1e-6)
     assert any("logger" in note for note in view.notes)
 

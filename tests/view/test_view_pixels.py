@@ -14,7 +14,6 @@ import numpy as np
 import psutil
 import pytest
 from pixels import LONGEST, curve_pixels, dots, image_of, lanes, legend_text, share, text_pixels
-
 from rig_nodes.bags.reader import Bag
 from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.main import main
@@ -129,11 +128,14 @@ def windows(recorded):
     """Title of a view of states -> the window that it shows [s], its signals from the top."""
     events = Bag(recorded).events()
     orders = [(t, int(value)) for t, _, name, _, value in events if name == "shift_ordered"]
-    shifts = layout.choose(layout.shifts_of([(t, before, after) for (_, before), (t, after)
-                                             in zip([(0, 0), *orders], orders)], PAGES.box))
+    shifts = layout.choose(
+        layout.shifts_of([(t, before, after) for (_, before), (t, after) in zip([(0, 0), *orders], orders)], PAGES.box)
+    )
     whole = layout.with_room((shifts[0].window[0], shifts[-1].window[1]))
-    return {"States": (whole, sorted(PAGES.states)),
-            **{shift.title: (layout.with_room(shift.window), sorted(PAGES.shift_states)) for shift in shifts}}
+    return {
+        "States": (whole, sorted(PAGES.states)),
+        **{shift.title: (layout.with_room(shift.window), sorted(PAGES.shift_states)) for shift in shifts},
+    }
 
 
 def test_every_state_has_its_colour_as_long_as_it_lasts(tabs, windows, recorded):
@@ -150,9 +152,13 @@ def test_every_state_has_its_colour_as_long_as_it_lasts(tabs, windows, recorded)
                 assert share(bar, name, label) == pytest.approx(expected, abs=0.015), (title, name, label)
                 if expected > 0.02:
                     checked.add((name, label))
-    assert {(f"{clutch}_mode", label) for clutch in ("s1", "s2") for label in ("open", "slipping", "locked")} \
-        | {("gear", "I"), ("gear", "II"), ("gear_ordered", "I"), ("gear_ordered", "II"),
-           ("rig_state", "running")} <= checked
+    assert {(f"{clutch}_mode", label) for clutch in ("s1", "s2") for label in ("open", "slipping", "locked")} | {
+        ("gear", "I"),
+        ("gear", "II"),
+        ("gear_ordered", "I"),
+        ("gear_ordered", "II"),
+        ("rig_state", "running"),
+    } <= checked
 
 
 def test_window_and_tab_of_a_picture_can_be_chosen(run, tabs, tmp_path):
@@ -164,8 +170,10 @@ def test_window_and_tab_of_a_picture_can_be_chosen(run, tabs, tmp_path):
 
 
 def test_a_killed_command_leaves_no_viewer(recorded, tmp_path):
-    command = subprocess.Popen([sys.executable, "-m", "rig_nodes.cli.main", "view", str(recorded),
-                                "--picture", str(tmp_path / "x.png")], stdout=subprocess.DEVNULL)
+    command = subprocess.Popen(
+        [sys.executable, "-m", "rig_nodes.cli.main", "view", str(recorded), "--picture", str(tmp_path / "x.png")],
+        stdout=subprocess.DEVNULL,
+    )
     try:
         viewers, deadline = [], time.monotonic() + 20
         while not viewers and time.monotonic() < deadline:
@@ -180,8 +188,11 @@ def test_a_killed_command_leaves_no_viewer(recorded, tmp_path):
 
 
 def test_a_machine_that_must_check_the_view_skips_nothing():
-    hide = ("import sys, pytest, rig_nodes.view.picture as picture; picture.DRIVER_FOLDERS = (); "
-            f"sys.exit(pytest.main(['-q', '-p', 'no:cacheprovider', {__file__!r}, '-k', 'large_enough']))")
-    done = subprocess.run([sys.executable, "-c", hide], capture_output=True, text=True, timeout=60,
-                          env={**os.environ, "RIG_REQUIRE_VIEW": "1"})
+    hide = (
+        "import sys, pytest, rig_nodes.view.picture as picture; picture.DRIVER_FOLDERS = (); "
+        f"sys.exit(pytest.main(['-q', '-p', 'no:cacheprovider', {__file__!r}, '-k', 'large_enough']))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", hide], capture_output=True, text=True, timeout=60, env={**os.environ, "RIG_REQUIRE_VIEW": "1"}
+    )
     assert done.returncode == 1 and "RIG_REQUIRE_VIEW=1" in done.stdout and "mesa-vulkan-drivers" in done.stdout

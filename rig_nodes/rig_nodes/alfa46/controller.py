@@ -53,8 +53,12 @@ class Alfa46:
 
     def order(self, gear: int) -> None:
         """Order a gear; it takes effect at the next sample. RigError with the reason when refused."""
-        why = refusal(gear, self.gear if self._ordered is None else self._ordered,
-                      self.shifting or self._ordered is not None, self.transmission)
+        why = refusal(
+            gear,
+            self.gear if self._ordered is None else self._ordered,
+            self.shifting or self._ordered is not None,
+            self.transmission,
+        )
         if why:
             raise RigError(f"shift refused: {why}")
         self._ordered = gear

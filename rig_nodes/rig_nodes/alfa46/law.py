@@ -15,15 +15,35 @@ OUTPUTS = 3  # the box drives up to three valves
 GEARS = 7  # as many as there are choices of outputs
 NEUTRAL, GEAR_I, GEAR_II, GEAR_III = 0, 1, 2, 3
 
-LAW_CONFIG = np.dtype([
-    ("period", "f8"), ("supply_voltage", "f8"), ("gain_p", "f8"), ("gain_i", "f8"), ("gain_d", "f8"),
-    ("derivative_time", "f8"), ("t12", "f8"), ("t21", "f8"), ("t23", "f8"), ("t32", "f8"), ("drives", "i8", (GEARS + 1,)),
-])  # drives: of each gear by its number, bit k: output k
+LAW_CONFIG = np.dtype(
+    [
+        ("period", "f8"),
+        ("supply_voltage", "f8"),
+        ("gain_p", "f8"),
+        ("gain_i", "f8"),
+        ("gain_d", "f8"),
+        ("derivative_time", "f8"),
+        ("t12", "f8"),
+        ("t21", "f8"),
+        ("t23", "f8"),
+        ("t32", "f8"),
+        ("drives", "i8", (GEARS + 1,)),
+    ]
+)  # drives: of each gear by its number, bit k: output k
 # phase of an output: 0 off, 1 rising or on, 2 falling; start: sample of the switch signal of that phase
-LAW_OUTPUT = np.dtype([
-    ("phase", "f8"), ("start", "f8"), ("pending", "f8"), ("pending_at", "f8"), ("level", "f8"), ("setpoint", "f8"),
-    ("integral", "f8"), ("filtered", "f8"), ("duty", "f8"),
-])
+LAW_OUTPUT = np.dtype(
+    [
+        ("phase", "f8"),
+        ("start", "f8"),
+        ("pending", "f8"),
+        ("pending_at", "f8"),
+        ("level", "f8"),
+        ("setpoint", "f8"),
+        ("integral", "f8"),
+        ("filtered", "f8"),
+        ("duty", "f8"),
+    ]
+)
 LAW_STATE = np.dtype([("gear", "f8"), ("shift_end", "f8"), ("sample", "f8")])
 OFF, ON, FALLING = 0.0, 1.0, 2.0
 

@@ -35,14 +35,18 @@ class Alfa46Values:
     gain_d: float = param("inductance", 0.0, 1e3, "Derivative gain of the current loop", live=True)
     derivative_time: float = param("time", 1e-3, 10.0, "Filter time of the derivative in the current loop", live=True)
     current_limit: float = param("current", 0.0, 0.8, "Largest current that a profile may ask for")
-    t12: float = param("time", -5.0, 5.0,
-                       "Delay from gear 1 to 2; negative: the engaging valve is switched on that much earlier", live=True)
-    t21: float = param("time", -5.0, 5.0,
-                       "Delay from gear 2 to 1; negative: the engaging valve is switched on that much earlier", live=True)
-    t23: float = param("time", -5.0, 5.0,
-                       "Delay from gear 2 to 3; negative: the engaging valve is switched on that much earlier", 0.0, live=True)
-    t32: float = param("time", -5.0, 5.0,
-                       "Delay from gear 3 to 2; negative: the engaging valve is switched on that much earlier", 0.0, live=True)
+    t12: float = param(
+        "time", -5.0, 5.0, "Delay from gear 1 to 2; negative: the engaging valve is switched on that much earlier", live=True
+    )
+    t21: float = param(
+        "time", -5.0, 5.0, "Delay from gear 2 to 1; negative: the engaging valve is switched on that much earlier", live=True
+    )
+    t23: float = param(
+        "time", -5.0, 5.0, "Delay from gear 2 to 3; negative: the engaging valve is switched on that much earlier", 0.0, live=True
+    )
+    t32: float = param(
+        "time", -5.0, 5.0, "Delay from gear 3 to 2; negative: the engaging valve is switched on that much earlier", 0.0, live=True
+    )
 
 
 @dataclass(frozen=True)
@@ -114,6 +118,5 @@ def read_alfa46(path, node=None) -> Alfa46Config:
     check_keys(path, node, node, ("profiles",), "alfa46")
     profiles = node["profiles"]
     check_keys(path, profiles, OUTPUT_KEYS, OUTPUT_KEYS, "alfa46.profiles")
-    table = [read_profile(profiles[key], path, f"alfa46.profiles.{key}", values.current_limit)
-             for key in OUTPUT_KEYS]
+    table = [read_profile(profiles[key], path, f"alfa46.profiles.{key}", values.current_limit) for key in OUTPUT_KEYS]
     return Alfa46Config(values, np.array(table))

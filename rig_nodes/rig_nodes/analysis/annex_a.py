@@ -39,15 +39,22 @@ def shifts_annex_a(recording: Recording, **factors) -> list[dict]:
     return [shift_metrics_annex_a(recording, order, end, **factors) for order, end in orders_of(recording)]
 
 
-def shift_metrics_annex_a(recording: Recording, order: tuple[float, int, int], next_order_time: float | None = None,
-                          set_speed: float | None = None, a: float = FACTOR_A, b: float = FACTOR_B,
-                          c: float = RISE_C) -> dict:
+def shift_metrics_annex_a(
+    recording: Recording,
+    order: tuple[float, int, int],
+    next_order_time: float | None = None,
+    set_speed: float | None = None,
+    a: float = FACTOR_A,
+    b: float = FACTOR_B,
+    c: float = RISE_C,
+) -> dict:
     """The metrics of one shift by Annex A, under the keys of :data:`metrics.KEYS`.
 
     recording, order, next_order_time: as in metrics.shift_metrics, of a transmission of two gears that share no clutch;
     nothing after the next order is read.
     set_speed: the set input speed [rad/s] the program asks for, by default the mean of 0.2 s before the order. a, b:
-    factors of the torque bands after II-I and I-II; c: rise of the engaging pressure over its rest [bar]. What the recipe does not give
+    factors of the torque bands after II-I and I-II; c: rise of the engaging pressure over its rest [bar]. What the recipe does
+    not give
     is None, with its reason in ``why``; overlap_s is not in it and has no reason. Engagements from neutral are none
     of its cases. Raises RigError for a recording that is not sampled at 10 kHz, or a factor not above 1.
     """
@@ -73,8 +80,11 @@ class _Program:
     """The channels in the program's units (bar, rpm, Nm); indices count from 0."""
 
     def __init__(self, recording, order, next_order_time, set_speed, row):
-        until = recording.rows if next_order_time is None else \
-            min(recording.rows, int(np.ceil((next_order_time - recording.t0) / PERIOD)))
+        until = (
+            recording.rows
+            if next_order_time is None
+            else min(recording.rows, int(np.ceil((next_order_time - recording.t0) / PERIOD)))
+        )
         self.order = int(np.ceil((order[0] - recording.t0) / PERIOD - 1e-6))
         self.box, self.up, self.row, self.why = recording.transmission, order[2] > order[1], row, row["why"]
         # the program's gears I and II, and what presses their clutches
@@ -143,8 +153,9 @@ class _Program:
             at = first_true(met, -(-self.order // BLOCK))
             if at is not None:
                 return at * BLOCK + BLOCK - 1
-        self.why.append(f"{self.old_name} has no {falls} falling means in a row from above {high:g} bar to below "
-                        f"{low:g} bar {later} ms later")
+        self.why.append(
+            f"{self.old_name} has no {falls} falling means in a row from above {high:g} bar to below {low:g} bar {later} ms later"
+        )
         return None
 
     def slip(self, gear: int) -> np.ndarray:
@@ -185,8 +196,9 @@ class _Program:
         """First sample after which 999 samples of torque lie in the band, the engaging clutch above 20 bar."""
         late = recovered + SETTLED_AFTER
         if late + SETTLED_FOR >= self.m_in.size:
-            self.why.append("the recording ends, or the next order comes, before the 0.6 s that Annex A takes for the "
-                            "settled torque")
+            self.why.append(
+                "the recording ends, or the next order comes, before the 0.6 s that Annex A takes for the settled torque"
+            )
             return None
         # 1001 samples by 1000, as printed
         value = float(np.sum(self.m_in[late : late + SETTLED_FOR + 1])) / SETTLED_FOR
@@ -210,7 +222,9 @@ class _Program:
         return None if rise is None else (end - rise) * PERIOD + (VALVE_DELAY_UP if self.up else VALVE_DELAY_DOWN)
 
     def rise_up(self, start: int, end: int, c: float) -> int | None:
-        """Of the engaging pressure of an upshift, backwards from the slip end: below 3 bar, then five samples in a row at most c above rest."""
+        """Of the engaging pressure of an upshift, backwards from the slip end: below 3 bar, then five samples in a row at most c
+        above rest.
+        """
         pressure = self.new_p
         rest = float(np.mean(pressure[start - REST_BEFORE + 1 : start - REST_BEFORE + 1 + REST_FOR]))
         low = np.flatnonzero(pressure[: end + 1] <= OPEN)
@@ -229,8 +243,10 @@ class _Program:
         near = zero[:-2] | zero[1:-1] | zero[2:]
         at = first_true(~near)
         if at is None or at == 0:
-            self.why.append(f"t_c is counted from where {self.new_name} leaves exactly zero, and {self.new_name} "
-                            + ("never left it" if at is None else f"was not at zero 1 s before {self.old_name} fell"))
+            self.why.append(
+                f"t_c is counted from where {self.new_name} leaves exactly zero, and {self.new_name} "
+                + ("never left it" if at is None else f"was not at zero 1 s before {self.old_name} fell")
+            )
             return None
         return first + at
 

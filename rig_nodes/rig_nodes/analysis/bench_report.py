@@ -37,7 +37,7 @@ def bench_report(bag, record: Mapping, problems: list[str]) -> dict:
         logger = bag.logger(fill=True)
         logged = Logged(logger.t0, logger.period, _as_chapter_8(structure, press, clutch, logger.channels))
         if record[press.name]["testing_machine"]:
-            travels = TRAVELS[TRAVELS <= np.max(logged.channels["s"]) + 30e-6]
+            travels = TRAVELS[np.max(logged.channels["s"]) + 30e-6 >= TRAVELS]
             forces = spring_line(logged, travels) if len(travels) else []
             return {"springs": [{"s_m": float(s), "f_s_n": float(f)} for s, f in zip(travels, forces)]}
         if record["instruments"]["force_fitted"]:
@@ -56,8 +56,12 @@ def bench_report(bag, record: Mapping, problems: list[str]) -> dict:
 
 def _as_chapter_8(structure: Structure, press: Device, clutch: Device, channels: Mapping) -> dict:
     """The channels under the names that chapter 8, and with it slip_tests, has for what they show."""
-    shows = {f"{press.name}.pressure": "p_z", f"{press.name}.travel": "s", f"{press.name}.force": "F_ps",
-             f"{clutch.wires['brakes']}.speed": "n"}
+    shows = {
+        f"{press.name}.pressure": "p_z",
+        f"{press.name}.travel": "s",
+        f"{press.name}.force": "F_ps",
+        f"{clutch.wires['brakes']}.speed": "n",
+    }
     own = {one.name: shows.get(one.shows, "M_e" if one.type == "torque" else one.name) for one in structure.transducers}
     return {own.get(name, name): values for name, values in channels.items()}
 
@@ -74,11 +78,17 @@ def bench_lines(found: dict) -> list[str]:
     if not tests:
         return ["no pack was slipped"]
     lines = ["   t s   p_z MPa    s mm    F_a N    p MPa  M_eks Nm"]
-    lines += [f"{row['t_slip_s']:6.2f} {row['p_z_pa'] * 1e-6:9.3f} {row['s_m'] * 1e3:7.3f} {row['clamp_n']:8.1f} "
-              f"{row['pressure_pa'] * 1e-6:8.3f} {row['m_eks_nm']:9.2f}" for row in tests]
+    lines += [
+        f"{row['t_slip_s']:6.2f} {row['p_z_pa'] * 1e-6:9.3f} {row['s_m'] * 1e3:7.3f} {row['clamp_n']:8.1f} "
+        f"{row['pressure_pa'] * 1e-6:8.3f} {row['m_eks_nm']:9.2f}"
+        for row in tests
+    ]
     line = found["line"]
     if line is None:
         return [*lines, f"no line: it takes at least {LEAST_TESTS} tests"]
     k_kor = ", ".join(f"{model} {value:.3f}" for model, value in line["k_kor"].items())
-    return [*lines, f"M_eks = {line['slope_nm_per_pa'] * 1e6:.2f} Nm/MPa p {line['m_rest_nm']:+.2f} Nm, R2 "
-            f"{line['r_squared']:.4f}", f"k_kor against the models: {k_kor}"]
+    return [
+        *lines,
+        f"M_eks = {line['slope_nm_per_pa'] * 1e6:.2f} Nm/MPa p {line['m_rest_nm']:+.2f} Nm, R2 {line['r_squared']:.4f}",
+        f"k_kor against the models: {k_kor}",
+    ]

@@ -19,8 +19,9 @@ STANDSTILL = 0.02  # share of the speed before the cut below which the shaft cou
 FALL = 0.01  # share of the speed whose loss shows that the drive is cut off; the first fall is five of it
 
 
-def coast_down(t: np.ndarray, w: np.ndarray, torque, t_cut: float | None = None, down_to: float = STANDSTILL,
-               degree: int = 2) -> dict[str, float | list[float] | None]:
+def coast_down(
+    t: np.ndarray, w: np.ndarray, torque, t_cut: float | None = None, down_to: float = STANDSTILL, degree: int = 2
+) -> dict[str, float | list[float] | None]:
     """Coast-down by (7.7), (7.8) and (6.110).
 
     t: equally spaced times [s]; w: speed of the input shaft [rad/s], 1-D of the same length; torque: of the input noted
@@ -39,8 +40,10 @@ def coast_down(t: np.ndarray, w: np.ndarray, torque, t_cut: float | None = None,
     """
     t, w = np.asarray(t, dtype=float), np.asarray(w, dtype=float)
     if not (t.ndim == 1 and t.shape == w.shape and t.size > 20 and np.all(np.isfinite(w)) and np.all(np.diff(t) > 0.0)):
-        raise RigError(f"a coast-down needs growing times and speeds of one length, more than 20 finite samples; these "
-                       f"have the shapes {t.shape} and {w.shape}")
+        raise RigError(
+            f"a coast-down needs growing times and speeds of one length, more than 20 finite samples; these "
+            f"have the shapes {t.shape} and {w.shape}"
+        )
     if not 0.0 <= down_to < 0.9:
         raise RigError(f"a coast-down is fitted down to a share of its speed from 0 to 0.9, not {down_to:g}")
     period = float(t[-1] - t[0]) / (t.size - 1)
@@ -55,17 +58,27 @@ def coast_down(t: np.ndarray, w: np.ndarray, torque, t_cut: float | None = None,
     last = t.size if last is None else last
     low = float(smooth[first:last].min())
     if last - first < 10 or low > 0.75 * full:
-        raise RigError(f"the speed falls only from {full:.2f} to {low:.2f} rad/s after {start:.3f} s; "
-                       "a coast-down must lose a quarter of it")
+        raise RigError(
+            f"the speed falls only from {full:.2f} to {low:.2f} rad/s after {start:.3f} s; a coast-down must lose a quarter of it"
+        )
     half = first_true(smooth <= 0.5 * full, first)
-    fits = [np.polyfit(t[first:stop] - start, w[first:stop], degree)
-            for stop in (last, min(last, t.size if half is None else half))]
+    fits = [
+        np.polyfit(t[first:stop] - start, w[first:stop], degree) for stop in (last, min(last, t.size if half is None else half))
+    ]
     m = _torque(t, torque, before)
     (tangent, inertia), (_, upper) = (_tangent(fit, m) for fit in fits)
     residual = w[first:last] - np.polyval(fits[0], t[first:last] - start)
-    return {"coast_down_tangent_s": tangent, "coast_down_m_wej_nm": m, "inertia": inertia, "inertia_half": upper,
-            "coefficients": [float(c) for c in fits[0]], "residual": float(np.sqrt(np.mean(residual**2))),
-            "t_cut_s": start, "t_end_s": float(t[last - 1] - start), "w_start": full if before.any() else None}
+    return {
+        "coast_down_tangent_s": tangent,
+        "coast_down_m_wej_nm": m,
+        "inertia": inertia,
+        "inertia_half": upper,
+        "coefficients": [float(c) for c in fits[0]],
+        "residual": float(np.sqrt(np.mean(residual**2))),
+        "t_cut_s": start,
+        "t_end_s": float(t[last - 1] - start),
+        "w_start": full if before.any() else None,
+    }
 
 
 def _tangent(fit: np.ndarray, torque: float) -> tuple[float, float]:

@@ -23,8 +23,7 @@ def annex_lines(columns, names: list[str], rows: list[dict], annex: dict) -> lis
         table = [[name, *(heading for heading, *_ in shown)]]
         table.append(["  plain", *(_cell(row[key], factor, digits) for _, key, factor, digits in shown)])
         table.append(["  Annex A", *(_cell(other[key], factor, digits) for _, key, factor, digits in shown)])
-        table.append(["  difference", *(_difference(row[key], other[key], factor, digits)
-                                        for _, key, factor, digits in shown)])
+        table.append(["  difference", *(_difference(row[key], other[key], factor, digits) for _, key, factor, digits in shown)])
         lines += _aligned(table) + [f"  not by Annex A: {reason}" for reason in other["why"]]
     return lines
 
@@ -38,15 +37,19 @@ def truth_lines(names: list[str], rows: list[dict], truths: list[dict | None], b
         if truth is None:
             lines.append(f"  {name}: the engaging clutch never locked, or the states do not cover it")
             continue
-        pairs = [f"order to lock-up {truth['t_lock_s'] * 1e3:.0f} ms ({_cell(row['t_c_s'], 1e3, 0)})",
-                 f"{box.input.torque} max {truth['m_wej_max_nm']:.1f} Nm ({_cell(row['m_wej_max_nm'], 1.0, 1)})",
-                 f"{box.output.speed} min {truth['n_wyj_min_rpm']:.0f} rpm ({_cell(row['n_wyj_min_rpm'], 1.0, 0)})"]
+        pairs = [
+            f"order to lock-up {truth['t_lock_s'] * 1e3:.0f} ms ({_cell(row['t_c_s'], 1e3, 0)})",
+            f"{box.input.torque} max {truth['m_wej_max_nm']:.1f} Nm ({_cell(row['m_wej_max_nm'], 1.0, 1)})",
+            f"{box.output.speed} min {truth['n_wyj_min_rpm']:.0f} rpm ({_cell(row['n_wyj_min_rpm'], 1.0, 0)})",
+        ]
         if truth["k"] is not None:
             pairs.append(f"k {truth['k']:.3f} ({_cell(row['k'], 1.0, 3)})")
-        clutches = [f"{clutch.name}: heat {truth[f'{clutch.heat}_j']:.0f} J, "
-                    f"highest torque {truth[f'torque_{clutch.key}_max_nm']:.0f} Nm" for clutch in box.clutches]
+        clutches = [
+            f"{clutch.name}: heat {truth[f'{clutch.heat}_j']:.0f} J, highest torque {truth[f'torque_{clutch.key}_max_nm']:.0f} Nm"
+            for clutch in box.clutches
+        ]
         lines += [f"  {name}: {', '.join(pairs)}", f"    {'; '.join(clutches)}"]
-    return lines + [f"  not from states: {WHY_NOT}"]
+    return [*lines, f"  not from states: {WHY_NOT}"]
 
 
 def _cell(value: float | None, factor: float, digits: int) -> str:
@@ -59,5 +62,7 @@ def _difference(plain: float | None, other: float | None, factor: float, digits:
 
 def _aligned(table: list[list[str]]) -> list[str]:
     widths = [max(len(line[i]) for line in table) for i in range(len(table[0]))]
-    return ["  ".join(cell.ljust(width) if i == 0 else cell.rjust(width)
-                      for i, (cell, width) in enumerate(zip(line, widths))) for line in table]
+    return [
+        "  ".join(cell.ljust(width) if i == 0 else cell.rjust(width) for i, (cell, width) in enumerate(zip(line, widths)))
+        for line in table
+    ]

@@ -29,9 +29,9 @@ def running_mean(x: np.ndarray, width: int) -> np.ndarray:
     np.cumsum(x - x[0], out=total[1:])
     out = np.empty(x.size)
     if x.size > 2 * half:
-        np.subtract(total[2 * half + 1:], total[:-2 * half - 1], out=out[half:x.size - half])
-        out[half:x.size - half] /= 2 * half + 1
-        ends = np.r_[:half, x.size - half:x.size]
+        np.subtract(total[2 * half + 1 :], total[: -2 * half - 1], out=out[half : x.size - half])
+        out[half : x.size - half] /= 2 * half + 1
+        ends = np.r_[:half, x.size - half : x.size]
     else:
         ends = np.arange(x.size)
     low, high = np.maximum(ends - half, 0), np.minimum(ends + half + 1, x.size)

@@ -22,8 +22,14 @@ def signs(box: Transmission) -> dict[str, float]:
     """Name of each energy -> its sign in the balance: + goes into the gearbox, - leaves it or stays in it; a full
     account sums to 0.
     """
-    return {"motor_work": 1.0, "load_work": -1.0, **{clutch.heat: -1.0 for clutch in box.clutches},
-            "heat_losses": -1.0, "stored_kinetic": -1.0, "stored_hydraulic": -1.0}
+    return {
+        "motor_work": 1.0,
+        "load_work": -1.0,
+        **{clutch.heat: -1.0 for clutch in box.clutches},
+        "heat_losses": -1.0,
+        "stored_kinetic": -1.0,
+        "stored_hydraulic": -1.0,
+    }
 
 
 def needed(box: Transmission) -> tuple[str, ...]:
@@ -33,20 +39,29 @@ def needed(box: Transmission) -> tuple[str, ...]:
 
 def fields(structure: Structure, box: Transmission) -> dict[str, dict[str, str]]:
     """Topic -> name of the energy (or speed) -> field of its message."""
-    works = {f"/{device.name}/state": {name: shown.field}
-             for role, name in ((parts.LOAD, "load_work"), (parts.SOURCE, "motor_work")) for device in structure.of_role(role)[:1]
-             for shown in parts.part(device.part).shows if shown.of == "energy"}  # each tells that of all of its role
-    return {**works, **{clutch.state: {clutch.heat: "heat"} for clutch in box.clutches},
-            "/gearbox/state": {"heat_losses": "heat", "w_in": "w_wej", "w_out": "w_wyj"}}
+    works = {
+        f"/{device.name}/state": {name: shown.field}
+        for role, name in ((parts.LOAD, "load_work"), (parts.SOURCE, "motor_work"))
+        for device in structure.of_role(role)[:1]
+        for shown in parts.part(device.part).shows
+        if shown.of == "energy"
+    }  # each tells that of all of its role
+    return {
+        **works,
+        **{clutch.state: {clutch.heat: "heat"} for clutch in box.clutches},
+        "/gearbox/state": {"heat_losses": "heat", "w_in": "w_wej", "w_out": "w_wyj"},
+    }
 
 
-def balance(energies: dict[str, Series], t_start: float, t_end: float,
-            transmission: Transmission | None = None) -> dict[str, float | None]:
+def balance(
+    energies: dict[str, Series], t_start: float, t_end: float, transmission: Transmission | None = None
+) -> dict[str, float | None]:
     """Energy account of a window.
 
     energies: name as in :func:`signs` -> (times [s], energy since time 0 or energy stored [J]). transmission: the
     laboratory's by default. The gearbox losses and the hydraulic energy are optional. The window is widened to the
-    samples of motor_work around it, so that a balance is taken between values that exist instead of between interpolated ones; it is cut
+    samples of motor_work around it, so that a balance is taken between values that exist instead of between interpolated ones; it
+    is cut
     to what was recorded. Returns t_start_s, t_end_s, one ``<name>_j`` for each energy (None for one not
     given), residual_j (work in that is found nowhere) and residual_of_heat, its share of the clutch heat in
     the window (None without clutch heat). Raises RigError when a needed energy is missing, has no samples, or
@@ -58,8 +73,10 @@ def balance(energies: dict[str, Series], t_start: float, t_end: float,
         raise RigError(f"the energy balance has no {', '.join(missing)}; it needs {', '.join(needed(box))}")
     times = np.asarray(energies["motor_work"][0], dtype=float)
     if t_end <= t_start or t_end < times[0] or t_start > times[-1]:
-        raise RigError(f"the energy balance was asked for {t_start:.3f} s to {t_end:.3f} s, "
-                       f"but the recording has {times[0]:.3f} s to {times[-1]:.3f} s")
+        raise RigError(
+            f"the energy balance was asked for {t_start:.3f} s to {t_end:.3f} s, "
+            f"but the recording has {times[0]:.3f} s to {times[-1]:.3f} s"
+        )
     # a nanosecond of grace: a window that was given on a sample stays there
     first = times[max(0, np.searchsorted(times, t_start + 1e-9, side="right") - 1)]
     last = times[min(times.size - 1, np.searchsorted(times, t_end - 1e-9, side="left"))]

@@ -40,15 +40,48 @@ RISE_REACH = 30e-3  # s that the first rise is followed back at most
 NOISE_SWINGS, DIP_LEAST = 1.5, 0.005  # a dip counts above this many swings of the quiet pressure and this share
 
 # one row of engagement_metrics; times in s after the order, SI
-KEYS = ("gear", "t_order_s", "n_wej_before", "p_rest", "p_end", "rise_start_s", "rise_end_s", "slip_end_s",
-        "engagement_s", "engagement_peak_nm", "m_wej_mean_nm", "p_kiss", "kiss_s", "fill_start_s", "fill_end_s",
-        "fill_r2", "fill_slope", "growth_fill", "growth_contact", "hold", "hold_s", "hold_start_s", "hold_end_s",
-        "hold_pressure", "level_s", "pressure_rise", "dip", "disturbance_start_s", "disturbance_end_s", "disturbed",
-        "valid", "why")
+KEYS = (
+    "gear",
+    "t_order_s",
+    "n_wej_before",
+    "p_rest",
+    "p_end",
+    "rise_start_s",
+    "rise_end_s",
+    "slip_end_s",
+    "engagement_s",
+    "engagement_peak_nm",
+    "m_wej_mean_nm",
+    "p_kiss",
+    "kiss_s",
+    "fill_start_s",
+    "fill_end_s",
+    "fill_r2",
+    "fill_slope",
+    "growth_fill",
+    "growth_contact",
+    "hold",
+    "hold_s",
+    "hold_start_s",
+    "hold_end_s",
+    "hold_pressure",
+    "level_s",
+    "pressure_rise",
+    "dip",
+    "disturbance_start_s",
+    "disturbance_end_s",
+    "disturbed",
+    "valid",
+    "why",
+)
 
 
-def engagement_metrics(recording: Recording, order: tuple[float, int, int],
-                       next_order_time: float | None = None, instruments: dict[str, Instrument] | None = None) -> dict:
+def engagement_metrics(
+    recording: Recording,
+    order: tuple[float, int, int],
+    next_order_time: float | None = None,
+    instruments: dict[str, Instrument] | None = None,
+) -> dict:
     """The engagement of one clutch by one order from neutral, under :data:`KEYS`; never raises for a bad one.
 
     recording: of a logger; order: (time [s], 0, gear), as in Recording.orders; next_order_time: where the engagement
@@ -56,7 +89,8 @@ def engagement_metrics(recording: Recording, order: tuple[float, int, int],
     Values are SI (rad/s, Pa, Nm); times count from the order. What cannot be found is None, with its reason in ``why``.
 
     engagement_s: from the first rise of the clutch's pressure to slip (6.85) below 0.01 % (7.3.2), to which is added
-    what the encoders show for the closed clutch (docs/background/analysis.md). engagement_peak_nm: highest input torque (mean over 2 ms)
+    what the encoders show for the closed clutch (docs/background/analysis.md). engagement_peak_nm: highest input torque (mean
+    over 2 ms)
     in that time. m_wej_mean_nm: 0.2 to 0.5 s after it, or as far as there is. p_kiss: pressure where the output torque (the
     input's where that does not grow) begins to rise clearly. fill: from the first rise to contact or to the hold phase,
     whichever is first; fill_r2 of the straight line through it. growth_fill, growth_contact: growth of pressure [Pa]
@@ -75,7 +109,7 @@ def engagement_metrics(recording: Recording, order: tuple[float, int, int],
 
 
 def engagement_ranks(rows: list[dict]) -> list[str | None]:
-    """"dominated" or "not dominated" for each of a valve's series (7.3.2), None for one without all three values.
+    """ "dominated" or "not dominated" for each of a valve's series (7.3.2), None for one without all three values.
 
     A series is dominated when another one with a hold phase is better in peak torque (by more than 1.01 Nm, the torque
     meter's largest error), engagement time and length of the hold (each shorter by more than 0.01 s). A hold was asked
@@ -88,9 +122,14 @@ def engagement_ranks(rows: list[dict]) -> list[str | None]:
         if None in own:
             ranks.append(None)
             continue
-        better = any(other["hold_s"] and None not in (other["engagement_peak_nm"], other["engagement_s"])
-                     and own[0] - other["engagement_peak_nm"] > TORQUE_ERROR and own[1] - other["engagement_s"] > 0.01
-                     and (own[2] or np.inf) - other["hold_s"] > 0.01 for other in rows)
+        better = any(
+            other["hold_s"]
+            and None not in (other["engagement_peak_nm"], other["engagement_s"])
+            and own[0] - other["engagement_peak_nm"] > TORQUE_ERROR
+            and own[1] - other["engagement_s"] > 0.01
+            and (own[2] or np.inf) - other["hold_s"] > 0.01
+            for other in rows
+        )
         ranks.append("dominated" if better else "not dominated")
     return ranks
 
@@ -182,7 +221,7 @@ class _Engagement:
 
     def levels(self, p: np.ndarray) -> tuple[float, float]:
         """Pressure at rest before the order, and the end pressure: what the last tenth of the samples keeps."""
-        return float(np.median(p[: self.order])), float(np.median(p[-max(1, (p.size - self.order) // 10):]))
+        return float(np.median(p[: self.order])), float(np.median(p[-max(1, (p.size - self.order) // 10) :]))
 
     def first_rise(self, name: str, p: np.ndarray, rest: float, end: float) -> float | None:
         """First rise of the pressure, as a fractional sample.
@@ -192,8 +231,7 @@ class _Engagement:
         """
         size, noise = end - rest, float(np.std(p[: self.order]))
         if size < max(20.0 * noise, 1e5):
-            self.why.append(f"{name} did not rise: {rest / 1e6:.2f} MPa before the order, {end / 1e6:.2f} MPa at the "
-                            "end")
+            self.why.append(f"{name} did not rise: {rest / 1e6:.2f} MPa before the order, {end / 1e6:.2f} MPa at the end")
             return None
         moved = p - rest
         clear = first_true(moved >= RISEN * size, self.order)
@@ -209,17 +247,20 @@ class _Engagement:
         ratio = self.box.ratios[self.gear]
         slip = self.box.slip(self.gear, np.maximum(self.smooth[n_in], 1.0), self.smooth[n_out])
         # what the instruments show for the closed clutch, at the end of the recording
-        tail = slip[-self.samples(BEFORE):]
+        tail = slip[-self.samples(BEFORE) :]
         speed = row["n_wej_before"]
         half_steps = 0.5 * (quantum(self.raw[n_in]) + ratio * quantum(self.raw[n_out])) / speed
-        noise = 2.6 * np.hypot(white_noise(self.raw[n_in][: self.order]), ratio
-                               * white_noise(self.raw[n_out][: self.order])) / speed \
+        noise = (
+            2.6
+            * np.hypot(white_noise(self.raw[n_in][: self.order]), ratio * white_noise(self.raw[n_out][: self.order]))
+            / speed
             / np.sqrt(odd_width(TORQUE_SPEED_MEAN, self.period))
+        )
         shown = max(half_steps, noise, float(np.percentile(np.abs(tail), 99.0)))
         limit = SLIP + min(shown, SLIP_INSTRUMENT_LIMIT)
         end = first_true((slip < limit) & (np.abs(mean_ahead(slip, self.samples(HOLD))) < limit), int(start))
         if end is None:
-            self.why.append(f"the clutch never closed (least slip {100.0 * float(slip[int(start):].min()):.2f} %)")
+            self.why.append(f"the clutch never closed (least slip {100.0 * float(slip[int(start) :].min()):.2f} %)")
             return
         row["slip_end_s"], row["engagement_s"] = self.since(end), float((end - start) * self.period)
         row["engagement_peak_nm"] = float(self.smooth[torque][int(start) : end + 1].max())
@@ -255,8 +296,7 @@ class _Engagement:
         self.why.append(f"neither {output} nor {into} rose by {TORQUE_CLEAR:g} Nm")
         return None
 
-    def level_stretch(self, p: np.ndarray, rest: float, end: float, start: int,
-                      reached: int) -> tuple[float, float, float] | None:
+    def level_stretch(self, p: np.ndarray, rest: float, end: float, start: int, reached: int) -> tuple[float, float, float] | None:
         """(Start, end, pressure) of the longest level stretch of the rise, None without one.
 
         Level: swing and slope within their limits; between fill and regulation: neither near the rest nor near the end
@@ -289,7 +329,7 @@ class _Engagement:
 
     def quiet_swing(self, p: np.ndarray) -> float:
         """Largest swing of the filtered pressure while nothing moves it: before the order and at the end."""
-        tail = p[-self.samples(BEFORE):]
+        tail = p[-self.samples(BEFORE) :]
         return max(float(np.ptp(part)) for part in (p[: self.order], tail))
 
     def filling(self, row: dict, start: float, kiss: int | None, hold) -> None:

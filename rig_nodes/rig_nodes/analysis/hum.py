@@ -48,8 +48,7 @@ def without_hum(t: np.ndarray, pressure: np.ndarray, quiet: int) -> tuple[np.nda
     # high harmonics make several minima: the best of a grid, then the best near it
     grid = np.linspace(MAINS - MAINS_RANGE, MAINS + MAINS_RANGE, 17)
     best, step_hz = grid[int(np.argmin([left(hz) for hz in grid]))], grid[1] - grid[0]
-    hz = float(minimize_scalar(left, bounds=(best - step_hz, best + step_hz), method="bounded",
-                               options={"xatol": 1e-4}).x)
+    hz = float(minimize_scalar(left, bounds=(best - step_hz, best + step_hz), method="bounded", options={"xatol": 1e-4}).x)
     factors = fitted(hz)[0]
     factors[-2:] = 0.0
     hum = base(at, hz) @ factors

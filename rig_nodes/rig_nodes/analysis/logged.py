@@ -32,14 +32,12 @@ class Logged:
     def __post_init__(self):
         missing = [name for name in self.needed if name not in self.channels]
         if missing:
-            raise RigError(f"the recording has no channel {', '.join(missing)}; "
-                           f"{self.use} need {', '.join(self.needed)}")
+            raise RigError(f"the recording has no channel {', '.join(missing)}; {self.use} need {', '.join(self.needed)}")
         if not self.period > 0.0:
             raise RigError(f"the recording's period is {self.period} s; it must be above 0")
         lengths = {name: np.shape(self.channels[name]) for name in self.needed or self.channels}
         if len(set(lengths.values())) != 1 or len(next(iter(lengths.values()))) != 1:
-            raise RigError(f"the recording's channels have the shapes {lengths}; "
-                           "all must be 1-D of one length")
+            raise RigError(f"the recording's channels have the shapes {lengths}; all must be 1-D of one length")
 
     @property
     def rows(self) -> int:

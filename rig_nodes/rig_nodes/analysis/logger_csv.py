@@ -24,22 +24,40 @@ from .metrics import Recording
 TIME_NAMES = ("t", "time", "czas")
 ORDER_NAMES = ("gear_ordered", "order")
 # what loggers and people write for a unit of config.units
-ALIASES = {"N.m": "Nm", "N m": "Nm", "N*m": "Nm", "N·m": "Nm", "1/min": "rpm", "min-1": "rpm", "r/min": "rpm",
-           "obr/min": "rpm", "°C": "degC", "C": "degC", "µs": "us"}
+ALIASES = {
+    "N.m": "Nm",
+    "N m": "Nm",
+    "N*m": "Nm",
+    "N·m": "Nm",
+    "1/min": "rpm",
+    "min-1": "rpm",
+    "r/min": "rpm",
+    "obr/min": "rpm",
+    "°C": "degC",
+    "C": "degC",
+    "µs": "us",
+}
 _HEADING = re.compile(r"\s*(.+?)\s*(?:\[\s*(.*?)\s*\]|\(\s*(.*?)\s*\))?\s*$")
 _ORDER = re.compile(r"\s*([0-9]*\.?[0-9]+)\s*(?:s\s*)?:\s*(\w+)\s*-+>?\s*(\w+)\s*$")
 
 
-def read_logger_csv(path: str | Path, period: float | None = None, orders: list[tuple[float, int, int]] | None = None,
-                    transmission: Transmission | None = None, signals: Mapping[str, Signal] | None = None) -> Recording:
+def read_logger_csv(
+    path: str | Path,
+    period: float | None = None,
+    orders: list[tuple[float, int, int]] | None = None,
+    transmission: Transmission | None = None,
+    signals: Mapping[str, Signal] | None = None,
+) -> Recording:
     """Read a logger's CSV.
 
     Separator ";", tab or ","; decimal point, or with the first two also a comma; lines that begin with # before the
-    header are passed over. A column is named as in the rig's signals (by default the default rig's) and has its unit in brackets (any unit of
+    header are passed over. A column is named as in the rig's signals (by default the default rig's) and has its unit in brackets
+    (any unit of
     config.units of that quantity, rpm also as 1/min); those of the transmission (by default the
     default rig's) must be there, pressures gauge; columns that the catalogue does not
     know are passed over. Times from a column "t [s]" (time, czas), which must grow in equal steps, or from ``period``
-    [s]. Orders from a column gear_ordered [-] (numbers of gears; each change is one, from the gear before) or from ``orders``, as Recording has them, which win. Raises RigError in one sentence.
+    [s]. Orders from a column gear_ordered [-] (numbers of gears; each change is one, from the gear before) or from ``orders``, as
+    Recording has them, which win. Raises RigError in one sentence.
     """
     path, box = Path(path), transmission or transmission_of()
     header, lines, number, separator = _lines(path)
@@ -49,8 +67,10 @@ def read_logger_csv(path: str | Path, period: float | None = None, orders: list[
     columns = {name: table[:, i] * factors[i] for i, name in enumerate(names) if name}
     missing = [name for name in box.channels if name not in columns]
     if missing:
-        raise RigError(f"{path}: has no column {', '.join(missing)}; the analysis needs {', '.join(box.channels)}, each "
-                       f"with its unit, e.g. '{box.input.torque} [Nm]'")
+        raise RigError(
+            f"{path}: has no column {', '.join(missing)}; the analysis needs {', '.join(box.channels)}, each "
+            f"with its unit, e.g. '{box.input.torque} [Nm]'"
+        )
     t0, period = _time(path, columns.pop("t", None), period, number)
     ordered = columns.pop("gear_ordered", None)
     if orders is None:
@@ -71,12 +91,14 @@ def parse_orders(text: str, transmission: Transmission | None = None) -> list[tu
         match = _ORDER.match(part)
         gears = [None] if match is None else [box.number(match[2]), box.number(match[3])]
         if None in gears:
-            raise RigError(f"--orders: '{part.strip()}' is no order; write the time in s and the gears, e.g. "
-                           f"{example} (0 is neutral)")
+            raise RigError(
+                f"--orders: '{part.strip()}' is no order; write the time in s and the gears, e.g. {example} (0 is neutral)"
+            )
         order = float(match[1]), gears[0], gears[1]
         if order[1] == order[2]:
-            raise RigError(f"--orders: '{part.strip()}' orders the gear that is in; write another after the '-', e.g. "
-                           f"'3.845:{first}'")
+            raise RigError(
+                f"--orders: '{part.strip()}' orders the gear that is in; write another after the '-', e.g. '3.845:{first}'"
+            )
         if any(order[0] == other[0] for other in orders):
             raise RigError(f"--orders: two orders at {order[0]:g} s; only one gear can be ordered at a time")
         orders.append(order)
@@ -105,7 +127,7 @@ def _lines(path: Path) -> tuple[list[str], list[str], int, str]:
     fields = [field.strip().strip('"').strip() for field in lines[at].split(separator)]
     while fields and not fields[-1]:
         fields.pop()  # a separator at the end of the line
-    below = lines[at + 1:]
+    below = lines[at + 1 :]
     while below and not below[-1].strip():
         below.pop()
     if len(below) < 2:
@@ -186,14 +208,15 @@ def _time(path: Path, t: np.ndarray | None, period: float | None, number: int) -
     # times with few digits repeat themselves, missing rows jump
     if not (step > 0.0 and np.all(steps > 0.0) and np.all(steps <= 1.5 * step)):
         at = int(np.argmax(~(steps > 0.0) | (steps > 1.5 * step)))
-        raise RigError(f"{path}: the times must grow in equal steps, but go from {t[at]:g} s to {t[at + 1]:g} s at "
-                       f"line {number + at + 1}; rows are missing or the times have too few digits (leave the column "
-                       "out and give --period)")
+        raise RigError(
+            f"{path}: the times must grow in equal steps, but go from {t[at]:g} s to {t[at + 1]:g} s at "
+            f"line {number + at + 1}; rows are missing or the times have too few digits (leave the column "
+            "out and give --period)"
+        )
     return float(t[0]), step
 
 
-def _orders(path: Path, gear: np.ndarray, t0: float, period: float, number: int,
-            box: Transmission) -> list[tuple[float, int, int]]:
+def _orders(path: Path, gear: np.ndarray, t0: float, period: float, number: int, box: Transmission) -> list[tuple[float, int, int]]:
     """Orders from the changes of the ordered gear."""
     wrong = ~np.isin(gear, list(box.names))
     if wrong.any():

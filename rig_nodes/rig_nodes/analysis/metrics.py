@@ -29,13 +29,28 @@ from math import pi
 import numpy as np
 
 from ..transmission import Clutch, Shift, Transmission, transmission_of
-from .edges import (
-    all_ahead, first_true, mean_ahead, odd_width, quantum, ramp_start, running_mean, white_noise,
-)
+from .edges import all_ahead, first_true, mean_ahead, odd_width, quantum, ramp_start, running_mean, white_noise
 from .logged import Logged
 
-KEYS = ("from_gear", "to_gear", "n_wej_rpm", "m_wyj_nm", "t_dt_s", "t_p_s", "t_c_s", "t_o_s", "m_wej_max_nm",
-        "n_wyj_min_rpm", "k", "e_loss_j", "e_loss_settled_j", "overlap_s", "valid", "t_order_s", "why")
+KEYS = (
+    "from_gear",
+    "to_gear",
+    "n_wej_rpm",
+    "m_wyj_nm",
+    "t_dt_s",
+    "t_p_s",
+    "t_c_s",
+    "t_o_s",
+    "m_wej_max_nm",
+    "n_wyj_min_rpm",
+    "k",
+    "e_loss_j",
+    "e_loss_settled_j",
+    "overlap_s",
+    "valid",
+    "t_order_s",
+    "why",
+)
 RPM = 30.0 / pi
 STANDSTILL = 1.0  # rad/s below which a shaft counts as standing
 
@@ -89,14 +104,17 @@ def orders_of(recording: Recording) -> list[tuple[tuple[float, int, int], float 
     """The orders that are shifts, each with the time of the order after it (None for the last)."""
     orders = sorted(order for order in recording.orders if order[1] != order[2])  # the same again is no shift
     ends = [order[0] for order in orders[1:]] + [None]
-    return [(order, end) for order, end in zip(orders, ends)
-            if order[2] in recording.transmission.ratios and not (order[1] == 0 and stands(recording, order[0]))]
+    return [
+        (order, end)
+        for order, end in zip(orders, ends)
+        if order[2] in recording.transmission.ratios and not (order[1] == 0 and stands(recording, order[0]))
+    ]
 
 
 def stands(recording: Recording, t: float) -> bool:
     """The input shaft stands still around a time [s]."""
     at = int((t - recording.t0) / recording.period)
-    around = recording.channels[recording.transmission.input.speed][max(0, at - 100):at + 100]
+    around = recording.channels[recording.transmission.input.speed][max(0, at - 100) : at + 100]
     return len(around) > 0 and bool(np.nanmax(np.abs(around)) < STANDSTILL)
 
 
@@ -159,8 +177,16 @@ class _Shift:
         if bad:
             why.append(f"{', '.join(bad)} has values that are no numbers")
             return None
-        shift = cls(box, box.shift(int(from_gear), int(to_gear)), recording.period, at - first, raw,
-                    smoothed(box, raw, recording.period), over, why)
+        shift = cls(
+            box,
+            box.shift(int(from_gear), int(to_gear)),
+            recording.period,
+            at - first,
+            raw,
+            smoothed(box, raw, recording.period),
+            over,
+            why,
+        )
         if shift.before(box.input.speed) < 1.0:
             why.append("the input shaft did not turn when the shift was ordered")
             return None
@@ -242,10 +268,12 @@ class _Shift:
         for gear in self.box.ratios:
             mean = abs(float(np.mean(self.slip(gear, self.raw)[: self.order])))
             # the output may coast at the ratio of the gear that is not ordered
-            if mean <= SLIP_OLD_GEAR and (gear == self.new or all(
-                    self.before(clutch.pressure) > clutch.kiss_pressure for clutch in self.box.engaged(gear))):
-                self.why.append(f"gear {self.box.names[gear]} was in when {self.name} was ordered from neutral "
-                                f"(slip {100.0 * mean:.1f} %)")
+            if mean <= SLIP_OLD_GEAR and (
+                gear == self.new or all(self.before(clutch.pressure) > clutch.kiss_pressure for clutch in self.box.engaged(gear))
+            ):
+                self.why.append(
+                    f"gear {self.box.names[gear]} was in when {self.name} was ordered from neutral (slip {100.0 * mean:.1f} %)"
+                )
                 return True
         return False
 
@@ -256,15 +284,13 @@ class _Shift:
         mean = float(np.mean(self.slip(self.old, self.raw)[: self.order]))
         if abs(mean) <= SLIP_OLD_GEAR:
             return mean
-        self.why.append(f"gear {self.box.names[self.old]} was not in when {self.name} was ordered "
-                        f"(slip {100.0 * mean:.1f} %)")
+        self.why.append(f"gear {self.box.names[self.old]} was not in when {self.name} was ordered (slip {100.0 * mean:.1f} %)")
         return None
 
     def pressure_start(self) -> float | None:
         """Start of the first releasing pressure's fall, or without one of the first engaging one's rise [sample]."""
         falling = bool(self.shift.releasing)
-        starts = [self.start_of(clutch, falling)
-                  for clutch in (self.shift.releasing if falling else self.shift.engaging)]
+        starts = [self.start_of(clutch, falling) for clutch in (self.shift.releasing if falling else self.shift.engaging)]
         return None if None in starts else min(starts, default=None)
 
     def start_of(self, clutch: Clutch, falling: bool) -> float | None:
@@ -306,8 +332,12 @@ class _Shift:
         ratio, speed = self.box.ratios[self.new], self.before(n_in)
         half_steps = 0.5 * (quantum(self.raw[n_in]) + ratio * quantum(self.raw[n_out])) / speed
         width = odd_width(TORQUE_SPEED_MEAN, self.period)
-        noise = 2.6 * np.hypot(white_noise(self.raw[n_in][: self.order]),
-                               ratio * white_noise(self.raw[n_out][: self.order])) / speed / np.sqrt(width)
+        noise = (
+            2.6
+            * np.hypot(white_noise(self.raw[n_in][: self.order]), ratio * white_noise(self.raw[n_out][: self.order]))
+            / speed
+            / np.sqrt(width)
+        )
         shown = 0.0
         if self.old is not None:
             shown = float(np.percentile(np.abs(self.slip(self.old, self.smooth)[: self.order]), 99.0))
@@ -317,7 +347,8 @@ class _Shift:
     def slip_end(self, start: float | None) -> int | None:
         """End of the shift: slip of the new gear below its threshold and staying there [sample], or None.
 
-        Upshifts: below +0.05 %. Downshifts: within +-0.1 %, and if the output dips below 0.95 of the input speed over i of the new gear
+        Upshifts: below +0.05 %. Downshifts: within +-0.1 %, and if the output dips below 0.95 of the input speed over i of the
+        new gear
         (taken at the input speed of the moment, so that a slowing input is no dip) only after the deepest
         point of the dip.
         """
@@ -342,8 +373,7 @@ class _Shift:
         """A reason where the output stood still between two samples of the shift: the drive was interrupted."""
         stood = self.smooth[self.box.output.speed][first : end + 1] < STANDSTILL
         if stood.any():
-            self.why.append(f"the output stood still for {np.count_nonzero(stood) * self.period:.3f} s, the drive was "
-                            "interrupted")
+            self.why.append(f"the output stood still for {np.count_nonzero(stood) * self.period:.3f} s, the drive was interrupted")
 
     def check_slipping(self) -> None:
         """A reason where the new gear's clutches are steadily pressed and slip: what they carry, and what was asked.
@@ -366,12 +396,16 @@ class _Shift:
         carried = torque + self.box.inertias.on_output * growth
         before = self.before(self.box.output.torque)
         asked = "" if self.old is None else f", {before:.0f} Nm were asked before the order"
-        names, pressed = ([form(clutch) for clutch in self.shift.engaging] for form in (
-            lambda clutch: clutch.name, lambda clutch: f"{mean[clutch.pressure] / 1e6:.2f}"))
+        names, pressed = (
+            [form(clutch) for clutch in self.shift.engaging]
+            for form in (lambda clutch: clutch.name, lambda clutch: f"{mean[clutch.pressure] / 1e6:.2f}")
+        )
         several = len(names) > 1
         what = f"clutches {' and '.join(names)} still slip" if several else f"clutch {names[0]} still slips"
-        self.why.append(f"{what} at the end by {slip * RPM:.0f} rpm of the input: {'they carry' if several else 'it carries'} "
-                        f"{carried:.0f} Nm to the output at {' and '.join(pressed)} MPa{asked}")
+        self.why.append(
+            f"{what} at the end by {slip * RPM:.0f} rpm of the input: {'they carry' if several else 'it carries'} "
+            f"{carried:.0f} Nm to the output at {' and '.join(pressed)} MPa{asked}"
+        )
 
     def speed_departure(self, old_slip: float | None) -> float | None:
         """First departure of the output speed from its old value [sample].
@@ -428,11 +462,9 @@ class _Shift:
         filtered.
         """
         part, into, out = slice(first, last + 1), self.box.input, self.box.output
-        power = (self.raw[into.torque][part] * self.raw[into.speed][part]
-                 - self.raw[out.torque][part] * self.raw[out.speed][part])
+        power = self.raw[into.torque][part] * self.raw[into.speed][part] - self.raw[out.torque][part] * self.raw[out.speed][part]
         work = float(np.sum(0.5 * (power[1:] + power[:-1])) * self.period)
-        stored = [self.box.inertias.kinetic(self.smooth[into.speed][i], self.smooth[out.speed][i])
-                  for i in (first, last)]
+        stored = [self.box.inertias.kinetic(self.smooth[into.speed][i], self.smooth[out.speed][i]) for i in (first, last)]
         return work - float(stored[1] - stored[0])
 
     def pressed(self, clutches: tuple[Clutch, ...]) -> np.ndarray:

@@ -30,14 +30,23 @@ def measured(recording: Recording, instruments: dict[str, Instrument], bag=None)
     bag: the recording's, with the commands to valves and motor, without which there is neither a valve's response nor
     a coast-down. ``coast_down`` is None where the drive was not switched off with both clutches open.
     """
-    responses = [] if bag is None else [
-        _response(bag, recording, order) for order in recording.orders
-        if order[2] in recording.transmission.ratios and stands(recording, order[0])]
+    responses = (
+        []
+        if bag is None
+        else [
+            _response(bag, recording, order)
+            for order in recording.orders
+            if order[2] in recording.transmission.ratios and stands(recording, order[0])
+        ]
+    )
     engagements = [engagement_metrics(recording, order, end, instruments) for order, end in orders_of(recording) if order[1] == 0]
     for row in engagements:
         row["errors"] = engagement_uncertainty(row, instruments, recording.transmission) if row["n_wej_before"] else {}
-    return {"valve_responses": responses, "engagements": engagements,
-            "coast_down": None if bag is None else _coast_down(bag, recording, instruments)}
+    return {
+        "valve_responses": responses,
+        "engagements": engagements,
+        "coast_down": None if bag is None else _coast_down(bag, recording, instruments),
+    }
 
 
 def measured_lines(found: dict, box: Transmission) -> list[str]:
@@ -45,27 +54,41 @@ def measured_lines(found: dict, box: Transmission) -> list[str]:
     lines = []
     for row in found["valve_responses"]:
         gear, t, clutches = row["gear"], row["t_order_s"], box.engaged(row["gear"])
-        pressures, valves = (" and ".join(names) for names in (
-            [clutch.pressure for clutch in clutches], [clutch.valve_name for clutch in clutches]))
+        pressures, valves = (
+            " and ".join(names) for names in ([clutch.pressure for clutch in clutches], [clutch.valve_name for clutch in clutches])
+        )
         what = f"gear {box.names[gear]} laid in at {t:.2f} s while the input stood still, which is no shift: "
-        lines.append(what + (f"{pressures} rose {row['valve_delay_s'] * 1e3:.0f} ms after the first pulse on {valves}"
-                             if not row["why"] else f"no response of {valves}: {'; '.join(row['why'])}"))
+        lines.append(
+            what
+            + (
+                f"{pressures} rose {row['valve_delay_s'] * 1e3:.0f} ms after the first pulse on {valves}"
+                if not row["why"]
+                else f"no response of {valves}: {'; '.join(row['why'])}"
+            )
+        )
     for row in found["engagements"]:
-        parts = [f"{text} {row[key] * factor:.{digits}f}{_error(row, key, factor, digits)} {unit}"
-                 for text, key, factor, digits, unit in (
-                     ("engaged in", "engagement_s", 1e3, 0, "ms"), (f"peak {box.input.torque}", "engagement_peak_nm", 1.0, 1, "Nm"),
-                     ("kiss pressure", "p_kiss", 1e-6, 2, "MPa"), ("hold phase", "hold_s", 1e3, 0, "ms"))
-                 if row[key] is not None]
+        parts = [
+            f"{text} {row[key] * factor:.{digits}f}{_error(row, key, factor, digits)} {unit}"
+            for text, key, factor, digits, unit in (
+                ("engaged in", "engagement_s", 1e3, 0, "ms"),
+                (f"peak {box.input.torque}", "engagement_peak_nm", 1.0, 1, "Nm"),
+                ("kiss pressure", "p_kiss", 1e-6, 2, "MPa"),
+                ("hold phase", "hold_s", 1e3, 0, "ms"),
+            )
+            if row[key] is not None
+        ]
         clutches = " and ".join(clutch.name for clutch in box.engaged(row["gear"]))
         lines.append(f"engagement of {clutches} at {row['t_order_s']:.2f} s: {', '.join([*parts, *row['why']])}")
     row = found["coast_down"]
     if row is not None and row["why"]:
         lines.append(f"no coast-down: {'; '.join(row['why'])}")
     elif row is not None:
-        lines.append(f"coast-down from {row['w_start'] * RPM:.0f} rpm: inertia of the driving side {row['inertia']:.3f}"
-                     f"{_error(row, 'inertia', 1.0, 3)} kg m2 ({row['inertia_half']:.3f} from the upper half of the speed), "
-                     f"{box.input.torque} {row['coast_down_m_wej_nm']:.2f}{_error(row, 'coast_down_m_wej_nm', 1.0, 2)} Nm before, tangent "
-                     f"time {row['coast_down_tangent_s']:.3f}{_error(row, 'coast_down_tangent_s', 1.0, 3)} s")
+        lines.append(
+            f"coast-down from {row['w_start'] * RPM:.0f} rpm: inertia of the driving side {row['inertia']:.3f}"
+            f"{_error(row, 'inertia', 1.0, 3)} kg m2 ({row['inertia_half']:.3f} from the upper half of the speed), "
+            f"{box.input.torque} {row['coast_down_m_wej_nm']:.2f}{_error(row, 'coast_down_m_wej_nm', 1.0, 2)} Nm before, tangent "
+            f"time {row['coast_down_tangent_s']:.3f}{_error(row, 'coast_down_tangent_s', 1.0, 3)} s"
+        )
     return lines
 
 
@@ -76,8 +99,7 @@ def _error(row: dict, key: str, factor: float, digits: int) -> str:
 def _response(bag, recording: Recording, order: tuple[float, int, int]) -> dict:
     """The row of a valve whose clutch was closed at standstill."""
     t_order, _, gear = order
-    row = {"gear": int(gear), "t_order_s": float(t_order), "valve_delay_s": None, "t_pulse_s": None, "t_rise_s": None,
-           "why": []}
+    row = {"gear": int(gear), "t_order_s": float(t_order), "valve_delay_s": None, "t_pulse_s": None, "t_rise_s": None, "why": []}
     try:
         clutch, *others = recording.transmission.engaged(gear)
         if others:
@@ -109,8 +131,9 @@ def _coast_down(bag, recording: Recording, instruments: dict[str, Instrument]) -
     times = recording.t0 + recording.period * np.arange(recording.rows)
     box = recording.transmission
     w, after = recording.channels[box.input.speed], times >= t[-1]
-    pressed = any(np.median(recording.channels[clutch.pressure][after]) > clutch.kiss_pressure
-                  for clutch in box.clutches if after.any())
+    pressed = any(
+        np.median(recording.channels[clutch.pressure][after]) > clutch.kiss_pressure for clutch in box.clutches if after.any()
+    )
     if not after.any() or pressed or w[after][0] < STANDSTILL:
         return None
     try:

@@ -18,8 +18,10 @@ GEARBOX, SHAFTS = "/gearbox/state", ("m_wej", "w_wej", "w_wyj")
 CLUTCH = ("mode", "heat", "torque")
 LOCKED = 2
 BEFORE = 0.2  # s before the order whose mean is the speed the shift starts from
-WHY_NOT = ("t_d, t_p and overlap (their starts lie between two states), t_o and E_loss (defined by the torque meters; "
-           "the plant's own account is the energy balance)")
+WHY_NOT = (
+    "t_d, t_p and overlap (their starts lie between two states), t_o and E_loss (defined by the torque meters; "
+    "the plant's own account is the energy balance)"
+)
 
 States = dict[str, dict[str, np.ndarray]]
 
@@ -29,16 +31,16 @@ def states_of(bag, transmission: Transmission | None = None) -> States | None:
     found: States = {}
     box = transmission or bag.transmission
     for topic, names in {GEARBOX: SHAFTS, **{clutch.state: CLUTCH for clutch in box.clutches}}.items():
-        rows = [(stamp * 1e-9, *(float(getattr(message, name)) for name in names))
-                for stamp, message in bag.messages(topic)]
+        rows = [(stamp * 1e-9, *(float(getattr(message, name)) for name in names)) for stamp, message in bag.messages(topic)]
         if not rows:
             return None
         found[topic] = dict(zip(("t", *names), np.asarray(rows).T))
     return found
 
 
-def metrics_of_states(states: States, row: dict, next_order_time: float | None = None,
-             transmission: Transmission | None = None) -> dict | None:
+def metrics_of_states(
+    states: States, row: dict, next_order_time: float | None = None, transmission: Transmission | None = None
+) -> dict | None:
     """What the plant says of one shift; None where it does not cover the shift or it never locked.
 
     row: of metrics.shift_metrics. t_lock_s: from the order to the first state in which all engaging clutches have
@@ -60,8 +62,12 @@ def metrics_of_states(states: States, row: dict, next_order_time: float | None =
     start = order if row["t_dt_s"] is None else max(order, end - row["t_dt_s"])
     inside = (gearbox["t"] >= start) & (gearbox["t"] <= end + 1e-9)
     lowest = float(gearbox["w_wyj"][inside].min())
-    found = {"t_lock_s": end - order, "m_wej_max_nm": float(gearbox["m_wej"][inside].max()),
-             "n_wyj_min_rpm": lowest * RPM, "k": None}
+    found = {
+        "t_lock_s": end - order,
+        "m_wej_max_nm": float(gearbox["m_wej"][inside].max()),
+        "n_wyj_min_rpm": lowest * RPM,
+        "k": None,
+    }
     if row["from_gear"] in box.ratios:
         ratio = box.slower_ratio(row["from_gear"], row["to_gear"])
         found["k"] = lowest / float(np.mean(gearbox["w_wej"][before])) * ratio
@@ -81,5 +87,5 @@ def _lock(clutch: dict[str, np.ndarray], order: float, until: float) -> float | 
     """When an engaging clutch was first locked after an order; one that was still locked then has to open before."""
     opened = np.flatnonzero((clutch["mode"] != LOCKED) & (clutch["t"] >= order))
     locked = (clutch["mode"] == LOCKED) & (clutch["t"] >= order) & (clutch["t"] < until)
-    hits = np.flatnonzero(locked[opened[0]:]) if opened.size else np.array([], dtype=int)
+    hits = np.flatnonzero(locked[opened[0] :]) if opened.size else np.array([], dtype=int)
     return float(clutch["t"][opened[0] + hits[0]]) if hits.size else None

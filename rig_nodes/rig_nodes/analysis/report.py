@@ -16,18 +16,18 @@ from pathlib import Path
 
 import numpy as np
 
+from ..atomic_write import atomic_write
 from ..bags import limits
 from ..bags.reader import NOTHING, UNREADABLE
 from ..bags.rig_record import rig_record, says_rig
 from ..errors import RigError, printable
 from ..transmission import NEUTRAL, Transmission, transmission_of
-from ..atomic_write import atomic_write
 from .annex_a import shifts_annex_a
 from .comparison import annex_lines, truth_lines
 from .energy import balance, clutch_heat, energies_of
 from .metrics import RPM, Recording, shifts
 from .no_change import measured, measured_lines
-from .plant_states import states_of, metrics_of_states
+from .plant_states import metrics_of_states, states_of
 from .uncertainty import Instrument, instruments_of, uncertainty
 
 REPORT_FILE = "report.json"
@@ -38,11 +38,20 @@ ORDERS_TOPIC, ORDER_EVENT = "/controller/events", "shift_ordered"
 def columns_of(box: Transmission) -> tuple[tuple[str, str, float, int], ...]:
     """Columns of the tables of shifts: heading, key of a shift, factor to the people's unit, digits."""
     into, out = box.input, box.output
-    return ((f"{into.speed} rpm", "n_wej_rpm", 1.0, 0), (f"{out.torque} Nm", "m_wyj_nm", 1.0, 1), ("t_d ms", "t_dt_s", 1e3, 0),
-            ("t_p ms", "t_p_s", 1e3, 0), ("t_c ms", "t_c_s", 1e3, 0), ("t_o ms", "t_o_s", 1e3, 0),
-            (f"{into.torque} max Nm", "m_wej_max_nm", 1.0, 1), (f"{out.speed} min rpm", "n_wyj_min_rpm", 1.0, 0),
-            ("k", "k", 1.0, 3), ("E_loss J", "e_loss_j", 1.0, 0), ("settled J", "e_loss_settled_j", 1.0, 0),
-            ("overlap ms", "overlap_s", 1e3, 0))
+    return (
+        (f"{into.speed} rpm", "n_wej_rpm", 1.0, 0),
+        (f"{out.torque} Nm", "m_wyj_nm", 1.0, 1),
+        ("t_d ms", "t_dt_s", 1e3, 0),
+        ("t_p ms", "t_p_s", 1e3, 0),
+        ("t_c ms", "t_c_s", 1e3, 0),
+        ("t_o ms", "t_o_s", 1e3, 0),
+        (f"{into.torque} max Nm", "m_wej_max_nm", 1.0, 1),
+        (f"{out.speed} min rpm", "n_wyj_min_rpm", 1.0, 0),
+        ("k", "k", 1.0, 3),
+        ("E_loss J", "e_loss_j", 1.0, 0),
+        ("settled J", "e_loss_settled_j", 1.0, 0),
+        ("overlap ms", "overlap_s", 1e3, 0),
+    )
 
 
 def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = False) -> dict:
@@ -54,7 +63,8 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
     configuration.
     ``uncertainty`` holds for each shift the largest error of each of its metrics, ``basis`` with whose inertias, ratios
     and instruments all that was computed. A run without a change between gears has ``measured`` (no_change.measured).
-    annex_a: the factor of Annex A's torque band; adds ``"annex_a": {"factor": ..., "shifts": [...]}``. truth: adds ``"truth"``, for each shift what the
+    annex_a: the factor of Annex A's torque band; adds ``"annex_a": {"factor": ..., "shifts": [...]}``. truth: adds ``"truth"``,
+    for each shift what the
     plant's states say, None where the bag does not hold them.
 
     A run of a rig without gears has no shifts; its results stand under ``"bench"`` (analysis.bench_report).
@@ -64,16 +74,16 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
     sentence in ``run["problems"]``; numbers that are missing are None, never NaN.
     """
     if not bag.began:
-        return _assembled(_run_data(bag, run), [NOTHING], {"shifts": [], "uncertainty": []},
-                          {"run": None, "shifts": []})
+        return _assembled(_run_data(bag, run), [NOTHING], {"shifts": [], "uncertainty": []}, {"run": None, "shifts": []})
     problems: list[str] = []
     record = _record_of(bag, run)
     if not record["structure"]["gears"]:
         from .bench_report import bench_report
 
         found = bench_report(bag, record, problems)
-        return _assembled(_run_data(bag, run), problems, {"shifts": [], "uncertainty": []},
-                          {"run": None, "shifts": []}) | {"bench": plain(found)}
+        return _assembled(_run_data(bag, run), problems, {"shifts": [], "uncertainty": []}, {"run": None, "shifts": []}) | {
+            "bench": plain(found)
+        }
     recording = None
     try:
         box, instruments = transmission_of(record), instruments_of(record)
@@ -113,8 +123,10 @@ def _record_of(bag, run: dict) -> Mapping:
 
 
 def _no_rig(error: Exception) -> RigError:
-    return RigError(f"the configuration of the run does not say its rig and instruments ({type(error).__name__}: {error}); "
-                    f"expected what `rig run` and `rig simulate` put into a bag")
+    return RigError(
+        f"the configuration of the run does not say its rig and instruments ({type(error).__name__}: {error}); "
+        f"expected what `rig run` and `rig simulate` put into a bag"
+    )
 
 
 def info_of(bag) -> dict:
@@ -157,19 +169,21 @@ def report_of_recording(recording: Recording, annex_a: float | None = None, reco
     return _assembled(dict.fromkeys(RUN_KEYS), problems, metrics, energy)
 
 
-def _metrics(recording: Recording | None, instruments: dict[str, Instrument], annex_a: float | None,
-             problems: list[str], bag=None) -> dict:
+def _metrics(
+    recording: Recording | None, instruments: dict[str, Instrument], annex_a: float | None, problems: list[str], bag=None
+) -> dict:
     """Everything that comes from the logger's channels, and what of a run without a change of gear needs its commands."""
     rows = [] if recording is None else shifts(recording)
-    found = {"shifts": rows, "uncertainty": [uncertainty(row, instruments, recording.transmission, recording.period)
-                                             for row in rows]}
+    found = {
+        "shifts": rows,
+        "uncertainty": [uncertainty(row, instruments, recording.transmission, recording.period) for row in rows],
+    }
     if annex_a is not None and recording is not None:
         try:
             found["annex_a"] = {"factor": annex_a, "shifts": shifts_annex_a(recording, a=annex_a, b=annex_a)}
         except RigError as error:
             problems.append(f"no results by Annex A: {error}")
-    if recording is not None and not any(
-            recording.transmission.changes(row["from_gear"], row["to_gear"]) for row in rows):
+    if recording is not None and not any(recording.transmission.changes(row["from_gear"], row["to_gear"]) for row in rows):
         found["measured"] = measured(recording, instruments, bag)
     return found
 
@@ -177,9 +191,13 @@ def _metrics(recording: Recording | None, instruments: dict[str, Instrument], an
 def basis_of(record: Mapping, box: Transmission, instruments: dict[str, Instrument]) -> dict:
     """With whose values a report was computed, SI; ``taken`` stands beside them where the bag does not say its rig."""
     pressures = [clutch.pressure for clutch in box.clutches if clutch.pressure]
-    return {"rig": record.get("name", "without a name"), "inertia_driving": box.inertias.driving, "inertia_driven": box.inertias.driven,
-            "ratios": {box.names[gear]: ratio for gear, ratio in box.ratios.items()},
-            "largest_errors": {name: instruments[name].error for name in ("torque", *pressures, "speed")}}
+    return {
+        "rig": record.get("name", "without a name"),
+        "inertia_driving": box.inertias.driving,
+        "inertia_driven": box.inertias.driven,
+        "ratios": {box.names[gear]: ratio for gear, ratio in box.ratios.items()},
+        "largest_errors": {name: instruments[name].error for name in ("torque", *pressures, "speed")},
+    }
 
 
 def _truth(bag, rows: list[dict], box: Transmission) -> list[dict | None]:
@@ -200,8 +218,7 @@ def recording_of(bag, transmission: Transmission | None = None) -> Recording:
     """The bag's 10 kHz channels and its orders; transmission: of its rig, the laboratory's by default."""
     # rows that are missing become NaN: they spoil the shifts they lie in, not the others
     logger = bag.logger(fill=True)
-    return Recording(logger.t0, logger.period, logger.channels, orders_in(bag.events()),
-                     transmission or transmission_of())
+    return Recording(logger.t0, logger.period, logger.channels, orders_in(bag.events()), transmission or transmission_of())
 
 
 def orders_in(events) -> list[tuple[float, int, int]]:
@@ -291,7 +308,7 @@ def format_report(report: dict) -> str:
         lines += ["", *annex_lines(columns_of(box), names, rows, report["annex_a"])]
     if "truth" in report:
         lines += ["", *truth_lines(names, rows, report["truth"], box)]
-    return _shown(lines + [""] + _energy_lines(report, box) + _basis_lines(report) + _run_lines(report["run"]))
+    return _shown([*lines, "", *_energy_lines(report, box), *_basis_lines(report), *_run_lines(report["run"])])
 
 
 def _shown(lines: list[str]) -> str:
@@ -324,15 +341,19 @@ def _shift_table(rows: list[dict], errors: list[dict], box: Transmission) -> lis
     columns = columns_of(box)
     table = [["shift"] + [heading for heading, *_ in columns] + ["valid"]]
     for i, row in enumerate(rows):
-        cells = ["-" if row[key] is None else f"{row[key] * factor:.{digits}f}"
-                 for _, key, factor, digits in columns]
-        table.append([_gears(row, box)] + cells + ["yes" if row["valid"] else "NO"])
+        cells = ["-" if row[key] is None else f"{row[key] * factor:.{digits}f}" for _, key, factor, digits in columns]
+        table.append([_gears(row, box), *cells, "yes" if row["valid"] else "NO"])
         if i < len(errors) and errors[i]:
-            table.append(["  +-"] + [f"{errors[i][key] * factor:.{digits}f}" if key in errors[i] else ""
-                                     for _, key, factor, digits in columns] + [""])
+            table.append(
+                ["  +-"]
+                + [f"{errors[i][key] * factor:.{digits}f}" if key in errors[i] else "" for _, key, factor, digits in columns]
+                + [""]
+            )
     widths = [max(len(line[i]) for line in table) for i in range(len(table[0]))]
-    return ["  ".join(cell.ljust(width) if i == 0 else cell.rjust(width)
-                      for i, (cell, width) in enumerate(zip(line, widths))) for line in table]
+    return [
+        "  ".join(cell.ljust(width) if i == 0 else cell.rjust(width) for i, (cell, width) in enumerate(zip(line, widths)))
+        for line in table
+    ]
 
 
 def _energy_lines(report: dict, box: Transmission) -> list[str]:
@@ -346,11 +367,9 @@ def _energy_lines(report: dict, box: Transmission) -> list[str]:
         share = account["residual_of_heat"]
         share = "no clutch heat" if share is None else f"{100.0 * share:+.2f} % of it"
         gears = _gears(row, box) + ("" if row["valid"] else " (not valid)")
-        lines.append(f"energy {gears}: clutch heat {heat:.0f} J, "
-                     f"unaccounted {account['residual_j']:+.2f} J ({share})")
+        lines.append(f"energy {gears}: clutch heat {heat:.0f} J, unaccounted {account['residual_j']:+.2f} J ({share})")
     if lines and _bounded(report["run"]):
-        lines.append("  output_speed is bounded: the speed is set between the gears' and not by a torque, which is not "
-                     "accounted")
+        lines.append("  output_speed is bounded: the speed is set between the gears' and not by a torque, which is not accounted")
     return lines
 
 
@@ -361,8 +380,11 @@ def _basis_lines(report: dict) -> list[str]:
     errors = basis["largest_errors"]
     ratios = " and ".join(f"{ratio:.4f}" for ratio in basis["ratios"].values())
     pressures = " and ".join(f"{error / 1e6:.3g}" for name, error in errors.items() if name not in ("torque", "speed"))
-    return [f"computed with inertias ({basis['inertia_driving']:g} and {basis['inertia_driven']:g} kg m2) and instrument errors "
-            f"({errors['torque']:.3g} Nm, {errors['speed'] * RPM:.2g} rpm, {pressures} MPa) of rig '{basis['rig']}'{', as the bag does not say its own' if basis.get('taken') else ''}, ratios {ratios}"]
+    return [
+        f"computed with inertias ({basis['inertia_driving']:g} and {basis['inertia_driven']:g} kg m2) and instrument errors "
+        f"({errors['torque']:.3g} Nm, {errors['speed'] * RPM:.2g} rpm, {pressures} MPa) of rig "
+        f"'{basis['rig']}'{', as the bag does not say its own' if basis.get('taken') else ''}, ratios {ratios}"
+    ]
 
 
 def _bounded(run: dict) -> bool:

@@ -38,9 +38,10 @@ def slip_tests(logged: Logged, pack: PackGeometry) -> list[dict]:
     lacking = [name for name in ("M_e", "n", "p_z", "s") if name not in logged.channels]
     if lacking:
         raise RigError(f"the recording has no channel {', '.join(lacking)}; slip tests need M_e, n, p_z and s")
-    rows_in = {name: max(1, round(time / logged.period))
-               for name, time in (("torque", TORQUE_MEAN), ("pressure", PRESSURE_MEAN), ("before", BEFORE),
-                                  ("after", AFTER))}
+    rows_in = {
+        name: max(1, round(time / logged.period))
+        for name, time in (("torque", TORQUE_MEAN), ("pressure", PRESSURE_MEAN), ("before", BEFORE), ("after", AFTER))
+    }
     torque = running_mean(logged.channels["M_e"], rows_in["torque"])
     pressure = running_mean(logged.channels["p_z"], rows_in["pressure"])
     speed, travel = logged.channels["n"], logged.channels["s"]
@@ -50,12 +51,20 @@ def slip_tests(logged: Logged, pack: PackGeometry) -> list[dict]:
         slipping = np.flatnonzero(speed[first:end] > SLIPS)
         if not len(slipping):
             continue  # clamped, but the torque did not reach the pack's
-        peak = first + int(np.argmax(torque[first:min(end, first + slipping[0] + rows_in["after"])]))
+        peak = first + int(np.argmax(torque[first : min(end, first + slipping[0] + rows_in["after"])]))
         before = slice(max(first, peak - rows_in["before"]), peak + 1)
         p_z, s = float(np.mean(logged.channels["p_z"][before])), float(np.mean(travel[before]))
         clamp = bench.clamp_force(p_z, min(max(s, 0.0), bench.SPRING_TRAVEL))
-        out.append({"t_slip_s": float(logged.t0 + peak * logged.period), "p_z_pa": p_z, "s_m": s,
-                    "clamp_n": float(clamp), "pressure_pa": float(clamp) / ring_area(pack), "m_eks_nm": float(torque[peak])})
+        out.append(
+            {
+                "t_slip_s": float(logged.t0 + peak * logged.period),
+                "p_z_pa": p_z,
+                "s_m": s,
+                "clamp_n": float(clamp),
+                "pressure_pa": float(clamp) / ring_area(pack),
+                "m_eks_nm": float(torque[peak]),
+            }
+        )
     return out
 
 
@@ -76,9 +85,13 @@ def slip_line(tests: list[dict], pack: PackGeometry, friction: float, friction_s
     slope, rest = np.polyfit(pressure, torque, 1)
     off = torque - (slope * pressure + rest)
     per_force = bench.slip_torques(pack, 1.0, friction, friction_spline)
-    return {"tests": len(tests), "slope_nm_per_pa": float(slope), "m_rest_nm": float(rest),
-            "r_squared": float(1.0 - off @ off / np.sum((torque - torque.mean())**2)),
-            "k_kor": {model: float(slope / (per_force[model] * ring_area(pack))) for model in MODELS}}
+    return {
+        "tests": len(tests),
+        "slope_nm_per_pa": float(slope),
+        "m_rest_nm": float(rest),
+        "r_squared": float(1.0 - off @ off / np.sum((torque - torque.mean()) ** 2)),
+        "k_kor": {model: float(slope / (per_force[model] * ring_area(pack))) for model in MODELS},
+    }
 
 
 def cylinder_line(logged: Logged, settle: float = 0.3, stay: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
@@ -92,7 +105,7 @@ def cylinder_line(logged: Logged, settle: float = 0.3, stay: float = 0.5) -> tup
     force = logged.channels["F_ps"]
     found, at = [], 0
     while at + wide + rows <= len(pressure):
-        window = pressure[at:at + wide + rows]
+        window = pressure[at : at + wide + rows]
         if np.ptp(window) < 0.02e6:
             part = slice(at + wide, at + wide + rows)
             found.append((float(np.mean(logged.channels["p_z"][part])), float(np.mean(force[part]))))

@@ -71,15 +71,17 @@ def temperature_error(t_oil: float) -> float:
     return 0.3 + 0.005 * abs(t_oil)
 
 
-def uncertainty(row: dict, instruments: dict[str, Instrument] | None = None, transmission: Transmission | None = None,
-                period: float = ROW) -> dict[str, float]:
+def uncertainty(
+    row: dict, instruments: dict[str, Instrument] | None = None, transmission: Transmission | None = None, period: float = ROW
+) -> dict[str, float]:
     """Largest error of each metric of a row, under the metric's own key and in its unit; those that are None have none.
 
     row: of metrics.shift_metrics. instruments: torque, speed and each clutch's pressure; those of the default rig by default, as
     the transmission. These are bounds, no standard deviations: all errors are taken at their largest
     and added (first order); where several clutches are let go the largest counts.
 
-    * Input speed, output torque, lowest speed: the instrument's own. k: both speeds, relative errors added. Peak: the torque meter's,
+    * Input speed, output torque, lowest speed: the instrument's own. k: both speeds, relative errors added. Peak: the
+      torque meter's,
       and what a mean over 2 ms, or a slower logger's sample, takes off a torque that rises to it in 45 ms and then
       breaks down (it only reads low).
     * Times: one sample period, half the filter (1 ms), and at each end the instrument's error by the slope of what
@@ -119,8 +121,9 @@ def _times(row: dict, use: dict[str, Instrument], w_in: float, box: Transmission
         slip_end = ends + resolution * row["t_p_s"] / change
         found["t_p_s"] = 2.0 * slip_end
         found["t_c_s"] = slip_end
-        found["t_dt_s"] = slip_end + ends + max(use[clutch.pressure].error / clutch.fall_rate
-                                                for clutch in moved.releasing or moved.engaging)
+        found["t_dt_s"] = (
+            slip_end + ends + max(use[clutch.pressure].error / clutch.fall_rate for clutch in moved.releasing or moved.engaging)
+        )
     if slip_end is not None and row["t_o_s"] is not None and row["m_wej_max_nm"]:
         found["t_o_s"] = slip_end + ends + use["torque"].error * row["t_o_s"] / row["m_wej_max_nm"]
     if old in box.ratios and moved.releasing:
@@ -138,17 +141,19 @@ def _energies(row: dict, errors: dict, torque: float, speed: float, w_in: float,
     rate = torque * (w_in + w_out) + speed * (m_in + abs(m_out))
     ends = 2.0 * speed * (box.inertias.driving * w_in + box.inertias.on_output * w_out)
     found = {}
-    for key, span, error in (("e_loss_j", row["t_dt_s"], errors["t_dt_s"]),
-                             ("e_loss_settled_j", row["t_dt_s"] + (row["t_o_s"] or 0.0),
-                              errors["t_dt_s"] + errors.get("t_o_s", 0.0))):
+    for key, span, error in (
+        ("e_loss_j", row["t_dt_s"], errors["t_dt_s"]),
+        ("e_loss_settled_j", row["t_dt_s"] + (row["t_o_s"] or 0.0), errors["t_dt_s"] + errors.get("t_o_s", 0.0)),
+    ):
         if row[key] is not None and span > 0.0:
             # what the window's error cuts off: the mean power of the loss
             found[key] = rate * span + ends + abs(row[key]) / span * error
     return found
 
 
-def engagement_uncertainty(row: dict, instruments: dict[str, Instrument] | None = None,
-                           transmission: Transmission | None = None, period: float = ROW) -> dict[str, float]:
+def engagement_uncertainty(
+    row: dict, instruments: dict[str, Instrument] | None = None, transmission: Transmission | None = None, period: float = ROW
+) -> dict[str, float]:
     """Largest errors of a row of engagement.engagement_metrics, as :func:`uncertainty`; only of what was found.
 
     Pressures have the transducer's; the kiss pressure also what the pressure grows while the torque rises by the torque
@@ -160,8 +165,7 @@ def engagement_uncertainty(row: dict, instruments: dict[str, Instrument] | None 
     torque, speed = use["torque"].error, use["speed"].error
     pressure = max(use[clutch.pressure].error for clutch in box.engaged(row["gear"]))
     ends = period + 0.5 * TORQUE_SPEED_MEAN
-    found = {"m_wej_mean_nm": torque, "p_rest": pressure, "p_end": pressure, "hold_pressure": pressure,
-             "p_kiss": pressure}
+    found = {"m_wej_mean_nm": torque, "p_rest": pressure, "p_end": pressure, "hold_pressure": pressure, "p_kiss": pressure}
     if row["engagement_peak_nm"] is not None:
         found["engagement_peak_nm"] = torque + 0.5 * TORQUE_SPEED_MEAN * row["engagement_peak_nm"] / STEEP_RISE
     if row["growth_contact"] is not None:
@@ -179,7 +183,6 @@ def coast_down_uncertainty(result: dict, instruments: dict[str, Instrument] | No
     use = instruments_of(None) if instruments is None else instruments
     torque, tangent = result["coast_down_m_wej_nm"], result["coast_down_tangent_s"]
     slope = -result["coefficients"][-2]
-    found = {"coast_down_m_wej_nm": use["torque"].error,
-             "coast_down_tangent_s": tangent * 2.0 * use["speed"].error / slope}
+    found = {"coast_down_m_wej_nm": use["torque"].error, "coast_down_tangent_s": tangent * 2.0 * use["speed"].error / slope}
     share = use["torque"].error / torque + found["coast_down_tangent_s"] / tangent
     return found | {"inertia": result["inertia"] * share}

@@ -45,21 +45,34 @@ def valve_delay(t: np.ndarray, coil: np.ndarray, pressure: np.ndarray) -> dict[s
     period = _period(t, coil, pressure)
     pulse, pwm = _first_pulse(coil, period)
     if pulse * period < QUIET:
-        raise RigError(f"the first pulse comes {pulse * period:.3f} s after the start of the recording; {QUIET:g} s "
-                       "before it are needed to know rest and hum of the pressure")
+        raise RigError(
+            f"the first pulse comes {pulse * period:.3f} s after the start of the recording; {QUIET:g} s "
+            "before it are needed to know rest and hum of the pressure"
+        )
     clean, hum_hz, hum = without_hum(t, pressure, pulse)
     width = odd_width(COARSE_MEAN if pwm is None else max(1.0, round(COARSE_MEAN * pwm)) / pwm, period)
     smooth = running_mean(clean, width)
-    noise = float(np.std(smooth[width:pulse - width]))
+    noise = float(np.std(smooth[width : pulse - width]))
     at, rest, end = _rise(clean, smooth, pulse, noise, period)
-    return {"valve_delay_s": (at - pulse) * period, "t_pulse_s": float(t[pulse]), "t_rise_s": float(t[0] + at * period),
-            "pwm_hz": pwm, "hum_hz": hum_hz, "hum": hum, "noise": noise, "rest": rest, "end": end}
+    return {
+        "valve_delay_s": (at - pulse) * period,
+        "t_pulse_s": float(t[pulse]),
+        "t_rise_s": float(t[0] + at * period),
+        "pwm_hz": pwm,
+        "hum_hz": hum_hz,
+        "hum": hum,
+        "noise": noise,
+        "rest": rest,
+        "end": end,
+    }
 
 
 def _period(t, coil, pressure) -> float:
     if not (t.ndim == 1 and t.shape == coil.shape == pressure.shape and t.size > 100):
-        raise RigError("a valve response needs time, coil and pressure of one length, more than 100 samples; these "
-                       f"have the shapes {t.shape}, {coil.shape}, {pressure.shape}")
+        raise RigError(
+            "a valve response needs time, coil and pressure of one length, more than 100 samples; these "
+            f"have the shapes {t.shape}, {coil.shape}, {pressure.shape}"
+        )
     for name, values in (("time", t), ("coil signal", coil), ("pressure", pressure)):
         if not np.all(np.isfinite(values)):
             raise RigError(f"the {name} of the valve response has values that are no numbers")

@@ -10,7 +10,7 @@ Publishers encode with it once; DDS carries the bytes and the recorder stores th
 from __future__ import annotations
 
 import struct
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
 
@@ -38,15 +38,18 @@ class Encoder:
         self._fields = definition.tree.fields[2:]
         leaves = definition.leaves
         self._pack = struct.Struct(_struct_format(leaves)).pack
-        self._fixed_fields = self._fields[:len(self._fields) - len(definition.tail)]
+        self._fixed_fields = self._fields[: len(self._fields) - len(definition.tail)]
         # numbers of each field, None for one that stands alone
         self._counts = [None if node.kind == "number" else node.count for _, node in self._fixed_fields]
         self._arrays = any(self._counts)
         self._booleans = [i for i, (_, node) in enumerate(self._fixed_fields) if node.name == "bool"]
         self._tail, self._count = definition.tail, len(self._fields)
         # lists of real numbers that are few: struct is faster with them than an array is made
-        self._lists = bool(self._tail) and definition.name not in _BLOCKS and all(
-            node.kind == "sequence" and not node.count and node.item.name == "float64" for _, node in self._tail)
+        self._lists = (
+            bool(self._tail)
+            and definition.name not in _BLOCKS
+            and all(node.kind == "sequence" and not node.count and node.item.name == "float64" for _, node in self._tail)
+        )
         if not (self._tail or self._arrays or self._booleans):
             self.encode = self._numbers_only
 
@@ -58,9 +61,11 @@ class Encoder:
         wrong number or type of values, ValueError for a number that its field cannot hold.
         """
         if len(values) != self._count:
-            raise TypeError(f"{self.name} has {len(self._fields)} values after stamp and seq "
-                            f"({', '.join(name for name, _ in self._fields)}), got {len(values)}")
-        fixed = values[:len(self._fixed_fields)] if self._tail else values
+            raise TypeError(
+                f"{self.name} has {len(self._fields)} values after stamp and seq "
+                f"({', '.join(name for name, _ in self._fields)}), got {len(values)}"
+            )
+        fixed = values[: len(self._fixed_fields)] if self._tail else values
         for i in self._booleans:
             # struct would take anything for a bool.
             if fixed[i] is not True and fixed[i] is not False and not isinstance(fixed[i], np.bool_):
@@ -75,14 +80,14 @@ class Encoder:
             return data
         if self._lists:
             try:
-                for value in values[len(fixed):]:
+                for value in values[len(fixed) :]:
                     count = len(value)
                     data += _list_struct(len(data) % 8, count).pack(count, *value)
                 return data
             except (struct.error, TypeError):
                 data = self._pack(HEADER, stamp_ns // _SECOND, stamp_ns % _SECOND, 1, 0, seq, *flat)  # which says what is wrong
         out = bytearray(data)
-        for (name, node), value in zip(self._tail, values[len(fixed):]):
+        for (name, node), value in zip(self._tail, values[len(fixed) :]):
             _write(out, node, value, f"{self.name}.{name}")
         return bytes(out)
 
@@ -125,7 +130,7 @@ def _list_struct(end: int, count: int) -> struct.Struct:
 
 
 def _struct_format(leaves) -> str:
-    """struct format of encapsulation and leaves, with the padding of CDR written out."""
+    """Struct format of encapsulation and leaves, with the padding of CDR written out."""
     text, position = "<4s", 0
     for leaf in leaves:
         text += "x" * (leaf.offset - position) + leaf.node.code * (leaf.count or 1)
@@ -133,7 +138,7 @@ def _struct_format(leaves) -> str:
     return text
 
 
-@lru_cache(maxsize=None)
+@cache
 def encoder(ros_type: str) -> Encoder:
     """The encoder of an installed rig message; RigError when there is no such type."""
     return Encoder(installed(ros_type))
@@ -202,7 +207,7 @@ def exact(definition: Definition, data: bytes) -> bytes:
         return bytes(out)
     if definition.fixed:
         if definition.size <= len(data) < definition.size + 4:
-            return data[:definition.size]
+            return data[: definition.size]
         raise ValueError(f"{len(data)} bytes are no {definition.name}, which has {definition.size}")
     if len(data) < definition.size:
         raise ValueError(f"{len(data)} bytes are no {definition.name}, which begins with {definition.size}")
@@ -226,10 +231,7 @@ def _met(definition: Definition, data: bytes) -> bool:
     marks = definition.met.get(len(data))
     if marks is None:
         return False
-    for place, mark in marks:
-        if data[place] != mark:
-            return False
-    return True
+    return all(data[place] == mark for place, mark in marks)
 
 
 def frameless(definition: Definition, data: bytes) -> bytes:
@@ -320,14 +322,15 @@ def _write_message(out: bytearray, node: Node, value, where: str) -> None:
         unknown = [key for key in value if key not in names]
         missing = [name for name in names if name not in value]
         if unknown or missing:
-            raise TypeError(f"{where} needs exactly the fields {', '.join(names)}; missing: "
-                            f"{', '.join(missing) or 'none'}, unknown: {', '.join(unknown) or 'none'}")
+            raise TypeError(
+                f"{where} needs exactly the fields {', '.join(names)}; missing: "
+                f"{', '.join(missing) or 'none'}, unknown: {', '.join(unknown) or 'none'}"
+            )
         parts = [value[name] for name in names]
     else:
         missing = [name for name in names if not hasattr(value, name)]
         if missing:
-            raise TypeError(f"{where} needs the fields {', '.join(names)}, got {type(value).__name__} "
-                            f"without {', '.join(missing)}")
+            raise TypeError(f"{where} needs the fields {', '.join(names)}, got {type(value).__name__} without {', '.join(missing)}")
         parts = [getattr(value, name) for name in names]
     for (name, member), part in zip(node.fields, parts):
         _write(out, member, part, f"{where}.{name}")
@@ -373,8 +376,7 @@ def _numbers(node: Node, value, where: str) -> np.ndarray:
     if wanted.kind in "iu":
         limits = np.iinfo(wanted)
         if int(array.min()) < limits.min or int(array.max()) > limits.max:
-            raise ValueError(f"{where} holds {limits.min} to {limits.max}, "
-                             f"got {array.min()} to {array.max()}")
+            raise ValueError(f"{where} holds {limits.min} to {limits.max}, got {array.min()} to {array.max()}")
     return array.astype(wanted, copy=False)
 
 

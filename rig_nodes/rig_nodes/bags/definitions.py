@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 import struct
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -24,8 +24,19 @@ from . import limits
 
 # Names of the .msg language -> struct code; the size of a number is its alignment in CDR.
 CODES = {
-    "bool": "?", "byte": "B", "char": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H",
-    "int32": "i", "uint32": "I", "int64": "q", "uint64": "Q", "float32": "f", "float64": "d",
+    "bool": "?",
+    "byte": "B",
+    "char": "B",
+    "int8": "b",
+    "uint8": "B",
+    "int16": "h",
+    "uint16": "H",
+    "int32": "i",
+    "uint32": "I",
+    "int64": "q",
+    "uint64": "Q",
+    "float32": "f",
+    "float64": "d",
 }
 TIME, HEADER = "builtin_interfaces/msg/Time", "std_msgs/msg/Header"
 _TYPE = re.compile(r"[A-Za-z]\w{0,199}(/msg)?/[A-Za-z]\w{0,199}", re.ASCII)
@@ -47,7 +58,7 @@ class Node:
 
     @property
     def code(self) -> str:
-        """struct code of a number."""
+        """Struct code of a number."""
         return CODES[self.name]
 
     @property
@@ -121,11 +132,20 @@ class Definition:
             return None
         own, places = self.dtype(), self._places(data)
         names = [part for (name, _), _ in zip(self.tail, places) for part in (f"{name}#", name)]
-        formats = [part for (name, node), (_, _, count) in zip(self.tail, places)
-                   for part in ("<u4", (_numpy_format(Leaf(name, node.item, 0, 0)), (count,)))]
+        formats = [
+            part
+            for (name, node), (_, _, count) in zip(self.tail, places)
+            for part in ("<u4", (_numpy_format(Leaf(name, node.item, 0, 0)), (count,)))
+        ]
         offsets = [part for at, first, _ in places for part in (at, first)]
-        return np.dtype({"names": [*own.names, *names], "formats": [own[name] for name in own.names] + formats,
-                         "offsets": [own.fields[name][1] for name in own.names] + offsets, "itemsize": end})
+        return np.dtype(
+            {
+                "names": [*own.names, *names],
+                "formats": [own[name] for name in own.names] + formats,
+                "offsets": [own.fields[name][1] for name in own.names] + offsets,
+                "itemsize": end,
+            }
+        )
 
     @cached_property
     def lists(self) -> bool:
@@ -153,20 +173,22 @@ class Definition:
             at = end + -end % 4
             if len(data) < at + 4:
                 return []
-            count = int.from_bytes(data[at:at + 4], "little")
+            count = int.from_bytes(data[at : at + 4], "little")
             first = at + 4 + (-at % node.item.size if count else 0)
             end = first + node.item.size * count
             places.append((at, first, count))
         return places
 
     def dtype(self) -> np.dtype:
-        """numpy record of the leaves; its item size is ``size``, so that joined messages can be viewed."""
-        return np.dtype({
-            "names": [leaf.path for leaf in self.leaves],
-            "formats": [_numpy_format(leaf) for leaf in self.leaves],
-            "offsets": [4 + leaf.offset for leaf in self.leaves],
-            "itemsize": self.size,
-        })
+        """Numpy record of the leaves; its item size is ``size``, so that joined messages can be viewed."""
+        return np.dtype(
+            {
+                "names": [leaf.path for leaf in self.leaves],
+                "formats": [_numpy_format(leaf) for leaf in self.leaves],
+                "offsets": [4 + leaf.offset for leaf in self.leaves],
+                "itemsize": self.size,
+            }
+        )
 
 
 def _numpy_format(leaf: Leaf):
@@ -174,7 +196,7 @@ def _numpy_format(leaf: Leaf):
     return (base, (leaf.count,)) if leaf.count else base
 
 
-@lru_cache(maxsize=None)
+@cache
 def installed(ros_type: str) -> Definition:
     """The definition of an installed type, e.g. ``rig_msgs/msg/Measurement``.
 
@@ -220,8 +242,10 @@ def _said(ros_type: str, text: str) -> str:
     if not _TYPE.fullmatch(ros_type):
         raise RigError(f"'{ros_type[:100]}' is not a message type; expected package/msg/Name")
     if len(lines) > limits.LINES or longest > limits.LINE:
-        raise RigError(f"the definition of {ros_type} has {len(lines)} lines of up to {longest} characters; at most "
-                       f"{limits.LINES} lines of {limits.LINE} are read")
+        raise RigError(
+            f"the definition of {ros_type} has {len(lines)} lines of up to {longest} characters; at most "
+            f"{limits.LINES} lines of {limits.LINE} are read"
+        )
     return "\n".join(lines) + "\n"
 
 
@@ -238,8 +262,10 @@ class _Size:
 
     def _message(self, name: str, depth: int) -> None:
         if depth > limits.DEPTH:
-            raise RigError(f"the definition of {self._name} goes deeper than {limits.DEPTH} messages within each other, or "
-                           f"{name} contains itself")
+            raise RigError(
+                f"the definition of {self._name} goes deeper than {limits.DEPTH} messages within each other, or "
+                f"{name} contains itself"
+            )
         for _, description in self._types[name][1]:
             self._field(description, depth)
 
@@ -256,23 +282,24 @@ class _Size:
                 for _ in range(count if kind == Nodetype.ARRAY else 1):
                     self._field(item, depth)
         if self._fields > limits.FIELDS or self._bytes > limits.CHUNK:
-            raise RigError(f"the definition of {self._name} has more than {limits.FIELDS} fields or {limits.CHUNK} bytes, "
-                           f"which is more than is read")
+            raise RigError(
+                f"the definition of {self._name} has more than {limits.FIELDS} fields or {limits.CHUNK} bytes, "
+                f"which is more than is read"
+            )
 
 
 def _collect(ros_type: str, texts: dict[str, str]) -> None:
     """Put the .msg text of a type and of all types it uses into ``texts``, the type itself first."""
     if ros_type in texts:
         return
-    package, kind, short = (ros_type.split("/") + ["", ""])[:3]
+    package, kind, short = ([*ros_type.split("/"), "", ""])[:3]
     if kind != "msg" or not short:
         raise RigError(f"'{ros_type}' is not a message type; expected package/msg/Name")
     try:
         path = Path(get_package_share_directory(package)) / "msg" / f"{short}.msg"
         texts[ros_type] = path.read_text(encoding="utf-8")
     except PackageNotFoundError:
-        raise RigError(f"the message package '{package}' is not installed; "
-                       f"'./rig doctor' says what is") from None
+        raise RigError(f"the message package '{package}' is not installed; './rig doctor' says what is") from None
     except FileNotFoundError:
         raise RigError(f"the package '{package}' has no message '{short}'") from None
     for _, description in _fields_of(ros_type, texts[ros_type]):
@@ -296,8 +323,7 @@ def _short(ros_type: str) -> str:
 
 
 def _message(ros_type: str, types) -> Node:
-    return Node("message", ros_type, fields=tuple((name, _node(description, types))
-                                                  for name, description in types[ros_type][1]))
+    return Node("message", ros_type, fields=tuple((name, _node(description, types)) for name, description in types[ros_type][1]))
 
 
 def _node(description, types) -> Node:
@@ -320,8 +346,12 @@ def _lay_out(tree: Node) -> tuple[tuple[Leaf, ...], tuple[tuple[str, Node], ...]
     leaves: list[Leaf] = []
     position, first = 0, 0
     if _counted(tree):
-        for path, code, size in (("stamp.sec", "int32", 4), ("stamp.nanosec", "uint32", 4), ("frame_id#", "uint32", 4),
-                                 ("frame_id", "uint8", 1)):
+        for path, code, size in (
+            ("stamp.sec", "int32", 4),
+            ("stamp.nanosec", "uint32", 4),
+            ("frame_id#", "uint32", 4),
+            ("frame_id", "uint8", 1),
+        ):
             leaves.append(Leaf(path, Node("number", code), 0, position))
             position += size
         first = 1

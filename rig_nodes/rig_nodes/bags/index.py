@@ -20,9 +20,31 @@ from pathlib import Path
 from ..catalogue import Catalogue
 from ..errors import BagError
 from . import limits
-from .mcap_file import (CHANNEL, CHUNK, CHUNK_INDEX, DATA_END, FOOTER, FOOTER_BODY, HEADER, MAGIC, MESSAGE,
-                        MESSAGE_INDEX, RECORD, SCHEMA, STATISTICS, Contents, Damage, McapFile, Records, Stream, by_topic, check_expansion,
-                        chunk_head, library, plain_record)
+from .mcap_file import (
+    CHANNEL,
+    CHUNK,
+    CHUNK_INDEX,
+    DATA_END,
+    FOOTER,
+    FOOTER_BODY,
+    HEADER,
+    MAGIC,
+    MESSAGE,
+    MESSAGE_INDEX,
+    RECORD,
+    SCHEMA,
+    STATISTICS,
+    Contents,
+    Damage,
+    McapFile,
+    Records,
+    Stream,
+    by_topic,
+    check_expansion,
+    chunk_head,
+    library,
+    plain_record,
+)
 from .reader import Bag, find
 
 _CHUNK_INDEX = struct.Struct("<QQQQI")
@@ -89,8 +111,9 @@ class BagIndex:
         """Topics and signals of the rig that the bag is of, as Bag.catalogue."""
         return self.bag([topic for topic, ros_type in self.types.items() if ros_type == "rig_msgs/msg/RunInfo"]).catalogue
 
-    def timeline(self, topics: Collection[str], begin: int = 0, end: int = limits.LAST + 1
-                 ) -> Iterator[tuple[int, tuple[str, bytes]]]:
+    def timeline(
+        self, topics: Collection[str], begin: int = 0, end: int = limits.LAST + 1
+    ) -> Iterator[tuple[int, tuple[str, bytes]]]:
         """Log time [ns], and topic with bytes, of the messages from ``begin`` to before ``end``, by log time.
 
         Messages of one time come as in the file. Chunks may overlap: those that do are in memory together.
@@ -122,15 +145,19 @@ class BagIndex:
         """Messages of a part: time, place in the file, topic, bytes; none where it is damaged, which is told."""
         try:
             streams = self._read(part).values()
-            if any(stream.times and not part.first <= min(stream.times) <= max(stream.times) <= part.last
-                   for stream in streams):
+            if any(stream.times and not part.first <= min(stream.times) <= max(stream.times) <= part.last for stream in streams):
                 raise Damage("a chunk holds messages of other times than are said of it", part.start)
         except Damage as damage:
             self._tell(damage)
             self._records.take()
             return []
-        return [(time, part.start, place, stream.topic, data) for stream in streams if stream.topic in topics
-                for time, place, data in zip(stream.times, stream.places, stream.payloads) if begin <= time < end]
+        return [
+            (time, part.start, place, stream.topic, data)
+            for stream in streams
+            if stream.topic in topics
+            for time, place, data in zip(stream.times, stream.places, stream.payloads)
+            if begin <= time < end
+        ]
 
     def _read(self, part: _Part) -> dict[int, Stream]:
         position = part.start
@@ -208,9 +235,13 @@ class BagIndex:
         messages, *_, chunks, _, _, length = _STATISTICS.unpack_from(statistics)
         if length > len(statistics) - _STATISTICS.size:
             return False
-        self._count = Counter(dict(struct.iter_unpack("<HQ", statistics[_STATISTICS.size:_STATISTICS.size + length])))
-        return (chunks == len(self._parts) and self._count.keys() <= self._records.contents.streams.keys()
-                and sum(self._count.values()) == messages and (chunks > 0 or messages == 0))
+        self._count = Counter(dict(struct.iter_unpack("<HQ", statistics[_STATISTICS.size : _STATISTICS.size + length])))
+        return (
+            chunks == len(self._parts)
+            and self._count.keys() <= self._records.contents.streams.keys()
+            and sum(self._count.values()) == messages
+            and (chunks > 0 or messages == 0)
+        )
 
     def _by_walking(self) -> None:
         """Take everything from the heads of the file's records, up to where they cannot be followed."""
@@ -290,7 +321,7 @@ def _part_of(record: bytes, same: dict) -> tuple[_Part, int]:
     """A chunk by its record in the summary, and its bytes unpacked. same: sets of channels met already."""
     first, last, start, length, offsets = _CHUNK_INDEX.unpack_from(record)
     position = _CHUNK_INDEX.size
-    channels = frozenset(number for number, _ in struct.iter_unpack("<HQ", record[position:position + offsets]))
+    channels = frozenset(number for number, _ in struct.iter_unpack("<HQ", record[position : position + offsets]))
     position += offsets + 8
     (compression,) = struct.unpack_from("<I", record, position)
     (size,) = struct.unpack_from("<Q", record, position + 4 + compression + 8)

@@ -110,8 +110,11 @@ def read_pieces(path: Path, recover: bool, size: float) -> Iterator[Contents]:
         except Damage as damage:
             where = damage.sentence(file.size)
             if not recover:
-                hint = "the run was cut off before it could close the bag, recovery reads all up to there" \
-                    if damage.cut else "recovery reads what is undamaged; better fetch the file again"
+                hint = (
+                    "the run was cut off before it could close the bag, recovery reads all up to there"
+                    if damage.cut
+                    else "recovery reads what is undamaged; better fetch the file again"
+                )
                 raise BagError(f"{path}: {where}; {hint}") from None
             scan.contents.damage.append(where)
         yield scan.contents
@@ -158,7 +161,7 @@ class McapFile:
             if length >= _BLOCK:
                 return block[:length]
             self._block, self._from, at = block, position, 0
-        return self._block[at:at + length]
+        return self._block[at : at + length]
 
     def checksum(self, start: int, end: int) -> int:
         """CRC-32 of these bytes."""
@@ -225,8 +228,9 @@ class Records:
     def take(self) -> Contents:
         """What was gathered since the last time; the channels stay."""
         taken, self.held = self.contents, 0
-        self.contents = Contents({number: stream.emptied() for number, stream in taken.streams.items()}, taken.damage,
-                                 taken.library)
+        self.contents = Contents(
+            {number: stream.emptied() for number, stream in taken.streams.items()}, taken.damage, taken.library
+        )
         return taken
 
     def chunk(self, head: ChunkHead, at: int) -> None:
@@ -275,10 +279,9 @@ class Records:
                     if stream is None:
                         raise Damage(f"a message belongs to channel {channel}, which is not described", at)
                     if log_time > last:
-                        raise Damage(f"a message of {stream.topic} has the log time {log_time} ns, expected 0 to {last},",
-                                     at)
+                        raise Damage(f"a message of {stream.topic} has the log time {log_time} ns, expected 0 to {last},", at)
                     stream.times.append(log_time)
-                    data = content[start + 22:position]
+                    data = content[start + 22 : position]
                     stream.payloads.append(data if stream.convert is None else stream.convert(data))
                     stream.places.append(next_place())
                 elif opcode == SCHEMA:
@@ -300,13 +303,17 @@ class Records:
         schema = name, encoding, definition
         if self.schemas.setdefault(number, schema) is not schema:
             if self.schemas[number] != schema:
-                raise Damage(f"definition {number} is given twice, as {self.schemas[number][0]} and otherwise, as {name},",
-                             at, fatal=True)
+                raise Damage(
+                    f"definition {number} is given twice, as {self.schemas[number][0]} and otherwise, as {name},", at, fatal=True
+                )
             return
         self._texts += end - start
         if len(self.schemas) > limits.DESCRIPTIONS or self._texts > limits.TEXTS:
-            raise Damage(f"there are more message definitions than the {limits.DESCRIPTIONS} or {limits.TEXTS} bytes that "
-                         f"are read", at, fatal=True)
+            raise Damage(
+                f"there are more message definitions than the {limits.DESCRIPTIONS} or {limits.TEXTS} bytes that are read",
+                at,
+                fatal=True,
+            )
 
     def _channel(self, content: bytes, start: int, end: int, at: int) -> None:
         if end - start > limits.RECORD:
@@ -321,8 +328,9 @@ class Records:
         new = Stream(topic, name, f"{encoding}/{language}", definition, _metadata(content, position, end), convert=convert)
         known = self.contents.streams.setdefault(number, new)
         if known is not new and (known.topic, known.ros_type, known.encoding) != (topic, name, new.encoding):
-            raise Damage(f"channel {number} is given twice, as {known.topic} of {known.ros_type} and as {topic} of {name},",
-                         at, fatal=True)
+            raise Damage(
+                f"channel {number} is given twice, as {known.topic} of {known.ros_type} and as {topic} of {name},", at, fatal=True
+            )
         if len(self.contents.streams) > limits.DESCRIPTIONS:
             raise Damage(f"there are more than {limits.DESCRIPTIONS} topics", at, fatal=True)
 
@@ -334,8 +342,9 @@ def by_topic(path: Path, streams: Iterable[Stream]) -> dict[str, Stream]:
         first = joined.setdefault(stream.topic, stream)
         if first is not stream:
             if first.ros_type != stream.ros_type:
-                raise BagError(f"{path}: topic {stream.topic} holds both {first.ros_type} and {stream.ros_type}; "
-                               f"a topic has one type")
+                raise BagError(
+                    f"{path}: topic {stream.topic} holds both {first.ros_type} and {stream.ros_type}; a topic has one type"
+                )
             first.times += stream.times
             first.payloads += stream.payloads
             first.places += stream.places
@@ -435,8 +444,9 @@ def plain_record(file: McapFile, start: int, end: int) -> bytes:
 def check_expansion(unpacked: int, read: int, at: int) -> None:
     """Damage when so many bytes of the file unpack to more than any recording does."""
     if unpacked > limits.CHUNK + limits.EXPANSION * read:
-        raise Damage(f"what is packed unpacks to {unpacked} bytes, more than {limits.EXPANSION} for each byte of the file,", at,
-                     fatal=True)
+        raise Damage(
+            f"what is packed unpacks to {unpacked} bytes, more than {limits.EXPANSION} for each byte of the file,", at, fatal=True
+        )
 
 
 def library(file: McapFile, start: int, end: int) -> str:
@@ -469,4 +479,4 @@ def text(content: bytes, position: int, end: int) -> tuple[str, int]:
     stop = position + 4 + length
     if stop > end:
         raise ValueError("text runs past its record")
-    return str(content[position + 4:stop], "utf-8"), stop
+    return str(content[position + 4 : stop], "utf-8"), stop

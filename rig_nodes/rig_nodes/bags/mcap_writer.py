@@ -17,8 +17,7 @@ from collections import defaultdict
 import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import (Channel, ChunkIndex, DataEnd, Footer, Header, Metadata, MetadataIndex, Schema,
-                          Statistics, SummaryOffset)
+from mcap.records import Channel, ChunkIndex, DataEnd, Footer, Header, Metadata, MetadataIndex, Schema, Statistics, SummaryOffset
 
 from .mcap_file import MAGIC
 
@@ -57,8 +56,9 @@ class McapWriter:
 
     def register_channel(self, topic: str, encoding: str, schema: int, metadata: dict[str, str]) -> int:
         """Number of a new channel of a schema's messages."""
-        self._channels.append(Channel(id=len(self._channels) + 1, topic=topic, message_encoding=encoding,
-                                      schema_id=schema, metadata=metadata))
+        self._channels.append(
+            Channel(id=len(self._channels) + 1, topic=topic, message_encoding=encoding, schema_id=schema, metadata=metadata)
+        )
         self._into_chunk(_bytes(self._channels[-1]))
         return len(self._channels)
 
@@ -87,9 +87,14 @@ class McapWriter:
         self._end_chunk()
         self._write(_bytes(DataEnd(self._data_crc)))
         start, data, groups = self._file.tell(), bytearray(), []
-        for opcode, part in ((Opcode.SCHEMA, map(_bytes, self._schemas)), (Opcode.CHANNEL, map(_bytes, self._channels)),
-                             (Opcode.STATISTICS, [_bytes(self._statistics())]), (Opcode.CHUNK_INDEX, [self._chunks]),
-                             (Opcode.ATTACHMENT_INDEX, []), (Opcode.METADATA_INDEX, map(_bytes, self._metadata))):
+        for opcode, part in (
+            (Opcode.SCHEMA, map(_bytes, self._schemas)),
+            (Opcode.CHANNEL, map(_bytes, self._channels)),
+            (Opcode.STATISTICS, [_bytes(self._statistics())]),
+            (Opcode.CHUNK_INDEX, [self._chunks]),
+            (Opcode.ATTACHMENT_INDEX, []),
+            (Opcode.METADATA_INDEX, map(_bytes, self._metadata)),
+        ):
             begin = len(data)
             data += b"".join(part)
             groups.append(SummaryOffset(group_opcode=opcode, group_start=start + begin, group_length=len(data) - begin))
@@ -101,10 +106,17 @@ class McapWriter:
         self._file.write(MAGIC)
 
     def _statistics(self) -> Statistics:
-        return Statistics(attachment_count=0, channel_count=len(self._channels), channel_message_counts=self._counts,
-                          chunk_count=self._chunk_count, message_count=sum(self._counts.values()),
-                          metadata_count=len(self._metadata), message_start_time=self._first,
-                          message_end_time=self._last, schema_count=len(self._schemas))
+        return Statistics(
+            attachment_count=0,
+            channel_count=len(self._channels),
+            channel_message_counts=self._counts,
+            chunk_count=self._chunk_count,
+            message_count=sum(self._counts.values()),
+            metadata_count=len(self._metadata),
+            message_start_time=self._first,
+            message_end_time=self._last,
+            schema_count=len(self._schemas),
+        )
 
     def _begin_chunk(self) -> None:
         self._parts: list[bytes] = []
@@ -124,8 +136,20 @@ class McapWriter:
         content = b"".join(self._parts)
         packed = self._compress(content)
         at = self._file.tell()
-        self._write(_CHUNK.pack(Opcode.CHUNK, _CHUNK.size - 9 + len(packed), first, last, len(content),
-                                zlib.crc32(content), len(COMPRESSION), COMPRESSION.encode(), len(packed)) + packed)
+        self._write(
+            _CHUNK.pack(
+                Opcode.CHUNK,
+                _CHUNK.size - 9 + len(packed),
+                first,
+                last,
+                len(content),
+                zlib.crc32(content),
+                len(COMPRESSION),
+                COMPRESSION.encode(),
+                len(packed),
+            )
+            + packed
+        )
         indices_at, places, rows = self._file.tell(), {}, []
         for channel, index in self._indices.items():
             places[channel] = indices_at + sum(map(len, rows))
@@ -135,10 +159,19 @@ class McapWriter:
         table = b"".join(rows)
         self._write(table)
         self._chunk_count += 1
-        self._chunks += _bytes(ChunkIndex(
-            message_start_time=first, message_end_time=last, chunk_start_offset=at, chunk_length=indices_at - at,
-            message_index_offsets=places, message_index_length=len(table), compression=COMPRESSION,
-            compressed_size=len(packed), uncompressed_size=len(content)))
+        self._chunks += _bytes(
+            ChunkIndex(
+                message_start_time=first,
+                message_end_time=last,
+                chunk_start_offset=at,
+                chunk_length=indices_at - at,
+                message_index_offsets=places,
+                message_index_length=len(table),
+                compression=COMPRESSION,
+                compressed_size=len(packed),
+                uncompressed_size=len(content),
+            )
+        )
         self._begin_chunk()
 
     def _write(self, data: bytes) -> None:

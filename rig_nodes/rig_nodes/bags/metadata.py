@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from io import StringIO
 from textwrap import indent
 
@@ -29,11 +29,15 @@ FOREVER = {"sec": 9223372036, "nsec": 854775807}
 def _profile(offer: Offer) -> dict:
     deadline = {"sec": 0, "nsec": offer.deadline_ms * 1_000_000} if offer.deadline_ms else FOREVER
     return {
-        "history": "keep_last", "depth": offer.depth,
+        "history": "keep_last",
+        "depth": offer.depth,
         "reliability": "reliable" if offer.reliable else "best_effort",
         "durability": "transient_local" if offer.latched else "volatile",
-        "deadline": deadline, "lifespan": FOREVER, "liveliness": "automatic",
-        "liveliness_lease_duration": FOREVER, "avoid_ros_namespace_conventions": False,
+        "deadline": deadline,
+        "lifespan": FOREVER,
+        "liveliness": "automatic",
+        "liveliness_lease_duration": FOREVER,
+        "avoid_ros_namespace_conventions": False,
     }
 
 
@@ -57,23 +61,26 @@ def read_profile(text: str) -> Offered:
     text, reliable and not latched. Raises BagError when the text is no list of profiles.
     """
     if len(text) > limits.PROFILES:
-        raise BagError(f"a quality of service in the bag has {len(text)} characters, more than the {limits.PROFILES} that are "
-                       f"read")
+        raise BagError(f"a quality of service in the bag has {len(text)} characters, more than the {limits.PROFILES} that are read")
     try:
         profiles = YAML(typ="safe", pure=True).load(text) or []
         deadlines = [profile.get("deadline", FOREVER) for profile in profiles]
-        finite = [int(d["sec"]) * 1_000_000_000 + int(d["nsec"]) for d in deadlines
-                  if 0 <= d["sec"] < FOREVER["sec"] and 0 <= d["nsec"] < 1_000_000_000]
+        finite = [
+            int(d["sec"]) * 1_000_000_000 + int(d["nsec"])
+            for d in deadlines
+            if 0 <= d["sec"] < FOREVER["sec"] and 0 <= d["nsec"] < 1_000_000_000
+        ]
         return Offered(
             reliable=not profiles or any(p["reliability"] not in ("best_effort", 2) for p in profiles),
             latched=any(p["durability"] in ("transient_local", 1) for p in profiles),
-            deadline_ns=min((d for d in finite if d > 0), default=0))
+            deadline_ns=min((d for d in finite if d > 0), default=0),
+        )
     except (YAMLError, AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
         problem = f"{type(error).__name__} {error}".strip().splitlines()[0]
         raise BagError(f"a quality of service in the bag is no list of profiles ({problem})") from None
 
 
-@lru_cache(maxsize=None)
+@cache
 def profile_text(qos: str) -> str:
     """The offered profile of a class as rosbag2 keeps it in a channel."""
     return _yaml([PROFILES[qos]])
@@ -88,33 +95,34 @@ def bag_metadata(file_name: str, topics: list[dict], start_ns: int, end_ns: int)
     count = sum(topic["count"] for topic in topics)
     starting_time = {"nanoseconds_since_epoch": start_ns}
     duration = {"nanoseconds": end_ns - start_ns}
-    information = _yaml({
-        "version": VERSION,
-        "storage_identifier": "mcap",
-        "duration": duration,
-        "starting_time": starting_time,
-        "message_count": count,
-        "topics_with_message_count": [
-            {
-                "topic_metadata": {
-                    "name": topic["name"],
-                    "type": topic["type"],
-                    "serialization_format": "cdr",
-                    "offered_qos_profiles": topic["qos"],
-                    "type_description_hash": topic["hash"],
-                },
-                "message_count": topic["count"],
-            }
-            for topic in topics
-        ],
-        "compression_format": "",
-        "compression_mode": "",
-        "relative_file_paths": [file_name],
-        "files": [{"path": file_name, "starting_time": starting_time, "duration": duration,
-                   "message_count": count}],
-        "custom_data": None,
-        "ros_distro": "jazzy",
-    })
+    information = _yaml(
+        {
+            "version": VERSION,
+            "storage_identifier": "mcap",
+            "duration": duration,
+            "starting_time": starting_time,
+            "message_count": count,
+            "topics_with_message_count": [
+                {
+                    "topic_metadata": {
+                        "name": topic["name"],
+                        "type": topic["type"],
+                        "serialization_format": "cdr",
+                        "offered_qos_profiles": topic["qos"],
+                        "type_description_hash": topic["hash"],
+                    },
+                    "message_count": topic["count"],
+                }
+                for topic in topics
+            ],
+            "compression_format": "",
+            "compression_mode": "",
+            "relative_file_paths": [file_name],
+            "files": [{"path": file_name, "starting_time": starting_time, "duration": duration, "message_count": count}],
+            "custom_data": None,
+            "ros_distro": "jazzy",
+        }
+    )
     # there are few classes and many topics, and the library is slow
     return _CLASS.sub(lambda found: found[1] + "\n" + indent(profile_text(found[3]), found[2]), information)
 

@@ -65,27 +65,37 @@ def _command(data: bytes) -> bytes:
     """ValveCommand with three duties and setpoints before its small numbers; what is too short stays what it is."""
     if len(data) < 80:
         return data
-    return b"".join((data[:12], _FRAME, data[12:28], data[76:80], struct.pack("<I", 3), data[28:52], struct.pack("<I4x", 3),
-                     data[52:76]))
+    return b"".join(
+        (data[:12], _FRAME, data[12:28], data[76:80], struct.pack("<I", 3), data[28:52], struct.pack("<I4x", 3), data[52:76])
+    )
 
 
 # messages whose fields are others today: type and a field of the older form
-_SHAPES = {("rig_msgs/msg/ControllerSample", "float64 n_wej"): _sample,
-           ("rig_msgs/msg/ValveCommand", "float64[3] duty"): _command}
+_SHAPES = {("rig_msgs/msg/ControllerSample", "float64 n_wej"): _sample, ("rig_msgs/msg/ValveCommand", "float64[3] duty"): _command}
 
 
 # records of before: kind -> (the installed rig that it was, what moved: section and value then -> section and value today)
 _GEARBOX_MOVED = {
-    ("gearbox", "inertia_in"): ("w0", "inertia"), ("gearbox", "inertia_in_gearbox"): ("M_wej", "inertia"),
-    ("gearbox", "inertia_out_z5"): ("z5", "inertia"), ("gearbox", "inertia_pump"): ("M_wyj", "inertia"),
-    ("gearbox", "loss_in_speed"): ("loss_in", "by_speed"), ("gearbox", "loss_in_at_rest"): ("loss_in", "at_rest"),
-    ("gearbox", "loss_in_at_470"): ("loss_in", "at_470"), ("gearbox", "loss_in_constant"): ("loss_in", "constant"),
-    ("gearbox", "loss_in_share"): ("loss_in", "share"), ("gearbox", "loss_in_square"): ("loss_in", "square"),
-    ("gearbox", "loss_out_constant"): ("loss_out", "drag"), ("gearbox", "loss_out_share"): ("loss_out", "share"),
-    ("gearbox", "loss_out_square"): ("loss_out", "square"), ("gearbox", "loss_by_load_side"): ("loss_out", "torque_side")}
+    ("gearbox", "inertia_in"): ("w0", "inertia"),
+    ("gearbox", "inertia_in_gearbox"): ("M_wej", "inertia"),
+    ("gearbox", "inertia_out_z5"): ("z5", "inertia"),
+    ("gearbox", "inertia_pump"): ("M_wyj", "inertia"),
+    ("gearbox", "loss_in_speed"): ("loss_in", "by_speed"),
+    ("gearbox", "loss_in_at_rest"): ("loss_in", "at_rest"),
+    ("gearbox", "loss_in_at_470"): ("loss_in", "at_470"),
+    ("gearbox", "loss_in_constant"): ("loss_in", "constant"),
+    ("gearbox", "loss_in_share"): ("loss_in", "share"),
+    ("gearbox", "loss_in_square"): ("loss_in", "square"),
+    ("gearbox", "loss_out_constant"): ("loss_out", "drag"),
+    ("gearbox", "loss_out_share"): ("loss_out", "share"),
+    ("gearbox", "loss_out_square"): ("loss_out", "square"),
+    ("gearbox", "loss_by_load_side"): ("loss_out", "torque_side"),
+}
 _BENCH_MOVED = {
-    ("hydraulic_motor", "inertia"): ("motor", "inertia"), ("shaft", "meter_stiffness"): ("torque_meter", "stiffness"),
-    ("shaft", "meter_damping"): ("torque_meter", "damping")}
+    ("hydraulic_motor", "inertia"): ("motor", "inertia"),
+    ("shaft", "meter_stiffness"): ("torque_meter", "stiffness"),
+    ("shaft", "meter_damping"): ("torque_meter", "damping"),
+}
 _RECORDS = {"gearbox": ("hydmag", _GEARBOX_MOVED, {}), "clutch_bench": ("clutch_bench", _BENCH_MOVED, {"pack": "clutch_pack"})}
 
 

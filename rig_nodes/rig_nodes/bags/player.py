@@ -29,9 +29,17 @@ class Player:
     up for: the replay goes on from where it stood, and ``behind`` adds up such stalls [s].
     """
 
-    def __init__(self, messages: Callable[[], Iterator[tuple[int, Message]]], first: int, *, rate: float = 1.0,
-                 loop: bool = False, paused: bool = False, period: int = 5_000_000,
-                 early: Sequence[tuple[int, Message]] = ()):
+    def __init__(
+        self,
+        messages: Callable[[], Iterator[tuple[int, Message]]],
+        first: int,
+        *,
+        rate: float = 1.0,
+        loop: bool = False,
+        paused: bool = False,
+        period: int = 5_000_000,
+        early: Sequence[tuple[int, Message]] = (),
+    ):
         """messages: begins a pass: gives ascending times [ns], none before ``first``, each with its message; first: where
         passes begin [ns]; rate: recorded seconds per second, inf for as fast as it goes; period: recorded time between
         two clocks [ns]; early: the messages before ``first`` that are due all the same when a pass begins.
@@ -100,10 +108,7 @@ class Player:
             return 0.0 if self._steps and not self.finished else math.inf
         if math.isinf(self.rate):
             return 0.0
-        if self._ahead is not None:
-            at = min(self._tick, self._ahead[0]) - self._first
-        else:
-            at = self._last - self._first + self._period
+        at = min(self._tick, self._ahead[0]) - self._first if self._ahead is not None else self._last - self._first + self._period
         return max(0.0, (at - self._offset) / self.rate / 1e9 - (now - self._wall))
 
     def lateness(self, time: int, now: float) -> float:

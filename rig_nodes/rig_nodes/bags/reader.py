@@ -13,12 +13,12 @@ import hashlib
 import json
 import re
 import struct
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import repeat
 from operator import itemgetter
 from pathlib import Path
-from typing import Iterator, Mapping
 
 import numpy as np
 
@@ -34,8 +34,7 @@ from .mcap_file import Contents, Stream, by_topic, read_mcap, read_pieces
 from .old_form import topic_of_today
 from .rig_record import rig_record
 
-_HEAD = np.dtype({"names": ["sec", "nanosec", "seq"], "formats": ["<i4", "<u4", "<u8"], "offsets": [4, 8, 20],
-                  "itemsize": 28})
+_HEAD = np.dtype({"names": ["sec", "nanosec", "seq"], "formats": ["<i4", "<u4", "<u8"], "offsets": [4, 8, 20], "itemsize": 28})
 _STAMP = np.dtype({"names": ["sec", "nanosec"], "formats": ["<i4", "<u4"], "offsets": [4, 8], "itemsize": 12})
 UNREADABLE = (RigError, KeyError, TypeError, ValueError, AttributeError, IndexError)  # what a record that is none may raise
 NOTHING = "nothing was recorded: the run was stopped before its time began"
@@ -165,8 +164,7 @@ class Bag:
         stream = self._stream(topic)
         held = dict(self._definition(stream).tree.fields)
         if unknown := [name for name in names if name not in held]:
-            raise BagError(f"{self.path}: {topic} has no field '{unknown[0]}'; the bag is of another version of "
-                           f"{stream.ros_type}")
+            raise BagError(f"{self.path}: {topic} has no field '{unknown[0]}'; the bag is of another version of {stream.ros_type}")
         times = self._times(stream) * 1e-9
         return times, [np.ascontiguousarray(self._field(stream, name), float) for name in names]
 
@@ -210,8 +208,10 @@ class Bag:
 
     def no_rig(self, error: Exception) -> BagError:
         """What is raised where the bag's record is none."""
-        return BagError(f"{self.path}: what it says of its rig cannot be used ({type(error).__name__}: {error}); expected what "
-                        "`rig run` and `rig simulate` put into a bag")
+        return BagError(
+            f"{self.path}: what it says of its rig cannot be used ({type(error).__name__}: {error}); expected what "
+            "`rig run` and `rig simulate` put into a bag"
+        )
 
     def has_field(self, signal: Signal) -> bool:
         """The bag's messages have the field of a signal, whether it holds any or not."""
@@ -237,8 +237,10 @@ class Bag:
         stream = self._stream(signal.topic)
         name, index = _FIELD.fullmatch(signal.field).groups()
         if name not in dict(self._definition(stream).tree.fields):
-            raise BagError(f"{self.path}: {signal.topic} has no field '{name}' for signal {signal.name}; "
-                           f"the bag is of another version of {stream.ros_type}")
+            raise BagError(
+                f"{self.path}: {signal.topic} has no field '{name}' for signal {signal.name}; "
+                f"the bag is of another version of {stream.ros_type}"
+            )
         values = self._field(stream, name)
         if index is not None:
             values = values[:, int(index)]
@@ -258,22 +260,24 @@ class Bag:
         if not len(head):
             raise BagError(f"{self.path}: {topic} holds no rows; the run ended before its first block")
         if np.any(head["channels"] != len(names)):
-            raise BagError(f"{self.path}: a block of {topic} has {head['channels'].max()} columns where the "
-                           f"channel list names {len(names)}")
+            raise BagError(
+                f"{self.path}: a block of {topic} has {head['channels'].max()} columns where the channel list names {len(names)}"
+            )
         if np.any(head["period"] != head["period"][0]):
-            raise BagError(f"{self.path}: the period of {topic} changes within the run; "
-                           f"one logger has one period")
+            raise BagError(f"{self.path}: the period of {topic} changes within the run; one logger has one period")
         first, period = int(head["first_sample"][0]), float(head["period"][0])
         starts = head["first_sample"].astype(np.int64) - first
         ends = starts + head["rows"]
         if np.any(starts[1:] < ends[:-1]):
-            raise BagError(f"{self.path}: blocks of {topic} overlap or are out of order; "
-                           f"the bag was put together from several runs")
+            raise BagError(
+                f"{self.path}: blocks of {topic} overlap or are out of order; the bag was put together from several runs"
+            )
         lost = int(ends[-1] - head["rows"].sum(dtype=np.int64))
         if lost and not fill:
             at = (first + int(ends[:-1][starts[1:] > ends[:-1]][0])) * period
-            raise BagError(f"{self.path}: {topic} misses {lost} rows, the first at {at:.4f} s; "
-                           f"record again or have the gaps filled with NaN")
+            raise BagError(
+                f"{self.path}: {topic} misses {lost} rows, the first at {at:.4f} s; record again or have the gaps filled with NaN"
+            )
         table = np.concatenate(values).reshape(-1, len(names))
         if lost:
             whole = np.full((int(ends[-1]), len(names)), np.nan)
@@ -309,8 +313,11 @@ class Bag:
         if self._own:
             return 0.0
         known = self.catalogue.all_topics
-        firsts = {topic: _stamps(self._heads(stream)).min() for topic, stream in self._streams.items()
-                  if stream.times and self._counted(stream)}
+        firsts = {
+            topic: _stamps(self._heads(stream)).min()
+            for topic, stream in self._streams.items()
+            if stream.times and self._counted(stream)
+        }
         # what users send may have no stamp, and what is latched has the run's first
         measured = [first for topic, first in firsts.items() if topic in known and known[topic].qos == "measurement"]
         return max(0.0, float(min(measured or firsts.values(), default=0)) / 1e9)
@@ -345,8 +352,7 @@ class Bag:
         Checksums were verified when the bag was opened: a sound bag gives an empty list.
         """
         problems = list(self.damage)
-        problems += [f"{topic} lost {n} of {n + self.distinct(topic)} messages"
-                     for topic, n in self.gaps().items()]
+        problems += [f"{topic} lost {n} of {n + self.distinct(topic)} messages" for topic, n in self.gaps().items()]
         for topic, ros_type in self.types.items():
             if ros_type == "rig_msgs/msg/SampleBlock" and self.counts[topic]:
                 try:
@@ -360,9 +366,12 @@ class Bag:
 
     def events(self) -> list[tuple[float, str, str, str, float]]:
         """All events in order of time: (t [s], topic, name, text, value)."""
-        found = [(time / 1e9, topic, message.name, message.text, float(message.value))
-                 for topic, ros_type in self.types.items() if ros_type == "rig_msgs/msg/Event"
-                 for time, (_, message) in zip(self._times(self._stream(topic)).tolist(), self.messages(topic))]
+        found = [
+            (time / 1e9, topic, message.name, message.text, float(message.value))
+            for topic, ros_type in self.types.items()
+            if ros_type == "rig_msgs/msg/Event"
+            for time, (_, message) in zip(self._times(self._stream(topic)).tolist(), self.messages(topic))
+        ]
         return sorted(found, key=lambda event: event[0])
 
     def run_info(self) -> dict:
@@ -376,8 +385,7 @@ class Bag:
     def _object(self, topic: str, text: str) -> dict:
         """A JSON object from a message; BagError for anything else and for what is too large or too deep."""
         if len(text) > limits.JSON:
-            raise BagError(f"{self.path}: {topic} holds {len(text)} characters of JSON, more than the {limits.JSON} that "
-                           f"are read")
+            raise BagError(f"{self.path}: {topic} holds {len(text)} characters of JSON, more than the {limits.JSON} that are read")
         try:
             found = json.loads(text)
             deep = limits.deeper(found, limits.JSON_DEPTH)
@@ -425,8 +433,7 @@ class Bag:
     def _definition(self, stream: Stream) -> Definition:
         if stream.ros_type not in self._definitions:
             if stream.encoding != ENCODING:
-                raise BagError(f"{self.path}: {stream.topic} is encoded as {stream.encoding}, "
-                               f"expected {ENCODING}")
+                raise BagError(f"{self.path}: {stream.topic} is encoded as {stream.encoding}, expected {ENCODING}")
             try:
                 self._definitions[stream.ros_type] = parse(stream.ros_type, stream.text)
             except RigError as error:
@@ -439,8 +446,10 @@ class Bag:
 
     def _decode(self, definition: Definition, data: bytes, topic: str):
         if len(data) > limits.LISTS and definition.tree.many:
-            raise BagError(f"{self.path}: a message of {topic} with lists of texts or messages has {len(data)} bytes, more "
-                           f"than the {limits.LISTS} that are decoded")
+            raise BagError(
+                f"{self.path}: a message of {topic} with lists of texts or messages has {len(data)} bytes, more "
+                f"than the {limits.LISTS} that are decoded"
+            )
         try:
             return decode_as(definition, data)
         except ValueError as error:
@@ -457,8 +466,7 @@ class Bag:
         """The first ``size`` bytes of all messages; BagError when one is shorter."""
         joined = b"".join([data[:size] for data in self._payloads(stream)])
         if len(joined) != size * len(stream.payloads):
-            raise BagError(f"{self.path}: a message of {stream.topic} is shorter than the {size} bytes "
-                           f"that {stream.ros_type} has")
+            raise BagError(f"{self.path}: a message of {stream.topic} is shorter than the {size} bytes that {stream.ros_type} has")
         return joined
 
     def _payloads(self, stream: Stream) -> list[bytes]:
@@ -509,8 +517,7 @@ class Bag:
         values = []
         for count, data in zip((head["rows"].astype(np.int64) * head["channels"]).tolist(), self._payloads(stream)):
             if count == 0 or len(data) < at + 8 * count or _LENGTH.unpack_from(data, length_at)[0] != count:
-                raise BagError(f"{self.path}: a block of {topic} does not hold the {count} values "
-                               f"that its head says")
+                raise BagError(f"{self.path}: a block of {topic} does not hold the {count} values that its head says")
             values.append(np.frombuffer(data, "<f8", count, at))
         return head, values
 
@@ -557,15 +564,18 @@ def _compare(metadata: Path, counts: dict[str, int]) -> list[str]:
     if metadata.stat().st_size > limits.YAML:
         return [f"{metadata}: is of {metadata.stat().st_size} bytes, larger than the {limits.YAML} that are read"]
     try:
-        told = {topic_of_today(entry["topic_metadata"]["name"]): entry["message_count"] for entry in
-                load_yaml(metadata)["rosbag2_bagfile_information"]["topics_with_message_count"]}
+        told = {
+            topic_of_today(entry["topic_metadata"]["name"]): entry["message_count"]
+            for entry in load_yaml(metadata)["rosbag2_bagfile_information"]["topics_with_message_count"]
+        }
     except RigError as error:
         return [str(error)]
     except (TypeError, KeyError) as error:
         return [f"{metadata}: is no description of a bag ({type(error).__name__}: {error})"]
     pairs = [(topic, told.get(topic, 0), counts.get(topic, 0)) for topic in {**told, **counts}]
-    return [f"{metadata}: counts {said} messages of {topic} where the bag holds {held}"
-            for topic, said, held in pairs if said != held]
+    return [
+        f"{metadata}: counts {said} messages of {topic} where the bag holds {held}" for topic, said, held in pairs if said != held
+    ]
 
 
 def find(path: Path) -> Path:
@@ -577,6 +587,5 @@ def find(path: Path) -> Path:
     files = sorted(path.glob("*.mcap"))
     if len(files) != 1:
         held = ", ".join(f.name for f in files) or "none"
-        raise BagError(f"{path}: a run's folder holds one .mcap file, this one holds {held}; "
-                       f"name the file itself")
+        raise BagError(f"{path}: a run's folder holds one .mcap file, this one holds {held}; name the file itself")
     return files[0]

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .. import __version__
+from ..atomic_write import atomic_write
 from ..catalogue import Topic, installed_topics
 from ..errors import RigError, not_written
-from ..atomic_write import atomic_write
 from . import metadata
 from .cdr import exact
 from .definitions import Definition, installed
@@ -78,8 +78,7 @@ class BagWriter:
         except FileExistsError:
             raise RigError(f"{self.path} is there already; name another folder or remove it") from None
         except OSError as error:
-            raise RigError(f"{self.path} cannot be made ({error.strerror}); "
-                           f"name a folder that can be written") from None
+            raise RigError(f"{self.path} cannot be made ({error.strerror}); name a folder that can be written") from None
         self._writer = self._guard(self._begin)
 
     def write(self, topic: str, ros_type: str, data: bytes, log_time_ns: int, qos: str = "measurement") -> None:
@@ -165,8 +164,9 @@ class BagWriter:
             raise self._fail(error) from None
 
     def _fail(self, error: OSError) -> RigError:
-        failure = not_written(self.path, error, f"what was recorded up to {self._last / 1e9:.3f} s stays readable, but for "
-                                                "up to 100 ms before that")
+        failure = not_written(
+            self.path, error, f"what was recorded up to {self._last / 1e9:.3f} s stays readable, but for up to 100 ms before that"
+        )
         self._failure = type(failure), str(failure)
         with suppress(OSError):
             self._file.close()
@@ -184,18 +184,28 @@ class BagWriter:
         if ros_type not in self._schemas:
             text = definition.text.encode()
             self._schemas[ros_type] = self._writer.register_schema(ros_type, "ros2msg", text)
-        channel = self._writer.register_channel(topic, "cdr", self._schemas[ros_type], {
-            "offered_qos_profiles": metadata.profile_text(qos),
-            "topic_type_hash": definition.type_hash,
-        })
-        self._topics[topic] = _Topic(channel, definition, ros_type, qos, entry is not None and definition.counted,
-                                     entry is not None, definition.size if definition.fixed else 0)
+        channel = self._writer.register_channel(
+            topic,
+            "cdr",
+            self._schemas[ros_type],
+            {"offered_qos_profiles": metadata.profile_text(qos), "topic_type_hash": definition.type_hash},
+        )
+        self._topics[topic] = _Topic(
+            channel,
+            definition,
+            ros_type,
+            qos,
+            entry is not None and definition.counted,
+            entry is not None,
+            definition.size if definition.fixed else 0,
+        )
         return self._topics[topic]
 
     def _summary(self) -> list[dict]:
-        return [{"name": name, "type": topic.ros_type, "qos": topic.qos,
-                 "hash": topic.definition.type_hash, "count": topic.count}
-                for name, topic in self._topics.items()]
+        return [
+            {"name": name, "type": topic.ros_type, "qos": topic.qos, "hash": topic.definition.type_hash, "count": topic.count}
+            for name, topic in self._topics.items()
+        ]
 
     def _finish(self, information: str) -> None:
         self._writer.flush()

@@ -49,8 +49,15 @@ def by_length(tell=lambda text: None) -> list[dict]:
             since = time.thread_time()
             rig.advance(1.0)
             spent.append(time.thread_time() - since)
-        out.append({"from_s": begin, "to_s": begin + PART, "ms_per_simulated_s": 1e3 * median(spent),
-                    "fastest_ms": 1e3 * min(spent), "memory_mb": _memory()})
+        out.append(
+            {
+                "from_s": begin,
+                "to_s": begin + PART,
+                "ms_per_simulated_s": 1e3 * median(spent),
+                "fastest_ms": 1e3 * min(spent),
+                "memory_mb": _memory(),
+            }
+        )
     return out
 
 
@@ -74,8 +81,15 @@ def streaming(tell=lambda text: None) -> list[dict]:
             since = time.thread_time()
             go("", 2 * PART)
             spent, before, size = time.thread_time() - since, size, bag.path.stat().st_size
-            out.append({"from_s": begin, "to_s": begin + 2 * PART, "ms_per_simulated_s": 1e3 * spent / (2 * PART),
-                        "memory_mb": _memory(), "bag_mb_per_simulated_s": (size - before) / 2e6 / PART})
+            out.append(
+                {
+                    "from_s": begin,
+                    "to_s": begin + 2 * PART,
+                    "ms_per_simulated_s": 1e3 * spent / (2 * PART),
+                    "memory_mb": _memory(),
+                    "bag_mb_per_simulated_s": (size - before) / 2e6 / PART,
+                }
+            )
     return out
 
 
@@ -85,9 +99,8 @@ def by_clutches(tell=lambda text: None) -> list[dict]:
     for clutches in CLUTCHES:
         tell(f"{clutches} clutches")
         line, step = Ours(clutches), 1e-4
-        spent = fastest(lambda line=line: line.run(step), 0.25, least=2)
-        out.append({"clutches": clutches, "ns_per_step": 1e9 * spent.cpu * step / END,
-                    "real_time_factor": END / spent.cpu})
+        spent = fastest(lambda line=line, step=step: line.run(step), 0.25, least=2)
+        out.append({"clutches": clutches, "ns_per_step": 1e9 * spent.cpu * step / END, "real_time_factor": END / spent.cpu})
     return out
 
 
@@ -120,6 +133,5 @@ def _sweep(processes: int) -> dict:
 
 def bench_scaling(tell=lambda text: None) -> dict:
     """All of it, and the most memory that this process had [MB]."""
-    out = {"length": by_length(tell), "streaming": streaming(tell), "clutches": by_clutches(tell),
-           "sweep": by_members(tell)}
+    out = {"length": by_length(tell), "streaming": streaming(tell), "clutches": by_clutches(tell), "sweep": by_members(tell)}
     return out | {"most_memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6}

@@ -79,11 +79,13 @@ def variant(settings: dict[str, str], rows: bool, repeats: int) -> dict:
     for _ in range(repeats):
         clock = _Clock(Rig(config), step, rows)
         drive(clock.rig, clock.go)
-        best = {phase: min(spent, best.get(phase, spent), key=lambda pair: pair[1])
-                for phase, spent in clock.spent.items()}
+        best = {phase: min(spent, best.get(phase, spent), key=lambda pair: pair[1]) for phase, spent in clock.spent.items()}
     total_steps, total = sum(s for s, _ in best.values()), sum(t for _, t in best.values())
-    return {"step_s": step, "real_time_factor": total_steps * step / total,
-            "ns_per_step": {phase: 1e9 * t / s for phase, (s, t) in best.items()} | {"all": 1e9 * total / total_steps}}
+    return {
+        "step_s": step,
+        "real_time_factor": total_steps * step / total,
+        "ns_per_step": {phase: 1e9 * t / s for phase, (s, t) in best.items()} | {"all": 1e9 * total / total_steps},
+    }
 
 
 def bench_kernel(repeats: int = 5, tell=lambda text: None) -> dict:

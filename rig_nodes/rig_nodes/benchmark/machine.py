@@ -27,10 +27,14 @@ def machine() -> dict[str, str | int | float]:
     """Processor, cores that may be used, versions, and how many others waited for them at the beginning."""
     with open("/proc/cpuinfo", encoding="utf-8") as info:
         names = [line.split(":", 1)[1].strip() for line in info if line.startswith("model name")]
-    return {"cpu": names[0] if names else platform.machine(), "cores": len(os.sched_getaffinity(0)),
-            "load": round(os.getloadavg()[0], 2), "system": f"{platform.system()} {platform.release()}",
-            "python": platform.python_version(),
-            **{name: version(name) for name in PACKAGES}}
+    return {
+        "cpu": names[0] if names else platform.machine(),
+        "cores": len(os.sched_getaffinity(0)),
+        "load": round(os.getloadavg()[0], 2),
+        "system": f"{platform.system()} {platform.release()}",
+        "python": platform.python_version(),
+        **{name: version(name) for name in PACKAGES},
+    }
 
 
 def installed(name: str) -> str | None:
@@ -64,8 +68,14 @@ def timed_rig(arguments: list[str], env: dict[str, str] | None = None) -> Spent:
     """Time of ``rig`` with these arguments and the children it waits for; RigError when it fails or takes too long."""
     before, begun = os.times(), time.perf_counter()
     try:
-        done = subprocess.run([sys.executable, "-P", "-m", "rig_nodes.cli.main", *arguments], capture_output=True,
-                              env={**os.environ, **(env or {})}, text=True, timeout=TIMEOUT, check=False)
+        done = subprocess.run(
+            [sys.executable, "-P", "-m", "rig_nodes.cli.main", *arguments],
+            capture_output=True,
+            env={**os.environ, **(env or {})},
+            text=True,
+            timeout=TIMEOUT,
+            check=False,
+        )
     except subprocess.TimeoutExpired:
         raise RigError(f"rig {' '.join(arguments)} took more than {TIMEOUT:.0f} s while it was measured") from None
     wall, after = time.perf_counter() - begun, os.times()

@@ -217,17 +217,19 @@ def by_mujoco() -> Iterator[Candidate]:
         state = np.empty(mujoco.mj_stateSize(model, full))
         mujoco.mj_getState(model, data, state, full)
         force = np.tile(data.qfrc_applied, (1, steps, 1))
-        states, _ = rollout.rollout(model, data, state[None], force, control_spec=mujoco.mjtState.mjSTATE_QFRC_APPLIED,
-                                    nstep=steps)
-        speeds = np.concatenate((state[None], states[0]))[:, 1 + model.nq:1 + model.nq + model.nv]
+        states, _ = rollout.rollout(model, data, state[None], force, control_spec=mujoco.mjtState.mjSTATE_QFRC_APPLIED, nstep=steps)
+        speeds = np.concatenate((state[None], states[0]))[:, 1 + model.nq : 1 + model.nq + model.nv]
         return _lock(RISE + rest * np.arange(len(speeds)), speeds[:, 0] - speeds[:, 1])
 
     for integrator in ("Euler", "implicitfast", "RK4"):
         model, data = prepared(integrator)
         for step in (15e-3, 5e-3, 2.5e-3, 1e-3, 5e-4):
             for rest in (step, 20e-3):
-                yield "free", f"{integrator}, steps {step * 1e6:g} and {rest * 1e6:g} us", \
-                    lambda m=model, d=data, s=step, r=rest: run(m, d, s, r)
+                yield (
+                    "free",
+                    f"{integrator}, steps {step * 1e6:g} and {rest * 1e6:g} us",
+                    lambda m=model, d=data, s=step, r=rest: run(m, d, s, r),
+                )
 
 
 def _lock(t: np.ndarray, slip: np.ndarray) -> float:
@@ -252,8 +254,8 @@ def by_drake() -> Iterator[Candidate]:
             self.DeclareContinuousState(2)
             self.locked, self.lock = False, math.inf
             self.zero = self.MakeWitnessFunction(
-                "slip", WitnessFunctionDirection.kPositiveThenNonPositive, self.slip,
-                UnrestrictedUpdateEvent(self.close))
+                "slip", WitnessFunctionDirection.kPositiveThenNonPositive, self.slip, UnrestrictedUpdateEvent(self.close)
+            )
 
         def slip(self, context):
             v = context.get_continuous_state_vector()
@@ -303,10 +305,13 @@ def by_drake() -> Iterator[Candidate]:
         return simulator
 
     def built(scheme: str, accuracy: float):
-        parts = [TrajectoryAffineSystem(constant((2, 2)), constant((2, 0)), rising, constant((0, 2)), constant((0, 0)),
-                                        constant((0, 1))),
-                 affine(((DRIVE - CAPACITY) / J1, (LOAD + CAPACITY) / J2)),
-                 affine(((DRIVE + LOAD) / (J1 + J2),) * 2)]
+        parts = [
+            TrajectoryAffineSystem(
+                constant((2, 2)), constant((2, 0)), rising, constant((0, 2)), constant((0, 0)), constant((0, 1))
+            ),
+            affine(((DRIVE - CAPACITY) / J1, (LOAD + CAPACITY) / J2)),
+            affine(((DRIVE + LOAD) / (J1 + J2),) * 2),
+        ]
         return [prepared(part, scheme, accuracy) for part in parts]
 
     def switched(simulators) -> float:
@@ -371,7 +376,13 @@ def bench_peers(budget: float = 0.25, tell=lambda text: None) -> dict:
             out["missing"].append(tool)
             continue
         points = measure(make(), budget, lambda setting, tool=tool: tell(f"{tool}: {setting}"))
-        out["tools"][tool] = {"version": known, "points": [point._asdict() for point in points], "best": {
-            way: [found and found._asdict() for found in (best(points, way, error) for error in ERRORS)]
-            for way in ("free", "stopped") if any(point.way == way for point in points)}}
+        out["tools"][tool] = {
+            "version": known,
+            "points": [point._asdict() for point in points],
+            "best": {
+                way: [found and found._asdict() for found in (best(points, way, error) for error in ERRORS)]
+                for way in ("free", "stopped")
+                if any(point.way == way for point in points)
+            },
+        }
     return out

@@ -18,17 +18,22 @@ from .machine import timed_rig
 
 
 def bench_demo(repeats: int = 5, tell=lambda text: None) -> dict:
-    """simulate demo with nothing compiled and with everything kept, the report of its bag, and the help."""
+    """Simulate demo with nothing compiled and with everything kept, the report of its bag, and the help."""
     out = {}
     with tempfile.TemporaryDirectory(prefix="rig-bench-") as folder:
         env, runs = {"NUMBA_CACHE_DIR": str(Path(folder) / "cache")}, Path(folder)
         tell("simulate demo, nothing compiled yet")
         out["simulate demo, first run"] = timed_rig(["simulate", "demo", "--out", str(runs / "cold")], env)._asdict()
-        for name, arguments in (("simulate demo, warm", ["simulate", "demo", "--out"]),
-                                ("report of that run", ["report", str(runs / "cold")]), ("help", ["--help"])):
+        for name, arguments in (
+            ("simulate demo, warm", ["simulate", "demo", "--out"]),
+            ("report of that run", ["report", str(runs / "cold")]),
+            ("help", ["--help"]),
+        ):
             tell(name)
-            spent = [timed_rig([*arguments, str(runs / f"warm{k}")] if arguments[-1] == "--out" else arguments, env)
-                     for k in range(repeats)]
+            spent = [
+                timed_rig([*arguments, str(runs / f"warm{k}")] if arguments[-1] == "--out" else arguments, env)
+                for k in range(repeats)
+            ]
             out[name] = {"wall": min(s.wall for s in spent), "cpu": min(s.cpu for s in spent)}
     return out
 

@@ -100,7 +100,7 @@ class Ours:
 
     def lock(self) -> float:
         """Time of the first lock-up so far [s]."""
-        for t, _, kind in self.state.events[:self.state.count[N_EVENTS]]:
+        for t, _, kind in self.state.events[: self.state.count[N_EVENTS]]:
             if kind == LOCK:
                 return float(t)
         return math.inf

@@ -14,12 +14,12 @@ PARTS = ("kernel", "demo", "graph", "controllers", "scaling", "peers")
 
 
 def add_arguments(parser) -> None:
-    parser.add_argument("parts", nargs="*", metavar="PART",
-                        help=f"of {', '.join(PARTS)}, or all (default): some three minutes on an idle machine")
+    parser.add_argument(
+        "parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}, or all (default): some three minutes on an idle machine"
+    )
     parser.add_argument("--repeats", type=int, default=5, metavar="N", help="the fastest of so many runs counts")
     parser.add_argument("--json", metavar="FILE", help="write the numbers as JSON; - for stdout, without tables")
-    parser.add_argument("--write-docs", action="store_true",
-                        help="write docs/reference/performance.md of the checkout (all parts)")
+    parser.add_argument("--write-docs", action="store_true", help="write docs/reference/performance.md of the checkout (all parts)")
 
 
 def main(args) -> int:
@@ -42,8 +42,9 @@ def main(args) -> int:
     try:
         for number, part in enumerate(parts):
             head = f"[{number + 1}/{len(parts)}] {part}"
-            results[part] = _measure(part, args.repeats, lambda said, head=head, number=number: line.tell(
-                number, f"{head}: {said}"))
+            results[part] = _measure(
+                part, args.repeats, lambda said, head=head, number=number: line.tell(number, f"{head}: {said}")
+            )
             line.leave()
             if text:
                 print("\n".join(["", TITLES[part], "", *lines(part, results[part])]), flush=True)

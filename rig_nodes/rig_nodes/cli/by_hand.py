@@ -10,9 +10,12 @@ import os
 
 def add_domain(parser) -> None:
     """The argument that names the rig."""
-    parser.add_argument("--domain", type=int, metavar="N",
-                        help="ROS domain of the rig, which `rig run` prints (default: ROS_DOMAIN_ID, or the only rig's "
-                             "of this host)")
+    parser.add_argument(
+        "--domain",
+        type=int,
+        metavar="N",
+        help="ROS domain of the rig, which `rig run` prints (default: ROS_DOMAIN_ID, or the only rig's of this host)",
+    )
 
 
 def running_rig(args):

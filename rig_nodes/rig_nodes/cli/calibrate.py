@@ -14,21 +14,39 @@ HELP = "find a rig's unknown parameters on the laboratory's rows, or on its own"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--rig", default=DEFAULT_RIG, metavar="NAME",
-                        help=f"rig, its folder or .yaml file: whose calibration.yaml and validation.yaml (default: {DEFAULT_RIG}, on the "
-                             "laboratory's rows)")
-    parser.add_argument("--write", action="store_true", help="put what was found into the rig's rig.yaml and the settings of its "
-                        "controller; without it nothing is changed")
+    parser.add_argument(
+        "--rig",
+        default=DEFAULT_RIG,
+        metavar="NAME",
+        help=f"rig, its folder or .yaml file: whose calibration.yaml and validation.yaml (default: {DEFAULT_RIG}, on the "
+        "laboratory's rows)",
+    )
+    parser.add_argument(
+        "--write",
+        action="store_true",
+        help="put what was found into the rig's rig.yaml and the settings of its controller; without it nothing is changed",
+    )
     parser.add_argument("--json", metavar="FILE", help="write values, misses, sensitivities and spreads")
-    parser.add_argument("--generations", type=int, default=120, metavar="N",
-                        help="of the search over the bounds (default 120, some 10 min); 0: only from where the rig is, "
-                             "a minute")
-    parser.add_argument("--starts", type=int, default=0, metavar="N",
-                        help="least squares from so many random places of the bounds too (default 0; half a minute "
-                             "each for a clutch)")
+    parser.add_argument(
+        "--generations",
+        type=int,
+        default=120,
+        metavar="N",
+        help="of the search over the bounds (default 120, some 10 min); 0: only from where the rig is, a minute",
+    )
+    parser.add_argument(
+        "--starts",
+        type=int,
+        default=0,
+        metavar="N",
+        help="least squares from so many random places of the bounds too (default 0; half a minute each for a clutch)",
+    )
     parser.add_argument("--stages", nargs="+", metavar="NAME", help="only these of calibration.yaml")
-    parser.add_argument("--trade-offs", action="store_true",
-                        help="then what it costs to mend each of two rows that pull against each other (minutes)")
+    parser.add_argument(
+        "--trade-offs",
+        action="store_true",
+        help="then what it costs to mend each of two rows that pull against each other (minutes)",
+    )
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes (default 2)")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the search (default 1)")
     parser.epilog = "What may change, and how far, stands in calibration.yaml: docs/how_to/rigs.md."
@@ -92,12 +110,19 @@ def main(args: argparse.Namespace) -> int:
         for point in curve.points:
             print("  weight {:6g}  {:8.2f}  {:8.2f}".format(point.weight, *point.misses))
     if args.json:
-        write_json(args.json, {
-            "values": found.values, "spread": found.spread, "sensitivities": found.sensitivities,
-            "before": [plain(miss) for misses in found.before.values() for miss in misses],
-            "after": [plain(miss) for misses in found.after.values() for miss in misses],
-            "trade_offs": [asdict(curve) for curve in curves],
-            "bounds": {n: [p.low, p.high] for n, p in parameters.items()}, "units": SI})
+        write_json(
+            args.json,
+            {
+                "values": found.values,
+                "spread": found.spread,
+                "sensitivities": found.sensitivities,
+                "before": [plain(miss) for misses in found.before.values() for miss in misses],
+                "after": [plain(miss) for misses in found.after.values() for miss in misses],
+                "trade_offs": [asdict(curve) for curve in curves],
+                "bounds": {n: [p.low, p.high] for n, p in parameters.items()},
+                "units": SI,
+            },
+        )
     if args.write:
         file = find_config("rigs", args.rig)
         node = load_yaml(file)

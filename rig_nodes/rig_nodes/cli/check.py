@@ -18,12 +18,12 @@ def add_arguments(parser) -> None:
 
 def main(args) -> int:
     """0 when a run can begin; what is wrong is one sentence, with file and line."""
+    from ..atomic_write import atomic_write
     from ..description.picture import driveline_svg
     from ..errors import RigError, not_written
     from ..testbench.configuration import load_rig
     from ..testbench.plan import plan_of
     from ..testbench.sequence import load_sequence
-    from ..atomic_write import atomic_write
 
     config = load_rig(args.rig)
     plan_of(config)  # what joins devices that only the engine knows

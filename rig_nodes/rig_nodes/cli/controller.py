@@ -24,17 +24,21 @@ def add_arguments(parser) -> None:
     check = verbs.add_parser("check", help="run a controller through the conformance set", allow_abbrev=False)
     check.add_argument("spec", metavar="PLUG", help="as for --controller, e.g. c:my_controller.c (docs/how_to/controllers.md)")
     check.add_argument("--level", choices=("duty", "current"), help="what it returns, when it knows both")
-    check.add_argument("--rig", default=DEFAULT_RIG, metavar="NAME",
-                       help=f"rig, its folder or .yaml file (default: {DEFAULT_RIG})")
-    check.add_argument("--step-timeout", type=step_timeout, default=StepTimeout(5.0, COME),
-                       metavar="S", help="seconds that it may take for one sample, and to come, or none "
-                                         f"(default: 5, and {COME:.0f} to come)")
+    check.add_argument("--rig", default=DEFAULT_RIG, metavar="NAME", help=f"rig, its folder or .yaml file (default: {DEFAULT_RIG})")
+    check.add_argument(
+        "--step-timeout",
+        type=step_timeout,
+        default=StepTimeout(5.0, COME),
+        metavar="S",
+        help=f"seconds that it may take for one sample, and to come, or none (default: 5, and {COME:.0f} to come)",
+    )
     check.add_argument("--json", action="store_true", help="print the table as JSON")
     new = verbs.add_parser("new", help="write a template that shifts", allow_abbrev=False)
     new.add_argument("kind", choices=sorted(KINDS), help="what it is: " + ", ".join(KINDS))
     new.add_argument("folder", metavar="DIR", help="new or empty folder for it")
-    new.add_argument("--rig", default=DEFAULT_RIG, metavar="NAME",
-                     help=f"rig, its folder or .yaml file, that it is for (default: {DEFAULT_RIG})")
+    new.add_argument(
+        "--rig", default=DEFAULT_RIG, metavar="NAME", help=f"rig, its folder or .yaml file, that it is for (default: {DEFAULT_RIG})"
+    )
 
 
 def main(args) -> int:
@@ -44,8 +48,8 @@ def main(args) -> int:
 
 def check(args) -> int:
     """Run the set, print its table."""
-    from ..testbench.conformance import Check
     from ..testbench.configuration import load_gearbox_rig
+    from ..testbench.conformance import Check
 
     quiet = args.json
     say = (lambda text: None) if quiet else (lambda text: print(f"        {text}", flush=True))
@@ -68,8 +72,8 @@ def check(args) -> int:
 
 def new(args) -> int:
     """Write the template, print what to do with it."""
-    from ..controllers.record import record_of
     from ..config.names import DEFAULT_RIG
+    from ..controllers.record import record_of
     from ..controllers.templates import write_template
     from ..testbench.configuration import load_gearbox_rig
 

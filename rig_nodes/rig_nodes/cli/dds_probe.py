@@ -6,6 +6,7 @@
 `ping` prints how long discovery and the round trip took, or ends with a sentence; `pong` answers until ended.
 """
 
+import contextlib
 import os
 import sys
 import time
@@ -33,8 +34,10 @@ def ping() -> str:
             rclpy.spin_once(node, timeout_sec=0.05)
         return time.monotonic()
 
-    found = spin_until(lambda: out.get_subscription_count() and node.count_publishers("/rig_doctor/pong"),
-                       "two processes on this host do not discover each other")
+    found = spin_until(
+        lambda: out.get_subscription_count() and node.count_publishers("/rig_doctor/pong"),
+        "two processes on this host do not discover each other",
+    )
     # The other side may have discovered one of its two ends only: ask again until it answers.
     asked = 0.0
 
@@ -54,10 +57,8 @@ def pong() -> None:
     node = rclpy.create_node("doctor_pong")
     publisher = node.create_publisher(UInt64, "/rig_doctor/pong", 1)
     node.create_subscription(UInt64, "/rig_doctor/ping", publisher.publish, 1)
-    try:
+    with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
         rclpy.spin(node)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
 
 
 if __name__ == "__main__":

@@ -15,27 +15,34 @@ HELP = "start a device of its own, for a rig with source: topic"
 
 def add_arguments(parser) -> None:
     parser.add_argument("name", help="a device of the rig, e.g. motor")
-    parser.add_argument("--domain", type=int, metavar="N",
-                        help="ROS domain of the rig, which `rig run` prints (default: ROS_DOMAIN_ID)")
-    parser.add_argument("--rig", default=DEFAULT_RIG, metavar="NAME",
-                        help=f"rig, its folder or .yaml file (default: {DEFAULT_RIG})")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
-                        help="change one value of the device, as for run (may be repeated)")
+    parser.add_argument(
+        "--domain", type=int, metavar="N", help="ROS domain of the rig, which `rig run` prints (default: ROS_DOMAIN_ID)"
+    )
+    parser.add_argument(
+        "--rig", default=DEFAULT_RIG, metavar="NAME", help=f"rig, its folder or .yaml file (default: {DEFAULT_RIG})"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        dest="settings",
+        help="change one value of the device, as for run (may be repeated)",
+    )
 
 
 def main(args) -> int:
     """Check, then become the node's process: signals go to it alone."""
+    from ..engine.outside import check_device
     from ..errors import RigError
     from ..graph.domain import environment, from_environment, numbered
-    from ..engine.outside import check_device
     from ..testbench.configuration import load_rig
     from ..testbench.folders import parse_settings
 
     check_device(load_rig(args.rig, parse_settings(args.settings)).structure, args.name)
     if args.domain is None:
         if not os.environ.get("ROS_DOMAIN_ID"):
-            raise RigError("which rig? give --domain N with the number that `rig run` prints, or set "
-                           "ROS_DOMAIN_ID")
+            raise RigError("which rig? give --domain N with the number that `rig run` prints, or set ROS_DOMAIN_ID")
         domain = from_environment()
     else:
         domain = numbered(args.domain)

@@ -71,6 +71,7 @@ def run_check(check: Callable[[], Finding]) -> Finding:
 
 # --- set-up ---------------------------------------------------------------------------------------
 
+
 def check_python() -> Finding:
     series = sys.version_info[:2]
     detail = f"{platform.python_version()} at {sys.executable}"
@@ -83,8 +84,7 @@ def check_compiler() -> Finding:
     names = [n for n in (os.environ.get("CXX"), "c++", "g++", "clang++") if n]
     compiler = next((n for n in names if shutil.which(n)), None)
     if compiler is None:
-        return Finding("compiler", WARN, "no C++ compiler",
-                       "needed when msgs/ changes: install the Debian package g++")
+        return Finding("compiler", WARN, "no C++ compiler", "needed when msgs/ changes: install the Debian package g++")
     said = subprocess.run([compiler, "--version"], capture_output=True, text=True, timeout=10)
     return Finding("compiler", OK, (said.stdout or said.stderr).splitlines()[0])
 
@@ -92,16 +92,19 @@ def check_compiler() -> Finding:
 def check_headers() -> Finding:
     header = Path(sysconfig.get_path("include"), "Python.h")
     if not header.is_file():
-        return Finding("headers", WARN, f"no {header}",
-                       "needed when msgs/ changes: install the Debian package python3-dev")
+        return Finding("headers", WARN, f"no {header}", "needed when msgs/ changes: install the Debian package python3-dev")
     return Finding("headers", OK, str(header))
 
 
 def check_environment() -> Finding:
     launcher = Path(PACKAGE_FILE).resolve().parents[2] / "rig"
     if not launcher.is_file() or Path(sys.prefix) != launcher.parent / ".venv":
-        return Finding("environment", WARN, f"{sys.prefix} was not made by the launcher",
-                       "its packages are not the pinned ones; ./rig in a checkout makes one of its own")
+        return Finding(
+            "environment",
+            WARN,
+            f"{sys.prefix} was not made by the launcher",
+            "its packages are not the pinned ones; ./rig in a checkout makes one of its own",
+        )
     spec = importlib.util.spec_from_loader("rig_launcher", SourceFileLoader("rig_launcher", str(launcher)))
     module = importlib.util.module_from_spec(spec)
     sys.dont_write_bytecode, before = True, sys.dont_write_bytecode
@@ -117,28 +120,36 @@ def check_environment() -> Finding:
 def check_disk() -> Finding:
     free_gb = shutil.disk_usage(Path.cwd()).free / 1e9
     state = FAIL if free_gb < 0.1 else WARN if free_gb < 1.0 else OK
-    return Finding("disk", state, f"{free_gb:.1f} GB free in {Path.cwd()}",
-                   "" if state == OK else "runs are written here: make room")
+    return Finding(
+        "disk", state, f"{free_gb:.1f} GB free in {Path.cwd()}", "" if state == OK else "runs are written here: make room"
+    )
 
 
 def check_numba_cache() -> Finding:
     """Where the compiled kernel is kept between starts."""
     from ..compiled import cache_root
+
     folder = Path(os.environ.get("NUMBA_CACHE_DIR") or cache_root())
     existing = next(p for p in (folder, *folder.parents) if p.exists())
     try:
         with tempfile.TemporaryFile(dir=existing):
             pass
     except OSError as error:
-        return Finding("numba cache", WARN, f"{folder} cannot be written: {error.strerror}",
-                       "every start compiles the kernel anew: set NUMBA_CACHE_DIR to a folder of yours")
+        return Finding(
+            "numba cache",
+            WARN,
+            f"{folder} cannot be written: {error.strerror}",
+            "every start compiles the kernel anew: set NUMBA_CACHE_DIR to a folder of yours",
+        )
     return Finding("numba cache", OK, str(folder))
 
 
 # --- ROS 2 ----------------------------------------------------------------------------------------
 
+
 def check_rclpy() -> Finding:
     import rclpy
+
     try:
         version = importlib.metadata.version("ros-rclpy")
     except importlib.metadata.PackageNotFoundError:
@@ -170,11 +181,11 @@ def check_dds() -> Finding:
         quiet = subprocess.DEVNULL
         pong = subprocess.Popen([*command, "pong"], env=env, stdout=quiet, stderr=quiet)
         try:
-            ping = subprocess.run([*command, "ping"], env=env, capture_output=True, text=True,
-                                  timeout=DDS_TIMEOUT_S)
+            ping = subprocess.run([*command, "ping"], env=env, capture_output=True, text=True, timeout=DDS_TIMEOUT_S)
         except subprocess.TimeoutExpired:
-            return Finding("DDS loopback", FAIL, f"no answer within {DDS_TIMEOUT_S:.0f} s",
-                           "is a firewall between programs on this host?")
+            return Finding(
+                "DDS loopback", FAIL, f"no answer within {DDS_TIMEOUT_S:.0f} s", "is a firewall between programs on this host?"
+            )
         finally:
             pong.kill()  # it holds nothing, and a middleware that hangs at its end must not hang the doctor
             pong.wait()
@@ -199,8 +210,7 @@ def check_loopback() -> Finding:
 def check_shared_memory() -> Finding:
     """What Fast DDS left in shared memory: a killed process leaves its files, nobody removes them."""
     if not os.access(SHM, os.W_OK):
-        return Finding("shared memory", WARN, f"{SHM} cannot be written",
-                       "messages go the slow way, through UDP")
+        return Finding("shared memory", WARN, f"{SHM} cannot be written", "messages go the slow way, through UDP")
     names = glob.glob(str(SHM / "*fastrtps_*"))
     left = [p for p in names if p.endswith("_el") and is_left(p)]
     detail = f"{len(names)} files of Fast DDS, {len(left)} segments left by killed processes"
@@ -221,10 +231,12 @@ def is_left(lock_file: str) -> bool:
 
 # --- viewer ---------------------------------------------------------------------------------------
 
+
 def check_viewer() -> Finding:
     if importlib.util.find_spec("rerun") is None:
         return Finding("viewer", WARN, "rerun is not installed", "runs work, 'rig view' does not")
     import rerun
+
     detail = f"rerun-sdk {rerun.__version__}"
     hints = []
     if find_vulkan_drivers():
@@ -250,5 +262,17 @@ def find_vulkan_drivers() -> list[str]:
     return sorted({p for f in folders for p in glob.glob(os.path.join(f, "vulkan", "icd.d", "*.json"))})
 
 
-CHECKS = (check_python, check_compiler, check_headers, check_environment, check_disk, check_rclpy,
-          check_messages, check_dds, check_loopback, check_shared_memory, check_numba_cache, check_viewer)
+CHECKS = (
+    check_python,
+    check_compiler,
+    check_headers,
+    check_environment,
+    check_disk,
+    check_rclpy,
+    check_messages,
+    check_dds,
+    check_loopback,
+    check_shared_memory,
+    check_numba_cache,
+    check_viewer,
+)

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """``rig export WHAT``: files for other tools: the rig or a controller as an FMU, the CAN database, the register map,
-rig_record.h."""
+rig_record.h.
+"""
 
 from __future__ import annotations
 
@@ -12,25 +13,48 @@ from ..config.names import DEFAULT_RIG
 
 INTERMIXED = True  # files may stand before and behind options
 HELP = "write an FMU, the CAN database, the Modbus registers or rig_record.h"
-DEFAULTS = {"fmu": "{rig}.fmu", "controller-fmu": "{source}.fmu", "dbc": "rig.dbc", "registers": "registers.csv",
-            "record": "rig_record.h"}
+DEFAULTS = {
+    "fmu": "{rig}.fmu",
+    "controller-fmu": "{source}.fmu",
+    "dbc": "rig.dbc",
+    "registers": "registers.csv",
+    "record": "rig_record.h",
+}
 # endings of what is written; a file with the first one may be written over, it is most likely an older export
-SUFFIXES = {"fmu": (".fmu",), "controller-fmu": (".fmu",), "dbc": (".dbc",), "registers": (".csv", ".md"),
-            "record": (".h",)}
+SUFFIXES = {"fmu": (".fmu",), "controller-fmu": (".fmu",), "dbc": (".dbc",), "registers": (".csv", ".md"), "record": (".h",)}
 
 
 def add_arguments(parser) -> None:
     """The arguments of the verb."""
-    parser.add_argument("what", choices=DEFAULTS, help="fmu: the rig; controller-fmu: a controller in C or C++; dbc: for "
-                                                       "CAN; registers: for Modbus, .csv or .md; record: for C and C++")
-    parser.add_argument("sources", nargs="*", default=[], metavar="FILE.c",
-                        help="of controller-fmu: C and C++ files for rig_controller.h")
-    parser.add_argument("-I", "--include", action="append", default=[], metavar="FOLDER",
-                        help="of controller-fmu: folder of headers (may be repeated)")
+    parser.add_argument(
+        "what",
+        choices=DEFAULTS,
+        help="fmu: the rig; controller-fmu: a controller in C or C++; dbc: for "
+        "CAN; registers: for Modbus, .csv or .md; record: for C and C++",
+    )
+    parser.add_argument(
+        "sources", nargs="*", default=[], metavar="FILE.c", help="of controller-fmu: C and C++ files for rig_controller.h"
+    )
+    parser.add_argument(
+        "-I",
+        "--include",
+        action="append",
+        default=[],
+        metavar="FOLDER",
+        help="of controller-fmu: folder of headers (may be repeated)",
+    )
     parser.add_argument("-o", "--out", metavar="FILE", help="file to write (default: named after what is exported)")
-    parser.add_argument("--rig", default=DEFAULT_RIG, metavar="NAME", help=f"rig, its folder or .yaml file (default: {DEFAULT_RIG})")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
-                        help="change one value of the rig, as for run (may be repeated)")
+    parser.add_argument(
+        "--rig", default=DEFAULT_RIG, metavar="NAME", help=f"rig, its folder or .yaml file (default: {DEFAULT_RIG})"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        dest="settings",
+        help="change one value of the rig, as for run (may be repeated)",
+    )
     parser.add_argument("--fmi", type=int, choices=(2, 3), default=2, help="version of FMI (default: 2)")
 
 
@@ -92,23 +116,23 @@ def _controller_fmu(args, target: Path, settings: dict[str, str]) -> None:
 
 
 def _dbc(args, target: Path, settings: dict[str, str]) -> None:
-    from ..controllers.can_database import dbc_text
     from ..atomic_write import atomic_write
+    from ..controllers.can_database import dbc_text
 
     atomic_write(target, dbc_text(_record(args, settings)))
 
 
 def _registers(args, target: Path, settings: dict[str, str]) -> None:
-    from ..controllers.registers import csv_text, markdown_text
     from ..atomic_write import atomic_write
+    from ..controllers.registers import csv_text, markdown_text
 
     text = markdown_text if target.suffix.lower() == ".md" else csv_text
     atomic_write(target, text(_record(args, settings)))
 
 
 def _record_header(args, target: Path, settings: dict[str, str]) -> None:
-    from ..controllers.record_header import header_text
     from ..atomic_write import atomic_write
+    from ..controllers.record_header import header_text
 
     atomic_write(target, header_text(_record(args, settings)))
 
@@ -121,5 +145,4 @@ def _record(args, settings: dict[str, str]):
     return record_of(load_gearbox_rig(args.rig, settings, f"export {args.what}"))
 
 
-_WRITERS = {"fmu": _fmu, "controller-fmu": _controller_fmu, "dbc": _dbc, "registers": _registers,
-            "record": _record_header}
+_WRITERS = {"fmu": _fmu, "controller-fmu": _controller_fmu, "dbc": _dbc, "registers": _registers, "record": _record_header}

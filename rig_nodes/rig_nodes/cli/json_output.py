@@ -10,8 +10,8 @@ import sys
 from pathlib import Path
 
 from ..analysis.report import plain
-from ..errors import RigError
 from ..atomic_write import atomic_write
+from ..errors import RigError
 
 
 def check_json(name: str | None) -> None:

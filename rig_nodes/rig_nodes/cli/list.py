@@ -1,7 +1,8 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``rig list WHAT``: what is installed, topics, signals, parts; ``--markdown`` writes docs/reference/signals.md and docs/reference/parameters.md.
+"""``rig list WHAT``: what is installed, topics, signals, parts; ``--markdown`` writes docs/reference/signals.md and
+docs/reference/parameters.md.
 Alone: what it lists.
 """
 
@@ -23,7 +24,10 @@ WHAT = {
     "controllers": ("settings of the Alfa46, which a rig's file names", "controller: NAME in a rig's rig.yaml"),
     "templates": ("starts for a controller of your own", "./rig controller new NAME DIR"),
     "devices": ("devices of a rig, and which can be a node of your own", "./rig device NAME"),
-    "settings": ("values of a rig with unit, range and whether they change while it runs", "--set NAME=VALUE, ./rig set NAME VALUE"),
+    "settings": (
+        "values of a rig with unit, range and whether they change while it runs",
+        "--set NAME=VALUE, ./rig set NAME VALUE",
+    ),
     "parts": ("types of devices with unit and range of each value", "part: NAME in a rig's rig.yaml"),
     "topics": ("ROS topics of a rig with type, node and rate", "./rig replay RUN --topics NAME"),
     "signals": ("signals of a rig with unit, range, sign and topic", "a sequence's wait: {until: {signal: NAME, above: ...}}"),
@@ -32,11 +36,19 @@ WHAT = {
 
 def add_arguments(parser) -> None:
     parser.add_argument("what", nargs="?", choices=WHAT, help="what to list; alone: what there is to list")
-    parser.add_argument("--rig", metavar="NAME", help="rig, its folder or .yaml file: only its sequences and procedures (default: "
-                                                      f"all); whose devices, settings, topics and signals (default: {DEFAULT_RIG})")
+    parser.add_argument(
+        "--rig",
+        metavar="NAME",
+        help="rig, its folder or .yaml file: only its sequences and procedures (default: "
+        f"all); whose devices, settings, topics and signals (default: {DEFAULT_RIG})",
+    )
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="for programs")
-    form.add_argument("--markdown", action="store_true", help="signals: docs/reference/signals.md, with the topics; parts: docs/reference/parameters.md")
+    form.add_argument(
+        "--markdown",
+        action="store_true",
+        help="signals: docs/reference/signals.md, with the topics; parts: docs/reference/parameters.md",
+    )
 
 
 def main(args) -> int:
@@ -47,8 +59,11 @@ def main(args) -> int:
             raise RigError(f"--markdown goes with {' and '.join(PAGES)} only")
         print(PAGES[args.what](), end="")
         return 0
-    rows = (OF_A_RIG[args.what](args.rig) if args.what in OF_A_RIG else _ROWS[args.what]()) if args.what else [
-        {"list": f"./rig list {what}", "what": text, "goes into": use} for what, (text, use) in WHAT.items()]
+    rows = (
+        (OF_A_RIG[args.what](args.rig) if args.what in OF_A_RIG else _ROWS[args.what]())
+        if args.what
+        else [{"list": f"./rig list {what}", "what": text, "goes into": use} for what, (text, use) in WHAT.items()]
+    )
     if args.json:
         print(json.dumps(rows, indent=2, ensure_ascii=False))
     elif not rows:
@@ -77,11 +92,19 @@ def _controllers():
 
 def _of_rigs(kind: str):
     """What stands in the folders of the installed rigs, or of one rig and those that it stands on."""
+
     def rows(rig: str | None):
-        folders = ([(name, RIGS_DIR / name) for name in installed("rigs")] if rig is None
-                   else [(path.parent.name, path.parent) for path, _ in with_bases(rig)])
-        return [{"name": path.stem, "rig": name, "description": _described(path)}
-                for name, folder in folders for path in sorted((folder / kind).glob("*.yaml"))]
+        folders = (
+            [(name, RIGS_DIR / name) for name in installed("rigs")]
+            if rig is None
+            else [(path.parent.name, path.parent) for path, _ in with_bases(rig)]
+        )
+        return [
+            {"name": path.stem, "rig": name, "description": _described(path)}
+            for name, folder in folders
+            for path in sorted((folder / kind).glob("*.yaml"))
+        ]
+
     return rows
 
 
@@ -101,7 +124,10 @@ def _devices(rig: str | None):
     from ..engine.outside import NOT_DEVICES, why_not
 
     structure, rows = _known(rig).structure, []
-    for name in (*(device.name for device in structure.devices if device.role != VALUES), *(NOT_DEVICES if structure.gears else ())):
+    for name in (
+        *(device.name for device in structure.devices if device.role != VALUES),
+        *(NOT_DEVICES if structure.gears else ()),
+    ):
         why = why_not(structure, name) or ""
         rows.append({"name": name, "own node": "no" if why else "yes", "why not": why.partition(": ")[2]})
     return rows
@@ -109,9 +135,17 @@ def _devices(rig: str | None):
 
 def _settings(rig: str | None):
     config = _known(rig)
-    return [{"setting": one.name, "value": one.written(config.value(one.name)) if one.kept else "", "range": one.span(),
-             "while it runs": "yes" if one.live else "no", "what it is": one.text}
-            for one in config.settings.values() if one.key and not one.lacking]
+    return [
+        {
+            "setting": one.name,
+            "value": one.written(config.value(one.name)) if one.kept else "",
+            "range": one.span(),
+            "while it runs": "yes" if one.live else "no",
+            "what it is": one.text,
+        }
+        for one in config.settings.values()
+        if one.key and not one.lacking
+    ]
 
 
 def _topics(rig: str | None):
@@ -119,9 +153,16 @@ def _topics(rig: str | None):
 
 
 def _setpoint_rows(known):
-    return [{"topic": topic.name, "value": topic.sets, "unit": signal.unit,
-             "range": f"{_number(signal.low)} to {_number(signal.high)}", "shown": _range(signal)}
-            for topic, signal in known.setpoints().items()]
+    return [
+        {
+            "topic": topic.name,
+            "value": topic.sets,
+            "unit": signal.unit,
+            "range": f"{_number(signal.low)} to {_number(signal.high)}",
+            "shown": _range(signal),
+        }
+        for topic, signal in known.setpoints().items()
+    ]
 
 
 def _range(signal) -> str:
@@ -129,8 +170,10 @@ def _range(signal) -> str:
 
 
 def _rows_of(topics):
-    return [{"topic": t.name, "type": t.ros_type, "node": t.node, "qos": t.qos,
-             "rate": f"{t.rate:g} Hz" if t.rate else "on change"} for t in topics.values()]
+    return [
+        {"topic": t.name, "type": t.ros_type, "node": t.node, "qos": t.qos, "rate": f"{t.rate:g} Hz" if t.rate else "on change"}
+        for t in topics.values()
+    ]
 
 
 def _number(value: float) -> str:
@@ -143,11 +186,21 @@ def _signals(rig: str | None):
 
 
 def _signal_rows(signals, topics):
-    return [{"signal": s.name, "unit": s.unit, "shown": s.display_unit,
-             "range": f"{_number(s.shown(s.low))} to {_number(s.shown(s.high))}",
-             "device": topics[s.topic].node, "topic": s.topic, "field": s.field,
-             "rate": f"{topics[s.topic].rate:g} Hz" + (", 10 kHz in the block" if s.logger is not None else ""),
-             "sign": s.sign, "meaning": s.text} for s in signals]
+    return [
+        {
+            "signal": s.name,
+            "unit": s.unit,
+            "shown": s.display_unit,
+            "range": f"{_number(s.shown(s.low))} to {_number(s.shown(s.high))}",
+            "device": topics[s.topic].node,
+            "topic": s.topic,
+            "field": s.field,
+            "rate": f"{topics[s.topic].rate:g} Hz" + (", 10 kHz in the block" if s.logger is not None else ""),
+            "sign": s.sign,
+            "meaning": s.text,
+        }
+        for s in signals
+    ]
 
 
 def _parts():
@@ -164,8 +217,14 @@ def parameters() -> str:
 
 
 _ROWS = {"rigs": _rigs, "controllers": _controllers, "templates": _templates, "parts": _parts}
-OF_A_RIG = {"sequences": _of_rigs("sequences"), "procedures": _of_rigs("procedures"), "devices": _devices,
-            "settings": _settings, "topics": _topics, "signals": _signals}
+OF_A_RIG = {
+    "sequences": _of_rigs("sequences"),
+    "procedures": _of_rigs("procedures"),
+    "devices": _devices,
+    "settings": _settings,
+    "topics": _topics,
+    "signals": _signals,
+}
 
 
 def markdown() -> str:
@@ -181,21 +240,34 @@ def markdown() -> str:
         else:
             kept[same][1].append(name)
     parts = [line for name, (known, others) in kept.items() for line in _page_of(name, known, others)]
-    return "\n".join([
-        "# Signals and topics", "",
-        "Made from the installed rigs' folders by `./rig list signals --markdown`; a test keeps it in step. Topics and signals of "
-        "another rig, also of one in a folder of yours: `./rig list signals --rig FOLDER`.", "",
-        "Units travel in SI, temperatures in degC; \"shown\" is what plots and reports use, and the range is given in it. Pressures are "
-        "gauge. Every message of `rig_msgs` here starts with `header` (its stamp is simulated time, its frame_id empty) and "
-        "`seq` (counted per topic from 0).", "",
-        "Actions of rigs with gears: `/alfa46/shift` (`rig_msgs/action/Shift`); of all: `/sequencer/run` "
-        "(`rig_msgs/action/RunSequence`). Services: `/rig/e_stop`, `/rig/reset` and `/rig/end` (`std_srvs/srv/Trigger`), and of rigs "
-        "with gears `/alfa46/set_profile` (`rig_msgs/srv/SetProfile`).", "",
-        "Quality of service: all are reliable with depth 1000. command offers a deadline of "
-        f"{COMMAND_TIMEOUT * 1e3:.0f} ms, and the rig "
-        "asks for none; setting is sent on change; latched is transient local and sent once.", "",
-        "Setpoints (`rig_msgs/msg/Setpoint`) carry their value in this unit and must keep to this range; every message "
-        "needs `enable: true` as well, for one without it switches the device off ([ros2.md](ros2.md)).", "", *parts])
+    return "\n".join(
+        [
+            "# Signals and topics",
+            "",
+            "Made from the installed rigs' folders by `./rig list signals --markdown`; a test keeps it in step. Topics "
+            "and signals of "
+            "another rig, also of one in a folder of yours: `./rig list signals --rig FOLDER`.",
+            "",
+            'Units travel in SI, temperatures in degC; "shown" is what plots and reports use, and the range is given '
+            "in it. Pressures are "
+            "gauge. Every message of `rig_msgs` here starts with `header` (its stamp is simulated time, its frame_id empty) and "
+            "`seq` (counted per topic from 0).",
+            "",
+            "Actions of rigs with gears: `/alfa46/shift` (`rig_msgs/action/Shift`); of all: `/sequencer/run` "
+            "(`rig_msgs/action/RunSequence`). Services: `/rig/e_stop`, `/rig/reset` and `/rig/end` "
+            "(`std_srvs/srv/Trigger`), and of rigs "
+            "with gears `/alfa46/set_profile` (`rig_msgs/srv/SetProfile`).",
+            "",
+            "Quality of service: all are reliable with depth 1000. command offers a deadline of "
+            f"{COMMAND_TIMEOUT * 1e3:.0f} ms, and the rig "
+            "asks for none; setting is sent on change; latched is transient local and sent once.",
+            "",
+            "Setpoints (`rig_msgs/msg/Setpoint`) carry their value in this unit and must keep to this range; every message "
+            "needs `enable: true` as well, for one without it switches the device off ([ros2.md](ros2.md)).",
+            "",
+            *parts,
+        ]
+    )
 
 
 PAGES = {"signals": markdown, "parts": parameters}
@@ -203,17 +275,39 @@ PAGES = {"signals": markdown, "parts": parameters}
 
 def _page_of(rig: str, known, others: list[str]) -> list[str]:
     """The lines on one rig, and on those that have the same topics and signals."""
+
     def table(rows):
         head = list(rows[0])
         lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
         return [*lines, *("| " + " | ".join(str(v) for v in row.values()) + " |" for row in rows), ""]
 
     also = f"; so have {', '.join(f'`{name}`' for name in others)}" if others else ""
-    out = [f"## Rig `{rig}`", "", f"{_described(find_config('rigs', rig))}{also}.", "", "Topics:", "", *table(_rows_of(known.topics))]
-    for text, topics in (("Only in a run with `source: topic` for the device ([cuts.md](../how_to/cuts.md)), once a tick of the cut:",
-                          known.cut_topics),
-                         ("Only in a run whose controller names signals of its own ([controllers.md](../how_to/controllers.md)):",
-                          known.controller_topics)):
+    out = [
+        f"## Rig `{rig}`",
+        "",
+        f"{_described(find_config('rigs', rig))}{also}.",
+        "",
+        "Topics:",
+        "",
+        *table(_rows_of(known.topics)),
+    ]
+    for text, topics in (
+        (
+            "Only in a run with `source: topic` for the device ([cuts.md](../how_to/cuts.md)), once a tick of the cut:",
+            known.cut_topics,
+        ),
+        (
+            "Only in a run whose controller names signals of its own ([controllers.md](../how_to/controllers.md)):",
+            known.controller_topics,
+        ),
+    ):
         out += [text, "", *table(_rows_of(topics))] if topics else []
-    return [*out, "Setpoints:", "", *table(_setpoint_rows(known)),
-            "Signals:", "", *table(_signal_rows(known.signals.values(), known.topics))]
+    return [
+        *out,
+        "Setpoints:",
+        "",
+        *table(_setpoint_rows(known)),
+        "Signals:",
+        "",
+        *table(_signal_rows(known.signals.values(), known.topics)),
+    ]

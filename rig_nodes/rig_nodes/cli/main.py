@@ -98,8 +98,17 @@ def usage() -> str:
     """The page that `rig --help` prints."""
     width = max(map(len, VERBS))
     lines = [f"  {verb:<{width}}  {text}" for verb, text in VERBS.items()]
-    return "\n".join(["usage: rig VERB ...", "", "The virtual powertrain test rig.", "", *lines, "",
-                      "'rig VERB --help' says more about one of them."])
+    return "\n".join(
+        [
+            "usage: rig VERB ...",
+            "",
+            "The virtual powertrain test rig.",
+            "",
+            *lines,
+            "",
+            "'rig VERB --help' says more about one of them.",
+        ]
+    )
 
 
 def refuse_empty(verb: str, arguments: list[str]) -> None:
@@ -123,8 +132,10 @@ def run_verb(verb: str, arguments: list[str]) -> int:
         return module.main(argparse.Namespace(passed_on=arguments))
     refuse_empty(verb, arguments)
     if "--ros-args" in arguments:
-        raise RigError("--ros-args: 'rig' starts processes of its own and hands nothing on to ROS; the executables of "
-                       "`ros2 run rig_nodes` and the launch file take it")
+        raise RigError(
+            "--ros-args: 'rig' starts processes of its own and hands nothing on to ROS; the executables of "
+            "`ros2 run rig_nodes` and the launch file take it"
+        )
     parse = parser.parse_intermixed_args if getattr(module, "INTERMIXED", False) else parser.parse_args
     return module.main(parse(arguments))
 

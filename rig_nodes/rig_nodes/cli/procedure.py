@@ -13,14 +13,20 @@ HELP = "run series of a measuring procedure of the laboratory, with bags"
 def add_arguments(parser) -> None:
     """The arguments of the verb."""
     parser.add_argument("procedure", help="name of an installed procedure or a .yaml file")
-    parser.add_argument("--series", metavar="A,B",
-                        help="labels or numbers of series, e.g. 19,20 (default: all; --labels lists them)")
+    parser.add_argument(
+        "--series", metavar="A,B", help="labels or numbers of series, e.g. 19,20 (default: all; --labels lists them)"
+    )
     parser.add_argument("--labels", action="store_true", help="print the labels of the series and run nothing")
     parser.add_argument("--out", metavar="DIR", help="folder for the runs (default: runs/<procedure>-<n>)")
-    parser.add_argument("--rig", metavar="NAME",
-                        help="rig, its folder or .yaml file (default: the one that the sequence is of)")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
-                        help="change one value of the rig that the series do not set themselves (may be repeated)")
+    parser.add_argument("--rig", metavar="NAME", help="rig, its folder or .yaml file (default: the one that the sequence is of)")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        dest="settings",
+        help="change one value of the rig that the series do not set themselves (may be repeated)",
+    )
 
 
 def main(args) -> int:

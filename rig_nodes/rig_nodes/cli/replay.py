@@ -18,17 +18,25 @@ KEYS = "space: pause and go on, right arrow or s: one step, q: end"
 def add_arguments(parser) -> None:
     """The arguments of the verb."""
     parser.add_argument("bag", metavar="BAG", help="folder of a run, or an .mcap file")
-    parser.add_argument("--rate", type=_rate, default=1.0, metavar="R",
-                        help="recorded seconds per second, 0.01 to 100, or 'max' (default: 1)")
-    parser.add_argument("--start", type=_seconds, default=0.0, metavar="S",
-                        help="seconds after the beginning of the bag to start at (default: 0)")
+    parser.add_argument(
+        "--rate", type=_rate, default=1.0, metavar="R", help="recorded seconds per second, 0.01 to 100, or 'max' (default: 1)"
+    )
+    parser.add_argument(
+        "--start", type=_seconds, default=0.0, metavar="S", help="seconds after the beginning of the bag to start at (default: 0)"
+    )
     parser.add_argument("--loop", action="store_true", help="begin again at the end, until stopped")
     parser.add_argument("--paused", action="store_true", help="start paused")
     parser.add_argument("--topics", type=_names, metavar="A,B", help="only these topics")
-    parser.add_argument("--clock", type=_frequency, default=200.0, metavar="HZ",
-                        help="/clock messages per recorded second, 1 to 10000 (default: 200)")
-    parser.add_argument("--wait", type=_count, default=0, metavar="N",
-                        help="wait until N subscriptions of the bag's topics are connected")
+    parser.add_argument(
+        "--clock",
+        type=_frequency,
+        default=200.0,
+        metavar="HZ",
+        help="/clock messages per recorded second, 1 to 10000 (default: 200)",
+    )
+    parser.add_argument(
+        "--wait", type=_count, default=0, metavar="N", help="wait until N subscriptions of the bag's topics are connected"
+    )
 
 
 def node() -> int:
@@ -83,10 +91,20 @@ def _replay(bag, args) -> int:
         early = list(bag.timeline(lasting, end=begin))
         if not early and next(bag.timeline(sound, begin), None) is None:
             raise RigError(f"{bag.path}: nothing is left to replay after {args.start:g} s on these topics")
-        player = Player(lambda: bag.timeline(sound, begin), begin, rate=args.rate, loop=args.loop,
-                        paused=args.paused, period=round(1e9 / args.clock), early=early)
-        print(f"replaying {sum(bag.counts[topic] for topic in sound)} messages of {len(sound)} topics in ROS domain "
-              f"{domain.number}: ROS_DOMAIN_ID={domain.number} lets other tools hear them", flush=True)
+        player = Player(
+            lambda: bag.timeline(sound, begin),
+            begin,
+            rate=args.rate,
+            loop=args.loop,
+            paused=args.paused,
+            period=round(1e9 / args.clock),
+            early=early,
+        )
+        print(
+            f"replaying {sum(bag.counts[topic] for topic in sound)} messages of {len(sound)} topics in ROS domain "
+            f"{domain.number}: ROS_DOMAIN_ID={domain.number} lets other tools hear them",
+            flush=True,
+        )
         with Keyboard() as keys:
             if keys.there:
                 print(KEYS, flush=True)
@@ -120,10 +138,11 @@ def _tell(outcome, player) -> None:
     width = max(map(len, outcome.counts))
     for topic, count in outcome.counts.items():
         print(f"  {topic:<{width}} {count:>8}")
-    lateness = ", ".join(f"{name} {1e3 * outcome.late(share):.1f}"
-                         for name, share in (("p50", 0.5), ("p99", 0.99), ("max", 1.0)))
-    print(f"{sent} messages in {outcome.seconds:.2f} s, {player.passes} "
-          f"{'pass' if player.passes == 1 else 'passes'}; lateness in ms: {lateness}")
+    lateness = ", ".join(f"{name} {1e3 * outcome.late(share):.1f}" for name, share in (("p50", 0.5), ("p99", 0.99), ("max", 1.0)))
+    print(
+        f"{sent} messages in {outcome.seconds:.2f} s, {player.passes} "
+        f"{'pass' if player.passes == 1 else 'passes'}; lateness in ms: {lateness}"
+    )
     if player.behind:
         print(f"stalls put the replay back by {player.behind:.2f} s in all")
 

@@ -16,7 +16,14 @@ from pathlib import Path
 from ..analysis.annex_a import FACTOR_B
 from ..analysis.logger_csv import parse_orders, read_logger_csv
 from ..analysis.report import (
-    REPORT_FILE, build_report, format_report, info_of, is_of, read_report, report_of_recording, write_report,
+    REPORT_FILE,
+    build_report,
+    format_report,
+    info_of,
+    is_of,
+    read_report,
+    report_of_recording,
+    write_report,
 )
 from ..bags.old_form import topic_of_today
 from ..config import load_yaml
@@ -34,18 +41,23 @@ def add_arguments(parser) -> None:
     """The arguments of the verb."""
     parser.add_argument("run", metavar="RUN", help="folder of a run, its .mcap file, or a logger's .csv file")
     parser.add_argument("--json", action="store_true", help="print the report as JSON instead of a table")
-    parser.add_argument("--annex-a", action="store_true",
-                        help="also by the recipe of the laboratory's program (Annex A), with the difference")
-    parser.add_argument("--factor", type=float, metavar="B",
-                        help=f"Annex A's factor of the settled torque ({FACTOR_B})")
+    parser.add_argument(
+        "--annex-a", action="store_true", help="also by the recipe of the laboratory's program (Annex A), with the difference"
+    )
+    parser.add_argument("--factor", type=float, metavar="B", help=f"Annex A's factor of the settled torque ({FACTOR_B})")
     parser.add_argument("--truth", action="store_true", help="also what the plant's states in the bag say")
-    parser.add_argument("--orders", metavar="LIST",
-                        help="for a CSV: when (s) which gear was ordered, e.g. '3.845:I-II, 8.32:II-I'")
+    parser.add_argument("--orders", metavar="LIST", help="for a CSV: when (s) which gear was ordered, e.g. '3.845:I-II, 8.32:II-I'")
     parser.add_argument("--period", metavar="TIME", help="for a CSV without times: between its rows, e.g. '0.1 ms'")
-    parser.add_argument("--rig", metavar="NAME",
-                        help="for a CSV: rig or .yaml file with its inertias and instruments (default: hydmag)")
-    parser.add_argument("--set", action="append", metavar="KEY=VALUE", dest="settings",
-                        help='for a CSV: one value of that rig, e.g. w0.inertia="0.8 kg m2" (may be repeated)')
+    parser.add_argument(
+        "--rig", metavar="NAME", help="for a CSV: rig or .yaml file with its inertias and instruments (default: hydmag)"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        metavar="KEY=VALUE",
+        dest="settings",
+        help='for a CSV: one value of that rig, e.g. w0.inertia="0.8 kg m2" (may be repeated)',
+    )
 
 
 def main(args) -> int:
@@ -53,8 +65,7 @@ def main(args) -> int:
     if args.factor is not None and not args.annex_a:
         raise RigError("--factor is Annex A's; give --annex-a too")
     if args.factor is not None and not args.factor > 1.0:
-        raise RigError(f"--factor is {args.factor:g}; it is the upper edge of a band around the settled torque, e.g. "
-                       f"{FACTOR_B}")
+        raise RigError(f"--factor is {args.factor:g}; it is the upper edge of a band around the settled torque, e.g. {FACTOR_B}")
     annex = (FACTOR_B if args.factor is None else args.factor) if args.annex_a else None
     if args.run.lower().endswith(".csv"):
         _show(_report_of_csv(args, annex), args.json)
@@ -89,7 +100,7 @@ def _of_bag(args, annex: float | None) -> int:
     folder = path if path.is_dir() else path.parent
     old = read_report(folder)
     another = old is not None and not is_of(bag, old["run"])
-    if another or old and not bag.recovered and old["run"].get("recovered"):
+    if another or (old and not bag.recovered and old["run"].get("recovered")):
         old = None  # of another run, or of this one while its bag was damaged
     run = old["run"] if old else _run_of(bag, folder, {} if another else facts_of(folder))
     damaged_since = bag.recovered and run.get("recovered") != bag.recovered
@@ -102,8 +113,7 @@ def _of_bag(args, annex: float | None) -> int:
     if another:
         print(f"rig: {folder / REPORT_FILE} is of another run and is left as it is", file=sys.stderr)
     elif damaged_since and old:
-        print(f"rig: {folder / REPORT_FILE} was made when more of the bag was there and is left as it is",
-              file=sys.stderr)
+        print(f"rig: {folder / REPORT_FILE} was made when more of the bag was there and is left as it is", file=sys.stderr)
     else:
         write_report(folder, report)
     if not bag.recovered and (lost := what_was_lost(run)):
@@ -146,7 +156,9 @@ def _written(bag, folder: Path) -> dict[str, int]:
         told = load_yaml(path)["rosbag2_bagfile_information"]
         if told["relative_file_paths"] != [bag.path.name]:
             return {}
-        return {topic_of_today(entry["topic_metadata"]["name"]): int(entry["message_count"])
-                for entry in told["topics_with_message_count"]}
+        return {
+            topic_of_today(entry["topic_metadata"]["name"]): int(entry["message_count"])
+            for entry in told["topics_with_message_count"]
+        }
     except (RigError, TypeError, KeyError, ValueError):
         return {}  # as damaged as the bag: what is lost stays unknown

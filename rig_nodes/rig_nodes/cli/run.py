@@ -24,13 +24,19 @@ def add_arguments(parser) -> None:
     """The arguments of the verb."""
     add_shared_arguments(parser, by_hand=True)
     add_topic_arguments(parser)
-    parser.add_argument("--speed", type=speed, metavar="FACTOR",
-                        help="lockstep at so many times real time, or max: nobody goes on before everybody is done "
-                             "(default: real time, nobody waits)")
-    parser.add_argument("--keep-domain", action="store_true",
-                        help="use the ROS domain of this terminal even when ROS_DOMAIN_ID is not set")
-    parser.add_argument("--view", action="store_true",
-                        help="show the run live in Rerun, by a process of its own that nothing waits for")
+    parser.add_argument(
+        "--speed",
+        type=speed,
+        metavar="FACTOR",
+        help="lockstep at so many times real time, or max: nobody goes on before everybody is done "
+        "(default: real time, nobody waits)",
+    )
+    parser.add_argument(
+        "--keep-domain", action="store_true", help="use the ROS domain of this terminal even when ROS_DOMAIN_ID is not set"
+    )
+    parser.add_argument(
+        "--view", action="store_true", help="show the run live in Rerun, by a process of its own that nothing waits for"
+    )
     parser.add_argument("--drop", metavar="TOPIC:N", help=argparse.SUPPRESS)
 
 
@@ -86,11 +92,14 @@ def run(args) -> int:
         if args.controller or args.level or args.delay != 1:
             check_controller(config)
         if args.speed is not None:
-            raise RigError(f"--speed: '{config.name}' has no shift controller to wait for; it runs in real time here, "
-                           "and as fast as it goes with ./rig simulate")
+            raise RigError(
+                f"--speed: '{config.name}' has no shift controller to wait for; it runs in real time here, "
+                "and as fast as it goes with ./rig simulate"
+            )
         if args.view:
-            raise RigError(f"--view: the live view shows a rig with gears; look at a run of '{config.name}' "
-                           "afterwards with ./rig view")
+            raise RigError(
+                f"--view: the live view shows a rig with gears; look at a run of '{config.name}' afterwards with ./rig view"
+            )
     print("checking and, the first time, compiling the plant", flush=True)
     Rig(config, args.seed).advance_samples(1)
     with from_environment(args.keep_domain) as domain:
@@ -98,25 +107,46 @@ def run(args) -> int:
         for device in config.cut_out:
             show(None, f"{device} is cut out; start it with: ./rig device {device} --domain {domain.number}")
         folder = run_folder(args.out, sequence.name if args.sequence else "by-hand")
-        order = Order(args.sequence, rig, args.seed, args.settings, args.drop, args.speed,
-                      *args.step_timeout, plug, args.parameters, processes_of(config.structure.shifts), args.delay,
-                      args.topics, args.exclude)
+        order = Order(
+            args.sequence,
+            rig,
+            args.seed,
+            args.settings,
+            args.drop,
+            args.speed,
+            *args.step_timeout,
+            plug,
+            args.parameters,
+            processes_of(config.structure.shifts),
+            args.delay,
+            args.topics,
+            args.exclude,
+        )
         supervisor = Supervisor(order, folder, domain, show)
         with live_view(domain.number) if args.view else contextlib.nullcontext():
             end = supervisor.run()
     # all processes are gone and the bag is whole: a late signal must not cost the report
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
-    code = finish(folder, run_record(config, sequence, args.seed), end, supervisor.restarts, args.strict,
-                  args.allow_loss)
+    code = finish(folder, run_record(config, sequence, args.seed), end, supervisor.restarts, args.strict, args.allow_loss)
     return code if end.by == 0 else 128 + end.by
 
 
 @contextlib.contextmanager
 def live_view(domain: int):
     """`rig view --live` beside the run; how it fares is none of the run's business."""
-    command = [sys.executable, "-P", "-m", "rig_nodes.cli.main", "view", "--live", "--domain", str(domain),
-               "--parent", str(os.getpid())]
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "rig_nodes.cli.main",
+        "view",
+        "--live",
+        "--domain",
+        str(domain),
+        "--parent",
+        str(os.getpid()),
+    ]
     view = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
     try:
         yield

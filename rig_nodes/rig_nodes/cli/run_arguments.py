@@ -64,31 +64,57 @@ def add_shared_arguments(parser, by_hand: bool = False) -> None:
     """
     text = "name of an installed sequence or a .yaml file"
     if by_hand:
-        parser.add_argument("sequence", nargs="?", help=f"{text}; without one the rig runs until Ctrl-C and takes "
-                                                        "orders over ROS")
+        parser.add_argument("sequence", nargs="?", help=f"{text}; without one the rig runs until Ctrl-C and takes orders over ROS")
     else:
         parser.add_argument("sequence", help=text)
     parser.add_argument("--out", metavar="DIR", help="folder for the run (default: runs/<sequence>-<n>)")
-    parser.add_argument("--rig", metavar="NAME",
-                        help="rig, its folder or .yaml file (default: the one that the sequence is of)")
+    parser.add_argument("--rig", metavar="NAME", help="rig, its folder or .yaml file (default: the one that the sequence is of)")
     parser.add_argument("--seed", type=seed, default=1, help="seed of the transducers' noise and errors (default: 1)")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
-                        help='change one value of the rig, e.g. alfa46.t12="200 ms" (may be repeated)')
-    parser.add_argument("--with", action="append", default=[], metavar="NAME=VALUE", dest="parameters",
-                        help='give a parameter of the sequence a value, e.g. speed="1500 rpm" (may be repeated)')
-    parser.add_argument("--controller", metavar="SPEC",
-                        help="your controller in place of the Alfa46, e.g. python:FILE.py:CLASS or c:FILE.c "
-                             "(docs/how_to/controllers.md)")
-    parser.add_argument("--delay", type=delay, default=1, metavar="N",
-                        help="samples of 1 ms from a measurement to the moment from which the controller's answer to it "
-                             "acts (default: 1; 0 where simulated time waits)")
-    parser.add_argument("--step-timeout", type=step_timeout, default=StepTimeout(), metavar="S",
-                        help="seconds of wall clock that the controller may take for one sample, and to come, where "
-                             "simulated time waits, or none while debugging (default: 5, and 60 to come)")
-    parser.add_argument("--level", choices=("duty", "current"),
-                        help="what the controller returns, when it knows both (default: its first)")
-    parser.add_argument("--strict", action="store_true",
-                        help="exit code 1 also when a shift of the report is not valid, e.g. for tests of a controller")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        dest="settings",
+        help='change one value of the rig, e.g. alfa46.t12="200 ms" (may be repeated)',
+    )
+    parser.add_argument(
+        "--with",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        dest="parameters",
+        help='give a parameter of the sequence a value, e.g. speed="1500 rpm" (may be repeated)',
+    )
+    parser.add_argument(
+        "--controller",
+        metavar="SPEC",
+        help="your controller in place of the Alfa46, e.g. python:FILE.py:CLASS or c:FILE.c (docs/how_to/controllers.md)",
+    )
+    parser.add_argument(
+        "--delay",
+        type=delay,
+        default=1,
+        metavar="N",
+        help="samples of 1 ms from a measurement to the moment from which the controller's answer to it "
+        "acts (default: 1; 0 where simulated time waits)",
+    )
+    parser.add_argument(
+        "--step-timeout",
+        type=step_timeout,
+        default=StepTimeout(),
+        metavar="S",
+        help="seconds of wall clock that the controller may take for one sample, and to come, where "
+        "simulated time waits, or none while debugging (default: 5, and 60 to come)",
+    )
+    parser.add_argument(
+        "--level", choices=("duty", "current"), help="what the controller returns, when it knows both (default: its first)"
+    )
+    parser.add_argument(
+        "--strict",
+        action="store_true",
+        help="exit code 1 also when a shift of the report is not valid, e.g. for tests of a controller",
+    )
 
 
 def add_topic_arguments(parser) -> None:
@@ -97,8 +123,7 @@ def add_topic_arguments(parser) -> None:
 
     for flag, keywords in (TOPICS, EXCLUDE):
         parser.add_argument(flag, **keywords)
-    parser.add_argument("--allow-loss", action="store_true",
-                        help="exit code 0 also when messages or time were lost (default: 3)")
+    parser.add_argument("--allow-loss", action="store_true", help="exit code 0 also when messages or time were lost (default: 3)")
 
 
 def exit_code(state: str, report: dict, strict: bool, lost: str = "") -> int:

@@ -13,8 +13,9 @@ HELP = "set or show what can be turned at the rig that runs"
 def add_arguments(parser) -> None:
     """The arguments of the verb."""
     parser.add_argument("name", nargs="?", metavar="NAME", help="e.g. motor.speed or alfa46.t12; without it all")
-    parser.add_argument("value", nargs="?", metavar="VALUE",
-                        help='with its unit, e.g. "1500 rpm"; on or off; six values with commas for a profile')
+    parser.add_argument(
+        "value", nargs="?", metavar="VALUE", help='with its unit, e.g. "1500 rpm"; on or off; six values with commas for a profile'
+    )
     add_domain(parser)
 
 

@@ -12,8 +12,9 @@ HELP = "end the rig that runs, or with --emergency only stop it"
 
 def add_arguments(parser) -> None:
     """The arguments of the verb."""
-    parser.add_argument("--emergency", action="store_true",
-                        help="the red button: safe state at once, and the rig goes on running until `rig reset`")
+    parser.add_argument(
+        "--emergency", action="store_true", help="the red button: safe state at once, and the rig goes on running until `rig reset`"
+    )
     add_domain(parser)
 
 

@@ -15,40 +15,61 @@ from .progress import ProgressLine
 from .run_arguments import delay
 
 HELP = "run a sequence for many values of its parameters, on all cores or a cluster"
-SHOWN = (("t_dt_s", "t_d ms", 1e3, 0), ("t_c_s", "t_c ms", 1e3, 0), ("m_wej_max_nm", "peak Nm", 1.0, 1),
-         ("k", "k", 1.0, 3), ("e_loss_j", "E_loss J", 1.0, 0))
+SHOWN = (
+    ("t_dt_s", "t_d ms", 1e3, 0),
+    ("t_c_s", "t_c ms", 1e3, 0),
+    ("m_wej_max_nm", "peak Nm", 1.0, 1),
+    ("k", "k", 1.0, 3),
+    ("e_loss_j", "E_loss J", 1.0, 0),
+)
 MOST_REASONS = 5
-OF_A_PLAN = ("vary", "method", "samples", "seed", "repeats", "settings", "parameters", "rig", "controller", "level",
-             "delay")
+OF_A_PLAN = ("vary", "method", "samples", "seed", "repeats", "settings", "parameters", "rig", "controller", "level", "delay")
 
 
 def add_arguments(parser) -> None:
-    parser.add_argument("what",
-                        help="a sequence, with --vary; a sweep's .yaml file; or a sweep's folder, to go on with it")
-    parser.add_argument("--vary", action="append", metavar="NAME=SPEC",
-                        help="a parameter, as --set or --with name it, and what it takes: \"LOW .. HIGH\", "
-                             "\"LOW .. HIGH in 5\", \"LOW .. HIGH step 10 ms\" (and log behind it), \"A, B, C\"; may "
-                             "be repeated")
-    parser.add_argument("--method", metavar="NAME", help="grid (default), list (values row by row), random, lhs "
-                                                         "(Latin hypercube; default with --samples)")
+    parser.add_argument("what", help="a sequence, with --vary; a sweep's .yaml file; or a sweep's folder, to go on with it")
+    parser.add_argument(
+        "--vary",
+        action="append",
+        metavar="NAME=SPEC",
+        help='a parameter, as --set or --with name it, and what it takes: "LOW .. HIGH", '
+        '"LOW .. HIGH in 5", "LOW .. HIGH step 10 ms" (and log behind it), "A, B, C"; may '
+        "be repeated",
+    )
+    parser.add_argument(
+        "--method",
+        metavar="NAME",
+        help="grid (default), list (values row by row), random, lhs (Latin hypercube; default with --samples)",
+    )
     parser.add_argument("--samples", type=int, metavar="N", help="members that random and lhs draw")
     parser.add_argument("--repeats", type=int, metavar="N", help="runs of each point, with other noise (default 1)")
-    parser.add_argument("--seed", type=int, metavar="N",
-                        help="of the points drawn and of the first member; the others' seeds follow (default 1)")
-    parser.add_argument("--set", action="append", metavar="KEY=VALUE", dest="settings",
-                        help="a value of the rig for all members (may be repeated)")
-    parser.add_argument("--with", action="append", metavar="NAME=VALUE", dest="parameters",
-                        help="a parameter of the sequence for all members (may be repeated)")
+    parser.add_argument(
+        "--seed", type=int, metavar="N", help="of the points drawn and of the first member; the others' seeds follow (default 1)"
+    )
+    parser.add_argument(
+        "--set", action="append", metavar="KEY=VALUE", dest="settings", help="a value of the rig for all members (may be repeated)"
+    )
+    parser.add_argument(
+        "--with",
+        action="append",
+        metavar="NAME=VALUE",
+        dest="parameters",
+        help="a parameter of the sequence for all members (may be repeated)",
+    )
     parser.add_argument("--rig", metavar="NAME", help="rig or .yaml file (default: the sequence's own)")
-    parser.add_argument("--controller", metavar="SPEC",
-                        help="your controller in place of the Alfa46 in all members, one that the rig starts itself: "
-                             "python:, c:, simulink: or fmu: (docs/how_to/controllers.md)")
-    parser.add_argument("--level", choices=("duty", "current"),
-                        help="what the controller returns, when it knows both (default: its first)")
-    parser.add_argument("--delay", type=delay, metavar="N",
-                        help="samples of 1 ms until the controller's answer acts (default: 1)")
-    parser.add_argument("--out", metavar="DIR", help="folder (default: runs/<sequence>-sweep-<n>); one that holds the "
-                                                     "same sweep is gone on with")
+    parser.add_argument(
+        "--controller",
+        metavar="SPEC",
+        help="your controller in place of the Alfa46 in all members, one that the rig starts itself: "
+        "python:, c:, simulink: or fmu: (docs/how_to/controllers.md)",
+    )
+    parser.add_argument(
+        "--level", choices=("duty", "current"), help="what the controller returns, when it knows both (default: its first)"
+    )
+    parser.add_argument("--delay", type=delay, metavar="N", help="samples of 1 ms until the controller's answer acts (default: 1)")
+    parser.add_argument(
+        "--out", metavar="DIR", help="folder (default: runs/<sequence>-sweep-<n>); one that holds the same sweep is gone on with"
+    )
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes on this machine (default 2)")
     parser.add_argument("--dask", metavar="ADDRESS", help="a Dask cluster instead: its scheduler, or local:N")
     parser.add_argument("--bags", action="store_true", help="keep a bag with its report of every member")
@@ -64,7 +85,7 @@ def main(args) -> int:
     if args.jobs < 1:
         raise RigError(f"--jobs is {args.jobs}, expected at least 1")
     if not (args.vary or args.what.endswith((".yaml", ".yml")) or Path(args.what).is_dir()):
-        raise RigError("a sweep needs something to vary: --vary NAME=\"LOW .. HIGH\" or NAME=\"A, B, C\"")
+        raise RigError('a sweep needs something to vary: --vary NAME="LOW .. HIGH" or NAME="A, B, C"')
     plan, folder, bags = _chosen(args)
     if plan.plugged:
         print(plan.plugged.check(load_rig(plan.rig, plan.fixed)), file=sys.stderr, flush=True)
@@ -99,10 +120,16 @@ def main(args) -> int:
         seconds, now = time.monotonic() - start, len(store.done) - begun
         if not interrupted:
             store.write_results(plan)
-        summary = {"folder": str(folder), "results": None if interrupted else str(folder / RESULTS), "members": of,
-                   "finished": len(store.done), "finished_before": begun, "seconds": round(seconds, 3),
-                   "members_per_second": round(now / seconds, 3) if now and seconds else None,
-                   **_what_came(store.entries(), load_rig(plan.rig, plan.fixed))}
+        summary = {
+            "folder": str(folder),
+            "results": None if interrupted else str(folder / RESULTS),
+            "members": of,
+            "finished": len(store.done),
+            "finished_before": begun,
+            "seconds": round(seconds, 3),
+            "members_per_second": round(now / seconds, 3) if now and seconds else None,
+            **_what_came(store.entries(), load_rig(plan.rig, plan.fixed)),
+        }
     if args.json:
         print(json.dumps(summary, indent=1, ensure_ascii=False))
     else:
@@ -134,15 +161,29 @@ def _chosen(args):
         return plan_of(manifest["plan"]), Path(args.what), manifest["bags"]
     if args.what.endswith((".yaml", ".yml")) and "vary" in (load_yaml(args.what) or {}):
         if given:
-            raise RigError(f"{args.what} is a sweep and says itself what it varies; leave out "
-                           f"{options.get(given[0], f'--{given[0]}')}, or write it there")
+            raise RigError(
+                f"{args.what} is a sweep and says itself what it varies; leave out "
+                f"{options.get(given[0], f'--{given[0]}')}, or write it there"
+            )
         return read_plan(args.what), None, args.bags
     vary = pairs("--vary", args.vary or [], 'NAME=SPEC, e.g. alfa46.t12="-250 ms .. -150 ms"')
     numbers = {name: getattr(args, name) for name in ("seed", "repeats") if getattr(args, name) is not None}
     plugged = plugged_of(args.controller, args.level, 1 if args.delay is None else args.delay)
-    return make_plan(args.what, vary, args.rig, args.method, args.samples, plugged=plugged,
-                     fixed=parse_settings(args.settings or []), fixed_with=parse_parameters(args.parameters or []),
-                     **numbers), None, args.bags
+    return (
+        make_plan(
+            args.what,
+            vary,
+            args.rig,
+            args.method,
+            args.samples,
+            plugged=plugged,
+            fixed=parse_settings(args.settings or []),
+            fixed_with=parse_parameters(args.parameters or []),
+            **numbers,
+        ),
+        None,
+        args.bags,
+    )
 
 
 @contextmanager
@@ -182,14 +223,17 @@ def _what_came(entries, config) -> dict:
             for key, *_ in SHOWN:
                 if row[key] is not None:
                     values.setdefault(way, {}).setdefault(key, []).append(row[key])
-    spread = {way: {key: [float(np.min(x)), float(np.median(x)), float(np.max(x))] for key, x in of.items()}
-              for way, of in values.items()}
+    spread = {
+        way: {key: [float(np.min(x)), float(np.median(x)), float(np.max(x))] for key, x in of.items()} for way, of in values.items()
+    }
     return {"ends": ends, "reasons": reasons, "shifts": shifts, "valid_shifts": valid, "spread": spread}
 
 
 def _text(summary: dict) -> str:
-    lines = [f"{summary['finished']} of {summary['members']} members finished, {summary['shifts']} shifts, "
-             f"{summary['valid_shifts']} of them valid"]
+    lines = [
+        f"{summary['finished']} of {summary['members']} members finished, {summary['shifts']} shifts, "
+        f"{summary['valid_shifts']} of them valid"
+    ]
     if summary["members_per_second"]:
         lines.append(f"{summary['members_per_second']:.1f} members a second")
     reasons = sorted(summary["reasons"].items(), key=lambda item: -item[1])

@@ -44,10 +44,12 @@ PARTS, LAST_FAILED, CLOCK = ".pytest_cache/parts", "v/cache/lastfailed", "clock"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.usage = "rig test [pytest arguments]"
-    parser.epilog = ("Without a path all of tests/ runs, apart from what is marked 'campaign'. "
-                     "Everything given is passed to pytest: 'rig test -x -k valve', 'rig test tests/plant'. "
-                     "Without arguments, folders run side by side on this machine's cores, and after some of them what "
-                     "runs against the clock; up to 5 failures against the clock are tried once more and named.")
+    parser.epilog = (
+        "Without a path all of tests/ runs, apart from what is marked 'campaign'. "
+        "Everything given is passed to pytest: 'rig test -x -k valve', 'rig test tests/plant'. "
+        "Without arguments, folders run side by side on this machine's cores, and after some of them what "
+        "runs against the clock; up to 5 failures against the clock are tried once more and named."
+    )
 
 
 def tests_root() -> Path:
@@ -85,14 +87,18 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
     first, beside, clock = parts_of(root)
     cores = len(os.sched_getaffinity(0))
     at_a_time = min(cores + 1, MOST_PARTS)
-    print(f"rig: {len(first)} parts, {at_a_time} at a time, each shown when it is done; then {len(clock)} files against the "
-          f"clock; beside all these {len(beside)} parts, shown at the end", flush=True)
+    print(
+        f"rig: {len(first)} parts, {at_a_time} at a time, each shown when it is done; then {len(clock)} files against the "
+        f"clock; beside all these {len(beside)} parts, shown at the end",
+        flush=True,
+    )
 
     def begin(name: str, mark: str, *arguments: str) -> subprocess.Popen:
         # with one folder for all, notes would be lost
         own = ["--no-header", "-m", mark, "-o", f"cache_dir={root / PARTS / name}"]
-        return subprocess.Popen([*command, *own, *arguments], env=env, cwd=root, text=True, stdout=subprocess.PIPE,
-                                stderr=subprocess.STDOUT)
+        return subprocess.Popen(
+            [*command, *own, *arguments], env=env, cwd=root, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+        )
 
     def run(name: str, lowest: bool = False) -> tuple[str, int]:
         process = begin(name, f"not campaign and not {AGAINST_THE_CLOCK}", "-q", *{**first, **beside}[name])
@@ -107,8 +113,11 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
         codes.append(code)
 
     # beside the clock one at a time: two fill the caches of a rig in real time and get no more of the processor
-    with (ThreadPoolExecutor(at_a_time) as together, ThreadPoolExecutor(1) as below,
-          ThreadPoolExecutor(min(cores, MOST_PARTS)) as after):
+    with (
+        ThreadPoolExecutor(at_a_time) as together,
+        ThreadPoolExecutor(1) as below,
+        ThreadPoolExecutor(min(cores, MOST_PARTS)) as after,
+    ):
         try:
             others = {name: below.submit(run, name, True) for name in beside}
             for name, (output, code) in zip(first, together.map(run, first)):
@@ -143,16 +152,20 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
 
 def parts_of(root: Path) -> tuple[dict[str, list[str]], dict[str, list[str]], list[str]]:
     """Files of the parts that run first and of those that run beside all else, by the parts' names; files of which
-    some tests run against the clock."""
+    some tests run against the clock.
+    """
     files = sorted(path.relative_to(root).as_posix() for path in (root / "tests").rglob("test_*.py"))
     # the other way round: what a rig in description/ has to compile is compiled beside the graph's tests
-    clock = [file for file in reversed(files)
-             if f"mark.{AGAINST_THE_CLOCK}" in (root / file).read_text(encoding="utf-8")]
+    clock = [file for file in reversed(files) if f"mark.{AGAINST_THE_CLOCK}" in (root / file).read_text(encoding="utf-8")]
     folders: dict[str, list[str]] = {}
     for file in files:
         folders.setdefault(file.split("/")[1], []).append(file)
-    first = {f"{name}-{k + 1}" if count > 1 else name: folders[name][k::count]
-             for name, count in FIRST.items() if name in folders for k in range(count)}
+    first = {
+        f"{name}-{k + 1}" if count > 1 else name: folders[name][k::count]
+        for name, count in FIRST.items()
+        if name in folders
+        for k in range(count)
+    }
     beside = {name: folders.get(name, []) for name in BESIDE}
     for name in sorted(folders.keys() - FIRST.keys() - beside.keys()):
         beside["the rest"] += folders[name]

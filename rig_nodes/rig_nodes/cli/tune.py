@@ -18,43 +18,82 @@ HELP = "find valve profiles and delays for an operating range: a front of trade-
 
 
 def add_arguments(parser) -> None:
-    parser.add_argument("--ways", nargs="+", metavar="WAY", help="names of both gears, e.g. I-II (default: every shift to the next gear)")
-    parser.add_argument("--speeds", default="1000 rpm .. 2000 rpm", metavar="RANGE",
-                        help="of the input shaft (default \"1000 rpm .. 2000 rpm\", the thesis's)")
-    parser.add_argument("--load-up", default="40 Nm .. 120 Nm", metavar="RANGE",
-                        help="torque at the output before a shift up (default the thesis's)")
-    parser.add_argument("--load-down", default="40 Nm .. 240 Nm", metavar="RANGE",
-                        help="before a shift down (default the thesis's)")
-    parser.add_argument("--objectives", default="peak,time", metavar="A,B",
-                        help="two or more of peak, time, dip, energy, jerk (default peak,time); the first two are "
-                             "drawn and chosen by")
-    parser.add_argument("--bound", action="append", default=[], metavar="NAME=VALUE", dest="bounds",
-                        help="largest value of an objective in any shift, e.g. peak=\"300 Nm\" (may be repeated; "
-                             "dip is bounded to 5 %%, or what the compared settings dip)")
-    parser.add_argument("--oil", default="20 degC .. 60 degC", metavar="RANGE",
-                        help="temperatures (default 20 to 60 degC)")
-    parser.add_argument("--rigs", type=int, default=11, metavar="N",
-                        help="sampled rigs beside the rig itself (default 11)")
-    parser.add_argument("--judge-rigs", type=int, default=12, metavar="N",
-                        help="other sampled rigs to judge on (default 12)")
+    parser.add_argument(
+        "--ways", nargs="+", metavar="WAY", help="names of both gears, e.g. I-II (default: every shift to the next gear)"
+    )
+    parser.add_argument(
+        "--speeds",
+        default="1000 rpm .. 2000 rpm",
+        metavar="RANGE",
+        help='of the input shaft (default "1000 rpm .. 2000 rpm", the thesis\'s)',
+    )
+    parser.add_argument(
+        "--load-up",
+        default="40 Nm .. 120 Nm",
+        metavar="RANGE",
+        help="torque at the output before a shift up (default the thesis's)",
+    )
+    parser.add_argument(
+        "--load-down", default="40 Nm .. 240 Nm", metavar="RANGE", help="before a shift down (default the thesis's)"
+    )
+    parser.add_argument(
+        "--objectives",
+        default="peak,time",
+        metavar="A,B",
+        help="two or more of peak, time, dip, energy, jerk (default peak,time); the first two are drawn and chosen by",
+    )
+    parser.add_argument(
+        "--bound",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        dest="bounds",
+        help='largest value of an objective in any shift, e.g. peak="300 Nm" (may be repeated; '
+        "dip is bounded to 5 %%, or what the compared settings dip)",
+    )
+    parser.add_argument("--oil", default="20 degC .. 60 degC", metavar="RANGE", help="temperatures (default 20 to 60 degC)")
+    parser.add_argument("--rigs", type=int, default=11, metavar="N", help="sampled rigs beside the rig itself (default 11)")
+    parser.add_argument("--judge-rigs", type=int, default=12, metavar="N", help="other sampled rigs to judge on (default 12)")
     parser.add_argument("--points", type=int, default=8, metavar="N", help="operating points to judge in (default 8)")
-    parser.add_argument("--fresh", type=int, default=3, metavar="N",
-                        help="judgements of the written controllers, each on rigs and in points of its own (default 3)")
-    parser.add_argument("--spreads", metavar="FILE",
-                        help="spreads of the calibrated parameters, from rig calibrate --json (default: determined "
-                             "anew)")
-    parser.add_argument("--rig", default="hydmag", metavar="NAME", help="rig or .yaml file; its controller is what is "
-                                                                        "compared with (default: hydmag)")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
-                        help="change one value of the rig (may be repeated)")
-    parser.add_argument("--shifts", type=int, default=SHIFTS, metavar="N",
-                        help=f"that the search tries; the same settings each time, however fast the machine is "
-                             f"(default {SHIFTS})")
+    parser.add_argument(
+        "--fresh",
+        type=int,
+        default=3,
+        metavar="N",
+        help="judgements of the written controllers, each on rigs and in points of its own (default 3)",
+    )
+    parser.add_argument(
+        "--spreads",
+        metavar="FILE",
+        help="spreads of the calibrated parameters, from rig calibrate --json (default: determined anew)",
+    )
+    parser.add_argument(
+        "--rig",
+        default="hydmag",
+        metavar="NAME",
+        help="rig or .yaml file; its controller is what is compared with (default: hydmag)",
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        dest="settings",
+        help="change one value of the rig (may be repeated)",
+    )
+    parser.add_argument(
+        "--shifts",
+        type=int,
+        default=SHIFTS,
+        metavar="N",
+        help=f"that the search tries; the same settings each time, however fast the machine is (default {SHIFTS})",
+    )
     parser.add_argument("--generations", type=int, metavar="N", help="at most so many of each search")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of search and sampled rigs (default 1)")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes (default 2)")
-    parser.add_argument("--out", metavar="DIR",
-                        help="folder (default: runs/tune-<n>); one that holds the same tuning is gone on with")
+    parser.add_argument(
+        "--out", metavar="DIR", help="folder (default: runs/tune-<n>); one that holds the same tuning is gone on with"
+    )
     parser.add_argument("--write-docs", action="store_true", help="write the tables of docs/how_to/tune.md of the checkout")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 
@@ -126,10 +165,10 @@ def _check_folder(folder: Path, manifest: dict, spreads_are_known: bool) -> None
 
 def _problem(args):
     """What is asked for, without spreads where no file gives them; RigError before anything is compiled."""
+    from ..config.names import unknown
     from ..errors import RigError
     from ..testbench.configuration import load_gearbox_rig
     from ..testbench.folders import parse_settings
-    from ..config.names import unknown
     from ..tune.problem import OBJECTIVES, Range
     from ..tune.run import Problem
     from ..tune.space import delay_of
@@ -158,9 +197,22 @@ def _problem(args):
     bounds, oil = _bounds(args.bounds), _range("--oil", args.oil, "temperature")
     spreads = read_spreads(args.spreads, config) if args.spreads else {}
     rig = str(Path(args.rig).absolute()) if "/" in args.rig or args.rig.endswith((".yaml", ".yml")) else args.rig
-    return Problem(rig, config, {way: ranges[way] for way in ways if way in wanted}, objectives, bounds,
-                   spreads, oil, args.rigs, args.judge_rigs, args.points, args.fresh, args.seed,
-                   args.generations, args.shifts)
+    return Problem(
+        rig,
+        config,
+        {way: ranges[way] for way in ways if way in wanted},
+        objectives,
+        bounds,
+        spreads,
+        oil,
+        args.rigs,
+        args.judge_rigs,
+        args.points,
+        args.fresh,
+        args.seed,
+        args.generations,
+        args.shifts,
+    )
 
 
 def _range(option: str, text: str, dimension: str) -> tuple[float, float]:
@@ -169,7 +221,7 @@ def _range(option: str, text: str, dimension: str) -> tuple[float, float]:
 
     low, dots, high = text.partition("..")
     if not dots:
-        raise RigError(f"{option} {text}: expected \"LOW .. HIGH\", each with its unit")
+        raise RigError(f'{option} {text}: expected "LOW .. HIGH", each with its unit')
     values = quantity(low.strip(), dimension, option), quantity(high.strip(), dimension, option)
     if not 0.0 <= values[0] < values[1]:
         raise RigError(f"{option} {text}: the range must rise from 0 or more")
@@ -196,7 +248,7 @@ def _bounds(texts: list[str]) -> dict[str, float]:
             except ValueError:
                 unit = ""
             if unit.strip() != "rad/s3":
-                raise RigError(f"--bound {text}: expected a number with its unit, e.g. \"5e4 rad/s3\"")
+                raise RigError(f'--bound {text}: expected a number with its unit, e.g. "5e4 rad/s3"')
         if not math.isfinite(out[name]) or out[name] < 0.0 or (out[name] == 0.0 and name != "dip"):
             raise RigError(f"--bound {text}: expected {'0 or more' if name == 'dip' else 'more than 0'}")
     return out

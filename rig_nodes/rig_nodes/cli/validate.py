@@ -19,18 +19,30 @@ STARTING = 2.0  # what starting the processes costs, in the sizes of validation.
 
 
 def add_arguments(parser) -> None:
-    parser.add_argument("--rows", nargs="+", default=[], metavar="PATTERN",
-                        help="only these rows; * matches any text, e.g. 'up_t_*'")
-    parser.add_argument("--procedures", nargs="+", default=[], metavar="NAME",
-                        help="only rows of these procedures, e.g. grid_up delay_series")
+    parser.add_argument(
+        "--rows", nargs="+", default=[], metavar="PATTERN", help="only these rows; * matches any text, e.g. 'up_t_*'"
+    )
+    parser.add_argument(
+        "--procedures", nargs="+", default=[], metavar="NAME", help="only rows of these procedures, e.g. grid_up delay_series"
+    )
     parser.add_argument("--json", metavar="FILE", help="write rows, summary and versions as JSON; - for stdout")
     parser.add_argument("--pictures", metavar="FOLDER", help="write the figures of chapters 7 to 9 as SVG")
     parser.add_argument("--write-docs", action="store_true", help="write docs/reference/validation.md of the checkout")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes that run series (default: 2)")
-    parser.add_argument("--rig", default=DEFAULT_RIG, metavar="NAME",
-                        help=f"rig, its folder or .yaml file: whose validation.yaml (default: {DEFAULT_RIG})")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
-                        help="change one value of the rig (may be repeated)")
+    parser.add_argument(
+        "--rig",
+        default=DEFAULT_RIG,
+        metavar="NAME",
+        help=f"rig, its folder or .yaml file: whose validation.yaml (default: {DEFAULT_RIG})",
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        dest="settings",
+        help="change one value of the rig (may be repeated)",
+    )
 
 
 def _progress(runs: dict[str, tuple[int, float]]):
@@ -88,15 +100,24 @@ def main(args) -> int:
         result = programme.validate(targets, workers, args.rig, settings, _progress(runs))
         if args.pictures and procedures:
             drawn = time_courses.time_courses(procedures, workers, args.rig, settings)
-    print(f"{sum(count for count, _ in runs.values())} runs with their metrics in {time.monotonic() - began:.1f} s",
-          file=sys.stderr)
+    print(
+        f"{sum(count for count, _ in runs.values())} runs with their metrics in {time.monotonic() - began:.1f} s", file=sys.stderr
+    )
 
     if args.json != "-":
         print(document.terminal(result.rows))
     if args.json:
-        write_json(args.json, {
-            "rows": [row.as_dict() for row in result.rows], "summary": programme.summary(result.rows),
-            "versions": _versions(), "rig": args.rig, "settings": settings, "procedures": list(result.procedures)})
+        write_json(
+            args.json,
+            {
+                "rows": [row.as_dict() for row in result.rows],
+                "summary": programme.summary(result.rows),
+                "versions": _versions(),
+                "rig": args.rig,
+                "settings": settings,
+                "procedures": list(result.procedures),
+            },
+        )
     if args.pictures:
         count = len(pictures.write_pictures([*pictures.figures(result.records), *drawn], args.pictures))
         print(f"{count} figures written to {args.pictures}", file=sys.stderr)
@@ -115,8 +136,14 @@ def _own_rows(args, path: Path) -> int:
     from ..errors import RigError
     from ..testbench.workers import Workers, start_server
 
-    if given := next((flag for flag, value in (("--write-docs", args.write_docs), ("--pictures", args.pictures),
-                                               ("--procedures", args.procedures)) if value), None):
+    if given := next(
+        (
+            flag
+            for flag, value in (("--write-docs", args.write_docs), ("--pictures", args.pictures), ("--procedures", args.procedures))
+            if value
+        ),
+        None,
+    ):
         raise RigError(f"{given} belongs to the laboratory's programme; the rows of {path} have none")
     if args.jobs > 1:
         start_server("rig_nodes.validation.own_rows")
@@ -132,13 +159,23 @@ def _own_rows(args, path: Path) -> int:
     check_json(args.json)
     line = ProgressLine(len(own_rows.by_run(rows)))
     with Workers(args.jobs) as workers:
-        found = own_rows.validate(rows, args.rig, settings, workers,
-                                  lambda done, of: line.tell(done, f"{done} of {of} runs", done == of))
+        found = own_rows.validate(
+            rows, args.rig, settings, workers, lambda done, of: line.tell(done, f"{done} of {of} runs", done == of)
+        )
     if args.json != "-":
         print(document.terminal(found))
     if args.json:
-        write_json(args.json, {"rows": [row.as_dict() for row in found], "summary": programme.summary(found),
-                               "versions": _versions(), "rig": args.rig, "settings": settings, "procedures": []})
+        write_json(
+            args.json,
+            {
+                "rows": [row.as_dict() for row in found],
+                "summary": programme.summary(found),
+                "versions": _versions(),
+                "rig": args.rig,
+                "settings": settings,
+                "procedures": [],
+            },
+        )
     return 0
 
 
@@ -168,5 +205,8 @@ def _versions() -> dict[str, str]:
 
     import rig_nodes
 
-    return {"rig_nodes": rig_nodes.__version__, "python": platform.python_version(),
-            **{name: version(name) for name in ("numpy", "scipy", "numba")}}
+    return {
+        "rig_nodes": rig_nodes.__version__,
+        "python": platform.python_version(),
+        **{name: version(name) for name in ("numpy", "scipy", "numba")},
+    }

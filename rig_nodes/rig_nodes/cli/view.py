@@ -22,24 +22,23 @@ PR_SET_PDEATHSIG = 1
 def add_arguments(parser) -> None:
     """The arguments of the verb."""
     parser.add_argument("run", metavar="RUN", nargs="?", help="folder of a run, or its .mcap file")
-    parser.add_argument("--no-open", action="store_true",
-                        help="only write view.rrd; with --live: open no viewer, only tell the address")
-    parser.add_argument("--picture", metavar="FILE.png", type=_png,
-                        help="make a picture instead of opening a window")
-    parser.add_argument("--tab", metavar="NAME",
-                        help="tab to make the picture of: shifts, run, other, controller, or a page of the rig's own (default: the one "
-                             "that the view opens with)")
-    parser.add_argument("--window", metavar="T0,T1", type=_window,
-                        help="time in s that the plots open with (default: the shifts)")
+    parser.add_argument(
+        "--no-open", action="store_true", help="only write view.rrd; with --live: open no viewer, only tell the address"
+    )
+    parser.add_argument("--picture", metavar="FILE.png", type=_png, help="make a picture instead of opening a window")
+    parser.add_argument(
+        "--tab",
+        metavar="NAME",
+        help="tab to make the picture of: shifts, run, other, controller, or a page of the rig's own (default: the one "
+        "that the view opens with)",
+    )
+    parser.add_argument("--window", metavar="T0,T1", type=_window, help="time in s that the plots open with (default: the shifts)")
     live = parser.add_argument_group("a running rig")
     live.add_argument("--live", action="store_true", help="show a rig that runs now, until Ctrl-C")
-    live.add_argument("--domain", metavar="N", type=_domain,
-                      help="its ROS domain (default: ROS_DOMAIN_ID, or the only one in use)")
+    live.add_argument("--domain", metavar="N", type=_domain, help="its ROS domain (default: ROS_DOMAIN_ID, or the only one in use)")
     live.add_argument("--viewer", action="store_true", help="open a viewer though no display is found")
-    live.add_argument("--port", metavar="P", type=_port,
-                      help="port for viewers on 127.0.0.1 (default: 9876, or a free one)")
-    live.add_argument("--seconds", metavar="S", type=_seconds, default=10.0,
-                      help="seconds that the plots show (default: 10)")
+    live.add_argument("--port", metavar="P", type=_port, help="port for viewers on 127.0.0.1 (default: 9876, or a free one)")
+    live.add_argument("--seconds", metavar="S", type=_seconds, default=10.0, help="seconds that the plots show (default: 10)")
     live.add_argument("--parent", type=int, help=argparse.SUPPRESS)
     other = parser.add_argument_group("another program")
     other.add_argument("--layout", choices=TOOLS, help="write a layout for this program")
@@ -54,15 +53,30 @@ def main(args) -> int:
     given = [args.run is not None, args.live, args.layout is not None]
     if sum(given) != 1:
         raise RigError("give one of these: the folder of a run, --live, or --layout (see 'rig view --help')")
-    wrong = [flag for flag, value, fits in (
-        ("--picture", args.picture, args.run), ("--tab", args.tab, args.picture),
-        ("--window", args.window, args.run), ("--domain", args.domain is not None, args.live),
-        ("--viewer", args.viewer, args.live), ("--port", args.port, args.live),
-        ("--out", args.out, args.layout), ("--rig", args.rig, args.layout),
-        ("--no-open", args.no_open, args.run or args.live)) if value and not fits]
+    wrong = [
+        flag
+        for flag, value, fits in (
+            ("--picture", args.picture, args.run),
+            ("--tab", args.tab, args.picture),
+            ("--window", args.window, args.run),
+            ("--domain", args.domain is not None, args.live),
+            ("--viewer", args.viewer, args.live),
+            ("--port", args.port, args.live),
+            ("--out", args.out, args.layout),
+            ("--rig", args.rig, args.layout),
+            ("--no-open", args.no_open, args.run or args.live),
+        )
+        if value and not fits
+    ]
     if wrong:
-        needed = {"--tab": "--picture", "--out": "--layout", "--rig": "--layout", "--picture": "a run", "--window": "a run",
-                  "--no-open": "a run or --live"}.get(wrong[0], "--live")
+        needed = {
+            "--tab": "--picture",
+            "--out": "--layout",
+            "--rig": "--layout",
+            "--picture": "a run",
+            "--window": "a run",
+            "--no-open": "a run or --live",
+        }.get(wrong[0], "--live")
         raise RigError(f"{wrong[0]} goes with {needed} only")
     if args.live:
         return _live(args)
@@ -86,8 +100,7 @@ def _recorded(args) -> int:
     elif has_display():
         print(f"the viewer runs as process {open_window(view.path)}")
     else:
-        print(f"no display here; on a machine with one, open it with: {command_for(view.path.name)}",
-              flush=True)
+        print(f"no display here; on a machine with one, open it with: {command_for(view.path.name)}", flush=True)
         try:
             _draw(args, view.path, view.path.with_suffix(".png"))
         except RigError as error:
@@ -149,10 +162,11 @@ def _find_domain(number: int | None):
     if len(busy) == 1:
         return Domain(busy[0])
     if busy:
-        raise RigError(f"ROS domains {', '.join(map(str, busy))} are in use on this machine; "
-                       f"say which with --domain N ('rig run' prints its own)")
-    raise RigError("no ROS domain is in use on this machine; start './rig run SEQUENCE' first, "
-                   "or say which domain with --domain N")
+        raise RigError(
+            f"ROS domains {', '.join(map(str, busy))} are in use on this machine; "
+            f"say which with --domain N ('rig run' prints its own)"
+        )
+    raise RigError("no ROS domain is in use on this machine; start './rig run SEQUENCE' first, or say which domain with --domain N")
 
 
 def _greet(args, domain: int, url: str) -> None:

@@ -53,12 +53,18 @@ def unknown_value(key: str, parts: dict[str, Iterable[str]]) -> str:
     part, _, name = key.partition(".")
     named_so = [f"{one}.{key}" for one, names in parts.items() if key in names]
     if part in parts:
-        return unknown(f"value of {part}", name, parts[part]) if name else \
-            f"'{key}' is a part of the rig; name one of its values, e.g. {key}.{next(iter(parts[part]))}"
+        return (
+            unknown(f"value of {part}", name, parts[part])
+            if name
+            else f"'{key}' is a part of the rig; name one of its values, e.g. {key}.{next(iter(parts[part]))}"
+        )
     if named_so:
         return f"there is no value {brief(key)}; did you mean {' or '.join(map(repr, named_so[:3]))}?"
-    return unknown("value", key, [f"{one}.{name}" for one, names in parts.items() for name in names]) if name else \
-        unknown("part of the rig", key, parts)
+    return (
+        unknown("value", key, [f"{one}.{name}" for one, names in parts.items() for name in names])
+        if name
+        else unknown("part of the rig", key, parts)
+    )
 
 
 def find_config(kind: str, name: str | Path) -> Path:

@@ -18,7 +18,6 @@ from .names import meant
 from .units import quantity, span
 from .yaml_file import no_space, where_of
 
-
 WORDS, SWITCH = "choice", "switch"  # dimensions of what is no number
 
 
@@ -28,8 +27,9 @@ def param(dimension: str, low: float, high: float, text: str, default=dataclasse
     text: what it is, in one sentence without a full stop, its unit or its range; so for the others below. People see it
     wherever the value can be set. live: it can change while the rig runs, at a device by this one of its states.
     """
-    return dataclasses.field(default=default, metadata={"dimension": dimension, "low": low, "high": high, "text": text,
-                                                        "live": live})
+    return dataclasses.field(
+        default=default, metadata={"dimension": dimension, "low": low, "high": high, "text": text, "live": live}
+    )
 
 
 def choice(text: str, *names: str):
@@ -54,7 +54,9 @@ def check_keys(path, node, allowed, required, what: str, where: str = "") -> Non
     for key in node:
         if key not in allowed:
             slip = no_space(key) if isinstance(key, str) else ""
-            raise RigError(f"{where_of(path, node, key)}: {slip or f'unknown key {brief(str(key))} in {what}; {meant(key, allowed)}'}")
+            raise RigError(
+                f"{where_of(path, node, key)}: {slip or f'unknown key {brief(str(key))} in {what}; {meant(key, allowed)}'}"
+            )
     missing = [key for key in required if key not in node]
     if missing:
         raise RigError(f"{where_of(path, node)}: {what} lacks the key '{missing[0]}'")
@@ -66,8 +68,9 @@ def build(cls, node, path, what: str, others: tuple = (), where: str = ""):
     ``others`` are keys of the map that somebody else reads; where: as for :func:`check_keys`.
     """
     names = [f.name for f in dataclasses.fields(cls)]
-    check_keys(path, node, [*names, *others], [f.name for f in dataclasses.fields(cls) if f.default is dataclasses.MISSING],
-               what, where)
+    check_keys(
+        path, node, [*names, *others], [f.name for f in dataclasses.fields(cls) if f.default is dataclasses.MISSING], what, where
+    )
     values = {}
     for field in dataclasses.fields(cls):
         if field.name not in node:
@@ -80,7 +83,7 @@ def build(cls, node, path, what: str, others: tuple = (), where: str = ""):
 def entry(field, node, where: str):
     """Value of a field from its [value with unit, "its source"]; RigError otherwise."""
     if not (isinstance(node, list) and len(node) == 2 and isinstance(node[1], str) and node[1].strip()):
-        raise RigError(f"{where} must be [value with unit, \"its source\"], found {brief(node)}")
+        raise RigError(f'{where} must be [value with unit, "its source"], found {brief(node)}')
     meta = field.metadata
     return value_of(meta["dimension"], meta.get("low"), meta.get("high"), meta.get("choices", ()), node[0], where)
 
@@ -91,8 +94,10 @@ def value_of(dimension: str, low: float, high: float, choices: tuple[str, ...], 
         if dimension == SWITCH and isinstance(text, bool):
             return text  # YAML's own
         if text not in choices:
-            raise RigError(f"{where} is '{text if isinstance(text, str) and len(text) < 60 else brief(text)}', expected one "
-                           f"of {', '.join(choices)}")
+            raise RigError(
+                f"{where} is '{text if isinstance(text, str) and len(text) < 60 else brief(text)}', expected one "
+                f"of {', '.join(choices)}"
+            )
         return text == "on" if dimension == SWITCH else text
     value = quantity(text, dimension, where)
     if not low <= value <= high:

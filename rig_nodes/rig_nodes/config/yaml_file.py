@@ -20,8 +20,15 @@ MOST_DEPTH = 40
 LONGEST_TEXT = 10_000  # characters of one value
 LARGEST = 2**64  # of a whole number
 
-_WORDS = {"": None, "~": None, **{word: value for low, value in (("null", None), ("true", True), ("false", False))
-                                  for word in (low, low.capitalize(), low.upper())}}
+_WORDS = {
+    "": None,
+    "~": None,
+    **{
+        word: value
+        for low, value in (("null", None), ("true", True), ("false", False))
+        for word in (low, low.capitalize(), low.upper())
+    },
+}
 _WHOLE = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
 _FRACTION = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
 _NO_NUMBER = re.compile(r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)")
@@ -181,8 +188,7 @@ class _Builder:
             into.lines.append(self.line)
         elif keys[-1] is _NO_KEY:
             if isinstance(value, (Map, List)):
-                self.refuse("a map or list stands as a key; expected a word (a value in braces needs quotes: "
-                            "\"${name}\")")
+                self.refuse('a map or list stands as a key; expected a word (a value in braces needs quotes: "${name}")')
             if value == "<<":
                 self.refuse("'<<' takes no other map in; write its keys here")
             if value in into:
@@ -253,7 +259,7 @@ def _syntax(path, text: str, line: int | None, error) -> str:
         at, why = opened, "the quote that is opened here is not closed"
     elif found := re.match(r"expected ',' or '([}\]])', but got", problem):
         if "${" in lines[line] or "${" in lines[opened]:
-            why = "${...} between braces or brackets needs quotes: \"${name}\""
+            why = '${...} between braces or brackets needs quotes: "${name}"'
         elif opened != line:
             at, why = opened, f"what is opened in this line is not closed; expected '{found[1]}'"
         else:
@@ -286,6 +292,7 @@ def _before(lines: list[str], line: int) -> int:
 
 def _level(lines: list[str], line: int) -> str:
     """What is wrong with where a line begins; empty where nothing is."""
+
     def columns(text: str) -> tuple[list[int], int]:  # of its dashes, of what comes after them
         found = _LEVEL.match(text)
         dashes = [k for k, c in enumerate(found[0]) if c == "-"] if found else []
@@ -302,9 +309,10 @@ def _level(lines: list[str], line: int) -> str:
         above_keys += [key] if key < old else []
     alike, other = (above_dashes, above_keys) if dashes else (above_keys, above_dashes)
     if begins in other and begins not in alike:
-        return "a dash stands here where the lines above have none" if dashes else \
-            "the dash is missing here that the items above have"
+        return (
+            "a dash stands here where the lines above have none" if dashes else "the dash is missing here that the items above have"
+        )
     if begins in alike or not alike:
         return ""
     near = min(alike, key=lambda k: abs(k - begins))
-    return (f"the line begins in column {begins + 1} and fits no line above; expected column {near + 1}")
+    return f"the line begins in column {begins + 1} and fits no line above; expected column {near + 1}"

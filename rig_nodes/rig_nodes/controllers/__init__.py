@@ -9,11 +9,4 @@ Used by testbench.simulate, the alfa46 process and users' own controller files.
 from .load import load_controller
 from .seam import ControllerFailed, ControllerInfo, ControllerInputs, ControllerOutputs, Status
 
-__all__ = [
-    "ControllerFailed",
-    "ControllerInfo",
-    "ControllerInputs",
-    "ControllerOutputs",
-    "Status",
-    "load_controller",
-]
+__all__ = ["ControllerFailed", "ControllerInfo", "ControllerInputs", "ControllerOutputs", "Status", "load_controller"]

@@ -25,9 +25,11 @@ import sys
 ABI, TEXT, OK = 2, 128, 0
 FUNCTIONS = ("rig_controller_abi", "rig_controller_create", "rig_controller_step", "rig_controller_destroy")
 # optional, both of a pair or none: function that names, function that brings or takes the values
-PAIRS = {"wants": ("rig_controller_wants", "rig_controller_wanted"),
-         "signals": ("rig_controller_signals", "rig_controller_signal_values"),
-         "settings": ("rig_controller_settings", "rig_controller_set")}
+PAIRS = {
+    "wants": ("rig_controller_wants", "rig_controller_wanted"),
+    "signals": ("rig_controller_signals", "rig_controller_signal_values"),
+    "settings": ("rig_controller_settings", "rig_controller_set"),
+}
 END = b"end"  # in place of a sample: destroy the controller
 DESTROYED = b"destroyed"  # the answer to it, once destroy has returned
 END_ALL = signal.SIGUSR1  # to the guard: the library's process and its children end at once
@@ -132,18 +134,18 @@ class Guarded:
         view = memoryview(self._memory)
         self.views: dict[str, memoryview] = {}
         for name, size in parts.items():
-            self.views[name] = view[place:place + size]
+            self.views[name] = view[place : place + size]
             if size:
                 self._guards.append(place + size)
                 place += size + len(GUARD)
         for first in self._guards:
-            self._memory[first:first + len(GUARD)] = GUARD
+            self._memory[first : first + len(GUARD)] = GUARD
         self._spans = [slice(first, first + len(GUARD)) for first in self._guards]
 
     def damage(self) -> str:
         """What was written into the guards, as a sentence; empty when nothing was."""
         memory = self._memory
-        for number, span in enumerate(self._spans):
+        for number, span in enumerate(self._spans):  # noqa: B007, it names the guard behind the loop
             if memory[span] != GUARD:
                 break
         else:
@@ -177,7 +179,7 @@ def describe(path: str) -> tuple[ct.CDLL | None, dict]:
     if not pointer:
         return None, {"abi": None}
     told = pointer.contents
-    found = {"abi": {name: getattr(told, name) for name, kind in AbiInfo._fields_ if kind is ct.c_uint32}}
+    found = {"abi": {field[0]: getattr(told, field[0]) for field in AbiInfo._fields_ if field[1] is ct.c_uint32}}
     if told.abi != ABI:
         return None, found
     found["abi"]["record"] = (told.record or b"").decode("utf-8", "replace")
@@ -219,8 +221,7 @@ def create(library: ct.CDLL, order: dict) -> tuple[ct.c_void_p, dict]:
     info.gears = (Gear * len(gears))(*((number, name.encode()) for number, name in gears))
     info.output_count, info.transducer_count, info.gear_count = len(outputs), len(transducers), len(gears)
     status = library.rig_controller_create(ct.byref(info), ct.byref(instance))
-    return instance, {"status": status, "message": info.message.decode("utf-8", "replace"),
-                      "damage": memory.damage()}
+    return instance, {"status": status, "message": info.message.decode("utf-8", "replace"), "damage": memory.damage()}
 
 
 def serve(line: socket.socket, path: str) -> None:
@@ -238,22 +239,37 @@ def serve(line: socket.socket, path: str) -> None:
     wants, signals, settings = (len(description[key]) for key in ("wants", "signals", "settings"))
     bring, take, give = (getattr(library, PAIRS[key][1], None) for key in ("wants", "signals", "settings"))
     outputs_8, transducers_8 = 8 * len(order["outputs"]), 8 * len(order["transducers"])
-    memory = Guarded({IN: ct.sizeof(Inputs), CURRENT: outputs_8, MEASURED: transducers_8, WANTED: 8 * wants,
-                      SET: 8 * settings, OUT: ct.sizeof(Outputs), COMMAND: outputs_8, SETPOINT: outputs_8,
-                      VALUES: 8 * signals})
+    memory = Guarded(
+        {
+            IN: ct.sizeof(Inputs),
+            CURRENT: outputs_8,
+            MEASURED: transducers_8,
+            WANTED: 8 * wants,
+            SET: 8 * settings,
+            OUT: ct.sizeof(Outputs),
+            COMMAND: outputs_8,
+            SETPOINT: outputs_8,
+            VALUES: 8 * signals,
+        }
+    )
     views, status, damage = memory.views, ct.c_int64(), memory.damage
     frame = [views[IN][:GIVEN], *(views[name] for name in (CURRENT, MEASURED, WANTED, SET) if views[name])]
     size = sum(map(len, frame))
     inputs, outputs = Inputs.from_buffer(views[IN]), Outputs.from_buffer(views[OUT])
-    for place, name, view in ((inputs, "current", CURRENT), (inputs, "measured", MEASURED), (outputs, "command", COMMAND),
-                              (outputs, "setpoint", SETPOINT)):
+    for place, name, view in (
+        (inputs, "current", CURRENT),
+        (inputs, "measured", MEASURED),
+        (outputs, "command", COMMAND),
+        (outputs, "setpoint", SETPOINT),
+    ):
         if views[view]:
             setattr(place, name, ct.cast((ct.c_double * (len(views[view]) // 8)).from_buffer(views[view]), NUMBERS))
     outputs.size = ct.sizeof(Outputs)
     out, command, setpoint = views[OUT], views[COMMAND], views[SETPOINT]
     nothing, zeros, pointers, kept = bytes(out), bytes(outputs_8), bytes(out[POINTERS]), out[POINTERS]
-    wanted, given, own = ((ct.c_double * count).from_buffer(views[name])
-                          for name, count in ((WANTED, wants), (SET, settings), (VALUES, signals)))
+    wanted, given, own = (
+        (ct.c_double * count).from_buffer(views[name]) for name, count in ((WANTED, wants), (SET, settings), (VALUES, signals))
+    )
     reply = [status, out, command, setpoint, own] if signals else [status, out, command, setpoint]
     step, arguments = library.rig_controller_step, (instance, ct.byref(inputs), ct.byref(outputs))
     receive, send = line.recvmsg_into, line.sendmsg
@@ -286,7 +302,7 @@ def prctl(option: int, value) -> None:
 
 
 def children() -> list[int]:
-    """This process's children, adopted ones included."""
+    """Children of this process, adopted ones included."""
     found = []
     for name in os.listdir("/proc"):
         if name.isdigit():

@@ -47,7 +47,9 @@ FLAGS = ("-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-fPIC", "-shared")
 CPP = ("CXX", ("c++", "g++", "clang++"), "-std=c++17", "C++ compiler here; install one (Debian package g++)")
 COMPILERS = {  # by the suffix of a source file: variable, names to look for, standard, what to do without
     ".c": ("CC", ("cc", "gcc", "clang"), "-std=c99", "C compiler here; install one (Debian package gcc)"),
-    ".cpp": CPP, ".cc": CPP, ".cxx": CPP,
+    ".cpp": CPP,
+    ".cc": CPP,
+    ".cxx": CPP,
 }
 CPP_SUFFIXES = tuple(suffix for suffix, entry in COMPILERS.items() if entry is CPP)
 MACHINES = {3: "i386", 40: "arm", 62: "x86_64", 183: "aarch64", 243: "riscv64"}  # e_machine of the ELF format
@@ -57,30 +59,21 @@ def check_elf(path: Path, name: str) -> None:
     """RigError unless the file is a whole shared object for this machine, which the loader would not say."""
     data, size = path.read_bytes()[:64], path.stat().st_size
     if data[:4] != b"\x7fELF":
-        raise RigError(
-            f"controller {name}: the file is no shared library (it does not begin like an ELF file)"
-        )
+        raise RigError(f"controller {name}: the file is no shared library (it does not begin like an ELF file)")
     if len(data) < 64:
-        raise RigError(
-            f"controller {name}: the file is cut off: {size} bytes are less than the header of a library"
-        )
+        raise RigError(f"controller {name}: the file is cut off: {size} bytes are less than the header of a library")
     order = "<" if data[5] == 1 else ">"
     kind, machine = struct.unpack_from(order + "HH", data, 16)
     bits, here = {1: 32, 2: 64}.get(data[4], 0), platform.machine()
     found = MACHINES.get(machine, f"machine {machine}")
     if found != here or bits != 64:
-        raise RigError(
-            f"controller {name}: the library is for {found}, {bits} bits; this machine is {here}, 64 bits"
-        )
+        raise RigError(f"controller {name}: the library is for {found}, {bits} bits; this machine is {here}, 64 bits")
     if kind != 3:
         raise RigError(f"controller {name}: the file is an object file or a program; link it with -shared")
     (section_table,) = struct.unpack_from(order + "Q", data, 40)
     entry, count = struct.unpack_from(order + "HH", data, 58)
     if section_table + entry * count > size:
-        raise RigError(
-            f"controller {name}: the file is cut off: {size} bytes of at least "
-            f"{section_table + entry * count}"
-        )
+        raise RigError(f"controller {name}: the file is cut off: {size} bytes of at least {section_table + entry * count}")
 
 
 def compile_library(sources: list[Path], target: Path, name: str, flags: tuple[str, ...] = ()) -> None:
@@ -94,9 +87,7 @@ def compile_library(sources: list[Path], target: Path, name: str, flags: tuple[s
     given = [standard, *map(str, sources)]
     if cpp and c:
         given = ["-x", "c", *map(str, c), "-x", "c++", *map(str, cpp), "-x", "none"]
-    compiler = shlex.split(os.environ.get(variable, "")) or next(
-        ([found] for found in map(shutil.which, names) if found), None
-    )
+    compiler = shlex.split(os.environ.get(variable, "")) or next(([found] for found in map(shutil.which, names) if found), None)
     if not compiler:
         raise RigError(f"controller {name}: there is no {missing} or give a .so file")
     try:
@@ -109,9 +100,7 @@ def compile_library(sources: list[Path], target: Path, name: str, flags: tuple[s
             check=False,
         )
     except OSError as error:
-        raise RigError(
-            f"controller {name}: the compiler {compiler[0]} does not start ({error.strerror})"
-        ) from None
+        raise RigError(f"controller {name}: the compiler {compiler[0]} does not start ({error.strerror})") from None
     if done.returncode:
         lines = done.stderr.splitlines() or ["no reason given"]
         first = next((line for line in lines if "error" in line or "undefined reference" in line), lines[0])
@@ -126,8 +115,9 @@ class Host:
         with theirs:
             # -I -S: no site, no user's PYTHON variables; a person's breakpoints are in the library, not in Python
             arguments = map(str, (HOST, path.resolve(), theirs.fileno(), os.getpid()))
-            self._guard = subprocess.Popen([sys.executable, "-I", "-S", *arguments], stdin=subprocess.DEVNULL,
-                                           pass_fds=[theirs.fileno()])
+            self._guard = subprocess.Popen(
+                [sys.executable, "-I", "-S", *arguments], stdin=subprocess.DEVNULL, pass_fds=[theirs.fileno()]
+            )
         self.process = 0  # the library's own process, once it has said so
         self._line = Link(ours.detach(), name)
         self.send, self._receive = self._line.send, self._line.receive
@@ -203,9 +193,7 @@ def _check_description(found: dict, name: str, record: ControllerRecord) -> int:
     if "error" in found:
         raise RigError(f"controller {name}: the library cannot be loaded: {found['error']}")
     if "missing" in found:
-        raise RigError(
-            f"controller {name}: the library does not export {', '.join(found['missing'])}; see rig_controller.h"
-        )
+        raise RigError(f"controller {name}: the library does not export {', '.join(found['missing'])}; see rig_controller.h")
     abi = found["abi"]
     if abi is None:
         raise RigError(f"controller {name}: rig_controller_abi returned no description")
@@ -214,12 +202,7 @@ def _check_description(found: dict, name: str, record: ControllerRecord) -> int:
             f"controller {name}: the library was made for ABI {abi['abi']} of rig_controller.h, this rig has "
             f"ABI {ABI}; compile it again with this rig's header and rig_record.h"
         )
-    for struct_name, structure in (
-        ("info", Info),
-        ("parameter", Parameter),
-        ("inputs", Inputs),
-        ("outputs", Outputs),
-    ):
+    for struct_name, structure in (("info", Info), ("parameter", Parameter), ("inputs", Inputs), ("outputs", Outputs)):
         size = abi[f"{struct_name}_size"]
         if size != ct.sizeof(structure):
             raise RigError(
@@ -246,9 +229,7 @@ class CLibrary(Plug):
             bits = self._load(rest, name)
             levels = tuple(key for key, bit in LEVEL_BITS.items() if bits & bit)
             if not levels:
-                raise RigError(
-                    f"controller {name}: its levels are {bits}, expected 1 (duty), 2 (current) or 3 (both)"
-                )
+                raise RigError(f"controller {name}: its levels are {bits}, expected 1 (duty), 2 (current) or 3 (both)")
             super().__init__(name, config, chosen_level(level, levels, name))
             self._create()
         except BaseException:
@@ -291,9 +272,16 @@ class CLibrary(Plug):
         return bits
 
     def _create(self) -> None:
-        info = {"level": LEVEL_BITS[self.level], "period": self.info.period, "command_high": self.info.command_high,
-                "parameters": dict(self.info.parameters), "record": self.rig_record.id, "outputs": self.info.outputs,
-                "transducers": list(self.info.transducers.items()), "gears": list(self.info.gears.items())}
+        info = {
+            "level": LEVEL_BITS[self.level],
+            "period": self.info.period,
+            "command_high": self.info.command_high,
+            "parameters": dict(self.info.parameters),
+            "record": self.rig_record.id,
+            "outputs": self.info.outputs,
+            "transducers": list(self.info.transducers.items()),
+            "gears": list(self.info.gears.items()),
+        }
         with contextlib.suppress(LinkClosed):
             self._host.send(json.dumps(info).encode())
         created = self._hear(self.name, "in rig_controller_create")
@@ -318,9 +306,18 @@ class CLibrary(Plug):
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
         try:
             data = self._host.ask(
-                self._sample.pack(IN_SIZE, inputs.gear_request, inputs.sample, inputs.time, *inputs.current,
-                                  *inputs.measured, *inputs.others.values(), *inputs.settings.values()),
-                self.step_timeout)
+                self._sample.pack(
+                    IN_SIZE,
+                    inputs.gear_request,
+                    inputs.sample,
+                    inputs.time,
+                    *inputs.current,
+                    *inputs.measured,
+                    *inputs.others.values(),
+                    *inputs.settings.values(),
+                ),
+                self.step_timeout,
+            )
         except LinkClosed as gone:
             self._fail(Status.FATAL, inputs.sample, str(gone))
         if data is None:
@@ -331,8 +328,16 @@ class CLibrary(Plug):
         count, text = self._outputs, ""
         if status != Status.OK:
             text = message.partition(b"\0")[0].decode("utf-8", "replace")
-        return ControllerOutputs(values[:count], values[count:2 * count], gear, bool(shifting), flags, status, text,
-                                 dict(zip(self.signals, values[2 * count:], strict=True)))
+        return ControllerOutputs(
+            values[:count],
+            values[count : 2 * count],
+            gear,
+            bool(shifting),
+            flags,
+            status,
+            text,
+            dict(zip(self.signals, values[2 * count :], strict=True)),
+        )
 
     @property
     def process_id(self) -> int:

@@ -41,8 +41,10 @@ def open_bus(channel: str, interface: str, name: str, **options):
     try:
         import can
     except ImportError:
-        raise RigError("CAN needs python-can, which is not installed here; install it into the rig's environment "
-                       "(pip install python-can cantools)") from None
+        raise RigError(
+            "CAN needs python-can, which is not installed here; install it into the rig's environment "
+            "(pip install python-can cantools)"
+        ) from None
     frames.need_cantools()
     logging.getLogger("can").setLevel(logging.ERROR)
     try:
@@ -78,8 +80,11 @@ class Gearbox:
     def __init__(self, record: ControllerRecord):
         self.gear: int | None = NEUTRAL
         self._last, self.engaged, self._record = NEUTRAL, False, record
-        self._held = {gear.number: [(record.reader(name), kiss) for name, kiss in gear.presses] for gear in record.gears
-                      if gear.ratio is not None}
+        self._held = {
+            gear.number: [(record.reader(name), kiss) for name, kiss in gear.presses]
+            for gear in record.gears
+            if gear.ratio is not None
+        }
 
     def see(self, inputs: ControllerInputs, shifting: bool) -> None:
         """A sample. The gear stays through a shift until the new clutch holds; neutral is when no clutch is pressed."""
@@ -140,15 +145,20 @@ class CanBus(FreeRunning):
         self._gearbox, self._shown = Gearbox(record), None
         self._node = None
         if address is not None:
-            self._node = j1939.Node(address, self._put_group, {frames.GROUPS[frames.ETC1]: self._send_etc1,
-                                                               frames.GROUPS[frames.ETC2]: self._send_etc2},
-                                    self._lost_address)
+            self._node = j1939.Node(
+                address,
+                self._put_group,
+                {frames.GROUPS[frames.ETC1]: self._send_etc1, frames.GROUPS[frames.ETC2]: self._send_etc2},
+                self._lost_address,
+            )
 
     def pace(self, step_timeout: float | None, real_time: bool = False) -> None:
         super().pace(step_timeout, real_time)
         if self._inside:
-            self.say(f"{self.place} is a bus inside the rig's process: no other program can join it, and a wait for one "
-                     "is in vain; interface=udp_multicast reaches other programs")
+            self.say(
+                f"{self.place} is a bus inside the rig's process: no other program can join it, and a wait for one "
+                "is in vain; interface=udp_multicast reaches other programs"
+            )
 
     # ---- out
 
@@ -193,15 +203,17 @@ class CanBus(FreeRunning):
         gearbox, measured_now = self._gearbox, self._shown.measured
         n_in, n_out = self.rig_record.speeds(measured_now)
         slip = percent(self.rig_record.slip(self.gear, measured_now))
-        if not self._was_here:
-            shifting = j1939.NOT_AVAILABLE
-        else:
-            shifting = j1939.ERROR if self._told_silence else int(self.shifting)
-        self._put(frames.ETC1, {
-            "TransDrivelineEngaged": j1939.ERROR if gearbox.gear is None else int(gearbox.engaged),
-            "TransShiftInProcess": shifting, "TransOutputShaftSpeed": _two_bytes(n_out * RPM / 0.125),
-            "PercentClutchSlip": round(slip / 0.4) if math.isfinite(slip) else j1939.ERROR_1,
-            "TransInputShaftSpeed": _two_bytes(n_in * RPM / 0.125)})
+        shifting = j1939.NOT_AVAILABLE if not self._was_here else j1939.ERROR if self._told_silence else int(self.shifting)
+        self._put(
+            frames.ETC1,
+            {
+                "TransDrivelineEngaged": j1939.ERROR if gearbox.gear is None else int(gearbox.engaged),
+                "TransShiftInProcess": shifting,
+                "TransOutputShaftSpeed": _two_bytes(n_out * RPM / 0.125),
+                "PercentClutchSlip": round(slip / 0.4) if math.isfinite(slip) else j1939.ERROR_1,
+                "TransInputShaftSpeed": _two_bytes(n_in * RPM / 0.125),
+            },
+        )
 
     def _send_etc2(self) -> None:
         """ETC2 with the newest sample; nothing before the first."""
@@ -214,12 +226,20 @@ class CanBus(FreeRunning):
             ratio = j1939.ERROR_2
         elif n_out > STANDSTILL:
             ratio = _two_bytes(n_in / n_out / 0.001)
-        self._put(frames.ETC2, {"TransSelectedGear": self._shown.gear_request + 125, "TransActualGearRatio": ratio,
-                                "TransCurrentGear": j1939.ERROR_1 if gear is None else gear + 125})
+        self._put(
+            frames.ETC2,
+            {
+                "TransSelectedGear": self._shown.gear_request + 125,
+                "TransActualGearRatio": ratio,
+                "TransCurrentGear": j1939.ERROR_1 if gear is None else gear + 125,
+            },
+        )
 
     def _lost_address(self, text: str) -> None:
-        self.fault(f"{text}: the rig sends no J1939 message any more; another address is chosen with &address=N, none "
-                   f"with &address={NO_ADDRESS}")
+        self.fault(
+            f"{text}: the rig sends no J1939 message any more; another address is chosen with &address=N, none "
+            f"with &address={NO_ADDRESS}"
+        )
 
     # ---- in
 
@@ -250,8 +270,9 @@ class CanBus(FreeRunning):
             self.refuse(who)
             return
         if len(frame.data) != message.length or frame.is_remote_frame:
-            self.fault(f"frame {message.name} (0x{message.frame_id:x}) came with {len(frame.data)} bytes instead of "
-                       f"{message.length}")
+            self.fault(
+                f"frame {message.name} (0x{message.frame_id:x}) came with {len(frame.data)} bytes instead of {message.length}"
+            )
             return
         self.commands_now(who)
         raw = message.decode(bytes(frame.data), decode_choices=False, scaling=False)
@@ -264,8 +285,17 @@ class CanBus(FreeRunning):
             return
         command = [wire.decode(raw[wire.name]) for wire in self._commands]
         state, self._state = self._state, None
-        self.heard(ControllerOutputs(held_in(command, self.info, self._commands), None, state["gear"], bool(state["shifting"]),
-                                     state["flags"], state["status"], "the controller says so on the bus"))
+        self.heard(
+            ControllerOutputs(
+                held_in(command, self.info, self._commands),
+                None,
+                state["gear"],
+                bool(state["shifting"]),
+                state["flags"],
+                state["status"],
+                "the controller says so on the bus",
+            )
+        )
 
     def _compare(self, name: str, raw: dict) -> None:
         """A bus does not tell who sent a frame, but one controller does not answer one sample in two ways."""
@@ -278,8 +308,10 @@ class CanBus(FreeRunning):
         now = time.monotonic()
         self._contradictions.append(now)
         if len(self._contradictions) == CONTRADICTIONS and now - self._contradictions[0] < WITHIN:
-            self._another = (f"another controller is at work on {self.place}: sample {raw['sample']} and others got "
-                             "two different answers; end one of the two controllers")
+            self._another = (
+                f"another controller is at work on {self.place}: sample {raw['sample']} and others got "
+                "two different answers; end one of the two controllers"
+            )
 
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
         out = super()._answer(inputs)

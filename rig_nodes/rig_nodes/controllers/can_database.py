@@ -33,24 +33,31 @@ def need_cantools():
     try:
         import cantools
     except ImportError:
-        raise RigError("CAN needs cantools, which is not installed here; install it into the rig's environment "
-                       "(pip install cantools python-can)") from None
+        raise RigError(
+            "CAN needs cantools, which is not installed here; install it into the rig's environment "
+            "(pip install cantools python-can)"
+        ) from None
     return cantools
 
 
 def database(record: ControllerRecord):
-    """cantools' database of all messages; RigError when a frame has no room for the record."""
+    """Cantools' database of all messages; RigError when a frame has no room for the record."""
     need_cantools()
     if len(record.outputs) > MOST_OUTPUTS or len(record.transducers) > MOST_MEASURED:
-        raise RigError(f"this rig's record has {len(record.outputs)} outputs and {len(record.transducers)} transducers, the "
-                       f"CAN frames have room for {MOST_OUTPUTS} and {MOST_MEASURED}; bring the controller over UDP or as a "
-                       "ROS 2 node")
+        raise RigError(
+            f"this rig's record has {len(record.outputs)} outputs and {len(record.transducers)} transducers, the "
+            f"CAN frames have room for {MOST_OUTPUTS} and {MOST_MEASURED}; bring the controller over UDP or as a "
+            "ROS 2 node"
+        )
     from cantools.database.can import Database, Node
 
     controller = [message for extended in (False, True) for message in _controller_messages(record, extended)]
-    database = Database(messages=[*_rig_messages(record), *controller, *_j1939_messages()], version="1",
-                        nodes=[Node(RIG, "The virtual test rig"), Node(CONTROLLER, "Your shift controller")],
-                        dbc_specifics=_specifics({"ProtocolType": "J1939"}))
+    database = Database(
+        messages=[*_rig_messages(record), *controller, *_j1939_messages()],
+        version="1",
+        nodes=[Node(RIG, "The virtual test rig"), Node(CONTROLLER, "Your shift controller")],
+        dbc_specifics=_specifics({"ProtocolType": "J1939"}),
+    )
     database.refresh()
     return database
 
@@ -65,10 +72,13 @@ def _definitions() -> dict:
     from cantools.database.can.formats.dbc import DbcAttributeDefinition as Definition
 
     kinds = ["StandardCAN", "ExtendedCAN", "reserved", "J1939PG"]
-    found = [Definition("ProtocolType", "", None, "STRING"), Definition("VFrameFormat", "StandardCAN", "BO_", "ENUM",
-                                                                        choices=kinds),
-             Definition("PGN", 0, "BO_", "INT", 0, 0x3FFFF), Definition("SPN", 0, "SG_", "INT", 0, 0x7FFFF),
-             Definition("GenMsgCycleTime", 0, "BO_", "INT", 0, 0xFFFF)]
+    found = [
+        Definition("ProtocolType", "", None, "STRING"),
+        Definition("VFrameFormat", "StandardCAN", "BO_", "ENUM", choices=kinds),
+        Definition("PGN", 0, "BO_", "INT", 0, 0x3FFFF),
+        Definition("SPN", 0, "SG_", "INT", 0, 0x7FFFF),
+        Definition("GenMsgCycleTime", 0, "BO_", "INT", 0, 0xFFFF),
+    ]
     return {definition.name: definition for definition in found}
 
 
@@ -83,8 +93,19 @@ def _specifics(attributes: dict):
     return DbcSpecifics(attributes=values, attribute_definitions=OrderedDict(known))
 
 
-def _signal(name: str, start: int, length: int, text: str, scale: float = 1, offset: float = 0, unit: str | None = None,
-            signed: bool = False, limits: tuple | None = None, choices: dict | None = None, spn: int | None = None):
+def _signal(
+    name: str,
+    start: int,
+    length: int,
+    text: str,
+    scale: float = 1,
+    offset: float = 0,
+    unit: str | None = None,
+    signed: bool = False,
+    limits: tuple | None = None,
+    choices: dict | None = None,
+    spn: int | None = None,
+):
     from collections import OrderedDict
 
     from cantools.database.can import Signal
@@ -92,8 +113,9 @@ def _signal(name: str, start: int, length: int, text: str, scale: float = 1, off
 
     conversion = BaseConversion.factory(scale, offset, OrderedDict(choices) if choices else None)
     low, high = limits or (None, None)
-    return Signal(name, start, length, is_signed=signed, conversion=conversion, minimum=low, maximum=high, unit=unit,
-                  comment=text, spn=spn)
+    return Signal(
+        name, start, length, is_signed=signed, conversion=conversion, minimum=low, maximum=high, unit=unit, comment=text, spn=spn
+    )
 
 
 def _wire(wire: Wire, start: int):
@@ -108,39 +130,73 @@ def _message(name: str, sender: str, signals: list, text: str, group: bool = Fal
         number = j1939.identifier(GROUPS[name], address, priority=PRIORITIES[name])
         more = {"protocol": "j1939", "unused_bit_pattern": 0xFF, "dbc_specifics": _specifics({"PGN": GROUPS[name]})}
     shown = name + AS_GROUP if group and name in FRAME_IDS else name
-    return Message(number, shown, 8, signals, comment=text, senders=[sender], cycle_time=CYCLES[name],
-                   is_extended_frame=group, **more)
+    return Message(
+        number, shown, 8, signals, comment=text, senders=[sender], cycle_time=CYCLES[name], is_extended_frame=group, **more
+    )
 
 
 def _rig_messages(record: ControllerRecord) -> list:
     sample = _signal("sample", 0, 16, "Controller sample, low 16 bits; the controller sends it back.")
     return [
-        _message(REQUEST, RIG, [
-            _signal("gear_request", 0, 8, "Gear ordered last; stays until the next order, or a trip, then 0.",
-                    choices=record.gear_names),
-            _signal("level", 8, 8, "Level of this run: which of the two commands is used.", choices={0: "duty", 1: "current"}),
-        ], "Every 10 ms and when the order changes."),
-        _message(MEASURED, RIG, [_wire(wire, 16 * k) for k, wire in enumerate(measured(record))],
-                 "What the controller's transducers show."),
-        _message(CURRENTS, RIG, [sample, *(_wire(wire, 16 * k) for k, wire in enumerate(currents(record), 1))],
-                 "Coil currents; the last message of a sample."),
+        _message(
+            REQUEST,
+            RIG,
+            [
+                _signal(
+                    "gear_request",
+                    0,
+                    8,
+                    "Gear ordered last; stays until the next order, or a trip, then 0.",
+                    choices=record.gear_names,
+                ),
+                _signal("level", 8, 8, "Level of this run: which of the two commands is used.", choices={0: "duty", 1: "current"}),
+            ],
+            "Every 10 ms and when the order changes.",
+        ),
+        _message(
+            MEASURED,
+            RIG,
+            [_wire(wire, 16 * k) for k, wire in enumerate(measured(record))],
+            "What the controller's transducers show.",
+        ),
+        _message(
+            CURRENTS,
+            RIG,
+            [sample, *(_wire(wire, 16 * k) for k, wire in enumerate(currents(record), 1))],
+            "Coil currents; the last message of a sample.",
+        ),
     ]
 
 
 def _controller_messages(record: ControllerRecord, group: bool) -> list:
     """As plain frames, or as J1939 groups of whatever source address the controller has."""
     echo = "Sample that is answered, low 16 bits."
-    state = _message(STATE, CONTROLLER, [
-        _signal("sample", 0, 16, echo), _signal("gear", 16, 8, "Gear taken last.", choices=record.gear_names),
-        _signal("shifting", 24, 8, "1: a shift is still running."),
-        _signal("flags", 32, 8, "Bit k: at level current, output k stays on at a setpoint of zero."),
-        _signal("status", 40, 8, "0: an answer, 2: error, 3: fatal; the rig trips with the last two."),
-    ], "Before the command that it belongs to.", group, j1939.NULL)
+    state = _message(
+        STATE,
+        CONTROLLER,
+        [
+            _signal("sample", 0, 16, echo),
+            _signal("gear", 16, 8, "Gear taken last.", choices=record.gear_names),
+            _signal("shifting", 24, 8, "1: a shift is still running."),
+            _signal("flags", 32, 8, "Bit k: at level current, output k stays on at a setpoint of zero."),
+            _signal("status", 40, 8, "0: an answer, 2: error, 3: fatal; the rig trips with the last two."),
+        ],
+        "Before the command that it belongs to.",
+        group,
+        j1939.NULL,
+    )
     out = [state]
     for name, level in ((COMMAND_CURRENT, "current"), (COMMAND_DUTY, "duty")):
-        out.append(_message(name, CONTROLLER, [
-            _signal("sample", 0, 16, echo), *(_wire(wire, 16 * k) for k, wire in enumerate(commands(record, level), 1))],
-            f"Completes an answer at level {level}.", group, j1939.NULL))
+        out.append(
+            _message(
+                name,
+                CONTROLLER,
+                [_signal("sample", 0, 16, echo), *(_wire(wire, 16 * k) for k, wire in enumerate(commands(record, level), 1))],
+                f"Completes an answer at level {level}.",
+                group,
+                j1939.NULL,
+            )
+        )
     return out
 
 
@@ -148,21 +204,51 @@ def _j1939_messages() -> list:
     """Those signals of ETC1 and ETC2 that the rig knows, with the scaling of J1939-71; the others are not available."""
     bits = {0: "off", 1: "on", 2: "error", 3: "not available"}
     return [
-        _message(ETC1, RIG, [
-            _signal("TransDrivelineEngaged", 0, 2, "A clutch holds: pressed and without slip.", choices=bits, spn=560),
-            _signal("TransShiftInProcess", 4, 2, "A shift is running, as the controller says.", choices=bits, spn=574),
-            _signal("TransOutputShaftSpeed", 8, 16, "Speed of the output shaft wk.", 0.125, 0, "rpm", limits=(0, 8031.875),
-                    spn=191),
-            _signal("PercentClutchSlip", 24, 8, "Slip of the clutch of the gear that the controller has taken.", 0.4, 0, "%",
-                    limits=(0, 100), spn=522),
-            _signal("TransInputShaftSpeed", 40, 16, "Speed of the input shaft w0.", 0.125, 0, "rpm", limits=(0, 8031.875),
-                    spn=161),
-        ], "J1939 Electronic Transmission Controller 1, PGN 61442.", True),
-        _message(ETC2, RIG, [
-            _signal("TransSelectedGear", 0, 8, "Gear ordered last.", 1, -125, limits=(-125, 125), spn=524),
-            _signal("TransActualGearRatio", 8, 16, "Input speed over output speed.", 0.001, 0, limits=(0, 64.255),
-                    spn=526),
-            _signal("TransCurrentGear", 24, 8, "Gear that the clutches hold; through a shift the one engaged last.", 1, -125,
-                    limits=(-125, 125), spn=523),
-        ], "J1939 Electronic Transmission Controller 2, PGN 61445.", True),
+        _message(
+            ETC1,
+            RIG,
+            [
+                _signal("TransDrivelineEngaged", 0, 2, "A clutch holds: pressed and without slip.", choices=bits, spn=560),
+                _signal("TransShiftInProcess", 4, 2, "A shift is running, as the controller says.", choices=bits, spn=574),
+                _signal(
+                    "TransOutputShaftSpeed", 8, 16, "Speed of the output shaft wk.", 0.125, 0, "rpm", limits=(0, 8031.875), spn=191
+                ),
+                _signal(
+                    "PercentClutchSlip",
+                    24,
+                    8,
+                    "Slip of the clutch of the gear that the controller has taken.",
+                    0.4,
+                    0,
+                    "%",
+                    limits=(0, 100),
+                    spn=522,
+                ),
+                _signal(
+                    "TransInputShaftSpeed", 40, 16, "Speed of the input shaft w0.", 0.125, 0, "rpm", limits=(0, 8031.875), spn=161
+                ),
+            ],
+            "J1939 Electronic Transmission Controller 1, PGN 61442.",
+            True,
+        ),
+        _message(
+            ETC2,
+            RIG,
+            [
+                _signal("TransSelectedGear", 0, 8, "Gear ordered last.", 1, -125, limits=(-125, 125), spn=524),
+                _signal("TransActualGearRatio", 8, 16, "Input speed over output speed.", 0.001, 0, limits=(0, 64.255), spn=526),
+                _signal(
+                    "TransCurrentGear",
+                    24,
+                    8,
+                    "Gear that the clutches hold; through a shift the one engaged last.",
+                    1,
+                    -125,
+                    limits=(-125, 125),
+                    spn=523,
+                ),
+            ],
+            "J1939 Electronic Transmission Controller 2, PGN 61445.",
+            True,
+        ),
     ]

@@ -17,7 +17,7 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
-from typing import TYPE_CHECKING, IO, NoReturn
+from typing import IO, TYPE_CHECKING, NoReturn
 
 from ..errors import RigError, no_file, printable
 from ..graph.link import Link, LinkClosed, pair
@@ -53,13 +53,35 @@ class ControllerFmu(Plug):
         outputs, names = len(record.outputs), list(record.names)
         self._sample, self._told = struct.Struct(SAMPLE.format(outputs + len(names))), struct.Struct(ANSWER.format(2 * outputs))
         self._outputs = outputs
-        command = [sys.executable, "-P", "-m", "rig_nodes.controllers.fmu_process", file, str(theirs.fileno()), str(said),
-                   str(os.getpid()), json.dumps({"outputs": outputs, "transducers": names, "known": record.all_transducers, "record": record.number,
-                                          "rig": record.rig, "valves": [k for k, output in enumerate(record.outputs, 1)
-                                                                        if output.valve]})]
+        command = [
+            sys.executable,
+            "-P",
+            "-m",
+            "rig_nodes.controllers.fmu_process",
+            file,
+            str(theirs.fileno()),
+            str(said),
+            str(os.getpid()),
+            json.dumps(
+                {
+                    "outputs": outputs,
+                    "transducers": names,
+                    "known": record.all_transducers,
+                    "record": record.number,
+                    "rig": record.rig,
+                    "valves": [k for k, output in enumerate(record.outputs, 1) if output.valve],
+                }
+            ),
+        ]
         with theirs:
-            self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-                                             stderr=subprocess.STDOUT, pass_fds=[theirs.fileno(), said], env=environment)
+            self._process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                pass_fds=[theirs.fileno(), said],
+                env=environment,
+            )
         self._said = open(said, "rb", buffering=0)  # the FMU's newest message, which outlives its process
         self._printed = threading.Thread(target=_show, args=(self._process.stdout,), daemon=True)
         self._printed.start()
@@ -72,12 +94,19 @@ class ControllerFmu(Plug):
             self.wants = checked_wants(found["wants"], name, record.all_transducers)
             self.signals = checked_signals(found["signals"], name)
             # a parameter that is named like one of the rig's has that one's value
-            self.settings = checked_settings({key: value for key, value in found["settings"].items()
-                                              if key not in self.info.parameters}, name)
+            self.settings = checked_settings(
+                {key: value for key, value in found["settings"].items() if key not in self.info.parameters}, name
+            )
             self._behind = struct.Struct(f"<{len(self.wants) + len(self.settings)}d")
             self._own_values = struct.Struct(f"<{len(self.signals)}d")
-            self._link.send_json({"level": self.level, "parameters": dict(self.info.parameters),
-                                  "period": self.info.period, "settings": list(self.settings)})
+            self._link.send_json(
+                {
+                    "level": self.level,
+                    "parameters": dict(self.info.parameters),
+                    "period": self.info.period,
+                    "settings": list(self.settings),
+                }
+            )
             self._hear(name)
         except BaseException:
             self._abandon()
@@ -90,8 +119,7 @@ class ControllerFmu(Plug):
         except LinkClosed:
             raise RigError(f"controller {name}: {self._how_it_ended()} before it was initialized{self._last_said()}") from None
         if data is None:
-            raise RigError(f"controller {name}: the FMU did not load and initialize within {LOAD_TIMEOUT:g} s"
-                           f"{self._last_said()}")
+            raise RigError(f"controller {name}: the FMU did not load and initialize within {LOAD_TIMEOUT:g} s{self._last_said()}")
         message = json.loads(data)
         if "error" in message:
             raise RigError(f"controller {name}: {message['error']}")
@@ -124,8 +152,10 @@ class ControllerFmu(Plug):
             with contextlib.suppress(ProcessLookupError):  # it has gone: receive() says so
                 os.sched_setaffinity(self.process_id, {core})
         try:
-            self._link.send(self._sample.pack(inputs.sample, inputs.gear_request, *inputs.current, *inputs.measured)
-                            + self._behind.pack(*inputs.others.values(), *inputs.settings.values()))
+            self._link.send(
+                self._sample.pack(inputs.sample, inputs.gear_request, *inputs.current, *inputs.measured)
+                + self._behind.pack(*inputs.others.values(), *inputs.settings.values())
+            )
             data = self._link.receive(self.step_timeout)
         except LinkClosed:
             self._fail(Status.FATAL, inputs.sample, self._how_it_ended())
@@ -133,9 +163,9 @@ class ControllerFmu(Plug):
             self._overdue(inputs.sample)
         status, gear, shifting, flags, *values = self._told.unpack_from(data)
         if status != Status.OK:
-            return ControllerOutputs(status=status, message=data[self._told.size:].decode("utf-8", "replace"))
+            return ControllerOutputs(status=status, message=data[self._told.size :].decode("utf-8", "replace"))
         own = dict(zip(self.signals, self._own_values.unpack_from(data, self._told.size), strict=True))
-        return ControllerOutputs(values[:self._outputs], values[self._outputs:], gear, bool(shifting), flags, signals=own)
+        return ControllerOutputs(values[: self._outputs], values[self._outputs :], gear, bool(shifting), flags, signals=own)
 
     def _abandon(self) -> None:
         """End the process without a call into the FMU."""

@@ -49,8 +49,10 @@ def check_variables(fmu: Fmu, names: Names) -> list[str]:
     """The seam's inputs that the FMU has; RigError when a variable lacks or has the wrong causality."""
     there = fmu.variables
     if "rig_record" in there and there["rig_record"].start != str(names.record):
-        raise RigError("the FMU was made for the record of another rig; make it anew with ./rig export controller-fmu FILE.c "
-                       f"--rig {names.rig}")
+        raise RigError(
+            "the FMU was made for the record of another rig; make it anew with ./rig export controller-fmu FILE.c "
+            f"--rig {names.rig}"
+        )
     for name in names.needed:
         if name not in there:
             raise RigError(f"the FMU has no variable {name}; it has {', '.join(there)}")
@@ -68,15 +70,25 @@ def wants_of(fmu: Fmu, names: Names) -> list[str]:
 
 def signals_of(fmu: Fmu, names: Names) -> dict[str, str]:
     """Its own signals, to be recorded: unit by name of its other outputs that are numbers, the first ones."""
-    own = [name for name, v in fmu.variables.items() if v.causality == "output" and name not in names.outputs
-           and v.type in NUMBER_TYPES and NAME.fullmatch(name)]
+    own = [
+        name
+        for name, v in fmu.variables.items()
+        if v.causality == "output" and name not in names.outputs and v.type in NUMBER_TYPES and NAME.fullmatch(name)
+    ]
     return {name: fmu.variables[name].unit or "-" for name in own[:MOST]}
 
 
 def settings_of(fmu: Fmu) -> dict[str, float]:
     """Its own settings: start value by name of its tunable parameters that are numbers, the first ones."""
-    names = [name for name, v in fmu.variables.items() if v.causality == "parameter" and v.variability == "tunable"
-             and v.type in ("Real", "Float64", "Float32") and v.start is not None and NAME.fullmatch(name)]
+    names = [
+        name
+        for name, v in fmu.variables.items()
+        if v.causality == "parameter"
+        and v.variability == "tunable"
+        and v.type in ("Real", "Float64", "Float32")
+        and v.start is not None
+        and NAME.fullmatch(name)
+    ]
     return {name: float(fmu.variables[name].start) for name in names[:MOST]}
 
 
@@ -113,8 +125,9 @@ def levels_of(fmu: Fmu, names: Names) -> tuple[list[str], str]:
             return list(LEVELS), ""
         return [by_unit], "the unit of its commands"
     try:
-        low, high, preferred = (default if text is None else int(float(text))
-                                for text, default in ((level.min, 0), (level.max, 1), (level.start, 0)))
+        low, high, preferred = (
+            default if text is None else int(float(text)) for text, default in ((level.min, 0), (level.max, 1), (level.start, 0))
+        )
     except ValueError:
         raise RigError("the min, max and start of the FMU's parameter level are not all numbers") from None
     known = [name for k, name in enumerate(LEVELS) if low <= k <= high]
@@ -126,8 +139,7 @@ def levels_of(fmu: Fmu, names: Names) -> tuple[list[str], str]:
 def start_values(fmu: Fmu, level: str, parameters: dict[str, float]) -> dict[str, float]:
     """The rig's settings and the level, of those that the FMU has as parameters."""
     given = {**parameters, "level": LEVELS.index(level)}
-    return {name: value for name, value in given.items()
-            if name in fmu.variables and fmu.variables[name].causality == "parameter"}
+    return {name: value for name, value in given.items() if name in fmu.variables and fmu.variables[name].causality == "parameter"}
 
 
 def answer_samples(link: socket.socket, fmu: Fmu, names: Names, period: float, settings: list[str]) -> None:
@@ -162,8 +174,9 @@ def answer_samples(link: socket.socket, fmu: Fmu, names: Names, period: float, s
             status = STATUS.get(failure.status, Status.ERROR)
             link.send(names.answer.pack(status, 0, 0, 0, *[0.0] * 2 * len(names.commands)) + str(failure).encode())
             continue
-        command, setpoint = ([factors[name] * found[name] if name in found else 0.0 for name in one]
-                             for one in (names.commands, names.setpoints))
+        command, setpoint = (
+            [factors[name] * found[name] if name in found else 0.0 for name in one] for one in (names.commands, names.setpoints)
+        )
         gear, shifting, flags = (max(0, int(found.get(name, 0))) for name in ("gear", "shifting", "flags"))
         status = Status.DISCARD if found.get("status") == Status.DISCARD else Status.OK
         link.send(names.answer.pack(status, gear, shifting, flags, *command, *setpoint) + own_values)
@@ -190,6 +203,7 @@ def main() -> int:
 
 def serve(link: socket.socket, file: str, said: int, names: Names) -> None:
     """Everything from the FMU's loading to its end; RigError before the first sample."""
+
     def keep(text: str) -> None:  # where the rig finds it when the FMU crashes
         os.ftruncate(said, 0)
         os.pwrite(said, text.encode(), 0)
@@ -197,8 +211,17 @@ def serve(link: socket.socket, file: str, said: int, names: Names) -> None:
     with Fmu(file, "controller", keep) as fmu:
         check_variables(fmu, names)
         levels, level_from = levels_of(fmu, names)
-        link.send(json.dumps({"levels": levels, "level_from": level_from, "wants": wants_of(fmu, names),
-                              "signals": signals_of(fmu, names), "settings": settings_of(fmu)}).encode())
+        link.send(
+            json.dumps(
+                {
+                    "levels": levels,
+                    "level_from": level_from,
+                    "wants": wants_of(fmu, names),
+                    "signals": signals_of(fmu, names),
+                    "settings": settings_of(fmu),
+                }
+            ).encode()
+        )
         start = link.recv(FRAME)
         if not start:
             return

@@ -96,8 +96,10 @@ class FreeRunning(Plug):
 
     def refuse(self, who: str) -> None:
         """Tell of a command of one who is not the master."""
-        self.fault(f"a command of {who} is refused: {self._master} commands, until it leaves or has been silent for "
-                   f"{max(MASTER, self.timeout):g} s")
+        self.fault(
+            f"a command of {who} is refused: {self._master} commands, until it leaves or has been silent for "
+            f"{max(MASTER, self.timeout):g} s"
+        )
 
     def fault(self, text: str) -> None:
         """Something came that is never used: said the first time, counted from then on."""
@@ -155,8 +157,10 @@ class FreeRunning(Plug):
             self._waiting = Waiting(f"waiting for controller on {self.place}", self.say)
         if self._was_here and not self._told_silence and self._discarded * self.info.period > 0.5 * self.timeout:
             self._told_silence = True
-            self.say(f"{self.name}: no command on {self.place} for {0.5e3 * self.timeout:.0f} ms; the rig trips at "
-                     f"{1e3 * self.timeout:.0f} ms{self._faults_told()}")
+            self.say(
+                f"{self.name}: no command on {self.place} for {0.5e3 * self.timeout:.0f} ms; the rig trips at "
+                f"{1e3 * self.timeout:.0f} ms{self._faults_told()}"
+            )
         self._waiting.tell()
 
     def _faults_told(self) -> str:

@@ -47,8 +47,7 @@ KINDS = {
 EMBEDDED = f"controller alfa46 at level duty, {SAID}"  # level_line of the built-in one inside the kernel
 
 # how a file that stands there without a prefix is most likely meant
-OF_A_FILE = {".c": "c:{}", ".cpp": "c:{}", ".cc": "c:{}", ".cxx": "c:{}", ".so": "c:{}", ".fmu": "fmu:{}",
-             ".py": "python:{}:CLASS"}
+OF_A_FILE = {".c": "c:{}", ".cpp": "c:{}", ".cc": "c:{}", ".cxx": "c:{}", ".so": "c:{}", ".fmu": "fmu:{}", ".py": "python:{}:CLASS"}
 
 
 def forms() -> str:

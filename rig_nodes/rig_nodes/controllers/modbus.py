@@ -66,13 +66,20 @@ class Modbus(FreeRunning):
             from pymodbus.server.requesthandler import ServerRequestHandler
             from pymodbus.simulator import DataType, SimData, SimDevice
         except ImportError:
-            raise RigError(f"controller {name}: Modbus needs pymodbus, which is not installed here; install it into the "
-                           "rig's environment (pip install pymodbus)") from None
+            raise RigError(
+                f"controller {name}: Modbus needs pymodbus, which is not installed here; install it into the "
+                "rig's environment (pip install pymodbus)"
+            ) from None
         logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
         self._loop, problem, ready = asyncio.new_event_loop(), [], threading.Event()
-        device = SimDevice(0, [
-            SimData(0, values=[0] * len(self._read_registers()), datatype=DataType.REGISTERS, readonly=True),
-            SimData(registers.COMMAND_BASE, values=[0] * self._own_registers, datatype=DataType.REGISTERS)], action=self._access)
+        device = SimDevice(
+            0,
+            [
+                SimData(0, values=[0] * len(self._read_registers()), datatype=DataType.REGISTERS, readonly=True),
+                SimData(registers.COMMAND_BASE, values=[0] * self._own_registers, datatype=DataType.REGISTERS),
+            ],
+            action=self._access,
+        )
 
         plug = self
 
@@ -153,21 +160,20 @@ class Modbus(FreeRunning):
     def _read_registers(self) -> list[registers.Register]:
         return [row for row in registers.register_map(self.rig_record) if row.access == "read"]
 
-    async def _access(self, function: int, first: int, address: int, count: int, current: list[int],
-                      values: list | None):
+    async def _access(self, function: int, first: int, address: int, count: int, current: list[int], values: list | None):
         """Called by pymodbus with each request; ``current`` holds all registers from address ``first`` on."""
         if values is None:
-            current[:registers.COMMAND_BASE - first] = self._shown[first:registers.COMMAND_BASE]
-            return None
+            current[: registers.COMMAND_BASE - first] = self._shown[first : registers.COMMAND_BASE]
+            return
         self.commands_now(self._asking)
         place = address - registers.COMMAND_BASE
-        whole = list(current[registers.COMMAND_BASE - first:registers.COMMAND_BASE - first + self._own_registers])
-        whole[place:place + count] = [int(value) for value in values]
+        whole = list(current[registers.COMMAND_BASE - first : registers.COMMAND_BASE - first + self._own_registers])
+        whole[place : place + count] = [int(value) for value in values]
         if place == 0 or whole[registers.HEARTBEAT] != self._heartbeat:
             with self._bell:
                 self._written = whole
                 self._bell.notify()
-        return None
+        return
 
     # ---- the seam
 
@@ -198,8 +204,17 @@ class Modbus(FreeRunning):
         first = 1 + len(self._commands)
         gear, shifting, flags, status = written[first:]
         command = [wire.decode(value) for wire, value in zip(self._commands, written[1:first], strict=True)]
-        self.heard(ControllerOutputs(held_in(command, self.info, self._commands), None, gear, bool(shifting), flags, status,
-                                     "the controller says so in register status"))
+        self.heard(
+            ControllerOutputs(
+                held_in(command, self.info, self._commands),
+                None,
+                gear,
+                bool(shifting),
+                flags,
+                status,
+                "the controller says so in register status",
+            )
+        )
 
     def _end(self) -> None:
         async def shut() -> None:

@@ -25,18 +25,26 @@ def checked_signals(given, name: str) -> dict[str, str]:
     """Unit by name of a controller's own signals, from names or from a map of names and units; RigError when wrong."""
     units = dict(given) if isinstance(given, dict) else given if isinstance(given, str) else dict.fromkeys(given, "-")
     right = isinstance(units, dict) and all(
-        isinstance(key, str) and NAME.fullmatch(key) and isinstance(unit, str) for key, unit in units.items())
+        isinstance(key, str) and NAME.fullmatch(key) and isinstance(unit, str) for key, unit in units.items()
+    )
     if not right or len(units) > MOST:
-        raise RigError(f"controller {name}: signals is {given!r}, expected up to {MOST} names of letters, digits and "
-                       "underscores, or a map of names and units")
+        raise RigError(
+            f"controller {name}: signals is {given!r}, expected up to {MOST} names of letters, digits and "
+            "underscores, or a map of names and units"
+        )
     return units
 
 
 def checked_settings(given, name: str) -> dict[str, float]:
     """A controller's own settings, first value by name; RigError when they are none."""
-    right = isinstance(given, dict) and len(given) <= MOST and all(
-        isinstance(key, str) and NAME.fullmatch(key) and isinstance(value, (int, float)) and math.isfinite(value)
-        for key, value in given.items())
+    right = (
+        isinstance(given, dict)
+        and len(given) <= MOST
+        and all(
+            isinstance(key, str) and NAME.fullmatch(key) and isinstance(value, (int, float)) and math.isfinite(value)
+            for key, value in given.items()
+        )
+    )
     if not right:
         raise RigError(f"controller {name}: settings is {given!r}, expected a map of names and first values")
     return {key: float(value) for key, value in given.items()}

@@ -24,14 +24,7 @@ from ..alfa46.settings import OUTPUT_KEYS, Alfa46Config
 from ..config.names import unknown
 from ..errors import RigError
 from .record import controller_info, record_of
-from .seam import (
-    LEVELS,
-    ControllerFailed,
-    ControllerInputs,
-    ControllerOutputs,
-    Status,
-    checked,
-)
+from .seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs, Status, checked
 
 if TYPE_CHECKING:
     from ..testbench.configuration import RigConfig
@@ -139,8 +132,12 @@ class Plug(ABC):
 
     def record(self) -> dict:
         """What the report of a run says of the controller, once that has ended."""
-        return {"name": self.name, "level": self.level, "level_from": self.level_from,
-                **({"end_fault": self.end_fault} if self.end_fault else {})}
+        return {
+            "name": self.name,
+            "level": self.level,
+            "level_from": self.level_from,
+            **({"end_fault": self.end_fault} if self.end_fault else {}),
+        }
 
     def awaited(self) -> str:
         """That no controller has come to this run that can be used, and where; empty when one has, or none need come."""
@@ -190,11 +187,16 @@ class Plug(ABC):
         when it reports an error, breaks down or returns what no valve can be given.
         """
         if self._over:
-            raise ControllerFailed(
-                f"controller {self.name} has ended and cannot be asked again", Status.FATAL
-            )
-        inputs = self._inputs(sample, sample * self.info.period, self._request, tuple(map(float, current)),
-                              tuple(map(float, measured)), dict(zip(self.wants, others, strict=True)), self.settings)
+            raise ControllerFailed(f"controller {self.name} has ended and cannot be asked again", Status.FATAL)
+        inputs = self._inputs(
+            sample,
+            sample * self.info.period,
+            self._request,
+            tuple(map(float, current)),
+            tuple(map(float, measured)),
+            dict(zip(self.wants, others, strict=True)),
+            self.settings,
+        )
         self._ordered = False
         outputs = self._answer(inputs)
         try:
@@ -212,23 +214,21 @@ class Plug(ABC):
             text = " ".join(str(getattr(outputs, "message", "")).split()) or "it gave no reason"
         except RigError as error:
             self._fail(Status.ERROR, sample, str(error))
-        except (
-            Exception
-        ) as error:  # user code may return anything, objects that raise when looked at included
-            LOG.error(
-                "controller %s, sample %d: its outputs cannot be read", self.name, sample, exc_info=True
-            )
+        except Exception as error:  # user code may return anything, objects that raise when looked at included
+            LOG.error("controller %s, sample %d: its outputs cannot be read", self.name, sample, exc_info=True)
             self._fail(Status.ERROR, sample, f"its outputs cannot be read: {said(error)}")
-        if status == Status.DISCARD:
-            return None
-        self._fail(status, sample, f"status {status.name.lower()}: {text}")
+        if status != Status.DISCARD:
+            self._fail(status, sample, f"status {status.name.lower()}: {text}")
+        return None
 
     def _doubt(self, sample: int) -> None:
         """Warn of a duty that is the very current [A] which the controller says to ask for."""
         self._doubted = True
-        self.say(f"warning: controller {self.name}, sample {sample}: its command is the current that it asks for, so it "
-                 f"looks like amperes, and level duty ({self.level_from}) takes it as a share of the supply; if it is a "
-                 "current, choose --level current")
+        self.say(
+            f"warning: controller {self.name}, sample {sample}: its command is the current that it asks for, so it "
+            f"looks like amperes, and level duty ({self.level_from}) takes it as a share of the supply; if it is a "
+            "current, choose --level current"
+        )
 
     def _own(self, given) -> tuple[float, ...]:
         """The values of the controller's own signals; RigError when one is missing or none."""
@@ -252,8 +252,7 @@ class Plug(ABC):
     def check_change(self, config: Alfa46Config) -> None:
         """RigError with why when these settings cannot be taken while the controller runs."""
         raise RigError(
-            f"controller {self.name} reads its settings when it starts; only the built-in alfa46 takes new ones "
-            "while it runs"
+            f"controller {self.name} reads its settings when it starts; only the built-in alfa46 takes new ones while it runs"
         )
 
     def change(self, config: Alfa46Config) -> None:

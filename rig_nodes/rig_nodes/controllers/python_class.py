@@ -99,15 +99,12 @@ def load_class(source: str, name: str) -> type:
         raise RigError(f"{what}: the code cannot be loaded: {line}{said(error)}") from None
     found = getattr(module, name, None)
     if not inspect.isclass(found):
-        there = [
-            n for n, c in vars(module).items() if inspect.isclass(c) and callable(getattr(c, "step", None))
-        ]
+        there = [n for n, c in vars(module).items() if inspect.isclass(c) and callable(getattr(c, "step", None))]
         raise RigError(f"{what}: {unknown('class with a step', name, there)}")
     missing = [method for method in METHODS if not callable(getattr(found, method, None))]
     if missing:
         raise RigError(
-            f"{what}: the class has no method {', '.join(missing)}; it needs initialize(info), "
-            "step(inputs) and terminate()"
+            f"{what}: the class has no method {', '.join(missing)}; it needs initialize(info), step(inputs) and terminate()"
         )
     return found
 
@@ -127,9 +124,7 @@ class PythonClass(Plug):
         found, name = load_class(source, class_name), f"python:{rest}"
         levels = getattr(found, "levels", ("duty",))
         if not (isinstance(levels, (tuple, list)) and levels and all(item in LEVELS for item in levels)):
-            raise RigError(
-                f"controller {name}: levels is {levels!r}, expected a tuple of {', '.join(LEVELS)}"
-            )
+            raise RigError(f"controller {name}: levels is {levels!r}, expected a tuple of {', '.join(LEVELS)}")
         super().__init__(name, config, chosen_level(level, tuple(levels), name))
         self.level_from = SAID if hasattr(found, "levels") else DEFAULT
         self.wants = checked_wants(getattr(found, "wants", ()), name, self.rig_record.all_transducers)
@@ -140,9 +135,7 @@ class PythonClass(Plug):
             self._user = found()
             self._user.initialize(self.info)
         except BREAKDOWNS as error:
-            raise RigError(
-                f"controller {name}: initialize failed: {place_of(error, self._file)}{said(error)}"
-            ) from None
+            raise RigError(f"controller {name}: initialize failed: {place_of(error, self._file)}{said(error)}") from None
 
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
         timed = self._timed()
@@ -154,9 +147,7 @@ class PythonClass(Plug):
             self._overdue(inputs.sample)
         except BREAKDOWNS as error:
             LOG.error("controller %s, sample %d", self.name, inputs.sample, exc_info=True)
-            self._fail(
-                Status.ERROR, inputs.sample, f"step failed: {place_of(error, self._file)}{said(error)}"
-            )
+            self._fail(Status.ERROR, inputs.sample, f"step failed: {place_of(error, self._file)}{said(error)}")
 
         finally:
             if timed:

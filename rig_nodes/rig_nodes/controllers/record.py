@@ -75,8 +75,10 @@ class ControllerRecord:
     def __post_init__(self):
         for name in self.names:
             if not name.isidentifier() or name in ControllerInputs.__slots__:
-                raise RigError(f"transducer '{name}' cannot be one of the controller's: its name is no identifier or is "
-                               "that of another part of a sample")
+                raise RigError(
+                    f"transducer '{name}' cannot be one of the controller's: its name is no identifier or is "
+                    "that of another part of a sample"
+                )
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -86,8 +88,11 @@ class ControllerRecord:
     @cached_property
     def id(self) -> str:
         """16 hexadecimal digits, equal for records with equal names, units and order; which valve is where is no part."""
-        parts = ([output.name for output in self.outputs], [(signal.name, signal.unit) for signal in self.transducers],
-                 [(gear.number, gear.name) for gear in self.gears])
+        parts = (
+            [output.name for output in self.outputs],
+            [(signal.name, signal.unit) for signal in self.transducers],
+            [(gear.number, gear.name) for gear in self.gears],
+        )
         return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
 
     @property
@@ -108,15 +113,18 @@ class ControllerRecord:
     @cached_property
     def inputs(self) -> type[ControllerInputs]:
         """The type of this rig's samples: ControllerInputs with an attribute for each transducer, by its name."""
-        readings = {signal.name: property(lambda given, place=place: given.measured[place],
-                                          doc=f"{signal.text} [{signal.unit}]")
-                    for place, signal in enumerate(self.transducers)}
+        readings = {
+            signal.name: property(lambda given, place=place: given.measured[place], doc=f"{signal.text} [{signal.unit}]")
+            for place, signal in enumerate(self.transducers)
+        }
         return type("ControllerInputs", (ControllerInputs,), {"__slots__": (), **readings})
 
     def made_for_another(self, record: str) -> str:
         """That something was made for the record of this id, and what to do, as a piece of a sentence."""
-        return (f"made for the record {record} of another rig, this one's is {self.id}; write rig_record.h anew with "
-                f"./rig export record --rig {self.rig} -o rig_record.h")
+        return (
+            f"made for the record {record} of another rig, this one's is {self.id}; write rig_record.h anew with "
+            f"./rig export record --rig {self.rig} -o rig_record.h"
+        )
 
     def reader(self, name: str):
         """A function that takes a transducer's value out of ``measured``."""
@@ -149,9 +157,15 @@ def controller_info(record: ControllerRecord, config: Alfa46Config, level: str) 
     """What a controller is told at a level before its first sample."""
     values = config.values
     high = values.current_limit if level == "current" else 1.0
-    return ControllerInfo(values.sample_time, level, high, flat_parameters(config),
-                          tuple(output.name for output in record.outputs),
-                          {signal.name: signal.unit for signal in record.transducers}, record.gear_names)
+    return ControllerInfo(
+        values.sample_time,
+        level,
+        high,
+        flat_parameters(config),
+        tuple(output.name for output in record.outputs),
+        {signal.name: signal.unit for signal in record.transducers},
+        record.gear_names,
+    )
 
 
 def record_of(config) -> ControllerRecord:
@@ -161,11 +175,28 @@ def record_of(config) -> ControllerRecord:
     by_output, outputs = {clutch.output: clutch for clutch in box.clutches}, []
     for k, name in enumerate(OUTPUT_KEYS):
         clutch = by_output.get(k)
-        outputs.append(Output(name, clutch.valve, signals[clutch.current], clutch.pressure) if clutch else
-                       Output(name, "", signals[first.current]))
-    gears = tuple(Gear(gear.number, gear.name, gear.ratio, tuple((clutch.pressure, clutch.kiss_pressure)
-                                                                 for clutch in box.engaged(gear.number))) for gear in box.gears)
+        outputs.append(
+            Output(name, clutch.valve, signals[clutch.current], clutch.pressure)
+            if clutch
+            else Output(name, "", signals[first.current])
+        )
+    gears = tuple(
+        Gear(
+            gear.number,
+            gear.name,
+            gear.ratio,
+            tuple((clutch.pressure, clutch.kiss_pressure) for clutch in box.engaged(gear.number)),
+        )
+        for gear in box.gears
+    )
     seen = box.input.speed, box.output.speed, *(clutch.pressure for clutch in box.clutches)
     like = {"duty": signals[first.valve_signal("duty")], "current": signals[first.setpoint]}
-    return ControllerRecord(config.name, tuple(outputs), tuple(signals[name] for name in seen), gears, MappingProxyType(like),
-                            *seen[:2], tuple(config.catalogue.measured().values()))
+    return ControllerRecord(
+        config.name,
+        tuple(outputs),
+        tuple(signals[name] for name in seen),
+        gears,
+        MappingProxyType(like),
+        *seen[:2],
+        tuple(config.catalogue.measured().values()),
+    )

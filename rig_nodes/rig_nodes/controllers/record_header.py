@@ -19,41 +19,47 @@ def header_text(record: ControllerRecord) -> str:
     """The header of a record."""
     outputs = [f"{_word(output.name)} = {k}" for k, output in enumerate(record.outputs)]
     gears = [f"GEAR_{_word(gear.name)} = {gear.number}" for gear in record.gears]
-    measured = [f"  double {signal.name}; /* {signal.text.rstrip('.')} [{signal.unit}]; {signal.sign} */"
-                for signal in record.transducers]
-    return "\n".join([
-        "/*",
-        " * Copyright 2026 Virtual rig maintainers",
-        " * SPDX-License-Identifier: Apache-2.0",
-        " */",
-        "",
-        "/* The outputs, transducers and gears of the rig " + record.rig + " by name, for rig_controller.h.",
-        " *",
-        f" * Made by ./rig export record --rig {record.rig}; make it anew rather than change it: a controller that is",
-        " * compiled with it is taken by a rig with the same names, units and order only.",
-        " */",
-        "#ifndef RIG_RECORD_H",
-        "#define RIG_RECORD_H",
-        "",
-        '#include "rig_controller.h"',
-        "",
-        "#undef RIG_CONTROLLER_RECORD",
-        f'#define RIG_CONTROLLER_RECORD "{record.id}"',
-        "",
-        f"enum {{ RIG_OUTPUTS = {len(record.outputs)}, RIG_TRANSDUCERS = {len(record.transducers)} }};",
-        f"enum {{ {', '.join(f'RIG_{entry}' for entry in outputs)} }}; /* places in current, command and setpoint */",
-        f"enum {{ {', '.join(f'RIG_{entry}' for entry in gears)} }};",
-        "",
-        "typedef struct rig_measured {",
-        *measured,
-        "} rig_measured;",
-        "",
-        "static inline const rig_measured *rig_measured_of(const rig_controller_inputs *in) {",
-        "  return (const rig_measured *)in->measured;",
-        "}",
-        "",
-        "#endif",
-    ]) + "\n"
+    measured = [
+        f"  double {signal.name}; /* {signal.text.rstrip('.')} [{signal.unit}]; {signal.sign} */" for signal in record.transducers
+    ]
+    return (
+        "\n".join(
+            [
+                "/*",
+                " * Copyright 2026 Virtual rig maintainers",
+                " * SPDX-License-Identifier: Apache-2.0",
+                " */",
+                "",
+                "/* The outputs, transducers and gears of the rig " + record.rig + " by name, for rig_controller.h.",
+                " *",
+                f" * Made by ./rig export record --rig {record.rig}; make it anew rather than change it: a controller that is",
+                " * compiled with it is taken by a rig with the same names, units and order only.",
+                " */",
+                "#ifndef RIG_RECORD_H",
+                "#define RIG_RECORD_H",
+                "",
+                '#include "rig_controller.h"',
+                "",
+                "#undef RIG_CONTROLLER_RECORD",
+                f'#define RIG_CONTROLLER_RECORD "{record.id}"',
+                "",
+                f"enum {{ RIG_OUTPUTS = {len(record.outputs)}, RIG_TRANSDUCERS = {len(record.transducers)} }};",
+                f"enum {{ {', '.join(f'RIG_{entry}' for entry in outputs)} }}; /* places in current, command and setpoint */",
+                f"enum {{ {', '.join(f'RIG_{entry}' for entry in gears)} }};",
+                "",
+                "typedef struct rig_measured {",
+                *measured,
+                "} rig_measured;",
+                "",
+                "static inline const rig_measured *rig_measured_of(const rig_controller_inputs *in) {",
+                "  return (const rig_measured *)in->measured;",
+                "}",
+                "",
+                "#endif",
+            ]
+        )
+        + "\n"
+    )
 
 
 def _word(name: str) -> str:

@@ -47,24 +47,21 @@ def ros_controller(rest: str, config: RigConfig, level: str | None = None) -> Pl
     timing = options.get("timing", TIMINGS[0])
     if timing not in TIMINGS:
         raise RigError(f"controller {spec}: timing is '{timing}', expected {' or '.join(TIMINGS)}")
-    if timing == "free":
-        plug = FreeRosNode(spec, config, level)
-    else:
-        plug = RosNode(spec, config, chosen_level(level, LEVELS, spec))
+    plug = FreeRosNode(spec, config, level) if timing == "free" else RosNode(spec, config, chosen_level(level, LEVELS, spec))
     plug.level_from = TOLD
     plug.other_side = _OtherSide(plug, name)
     plug.wants = checked_wants(_items(options, "wants"), spec, plug.rig_record.all_transducers)
     plug.settings = checked_settings(dict(_setting(item, spec) for item in _items(options, "settings")), spec)
-    plug.signals = checked_signals({item.partition(":")[0]: item.partition(":")[2] or "-"
-                                    for item in _items(options, "signals")}, spec)
+    plug.signals = checked_signals(
+        {item.partition(":")[0]: item.partition(":")[2] or "-" for item in _items(options, "signals")}, spec
+    )
     return plug
 
 
 def checked_topics(name: str, where: str = "") -> str:
     """The name, which the topics of a rig and its controller begin with; RigError when ROS 2 would not take it."""
     if not NAME.fullmatch(name):
-        raise RigError(f"{where}'{name}' is no name of topics; expected letters, digits and single underscores, "
-                       "e.g. controller")
+        raise RigError(f"{where}'{name}' is no name of topics; expected letters, digits and single underscores, e.g. controller")
     return name
 
 
@@ -128,10 +125,19 @@ class _OtherSide:
     def _start(self, over: bool, message: str = ""):
         info, plug = self._plug.info, self._plug
         return ControllerStart(
-            session=self.session, over=over, level=LEVELS.index(info.level), period=info.period,
-            command_high=info.command_high, parameter_names=list(info.parameters),
-            parameter_values=list(info.parameters.values()), wants=list(plug.wants), settings=list(plug.settings),
-            signals=list(plug.signals), record=record_message(plug.rig_record), message=message)
+            session=self.session,
+            over=over,
+            level=LEVELS.index(info.level),
+            period=info.period,
+            command_high=info.command_high,
+            parameter_names=list(info.parameters),
+            parameter_values=list(info.parameters.values()),
+            wants=list(plug.wants),
+            settings=list(plug.settings),
+            signals=list(plug.signals),
+            record=record_message(plug.rig_record),
+            message=message,
+        )
 
     def forget(self) -> None:
         """The controller that was at work is not any more."""
@@ -308,7 +314,7 @@ class RosNode(Plug):
             self._away = True
             self._waiting = self._waiting or Waiting(f"waiting for controller on {side.place}", self.say)
             self._waiting.tell()
-            return None
+            return
         if side.was_here:
             raise Gone(f"no answer for {self.step_timeout:g} s (--step-timeout)")
         raise Gone(f"none has come within {self.step_timeout:g} s")
@@ -375,9 +381,14 @@ class FreeRosNode(FreeRunning):
 def record_message(record: ControllerRecord) -> ControllerRecordMessage:
     """A record as a message, without time and number."""
     return ControllerRecordMessage(
-        id=record.id, outputs=[output.name for output in record.outputs], valves=[output.valve for output in record.outputs],
-        transducers=list(record.names), units=[signal.unit for signal in record.transducers],
-        gears=list(record.gear_names), gear_names=list(record.gear_names.values()))
+        id=record.id,
+        outputs=[output.name for output in record.outputs],
+        valves=[output.valve for output in record.outputs],
+        transducers=list(record.names),
+        units=[signal.unit for signal in record.transducers],
+        gears=list(record.gear_names),
+        gear_names=list(record.gear_names.values()),
+    )
 
 
 def outputs_of(answered, plug: Plug) -> ControllerOutputs:
@@ -386,5 +397,13 @@ def outputs_of(answered, plug: Plug) -> ControllerOutputs:
     if answered.status == Status.OK and plug.signals:
         whole = len(answered.signals) == len(plug.signals)
         signals = dict(zip(plug.signals, answered.signals, strict=True)) if whole else list(answered.signals)
-    return ControllerOutputs(answered.command, answered.setpoint or None, answered.gear, answered.shifting,
-                             answered.flags, answered.status, answered.message, signals)
+    return ControllerOutputs(
+        answered.command,
+        answered.setpoint or None,
+        answered.gear,
+        answered.shifting,
+        answered.flags,
+        answered.status,
+        answered.message,
+        signals,
+    )

@@ -33,8 +33,10 @@ UNCONFIRMED = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  # 
 LASTING = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # a reader's depth is for all writers together: one rig's goodbye must not displace the next one's start
 FROM_MANY = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-LEVELS = {"duty": (ControllerStart.LEVEL_DUTY, ControllerReady.DUTY),
-          "current": (ControllerStart.LEVEL_CURRENT, ControllerReady.CURRENT)}
+LEVELS = {
+    "duty": (ControllerStart.LEVEL_DUTY, ControllerReady.DUTY),
+    "current": (ControllerStart.LEVEL_CURRENT, ControllerReady.CURRENT),
+}
 MORE = {"settings": ":VALUE"}  # what the rig is told of them beside the name
 
 
@@ -60,9 +62,17 @@ class ControllerNode(Node):
     def tell(self, state, message=""):
         """ControllerReady: this node is ready, refuses or leaves."""
         levels = sum(LEVELS[name][1] for name in self.levels)
-        self._ready.publish(ControllerReady(
-            session=self.session, controller=self.number, state=state, levels=levels, process_id=os.getpid(),
-            pid_namespace=os.readlink("/proc/self/ns/pid"), message=message))
+        self._ready.publish(
+            ControllerReady(
+                session=self.session,
+                controller=self.number,
+                state=state,
+                levels=levels,
+                process_id=os.getpid(),
+                pid_namespace=os.readlink("/proc/self/ns/pid"),
+                message=message,
+            )
+        )
 
     def on_start(self, start):
         """A run begins or is over."""
@@ -79,11 +89,18 @@ class ControllerNode(Node):
             self.tell(ControllerReady.REFUSES, why)
             return
         try:
-            self.controller.initialize(SimpleNamespace(
-                period=start.period, level=level, command_high=start.command_high,
-                parameters=dict(zip(start.parameter_names, start.parameter_values)), outputs=tuple(start.record.outputs),
-                transducers=dict(zip(start.record.transducers, start.record.units)),
-                gears=dict(zip(start.record.gears, start.record.gear_names)), record=start.record.id))
+            self.controller.initialize(
+                SimpleNamespace(
+                    period=start.period,
+                    level=level,
+                    command_high=start.command_high,
+                    parameters=dict(zip(start.parameter_names, start.parameter_values)),
+                    outputs=tuple(start.record.outputs),
+                    transducers=dict(zip(start.record.transducers, start.record.units)),
+                    gears=dict(zip(start.record.gears, start.record.gear_names)),
+                    record=start.record.id,
+                )
+            )
         except Exception as error:
             self.get_logger().error(f"initialize failed:\n{traceback.format_exc()}")
             self.tell(ControllerReady.REFUSES, f"initialize failed: {type(error).__name__}: {error}")
@@ -115,12 +132,18 @@ class ControllerNode(Node):
         answer = ControllerAnswer()
         answer.session, answer.controller, answer.seq = step.session, self.number, step.seq
         try:
-            out = self.controller.step(SimpleNamespace(
-                sample=step.sample, time=step.time, gear_request=step.gear_request,
-                current=tuple(step.current), measured=tuple(step.measured),
-                **dict(zip(self.start.record.transducers, step.measured)),
-                others=dict(zip(self.start.wants, step.others)),
-                settings=dict(zip(self.start.settings, step.settings))))
+            out = self.controller.step(
+                SimpleNamespace(
+                    sample=step.sample,
+                    time=step.time,
+                    gear_request=step.gear_request,
+                    current=tuple(step.current),
+                    measured=tuple(step.measured),
+                    **dict(zip(self.start.record.transducers, step.measured)),
+                    others=dict(zip(self.start.wants, step.others)),
+                    settings=dict(zip(self.start.settings, step.settings)),
+                )
+            )
             answer.status, answer.message = int(getattr(out, "status", 0)), str(getattr(out, "message", ""))
             answer.gear, answer.shifting, answer.flags = int(out.gear), bool(out.shifting), int(out.flags)
             # messages do not check types: what is no float would go out as another number

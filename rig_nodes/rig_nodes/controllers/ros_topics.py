@@ -90,7 +90,7 @@ def unpack_answer(data: bytes) -> Answered:
         (length,) = COUNT.unpack_from(data, at)
         if at + 4 + length > len(data):
             raise NoAnswer(f"an answer of {len(data)} bytes is cut off")
-        message = data[at + 4:at + 4 + length].rstrip(b"\0").decode("utf-8", "replace")
+        message = data[at + 4 : at + 4 + length].rstrip(b"\0").decode("utf-8", "replace")
     except (struct.error, IndexError):
         raise NoAnswer(f"an answer of {len(data)} bytes is cut off") from None
     return Answered(session, controller, seq, status, gear, bool(shifting), flags, *lists, message)
@@ -119,8 +119,9 @@ class Topics:
             self._held = self._hold(name)
             self._context = Context()
             self._context.init(args=[], initialize_logging=False)
-            self._node = Node("rig", namespace=f"/{name}", context=self._context, start_parameter_services=False,
-                              enable_rosout=False)
+            self._node = Node(
+                "rig", namespace=f"/{name}", context=self._context, start_parameter_services=False, enable_rosout=False
+            )
         finally:
             for added in set(os.environ) - set(before):
                 del os.environ[added]
@@ -139,8 +140,10 @@ class Topics:
             held.bind(f"\0rig-ros-controller-{self.domain}-{name}")
         except OSError:
             held.close()
-            raise RigError(f"controller ros:{name}: another rig uses these topics in ROS domain {self.domain}; give "
-                           "one of the two another name or another ROS_DOMAIN_ID") from None
+            raise RigError(
+                f"controller ros:{name}: another rig uses these topics in ROS domain {self.domain}; give "
+                "one of the two another name or another ROS_DOMAIN_ID"
+            ) from None
         return held
 
     def start(self, message: ControllerStart) -> None:

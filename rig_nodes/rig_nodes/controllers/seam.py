@@ -120,9 +120,7 @@ def checked(outputs: ControllerOutputs, info: ControllerInfo) -> tuple[tuple, tu
         command, setpoint = outputs.command, outputs.setpoint
         gear, shifting, flags = outputs.gear, outputs.shifting, outputs.flags
     except AttributeError as error:
-        raise RigError(
-            f"step returned {type(outputs).__name__} without '{error.name}', expected ControllerOutputs"
-        ) from None
+        raise RigError(f"step returned {type(outputs).__name__} without '{error.name}', expected ControllerOutputs") from None
     count = len(info.outputs)
     command = _numbers(command, "command", count)
     for k, value in enumerate(command):

@@ -34,11 +34,15 @@ class SimulinkModel(CLibrary):
         sources = [path for path in files if path.suffix in COMPILERS and path.stem not in MAINS]
         shims = [path for path in sources if path.stem == SHIM]
         if not shims:
-            raise RigError(f"controller {name}: the folder has no {SHIM}.c or {SHIM}.cpp; './rig controller new simulink "
-                           "DIR' writes one to copy and change")
+            raise RigError(
+                f"controller {name}: the folder has no {SHIM}.c or {SHIM}.cpp; './rig controller new simulink "
+                "DIR' writes one to copy and change"
+            )
         if len(shims) > 1:
-            raise RigError(f"controller {name}: the folder has {len(shims)} shims, expected one: "
-                           f"{', '.join(str(path.relative_to(folder)) for path in shims)}")
+            raise RigError(
+                f"controller {name}: the folder has {len(shims)} shims, expected one: "
+                f"{', '.join(str(path.relative_to(folder)) for path in shims)}"
+            )
         headers = dict.fromkeys(path.parent for path in files if path.suffix in HEADERS)
         with tempfile.TemporaryDirectory(prefix="rig-controller-") as built:
             library = Path(built) / "model.so"

@@ -67,14 +67,18 @@ class Udp(Plug):
             self._socket.bind((address or LOOPBACK, self._port))
         except OSError as error:
             self._socket.close()
-            raise RigError(f"controller {name}: the port cannot be taken ({error.strerror}); is another rig running, "
-                           "or is the address none of this machine?") from None
+            raise RigError(
+                f"controller {name}: the port cannot be taken ({error.strerror}); is another rig running, "
+                "or is the address none of this machine?"
+            ) from None
         self._socket.setsockopt(socket.IPPROTO_IP, IP_RECVERR, 1)
         info = self.info
         self._names_told = (  # value, name, unit; the rig's lists in the order of udp_frames
-            [(value, key, "") for key, value in info.parameters.items()], [(0.0, key, "") for key in info.outputs],
+            [(value, key, "") for key, value in info.parameters.items()],
+            [(0.0, key, "") for key in info.outputs],
             [(0.0, key, unit) for key, unit in info.transducers.items()],
-            [(float(number), key, "") for number, key in info.gears.items()])
+            [(float(number), key, "") for number, key in info.gears.items()],
+        )
         self._session = int.from_bytes(os.urandom(4), "little") or 1
         self._peer = None  # address of the controller, once it is ready
         self._coming, self._names, self._count = None, {}, 0  # who is getting ready; its own names by index, of so many
@@ -163,8 +167,7 @@ class Udp(Plug):
             self._send_away(peer, why)
             return
         high, level = self.info.command_high, LEVEL_BITS[self.level]
-        self._send(INFO, peer, values=[level, 0, *map(len, self._names_told), self.info.period, high,
-                                       self.rig_record.id])
+        self._send(INFO, peer, values=[level, 0, *map(len, self._names_told), self.info.period, high, self.rig_record.id])
 
     def _send_away(self, peer, why: str) -> None:
         self._send(BYE, peer, session=0, values=[why])
@@ -207,8 +210,10 @@ class Udp(Plug):
         wants = checked_wants([name for what, name, _, _ in names if what == WANT], self.name, self.rig_record.all_transducers)
         signals = checked_signals({name: unit for what, name, _, unit in names if what == SIGNAL}, self.name)
         settings = checked_settings({name: value for what, name, value, _ in names if what == SETTING}, self.name)
-        now, before = ((tuple(w), tuple(s.items()), tuple(t)) for w, s, t in (
-            (wants, signals, settings), (self.wants, self.signals, self.settings)))
+        now, before = (
+            (tuple(w), tuple(s.items()), tuple(t))
+            for w, s, t in ((wants, signals, settings), (self.wants, self.signals, self.settings))
+        )
         if self._declared and now != before:
             raise RigError("it names other transducers, signals or settings than the controller before it in this run")
         if not self._declared:  # what was set since stays set
@@ -248,8 +253,16 @@ class Udp(Plug):
             return ControllerOutputs(status=Status.DISCARD)
         status, gear, shifting, flags, message, *numbers = values
         count = len(self.info.outputs)
-        return ControllerOutputs(numbers[:count], numbers[count:2 * count], gear, bool(shifting), flags, status, text(message),
-                                 dict(zip(self.signals, numbers[2 * count:], strict=False)))
+        return ControllerOutputs(
+            numbers[:count],
+            numbers[count : 2 * count],
+            gear,
+            bool(shifting),
+            flags,
+            status,
+            text(message),
+            dict(zip(self.signals, numbers[2 * count :], strict=False)),
+        )
 
     def _exchange(self, inputs: ControllerInputs) -> tuple | None:
         """The values of the answer; None in real time while there is none."""
@@ -279,8 +292,16 @@ class Udp(Plug):
                 waiting.tell()
 
     def _sample(self, inputs: ControllerInputs) -> bytes:
-        return pack(SAMPLE, self._session, self._frame, inputs.sample, inputs.time, inputs.gear_request, 0,
-                    more=[*inputs.current, *inputs.measured, *inputs.others.values(), *self.settings.values()])
+        return pack(
+            SAMPLE,
+            self._session,
+            self._frame,
+            inputs.sample,
+            inputs.time,
+            inputs.gear_request,
+            0,
+            more=[*inputs.current, *inputs.measured, *inputs.others.values(), *self.settings.values()],
+        )
 
     def _no_answer(self, sample: int) -> None:
         if self.real_time:
@@ -289,7 +310,7 @@ class Udp(Plug):
             self._away = True
             self._waiting = self._waiting or Waiting(f"waiting for controller on udp {self._port}", self.say)
             self._waiting.tell()
-            return None
+            return
         self._away = True
         if self._was_here:
             raise _Gone(f"no answer for {self.step_timeout:g} s (--step-timeout)")

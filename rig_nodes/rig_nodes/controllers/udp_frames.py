@@ -7,6 +7,7 @@ Used by udp.py, and copied as it is to where a controller runs: ``serve(controll
 include/rig_udp.h is the same for C.
 """
 
+import contextlib
 import select
 import socket
 import struct
@@ -52,10 +53,9 @@ class OtherVersion(NoFrame):
 def pack(kind, session, frame, *values, more=()):
     """The bytes of a frame, ``more`` numbers behind its body; texts of values are encoded and cut to their field."""
     body, sizes = BODIES[kind], iter(TEXTS.get(kind, (128,)))
-    data = [value.encode()[:next(sizes) - 1] if isinstance(value, str) else value for value in values]
+    data = [value.encode()[: next(sizes) - 1] if isinstance(value, str) else value for value in values]
     size = HEADER.size + body.size + 8 * len(more)
-    return (HEADER.pack(MAGIC, VERSION, kind, session, frame, size, 0) + body.pack(*data)
-            + struct.pack("<%dd" % len(more), *more))
+    return HEADER.pack(MAGIC, VERSION, kind, session, frame, size, 0) + body.pack(*data) + struct.pack("<%dd" % len(more), *more)
 
 
 def unpack(data):
@@ -66,15 +66,19 @@ def unpack(data):
     if magic != MAGIC:
         raise NoFrame("it does not begin with RIG1")
     if version != VERSION:
-        raise OtherVersion(f"it speaks version {version} of the protocol, this side speaks {VERSION}: both need the "
-                           "rig_udp.py or rig_udp.h of the same rig")
+        raise OtherVersion(
+            f"it speaks version {version} of the protocol, this side speaks {VERSION}: both need the "
+            "rig_udp.py or rig_udp.h of the same rig"
+        )
     if kind not in BODIES:
         raise NoFrame(f"there is no kind {kind}")
     end = HEADER.size + BODIES[kind].size
     more = (size - end) // 8 if kind in LONGER and end <= size <= end + 8 * MOST else 0
     if not len(data) == size == end + 8 * more:
-        raise NoFrame(f"kind {kind} has {len(data)} bytes and says {size}, expected {end}"
-                      + ", or 8 more for each further number" * (kind in LONGER))
+        raise NoFrame(
+            f"kind {kind} has {len(data)} bytes and says {size}, expected {end}"
+            + ", or 8 more for each further number" * (kind in LONGER)
+        )
     values = BODIES[kind].unpack_from(data, HEADER.size) + struct.unpack_from("<%dd" % more, data, end)
     return kind, session, frame, values
 
@@ -109,10 +113,8 @@ class Client:
 
     def send(self, kind, *values, frame=0):
         """One frame; a rig that is not there yet is no error."""
-        try:
+        with contextlib.suppress(ConnectionRefusedError):
             self.socket.send(pack(kind, self.session, frame, *values))
-        except ConnectionRefusedError:
-            pass
 
     def receive(self, seconds):
         """The rig's next frame, None when none comes in time; a rig that is not there is silent too."""
@@ -193,11 +195,18 @@ class Client:
         self.outputs, self.transducers = ([name for _, name, _ in lists[what]] for what in (OUTPUTS, TRANSDUCERS))
         level = {number: name for name, number in LEVELS.items()}[level]
         try:
-            self.controller.initialize(types.SimpleNamespace(
-                period=period, level=level, command_high=command_high,
-                parameters={name: value for value, name, _ in lists[SETTINGS]}, outputs=tuple(self.outputs),
-                transducers={name: unit for _, name, unit in lists[TRANSDUCERS]},
-                gears={int(number): name for number, name, _ in lists[GEARS]}, record=text(record)))
+            self.controller.initialize(
+                types.SimpleNamespace(
+                    period=period,
+                    level=level,
+                    command_high=command_high,
+                    parameters={name: value for value, name, _ in lists[SETTINGS]},
+                    outputs=tuple(self.outputs),
+                    transducers={name: unit for _, name, unit in lists[TRANSDUCERS]},
+                    gears={int(number): name for number, name, _ in lists[GEARS]},
+                    record=text(record),
+                )
+            )
         except Exception as error:
             self.send(BYE, f"initialize failed: {type(error).__name__}: {error}")
             raise
@@ -225,19 +234,35 @@ class Client:
             return
         sample, at, gear_request, _, *rest = values
         current, measured, others, settings = (
-            [rest.pop(0) for _ in names] for names in (self.outputs, self.transducers, self.wants, self.settings))
-        out = self.controller.step(types.SimpleNamespace(
-            sample=sample, time=at, current=tuple(current), measured=tuple(measured), gear_request=gear_request,
-            others=dict(zip(self.wants, others)), settings=dict(zip(self.settings, settings)),
-            **dict(zip(self.transducers, measured))))
+            [rest.pop(0) for _ in names] for names in (self.outputs, self.transducers, self.wants, self.settings)
+        )
+        out = self.controller.step(
+            types.SimpleNamespace(
+                sample=sample,
+                time=at,
+                current=tuple(current),
+                measured=tuple(measured),
+                gear_request=gear_request,
+                others=dict(zip(self.wants, others)),
+                settings=dict(zip(self.settings, settings)),
+                **dict(zip(self.transducers, measured)),
+            )
+        )
         nothing = (0.0,) * len(self.outputs)
         command, setpoint = (nothing if given is None else given for given in (out.command, out.setpoint))
         own = getattr(out, "signals", None) or {}
         self.last = frame
-        self.answer = pack(ANSWER, self.session, frame, int(getattr(out, "status", 0)), int(out.gear), int(out.shifting),
-                           int(out.flags), str(getattr(out, "message", "")),
-                           more=[*map(float, command), *map(float, setpoint),
-                                 *(float(own[name]) for name in self.signals if name in own)])
+        self.answer = pack(
+            ANSWER,
+            self.session,
+            frame,
+            int(getattr(out, "status", 0)),
+            int(out.gear),
+            int(out.shifting),
+            int(out.flags),
+            str(getattr(out, "message", "")),
+            more=[*map(float, command), *map(float, setpoint), *(float(own[name]) for name in self.signals if name in own)],
+        )
         self.socket.send(self.answer)
 
     def end(self):
@@ -251,7 +276,7 @@ def rig_address(words):
 
     What is none ends the program with one sentence, exit code 2.
     """
-    host, port = (list(words) + ["127.0.0.1", str(PORT)][len(words):])[:2]
+    host, port = (list(words) + ["127.0.0.1", str(PORT)][len(words) :])[:2]
     why = ""
     if not (port.isdecimal() and 0 < int(port) < 65536):
         why = f"'{port}' is no port; expected 1 to 65535, e.g. {PORT}"

@@ -54,8 +54,14 @@ def step_for(high: float, steps: int) -> float:
 
 
 def _measured(name: str, signal: Signal) -> Wire:
-    return Wire(name, signal.display_unit, step_for(signal.shown(signal.high), SIGNED[1]), signal.scale, SIGNED,
-                f"{signal.text.rstrip('.')}; {signal.sign}.")
+    return Wire(
+        name,
+        signal.display_unit,
+        step_for(signal.shown(signal.high), SIGNED[1]),
+        signal.scale,
+        SIGNED,
+        f"{signal.text.rstrip('.')}; {signal.sign}.",
+    )
 
 
 def currents(record: ControllerRecord) -> list[Wire]:
@@ -82,8 +88,10 @@ def commands(record: ControllerRecord, level: str) -> list[Wire]:
     signal = record.like[level]
     step = step_for(signal.shown(signal.high), UNSIGNED[1])
     what = "Current setpoint" if level == "current" else "Duty"
-    return [Wire(f"command_{k}", signal.display_unit, step, signal.scale, UNSIGNED, f"{what} of output {k}.")
-            for k in range(1, len(record.outputs) + 1)]
+    return [
+        Wire(f"command_{k}", signal.display_unit, step, signal.scale, UNSIGNED, f"{what} of output {k}.")
+        for k in range(1, len(record.outputs) + 1)
+    ]
 
 
 def values_of(inputs: ControllerInputs) -> tuple[float, ...]:

@@ -42,16 +42,23 @@ def setpoints_of(structure: Structure) -> dict[str, Setpoint]:
     found, steps = [], [command.step for device in structure.devices for command in parts.part(device.part).takes]
     for device in structure.devices:
         for command in parts.part(device.part).takes:
-            node = structure.names.get(f"{device.name}_{command.node}", f"{device.name}_{command.node}") if command.node \
+            node = (
+                structure.names.get(f"{device.name}_{command.node}", f"{device.name}_{command.node}")
+                if command.node
                 else device.name
-            like = next((one.name for one in structure.transducers
-                         if one.at == device.name and TRANSDUCERS[one.type][0] == command.of), None)
+            )
+            like = next(
+                (one.name for one in structure.transducers if one.at == device.name and TRANSDUCERS[one.type][0] == command.of),
+                None,
+            )
             if like is None and device.role == parts.OIL:
                 continue  # it gives oil its temperature and viscosity, and nobody sets its pressure
             if like is None:
                 kinds = [kind for kind, (quantity, _) in TRANSDUCERS.items() if quantity == command.of]
-                raise RigError(f"parts.{device.name}: nothing measures its {command.of}, whose range its setpoint would have; "
-                               f"give transducers one with type: {kinds[0]}, at: {device.name}")
+                raise RigError(
+                    f"parts.{device.name}: nothing measures its {command.of}, whose range its setpoint would have; "
+                    f"give transducers one with type: {kinds[0]}, at: {device.name}"
+                )
             step = command.step if steps.count(command.step) == 1 else f"{device.name}_{command.step}"
             found.append(Setpoint(step, device.name, node, command, like))
     return {one.step: one for one in found}

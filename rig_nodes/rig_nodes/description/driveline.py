@@ -20,6 +20,7 @@ Inertia = Callable[[str], float]  # of a body by its name, 0 of a massless one
 
 def inertias_of(structure: Structure, values: Mapping) -> dict[str, float]:
     """Inertia of each body [kg m2]. values: of its sections by name, as dataclasses or as plain maps."""
+
     def inertia(name: str) -> float:
         value = values[name]
         return float(value["inertia"] if isinstance(value, Mapping) else value.inertia)
@@ -136,7 +137,7 @@ def _left_free(rows: np.ndarray) -> np.ndarray:
     """Speeds (k, n) that these slips (m, n) let turn, one after the other; by elimination, which rounds less than it need."""
     rows, n, pivots = rows.copy(), rows.shape[1], []
     for column in range(n):
-        below = np.abs(rows[len(pivots):, column])
+        below = np.abs(rows[len(pivots) :, column])
         if len(pivots) == len(rows) or below.max() < 1e-9:
             continue
         best, at = len(pivots) + int(below.argmax()), len(pivots)

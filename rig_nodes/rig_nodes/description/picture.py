@@ -12,21 +12,32 @@ from .structure import Structure
 
 def _links(structure: Structure, config) -> list[Link]:
     """Everything that joins two bodies."""
-    out = [(*mesh.bodies, "mesh", f"{mesh.name} {mesh.teeth[0]} : {mesh.teeth[1]}".lstrip() + (
-        f", {getattr(config, mesh.name).efficiency:.3g}" if mesh.lossy else "")) for mesh in structure.meshes]
+    out = [
+        (
+            *mesh.bodies,
+            "mesh",
+            f"{mesh.name} {mesh.teeth[0]} : {mesh.teeth[1]}".lstrip()
+            + (f", {getattr(config, mesh.name).efficiency:.3g}" if mesh.lossy else ""),
+        )
+        for mesh in structure.meshes
+    ]
     out += [(*shaft.bodies, "shaft", shaft.name) for shaft in structure.shafts]
     for device in structure.clutches:
         if "joins" in device.wires:
             out.append((*device.wires["joins"], "clutch", _clutch(structure, device)))
-    out += [(*device.wires["joins"], "freewheel", f"{device.called}: {device.wires['joins'][0]} not faster")
-            for device in structure.freewheels]
+    out += [
+        (*device.wires["joins"], "freewheel", f"{device.called}: {device.wires['joins'][0]} not faster")
+        for device in structure.freewheels
+    ]
     out += [(*one.bodies, one.kind, one.name) for one in structure.of_kind("clutch", "torque") if len(one.bodies) == 2]
     for one in structure.of_kind("relation"):
         words = [f"{c:g} {body}" for body, c in zip(one.bodies, one.coefficients)]
         out += [(one.bodies[0], other, "set", f"{one.name}: {words[0]}, {told}") for other, told in zip(one.bodies[1:], words[1:])]
     for one in structure.planetary_sets:
-        out += [(one.ring, wheel, "set", f"{one.name}: {role} {teeth}") for wheel, role, teeth in (
-            (one.sun, "sun", one.teeth[0]), (one.carrier, "carrier,", f"ring {one.teeth[1]}"))]
+        out += [
+            (one.ring, wheel, "set", f"{one.name}: {role} {teeth}")
+            for wheel, role, teeth in ((one.sun, "sun", one.teeth[0]), (one.carrier, "carrier,", f"ring {one.teeth[1]}"))
+        ]
     return [Link(*one) for one in out if one[0] in structure.bodies and one[1] in structure.bodies]
 
 
@@ -55,8 +66,10 @@ def _clutch(structure: Structure, device) -> str:
 def driveline_svg(config) -> str:
     """The picture of a rig's driveline as SVG; config: of testbench.configuration."""
     structure, attached = config.structure, _attached(config.structure)
-    bodies = {name: Body(name, 0.0 if name in structure.massless else getattr(config, name).inertia, notes=attached[name])
-              for name in structure.bodies}
+    bodies = {
+        name: Body(name, 0.0 if name in structure.massless else getattr(config, name).inertia, notes=attached[name])
+        for name in structure.bodies
+    }
     for key in ("input", "output"):
         if end := getattr(structure, key):
             bodies[end.body].end = key
@@ -67,7 +80,14 @@ def driveline_svg(config) -> str:
         a, b = device.wires["joins"]
         if "ground" in (a, b):
             bodies[b if a == "ground" else a].one_way.append((device.called, "not backwards" if a == "ground" else "not forwards"))
-    table = [f"{gear.name}: {', '.join(structure.device(one).called for one in gear.held)}, ratio "
-             f"{config.transmission.ratios[number]:.4g}" for number, gear in enumerate(structure.gears, 1)]
-    return svg(f"{config.name}: {config.description}", list(bodies.values()), _links(structure, config),
-               f"gears: {'; '.join(table)}" if table else "")
+    table = [
+        f"{gear.name}: {', '.join(structure.device(one).called for one in gear.held)}, ratio "
+        f"{config.transmission.ratios[number]:.4g}"
+        for number, gear in enumerate(structure.gears, 1)
+    ]
+    return svg(
+        f"{config.name}: {config.description}",
+        list(bodies.values()),
+        _links(structure, config),
+        f"gears: {'; '.join(table)}" if table else "",
+    )

@@ -59,15 +59,18 @@ class _Reader:
             if key == "gears" and isinstance(name, int) and not isinstance(name, bool):
                 continue  # a gear may be called by its number
             if not isinstance(name, str) or not name.replace("_", "a").isalnum() or not name.isascii():
-                raise RigError(f"{self.at(value, name)}: {key}: the name {brief(name)} has other characters than letters, "
-                               "digits and _")
+                raise RigError(
+                    f"{self.at(value, name)}: {key}: the name {brief(name)} has other characters than letters, digits and _"
+                )
         return value
 
     def structure(self) -> Structure:
         bodies = self.map_of("bodies")
         if not bodies:
-            raise RigError(f"{self.at(self.node, 'bodies') if 'bodies' in self.node else self.at(self.node)}: the rig has no "
-                           "bodies; at least one turns")
+            raise RigError(
+                f"{self.at(self.node, 'bodies') if 'bodies' in self.node else self.at(self.node)}: the rig has no "
+                "bodies; at least one turns"
+            )
         devices = self.map_of("parts")
         self.bodies, self.shaft_names = list(bodies), list(self.map_of("shafts"))
         self.names: dict[str, str] = {}
@@ -80,17 +83,31 @@ class _Reader:
             if body == MASSLESS:
                 massless.append(name)
             elif not isinstance(body, Map):
-                raise RigError(f"{self.at(bodies, name)}: bodies.{name} is {brief(body)}, expected a map with its inertia, "
-                               f"or {MASSLESS}")
+                raise RigError(
+                    f"{self.at(bodies, name)}: bodies.{name} is {brief(body)}, expected a map with its inertia, or {MASSLESS}"
+                )
         self.kinds = {name: self.part_of(name, device, devices) for name, device in devices.items()}
         read = tuple(self.device(name, device) for name, device in devices.items())
         meshes, elements = self.meshes(), read_elements(self)
         transducers = self.transducers(read)
         self.check_pairs(read, devices)
         structure = Structure(
-            tuple(bodies), tuple(massless), meshes, self.planetary_sets(), self.shafts(), read, self.gears(),
-            self.end("input", transducers), self.end("output", transducers), transducers, self.signal_names(), self.view(),
-            elements, read_inputs(self, elements), self.extra_signals())
+            tuple(bodies),
+            tuple(massless),
+            meshes,
+            self.planetary_sets(),
+            self.shafts(),
+            read,
+            self.gears(),
+            self.end("input", transducers),
+            self.end("output", transducers),
+            transducers,
+            self.signal_names(),
+            self.view(),
+            elements,
+            read_inputs(self, elements),
+            self.extra_signals(),
+        )
         self.check_whole(structure)
         return structure
 
@@ -100,8 +117,7 @@ class _Reader:
         if name in RESERVED:
             raise RigError(f"{at}: {what}.{name}: the name '{name}' is taken by the rig itself; choose another")
         if name in self.names:
-            raise RigError(f"{at}: {what}.{name}: there is '{name}' among the {self.names[name]} already; "
-                           "every name stands once")
+            raise RigError(f"{at}: {what}.{name}: there is '{name}' among the {self.names[name]} already; every name stands once")
         self.names[name] = what
 
     # ---- the driveline
@@ -134,8 +150,9 @@ class _Reader:
     def source(self, node, what: str) -> None:
         """Where the numbers are from."""
         if not isinstance(node["source"], str) or not node["source"].strip():
-            raise RigError(f"{self.at(node, 'source')}: {what}.source must say where the teeth are from, found "
-                           f"{brief(node['source'])}")
+            raise RigError(
+                f"{self.at(node, 'source')}: {what}.source must say where the teeth are from, found {brief(node['source'])}"
+            )
 
     def meshes(self) -> tuple[Mesh, ...]:
         """Pairs of toothed wheels."""
@@ -145,7 +162,9 @@ class _Reader:
         out = []
         for k, node in enumerate(nodes):
             where, what = self.at(nodes, k), f"mesh {k + 1}"
-            check_keys(self.path, node, (*MESH_KEYS, *(one.name for one in fields(MeshConfig))), ("bodies", "teeth", "source"), what, where)
+            check_keys(
+                self.path, node, (*MESH_KEYS, *(one.name for one in fields(MeshConfig))), ("bodies", "teeth", "source"), what, where
+            )
             self.source(node, what)
             turned = node.get("reversed", False)
             if not isinstance(turned, bool) and turned not in ("yes", "no"):
@@ -156,17 +175,25 @@ class _Reader:
                     raise RigError(f"{self.at(node, 'name')}: {what}.name is {brief(name)}, expected letters, digits and _")
                 self.new_name(name, "meshes", node, "name")
             elif lossy:
-                raise RigError(f"{self.at(node, 'efficiency')}: {what} has an efficiency and no name; give it one, as its values are found "
-                               "by it")
+                raise RigError(
+                    f"{self.at(node, 'efficiency')}: {what} has an efficiency and no name; give it one, as its values are found "
+                    "by it"
+                )
             if "back" in node and not lossy:
                 raise RigError(f"{self.at(node, 'back')}: {what} has the key back and no efficiency; give both, or none of them")
             bodies = self.two_bodies(node["bodies"], self.at(node, "bodies"), f"{what}.bodies")
             if lossy:
                 self.element_names.append(name)
                 if light := [body for body in bodies if self.node["bodies"].get(body) == MASSLESS]:
-                    raise RigError(f"{self.at(node, 'efficiency')}: {what} loses, and its body '{light[0]}' is {MASSLESS}; both sides of "
-                                   "a mesh with an efficiency need an inertia")
-            out.append(Mesh(bodies, self.teeth(node["teeth"], self.at(node, "teeth"), f"{what}.teeth"), turned in (True, "yes"), name, lossy))
+                    raise RigError(
+                        f"{self.at(node, 'efficiency')}: {what} loses, and its body '{light[0]}' is {MASSLESS}; both sides of "
+                        "a mesh with an efficiency need an inertia"
+                    )
+            out.append(
+                Mesh(
+                    bodies, self.teeth(node["teeth"], self.at(node, "teeth"), f"{what}.teeth"), turned in (True, "yes"), name, lossy
+                )
+            )
         return tuple(out)
 
     def planetary_sets(self) -> tuple[PlanetarySet, ...]:
@@ -179,12 +206,15 @@ class _Reader:
             self.source(node, what)
             wheels = [self.body(node[key], self.at(node, key), f"{what}.{key}", ground=True) for key in keys[:3]]
             if len(set(wheels)) < 3:
-                raise RigError(f"{self.at(nodes, name)}: {what}: sun, ring and carrier must be three bodies, found "
-                               f"{', '.join(wheels)}")
+                raise RigError(
+                    f"{self.at(nodes, name)}: {what}: sun, ring and carrier must be three bodies, found {', '.join(wheels)}"
+                )
             teeth = self.teeth(node["teeth"], self.at(node, "teeth"), f"{what}.teeth")
             if teeth[1] <= teeth[0]:
-                raise RigError(f"{self.at(node, 'teeth')}: {what}.teeth: the ring has {teeth[1]} and the sun {teeth[0]}; the sun "
-                               "stands first and has fewer")
+                raise RigError(
+                    f"{self.at(node, 'teeth')}: {what}.teeth: the ring has {teeth[1]} and the sun {teeth[0]}; the sun "
+                    "stands first and has fewer"
+                )
             out.append(PlanetarySet(name, *wheels, teeth))
         return tuple(out)
 
@@ -196,10 +226,19 @@ class _Reader:
             if not isinstance(node, Map) or "joins" not in node:
                 raise RigError(f"{self.at(nodes, name)}: {what} must be a map with the key 'joins', found {brief(node)}")
             if ("stiffness" in node) == ("table" in node):
-                raise RigError(f"{self.at(nodes, name)}: {what} must have one of the keys stiffness, and table for one that is no straight line")
+                raise RigError(
+                    f"{self.at(nodes, name)}: {what} must have one of the keys stiffness, and table for one that is no "
+                    f"straight line"
+                )
             table = read_table(self, node, "table", f"{what}.table", "angle", "torque") if "table" in node else ()
-            out.append(Shaft(name, self.two_bodies(node["joins"], self.at(node, "joins"), f"{what}.joins"), table,
-                             self.hysteresis(node, what)))
+            out.append(
+                Shaft(
+                    name,
+                    self.two_bodies(node["joins"], self.at(node, "joins"), f"{what}.joins"),
+                    table,
+                    self.hysteresis(node, what),
+                )
+            )
         return tuple(out)
 
     def hysteresis(self, node: Map, what: str) -> Points:
@@ -207,13 +246,25 @@ class _Reader:
         if "hysteresis" not in node:
             return ()
         where, springs = self.at(node, "hysteresis"), node["hysteresis"]
-        if not isinstance(springs, List) or len(springs) != 2 or not isinstance(springs[0], List) or not isinstance(springs[1], str):
-            raise RigError(f"{where}: {what}.hysteresis must be [[[stiffness, torque], ...], \"its source\"], found {brief(springs)}")
+        if (
+            not isinstance(springs, List)
+            or len(springs) != 2
+            or not isinstance(springs[0], List)
+            or not isinstance(springs[1], str)
+        ):
+            raise RigError(f'{where}: {what}.hysteresis must be [[[stiffness, torque], ...], "its source"], found {brief(springs)}')
         for spring in springs[0]:
             if not isinstance(spring, List) or len(spring) != 2:
-                raise RigError(f"{where}: {what}.hysteresis: a spring is [stiffness, torque], each with its unit; found {brief(spring)}")
-        return tuple((quantity(spring[0], "torque per angle", f"{where}: {what}.hysteresis"),
-                      quantity(spring[1], "torque", f"{where}: {what}.hysteresis")) for spring in springs[0])
+                raise RigError(
+                    f"{where}: {what}.hysteresis: a spring is [stiffness, torque], each with its unit; found {brief(spring)}"
+                )
+        return tuple(
+            (
+                quantity(spring[0], "torque per angle", f"{where}: {what}.hysteresis"),
+                quantity(spring[1], "torque", f"{where}: {what}.hysteresis"),
+            )
+            for spring in springs[0]
+        )
 
     # ---- devices
 
@@ -224,8 +275,10 @@ class _Reader:
         if "part" not in node:
             raise RigError(f"{self.at(devices, name)}: parts.{name} lacks the key 'part'; known are {', '.join(parts.parts())}")
         if node["part"] not in parts.parts():
-            raise RigError(f"{self.at(node, 'part')}: parts.{name}.part: there is no part {brief(node['part'])}; "
-                           f"{meant(node['part'], parts.parts())}")
+            raise RigError(
+                f"{self.at(node, 'part')}: parts.{name}.part: there is no part {brief(node['part'])}; "
+                f"{meant(node['part'], parts.parts())}"
+            )
         return parts.part(node["part"])
 
     def device(self, name: str, node: Map) -> Device:
@@ -240,8 +293,10 @@ class _Reader:
             elif wire.needed:
                 raise RigError(f"{self.at(node)}: {what} lacks the key '{key}', {meaning(wire.to)}")
         if kind.role == parts.CLUTCH and ("joins" in node) == ("brakes" in node):
-            raise RigError(f"{self.at(node)}: {what} must have one of the keys joins, for a clutch between two bodies, and brakes, "
-                           "for a brake of one")
+            raise RigError(
+                f"{self.at(node)}: {what} must have one of the keys joins, for a clutch between two bodies, and brakes, "
+                "for a brake of one"
+            )
         if kind.role == parts.METER and ("source" in node) == ("load" in node):
             raise RigError(f"{self.at(node)}: {what} must name one of source and load, whose torque it measures")
         rate = 0.0
@@ -249,7 +304,7 @@ class _Reader:
             value = node["release_rate"]
             where = f"{self.at(node, 'release_rate')}: {what}.release_rate"
             if not isinstance(value, List) or len(value) != 2 or not isinstance(value[1], str):
-                raise RigError(f"{where} must be [value with unit, \"its source\"], found {brief(value)}")
+                raise RigError(f'{where} must be [value with unit, "its source"], found {brief(value)}')
             rate = quantity(value[0], "pressure rate", where)
         return Device(name, node["part"], called, wires, rate)
 
@@ -290,8 +345,10 @@ class _Reader:
                 if value is None:
                     continue
                 if value in taken:
-                    raise RigError(f"{self.at(nodes[device.name], key)}: parts.{device.name}.{key}: the {what} {value} has the valve "
-                                   f"{taken[value]} already; each takes one")
+                    raise RigError(
+                        f"{self.at(nodes[device.name], key)}: parts.{device.name}.{key}: the {what} {value} has the valve "
+                        f"{taken[value]} already; each takes one"
+                    )
                 taken[value] = device.name
         fed = {device.wires.get("feeds") for device in devices}
         oil = [device for device in devices if device.role == parts.OIL]
@@ -300,8 +357,10 @@ class _Reader:
             if needs and not oil:
                 raise RigError(f"{self.at(nodes, device.name)}: parts.{device.name} needs an oil_supply, and the rig has none")
             if device.part == "wet_clutch" and device.name not in fed:
-                raise RigError(f"{self.at(nodes, device.name)}: parts.{device.name}: no valve feeds it; give one of the "
-                               f"proportional_valve the key feeds: {device.name}")
+                raise RigError(
+                    f"{self.at(nodes, device.name)}: parts.{device.name}: no valve feeds it; give one of the "
+                    f"proportional_valve the key feeds: {device.name}"
+                )
 
     # ---- what is measured, and what it is called
 
@@ -311,14 +370,23 @@ class _Reader:
         hosts = [device.name for device in devices if device.role not in (parts.VALUES, parts.METER, parts.LOSS)]
         for name, node in nodes.items():
             what = f"transducers.{name}"
-            check_keys(self.path, node, ("type", "like", "shows", "at", "range", "text", "sign", "topic", "logged"),
-                       ("type", "shows", "at", "range", "text"), what, self.at(nodes, name))
+            check_keys(
+                self.path,
+                node,
+                ("type", "like", "shows", "at", "range", "text", "sign", "topic", "logged"),
+                ("type", "shows", "at", "range", "text"),
+                what,
+                self.at(nodes, name),
+            )
             if node["type"] not in TRANSDUCERS:
-                raise RigError(f"{self.at(node, 'type')}: {what}.type is {brief(node['type'])}, expected one of "
-                               f"{', '.join(TRANSDUCERS)}")
+                raise RigError(
+                    f"{self.at(node, 'type')}: {what}.type is {brief(node['type'])}, expected one of {', '.join(TRANSDUCERS)}"
+                )
             if node["at"] not in hosts:
-                raise RigError(f"{self.at(node, 'at')}: {what}.at names {brief(node['at'])}, expected the device whose node "
-                               f"publishes it; {meant(node['at'], hosts)}")
+                raise RigError(
+                    f"{self.at(node, 'at')}: {what}.at names {brief(node['at'])}, expected the device whose node "
+                    f"publishes it; {meant(node['at'], hosts)}"
+                )
             quantity_of, dimension = TRANSDUCERS[node["type"]]
             where = f"{self.at(node, 'range')}: {what}.range"
             ends = node["range"]
@@ -333,14 +401,28 @@ class _Reader:
             logged = node.get("logged", True)
             if logged not in (True, False, "yes", "no"):
                 raise RigError(f"{self.at(node, 'logged')}: {what}.logged is {brief(logged)}, expected yes or no")
-            out.append(Transducer(name, node["type"], node.get("like", node["type"]), self.shown(node, what, devices), node["at"],
-                                  low, high, node["text"], node.get("sign", QUANTITIES[quantity_of].sign),
-                                  node.get("topic", name.lower()), logged in (True, "yes")))
+            out.append(
+                Transducer(
+                    name,
+                    node["type"],
+                    node.get("like", node["type"]),
+                    self.shown(node, what, devices),
+                    node["at"],
+                    low,
+                    high,
+                    node["text"],
+                    node.get("sign", QUANTITIES[quantity_of].sign),
+                    node.get("topic", name.lower()),
+                    logged in (True, "yes"),
+                )
+            )
         logged = [one.logged for one in out]
-        if False in logged and True in logged[logged.index(False):]:
+        if False in logged and True in logged[logged.index(False) :]:
             late = out[logged.index(True, logged.index(False))]
-            raise RigError(f"{self.at(nodes, late.name)}: transducers.{late.name} is logged and stands behind one that is not; the "
-                           "logged ones come first")
+            raise RigError(
+                f"{self.at(nodes, late.name)}: transducers.{late.name} is logged and stands behind one that is not; the "
+                "logged ones come first"
+            )
         return tuple(out)
 
     def shown(self, node, what: str, devices) -> str:
@@ -350,9 +432,13 @@ class _Reader:
         meters = [device.name for device in devices if device.role == parts.METER]
         lines = {str(device.wires.get("line", device.name)) for device in devices if device.role in (parts.OIL, parts.CLUTCH)}
         by_name = {device.name: device for device in devices}
-        known = [*meters, *(f"{body}.speed" for body in self.bodies), *(f"{line}.pressure" for line in sorted(lines)),
-                 *(f"{name}.torque" for name in (*self.shaft_names, *self.element_names)),
-                 *(f"{name}.{one}" for name, device in by_name.items() for one in parts.part(device.part).state)]
+        known = [
+            *meters,
+            *(f"{body}.speed" for body in self.bodies),
+            *(f"{line}.pressure" for line in sorted(lines)),
+            *(f"{name}.torque" for name in (*self.shaft_names, *self.element_names)),
+            *(f"{name}.{one}" for name, device in by_name.items() for one in parts.part(device.part).state),
+        ]
         if shows not in known:
             if dot and owner in by_name:
                 known = [one for one in known if one.startswith(f"{owner}.")]
@@ -369,21 +455,26 @@ class _Reader:
         for what in ("speed", "torque"):
             known = [one.name for one in transducers if one.type == what]
             if node[what] not in known:
-                raise RigError(f"{self.at(node, what)}: {key}.{what} names {brief(node[what])}, expected a transducer of type "
-                               f"{what}; {meant(node[what], known)}")
+                raise RigError(
+                    f"{self.at(node, what)}: {key}.{what} names {brief(node[what])}, expected a transducer of type "
+                    f"{what}; {meant(node[what], known)}"
+                )
         return End(*(node[one] for one in _END_KEYS))
 
     def gears(self) -> tuple[GearHeld, ...]:
         """The table of gears."""
         nodes, out = self.map_of("gears"), []
-        clutches, freewheels = ([name for name, kind in self.kinds.items() if kind.role == role]
-                                for role in (parts.CLUTCH, parts.FREEWHEEL))
+        clutches, freewheels = (
+            [name for name, kind in self.kinds.items() if kind.role == role] for role in (parts.CLUTCH, parts.FREEWHEEL)
+        )
         for number, (key, held) in enumerate(nodes.items(), 1):
             name = str(key)
             where, what = self.at(nodes, key), f"gears.{name}"
-            if name.lower() in ("neutral", "n") or name.isdecimal() and name != str(number):
-                raise RigError(f"{where}: {what}: '{name}' is no name for the gear of number {number}; gears count from the top, and "
-                               "neutral is there in any rig")
+            if name.lower() in ("neutral", "n") or (name.isdecimal() and name != str(number)):
+                raise RigError(
+                    f"{where}: {what}: '{name}' is no name for the gear of number {number}; gears count from the top, and "
+                    "neutral is there in any rig"
+                )
             if not isinstance(held, List) or not held:
                 raise RigError(f"{where}: {what} must be a list of the clutches that hold it, found {brief(held)}")
             for one in held:
@@ -412,8 +503,10 @@ class _Reader:
         """What is told beside what every rig tells."""
         nodes = self.node.get("signals", List(self.node.line))
         if not isinstance(nodes, List) or any(one != TORQUES for one in nodes):
-            raise RigError(f"{self.at(self.node, 'signals')}: signals is {brief(nodes)}, expected [{TORQUES}], which tells the torques in all "
-                           "that joins bodies")
+            raise RigError(
+                f"{self.at(self.node, 'signals')}: signals is {brief(nodes)}, expected [{TORQUES}], which tells the torques in all "
+                "that joins bodies"
+            )
         return tuple(dict.fromkeys(nodes))
 
     def view(self) -> dict[str, tuple[tuple[str, tuple[str, ...]], ...]]:
@@ -424,7 +517,9 @@ class _Reader:
             raise RigError(f"{self.at(self.node, 'view')}: view must be a map of pages, found {brief(nodes)}")
         for page, plots in nodes.items():
             if not isinstance(page, str) or not page.isprintable() or not isinstance(plots, Map) or not plots:
-                raise RigError(f"{self.at(nodes, page)}: view.{page} must be a map of plots, each a title and the list of its signals")
+                raise RigError(
+                    f"{self.at(nodes, page)}: view.{page} must be a map of plots, each a title and the list of its signals"
+                )
             for title, names in plots.items():
                 if not isinstance(names, List) or not names or not all(isinstance(name, str) for name in names):
                     raise RigError(f"{self.at(plots, title)}: view.{page}.{title} must be a list of signals, found {brief(names)}")
@@ -435,14 +530,24 @@ class _Reader:
         """Gears need an input, an output and valves."""
         ends = [key for key in ("input", "output") if key in self.node]
         if structure.gears and len(ends) < 2:
-            raise RigError(f"{self.at(self.node, 'gears')}: a rig with gears needs the keys input and output, found "
-                           f"{', '.join(ends) or 'neither'}")
+            raise RigError(
+                f"{self.at(self.node, 'gears')}: a rig with gears needs the keys input and output, found "
+                f"{', '.join(ends) or 'neither'}"
+            )
         if structure.gears and not structure.of_role(parts.SOURCE):
             raise RigError(f"{self.at(self.node, 'gears')}: a rig with gears needs a motor among its parts, e.g. part: dc_motor")
 
 
 def meaning(to: str) -> str:
     """What a wire leads to, for people."""
-    return {parts.BODY: "a body", parts.BODIES: "two bodies", parts.ONE_WAY: f"two bodies, one of which may be '{GROUND}'", parts.TORQUE: f"a torque meter or '{CLUTCHES}'",
-            parts.TRANSDUCER: "a transducer", parts.OUTPUT: "an output of the controller", parts.LINE: "a name",
-            parts.VALUES: "a part whose values it shares", parts.OIL: "an oil supply"}.get(to, f"a {to}")
+    return {
+        parts.BODY: "a body",
+        parts.BODIES: "two bodies",
+        parts.ONE_WAY: f"two bodies, one of which may be '{GROUND}'",
+        parts.TORQUE: f"a torque meter or '{CLUTCHES}'",
+        parts.TRANSDUCER: "a transducer",
+        parts.OUTPUT: "an output of the controller",
+        parts.LINE: "a name",
+        parts.VALUES: "a part whose values it shares",
+        parts.OIL: "an oil supply",
+    }.get(to, f"a {to}")

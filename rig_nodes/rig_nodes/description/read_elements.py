@@ -10,6 +10,7 @@ function of Python there is a table here, in the file or in a CSV file beside it
 from __future__ import annotations
 
 import csv
+import itertools
 from pathlib import Path
 
 from ..config.names import meant
@@ -23,12 +24,27 @@ GROUND = "ground"
 MOST_POINTS = 100_000
 _LAW = ("table", "by", "of", "period", "angle")
 # what stands in a rig's file by names -> keys of each of them beside its values
-GROUPS = {"bodies": (), "shafts": ("joins", "table", "hysteresis"), "planetary_sets": (), "relations": ("coefficients", "source"),
-          "clutches": ("joins", "friction", "capacity"), "brakes": ("body", "friction", "capacity"),
-          "torques": ("body", "joins", *_LAW), "varying_inertias": ("body", "table", "period", "angle"), "slider_cranks": ("body",),
-          "motions": ("body",)}
-ELEMENTS = {"relations": "relation", "clutches": "clutch", "brakes": "brake", "torques": "torque",
-            "varying_inertias": "varying_inertia", "slider_cranks": "slider_crank", "motions": "motion"}
+GROUPS = {
+    "bodies": (),
+    "shafts": ("joins", "table", "hysteresis"),
+    "planetary_sets": (),
+    "relations": ("coefficients", "source"),
+    "clutches": ("joins", "friction", "capacity"),
+    "brakes": ("body", "friction", "capacity"),
+    "torques": ("body", "joins", *_LAW),
+    "varying_inertias": ("body", "table", "period", "angle"),
+    "slider_cranks": ("body",),
+    "motions": ("body",),
+}
+ELEMENTS = {
+    "relations": "relation",
+    "clutches": "clutch",
+    "brakes": "brake",
+    "torques": "torque",
+    "varying_inertias": "varying_inertia",
+    "slider_cranks": "slider_crank",
+    "motions": "motion",
+}
 _ACROSS = {"speed": "angular velocity", "angle": "angle"}
 
 
@@ -78,7 +94,9 @@ def read_table(reader, node, key: str, what: str, across: str, along: str) -> Po
     if _is_file(rows):
         return _of_file(Path(file_of(reader.path, node, key)).parent / rows, f"{where}: {what}", across, along)
     if not isinstance(rows, List) or not rows:
-        raise RigError(f"{where}: {what} must be a list of points, each [{across}, {along}], or the name of a .csv file; found {brief(rows)}")
+        raise RigError(
+            f"{where}: {what} must be a list of points, each [{across}, {along}], or the name of a .csv file; found {brief(rows)}"
+        )
     if len(rows) > MOST_POINTS:
         raise RigError(f"{where}: {what} has {len(rows)} points, expected at most {MOST_POINTS}")
     out = []
@@ -87,10 +105,12 @@ def read_table(reader, node, key: str, what: str, across: str, along: str) -> Po
         if not isinstance(row, List) or len(row) != 2:
             raise RigError(f"{at}: {what}: a point is [{across}, {along}], each with its unit; found {brief(row)}")
         out.append((quantity(row[0], across, f"{at}: {what}"), quantity(row[1], along, f"{at}: {what}")))
-    for k, (before, after) in enumerate(zip(out, out[1:])):
+    for k, (before, after) in enumerate(itertools.pairwise(out)):
         if after[0] < before[0]:
-            raise RigError(f"{reader.at(rows, k + 1)}: {what}: {brief(rows[k + 1][0])} stands behind {brief(rows[k][0])}; points of a table "
-                           "rise")
+            raise RigError(
+                f"{reader.at(rows, k + 1)}: {what}: {brief(rows[k + 1][0])} stands behind {brief(rows[k][0])}; points of a table "
+                "rise"
+            )
     return tuple(out)
 
 
@@ -101,7 +121,7 @@ def _is_file(value) -> bool:
 def _sourced(node, where: str, what: str):
     """The value of ``[value, "its source"]``."""
     if not isinstance(node, List) or len(node) != 2 or not isinstance(node[1], str) or not node[1].strip():
-        raise RigError(f"{where}: {what} must be [value with unit or table, \"its source\"], found {brief(node)}")
+        raise RigError(f'{where}: {what} must be [value with unit or table, "its source"], found {brief(node)}')
     return node[0]
 
 
@@ -160,9 +180,14 @@ class _Element:
         keys = {"clutch": ("joins",), "torque": ("body", "joins")}.get(self.kind, ("body",))
         written = [key for key in keys if key in self.node]
         if len(written) != 1:
-            raise RigError(f"{self.reader.at(self.node)}: {self.what} " + (
-                f"lacks the key '{keys[0]}'" if len(keys) == 1 else
-                "must have one of the keys body, for what acts on one body, and joins, for what acts between two"))
+            raise RigError(
+                f"{self.reader.at(self.node)}: {self.what} "
+                + (
+                    f"lacks the key '{keys[0]}'"
+                    if len(keys) == 1
+                    else "must have one of the keys body, for what acts on one body, and joins, for what acts between two"
+                )
+            )
         at, what = self.reader.at(self.node, written[0]), f"{self.what}.{written[0]}"
         if written == ["joins"]:
             return self.reader.two_bodies(self.node["joins"], at, what, ground=self.kind == "torque")
@@ -173,8 +198,10 @@ class _Element:
         self.reader.source(self.node, self.what)
         nodes = self.node["coefficients"]
         if not isinstance(nodes, Map) or len(nodes) < 2:
-            raise RigError(f"{self.reader.at(self.node, 'coefficients')}: {self.what}.coefficients must be a map of two bodies or more, each "
-                           f"with its coefficient, found {brief(nodes)}")
+            raise RigError(
+                f"{self.reader.at(self.node, 'coefficients')}: {self.what}.coefficients must be a map of two bodies or more, each "
+                f"with its coefficient, found {brief(nodes)}"
+            )
         for body, value in nodes.items():
             at = self.reader.at(nodes, body)
             self.reader.body(body, at, f"{self.what}.coefficients", ground=True)
@@ -201,14 +228,26 @@ class _Element:
         reader = self.reader
         by, of = node.get("by", by), node.get("of", "")
         if by not in _ACROSS:
-            raise RigError(f"{reader.at(node, 'by')}: {what}.by is {brief(by)}, expected one of {', '.join(_ACROSS)}; what is by time "
-                           "stands under inputs")
+            raise RigError(
+                f"{reader.at(node, 'by')}: {what}.by is {brief(by)}, expected one of {', '.join(_ACROSS)}; what is by time "
+                "stands under inputs"
+            )
         if of:
-            known = [*reader.bodies, *reader.map_of("clutches"), *reader.map_of("brakes"), *(
-                name for name, kind in reader.kinds.items() if "element" in kind.wires)]
+            known = [
+                *reader.bodies,
+                *reader.map_of("clutches"),
+                *reader.map_of("brakes"),
+                *(name for name, kind in reader.kinds.items() if "element" in kind.wires),
+            ]
             if of not in known:
-                raise RigError(f"{reader.at(node, 'of')}: {what}.of names {brief(of)}, expected a body, or a clutch or brake whose slip "
-                               f"counts; {meant(of, known)}")
-        numbers = [quantity(_sourced(node[key], reader.at(node, key), f"{what}.{key}"), "angle", f"{reader.at(node, key)}: {what}.{key}")
-                   if key in node else 0.0 for key in ("period", "angle")]
+                raise RigError(
+                    f"{reader.at(node, 'of')}: {what}.of names {brief(of)}, expected a body, or a clutch or brake whose slip "
+                    f"counts; {meant(of, known)}"
+                )
+        numbers = [
+            quantity(_sourced(node[key], reader.at(node, key), f"{what}.{key}"), "angle", f"{reader.at(node, key)}: {what}.{key}")
+            if key in node
+            else 0.0
+            for key in ("period", "angle")
+        ]
         return Follows(read_table(reader, node, "table", f"{what}.table", _ACROSS[by], along), by, of, *numbers)

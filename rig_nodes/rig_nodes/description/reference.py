@@ -16,8 +16,18 @@ from ..config.units import UNITS, shown_in
 from ..parts import part as parts
 from .read import meaning
 from .sections import (
-    OF_THE_LOGGER, TYPES, BodyConfig, BrakeConfig, ClutchConfig, CutConfig, EffectsConfig, KernelConfig, MeshConfig, ShaftConfig,
-    SliderCrankConfig)
+    OF_THE_LOGGER,
+    TYPES,
+    BodyConfig,
+    BrakeConfig,
+    ClutchConfig,
+    CutConfig,
+    EffectsConfig,
+    KernelConfig,
+    MeshConfig,
+    ShaftConfig,
+    SliderCrankConfig,
+)
 
 
 def sections() -> dict[str, tuple[str, dict]]:
@@ -30,13 +40,21 @@ def sections() -> dict[str, tuple[str, dict]]:
         "clutches": ("Of each clutch that is no device.", _of(ClutchConfig)),
         "brakes": ("Of each brake that is no device.", _of(BrakeConfig)),
         "slider_cranks": ("Of each slider with its crank.", _of(SliderCrankConfig)),
-        **{f"instruments, {kind}": (f"Of each transducer of `type: {kind}`; the names begin with the type, or with what stands under "
-                                    f"`like`: `{kind}_range`.", one()) for kind, one in TYPES.items()},
+        **{
+            f"instruments, {kind}": (
+                f"Of each transducer of `type: {kind}`; the names begin with the type, or with what stands under "
+                f"`like`: `{kind}_range`.",
+                one(),
+            )
+            for kind, one in TYPES.items()
+        },
         "instruments, all": ("Of the logger.", {name: one() for name, one in OF_THE_LOGGER.items()}),
         "effects": ("Only those that the rig's parts have may be named, and `transducers`.", _of(EffectsConfig)),
         "cut": ("Of devices outside the plant ([cuts.md](../how_to/cuts.md)).", _of(CutConfig)),
-        "controller": ("The Alfa46's, in the file that `controller` names, or under `controller_values`; its profiles stand beside "
-                       "them.", _of(Alfa46Values)),
+        "controller": (
+            "The Alfa46's, in the file that `controller` names, or under `controller_values`; its profiles stand beside them.",
+            _of(Alfa46Values),
+        ),
     }
 
 
@@ -48,11 +66,20 @@ def rows_of_parts() -> list[dict[str, str]]:
 def page() -> str:
     """docs/reference/parameters.md."""
     out = [
-        "# Parameters of parts and sections", "",
-        "Made from the parts by `./rig list parts --markdown`; a test keeps it in step. [rigs.md](../how_to/rigs.md) says where they stand in a "
-        "rig's folder; what a certain rig has is shown by `./rig list settings --rig NAME`.", "",
-        "Each value is `[value with unit, \"its source\"]`. The range is inclusive and given in the unit shown; the units at the end may "
-        "be written too. What has a value under \"left out\", or a dash, need not be named; \"while it runs\": it can change then too ([settings.md](../how_to/settings.md)).", "", "## Parts", ""]
+        "# Parameters of parts and sections",
+        "",
+        "Made from the parts by `./rig list parts --markdown`; a test keeps it in step. [rigs.md](../how_to/rigs.md) "
+        "says where they stand in a "
+        "rig's folder; what a certain rig has is shown by `./rig list settings --rig NAME`.",
+        "",
+        'Each value is `[value with unit, "its source"]`. The range is inclusive and given in the unit shown; the '
+        "units at the end may "
+        'be written too. What has a value under "left out", or a dash, need not be named; "while it runs": it can '
+        "change then too ([settings.md](../how_to/settings.md)).",
+        "",
+        "## Parts",
+        "",
+    ]
     for name in parts.parts():
         out += [f"### {name}", "", _about(name), "", *_joints(parts.part(name)), *_table(_rows(_fields(parts.part(name))))]
     out += ["## Other sections", ""]
@@ -61,7 +88,9 @@ def page() -> str:
     kinds: dict[str, list[str]] = {}
     for unit, (dimension, _) in UNITS.items():
         kinds.setdefault(dimension, []).append(f"`{unit}`")
-    return "\n".join([*out, "## Units", "", *_table([{"dimension": kind, "units": ", ".join(units)} for kind, units in kinds.items()])])
+    return "\n".join(
+        [*out, "## Units", "", *_table([{"dimension": kind, "units": ", ".join(units)} for kind, units in kinds.items()])]
+    )
 
 
 def _about(name: str) -> str:
@@ -73,8 +102,11 @@ def _joints(kind: parts.Part) -> list[str]:
     """What a part is joined to, which setpoints it takes and which signals it shows, a line each."""
     joined = [f"`{key}` ({meaning(wire.to)}{'' if wire.needed else '; may be left out'})" for key, wire in kind.joined.items()]
     takes = [f"`{one.step}: {{{key}: ...}}`" for one in kind.takes for key in one.takes]
-    lines = [f"{what}: {', '.join(those)}." for what, those in (
-        ("Joined by", joined), ("Takes", takes), ("Signals", [one.what for one in kind.shows])) if those]
+    lines = [
+        f"{what}: {', '.join(those)}."
+        for what, those in (("Joined by", joined), ("Takes", takes), ("Signals", [one.what for one in kind.shows]))
+        if those
+    ]
     return [line for text in lines for line in (text, "")]
 
 
@@ -97,9 +129,23 @@ def _rows(those: dict) -> list[dict[str, str]]:
         else:
             unit, factor = shown_in(meta["dimension"])
             span = f"{meta['low'] / factor:.6g} to {meta['high'] / factor:.6g}"
-        left = "" if one.default is MISSING else "-" if one.default is None else ("on" if one.default is True else f"{one.default:.6g} {unit}".rstrip(" -"))
-        out.append({"value": name, "unit": unit, "range": span, "left out": left, "while it runs": "yes" if meta.get("live") else "",
-                    "what it is": meta["text"]})
+        left = (
+            ""
+            if one.default is MISSING
+            else "-"
+            if one.default is None
+            else ("on" if one.default is True else f"{one.default:.6g} {unit}".rstrip(" -"))
+        )
+        out.append(
+            {
+                "value": name,
+                "unit": unit,
+                "range": span,
+                "left out": left,
+                "while it runs": "yes" if meta.get("live") else "",
+                "what it is": meta["text"],
+            }
+        )
     return out
 
 
@@ -107,5 +153,9 @@ def _table(rows: list[dict[str, str]]) -> list[str]:
     if not rows:
         return ["It has no values of its own.", ""]
     own = [key for key in rows[0] if key not in ("left out", "while it runs") or any(row[key] for row in rows)]
-    return ["| " + " | ".join(own) + " |", "|" + " --- |" * len(own),
-            *("| " + " | ".join(row[key].replace("|", "\\|") for key in own) + " |" for row in rows), ""]
+    return [
+        "| " + " | ".join(own) + " |",
+        "|" + " --- |" * len(own),
+        *("| " + " | ".join(row[key].replace("|", "\\|") for key in own) + " |" for row in rows),
+        "",
+    ]

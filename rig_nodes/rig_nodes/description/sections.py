@@ -50,7 +50,9 @@ def _stick(way: str):
 class ShaftConfig:
     """A compliant shaft."""
 
-    stiffness: float = param("torque per angle", 1e2, 1e8, "Torque of the shaft per angle of twist; one with a table has none", None)
+    stiffness: float = param(
+        "torque per angle", 1e2, 1e8, "Torque of the shaft per angle of twist; one with a table has none", None
+    )
     damping: float = param("torque per speed", 0.0, 1e5, "Torque of the shaft per difference of its ends' speeds")
     ca: float = _coefficient("first")
     cb: float = _coefficient("second")
@@ -63,7 +65,9 @@ class MeshConfig:
     """Toothed wheels that lose by the torque that they pass on."""
 
     efficiency: float = param("ratio", 1e-3, 1.0, "Share of the power of the first body that the second one gets")
-    back: float = param("ratio", -20.0, 1.0, "Share of the power of the second body that the first one gets; left out, as efficiency", None)
+    back: float = param(
+        "ratio", -20.0, 1.0, "Share of the power of the second body that the first one gets; left out, as efficiency", None
+    )
 
 
 @dataclass(frozen=True)
@@ -108,8 +112,13 @@ def with_written(cls: type, names: tuple[str, ...]) -> type:
     def reduce(self):  # so that a process can send one to another
         return _written, (cls, names, tuple(getattr(self, one.name) for one in own))
 
-    return make_dataclass(cls.__name__, [(one.name, float, param(**one.metadata)) for one in own], frozen=True, kw_only=True,
-                          namespace={"__doc__": cls.__doc__, "__reduce__": reduce})
+    return make_dataclass(
+        cls.__name__,
+        [(one.name, float, param(**one.metadata)) for one in own],
+        frozen=True,
+        kw_only=True,
+        namespace={"__doc__": cls.__doc__, "__reduce__": reduce},
+    )
 
 
 def _written(cls, names, values):
@@ -138,28 +147,33 @@ class EffectsConfig:
     What a rig does not name is on, with averaged PWM.
     """
 
-    current_loop: bool = switch("Coil and controller form the current, with the overshoot of the loop; off: the "
-                                "current is its setpoint", True)
+    current_loop: bool = switch(
+        "Coil and controller form the current, with the overshoot of the loop; off: the current is its setpoint", True
+    )
     motor_speed: bool = switch("The input gives way under load; off: its speed is the setpoint", True)
     torque_losses: bool = switch("Gears lose by torque too; off: by speed alone", True)
     valve_hysteresis: bool = switch("Iron and friction of the valves' magnets; off: none", True)
-    seal_friction: bool = switch("Pistons rise and release at different pressures, by the friction of their "
-                                 "seals; off: at the same", True)
-    spline_hysteresis: bool = switch("Plates stick on their splines, so that capacity outlasts the clamp force; "
-                                     "off: it follows the force", True)
-    oil_temperature: bool = switch("The oil's viscosity follows its temperature; off: it is that of the "
-                                   "reference temperature", True)
-    plate_heat: bool = switch("Friction follows the plates' temperature; off: it is that of the reference "
-                              "temperature", True)
+    seal_friction: bool = switch(
+        "Pistons rise and release at different pressures, by the friction of their seals; off: at the same", True
+    )
+    spline_hysteresis: bool = switch(
+        "Plates stick on their splines, so that capacity outlasts the clamp force; off: it follows the force", True
+    )
+    oil_temperature: bool = switch(
+        "The oil's viscosity follows its temperature; off: it is that of the reference temperature", True
+    )
+    plate_heat: bool = switch("Friction follows the plates' temperature; off: it is that of the reference temperature", True)
     wear: bool = switch("Clearances grow with slip; off: they stay", True)
-    transducers: bool = switch("Errors, disturbances, range and resolution of what is measured; off: true "
-                               "values are shown", True)
-    pwm_frequency: float = param("frequency", 0.0, 1e5,
-                                 "Frequency of the resolved PWM of the coils; at 0 its average acts", 0.0)
+    transducers: bool = switch("Errors, disturbances, range and resolution of what is measured; off: true values are shown", True)
+    pwm_frequency: float = param("frequency", 0.0, 1e5, "Frequency of the resolved PWM of the coils; at 0 its average acts", 0.0)
 
 
-_NOISE, _RANGE, _CLASS, _HUM = ("Standard deviation of its noise", "End of its range",
-                                "Largest error as a share of the range, its class", "Amplitude of the mains' hum in it")
+_NOISE, _RANGE, _CLASS, _HUM = (
+    "Standard deviation of its noise",
+    "End of its range",
+    "Largest error as a share of the range, its class",
+    "Amplitude of the mains' hum in it",
+)
 
 
 def _class():
@@ -168,34 +182,51 @@ def _class():
 
 # type of transducer -> what its values are: class by (7.1), offset and gain by (7.2)
 TYPES = {
-    "torque": lambda: {"noise": param("torque", 0.0, 100.0, _NOISE, 0.0), "range": param("torque", 1.0, 1e5, _RANGE),
-                       "class": _class(), "hum": param("torque", 0.0, 100.0, _HUM, 0.0)},
-    "speed": lambda: {"noise": param("angular velocity", 0.0, 100.0,
-                                     "Standard deviation of the unevenness of the encoder's pulses", 0.0),
-                      "range": param("angular velocity", 0.1, 1e5, _RANGE),
-                      "step": param("angular velocity", 0.0, 10.0, "What the encoder resolves; at 0 everything", 0.0),
-                      "gate": param("time", 1e-6, 0.1, "Time in which the encoder's pulses are counted")},
-    "pressure": lambda: {"noise": param("pressure", 0.0, 1e7, _NOISE, 0.0), "range": param("pressure", 1e5, 1e9, _RANGE),
-                         "class": _class(), "hum": param("pressure", 0.0, 1e6, _HUM, 0.0),
-                         "pickup": param("pressure", 0.0, 1e6,
-                                         "Height of the coil pulses that a valve's wire induces in it", 0.0)},
+    "torque": lambda: {
+        "noise": param("torque", 0.0, 100.0, _NOISE, 0.0),
+        "range": param("torque", 1.0, 1e5, _RANGE),
+        "class": _class(),
+        "hum": param("torque", 0.0, 100.0, _HUM, 0.0),
+    },
+    "speed": lambda: {
+        "noise": param("angular velocity", 0.0, 100.0, "Standard deviation of the unevenness of the encoder's pulses", 0.0),
+        "range": param("angular velocity", 0.1, 1e5, _RANGE),
+        "step": param("angular velocity", 0.0, 10.0, "What the encoder resolves; at 0 everything", 0.0),
+        "gate": param("time", 1e-6, 0.1, "Time in which the encoder's pulses are counted"),
+    },
+    "pressure": lambda: {
+        "noise": param("pressure", 0.0, 1e7, _NOISE, 0.0),
+        "range": param("pressure", 1e5, 1e9, _RANGE),
+        "class": _class(),
+        "hum": param("pressure", 0.0, 1e6, _HUM, 0.0),
+        "pickup": param("pressure", 0.0, 1e6, "Height of the coil pulses that a valve's wire induces in it", 0.0),
+    },
     "current": lambda: {"noise": param("current", 0.0, 0.1, _NOISE, 0.0), "range": param("current", 0.1, 100.0, _RANGE)},
-    "temperature": lambda: {"range": param("temperature", 1.0, 1e3, _RANGE),
-                            "offset": param("temperature", 0.0, 10.0, "Largest error at 0 degC", 0.0),
-                            "gain": param("ratio", 0.0, 0.1,
-                                          "Largest error as a share of the temperature, beside the offset", 0.0)},
-    "travel": lambda: {"noise": param("length", 0.0, 1e-3, _NOISE, 0.0), "range": param("length", 1e-4, 1.0, _RANGE),
-                       "class": _class()},
-    "force": lambda: {"noise": param("force", 0.0, 1e4, _NOISE, 0.0), "range": param("force", 1.0, 1e6, _RANGE),
-                      "class": _class(),
-                      "fitted": switch("Whether there is such a transducer; off: its channel shows nothing", True)},
+    "temperature": lambda: {
+        "range": param("temperature", 1.0, 1e3, _RANGE),
+        "offset": param("temperature", 0.0, 10.0, "Largest error at 0 degC", 0.0),
+        "gain": param("ratio", 0.0, 0.1, "Largest error as a share of the temperature, beside the offset", 0.0),
+    },
+    "travel": lambda: {
+        "noise": param("length", 0.0, 1e-3, _NOISE, 0.0),
+        "range": param("length", 1e-4, 1.0, _RANGE),
+        "class": _class(),
+    },
+    "force": lambda: {
+        "noise": param("force", 0.0, 1e4, _NOISE, 0.0),
+        "range": param("force", 1.0, 1e6, _RANGE),
+        "class": _class(),
+        "fitted": switch("Whether there is such a transducer; off: its channel shows nothing", True),
+    },
 }
 OF_THE_LOGGER = {
     "hum_frequency": lambda: param("frequency", 1.0, 1e3, "Frequency of the mains"),
-    "anti_alias": lambda: param("frequency", 0.0, 1e5,
-                                "Corner frequency of the analog channels' low pass; at 0 there is none", 0.0),
-    "resolution_bits": lambda: param("ratio", 0.0, 32.0,
-                                     "Bits into which the analog channels' converter cuts the range; at 0 it cuts nothing", 0.0),
+    "anti_alias": lambda: param(
+        "frequency", 0.0, 1e5, "Corner frequency of the analog channels' low pass; at 0 there is none", 0.0
+    ),
+    "resolution_bits": lambda: param(
+        "ratio", 0.0, 32.0, "Bits into which the analog channels' converter cuts the range; at 0 it cuts nothing", 0.0
+    ),
 }
 
 
@@ -210,8 +241,13 @@ def instruments_class(kinds: tuple[tuple[str, str], ...]) -> type:
     def reduce(self):  # so that a process can send one to another
         return _instruments, (kinds, tuple(getattr(self, one.name) for one in fields(self)))
 
-    return make_dataclass("InstrumentsConfig", out, frozen=True, kw_only=True, namespace={
-        "__doc__": "Of each transducer: noise, range, class, disturbances.", "__reduce__": reduce})
+    return make_dataclass(
+        "InstrumentsConfig",
+        out,
+        frozen=True,
+        kw_only=True,
+        namespace={"__doc__": "Of each transducer: noise, range, class, disturbances.", "__reduce__": reduce},
+    )
 
 
 def _instruments(kinds, values):

@@ -36,7 +36,8 @@ class Setting:
     """One value.
 
     name: ``owner.key``; text: what it is; dimension: of config.units, SWITCH, WORDS or POINT; low, high: SI, inclusive;
-    choices: of words; kept: it stands in the configuration, so that it can be given before a run; live: it can change while the rig runs,
+    choices: of words; kept: it stands in the configuration, so that it can be given before a run; live: it can change while the
+    rig runs,
     as the parameter ``key`` of the node ``owner``; numbers: how many it is made of; setpoint: the one that it sets, by its
     value or, a switch, by turning its device on; state: of its device, that has the value while it runs; lacking: the
     switch of the rig without which nobody takes it.
@@ -156,6 +157,7 @@ def effects_of(structure: Structure) -> set[str]:
 
 def settings_of(structure: Structure, values: Mapping) -> Settings:
     """The settings of a rig. values: of its sections by name, as dataclasses or as plain maps."""
+
     def chosen(owner: str, switch: str) -> bool:
         section = values[owner]
         return bool(section.get(switch, True) if isinstance(section, Mapping) else getattr(section, switch, True))
@@ -165,25 +167,48 @@ def settings_of(structure: Structure, values: Mapping) -> Settings:
         return tuple(section) if isinstance(section, Mapping) else tuple(one.name for one in fields(section))
 
     out, effects = Settings(), effects_of(structure)
-    owners = {"kernel": KernelConfig, "cut": CutConfig,
-              **{name: with_written(cls, written(name)) for name, cls in section_classes(structure).items()},
-              **{device.name: configs[0] for device in structure.devices if (configs := parts.part(device.part).configs)},
-              INSTRUMENTS: instruments_of(structure), "effects": EffectsConfig,
-              **({CONTROLLER: Alfa46Values} if structure.shifts else {})}
-    every = [_of_field(f"{owner}.{one.name}", one) for owner, cls in owners.items() for one in fields(cls)
-             if owner != "effects" or one.name in effects]
+    owners = {
+        "kernel": KernelConfig,
+        "cut": CutConfig,
+        **{name: with_written(cls, written(name)) for name, cls in section_classes(structure).items()},
+        **{device.name: configs[0] for device in structure.devices if (configs := parts.part(device.part).configs)},
+        INSTRUMENTS: instruments_of(structure),
+        "effects": EffectsConfig,
+        **({CONTROLLER: Alfa46Values} if structure.shifts else {}),
+    }
+    every = [
+        _of_field(f"{owner}.{one.name}", one)
+        for owner, cls in owners.items()
+        for one in fields(cls)
+        if owner != "effects" or one.name in effects
+    ]
     every += _of_devices(structure, chosen)
     for one in structure.transducers:
         if "noise" in TYPES[one.type]() and chosen(INSTRUMENTS, f"{one.like}_fitted"):
             like = out_of(every, f"{INSTRUMENTS}.{one.like}_noise")
-            every.append(Setting(f"{INSTRUMENTS}.noise.{one.name}", f"Noise of {one.name}, standard deviation", like.dimension,
-                                 like.low, like.high, kept=False, live=True))
+            every.append(
+                Setting(
+                    f"{INSTRUMENTS}.noise.{one.name}",
+                    f"Noise of {one.name}, standard deviation",
+                    like.dimension,
+                    like.low,
+                    like.high,
+                    kept=False,
+                    live=True,
+                )
+            )
     every.append(Setting(f"{INSTRUMENTS}.noise", "Whether the transducers have their noise", SWITCH, kept=False, live=True))
     if structure.shifts:
         every += _of_profiles()
         if len(structure.valves) == 2:
-            every.append(Setting(WIRING, "Which output of the controller drives which valve, where not as the file has it", WORDS,
-                                 choices=("swapped",)))
+            every.append(
+                Setting(
+                    WIRING,
+                    "Which output of the controller drives which valve, where not as the file has it",
+                    WORDS,
+                    choices=("swapped",),
+                )
+            )
     out.update((one.name, one) for one in every)
     return out
 
@@ -197,8 +222,16 @@ def _of_field(name: str, one: Field) -> Setting:
     """A value of the configuration."""
     meta = one.metadata
     live = meta.get("live", False)
-    return Setting(name, meta["text"], meta["dimension"], meta.get("low", -math.inf), meta.get("high", math.inf),
-                   meta.get("choices", ()), live=bool(live), state=live if isinstance(live, str) else "")
+    return Setting(
+        name,
+        meta["text"],
+        meta["dimension"],
+        meta.get("low", -math.inf),
+        meta.get("high", math.inf),
+        meta.get("choices", ()),
+        live=bool(live),
+        state=live if isinstance(live, str) else "",
+    )
 
 
 def _of_devices(structure: Structure, chosen) -> list[Setting]:
@@ -210,13 +243,26 @@ def _of_devices(structure: Structure, chosen) -> list[Setting]:
         text = command.text[0].upper() + command.text[1:] + (", gauge" if quantity.gauge else "")
         lacking = f"{setpoint.device}.{command.only}" if command.only and not chosen(setpoint.device, command.only) else ""
         about = {"kept": False, "live": True, "setpoint": setpoint, "lacking": lacking}
-        out += [Setting(f"{setpoint.node}.{command.parameter or command.value}", text, command.takes[command.value], like.low,
-                        like.high, **about),
-                Setting(f"{setpoint.node}.enabled", "Whether the device is switched on", SWITCH, **about)]
+        out += [
+            Setting(
+                f"{setpoint.node}.{command.parameter or command.value}",
+                text,
+                command.takes[command.value],
+                like.low,
+                like.high,
+                **about,
+            ),
+            Setting(f"{setpoint.node}.enabled", "Whether the device is switched on", SWITCH, **about),
+        ]
     from ..engine.outside import cuttable  # compiled code stands above, which not every reader needs at once
 
-    return out + [Setting(f"{device.name}.source", "Where the device stands: in the plant, or outside it behind a topic", WORDS,
-                          choices=SOURCES) for device in structure.devices if cuttable(device)]
+    return out + [
+        Setting(
+            f"{device.name}.source", "Where the device stands: in the plant, or outside it behind a topic", WORDS, choices=SOURCES
+        )
+        for device in structure.devices
+        if cuttable(device)
+    ]
 
 
 def _of_profiles() -> list[Setting]:
@@ -225,9 +271,20 @@ def _of_profiles() -> list[Setting]:
     for output in OUTPUT_KEYS:
         for point in POINTS:
             name = f"{CONTROLLER}.{output}.{point}"
-            out += [Setting(name, f"Time and current of {point} in the profile of {output}", POINT),
-                    Setting(f"{name}.time", f"Time of {point} in the profile of {output}", "time", 0.0, LATEST),
-                    Setting(f"{name}.current", f"Current of {point} in the profile of {output}", "current", 0.0, most)]
-    return out + [Setting(f"{CONTROLLER}.{output}.{column}", f"{column.capitalize()} of the points in the profile of {output}",
-                             dimension, kept=False, live=True, numbers=len(POINTS))
-                     for output in OUTPUT_KEYS for column, dimension in (("times", "time"), ("currents", "current"))]
+            out += [
+                Setting(name, f"Time and current of {point} in the profile of {output}", POINT),
+                Setting(f"{name}.time", f"Time of {point} in the profile of {output}", "time", 0.0, LATEST),
+                Setting(f"{name}.current", f"Current of {point} in the profile of {output}", "current", 0.0, most),
+            ]
+    return out + [
+        Setting(
+            f"{CONTROLLER}.{output}.{column}",
+            f"{column.capitalize()} of the points in the profile of {output}",
+            dimension,
+            kept=False,
+            live=True,
+            numbers=len(POINTS),
+        )
+        for output in OUTPUT_KEYS
+        for column, dimension in (("times", "time"), ("currents", "current"))
+    ]

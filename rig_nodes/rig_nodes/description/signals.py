@@ -36,8 +36,19 @@ def described(structure: Structure) -> dict:
         if name in signals:
             raise RigError(f"the signal '{name}' is there twice; give one of them another name under the key names")
         signals[name] = {
-            "quantity": quantity.name, "unit": quantity.unit, "display_unit": quantity.display, "scale": quantity.scale,
-            "low": low, "high": high, "topic": where, "field": field, "sign": sign, "text": text, "gauge": quantity.gauge, **others}
+            "quantity": quantity.name,
+            "unit": quantity.unit,
+            "display_unit": quantity.display,
+            "scale": quantity.scale,
+            "low": low,
+            "high": high,
+            "topic": where,
+            "field": field,
+            "sign": sign,
+            "text": text,
+            "gauge": quantity.gauge,
+            **others,
+        }
 
     for one in structure.transducers:
         where, of = f"/{one.at}/{one.topic}", TRANSDUCERS[one.type][0]
@@ -54,8 +65,17 @@ def described(structure: Structure) -> dict:
                 topic(one.topic, "sequencer", "Setpoint", "setting", sets=one.command.text, like=one.like)
         words = _words(structure, device)
         for one in part.shows:
-            signal(f"{device.key}_{one.what}", one.of, one.low, one.high, f"/{device.name}/state", one.field,
-                   one.sign.format(**words), one.text.format(**words), states=one.states)
+            signal(
+                f"{device.key}_{one.what}",
+                one.of,
+                one.low,
+                one.high,
+                f"/{device.name}/state",
+                one.field,
+                one.sign.format(**words),
+                one.text.format(**words),
+                states=one.states,
+            )
     _whole(structure, topic, signal)
     cut = {}
     from ..engine.outside import cuttable  # compiled code stands above, which not every reader of a catalogue needs at once
@@ -63,23 +83,38 @@ def described(structure: Structure) -> dict:
     for device in structure.devices:
         if cuttable(device):
             cut[f"/{device.name}/cut/port"] = {"node": device.name, "type": "CutPort", "qos": "measurement", "rate": SAMPLE_RATE}
-            cut[f"/{device.name}/cut/answer"] = {"node": f"{device.name}_device", "type": "CutAnswer", "qos": "measurement",
-                                                 "rate": SAMPLE_RATE}
-    own = {} if not structure.shifts else {
-        "/controller/signals": {"node": "alfa46", "type": "SampleBlock", "qos": "measurement", "rate": STATE_RATE},
-        "/controller/channels": {"node": "alfa46", "type": "ChannelList", "qos": "latched", "rate": 0}}
+            cut[f"/{device.name}/cut/answer"] = {
+                "node": f"{device.name}_device",
+                "type": "CutAnswer",
+                "qos": "measurement",
+                "rate": SAMPLE_RATE,
+            }
+    own = (
+        {}
+        if not structure.shifts
+        else {
+            "/controller/signals": {"node": "alfa46", "type": "SampleBlock", "qos": "measurement", "rate": STATE_RATE},
+            "/controller/channels": {"node": "alfa46", "type": "ChannelList", "qos": "latched", "rate": 0},
+        }
+    )
     return {"topics": topics, "signals": signals, "cut_topics": cut, "controller_topics": own}
 
 
 def _words(structure: Structure, device: Device) -> dict[str, str]:
     """What the sentences on a device's signals may name."""
+
     def told(body: str) -> str:
         return body.replace("_", " ")
 
     driving, driven = device.wires.get("joins", (device.wires.get("brakes", ""), "ground"))
     fed = structure.device(device.wires["feeds"]).called if "feeds" in device.wires else ""
-    return {"called": device.called, "body": told(str(device.wires.get("body", ""))), "driving": told(driving),
-            "driven": told(driven), "fed": f"clutch {fed}"}
+    return {
+        "called": device.called,
+        "body": told(str(device.wires.get("body", ""))),
+        "driving": told(driving),
+        "driven": told(driven),
+        "fed": f"clutch {fed}",
+    }
 
 
 def _whole(structure: Structure, topic, signal) -> None:
@@ -89,12 +124,29 @@ def _whole(structure: Structure, topic, signal) -> None:
         several = len(numbers)
         topic("/gearbox/state", "gearbox", "GearboxState", rate=STATE_RATE)
         both = "both" if several == 3 else "several"
-        signal("gear", "state", 0.0, several, "/gearbox/state", "gear", "none", "Which clutches are locked.",
-               states={**numbers, several: both})
+        signal(
+            "gear",
+            "state",
+            0.0,
+            several,
+            "/gearbox/state",
+            "gear",
+            "none",
+            "Which clutches are locked.",
+            states={**numbers, several: both},
+        )
         ends = structure.input.body, structure.output.body
         for field, side, body in (("loss_in", "driving", ends[0]), ("loss_out", "driven", ends[1])):
-            signal(field, "torque", 0.0, 100.0, "/gearbox/state", field, "positive brakes",
-                   f"Loss torque of the {side} side on {body}.")
+            signal(
+                field,
+                "torque",
+                0.0,
+                100.0,
+                "/gearbox/state",
+                field,
+                "positive brakes",
+                f"Loss torque of the {side} side on {body}.",
+            )
     topic("/instruments/hmg4000", "instruments", "SampleBlock", rate=STATE_RATE)
     topic("/instruments/channels", "instruments", "ChannelList", "latched")
     if structure.shifts:
@@ -115,16 +167,49 @@ def _whole(structure: Structure, topic, signal) -> None:
         topic("/controller/command", "alfa46", "ValveCommand", "command", SAMPLE_RATE)
         topic("/controller/events", "alfa46", "Event")
         for valve, output in ((valve, valve.wires["output"] - 1) for valve in structure.valves):
-            signal(f"I_set_{valve.key}", "current", 0.0, _CURRENT_LIMIT, "/controller/command", f"setpoint[{output}]", "positive",
-                   f"Current the profile of {valve.called} asks for.")
-        signal("gear_ordered", "state", 0.0, len(structure.gears), "/controller/command", "gear", "none",
-               "Gear the shift controller was ordered last.",
-               states={0: "neutral"} | {k: gear.name for k, gear in enumerate(structure.gears, 1)})
+            signal(
+                f"I_set_{valve.key}",
+                "current",
+                0.0,
+                _CURRENT_LIMIT,
+                "/controller/command",
+                f"setpoint[{output}]",
+                "positive",
+                f"Current the profile of {valve.called} asks for.",
+            )
+        signal(
+            "gear_ordered",
+            "state",
+            0.0,
+            len(structure.gears),
+            "/controller/command",
+            "gear",
+            "none",
+            "Gear the shift controller was ordered last.",
+            states={0: "neutral"} | {k: gear.name for k, gear in enumerate(structure.gears, 1)},
+        )
     topic("/sequencer/events", "sequencer", "Event")
-    signal("rig_state", "state", 0.0, 3.0, "/rig/state", "state", "none", "What the rig is doing.",
-           states={0: "starting", 1: "ready", 2: "running", 3: "tripped"})
-    signal("energy_residual", "energy", -1e6, 1e6, "/rig/state", "energy_residual", "positive: work in that is found nowhere",
-           "Motor work minus load work, heat and stored energy.")
+    signal(
+        "rig_state",
+        "state",
+        0.0,
+        3.0,
+        "/rig/state",
+        "state",
+        "none",
+        "What the rig is doing.",
+        states={0: "starting", 1: "ready", 2: "running", 3: "tripped"},
+    )
+    signal(
+        "energy_residual",
+        "energy",
+        -1e6,
+        1e6,
+        "/rig/state",
+        "energy_residual",
+        "positive: work in that is found nowhere",
+        "Motor work minus load work, heat and stored energy.",
+    )
 
 
 @dataclass(frozen=True)
@@ -141,18 +226,38 @@ class TorqueSignal:
 def torque_signals(structure: Structure) -> list[TorqueSignal]:
     """Of all that joins bodies or acts on them and is no device, which tells its own."""
     out = []
-    for kind, one in (*(("shaft", one) for one in structure.shafts),
-                      *((one.kind, one) for one in structure.of_kind("clutch", "brake", "torque", "motion"))):
+    for kind, one in (
+        *(("shaft", one) for one in structure.shafts),
+        *((one.kind, one) for one in structure.of_kind("clutch", "brake", "torque", "motion")),
+    ):
         a, b = (*one.bodies, GROUND)[:2]
         pushes = kind in ("torque", "motion")
-        out.append(TorqueSignal(f"{one.name}_torque", one.name, "", f"Torque {'' if kind == 'torque' else f'of the {kind} '}{one.name}.",
-                                f"positive drives {a}" if pushes else
-                                f"positive slows {a} and drives {b}" if b != GROUND else f"positive slows {a}"))
-    ties = [*((name, mesh.bodies) for name, mesh in zip(structure.mesh_names, structure.meshes)),
-            *((one.name, (one.sun, one.ring, one.carrier)) for one in structure.planetary_sets),
-            *((one.name, one.bodies) for one in structure.of_kind("relation"))]
-    return out + [TorqueSignal(f"{name.replace('-', '_')}_{body}_torque", name, body, f"Torque that {name} puts on {body}.", f"positive drives {body}")
-                  for name, bodies in ties for body in bodies if body != GROUND]
+        out.append(
+            TorqueSignal(
+                f"{one.name}_torque",
+                one.name,
+                "",
+                f"Torque {'' if kind == 'torque' else f'of the {kind} '}{one.name}.",
+                f"positive drives {a}"
+                if pushes
+                else f"positive slows {a} and drives {b}"
+                if b != GROUND
+                else f"positive slows {a}",
+            )
+        )
+    ties = [
+        *((name, mesh.bodies) for name, mesh in zip(structure.mesh_names, structure.meshes)),
+        *((one.name, (one.sun, one.ring, one.carrier)) for one in structure.planetary_sets),
+        *((one.name, one.bodies) for one in structure.of_kind("relation")),
+    ]
+    return out + [
+        TorqueSignal(
+            f"{name.replace('-', '_')}_{body}_torque", name, body, f"Torque that {name} puts on {body}.", f"positive drives {body}"
+        )
+        for name, bodies in ties
+        for body in bodies
+        if body != GROUND
+    ]
 
 
 def absolute_pressures(structure: Structure):

@@ -89,7 +89,8 @@ class Follows:
 class Element:
     """What joins bodies or acts on them and is no device; its numbers are settings under its name, as plant.driveline names them.
 
-    kind: "relation", "clutch", "brake", "torque", "varying_inertia", "slider_crank" or "motion". coefficients: of a relation, one for
+    kind: "relation", "clutch", "brake", "torque", "varying_inertia", "slider_crank" or "motion". coefficients: of a relation, one
+    for
     each body. follows: the torque, the inertia, or the capacity of a clutch or brake; friction: factors of that over its slip.
     """
 
@@ -218,7 +219,9 @@ class Structure:
         out: list[str] = []
         for mesh in self.meshes:
             name = mesh.name or "-".join(mesh.bodies)
-            out.append(name if name not in out else f"{name}-{sum(one.bodies == mesh.bodies for one in self.meshes[:len(out)]) + 1}")
+            out.append(
+                name if name not in out else f"{name}-{sum(one.bodies == mesh.bodies for one in self.meshes[: len(out)]) + 1}"
+            )
         return tuple(out)
 
     @cached_property
@@ -275,22 +278,31 @@ def _listed(value):
 
 def structure_of(plain: Mapping) -> Structure:
     """A structure from :meth:`Structure.plain`; KeyError, TypeError or ValueError for what is none."""
+
     def made(cls, entry):
         if entry is None:
             return None
         return cls(**{name: _tupled(value) for name, value in entry.items()})
 
-    kinds = {"meshes": Mesh, "planetary_sets": PlanetarySet, "shafts": Shaft, "devices": Device, "gears": GearHeld,
-             "transducers": Transducer}
+    kinds = {
+        "meshes": Mesh,
+        "planetary_sets": PlanetarySet,
+        "shafts": Shaft,
+        "devices": Device,
+        "gears": GearHeld,
+        "transducers": Transducer,
+    }
     out = {}
     for one in fields(Structure):
         if one.name == "view":
-            out["view"] = {page: tuple((title, tuple(names)) for title, names in plots)
-                           for page, plots in plain.get("view", {}).items()}
+            out["view"] = {
+                page: tuple((title, tuple(names)) for title, names in plots) for page, plots in plain.get("view", {}).items()
+            }
             continue
         if one.name == "elements":
-            out["elements"] = tuple(made(Element, {**entry, "follows": made(Follows, entry["follows"])})
-                                    for entry in plain.get("elements", ()))
+            out["elements"] = tuple(
+                made(Element, {**entry, "follows": made(Follows, entry["follows"])}) for entry in plain.get("elements", ())
+            )
             continue
         if one.name == "inputs":
             out["inputs"] = {name: _tupled(points) for name, points in plain.get("inputs", {}).items()}

@@ -37,6 +37,7 @@ def _fields(context, builder, kind, line, names) -> list:
 @intrinsic
 def general_step(context, at, h, t, line):
     """Move a driveline's record from t over h by the bare step; at: :func:`addresses`."""
+
     def build(context, builder, signature, given):
         at, h, t, line = given
         values = [h, t, *_fields(context, builder, signature.args[3], line, ARGUMENTS)]
@@ -49,6 +50,7 @@ def general_step(context, at, h, t, line):
 @intrinsic
 def driven_step_at(context, at, h, t, line):
     """The same by the driven step, on the record of a driveline that has what that needs."""
+
     def build(context, builder, signature, given):
         at, h, t, line = given
         bare, settled, driven = (builder.extract_value(at, k) for k in range(3))

@@ -89,7 +89,7 @@ def first_row(log, h, worlds, numbers, showns, table, keys, hum, state, counts):
     for e in range(shown.encoder.shape[0]):
         shown.counted[shown.encoder[e]] = 0.0
     true_row(numbers, shown)
-    measure(int(0), h, worlds[0], shown)  # int(): a literal would have it compiled once more
+    measure(0, h, worlds[0], shown)  # int(): a literal would have it compiled once more
     for e in range(shown.encoder.shape[0]):
         counts[0, shown.encoder[e]] = shown.counted[shown.encoder[e]]
     put_row(log, 0, shown)
@@ -106,8 +106,30 @@ def put_back(world, moved, kept):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def advance(samples, first_sample, steps_per_sample, h, drive, addresses, worlds, numbers, showns, table, keys, hum, gauge_state,
-            counts, law_config, law_profiles, law_outputs, law_state, log, moved, finite, kept):
+def advance(
+    samples,
+    first_sample,
+    steps_per_sample,
+    h,
+    drive,
+    addresses,
+    worlds,
+    numbers,
+    showns,
+    table,
+    keys,
+    hum,
+    gauge_state,
+    counts,
+    law_config,
+    law_profiles,
+    law_outputs,
+    law_state,
+    log,
+    moved,
+    finite,
+    kept,
+):
     """Move everything by whole controller samples; row j of the ring ``log`` is the time j * h after 0.
 
     Returns (the sample that was reached, one of WHOLE, NOT_FINITE, NOT_SETTLED): it ends early with the sample in

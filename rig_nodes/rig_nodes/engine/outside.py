@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from ..config.schema import fill, record_dtype
 from ..config.names import unknown
+from ..config.schema import fill, record_dtype
 from ..errors import RigError
 from ..parts import dc_motor as motor_model
 from ..parts import load_pump as load_model
@@ -27,7 +27,7 @@ LOOP = 0.35  # crossover of the motor's speed loop times the tick: 0.3 costs 0.2
 # roles of devices that are no such pair, and why
 NOT_CUT = {
     parts.CLUTCH: "clutches that lock are solved together with the shafts in every step, and a friction torque that is a tick "
-                  "old would chatter at standstill",
+    "old would chatter at standstill",
     parts.FREEWHEEL: "it holds and lets go within a step, together with all that it holds",
     parts.OIL: "all valves draw on its stiff pressure in every step, so it is no single device's port",
     parts.LOSS: "it brakes a shaft by a torque of the same instant, and one that is a tick old cannot",
@@ -39,7 +39,7 @@ NOT_CUT = {
 # what is in a rig and no device of its description, and why it is no such pair
 NOT_DEVICES = {
     "gearbox": "its shafts carry the clutches that lock and break away within a step, and a torque that is a "
-               "tick old cannot hold them",
+    "tick old cannot hold them",
     "instruments": "they measure the plant and carry no power; their wires are topics anyway",
     "alfa46": "it carries no power and its wires are topics anyway; give --controller",
 }
@@ -95,9 +95,7 @@ def check_device(structure, name: str) -> None:
         raise RigError(why)
 
 
-MOTOR_SIDE = np.dtype([
-    ("torque", "f8"), ("integral", "f8"), ("setpoint", "f8"), ("mean", "f8"), ("work", "f8"),
-])
+MOTOR_SIDE = np.dtype([("torque", "f8"), ("integral", "f8"), ("setpoint", "f8"), ("mean", "f8"), ("work", "f8")])
 LOAD_SIDE = np.dtype([("pressure", "f8"), ("mean", "f8"), ("work", "f8")])
 VALVE_SIDE = np.dtype([("magnet", "f8"), ("spool", "f8"), ("share", "f8"), ("mean", "f8"), ("slope", "f8"), ("work", "f8")])
 
@@ -109,8 +107,7 @@ def motor_tick(side, speed, target, drive, steps, h, motor):
     for _ in range(steps):
         side.setpoint = motor_model.next_setpoint(side.setpoint, target, speed, drive, h, motor)
         before = side.torque if drive else 0.0
-        side.torque, side.integral = motor_model.drive_torque(
-            side.torque, side.integral, side.setpoint, speed, drive, h, motor)
+        side.torque, side.integral = motor_model.drive_torque(side.torque, side.integral, side.setpoint, speed, drive, h, motor)
         side.mean += 0.5 * (before + side.torque) / steps
     side.work += side.mean * speed * steps * h
 
@@ -167,7 +164,8 @@ class OtherSide:
             raise RigError(
                 f"cut.tick is {config.cut.tick * 1e3:g} ms: the motor's speed loop (speed_gain over inertia, {turns:.0f} "
                 f"1/s) swings behind answers that are so late; give at most {1e3 * LOOP / turns:.1f} ms, or the motor a "
-                "smaller speed_gain")
+                "smaller speed_gain"
+            )
         self._h = config.kernel.step
         self._values = _record(values)
         if entry.part == VALVE:
@@ -180,8 +178,9 @@ class OtherSide:
         """The answer to a port that comes so many ticks after the last one."""
         last, self._last = self._last, port
         if last is not None:
-            between = last._replace(**{name: 0.5 * (getattr(last, name) + getattr(port, name))
-                                       for name in ("speed", "pressure", "supply")})
+            between = last._replace(
+                **{name: 0.5 * (getattr(last, name) + getattr(port, name)) for name in ("speed", "pressure", "supply")}
+            )
             for _ in range(ticks):
                 self._move(self._side, between, port.current)
         self._ahead[0] = self._side
@@ -199,8 +198,9 @@ class OtherSide:
         if self.device == LOAD:
             return Answer(torque=float(ahead["mean"]), pressure=float(ahead["pressure"]), work=work)
         slope = self._slope(ahead, port)
-        return Answer(flow=float(ahead["mean"]), flow_slope=slope, pressure=port.pressure,
-                      position=float(ahead["spool"]), work=work)
+        return Answer(
+            flow=float(ahead["mean"]), flow_slope=slope, pressure=port.pressure, position=float(ahead["spool"]), work=work
+        )
 
     def _coil(self, port: Port) -> float:
         """Coil current of a valve a tick later, its duty held; 0 for other devices."""
@@ -218,8 +218,7 @@ class OtherSide:
         elif self.device == LOAD:
             load_tick(side, port.speed, port.setpoint, port.enable, steps, self._h, self._values)
         else:
-            valve_tick(side, port.current, current, port.pressure, port.supply, self._speed_by_root, steps, self._h,
-                       self._values)
+            valve_tick(side, port.current, current, port.pressure, port.supply, self._speed_by_root, steps, self._h, self._values)
 
     def _slope(self, side, port: Port) -> float:
         """Change of a valve's answer by port pressure: the steeper of the orifice's and the way to no flow.
@@ -228,8 +227,9 @@ class OtherSide:
         middle of the tick in which the answer acts. In a stiff line the pressure gets there within that tick;
         a slope that knew the orifice alone would let it swing.
         """
-        closed = valve_model.closing_pressure(float(self._side["spool"]), side["mean"] > 0.0, float(side["magnet"]),
-                                              1.5 * port.tick, self._values)
+        closed = valve_model.closing_pressure(
+            float(self._side["spool"]), side["mean"] > 0.0, float(side["magnet"]), 1.5 * port.tick, self._values
+        )
         slope = float(side["slope"])
         if side["mean"] != 0.0 and closed != port.pressure:
             slope = min(slope, -abs(float(side["mean"]) / (closed - port.pressure)))

@@ -45,7 +45,8 @@ class Instance:
 @dataclass(frozen=True)
 class Meter:
     """Torque between bodies: sum of friction torques (by element), of pushes (by body) and of accelerations (by body)
-    times these weights."""
+    times these weights.
+    """
 
     name: str
     friction: Mapping[str, float] = field(default_factory=dict)
@@ -107,20 +108,27 @@ class World:
             raise RigError("each loss by torque needs a friction element of its own, and brakes one that a loss owns")
         driven = driven_arrays(system, plan.inputs) if plan.driven else {}
         self.sizes = sizes = Sizes(
-            speeds=len(system.speeds), elements=len(system.elements), shafts=len(system.slots),
-            losses=len(self.losses), owned=owned,
-            bodies=len(plan.bodies), meters=len(plan.meters), oil_lines=len(plan.oil_lines), outputs=plan.outputs,
-            driven={name: array.shape for name, array in driven.items()})
+            speeds=len(system.speeds),
+            elements=len(system.elements),
+            shafts=len(system.slots),
+            losses=len(self.losses),
+            owned=owned,
+            bodies=len(plan.bodies),
+            meters=len(plan.meters),
+            oil_lines=len(plan.oil_lines),
+            outputs=plan.outputs,
+            driven={name: array.shape for name, array in driven.items()},
+        )
         dtype = world_dtype({name: len(group) for name, group in self._by_part.items()}, sizes, shapes)
         self.record = np.zeros(1, dtype)
         self.line = self.record["driveline"][0]
         every = places(dtype)
         self.finite = every.index("driveline.mode[0]") if "driveline.mode[0]" in every else every.index("driveline.minv[0, 0]")
         count = self.finite + sizes.elements
-        self._places = {place: number for number, place in enumerate(every[:self.finite])}
+        self._places = {place: number for number, place in enumerate(every[: self.finite])}
         self._numbers: dict[str, int] = {}  # of those that somebody has asked for
         self._count = count
-        self.numbers, self.moved = self.record.view(np.float64)[:self.finite], self.record.view(np.int64)[:count]
+        self.numbers, self.moved = self.record.view(np.float64)[: self.finite], self.record.view(np.int64)[:count]
         self.kept = np.zeros((2, count), np.int64)
         self._fill_driveline(system, start)
         for name, array in driven.items():
@@ -136,7 +144,7 @@ class World:
     @cached_property
     def names(self) -> list[str]:
         """What people call each of the numbers that a step leaves to the next one; asked for when one of them is wrong."""
-        return [self._told(place) for place in places(self.record.dtype)[:self._count]]
+        return [self._told(place) for place in places(self.record.dtype)[: self._count]]
 
     def state(self, name: str) -> np.void:
         """The states of an instance, to be read and written."""
@@ -158,8 +166,7 @@ class World:
             for k, instance in enumerate(group):
                 if instance.name == name:
                     return kind, k
-        raise RigError(f"the rig has no device '{name}'; known are "
-                       + ", ".join(instance.name for instance in self.plan.instances))
+        raise RigError(f"the rig has no device '{name}'; known are " + ", ".join(instance.name for instance in self.plan.instances))
 
     def place(self, what: str) -> str:
         """Place of a number by its name in the rig, as in ``Plan.channels``; RigError when there is none."""
@@ -173,7 +180,11 @@ class World:
             return f"oil[{plan.oil_lines.index(owner)}].pressure"
         if name == "torque" and all(owner != instance.name for instance in plan.instances):
             laws = [law.name if law.kind in (TORQUE, MOTION) else "" for law in plan.system.laws]
-            for names, place in ((plan.system.shafts, "shaft[0, {}]"), (laws, "law_torque[{}]"), (plan.system.elements, "el[0, {}]")):
+            for names, place in (
+                (plan.system.shafts, "shaft[0, {}]"),
+                (laws, "law_torque[{}]"),
+                (plan.system.elements, "el[0, {}]"),
+            ):
                 if owner in names:
                     return f"driveline.{place.format(names.index(owner))}"
         kind, k = self._where(owner)
@@ -197,8 +208,11 @@ class World:
         for k, name in enumerate(plan.oil_lines):
             place = place.replace(f"oil[{k}].", f"{name}: ")
         for k, name in enumerate(system.speeds):
-            place = place.replace(f"driveline.v[{k}]", f"speed of {name}").replace(
-                f"driveline.e_in[{k}]", f"work on {name}").replace(f"driveline.gain[{k}]", f"change of speed of {name}")
+            place = (
+                place.replace(f"driveline.v[{k}]", f"speed of {name}")
+                .replace(f"driveline.e_in[{k}]", f"work on {name}")
+                .replace(f"driveline.gain[{k}]", f"change of speed of {name}")
+            )
         for k, name in enumerate(plan.bodies):
             for field_, what in (("speed", "speed"), ("gained", "change of speed"), ("rate", "acceleration")):
                 place = place.replace(f"driveline.{field_}[{k}]", f"{what} of {name}")
@@ -211,7 +225,7 @@ class World:
 
     def _fill_driveline(self, system: System, start: State) -> None:
         plan, line = self.plan, self.line
-        line["minv"], line["w"], line["sh"], line["kc"][:, :len(system.shafts)] = system.minv, system.w, system.slots, system.kc
+        line["minv"], line["w"], line["sh"], line["kc"][:, : len(system.shafts)] = system.minv, system.w, system.slots, system.kc
         line["v"], line["twist"], line["mode"] = start.v, start.twist, start.mode
         line["cap"], line["loss"] = system.limits(), self.losses
         rows = np.array([system.bodies_from_speeds[system.bodies.index(name)] for name in plan.bodies])
@@ -225,7 +239,7 @@ class World:
             for name, weight in meter.push.items():
                 weights[m + plan.bodies.index(name)] = weight
             for name, weight in meter.rate.items():
-                weights[m + b:] += weight * system.bodies_from_speeds[system.bodies.index(name)]
+                weights[m + b :] += weight * system.bodies_from_speeds[system.bodies.index(name)]
 
     def _fill_instance(self, instance: Instance) -> None:
         values, state = self.values(instance.name), self.state(instance.name)

@@ -16,6 +16,7 @@ from numba.extending import overload
 from ..compiled import INLINED
 from ..parts.part import STAGES, part
 
+
 def _parts_in(world) -> list:
     """The parts of a world by the type of its record, in the order of their stages."""
     return sorted((part(name) for name in world.typeof("parts").fields), key=lambda one: one.order)
@@ -32,7 +33,7 @@ def _one_after_other(calls: list):
     if not calls:
         return lambda world, *arguments: None
     if len(calls) == 1:
-        (m0, call0), = calls
+        ((m0, call0),) = calls
 
         def run(world, *arguments):
             for k in range(m0):
@@ -54,17 +55,20 @@ def _one_after_other(calls: list):
             for k in range(m1):
                 call1(world, k, *arguments)
             others(world, *arguments)
+
     return run
 
 
 def _stage(name: str):
     """The function of compiled code that runs one stage of parts.part.STAGES, whatever parts the world has."""
+
     def stage(world, *arguments):
         raise TypeError(f"the stage '{name}' of the engine is called from compiled code only")
 
     @overload(stage, jit_options=INLINED)
     def chosen(world, *arguments):
         return _one_after_other(_calls(world, name))
+
     return stage
 
 

@@ -64,6 +64,7 @@ def _move_driveline(line, addresses, h, t):
     def moved(line, addresses, h, t):
         if not quiet_step(h, line):
             general_step(addresses, h, t, line)
+
     return moved
 
 
@@ -87,6 +88,7 @@ def _accelerations(line):
         for a in range(sh.shape[0]):
             on = add(on, -line.shaft[TAU, a], vector(sh, a * n, v))
         return product(line.minv, 0, on)
+
     return taken
 
 

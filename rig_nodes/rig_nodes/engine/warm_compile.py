@@ -28,8 +28,12 @@ def compiling_in_parallel(driven: bool) -> Iterator[bool]:
         yield False
         return
     env = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    command = [sys.executable, "-c", "import gc; gc.disable(); "  # a twentieth of its time
-               f"from rig_nodes.engine.general_step import addresses; addresses({driven})"]
+    command = [
+        sys.executable,
+        "-c",
+        "import gc; gc.disable(); "  # a twentieth of its time
+        f"from rig_nodes.engine.general_step import addresses; addresses({driven})",
+    ]
     other = subprocess.Popen(command, env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         yield True

@@ -56,20 +56,42 @@ def driveline_dtype(n: Sizes) -> np.dtype:
     compiler knows.
     """
     s, m = n.speeds, n.elements
-    kept, fixed = ([(name, "i8" if name in WHOLE_NUMBERS else "f8", n.driven[name]) for name in names if n.driven]
-                   for names in (KEPT, {**LAWS, **INPUTS}))
-    return np.dtype([
-        ("v", "f8", (s,)), ("gain", "f8", (s,)), ("el", "f8", (4, m)), ("e_in", "f8", (s,)),
-        ("loss", "f8", (n.losses, loss_width(s, m))), ("own", "f8", (*n.owned, 0)),
-        ("twist", "f8", (n.shafts + s * bool(n.driven),)), ("shaft", "f8", (2, n.shafts)),
-        ("speed", "f8", (n.bodies,)), ("gained", "f8", (n.bodies,)), ("rate", "f8", (n.bodies,)),
-        ("meter", "f8", (n.meters,)), *kept, ("mode", "i8", (m,)),
-        ("minv", "f8", (s, s)), ("w", "f8", (m, s)), ("sh", "f8", (n.shafts, s)), ("kc", "f8", (2, n.shafts)),
-        ("q", "f8", (2, s)), ("cap", "f8", (7, m)), ("middle", "f8", (n.bodies,)), ("push", "f8", (2, n.bodies)),
-        ("bodies", "f8", (n.bodies, s)), ("meter_of", "f8", (n.meters, m + n.bodies + s)),
-        ("events", "f8", (EVENTS, 3)), ("count", "i8", (2,)), ("work", "f8", (work_size(s, m, n.shafts, n.losses),)),
-        *fixed,
-    ])
+    kept, fixed = (
+        [(name, "i8" if name in WHOLE_NUMBERS else "f8", n.driven[name]) for name in names if n.driven]
+        for names in (KEPT, {**LAWS, **INPUTS})
+    )
+    return np.dtype(
+        [
+            ("v", "f8", (s,)),
+            ("gain", "f8", (s,)),
+            ("el", "f8", (4, m)),
+            ("e_in", "f8", (s,)),
+            ("loss", "f8", (n.losses, loss_width(s, m))),
+            ("own", "f8", (*n.owned, 0)),
+            ("twist", "f8", (n.shafts + s * bool(n.driven),)),
+            ("shaft", "f8", (2, n.shafts)),
+            ("speed", "f8", (n.bodies,)),
+            ("gained", "f8", (n.bodies,)),
+            ("rate", "f8", (n.bodies,)),
+            ("meter", "f8", (n.meters,)),
+            *kept,
+            ("mode", "i8", (m,)),
+            ("minv", "f8", (s, s)),
+            ("w", "f8", (m, s)),
+            ("sh", "f8", (n.shafts, s)),
+            ("kc", "f8", (2, n.shafts)),
+            ("q", "f8", (2, s)),
+            ("cap", "f8", (7, m)),
+            ("middle", "f8", (n.bodies,)),
+            ("push", "f8", (2, n.bodies)),
+            ("bodies", "f8", (n.bodies, s)),
+            ("meter_of", "f8", (n.meters, m + n.bodies + s)),
+            ("events", "f8", (EVENTS, 3)),
+            ("count", "i8", (2,)),
+            ("work", "f8", (work_size(s, m, n.shafts, n.losses),)),
+            *fixed,
+        ]
+    )
 
 
 def world_dtype(counts: dict[str, int], sizes: Sizes, shapes: dict[str, tuple[int, ...]]) -> np.dtype:
@@ -80,9 +102,19 @@ def world_dtype(counts: dict[str, int], sizes: Sizes, shapes: dict[str, tuple[in
     """
     states = np.dtype([(name, part(name).state_dtype(), (count,)) for name, count in counts.items()])
     values = np.dtype([(name, part(name).values_dtype(shapes), (count,)) for name, count in counts.items()])
-    return one_record(np.dtype([
-        ("safe", "f8"), ("oil", OIL, (sizes.oil_lines,)), ("parts", states), ("driveline", driveline_dtype(sizes)),
-        ("values", values), ("channel", "u8", (sizes.outputs,)), ("current", "f8", (sizes.outputs,))]))
+    return one_record(
+        np.dtype(
+            [
+                ("safe", "f8"),
+                ("oil", OIL, (sizes.oil_lines,)),
+                ("parts", states),
+                ("driveline", driveline_dtype(sizes)),
+                ("values", values),
+                ("channel", "u8", (sizes.outputs,)),
+                ("current", "f8", (sizes.outputs,)),
+            ]
+        )
+    )
 
 
 @lru_cache(maxsize=8)

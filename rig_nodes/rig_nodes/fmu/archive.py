@@ -60,8 +60,10 @@ def _check_files(archive: zipfile.ZipFile) -> None:
         if entry.compress_type not in METHODS:
             raise RigError(f"its archive's entry '{name}' is packed by a method that FMI does not allow; expected deflate")
         if entry.file_size > SMALL and entry.file_size > MOST_RATIO * entry.compress_size:
-            raise RigError(f"its archive's entry '{name}' unpacks to {entry.file_size / max(1, entry.compress_size):.0f} "
-                           f"times its size, expected at most {MOST_RATIO} times")
+            raise RigError(
+                f"its archive's entry '{name}' unpacks to {entry.file_size / max(1, entry.compress_size):.0f} "
+                f"times its size, expected at most {MOST_RATIO} times"
+            )
         inside = PurePosixPath(entry.orig_filename)
         if inside in files:
             raise RigError(f"its archive has the entry '{name}' twice")

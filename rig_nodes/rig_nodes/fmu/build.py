@@ -22,14 +22,14 @@ from pathlib import Path
 from types import MappingProxyType
 
 from .. import __version__
+from ..atomic_write import atomic_write
+from ..config import CONFIG_DIR, RIGS_DIR
+from ..config.names import DEFAULT_RIG, RIG_FILE, beside, find_config, with_bases
 from ..controllers.c_library import COMPILERS, INCLUDE, LEVEL_BITS, CLibrary
 from ..controllers.record import ControllerRecord, record_of
 from ..controllers.record_header import NAME, header_text
 from ..controllers.seam import flat_parameters
-from ..config import CONFIG_DIR, RIGS_DIR
-from ..config.names import DEFAULT_RIG, RIG_FILE, beside, find_config, with_bases
 from ..errors import RigError, no_file, printable
-from ..atomic_write import atomic_write
 from ..testbench.configuration import RigConfig, load_gearbox_rig
 from .description import Variable, c_header, model_description, token_of
 from .rig_variables import rig_variables
@@ -46,8 +46,9 @@ def fmpy_headers() -> Path:
     try:
         import fmpy
     except ImportError:
-        raise RigError("FMUs need FMPy, which is not installed here; install it into the rig's environment "
-                       "(pip install fmpy)") from None
+        raise RigError(
+            "FMUs need FMPy, which is not installed here; install it into the rig's environment (pip install fmpy)"
+        ) from None
     return Path(fmpy.__file__).parent / "c-code"
 
 
@@ -78,8 +79,7 @@ def compile_model(fmi: int, header: str, sources: Sequence[Path], target: Path, 
 
 def _run(command: list[str]) -> None:
     try:
-        done = subprocess.run(command, capture_output=True, text=True, errors="replace", stdin=subprocess.DEVNULL,
-                              check=False)
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace", stdin=subprocess.DEVNULL, check=False)
     except OSError as error:
         raise RigError(f"the compiler {command[0]} does not start ({error.strerror})") from None
     if done.returncode:
@@ -88,9 +88,18 @@ def _run(command: list[str]) -> None:
         raise RigError(f"the FMU does not compile: {printable(first.strip())}")
 
 
-def write_fmu(target: Path, fmi: int, identifier: str, text: str, variables: Sequence[Variable],
-              sources: Sequence[Path], defines: dict[str, int], resources: dict[str, str],
-              flags: Sequence[str] = (), more: str = "") -> None:
+def write_fmu(
+    target: Path,
+    fmi: int,
+    identifier: str,
+    text: str,
+    variables: Sequence[Variable],
+    sources: Sequence[Path],
+    defines: dict[str, int],
+    resources: dict[str, str],
+    flags: Sequence[str] = (),
+    more: str = "",
+) -> None:
     """Compile and zip an FMU into ``target``, which is replaced only by a whole one. more: C text for variables.h."""
     if fmi not in PLATFORMS:
         raise RigError(f"FMI {fmi} is asked for; expected 2 or 3")
@@ -104,6 +113,7 @@ def write_fmu(target: Path, fmi: int, identifier: str, text: str, variables: Seq
         compile_model(fmi, header, sources, library, flags)
         whole = Path(folder, "whole.fmu")
         with zipfile.ZipFile(whole, "w", zipfile.ZIP_DEFLATED) as archive:
+
             def put(name: str, data: bytes) -> None:
                 archive.writestr(zipfile.ZipInfo(name, STAMP), data, zipfile.ZIP_DEFLATED)
 
@@ -114,8 +124,7 @@ def write_fmu(target: Path, fmi: int, identifier: str, text: str, variables: Seq
         atomic_write(target, whole.read_bytes())
 
 
-def build_rig_fmu(target: str | Path, rig: str = DEFAULT_RIG, overrides: dict[str, str] | None = None,
-                  fmi: int = 2) -> None:
+def build_rig_fmu(target: str | Path, rig: str = DEFAULT_RIG, overrides: dict[str, str] | None = None, fmi: int = 2) -> None:
     """The rig as a co-simulation FMU of FMI 2.0 or 3.0.
 
     rig, overrides: as testbench.configuration.load_rig takes them, with gears. The files of a rig that is not installed go
@@ -128,10 +137,20 @@ def build_rig_fmu(target: str | Path, rig: str = DEFAULT_RIG, overrides: dict[st
     origin = {"rig": rig, **({"file": file} if file else {}), "set": overrides or {}}
     resources = {
         "tool.txt": f"{sys.executable}\n{Path(__file__).resolve().parents[2]}\n",
-        "rig.json": json.dumps(origin, indent=1) + "\n", **files,
+        "rig.json": json.dumps(origin, indent=1) + "\n",
+        **files,
     }
-    write_fmu(Path(target), fmi, _identifier(f"{config.name}_rig"), f"The virtual powertrain test rig: {config.description}",
-              rig_variables(config), [SOURCES / "rig_process.c"], {}, resources, ["-Werror"])
+    write_fmu(
+        Path(target),
+        fmi,
+        _identifier(f"{config.name}_rig"),
+        f"The virtual powertrain test rig: {config.description}",
+        rig_variables(config),
+        [SOURCES / "rig_process.c"],
+        {},
+        resources,
+        ["-Werror"],
+    )
 
 
 def files_of(rig: str) -> tuple[str, dict[str, str]]:
@@ -149,8 +168,9 @@ def files_of(rig: str) -> tuple[str, dict[str, str]]:
                 raise RigError(f"{path}: {key} is {name}, which an FMU cannot take along; name it by its way from this file")
         if "controller" in node:
             found.append(Path(find_config("controllers", beside(path, node["controller"]))).absolute())
-    own = [Path(os.path.normpath(path)) for path in found
-           if not path.is_relative_to(RIGS_DIR) and not path.is_relative_to(CONFIG_DIR)]
+    own = [
+        Path(os.path.normpath(path)) for path in found if not path.is_relative_to(RIGS_DIR) and not path.is_relative_to(CONFIG_DIR)
+    ]
     if not own:
         return "", {}
     root = os.path.commonpath([path.parent.parent if path.name == RIG_FILE else path.parent for path in own])
@@ -158,72 +178,124 @@ def files_of(rig: str) -> tuple[str, dict[str, str]]:
     return names[own[0]], {name: path.read_text(encoding="utf-8") for path, name in names.items()}
 
 
-def controller_variables(config: RigConfig, levels: tuple[str, ...], wants: Sequence[str] = (),
-                         signals: Mapping[str, str] = MappingProxyType({}),
-                         settings: Mapping[str, float] = MappingProxyType({})) -> list[Variable]:
+def controller_variables(
+    config: RigConfig,
+    levels: tuple[str, ...],
+    wants: Sequence[str] = (),
+    signals: Mapping[str, str] = MappingProxyType({}),
+    settings: Mapping[str, float] = MappingProxyType({}),
+) -> list[Variable]:
     """The seam as variables of an FMU: the rig's settings as parameters, the sample in, the answer out.
 
     wants, signals, settings: as a plug has them, the controller's own.
     """
     limit = float(config.alfa46.values.current_limit)
-    level = Variable("level", "integer", "parameter", "What command means: 0 duty, 1 current setpoint [A]",
-                     ("duty", "current").index(levels[0]), low=0 if "duty" in levels else 1, high=len(levels) - 1
-                     if "duty" in levels else 1)
+    level = Variable(
+        "level",
+        "integer",
+        "parameter",
+        "What command means: 0 duty, 1 current setpoint [A]",
+        ("duty", "current").index(levels[0]),
+        low=0 if "duty" in levels else 1,
+        high=len(levels) - 1 if "duty" in levels else 1,
+    )
     record = record_of(config)
-    out = [level, Variable("rig_record", "integer", "parameter", f"Record {record.id} of the rig {record.rig}; it cannot be "
-                           "changed", record.number, low=record.number, high=record.number)]
+    out = [
+        level,
+        Variable(
+            "rig_record",
+            "integer",
+            "parameter",
+            f"Record {record.id} of the rig {record.rig}; it cannot be changed",
+            record.number,
+            low=record.number,
+            high=record.number,
+        ),
+    ]
     for name, value in flat_parameters(config.alfa46).items():
-        unit = "s" if name.endswith(".time") or name in ("t12", "t21", "t23", "t32", "sample_time", "derivative_time") else (
-            "A" if name.endswith(".current") or name == "current_limit" else "")
+        unit = (
+            "s"
+            if name.endswith(".time") or name in ("t12", "t21", "t23", "t32", "sample_time", "derivative_time")
+            else ("A" if name.endswith(".current") or name == "current_limit" else "")
+        )
         out.append(Variable(name, "real", "parameter", f"Setting {name} of the Alfa46 [SI]", value, unit))
-    out += [Variable(name, "real", "parameter", "Setting of the controller's own", value, tunable=True)
-            for name, value in settings.items()]
+    out += [
+        Variable(name, "real", "parameter", "Setting of the controller's own", value, tunable=True)
+        for name, value in settings.items()
+    ]
     outputs = range(1, len(record.outputs) + 1)
-    out.append(Variable("gear_request", "integer", "input", f"Gear ordered last: {record.gears_told}", 0,
-                        low=min(record.gear_names), high=max(record.gear_names)))
-    out += [Variable(f"current_{k}", "real", "input", f"Measured coil current of output {k}", 0.0, "A")
-            for k in outputs]
+    out.append(
+        Variable(
+            "gear_request",
+            "integer",
+            "input",
+            f"Gear ordered last: {record.gears_told}",
+            0,
+            low=min(record.gear_names),
+            high=max(record.gear_names),
+        )
+    )
+    out += [Variable(f"current_{k}", "real", "input", f"Measured coil current of output {k}", 0.0, "A") for k in outputs]
     known = config.catalogue.signals
     transducers = [*record.transducers, *(known[name] for name in wants)]
     out += [Variable(signal.name, "real", "input", signal.text, 0.0, signal.unit) for signal in transducers]
     text = f"duty 0 to 1, or current setpoint 0 to {limit:g} A, as level says"
     out += [Variable(f"command_{k}", "real", "output", f"Command of output {k}: {text}") for k in outputs]
     out += [Variable(f"setpoint_{k}", "real", "output", f"Current that output {k} asks for", unit="A") for k in outputs]
-    return [*out, Variable("gear", "integer", "output", "Gear taken last"),
-            Variable("shifting", "boolean", "output", "A shift is still running"),
-            Variable("flags", "integer", "output", "Bit k: at level current, output k stays on at a setpoint of zero"),
-            Variable("status", "integer", "output", "0: an answer; 1: none to this sample, the outputs are older"),
-            *(Variable(name, "real", "output", "Signal of the controller's own", unit="" if unit == "-" else unit)
-              for name, unit in signals.items())]
+    return [
+        *out,
+        Variable("gear", "integer", "output", "Gear taken last"),
+        Variable("shifting", "boolean", "output", "A shift is still running"),
+        Variable("flags", "integer", "output", "Bit k: at level current, output k stays on at a setpoint of zero"),
+        Variable("status", "integer", "output", "0: an answer; 1: none to this sample, the outputs are older"),
+        *(
+            Variable(name, "real", "output", "Signal of the controller's own", unit="" if unit == "-" else unit)
+            for name, unit in signals.items()
+        ),
+    ]
 
 
-def controller_defines(record: ControllerRecord, variables: Sequence[Variable], wants: int = 0, signals: int = 0,
-                       settings: int = 0) -> dict[str, int]:
+def controller_defines(
+    record: ControllerRecord, variables: Sequence[Variable], wants: int = 0, signals: int = 0, settings: int = 0
+) -> dict[str, int]:
     """Where c/controller_model.c finds the values of :func:`controller_variables`, and how many are its own."""
     names = [v.name for v in variables]
     first = names.index("gear_request")
-    return {"MODEL_LEVEL": 0, "MODEL_RECORD": 1, "MODEL_VALVES": len(record.outputs),
-            "MODEL_TRANSDUCERS": len(record.transducers), "MODEL_LIMIT": names.index("current_limit"), "MODEL_INPUTS": first,
-            "MODEL_OUTPUTS": names.index("command_1"),  "MODEL_TUNABLE": first - settings,
-            "MODEL_WANTS": wants, "MODEL_SIGNALS": signals, "MODEL_SETTINGS": settings}
+    return {
+        "MODEL_LEVEL": 0,
+        "MODEL_RECORD": 1,
+        "MODEL_VALVES": len(record.outputs),
+        "MODEL_TRANSDUCERS": len(record.transducers),
+        "MODEL_LIMIT": names.index("current_limit"),
+        "MODEL_INPUTS": first,
+        "MODEL_OUTPUTS": names.index("command_1"),
+        "MODEL_TUNABLE": first - settings,
+        "MODEL_WANTS": wants,
+        "MODEL_SIGNALS": signals,
+        "MODEL_SETTINGS": settings,
+    }
 
 
 def record_text(record: ControllerRecord) -> str:
     """The record by name, as c/controller_model.c tells it to the controller."""
+
     def text(word: str) -> str:
         return json.dumps(word)
 
     outputs = ", ".join(text(output.name) for output in record.outputs)
     transducers = ", ".join(f"{{{text(signal.name)}, {text(signal.unit)}}}" for signal in record.transducers)
     gears = ", ".join(f"{{{gear.number}, {text(gear.name)}}}" for gear in record.gears)
-    return (f'#define MODEL_ID {text(record.id)}\n#ifdef RIG_CONTROLLER_H\n'
-            f"static const char *const MODEL_VALVE_NAMES[] = {{{outputs}}};\n"
-            f"static const rig_transducer MODEL_TRANSDUCER_LIST[] = {{{transducers}}};\n"
-            f"static const rig_gear MODEL_GEARS[] = {{{gears}}};\n#endif\n")
+    return (
+        f"#define MODEL_ID {text(record.id)}\n#ifdef RIG_CONTROLLER_H\n"
+        f"static const char *const MODEL_VALVE_NAMES[] = {{{outputs}}};\n"
+        f"static const rig_transducer MODEL_TRANSDUCER_LIST[] = {{{transducers}}};\n"
+        f"static const rig_gear MODEL_GEARS[] = {{{gears}}};\n#endif\n"
+    )
 
 
-def build_controller_fmu(sources: Sequence[str | Path], target: str | Path, config: RigConfig, fmi: int = 2,
-                         flags: Sequence[str] = ()) -> None:
+def build_controller_fmu(
+    sources: Sequence[str | Path], target: str | Path, config: RigConfig, fmi: int = 2, flags: Sequence[str] = ()
+) -> None:
     """C and C++ files with the functions of rig_controller.h as a co-simulation FMU; RigError when they do not fit.
 
     flags: for the compiler, e.g. folders of headers.
@@ -253,8 +325,18 @@ def build_controller_fmu(sources: Sequence[str | Path], target: str | Path, conf
         names = [v.name for v in variables]
         if twice := next((name for name in names if names.count(name) > 1), None):
             raise RigError(f"{files[0]}: its own '{twice}' is the name of another variable of the FMU; rename it")
-        write_fmu(target, fmi, identifier, f"A shift controller for the rig {config.name}", variables, model,
-                  controller_defines(record, variables, *map(len, own)), {}, flags, more)
+        write_fmu(
+            target,
+            fmi,
+            identifier,
+            f"A shift controller for the rig {config.name}",
+            variables,
+            model,
+            controller_defines(record, variables, *map(len, own)),
+            {},
+            flags,
+            more,
+        )
 
 
 class _Described(CLibrary):

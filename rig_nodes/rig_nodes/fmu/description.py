@@ -15,7 +15,9 @@ from dataclasses import dataclass
 from xml.sax.saxutils import quoteattr
 
 TYPES = {  # type -> (letter in C, element of FMI 2.0, of FMI 3.0)
-    "real": ("r", "Real", "Float64"), "integer": ("i", "Integer", "Int32"), "boolean": ("b", "Boolean", "Boolean"),
+    "real": ("r", "Real", "Float64"),
+    "integer": ("i", "Integer", "Int32"),
+    "boolean": ("b", "Boolean", "Boolean"),
     "string": ("s", "String", "String"),
 }
 # an integer whose values have words is an enumeration in FMI 3.0; in FMI 2.0, where importers are about that refuse
@@ -24,19 +26,45 @@ ENUMERATION = ("e", "Integer", "Enumeration")
 KINDS = {"parameter": "p", "input": "i", "output": "o"}
 TUNABLE = "t"  # the letter of a parameter that may be set between steps
 BASE_UNITS = {  # unit -> its base units
-    "1": {}, "s": {"s": 1}, "m": {"m": 1}, "m2": {"m": 2}, "m3": {"m": 3}, "A": {"A": 1}, "Hz": {"s": -1},
-    "rad/s": {"rad": 1, "s": -1}, "rad/s2": {"rad": 1, "s": -2}, "m/s": {"m": 1, "s": -1}, "m3/s": {"m": 3, "s": -1},
-    "m3/rad": {"m": 3, "rad": -1}, "kg.m2": {"kg": 1, "m": 2}, "kg/m3": {"kg": 1, "m": -3},
-    "N": {"kg": 1, "m": 1, "s": -2}, "N.m": {"kg": 1, "m": 2, "s": -2}, "N/m": {"kg": 1, "s": -2},
-    "N/m3": {"kg": 1, "m": -2, "s": -2}, "N.s/m": {"kg": 1, "s": -1}, "N/Pa2": {"kg": -1, "m": 3, "s": 2},
-    "1/(N.m)": {"kg": -1, "m": -2, "s": 2}, "N.m/rad": {"kg": 1, "m": 2, "s": -2, "rad": -1},
-    "N.m.s/rad": {"kg": 1, "m": 2, "s": -1, "rad": -1}, "J": {"kg": 1, "m": 2, "s": -2}, "W": {"kg": 1, "m": 2, "s": -3},
-    "Pa": {"kg": 1, "m": -1, "s": -2}, "Pa.s": {"kg": 1, "m": -1, "s": -1}, "Pa/s": {"kg": 1, "m": -1, "s": -3},
-    "Pa/A": {"kg": 1, "m": -1, "s": -2, "A": -1}, "Pa.s/m3": {"kg": 1, "m": -4, "s": -1},
-    "degC": {"K": 1, "offset": 273.15}, "1/K": {"K": -1}, "J/K": {"kg": 1, "m": 2, "s": -2, "K": -1},
-    "W/K": {"kg": 1, "m": 2, "s": -3, "K": -1}, "m/J": {"kg": -1, "m": -1, "s": 2},
-    "V": {"kg": 1, "m": 2, "s": -3, "A": -1}, "ohm": {"kg": 1, "m": 2, "s": -3, "A": -2},
-    "H": {"kg": 1, "m": 2, "s": -2, "A": -2}, "V/(A.s)": {"kg": 1, "m": 2, "s": -4, "A": -2},
+    "1": {},
+    "s": {"s": 1},
+    "m": {"m": 1},
+    "m2": {"m": 2},
+    "m3": {"m": 3},
+    "A": {"A": 1},
+    "Hz": {"s": -1},
+    "rad/s": {"rad": 1, "s": -1},
+    "rad/s2": {"rad": 1, "s": -2},
+    "m/s": {"m": 1, "s": -1},
+    "m3/s": {"m": 3, "s": -1},
+    "m3/rad": {"m": 3, "rad": -1},
+    "kg.m2": {"kg": 1, "m": 2},
+    "kg/m3": {"kg": 1, "m": -3},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "N.m": {"kg": 1, "m": 2, "s": -2},
+    "N/m": {"kg": 1, "s": -2},
+    "N/m3": {"kg": 1, "m": -2, "s": -2},
+    "N.s/m": {"kg": 1, "s": -1},
+    "N/Pa2": {"kg": -1, "m": 3, "s": 2},
+    "1/(N.m)": {"kg": -1, "m": -2, "s": 2},
+    "N.m/rad": {"kg": 1, "m": 2, "s": -2, "rad": -1},
+    "N.m.s/rad": {"kg": 1, "m": 2, "s": -1, "rad": -1},
+    "J": {"kg": 1, "m": 2, "s": -2},
+    "W": {"kg": 1, "m": 2, "s": -3},
+    "Pa": {"kg": 1, "m": -1, "s": -2},
+    "Pa.s": {"kg": 1, "m": -1, "s": -1},
+    "Pa/s": {"kg": 1, "m": -1, "s": -3},
+    "Pa/A": {"kg": 1, "m": -1, "s": -2, "A": -1},
+    "Pa.s/m3": {"kg": 1, "m": -4, "s": -1},
+    "degC": {"K": 1, "offset": 273.15},
+    "1/K": {"K": -1},
+    "J/K": {"kg": 1, "m": 2, "s": -2, "K": -1},
+    "W/K": {"kg": 1, "m": 2, "s": -3, "K": -1},
+    "m/J": {"kg": -1, "m": -1, "s": 2},
+    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
+    "ohm": {"kg": 1, "m": 2, "s": -3, "A": -2},
+    "H": {"kg": 1, "m": 2, "s": -2, "A": -2},
+    "V/(A.s)": {"kg": 1, "m": 2, "s": -4, "A": -2},
 }
 # the size of what moves in a test, for importers that weigh errors; of inputs and outputs
 NOMINALS = {"rad/s": 100.0, "N.m": 100.0, "Pa": 1e6, "J": 1e4, "N": 1e4, "m": 1e-3, "m3/s": 1e-4}
@@ -99,27 +127,33 @@ def c_header(fmi: int, variables: Sequence[Variable], token: str, defines: dict[
     """variables.h: what c/model.h says it holds."""
     texts = [v.name for v in variables if v.type == "string"]
     starts = [texts.index(v.name) if v.type == "string" else float(v.start or 0.0) for v in variables]
-    lines = ["/* Written when the FMU was built (rig_nodes/fmu/description.py). */", "#ifndef VARIABLES_H",
-             "#define VARIABLES_H", f"#define MODEL_TOKEN {json.dumps(token)}",
-             f"enum {{ MODEL_COUNT = {len(variables)}, MODEL_TEXTS = {max(1, len(texts))} }};"]
+    lines = [
+        "/* Written when the FMU was built (rig_nodes/fmu/description.py). */",
+        "#ifndef VARIABLES_H",
+        "#define VARIABLES_H",
+        f"#define MODEL_TOKEN {json.dumps(token)}",
+        f"enum {{ MODEL_COUNT = {len(variables)}, MODEL_TEXTS = {max(1, len(texts))} }};",
+    ]
     lines += [f"enum {{ {name} = {value} }};" for name, value in defines.items()]
 
     def letter(v: Variable) -> str:
         return (v.in_c_and_xml if fmi == 3 else TYPES[v.type])[0]
 
-    for name, letters in (("TYPES", "".join(letter(v) for v in variables)),
-                          ("KINDS", "".join(v.kind for v in variables))):
+    for name, letters in (("TYPES", "".join(letter(v) for v in variables)), ("KINDS", "".join(v.kind for v in variables))):
         lines.append(f'static const char MODEL_{name}[] = "{letters}";')
     names = ", ".join(json.dumps(v.name) for v in variables)
-    lines += ["static const double MODEL_STARTS[] = {" + ", ".join(repr(float(s)) for s in starts) + "};",
-              "static const char *const MODEL_NAMES[] = {" + names + "};", "#endif", ""]
+    lines += [
+        "static const double MODEL_STARTS[] = {" + ", ".join(repr(float(s)) for s in starts) + "};",
+        "static const char *const MODEL_NAMES[] = {" + names + "};",
+        "#endif",
+        "",
+    ]
     return "\n".join(lines)
 
 
 def _attributes(values: dict) -> str:
     """XML attributes of those values that are given."""
-    return "".join(f" {key}={quoteattr(_word(value))}" for key, value in values.items()
-                   if value is not None and value != "")
+    return "".join(f" {key}={quoteattr(_word(value))}" for key, value in values.items() if value is not None and value != "")
 
 
 def _word(value) -> str:
@@ -139,8 +173,7 @@ def _units(variables: Sequence[Variable]) -> list[str]:
         lines.append(f"    <Unit name={quoteattr(unit)}>")
         if unit in BASE_UNITS:  # a controller's own signal may have a unit that nobody knows
             lines.append(f"      <BaseUnit{_attributes(BASE_UNITS[unit])}/>")
-        lines += [f"      <DisplayUnit{_attributes({'name': name, 'factor': factor})}/>"
-                  for name, factor in shown.items()]
+        lines += [f"      <DisplayUnit{_attributes({'name': name, 'factor': factor})}/>" for name, factor in shown.items()]
         lines.append("    </Unit>")
     return lines
 
@@ -152,13 +185,18 @@ def _types(fmi: int, variables: Sequence[Variable]) -> list[str]:
             continue
         said = ", ".join(f"{value} {word}" for value, word in v.words)
         if fmi == 3:
-            lines += [f"    <EnumerationType{_attributes({'name': v.declared, 'description': said})}>",
-                      *(f"      <Item{_attributes({'name': word, 'value': value})}/>" for value, word in v.words),
-                      "    </EnumerationType>"]
+            lines += [
+                f"    <EnumerationType{_attributes({'name': v.declared, 'description': said})}>",
+                *(f"      <Item{_attributes({'name': word, 'value': value})}/>" for value, word in v.words),
+                "    </EnumerationType>",
+            ]
         else:
             limits = {"min": min(value for value, _ in v.words), "max": max(value for value, _ in v.words)}
-            lines += [f"    <SimpleType{_attributes({'name': v.declared, 'description': said})}>",
-                      f"      <Integer{_attributes(limits)}/>", "    </SimpleType>"]
+            lines += [
+                f"    <SimpleType{_attributes({'name': v.declared, 'description': said})}>",
+                f"      <Integer{_attributes(limits)}/>",
+                "    </SimpleType>",
+            ]
     return ["  <TypeDefinitions>", *lines, "  </TypeDefinitions>"] if lines else []
 
 
@@ -167,39 +205,66 @@ def _structure(fmi: int, variables: Sequence[Variable]) -> list[str]:
     place = {v.name: k if fmi == 3 else k + 1 for k, v in enumerate(variables)}
     lines = []
     for element, initial in (("Output", False), ("InitialUnknown", True)):
-        unknowns = [(place[v.name], " ".join(str(place[name]) for name in v.initial_by) if initial else "")
-                    for v in variables if v.causality == "output"]
+        unknowns = [
+            (place[v.name], " ".join(str(place[name]) for name in v.initial_by) if initial else "")
+            for v in variables
+            if v.causality == "output"
+        ]
         if fmi == 3:
             lines += [f'    <{element} valueReference="{k}" dependencies="{known}"/>' for k, known in unknowns]
         else:
-            lines += [f"    <{element}s>", *(f'      <Unknown index="{k}" dependencies="{known}"/>' for k, known in unknowns),
-                      f"    </{element}s>"]
+            lines += [
+                f"    <{element}s>",
+                *(f'      <Unknown index="{k}" dependencies="{known}"/>' for k, known in unknowns),
+                f"    </{element}s>",
+            ]
     return ["  <ModelStructure>", *lines, "  </ModelStructure>"]
 
 
-def model_description(fmi: int, identifier: str, text: str, variables: Sequence[Variable], token: str, version: str,
-                      tool: bool, step: float = 1e-3) -> str:
+def model_description(
+    fmi: int, identifier: str, text: str, variables: Sequence[Variable], token: str, version: str, tool: bool, step: float = 1e-3
+) -> str:
     """modelDescription.xml of FMI 2.0 or 3.0 for co-simulation.
 
     tool: the FMU needs a program that is installed already (needsExecutionTool). step: [s], the default one.
     """
-    offers = {"modelIdentifier": identifier, "needsExecutionTool": tool, "canHandleVariableCommunicationStepSize": True,
-              "canGetAndSetFMUState" if fmi == 3 else "canGetAndSetFMUstate": False}
+    offers = {
+        "modelIdentifier": identifier,
+        "needsExecutionTool": tool,
+        "canHandleVariableCommunicationStepSize": True,
+        "canGetAndSetFMUState" if fmi == 3 else "canGetAndSetFMUstate": False,
+    }
     if fmi == 2:
         offers["canNotUseMemoryManagementFunctions"] = True
     else:
         offers |= {"fixedInternalStepSize": step, "mightReturnEarlyFromDoStep": tool}
     text = f"{text}; communication steps are whole multiples of {step * 1e3:g} ms"
-    head = {"fmiVersion": "3.0" if fmi == 3 else "2.0", "modelName": identifier,
-            "instantiationToken" if fmi == 3 else "guid": token, "description": text, "version": version,
-            "license": "Apache-2.0", "generationTool": f"rig_nodes {version}", "variableNamingConvention": "structured"}
+    head = {
+        "fmiVersion": "3.0" if fmi == 3 else "2.0",
+        "modelName": identifier,
+        "instantiationToken" if fmi == 3 else "guid": token,
+        "description": text,
+        "version": version,
+        "license": "Apache-2.0",
+        "generationTool": f"rig_nodes {version}",
+        "variableNamingConvention": "structured",
+    }
     if fmi == 2:
         head["numberOfEventIndicators"] = 0
-    lines = ['<?xml version="1.0" encoding="UTF-8"?>', f"<fmiModelDescription{_attributes(head)}>",
-             f"  <CoSimulation{_attributes(offers)}/>",
-             "  <UnitDefinitions>", *_units(variables), "  </UnitDefinitions>", *_types(fmi, variables),
-             "  <LogCategories>", *(f'    <Category name="{name}"/>' for name in CATEGORIES), "  </LogCategories>",
-             f'  <DefaultExperiment startTime="0.0" stopTime="1.0" stepSize="{step}"/>', "  <ModelVariables>"]
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        f"<fmiModelDescription{_attributes(head)}>",
+        f"  <CoSimulation{_attributes(offers)}/>",
+        "  <UnitDefinitions>",
+        *_units(variables),
+        "  </UnitDefinitions>",
+        *_types(fmi, variables),
+        "  <LogCategories>",
+        *(f'    <Category name="{name}"/>' for name in CATEGORIES),
+        "  </LogCategories>",
+        f'  <DefaultExperiment startTime="0.0" stopTime="1.0" stepSize="{step}"/>',
+        "  <ModelVariables>",
+    ]
     lines += (_variables3 if fmi == 3 else _variables2)(variables)
     return "\n".join([*lines, "  </ModelVariables>", *_structure(fmi, variables), "</fmiModelDescription>", ""])
 
@@ -227,27 +292,44 @@ def _start(v: Variable):
 def _variables2(variables: Sequence[Variable]) -> list[str]:
     lines = []
     for k, v in enumerate(variables):
-        head = {"name": v.name, "valueReference": k, "causality": v.causality, "variability": v.variability,
-                "description": v.text, "initial": {"parameter": "exact", "output": "calculated"}.get(v.causality)}
+        head = {
+            "name": v.name,
+            "valueReference": k,
+            "causality": v.causality,
+            "variability": v.variability,
+            "description": v.text,
+            "initial": {"parameter": "exact", "output": "calculated"}.get(v.causality),
+        }
         start = _start(v)
         # an empty string is a start value too
         tail = f" start={quoteattr(_word(start))}" if start is not None else ""
-        lines += [f"    <ScalarVariable{_attributes(head)}>",
-                  f"      <{v.in_c_and_xml[1]}{_attributes({'declaredType': v.declared, **_values(v)})}{tail}/>",
-                  "    </ScalarVariable>"]
+        lines += [
+            f"    <ScalarVariable{_attributes(head)}>",
+            f"      <{v.in_c_and_xml[1]}{_attributes({'declaredType': v.declared, **_values(v)})}{tail}/>",
+            "    </ScalarVariable>",
+        ]
     return lines
 
 
 def _variables3(variables: Sequence[Variable]) -> list[str]:
     lines = []
     for k, v in enumerate(variables):
-        head = {"name": v.name, "valueReference": k, "causality": v.causality, "variability": v.variability,
-                "description": v.text, "initial": {"parameter": "exact", "output": "calculated"}.get(v.causality)}
+        head = {
+            "name": v.name,
+            "valueReference": k,
+            "causality": v.causality,
+            "variability": v.variability,
+            "description": v.text,
+            "initial": {"parameter": "exact", "output": "calculated"}.get(v.causality),
+        }
         head["declaredType"] = v.declared
         start, element = _start(v), v.in_c_and_xml[2]
         if v.type == "string" and start is not None:
             lines.append(f"    <{element}{_attributes(head)}><Start value={quoteattr(start)}/></{element}>")
         else:
             lines.append(f"    <{element}{_attributes({**head, **_values(v), 'start': start})}/>")
-    return [*lines, f'    <Float64 name="time" valueReference="{len(variables)}" causality="independent" '
-                    'variability="continuous" unit="s" description="Simulated time"/>']
+    return [
+        *lines,
+        f'    <Float64 name="time" valueReference="{len(variables)}" causality="independent" '
+        'variability="continuous" unit="s" description="Simulated time"/>',
+    ]

@@ -22,8 +22,14 @@ from .archive import unpack
 from .log_text import SIGNATURE, formatted, text_at
 
 STATUSES = ("ok", "warning", "discard", "error", "fatal")  # numbers of fmi2Status and fmi3Status
-GROUPS = {"Real": "Real", "Float64": "Float64", "Float32": "Float32", "Boolean": "Boolean", "String": "String",
-          **dict.fromkeys(("Integer", "Enumeration"), "Integer")}
+GROUPS = {
+    "Real": "Real",
+    "Float64": "Float64",
+    "Float32": "Float32",
+    "Boolean": "Boolean",
+    "String": "String",
+    **dict.fromkeys(("Integer", "Enumeration"), "Integer"),
+}
 GROUPS_3 = {"Enumeration": "Int64"}
 KEPT, LONGEST = 3, 500  # messages of an FMU that a sentence has at most, and characters of each
 
@@ -54,8 +60,9 @@ class Fmu:
             from fmpy.fmi2 import FMU2Slave
             from fmpy.fmi3 import FMU3Slave
         except ImportError:
-            raise RigError("FMUs need FMPy, which is not installed here; install it into the rig's environment "
-                           "(pip install fmpy)") from None
+            raise RigError(
+                "FMUs need FMPy, which is not installed here; install it into the rig's environment (pip install fmpy)"
+            ) from None
         self._error = FMICallException
         self._instance = self._folder = None
         self.path, self._keep = Path(path), keep
@@ -77,8 +84,12 @@ class Fmu:
                 raise RigError(f"{path}: the FMU has no binary for this platform, {here}; it has {found}")
             self.variables = {v.name: v for v in description.modelVariables}
             kind = FMU3Slave if self.version == 3 else FMU2Slave
-            self._instance = kind(guid=description.guid, unzipDirectory=self._folder, instanceName=name,
-                                  modelIdentifier=description.coSimulation.modelIdentifier)
+            self._instance = kind(
+                guid=description.guid,
+                unzipDirectory=self._folder,
+                instanceName=name,
+                modelIdentifier=description.coSimulation.modelIdentifier,
+            )
             self._instantiate()
         except RigError:
             self._remove()
@@ -118,10 +129,12 @@ class Fmu:
     def _instantiate(self) -> None:
         """Makes the instance and listens to what it says."""
         if self.version == 3:
+
             def log(environment, status, category, message):
                 self._hear(status, (message or b"").decode("utf-8", "replace"))
 
             from fmpy import fmi3
+
             self._log = fmi3.fmi3LogMessageCallback(log)
             self._call("instantiate", loggingOn=True, logMessage=self._log)
             return
@@ -184,8 +197,9 @@ class Fmu:
         groups: dict[str, list[int]] = {}
         for k, name in enumerate(names):
             groups.setdefault(self._group(self._variable(name)), []).append(k)
-        calls = [(f"get{group}", places, [self.variables[names[k]].valueReference for k in places])
-                 for group, places in groups.items()]
+        calls = [
+            (f"get{group}", places, [self.variables[names[k]].valueReference for k in places]) for group, places in groups.items()
+        ]
 
         def read() -> list:
             out = [0.0] * len(names)
@@ -193,6 +207,7 @@ class Fmu:
                 for k, value in zip(places, self._call(call, references), strict=True):
                     out[k] = value
             return out
+
         return read
 
     def writer(self, names: list[str]):
@@ -200,13 +215,20 @@ class Fmu:
         groups: dict[str, list[int]] = {}
         for k, name in enumerate(names):
             groups.setdefault(self._group(self._variable(name)), []).append(k)
-        calls = [(f"set{group}", places, [self.variables[names[k]].valueReference for k in places],
-                  bool if group == "Boolean" else float if group in ("Real", "Float32", "Float64") else int)
-                 for group, places in groups.items()]
+        calls = [
+            (
+                f"set{group}",
+                places,
+                [self.variables[names[k]].valueReference for k in places],
+                bool if group == "Boolean" else float if group in ("Real", "Float32", "Float64") else int,
+            )
+            for group, places in groups.items()
+        ]
 
         def write(values) -> None:
             for call, places, references, kind in calls:
                 self._call(call, references, [kind(values[k]) for k in places])
+
         return write
 
     # ---- life

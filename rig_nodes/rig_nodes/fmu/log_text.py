@@ -15,8 +15,17 @@ import re
 
 WORDS, DOUBLES = 16, 8  # values that can be looked at: integers and pointers, floating-point numbers
 LONGEST = 1000  # bytes of a text
-SIGNATURE = ct.CFUNCTYPE(None, ct.c_void_p, ct.c_void_p, ct.c_int, ct.c_void_p, ct.c_void_p,
-                         ct.c_size_t, *[ct.c_double] * DOUBLES, *[ct.c_size_t] * (WORDS - 1))
+SIGNATURE = ct.CFUNCTYPE(
+    None,
+    ct.c_void_p,
+    ct.c_void_p,
+    ct.c_int,
+    ct.c_void_p,
+    ct.c_void_p,
+    ct.c_size_t,
+    *[ct.c_double] * DOUBLES,
+    *[ct.c_size_t] * (WORDS - 1),
+)
 _CONVERSION = re.compile(r"%([-+ #0]*)(\d*|\*)(?:\.(\d*|\*))?(hh|h|ll|l|j|z|t|L)?([%diouxXcspfFeEgGaAn])")
 _LONG = ("l", "ll", "j", "z", "t")
 
@@ -44,7 +53,7 @@ def text_at(address: int | None) -> str:
 
 def formatted(form: str, values: tuple) -> str:
     """The text of a printf format and of the values behind it as SIGNATURE brings them; what is no conversion stays."""
-    words, doubles = iter((values[0], *values[1 + DOUBLES:])), iter(values[1:1 + DOUBLES])
+    words, doubles = iter((values[0], *values[1 + DOUBLES :])), iter(values[1 : 1 + DOUBLES])
 
     def signed(length: str | None) -> int:
         word = next(words)

@@ -58,12 +58,22 @@ class Recording:
 
         self._bag.__exit__(None, None, None)
         tripped = self.rig.status == RigStatus.TRIPPED
-        end = {"state": "tripped", "reason": self.rig.reason} if tripped else {
-            "state": "ended", "reason": "the importer ended the run"}
-        run = {**self.record, "mode": "fmu", "controller": {"name": "alfa46" if self.rig.embedded else "importer",
-                                                            "level": self.rig.level},
-               "duration_s": self.rig.time, "lost": 0, "ticks": self.rig.sample // TICK_SAMPLES, "overruns": 0,
-               "lateness_ms": None, "end": end}
+        end = (
+            {"state": "tripped", "reason": self.rig.reason}
+            if tripped
+            else {"state": "ended", "reason": "the importer ended the run"}
+        )
+        run = {
+            **self.record,
+            "mode": "fmu",
+            "controller": {"name": "alfa46" if self.rig.embedded else "importer", "level": self.rig.level},
+            "duration_s": self.rig.time,
+            "lost": 0,
+            "ticks": self.rig.sample // TICK_SAMPLES,
+            "overruns": 0,
+            "lateness_ms": None,
+            "end": end,
+        }
         write_report(self.folder, build_report(Bag(self.folder), run))
 
 
@@ -101,8 +111,7 @@ class RigModel:
     def step(self, samples: int) -> int:
         """Move by samples with the inputs as they are, or to a trip; returns how many it has moved by."""
         if self.rig.sample == 0 and self.values.text("record") and self._recording is None:
-            self._recording = Recording(Path(self.values.text("record")), self.rig, self._changed_config,
-                                        int(self.values["seed"]))
+            self._recording = Recording(Path(self.values.text("record")), self.rig, self._changed_config, int(self.values["seed"]))
         self._give_setpoints()
         command = None if self.rig.embedded else self._command()
         first = self.rig.sample
@@ -140,8 +149,13 @@ class RigModel:
         """(duty, setpoint, gear, shifting, flags) of the importer's controller."""
         values = self.values
         asked = [values[f"command_{k}"] for k in range(1, len(self.rig.duty) + 1)]
-        return (asked, asked if self.rig.level == "current" else [0.0] * len(asked), int(values["command_gear"]),
-                values["command_shifting"] != 0.0, int(values["command_flags"]))
+        return (
+            asked,
+            asked if self.rig.level == "current" else [0.0] * len(asked),
+            int(values["command_gear"]),
+            values["command_shifting"] != 0.0,
+            int(values["command_flags"]),
+        )
 
     def _order(self) -> None:
         """Order the gear that is asked for, once no shift runs."""
@@ -206,7 +220,7 @@ def _take(values, request: bytes) -> None:
     values.numbers[:] = np.frombuffer(request, np.float64, len(values.numbers), HEAD.size)
     at = HEAD.size + values.numbers.nbytes
     for k in range(len(values.texts)):
-        values.texts[k] = request[at:at + TEXT].split(b"\0", 1)[0].decode("utf-8", "replace")
+        values.texts[k] = request[at : at + TEXT].split(b"\0", 1)[0].decode("utf-8", "replace")
         at += TEXT
 
 
@@ -216,7 +230,7 @@ def _answer(values, status: int, done: int, sentence: str) -> bytes:
 
 
 def _padded(text: str) -> bytes:
-    return text.encode()[:TEXT - 1].decode(errors="ignore").encode().ljust(TEXT, b"\0")
+    return text.encode()[: TEXT - 1].decode(errors="ignore").encode().ljust(TEXT, b"\0")
 
 
 def main() -> int:

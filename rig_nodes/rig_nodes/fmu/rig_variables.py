@@ -9,6 +9,7 @@ Used by fmu.build, which writes them into modelDescription.xml, and by fmu.rig_p
 from __future__ import annotations
 
 from collections.abc import Sequence
+
 import numpy as np
 
 from ..config.schema import SWITCH
@@ -18,14 +19,24 @@ from ..description.commands import Setpoint
 from ..description.settings import Setting
 from ..parts import part as parts
 from ..testbench.configuration import RigConfig
-from ..testbench.rig import Rig
 from ..testbench.cross_checks import cross_check
+from ..testbench.rig import Rig
 from ..testbench.topics import COMMAND, Heard, States
 from .description import Variable
 
 # units of the configuration as FMI writes them
-UNITS = {"-": "1", "Nm": "N.m", "1/Nm": "1/(N.m)", "kg m2": "kg.m2", "Nm s/rad": "N.m.s/rad", "Nm/rad": "N.m/rad",
-         "N s/m": "N.s/m", "Pa s": "Pa.s", "Pa s/m3": "Pa.s/m3", "V/(A s)": "V/(A.s)"}
+UNITS = {
+    "-": "1",
+    "Nm": "N.m",
+    "1/Nm": "1/(N.m)",
+    "kg m2": "kg.m2",
+    "Nm s/rad": "N.m.s/rad",
+    "Nm/rad": "N.m/rad",
+    "N s/m": "N.s/m",
+    "Pa s": "Pa.s",
+    "Pa s/m3": "Pa.s/m3",
+    "V/(A s)": "V/(A.s)",
+}
 CONTROLLERS = ("embedded", "duty", "current")  # values of the parameter controller
 
 
@@ -36,25 +47,37 @@ def rig_variables(config: RigConfig) -> list[Variable]:
 
 
 def _parameters(config: RigConfig) -> list[Variable]:
-    out = [Variable("seed", "integer", "parameter", "Seed of the transducers' noise and errors", 1, low=0, high=2**31 - 1),
-           Variable("controller", "integer", "parameter", "0: the embedded Alfa46 shifts, by gear_request; 1: command_1 to "
-                    "_3 are duties of the coils; 2: they are current setpoints [A]", 0, low=0, high=2),
-           Variable("record", "string", "parameter", "Folder for the rig's bag and report; none is recorded when empty", "")]
+    out = [
+        Variable("seed", "integer", "parameter", "Seed of the transducers' noise and errors", 1, low=0, high=2**31 - 1),
+        Variable(
+            "controller",
+            "integer",
+            "parameter",
+            "0: the embedded Alfa46 shifts, by gear_request; 1: command_1 to "
+            "_3 are duties of the coils; 2: they are current setpoints [A]",
+            0,
+            low=0,
+            high=2,
+        ),
+        Variable("record", "string", "parameter", "Folder for the rig's bag and report; none is recorded when empty", ""),
+    ]
     for one in _settings(config):
         value = config.value(one.name)
         if one.dimension == SWITCH:
             out.append(Variable(one.name, "boolean", "parameter", one.text, bool(value)))
         else:
             unit = SI.get(one.dimension) or NOT_WRITTEN[one.dimension]
-            out.append(Variable(one.name, "real", "parameter", one.text, float(value), UNITS.get(unit, unit), low=one.low,
-                                high=one.high))
+            out.append(
+                Variable(one.name, "real", "parameter", one.text, float(value), UNITS.get(unit, unit), low=one.low, high=one.high)
+            )
     return out
 
 
 def _settings(config: RigConfig) -> list[Setting]:
     """What an importer sets before the rig runs: all that the configuration keeps but words and the cutting of time."""
-    return [one for one in config.settings.kept() if (one.is_number or one.dimension == SWITCH)
-            and one.owner not in ("kernel", "cut")]
+    return [
+        one for one in config.settings.kept() if (one.is_number or one.dimension == SWITCH) and one.owner not in ("kernel", "cut")
+    ]
 
 
 def _inputs(config: RigConfig) -> list[Variable]:
@@ -62,18 +85,48 @@ def _inputs(config: RigConfig) -> list[Variable]:
     outputs, highest = len(record.outputs), max(record.gear_names)
     for one in config.settings.steps.values():
         setpoint, signal = one.setpoint, config.catalogue.signals[one.setpoint.like]
-        out += [Variable(setpoint.name, "real", "input", one.text, 0.0, signal.unit, (signal.display_unit, signal.scale), one.low,
-                         one.high), Variable(enable_of(setpoint), "boolean", "input", f"{one.text}: on", False)]
-    out.append(Variable("gear_request", "integer", "input", f"Gear ordered of the embedded Alfa46: {record.gears_told}; "
-                        "one that comes while a shift runs is taken at its end", 0, low=0, high=highest))
-    out += [Variable(f"command_{k}", "real", "input", f"Command of controller output {k}: duty 0 to 1, or current setpoint "
-                     f"0 to {config.alfa46.values.current_limit:g} A, as the parameter controller says", 0.0)
-            for k in range(1, outputs + 1)]
-    return [*out, Variable("command_gear", "integer", "input", "Gear that your controller has taken", 0, low=0,
-                           high=highest),
-            Variable("command_shifting", "boolean", "input", "Your controller's shift is still running", False),
-            Variable("command_flags", "integer", "input", "Bit k: at controller = 2, output k stays on at a setpoint of zero",
-                     0, low=0, high=2**outputs - 1)]
+        out += [
+            Variable(
+                setpoint.name, "real", "input", one.text, 0.0, signal.unit, (signal.display_unit, signal.scale), one.low, one.high
+            ),
+            Variable(enable_of(setpoint), "boolean", "input", f"{one.text}: on", False),
+        ]
+    out.append(
+        Variable(
+            "gear_request",
+            "integer",
+            "input",
+            f"Gear ordered of the embedded Alfa46: {record.gears_told}; one that comes while a shift runs is taken at its end",
+            0,
+            low=0,
+            high=highest,
+        )
+    )
+    out += [
+        Variable(
+            f"command_{k}",
+            "real",
+            "input",
+            f"Command of controller output {k}: duty 0 to 1, or current setpoint "
+            f"0 to {config.alfa46.values.current_limit:g} A, as the parameter controller says",
+            0.0,
+        )
+        for k in range(1, outputs + 1)
+    ]
+    return [
+        *out,
+        Variable("command_gear", "integer", "input", "Gear that your controller has taken", 0, low=0, high=highest),
+        Variable("command_shifting", "boolean", "input", "Your controller's shift is still running", False),
+        Variable(
+            "command_flags",
+            "integer",
+            "input",
+            "Bit k: at controller = 2, output k stays on at a setpoint of zero",
+            0,
+            low=0,
+            high=2**outputs - 1,
+        ),
+    ]
 
 
 def enable_of(setpoint: Setpoint) -> str:
@@ -86,8 +139,7 @@ def _outputs(config: RigConfig, parameters: Sequence[str]) -> list[Variable]:
     out, outputs, known = [], len(record_of(config).outputs), config.catalogue
     oils = {f"{one.name}.oil_temperature": f"{one.name}.temperature" for one in config.structure.of_role(parts.OIL)}
     temperature = {one.name: (oils[one.shows],) for one in config.structure.transducers if one.shows in oils}
-    transducers = tuple(name for name in parameters if name in ("seed", "effects.transducers")
-                        or name.startswith("instruments."))
+    transducers = tuple(name for name in parameters if name in ("seed", "effects.transducers") or name.startswith("instruments."))
     for signal in known.signals.values():
         by = (*transducers, *temperature.get(signal.name, ())) if signal.topic in known.measured() else ()
         states = ", ".join(f"{key} {word}" for key, word in signal.states.items())
@@ -96,19 +148,43 @@ def _outputs(config: RigConfig, parameters: Sequence[str]) -> list[Variable]:
             words = tuple((int(key), word) for key, word in signal.states.items())
             out.append(Variable(signal.name, "integer", "output", text, words=words))
         else:
-            out.append(Variable(signal.name, "real", "output", text, unit=UNITS.get(signal.unit, signal.unit),
-                                display=(signal.display_unit, signal.scale), initial_by=by))
+            out.append(
+                Variable(
+                    signal.name,
+                    "real",
+                    "output",
+                    text,
+                    unit=UNITS.get(signal.unit, signal.unit),
+                    display=(signal.display_unit, signal.scale),
+                    initial_by=by,
+                )
+            )
     for name in known.measured().values():
         signal = known.signals[name]
-        out.append(Variable(f"true.{name}", "real", "output", f"{signal.text} Without the transducer.", unit=signal.unit,
-                            display=(signal.display_unit, signal.scale),
-                            initial_by=temperature.get(name, ())))
-    currents = (Variable(f"current_{k}", "real", "output", f"Measured coil current at controller output {k}", unit="A",
-                         initial_by=transducers)
-                for k in range(1, outputs + 1))
-    return [*out, *currents, Variable("shifting", "boolean", "output", "A profile of the controller runs"),
-            Variable("sample", "integer", "output", "Controller samples of 1 ms since the start"),
-            Variable("reason", "string", "output", "Why the rig tripped; empty while it has not")]
+        out.append(
+            Variable(
+                f"true.{name}",
+                "real",
+                "output",
+                f"{signal.text} Without the transducer.",
+                unit=signal.unit,
+                display=(signal.display_unit, signal.scale),
+                initial_by=temperature.get(name, ()),
+            )
+        )
+    currents = (
+        Variable(
+            f"current_{k}", "real", "output", f"Measured coil current at controller output {k}", unit="A", initial_by=transducers
+        )
+        for k in range(1, outputs + 1)
+    )
+    return [
+        *out,
+        *currents,
+        Variable("shifting", "boolean", "output", "A profile of the controller runs"),
+        Variable("sample", "integer", "output", "Controller samples of 1 ms since the start"),
+        Variable("reason", "string", "output", "Why the rig tripped; empty while it has not"),
+    ]
 
 
 class Values:
@@ -161,8 +237,9 @@ class Reader:
         measured = self._states.measured
         self._measured = [(first + k, measured[s.topic]) for k, s in enumerate(signals.values()) if s.topic in measured]
         self._others = [(first + k, name) for k, (name, s) in enumerate(signals.items()) if s.topic not in measured]
-        self._true = [(values.place[f"true.{name}"], rig.world.source[rig.channels.index(name)])
-                      for name in known.measured().values()]
+        self._true = [
+            (values.place[f"true.{name}"], rig.world.source[rig.channels.index(name)]) for name in known.measured().values()
+        ]
         self._currents = values.place["current_1"]
 
     def read(self) -> None:
@@ -179,7 +256,7 @@ class Reader:
         for place, true in self._true:
             numbers[place] = rig.world.numbers[true]
         currents = rig.coil_currents()
-        numbers[self._currents:self._currents + len(currents)] = currents
+        numbers[self._currents : self._currents + len(currents)] = currents
         numbers[self.values.place["shifting"]] = rig.shifting
         numbers[self.values.place["sample"]] = rig.sample
         self.values.set_text("reason", rig.reason)

@@ -8,6 +8,7 @@ Used by graph.supervisor; the other end of the line is nodes.process.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -22,8 +23,16 @@ STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 class Child:
     """A running process; ``line`` is the descriptor on which its status lines arrive."""
 
-    def __init__(self, name: str, module: str, arguments: list[str], logs: Path, env: dict[str, str],
-                 links: dict[str, socket.socket] | None = None, life: int = 1):
+    def __init__(
+        self,
+        name: str,
+        module: str,
+        arguments: list[str],
+        logs: Path,
+        env: dict[str, str],
+        links: dict[str, socket.socket] | None = None,
+        life: int = 1,
+    ):
         """Start ``python -m module``; its output goes to ``logs/<name>.log``.
 
         links: ends for it, by the other's name; life: 2 when it is started again, and so on, for a log of its own.
@@ -34,8 +43,21 @@ class Child:
         os.set_blocking(self.line, False)
         self._rest = b""
         self.silent = False  # has closed its line, which it does only by ending
-        command = [sys.executable, "-P", "-m", module, *arguments, "--logs", str(logs), "--parent", str(os.getpid()),
-                   "--status-fd", str(other_end), "--life", str(life)]
+        command = [
+            sys.executable,
+            "-P",
+            "-m",
+            module,
+            *arguments,
+            "--logs",
+            str(logs),
+            "--parent",
+            str(os.getpid()),
+            "--status-fd",
+            str(other_end),
+            "--life",
+            str(life),
+        ]
         ends = {other: end.fileno() for other, end in (links or {}).items()}
         for other, descriptor in ends.items():
             command += ["--link", f"{other}:{descriptor}"]
@@ -43,8 +65,15 @@ class Child:
         before = signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
         try:
             with open(logs / self.log, "wb") as log:
-                self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=log, stderr=log, env=env,
-                                                pass_fds=(other_end, *ends.values()), start_new_session=True)
+                self.process = subprocess.Popen(
+                    command,
+                    stdin=subprocess.PIPE,
+                    stdout=log,
+                    stderr=log,
+                    env=env,
+                    pass_fds=(other_end, *ends.values()),
+                    start_new_session=True,
+                )
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
             os.close(other_end)
@@ -101,7 +130,5 @@ class Child:
     def close(self) -> None:
         """Close both lines."""
         os.close(self.line)
-        try:
+        with contextlib.suppress(BrokenPipeError):
             self.process.stdin.close()
-        except BrokenPipeError:
-            pass

@@ -62,8 +62,10 @@ class Domain:
             if look and self.number in busy_domains() and (names := _senders(self)):
                 sender = f"/rig/state is sent by {', '.join(names)}"
         if sender:
-            raise RigError(f"there is a rig or a replay in ROS domain {self.number} already ({sender}), and two would "
-                           "take each other's orders; end that one, or take another domain with ROS_DOMAIN_ID")
+            raise RigError(
+                f"there is a rig or a replay in ROS domain {self.number} already ({sender}), and two would "
+                "take each other's orders; end that one, or take another domain with ROS_DOMAIN_ID"
+            )
         return self
 
     def release(self) -> None:
@@ -90,18 +92,25 @@ def allocate() -> Domain:
                 return Domain(number, held)
             if held is not None:
                 held.close()
-    raise RigError(f"all ROS domains from {FIRST} to {LAST} are in use on this machine; "
-                   f"end another run or set ROS_DOMAIN_ID")
+    raise RigError(f"all ROS domains from {FIRST} to {LAST} are in use on this machine; end another run or set ROS_DOMAIN_ID")
 
 
 def _senders(domain: Domain) -> list[str]:
     """Names of the nodes that send /rig/state in a domain."""
     try:
-        looked = subprocess.run([sys.executable, "-P", "-m", "rig_nodes.nodes.look_for_rig"], env=environment(domain),
-                                stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=LOOK_TIMEOUT)
+        looked = subprocess.run(
+            [sys.executable, "-P", "-m", "rig_nodes.nodes.look_for_rig"],
+            env=environment(domain),
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            timeout=LOOK_TIMEOUT,
+        )
     except subprocess.TimeoutExpired:
-        raise RigError(f"no ROS node can be started in ROS domain {domain.number}: nothing came within "
-                       f"{LOOK_TIMEOUT:.0f} s; './rig doctor' says more") from None
+        raise RigError(
+            f"no ROS node can be started in ROS domain {domain.number}: nothing came within "
+            f"{LOOK_TIMEOUT:.0f} s; './rig doctor' says more"
+        ) from None
     if looked.returncode:
         said = looked.stderr.strip().splitlines()
         why = said[-1] if said else "without a word"
@@ -174,8 +183,10 @@ def from_environment(keep: bool = False) -> Domain:
 def check_namespace(namespace: str, where: str) -> None:
     """RigError for a namespace other than the root."""
     if namespace.strip("/"):
-        raise RigError(f"{where}: the rig has no namespace, for its topics, actions and services have absolute names; "
-                       "give it a ROS domain of its own (ROS_DOMAIN_ID) to have it beside others")
+        raise RigError(
+            f"{where}: the rig has no namespace, for its topics, actions and services have absolute names; "
+            "give it a ROS domain of its own (ROS_DOMAIN_ID) to have it beside others"
+        )
 
 
 def environment(domain: Domain) -> dict[str, str]:
@@ -187,8 +198,13 @@ def environment(domain: Domain) -> dict[str, str]:
     for name in ("ROS_LOCALHOST_ONLY", "FASTDDS_BUILTIN_TRANSPORTS"):
         env.pop(name, None)  # would overrule what follows
     profiles = str(package_file("fastdds.xml"))
-    env.update(ROS_DOMAIN_ID=str(domain.number), ROS_AUTOMATIC_DISCOVERY_RANGE="SYSTEM_DEFAULT", ROS_STATIC_PEERS="",
-               FASTRTPS_DEFAULT_PROFILES_FILE=profiles, FASTDDS_DEFAULT_PROFILES_FILE=profiles)
+    env.update(
+        ROS_DOMAIN_ID=str(domain.number),
+        ROS_AUTOMATIC_DISCOVERY_RANGE="SYSTEM_DEFAULT",
+        ROS_STATIC_PEERS="",
+        FASTRTPS_DEFAULT_PROFILES_FILE=profiles,
+        FASTDDS_DEFAULT_PROFILES_FILE=profiles,
+    )
     return env
 
 

@@ -104,8 +104,7 @@ class Link:
         if not flags and timeout != self._timeout:
             # the kernel's own timeout: Python's takes a poll and two mode switches for each message
             micros = 0 if timeout is None else max(1, round(timeout * 1e6))
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO,
-                                    TIMEVAL.pack(*divmod(micros, 1_000_000)))
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, TIMEVAL.pack(*divmod(micros, 1_000_000)))
             self._timeout = timeout
         try:
             return self._socket.recv_into(self._buffer, 0, flags)

@@ -19,7 +19,6 @@ from ..catalogue import Topic, catalogue, installed_topics
 from ..errors import RigError
 from .supervisor import MODULES, End, processes_of
 
-
 NAMED = 4  # topics of a sentence
 
 
@@ -138,8 +137,10 @@ def what_was_lost(run: dict) -> str:
     behind = run.get("behind")
     if behind and behind["times"]:
         times = "once" if behind["times"] == 1 else f"{behind['times']} times"
-        said.append(f"the rig fell behind real time by more than {1e3 * behind['limit_s']:g} ms {times}, by up to "
-                    f"{behind['longest_s']:.2f} s")
+        said.append(
+            f"the rig fell behind real time by more than {1e3 * behind['limit_s']:g} ms {times}, by up to "
+            f"{behind['longest_s']:.2f} s"
+        )
     return "; ".join(said)
 
 
@@ -155,21 +156,34 @@ def run_part(bag: Bag, folder: Path, record: dict, end: End, restarts: list[dict
     facts = facts_of(folder)
     container = facts.get("container", {})
     lost = lost_messages(bag, facts)
-    processes = {name: {"cpu_percent": 100.0 * fact["cpu_s"] / fact["wall_s"], "max_rss_mb": fact["max_rss_mb"]}
-                 for name, fact in facts.items()}
+    processes = {
+        name: {"cpu_percent": 100.0 * fact["cpu_s"] / fact["wall_s"], "max_rss_mb": fact["max_rss_mb"]}
+        for name, fact in facts.items()
+    }
     controller = facts.get("alfa46", {}).get("controller")
     if controller is not None:
         controller = {**controller, "delay": container.get("delay", 1)}
-    run = {**record, "mode": "run", "controller": controller,
-           "duration_s": container.get("time_s"), "lost": sum(lost.values()),
-           "lost_by_topic": lost, "refused_commands": container.get("refused"),
-           "unreadable": facts.get("recorder", {}).get("unreadable", {}),
-           "unrecorded_topics": facts.get("recorder", {}).get("unrecorded", {}),
-           "stamps_ahead": facts.get("recorder", {}).get("ahead", {}), "ticks": container.get("ticks"),
-           "overruns": container.get("overruns"), "lateness_ms": container.get("lateness_ms"), "behind": container.get("behind"),
-           "speed_factor": container.get("speed_factor"), "real_time_priority": container.get("real_time_priority"), "processes": processes,
-           "restarts": [{key: restart[key] for key in ("process", "how", "t")} for restart in restarts],
-           "end": {"state": end.state, "reason": end.reason}}
+    run = {
+        **record,
+        "mode": "run",
+        "controller": controller,
+        "duration_s": container.get("time_s"),
+        "lost": sum(lost.values()),
+        "lost_by_topic": lost,
+        "refused_commands": container.get("refused"),
+        "unreadable": facts.get("recorder", {}).get("unreadable", {}),
+        "unrecorded_topics": facts.get("recorder", {}).get("unrecorded", {}),
+        "stamps_ahead": facts.get("recorder", {}).get("ahead", {}),
+        "ticks": container.get("ticks"),
+        "overruns": container.get("overruns"),
+        "lateness_ms": container.get("lateness_ms"),
+        "behind": container.get("behind"),
+        "speed_factor": container.get("speed_factor"),
+        "real_time_priority": container.get("real_time_priority"),
+        "processes": processes,
+        "restarts": [{key: restart[key] for key in ("process", "how", "t")} for restart in restarts],
+        "end": {"state": end.state, "reason": end.reason},
+    }
     if bag.recovered:
         run["recovered"] = bag.recovered
     return run

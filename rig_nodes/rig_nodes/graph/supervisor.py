@@ -9,6 +9,7 @@ through pipes and signals.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import selectors
 import signal
@@ -71,12 +72,19 @@ class Order:
         if self.speed is not None and self.come_timeout is not None:
             come = ["--come-timeout", str(self.come_timeout)]
         plug = [] if self.controller is None else ["--controller", self.controller]
-        choice = [part for option, text in (("--topics", self.topics), ("--exclude", self.exclude)) if text is not None
-                  for part in (option, text)]
+        choice = [
+            part
+            for option, text in (("--topics", self.topics), ("--exclude", self.exclude))
+            if text is not None
+            for part in (option, text)
+        ]
         numbers = ["--seed", str(self.seed), "--delay", str(self.delay)]
-        return {"container": [*rig, *sequence, *drop, *speed, *patience, *numbers],
-                "alfa46": [*rig, *plug, *patience, *come],
-                "sequencer": [*rig, *sequence], "recorder": [*rig, *plug, *choice]}[name]
+        return {
+            "container": [*rig, *sequence, *drop, *speed, *patience, *numbers],
+            "alfa46": [*rig, *plug, *patience, *come],
+            "sequencer": [*rig, *sequence],
+            "recorder": [*rig, *plug, *choice],
+        }[name]
 
 
 @dataclass
@@ -122,10 +130,8 @@ class Supervisor:
         self._finish_with(End("interrupted", names.get(number, "stopped"), number), 0.0)
         with self._lock:
             if not self.ended.is_set():
-                try:
+                with contextlib.suppress(BlockingIOError):
                     os.write(self._wake_write, b".")
-                except BlockingIOError:
-                    pass
 
     def run(self) -> End:
         """Everything from the first process to the last; returns how it ended. Signals need the main thread."""
@@ -165,8 +171,9 @@ class Supervisor:
         if name == "recorder":
             bag = Path(self.order.sequence or self.folder.name).stem
             arguments += ["--out", str(self.folder), "--name", bag, "--piece", str(life - 1)]
-        child = Child(name, f"rig_nodes.nodes.{MODULES[name]}", arguments, self.folder / "logs",
-                      environment(self.domain), links, life)
+        child = Child(
+            name, f"rig_nodes.nodes.{MODULES[name]}", arguments, self.folder / "logs", environment(self.domain), links, life
+        )
         self.children[name] = child
         return child
 
@@ -213,8 +220,9 @@ class Supervisor:
             self._awaited = message["awaited"]
             self.say(None, message["text"])
         elif kind == "end":
-            self._finish_with(END_BY_HAND if self.order.sequence is None
-                              else End("failed", "ended by /rig/end before its sequence was done"), 0.0)
+            self._finish_with(
+                END_BY_HAND if self.order.sequence is None else End("failed", "ended by /rig/end before its sequence was done"), 0.0
+            )
         elif kind == "failed":
             self._finish_with(End("failed", f"{child.name}: {message['text']}"), 0.0)
         elif kind == "done" and self.order.sequence is not None:

@@ -10,6 +10,7 @@ time on two cores; a tap takes 1 us, loses nothing and lets nobody run ahead of 
 
 from __future__ import annotations
 
+import contextlib
 import json
 import socket
 import struct
@@ -79,10 +80,8 @@ class Tap:
 
     def close(self) -> None:
         """Nothing more will come. What was put and not sent is lost only when the recorder is gone."""
-        try:
+        with contextlib.suppress(LinkClosed):
             self.flush()
-        except LinkClosed:
-            pass
         self._socket.close()
 
 

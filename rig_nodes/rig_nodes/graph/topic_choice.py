@@ -13,8 +13,13 @@ import re
 from ..errors import RigError
 
 CLOCK = "/clock"  # a bag that is played again brings one of its own
-TOPICS = ("--topics", {"metavar": "REGEX", "help": "beside the rig's own topics, record only those whose whole name "
-                                                   "matches (default: every topic of the ROS domain)"})
+TOPICS = (
+    "--topics",
+    {
+        "metavar": "REGEX",
+        "help": "beside the rig's own topics, record only those whose whole name matches (default: every topic of the ROS domain)",
+    },
+)
 EXCLUDE = ("--exclude", {"metavar": "REGEX", "help": "beside the rig's own topics, record none whose whole name matches"})
 
 

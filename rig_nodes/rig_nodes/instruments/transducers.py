@@ -38,13 +38,29 @@ def shown_dtype(channels: int, untouched: int, encoders: int) -> np.dtype:
     transducer shows, and where they are; pickup, noisy > 0: somebody has some; present > 0: there are transducers.
     """
     lanes = -(-max(channels, 1) // WIDTH) * WIDTH
-    return one_record(np.dtype([
-        ("table", "f8", (ROWS, lanes)), ("white", "f8", (lanes,)), ("keys", "u8", (lanes,)), ("state", "f8", (lanes,)),
-        ("angle", "f8", (lanes,)), ("counted", "f8", (lanes,)), ("fineness", "f8", (lanes,)),
-        ("induced", "f8", (lanes,)), ("row", "f8", (lanes,)), ("mains", "f8"), ("pickup", "f8"), ("noisy", "f8"),
-        ("present", "f8"), ("encoder", "u8", (encoders,)), ("source", "u8", (channels,)),
-        ("untouched", "f8", (untouched,)), ("untouched_source", "u8", (untouched,)),
-    ]))
+    return one_record(
+        np.dtype(
+            [
+                ("table", "f8", (ROWS, lanes)),
+                ("white", "f8", (lanes,)),
+                ("keys", "u8", (lanes,)),
+                ("state", "f8", (lanes,)),
+                ("angle", "f8", (lanes,)),
+                ("counted", "f8", (lanes,)),
+                ("fineness", "f8", (lanes,)),
+                ("induced", "f8", (lanes,)),
+                ("row", "f8", (lanes,)),
+                ("mains", "f8"),
+                ("pickup", "f8"),
+                ("noisy", "f8"),
+                ("present", "f8"),
+                ("encoder", "u8", (encoders,)),
+                ("source", "u8", (channels,)),
+                ("untouched", "f8", (untouched,)),
+                ("untouched_source", "u8", (untouched,)),
+            ]
+        )
+    )
 
 
 def mains(step: float, frequency: float, phase: float) -> np.ndarray:

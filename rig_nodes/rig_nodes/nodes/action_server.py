@@ -23,8 +23,15 @@ class GoalServer(ActionServer):
 
     def __init__(self, node, kind, name: str, on_goal, on_cancel, on_request=lambda request: GoalResponse.ACCEPT):
         """on_request(request) -> GoalResponse, then on_goal(handle), and on_cancel(handle) -> CancelResponse."""
-        super().__init__(node, kind, name, execute_callback=lambda handle: None, goal_callback=on_request,
-                         handle_accepted_callback=on_goal, cancel_callback=on_cancel)
+        super().__init__(
+            node,
+            kind,
+            name,
+            execute_callback=lambda handle: None,
+            goal_callback=on_request,
+            handle_accepted_callback=on_goal,
+            cancel_callback=on_cancel,
+        )
         self._on_cancel = on_cancel
 
     async def _execute_cancel_request(self, request_header_and_message) -> None:
@@ -47,6 +54,7 @@ class GoalServer(ActionServer):
 
 def finish(goal, result) -> None:
     """End a goal with its result: canceled when that was granted, else succeeded or aborted as the result says."""
+
     def end(handle):
         if handle.is_cancel_requested:
             handle.canceled()

@@ -100,8 +100,12 @@ class Alfa46Node(Node):
 
     def listen(self) -> None:
         """Subscribe to samples and state of the rig; called when those who receive the commands are there."""
-        self.create_subscription(RigState, STATE, lambda message: self.hear_status(message.state, message.reason),
-                                 stream_profile(self.config.catalogue.topics[STATE].qos))
+        self.create_subscription(
+            RigState,
+            STATE,
+            lambda message: self.hear_status(message.state, message.reason),
+            stream_profile(self.config.catalogue.topics[STATE].qos),
+        )
         profile = stream_profile(self.config.catalogue.topics[SAMPLES].qos)
         self.create_subscription(ControllerSample, SAMPLES, self.on_sample, profile, raw=True)
         self.real_time = True
@@ -146,14 +150,14 @@ class Alfa46Node(Node):
     def on_frame(self, frame: bytes, reply) -> None:
         """One sample in, the answer out, in lockstep; the rig goes on while the rest of this process hears of it."""
         if frame.startswith(STATUS):
-            status, reason = frame[len(STATUS)], frame[len(STATUS) + 1:]
+            status, reason = frame[len(STATUS)], frame[len(STATUS) + 1 :]
             self.hear_status(status, reason.decode())
             return
         frames = self.frames
         sample, *values = frames.sample.unpack_from(frame)
-        measured = values[frames.outputs:frames.measured]
+        measured = values[frames.outputs : frames.measured]
         try:
-            answer = self.ask(sample, values[:frames.outputs], measured, values[frames.measured:])
+            answer = self.ask(sample, values[: frames.outputs], measured, values[frames.measured :])
         except ControllerFailed as failure:
             reply(frames.none(sample, FAILED) + str(failure).encode())
             self.fail(failure)
@@ -161,8 +165,11 @@ class Alfa46Node(Node):
         if answer is None:
             reply(frames.none(sample, DISCARDED))
         else:
-            reply(frames.answer.pack(sample, ANSWERED, *answer.command, *answer.setpoint, self.box.gear, self.box.shifting,
-                                     self.box.flags))
+            reply(
+                frames.answer.pack(
+                    sample, ANSWERED, *answer.command, *answer.setpoint, self.box.gear, self.box.shifting, self.box.flags
+                )
+            )
         self.tell(sample, answer, measured)
 
     def ask(self, sample: int, *wires):
@@ -186,9 +193,20 @@ class Alfa46Node(Node):
         if answer is not None:
             self._setpoint = answer.setpoint
             duty, flags = (self._nothing, box.flags) if box.level == "current" else (answer.command, 0)
-            self.publish(COMMAND, self._encode_command(
-                self._stamp, self.first_seq + self.counts[COMMAND], sample, box.gear, box.shifting, LEVELS.index(box.level),
-                flags, duty, answer.setpoint))
+            self.publish(
+                COMMAND,
+                self._encode_command(
+                    self._stamp,
+                    self.first_seq + self.counts[COMMAND],
+                    sample,
+                    box.gear,
+                    box.shifting,
+                    LEVELS.index(box.level),
+                    flags,
+                    duty,
+                    answer.setpoint,
+                ),
+            )
             if box.signals:
                 self.tell_own(sample)
         if self._phase is not None and sample > self._ordered_at:
@@ -199,12 +217,24 @@ class Alfa46Node(Node):
         if not self.counts[own_signals.CHANNELS]:
             signals = self.box.signals
             self._blocks = own_signals.Blocks(len(signals))
-            self.publish(own_signals.CHANNELS, encoder("rig_msgs/msg/ChannelList").encode(
-                0, self.first_seq, list(signals), list(signals.values()), SAMPLE_NS * 1e-9))
+            self.publish(
+                own_signals.CHANNELS,
+                encoder("rig_msgs/msg/ChannelList").encode(
+                    0, self.first_seq, list(signals), list(signals.values()), SAMPLE_NS * 1e-9
+                ),
+            )
         for first, rows in self._blocks.add(sample, self.box.signal_values):
-            self.publish(own_signals.BLOCK, encoder("rig_msgs/msg/SampleBlock").encode(
-                first * SAMPLE_NS, self.first_seq + self.counts[own_signals.BLOCK], first, SAMPLE_NS * 1e-9,
-                *rows.shape, rows.ravel()))
+            self.publish(
+                own_signals.BLOCK,
+                encoder("rig_msgs/msg/SampleBlock").encode(
+                    first * SAMPLE_NS,
+                    self.first_seq + self.counts[own_signals.BLOCK],
+                    first,
+                    SAMPLE_NS * 1e-9,
+                    *rows.shape,
+                    rows.ravel(),
+                ),
+            )
 
     def fail(self, failure: ControllerFailed) -> None:
         """The controller cannot go on: said once; the rig notices by its silence, or by the answer in lockstep."""
@@ -226,10 +256,17 @@ class Alfa46Node(Node):
 
     def health(self) -> list[Health]:
         """The box's own, for /diagnostics."""
+
         def values() -> dict:
-            return {"controller": self.box.name, "level": self.box.level, "answered": self.counts[COMMAND],
-                    "missed": self.missed, "shifts_refused": self.refused, "gear": self.gears[self.box.gear],
-                    "shifting": self.box.shifting}
+            return {
+                "controller": self.box.name,
+                "level": self.box.level,
+                "answered": self.counts[COMMAND],
+                "missed": self.missed,
+                "shifts_refused": self.refused,
+                "gear": self.gears[self.box.gear],
+                "shifting": self.box.shifting,
+            }
 
         missing = self._missing(self.missed)
         if self._failed:
@@ -255,8 +292,7 @@ class Alfa46Node(Node):
             return GoalResponse.REJECT
         try:
             if self._phase is not None:
-                raise RigError(f"shift refused: a shift to {self.gears[self._phase.new]} is still running; "
-                               "wait for its end")
+                raise RigError(f"shift refused: a shift to {self.gears[self._phase.new]} is still running; wait for its end")
             if self._last_sample is None:
                 raise RigError("shift refused: the rig does not run yet; wait for its first sample")
             with self._orders:
@@ -313,8 +349,12 @@ class Alfa46Node(Node):
                 self._refusal = text  # the goal of the order is on its way
         self.event("shift_aborted", text, float(phase.new))
         if goal is not None:
-            finish(goal, Shift.Result(success=False, message=text, gear=self.box.gear, t_order=self._t_order or 0.0,
-                                      t_end=self._stamp * 1e-9))
+            finish(
+                goal,
+                Shift.Result(
+                    success=False, message=text, gear=self.box.gear, t_order=self._t_order or 0.0, t_end=self._stamp * 1e-9
+                ),
+            )
 
     def on_cancel(self, goal) -> CancelResponse:
         """Withdraw an order that the controller has not seen; a shift that has begun is carried to its end.
@@ -327,8 +367,10 @@ class Alfa46Node(Node):
             if withdrawn:
                 self._phase = self._goal = None
         if not withdrawn:
-            text = (f"cancel refused: the shift to {self.gears.get(gear, gear)} has begun and is carried to its end; "
-                    "order another gear then, or stop the rig with /rig/e_stop")
+            text = (
+                f"cancel refused: the shift to {self.gears.get(gear, gear)} has begun and is carried to its end; "
+                "order another gear then, or stop the rig with /rig/e_stop"
+            )
             self.get_logger().warning(text)
             self.event("cancel_refused", text, float(gear))
             return CancelResponse.REJECT
@@ -353,14 +395,14 @@ class Alfa46Node(Node):
         elif sample % FEEDBACK_SAMPLES == 0:
             n_in, n_out = self.box.rig_record.speeds(measured)
             phase = self._phase.name(n_in, n_out, [pressure(measured) for pressure in self._pressures])
-            goal.publish_feedback(Shift.Feedback(phase=phase, slip=float(self._phase.slip(n_in, n_out)),
-                                                 setpoint=list(self._setpoint)))
+            goal.publish_feedback(
+                Shift.Feedback(phase=phase, slip=float(self._phase.slip(n_in, n_out)), setpoint=list(self._setpoint))
+            )
 
     def event(self, name: str, text: str, value: float) -> None:
         """Publish an event at the time of the newest sample; in lockstep from either thread."""
         with self._orders:
-            self.publish(EVENTS, self._encode_event(self._stamp, self.first_seq + self.counts[EVENTS], name, text,
-                                                    value))
+            self.publish(EVENTS, self._encode_event(self._stamp, self.first_seq + self.counts[EVENTS], name, text, value))
 
     def publish(self, topic: str, data: bytes) -> None:
         """Send the next message of a topic, to the recorder's tap too in lockstep."""
@@ -375,9 +417,11 @@ def teller(process, plug) -> Callable[[str], None]:
 
     The supervisor learns who has not come yet too, for its last sentence.
     """
+
     def say(text: str) -> None:
         process.log.info("%s", text)
         process.status("waiting", text=text, awaited=plug.awaited())
+
     return say
 
 
@@ -407,8 +451,14 @@ def work(process) -> None:
     node.box.close()
     if node.tap is not None:
         node.tap.close()
-    process.leave([node], node.outputs.values(), published=node.counts, samples_missed=node.missed,
-                  shifts_refused=node.refused, controller=node.box.record())
+    process.leave(
+        [node],
+        node.outputs.values(),
+        published=node.counts,
+        samples_missed=node.missed,
+        shifts_refused=node.refused,
+        controller=node.box.record(),
+    )
 
 
 def answer_in_lockstep(process, node: Alfa46Node, link) -> None:

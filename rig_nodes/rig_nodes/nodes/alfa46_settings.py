@@ -34,8 +34,10 @@ class BoxSettings(Settings):
         """box: plug of the controller."""
         self.box, self.config, self.news = box, rig.alfa46, deque()
         config = self.config
-        rules = {"times": "6 numbers, P1 to P6; P1-P3 count from switch-on, P4-P6 from switch-off, each half increases",
-                 "currents": f"6 numbers, P1 to P6; 0 to {config.values.current_limit:g} A"}
+        rules = {
+            "times": "6 numbers, P1 to P6; P1-P3 count from switch-on, P4-P6 from switch-off, each half increases",
+            "currents": f"6 numbers, P1 to P6; 0 to {config.values.current_limit:g} A",
+        }
         settings = []
         for one in rig.settings.at("alfa46"):
             if one.numbers == 1:
@@ -69,8 +71,7 @@ class BoxSettings(Settings):
                 if numbers is None:
                     continue
                 if len(numbers) != len(POINTS):
-                    raise RigError(f"{key}.{name} must have {len(POINTS)} numbers, one for each of P1 to P6, found "
-                                   f"{len(numbers)}")
+                    raise RigError(f"{key}.{name} must have {len(POINTS)} numbers, one for each of P1 to P6, found {len(numbers)}")
                 profiles[k, :, column] = numbers
             if not np.array_equal(profiles[k], self.config.profiles[k]):
                 check_profile(profiles[k], key, values.current_limit)
@@ -81,8 +82,10 @@ class BoxSettings(Settings):
         own = {name.removeprefix(OWN): value for name, value in changes.items() if name.startswith(OWN)}
         loop = [name for name in changes if name in CURRENT_LOOP]
         if loop and self.box.level == "current":
-            return (f"{loop[0]} refused: at level current the rig's own power stage closes the loop, with the gains of "
-                    "the rig's configuration; set them with --set")
+            return (
+                f"{loop[0]} refused: at level current the rig's own power stage closes the loop, with the gains of "
+                "the rig's configuration; set them with --set"
+            )
         try:
             for name, value in own.items():
                 self.box.check_value(name, value)
@@ -112,7 +115,8 @@ class BoxSettings(Settings):
         key = OUTPUT_KEYS[request.output - 1]
         columns = {"times": request.times, "currents": request.currents}
         result = self.node.set_parameters_atomically(
-            [Parameter(f"{key}.{name}", value=[float(v) for v in numbers]) for name, numbers in columns.items()])
+            [Parameter(f"{key}.{name}", value=[float(v) for v in numbers]) for name, numbers in columns.items()]
+        )
         response.success = result.successful
         response.message = result.reason or f"profile of {key} set"
         return response

@@ -38,14 +38,18 @@ class CutEnds:
 
     def _open(self, node, device: str) -> None:
         port, answer = (self._rig.config.catalogue.cut_topics[topic_of(device, end)] for end in ("port", "answer"))
-        node.outputs[port.name] = node.create_publisher(message_class(port.ros_type), port.name,
-                                                        publisher_profile(port.qos))
+        node.outputs[port.name] = node.create_publisher(message_class(port.ros_type), port.name, publisher_profile(port.qos))
 
         def take(message) -> None:
             if self.tap is not None:
                 self.tap.put(answer.name, message.tobytes())
-            self._commands.put(answer.name, self._rig.cuts.answer, device, int(message["sample"]),
-                               Answer(*(float(message[name]) for name in Answer._fields)))
+            self._commands.put(
+                answer.name,
+                self._rig.cuts.answer,
+                device,
+                int(message["sample"]),
+                Answer(*(float(message[name]) for name in Answer._fields)),
+            )
             self._came.set()
 
         # in real time no answer may wait for a lost one to be sent again; in lockstep none may be lost
@@ -66,8 +70,9 @@ class CutEnds:
             listeners = {info.node_name for info in node.get_subscriptions_info_by_topic(port)} - {"recorder"}
             if not listeners or not node.inputs[topic_of(device, "answer")].get_publisher_count():
                 domain = os.environ.get("ROS_DOMAIN_ID", "0")
-                out.append(f"{device} is cut out and nobody answers {port}; start its node with: "
-                           f"./rig device {device} --domain {domain}")
+                out.append(
+                    f"{device} is cut out and nobody answers {port}; start its node with: ./rig device {device} --domain {domain}"
+                )
         return out
 
     def wait(self) -> None:

@@ -17,8 +17,8 @@ from rclpy.node import Node
 
 from ..bags.cdr import Fields, encoder
 from ..clocks import SAMPLE_NS
-from ..errors import RigError
 from ..engine.outside import OtherSide, Port, check_device
+from ..errors import RigError
 from ..testbench.cuts import topic_of
 from .message_class import message_class
 from .process import RIG_OPTIONS, rig_config, run
@@ -42,8 +42,7 @@ class CutDevice(Node):
         self._port, self._answer = port, answer
         self._fields = Fields(port.ros_type)
         self._encode = encoder(answer.ros_type).encode
-        self.publisher = self.create_publisher(message_class(answer.ros_type), answer.name,
-                                               publisher_profile(answer.qos))
+        self.publisher = self.create_publisher(message_class(answer.ros_type), answer.name, publisher_profile(answer.qos))
         self._subscription = None
         self._side, self._last, self._seq = None, None, 0
         OtherSide(device, config).step(Port(tick=config.cut.tick))  # compiles: the first answer is on time
@@ -61,8 +60,9 @@ class CutDevice(Node):
     def listen(self) -> None:
         """Take ports; called when the answers will be heard, for the rig starts when somebody listens."""
         port = self._port
-        self._subscription = self.create_subscription(message_class(port.ros_type), port.name, self.on_port,
-                                                      recorder_profile(port.qos), raw=True)
+        self._subscription = self.create_subscription(
+            message_class(port.ros_type), port.name, self.on_port, recorder_profile(port.qos), raw=True
+        )
 
     def leave(self) -> None:
         """Forget a rig that has gone."""
@@ -115,8 +115,9 @@ def work(process, device: str) -> None:
             elif not said and time.monotonic() - since > NOTICE:
                 said = True
                 if node.count_publishers("/rig/state"):
-                    process.log.warning("the rig in ROS domain %s has its own %s; start it with --set "
-                                        "%s.source=topic", domain, device, device)
+                    process.log.warning(
+                        "the rig in ROS domain %s has its own %s; start it with --set %s.source=topic", domain, device, device
+                    )
                 else:
                     process.log.warning("there is no rig in ROS domain %s yet", domain)
         elif not node.rigs:

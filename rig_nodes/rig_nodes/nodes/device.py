@@ -27,9 +27,10 @@ def publishers_of(node: Node, known: Catalogue, in_lockstep: bool = False, more=
     take encoded messages.
     """
     own = (topic for topic in known.topics.values() if topic.node == node.get_name())
-    return {topic.name: node.create_publisher(message_class(topic.ros_type), topic.name,
-                                              publisher_profile(topic.qos, in_lockstep))
-            for topic in (*own, *more)}
+    return {
+        topic.name: node.create_publisher(message_class(topic.ros_type), topic.name, publisher_profile(topic.qos, in_lockstep))
+        for topic in (*own, *more)
+    }
 
 
 def receive(node: Node, topic: Topic, callback, profile=None, refuse=None) -> object:
@@ -51,8 +52,9 @@ def receive(node: Node, topic: Topic, callback, profile=None, refuse=None) -> ob
             return
         callback(message)
 
-    return node.create_subscription(message_class(topic.ros_type), topic.name, on_bytes,
-                                    profile or receiver_profile(topic.qos), raw=True)
+    return node.create_subscription(
+        message_class(topic.ros_type), topic.name, on_bytes, profile or receiver_profile(topic.qos), raw=True
+    )
 
 
 def setpoints_taken(config) -> list[Setpoint]:

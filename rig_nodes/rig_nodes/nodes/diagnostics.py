@@ -58,8 +58,10 @@ class Diagnostics:
 
 def to_ros(health: Health) -> DiagnosticStatus:
     """The message of one status; numbers with six digits."""
-    values = [KeyValue(key=key, value=f"{value:.6g}" if isinstance(value, float) else str(value))
-              for key, value in health.values().items()]
+    values = [
+        KeyValue(key=key, value=f"{value:.6g}" if isinstance(value, float) else str(value))
+        for key, value in health.values().items()
+    ]
     name = "rig" if health.device == "rig" else f"rig/{health.device}"
     return DiagnosticStatus(level=health.level, name=name, message=health.message, hardware_id=HARDWARE, values=values)
 

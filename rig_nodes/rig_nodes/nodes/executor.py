@@ -15,6 +15,8 @@ def events_executor():
     try:
         from rclpy.experimental import EventsExecutor
     except ImportError:
-        raise RigError(f"this rclpy has no EventsExecutor; the rig needs rclpy {RCLPY} or newer, which the updates of "
-                       "Jazzy bring (package ros-jazzy-rclpy)") from None
+        raise RigError(
+            f"this rclpy has no EventsExecutor; the rig needs rclpy {RCLPY} or newer, which the updates of "
+            "Jazzy bring (package ros-jazzy-rclpy)"
+        ) from None
     return EventsExecutor()

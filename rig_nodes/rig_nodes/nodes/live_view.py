@@ -33,10 +33,10 @@ from .message_class import message_class
 
 NICE = 10
 RUN_INFO, STATE = "/rig/run_info", "/rig/state"
-UNSAID = 3.0      # s after which a rig of which nobody says what it is made of is taken by its topics
-LISTEN = 0.05     # s between two looks at what else happens
-SILENT = 5.0      # s after which people are told that nobody publishes
-LAST_SEND = 0.8   # s for what is queued when the end is asked for
+UNSAID = 3.0  # s after which a rig of which nobody says what it is made of is taken by its topics
+LISTEN = 0.05  # s between two looks at what else happens
+SILENT = 5.0  # s after which people are told that nobody publishes
+LAST_SEND = 0.8  # s for what is queued when the end is asked for
 LONGEST_END = 1.8  # s from the signal to the end by force
 
 
@@ -81,9 +81,12 @@ class LiveView(Node):
         profile = QoSProfile(depth=QOS["measurement"].depth, reliability=ReliabilityPolicy.BEST_EFFORT)
         for one in self._inputs:
             self.destroy_subscription(one)
-        self._inputs = [self.create_subscription(message_class(topic.ros_type), topic.name,
-                                                 self._enqueue(sender, topic.name), profile, raw=True)
-                        for topic in live_topics(pages)]
+        self._inputs = [
+            self.create_subscription(
+                message_class(topic.ros_type), topic.name, self._enqueue(sender, topic.name), profile, raw=True
+            )
+            for topic in live_topics(pages)
+        ]
 
     @staticmethod
     def _enqueue(sender: Sender, topic: str):

@@ -20,8 +20,8 @@ from ..controllers.record import ControllerRecord, record_of
 from ..controllers.seam import ControllerFailed, Status
 from ..graph.link import ANSWERED, DISCARDED, NOT_AT_ALL, PATIENCE, READY, STATUS, Frames, Link, LinkClosed
 from ..testbench.rig import Rig
-from ..testbench.simulate import give_answer
 from ..testbench.rig_base import RigStatus
+from ..testbench.simulate import give_answer
 from ..testbench.topics import COMMAND
 from .realtime import take_core
 
@@ -88,23 +88,32 @@ class RemoteController:
         if data is None and self._stopping():
             raise ControllerFailed("the run was ended while the shift controller was waited for", Status.FATAL)
         if data is None:
-            raise ControllerFailed(f"the shift controller took more than {self._limit:g} s for one sample "
-                                   "(--step-timeout)", Status.FATAL)
+            raise ControllerFailed(
+                f"the shift controller took more than {self._limit:g} s for one sample (--step-timeout)", Status.FATAL
+            )
         _, kind, *numbers = self._frames.answer.unpack_from(data)
         if kind == ANSWERED:
             *values, self.gear, shifting, self.flags = numbers
             self.shifting = bool(shifting)
-            return Answer(tuple(values[:self._frames.outputs]), tuple(values[self._frames.outputs:]))
+            return Answer(tuple(values[: self._frames.outputs]), tuple(values[self._frames.outputs :]))
         if kind == DISCARDED:
             return None
-        raise ControllerFailed(data[self._frames.answer.size:].decode(), Status.ERROR)
+        raise ControllerFailed(data[self._frames.answer.size :].decode(), Status.ERROR)
 
 
 class Lockstep:
     """Paces and orders the samples. speed: simulated per real time, ``inf`` for as fast as it goes."""
 
-    def __init__(self, rig: Rig, outputs, commands, links: dict[str, Link], speed: float, step_timeout: float | None,
-                 stopping: Callable[[], bool]):
+    def __init__(
+        self,
+        rig: Rig,
+        outputs,
+        commands,
+        links: dict[str, Link],
+        speed: float,
+        step_timeout: float | None,
+        stopping: Callable[[], bool],
+    ):
         self.rig, self.outputs, self.commands = rig, outputs, commands
         self.speed, self.overruns, self.real_time_priority = speed, 0, False
         self.controller = RemoteController(links["alfa46"], record_of(rig.config), step_timeout, stopping)
@@ -207,9 +216,16 @@ class Lockstep:
         """One tick of the sequence; what it has sent over DDS is waited for, so that it acts in this very tick."""
         rig = self.rig
         self._told = rig.status
-        self._sequencer.send_json({
-            "sample": rig.sample, "status": int(rig.status), "reason": rig.reason, "gear": rig.gear,
-            "shifting": rig.shifting, "readings": {name: self.outputs.reading(name) for name in self._needed}})
+        self._sequencer.send_json(
+            {
+                "sample": rig.sample,
+                "status": int(rig.status),
+                "reason": rig.reason,
+                "gear": rig.gear,
+                "shifting": rig.shifting,
+                "readings": {name: self.outputs.reading(name) for name in self._needed},
+            }
+        )
         reply = self._hear_sequencer(PATIENCE)
         self._done, self._needed = reply["done"], reply["need"]
         self._next, self._watch = reply["next"], reply["watch"]

@@ -50,8 +50,7 @@ class OtherTopics:
                     raise RigError(f"is sent with several types: {', '.join(types)}")
                 self._subscribe(name, types[0], [offer.qos_profile for offer in offers])
             except (RigError, ImportError, AttributeError, ValueError) as error:
-                why = (str(error) if isinstance(error, RigError) else
-                       f"its type {types[0]} cannot be loaded here ({error})")
+                why = str(error) if isinstance(error, RigError) else f"its type {types[0]} cannot be loaded here ({error})"
                 self.unrecorded[name] = why
                 self._node.get_logger().warning(f"{name} is not recorded: {why}")
 
@@ -63,5 +62,8 @@ class OtherTopics:
         elif all(offer.durability == DurabilityPolicy.TRANSIENT_LOCAL for offer in offers):
             qos = "latched"
         installed(ros_type)
-        self._subscriptions.append(self._node.create_subscription(
-            message_class(ros_type), name, self._take(name, ros_type, qos), recorder_profile(qos), raw=True))
+        self._subscriptions.append(
+            self._node.create_subscription(
+                message_class(ros_type), name, self._take(name, ros_type, qos), recorder_profile(qos), raw=True
+            )
+        )

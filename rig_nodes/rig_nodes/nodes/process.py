@@ -28,6 +28,7 @@ from rclpy.duration import Duration
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
+from ..atomic_write import atomic_write
 from ..bags.reader import LIFE_BITS
 from ..config.names import DEFAULT_RIG, rig_of
 from ..errors import RigError, printable
@@ -37,7 +38,6 @@ from ..graph.tap import Tap
 from ..testbench.configuration import RigConfig, load_gearbox_rig, load_rig
 from ..testbench.folders import parse_parameters, parse_settings
 from ..testbench.sequence import Sequence, load_sequence
-from ..atomic_write import atomic_write
 from .executor import events_executor
 from .ros_arguments import own_arguments, set_parameters
 
@@ -45,13 +45,29 @@ PR_SET_PDEATHSIG = 1
 PATIENCE = 20.0  # s between the order to end and the end by force
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 RIG_OPTIONS = [
-    ("--rig", {"metavar": "NAME", "help": "name or file of the rig's configuration (default: the one that the sequence "
-                                          f"is written for, {DEFAULT_RIG} without a sequence)"}),
-    ("--set", {"action": "append", "default": [], "dest": "settings", "metavar": "KEY=VALUE",
-               "help": "change one value of the rig"}),
+    (
+        "--rig",
+        {
+            "metavar": "NAME",
+            "help": "name or file of the rig's configuration (default: the one that the sequence "
+            f"is written for, {DEFAULT_RIG} without a sequence)",
+        },
+    ),
+    (
+        "--set",
+        {"action": "append", "default": [], "dest": "settings", "metavar": "KEY=VALUE", "help": "change one value of the rig"},
+    ),
 ]
-SEQUENCE_PARAMETERS = ("--with", {"action": "append", "default": [], "dest": "parameters", "metavar": "NAME=VALUE",
-                                  "help": "give a parameter of the sequence a value"})
+SEQUENCE_PARAMETERS = (
+    "--with",
+    {
+        "action": "append",
+        "default": [],
+        "dest": "parameters",
+        "metavar": "NAME=VALUE",
+        "help": "give a parameter of the sequence a value",
+    },
+)
 
 
 class ThreadDied(RigError):
@@ -112,8 +128,11 @@ class Process:
 
     def links(self) -> dict[str, Link]:
         """Those for the step handshake, which is with every process but the recorder."""
-        return {other: Link(number, other, watchful="alfa46" in (self.name, other))
-                for other, number in self.descriptors().items() if other != "recorder"}
+        return {
+            other: Link(number, other, watchful="alfa46" in (self.name, other))
+            for other, number in self.descriptors().items()
+            if other != "recorder"
+        }
 
     def tap(self, topics) -> Tap | None:
         """The way to the recorder beside DDS, for the topics that this process publishes; None in real time."""
@@ -147,10 +166,8 @@ class Process:
             self._tell(kind, fields)
             return
         line = json.dumps({"kind": kind, **fields}, allow_nan=False) + "\n"
-        try:
+        with suppress(BlockingIOError, BrokenPipeError):
             os.write(self.arguments.status_fd, line.encode())
-        except (BlockingIOError, BrokenPipeError):
-            pass
 
     def _tell(self, kind: str, fields: dict) -> None:
         """Log a status line when it says something else than the one before."""
@@ -207,8 +224,11 @@ class Process:
             publisher.wait_for_all_acked(Duration(seconds=left))
         if self.arguments.logs is not None:
             used = resource.getrusage(resource.RUSAGE_SELF)
-            cost = {"cpu_s": used.ru_utime + used.ru_stime, "wall_s": time.monotonic() - self._began,
-                    "max_rss_mb": used.ru_maxrss / 1024}
+            cost = {
+                "cpu_s": used.ru_utime + used.ru_stime,
+                "wall_s": time.monotonic() - self._began,
+                "max_rss_mb": used.ru_maxrss / 1024,
+            }
             path = self.arguments.logs / f"{self.name}.json"
             with suppress(RigError):  # the disk is full; what the facts would say is unknown then
                 atomic_write(path, json.dumps({**facts, **cost}, indent=1) + "\n")

@@ -22,9 +22,12 @@ def publisher_profile(qos: str, in_lockstep: bool = False) -> QoSProfile:
     in_lockstep: without a deadline, which is one of real time, and whose timer costs more than the message.
     """
     offer = QOS[qos]
-    profile = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=offer.depth,
-                         reliability=ReliabilityPolicy.RELIABLE if offer.reliable else ReliabilityPolicy.BEST_EFFORT,
-                         durability=DurabilityPolicy.TRANSIENT_LOCAL if offer.latched else DurabilityPolicy.VOLATILE)
+    profile = QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=offer.depth,
+        reliability=ReliabilityPolicy.RELIABLE if offer.reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if offer.latched else DurabilityPolicy.VOLATILE,
+    )
     if offer.deadline_ms and not in_lockstep:
         profile.deadline = Duration(nanoseconds=offer.deadline_ms * 1_000_000)
     return profile

@@ -116,7 +116,9 @@ class RealTime:
         """Ticks, overruns, lateness [ms] and lost time as the report wants them."""
         late = np.frombuffer(self.lateness_ns, np.int64) * 1e-6 if self.lateness_ns else np.zeros(1)
         p50, p99 = np.percentile(late, (50, 99))
-        return {"ticks": len(self.lateness_ns), "overruns": self.overruns,
-                "lateness_ms": {"p50": float(p50), "p99": float(p99), "max": float(late.max())},
-                "behind": {"limit_s": BEHIND_NS * 1e-9, "times": self.times_behind,
-                           "longest_s": float(late.max()) * 1e-3}}
+        return {
+            "ticks": len(self.lateness_ns),
+            "overruns": self.overruns,
+            "lateness_ms": {"p50": float(p50), "p99": float(p99), "max": float(late.max())},
+            "behind": {"limit_s": BEHIND_NS * 1e-9, "times": self.times_behind, "longest_s": float(late.max()) * 1e-3},
+        }

@@ -41,23 +41,50 @@ LONGEST_DRAIN = 5.0  # s that a user's node, which goes on sending, can put off 
 OPTIONS = [
     ("--out", {"type": Path, "required": True, "help": "folder of the bag"}),
     ("--name", {"required": True, "help": "name of the bag; its file is NAME_0.mcap"}),
-    ("--piece", {"type": int, "default": 0, "metavar": "N",
-                 "help": "number of this piece of the bag, where another recorder began it (default: 0)"}),
-    ("--rig", {"metavar": "NAME",
-               "help": "record the topics of this rig only, by its name or file (default: those of every installed rig)"}),
-    ("--set", {"action": "append", "default": [], "dest": "settings", "metavar": "KEY=VALUE",
-               "help": "beside --rig, what the rig is told: a device cut out has topics of its own"}),
-    ("--controller", {"metavar": "SPEC",
-                      "help": "beside --rig, what alfa46 is told: your controller may have signals of its own"}),
-    TOPICS, EXCLUDE,
+    (
+        "--piece",
+        {
+            "type": int,
+            "default": 0,
+            "metavar": "N",
+            "help": "number of this piece of the bag, where another recorder began it (default: 0)",
+        },
+    ),
+    (
+        "--rig",
+        {
+            "metavar": "NAME",
+            "help": "record the topics of this rig only, by its name or file (default: those of every installed rig)",
+        },
+    ),
+    (
+        "--set",
+        {
+            "action": "append",
+            "default": [],
+            "dest": "settings",
+            "metavar": "KEY=VALUE",
+            "help": "beside --rig, what the rig is told: a device cut out has topics of its own",
+        },
+    ),
+    ("--controller", {"metavar": "SPEC", "help": "beside --rig, what alfa46 is told: your controller may have signals of its own"}),
+    TOPICS,
+    EXCLUDE,
 ]
 
 
 class Recorder(Node):
     """Subscribes to every topic of the run that no tap brings."""
 
-    def __init__(self, writer: BagWriter, taps: list[TapReader], early: list[tuple[str, bytes]], topics: dict[str, Topic],
-                 wanted: set[str], choice: TopicChoice):
+    def __init__(
+        self,
+        writer: BagWriter,
+        taps: list[TapReader],
+        early: list[tuple[str, bytes]],
+        topics: dict[str, Topic],
+        wanted: set[str],
+        choice: TopicChoice,
+    ):
         """taps: have said what they bring; early: messages that came along; topics: of the rig; wanted: names of those to
         subscribe to; choice: which others.
         """
@@ -81,9 +108,13 @@ class Recorder(Node):
         self._others: dict[str, str] = {}  # topic beyond the catalogue -> class of its quality of service
         self._timing = {name for name, topic in topics.items() if tells_time(topic)}
         tapped = {name for tap in taps for name in tap.topics or ()}
-        self.inputs = [self.create_subscription(message_class(topic.ros_type), topic.name, self._enqueue(topic),
-                                                recorder_profile(topic.qos), raw=True)
-                       for topic in topics.values() if topic.name in wanted and topic.name not in tapped]
+        self.inputs = [
+            self.create_subscription(
+                message_class(topic.ros_type), topic.name, self._enqueue(topic), recorder_profile(topic.qos), raw=True
+            )
+            for topic in topics.values()
+            if topic.name in wanted and topic.name not in tapped
+        ]
         for name, data in early:
             self._queue.append((name, self._types[name], data))
         self.received += len(early)
@@ -95,12 +126,17 @@ class Recorder(Node):
 
     def health(self) -> list[Health]:
         """The recorder's own, for /diagnostics."""
-        overflow, unreadable, ahead = (sum(tuple(counts.values()))
-                                       for counts in (self.overflow, self.unreadable, self.ahead))
+        overflow, unreadable, ahead = (sum(tuple(counts.values())) for counts in (self.overflow, self.unreadable, self.ahead))
 
         def values() -> dict:
-            return {"received": self.received, "queue": len(self._queue), "queue_longest": self.longest_queue,
-                    "overflow": overflow, "unreadable": unreadable, "ahead": ahead}
+            return {
+                "received": self.received,
+                "queue": len(self._queue),
+                "queue_longest": self.longest_queue,
+                "overflow": overflow,
+                "unreadable": unreadable,
+                "ahead": ahead,
+            }
 
         if self.failure is not None:
             return [Health("recorder", ERROR, f"writes no more: {self.failure}", values)]
@@ -109,8 +145,15 @@ class Recorder(Node):
         if self._losing(unreadable):
             return [Health("recorder", WARN, "messages that are not of their topic's type come in", values)]
         if self._misdating(ahead):
-            return [Health("recorder", WARN, f"stamps that are not the rig's time come in on {', '.join(tuple(self.ahead))}; "
-                                             "set use_sim_time or leave the stamp 0", values)]
+            return [
+                Health(
+                    "recorder",
+                    WARN,
+                    f"stamps that are not the rig's time come in on {', '.join(tuple(self.ahead))}; "
+                    "set use_sim_time or leave the stamp 0",
+                    values,
+                )
+            ]
         if len(self._queue) > WAITING // 2:
             return [Health("recorder", WARN, "more than half of the queue is full: the disk does not keep up", values)]
         return [Health("recorder", OK, "records" if self.received else "waits for the first message", values)]
@@ -274,9 +317,16 @@ def work(process) -> None:
             drain(process, node)
         finally:
             node.close()
-    process.leave([node], received=node.received, recorded=writer.counts, overflow=dict(node.overflow),
-                  unreadable=dict(node.unreadable), ahead=dict(node.ahead), unrecorded=node.others.unrecorded,
-                  longest_queue=node.longest_queue)
+    process.leave(
+        [node],
+        received=node.received,
+        recorded=writer.counts,
+        overflow=dict(node.overflow),
+        unreadable=dict(node.unreadable),
+        ahead=dict(node.ahead),
+        unrecorded=node.others.unrecorded,
+        longest_queue=node.longest_queue,
+    )
     if node.failure is not None:
         raise node.failure
 

@@ -231,8 +231,10 @@ class Replay(Node):
     def refuse_second_clock(self) -> None:
         """RigError when another node publishes /clock in this domain."""
         if self.count_publishers(CLOCK_TOPIC) > 1:
-            raise RigError("another node publishes /clock in this ROS domain, and there may be one only; "
-                           "end it, or replay without ROS_DOMAIN_ID in a domain of its own")
+            raise RigError(
+                "another node publishes /clock in this ROS domain, and there may be one only; "
+                "end it, or replay without ROS_DOMAIN_ID in a domain of its own"
+            )
 
     def confirm(self) -> None:
         """Wait, with one patience for all, until every receiver has everything."""
@@ -246,8 +248,11 @@ class Replay(Node):
 
     def unconnected(self) -> list[str]:
         """Topics with a receiver that is seen but not connected: it asks for another quality of service."""
-        return [topic for topic, output in self.outputs.items()
-                if self.count_subscribers(topic) > output.publisher.get_subscription_count()]
+        return [
+            topic
+            for topic, output in self.outputs.items()
+            if self.count_subscribers(topic) > output.publisher.get_subscription_count()
+        ]
 
 
 class Session:

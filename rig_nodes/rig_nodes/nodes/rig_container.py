@@ -23,9 +23,9 @@ from ..graph.domain import announce, from_environment
 from ..graph.dropping import parse_drop
 from ..testbench.outputs import SCALAR_SAMPLES, Outputs
 from ..testbench.rig import Rig
+from ..testbench.rig_base import RigStatus
 from ..testbench.sequence import BY_HAND
 from ..testbench.simulate import check_delay, run_record
-from ..testbench.rig_base import RigStatus
 from .commands import Commands
 from .cut import CutEnds
 from .device import DeviceNode, device_names, pace_of
@@ -41,7 +41,8 @@ GATE_TIMEOUT = 30.0  # s that the other processes have to appear
 LAST_TICKS = 4  # recorded after an early end, so that the bag shows the safe state
 CLOCK_BYTES = struct.Struct("<4siI")  # encapsulation, sec, nanosec
 OPTIONS = [
-    *RIG_OPTIONS, SEQUENCE_PARAMETERS,
+    *RIG_OPTIONS,
+    SEQUENCE_PARAMETERS,
     ("--sequence", {"metavar": "NAME", "help": "sequence that will be run, for the run's record"}),
     ("--seed", {"type": int, "default": 1, "help": "seed of the transducers' noise and errors"}),
     ("--speed", {"type": float, "help": "lockstep at so many times real time, inf for as fast as it goes"}),
@@ -74,8 +75,15 @@ class Container:
         if arguments.speed is None:
             self.clock = RealTime(SAMPLE_NS, TICK_SAMPLES)
         else:
-            self.clock = Lockstep(self.rig, self.outputs, self.commands, process.links(), arguments.speed,
-                                  arguments.step_timeout, lambda: process.stopping)
+            self.clock = Lockstep(
+                self.rig,
+                self.outputs,
+                self.commands,
+                process.links(),
+                arguments.speed,
+                arguments.step_timeout,
+                lambda: process.stopping,
+            )
         self.nodes = self._nodes()
         self.cuts = CutEnds(self.rig, self.commands, self.nodes, process, arguments.step_timeout)
         self.publishers = {topic: publisher for node in self.nodes for topic, publisher in node.outputs.items()}
@@ -83,8 +91,7 @@ class Container:
         self.tap = self.cuts.tap = process.tap([*self.publishers, *self.cuts.answers])
         # not in the catalogue and not recorded: a bag that is played again brings a clock of its own
         self._clock_out = self.nodes[0].create_publisher(Clock, "/clock", 10)
-        self.diagnostics = Diagnostics(self.nodes[0], RigHealth(self.rig, self.clock, self.commands),
-                                       lambda: self.rig.time_ns)
+        self.diagnostics = Diagnostics(self.nodes[0], RigHealth(self.rig, self.clock, self.commands), lambda: self.rig.time_ns)
         self._seen = None
         self._failure = None
         self._last_ticks = None
@@ -92,8 +99,10 @@ class Container:
     def _nodes(self) -> list:
         rig, commands = self.rig, self.commands
         executor = self.process.start_ros()
-        nodes = [RigNode(rig, commands, rig.shifts and self.process.arguments.speed is None),
-                 *(DeviceNode(name, rig, commands) for name in (*device_names(rig.config), "instruments"))]
+        nodes = [
+            RigNode(rig, commands, rig.shifts and self.process.arguments.speed is None),
+            *(DeviceNode(name, rig, commands) for name in (*device_names(rig.config), "instruments")),
+        ]
         for node in nodes:
             executor.add_node(node)
         self.process.take_parameters(nodes)
@@ -118,19 +127,21 @@ class Container:
                 raise RigError(f"the rig did not start: after {GATE_TIMEOUT:.0f} s {'; '.join(missing[:3])}")
             self.process.spin(0.02)
         if self.nodes[0].count_publishers("/rig/state") > 1:
-            raise RigError("another rig is in this ROS domain: end it, or give this one a domain of its own with "
-                           "ROS_DOMAIN_ID")
+            raise RigError("another rig is in this ROS domain: end it, or give this one a domain of its own with ROS_DOMAIN_ID")
         return not self.process.stopping
 
     def missing(self) -> list[str]:
         """Sentences on what is not connected yet."""
         recorder = {"recorder"} if self.process.arguments.recorded and self.tap is None else set()
-        wanted = {topic: recorder for topic in self.publishers}
+        wanted = dict.fromkeys(self.publishers, recorder)
         others = {"alfa46", "sequencer"} if self.rig.shifts else {"sequencer"}  # who waits for its samples
         wanted[pace_of(self.rig.config).name] = recorder | (others if self.process.arguments.speed is None else set())
         inputs = {topic: subscription for node in self.nodes for topic, subscription in node.inputs.items()}
-        return self.cuts.missing() + silent(self.nodes[0], self.publishers, wanted) + [
-            f"nobody sends {topic}" for topic, subscription in inputs.items() if not subscription.get_publisher_count()]
+        return (
+            self.cuts.missing()
+            + silent(self.nodes[0], self.publishers, wanted)
+            + [f"nobody sends {topic}" for topic, subscription in inputs.items() if not subscription.get_publisher_count()]
+        )
 
     # ---- the loop's thread
 
@@ -195,8 +206,11 @@ class Container:
         if self._last_ticks is None:
             self._last_ticks = LAST_TICKS
             if rig.status != RigStatus.TRIPPED:
-                rig.trip("the run was ended before its sequence was done" if self.process.arguments.sequence
-                         else "the rig was ended by hand")
+                rig.trip(
+                    "the run was ended before its sequence was done"
+                    if self.process.arguments.sequence
+                    else "the rig was ended by hand"
+                )
         self._last_ticks -= 1
         return self._last_ticks < 0
 
@@ -232,15 +246,19 @@ class Container:
             while thread.is_alive():
                 self.process.spin(0.05)
             sign.close()
-        facts = {"time_s": self.rig.time, "state": self.rig.status.name, "reason": self.rig.reason,
-                 "interrupted": self.process.interrupted, "refused": dict(self.commands.refused),
-                 "real_time_priority": self.clock.real_time_priority}
+        facts = {
+            "time_s": self.rig.time,
+            "state": self.rig.status.name,
+            "reason": self.rig.reason,
+            "interrupted": self.process.interrupted,
+            "refused": dict(self.commands.refused),
+            "real_time_priority": self.clock.real_time_priority,
+        }
         if self.rig.shifts:  # no other rig has a controller that could be late
             facts["delay"] = self.rig.delay
         if self.tap is not None:
             self.tap.close()
-        self.process.leave(self.nodes, self.publishers.values(), published=self.outputs.counts, **facts,
-                           **self.clock.summary())
+        self.process.leave(self.nodes, self.publishers.values(), published=self.outputs.counts, **facts, **self.clock.summary())
         if self._failure is not None:
             raise self._failure
 

@@ -33,13 +33,24 @@ class RigHealth:
         """clock: RealTime or Lockstep; commands: the rig's queue."""
         self.rig, self.clock, self.commands = rig, clock, commands
         self._overruns = Growing()
-        structure, of_role = rig.config.structure, {parts.SOURCE: self.source, parts.LOAD: self.switched,
-                                                    parts.CLUTCH: self.clutch, parts.VALVE: self.valve, parts.OIL: self.oil,
-                                                    parts.PRESS: self.press}
+        structure, of_role = (
+            rig.config.structure,
+            {
+                parts.SOURCE: self.source,
+                parts.LOAD: self.switched,
+                parts.CLUTCH: self.clutch,
+                parts.VALVE: self.valve,
+                parts.OIL: self.oil,
+                parts.PRESS: self.press,
+            },
+        )
         there, devices = set(device_names(rig.config)), [one for one in structure.devices if one.role in of_role]
         self._each = [partial(of_role[one.role], one) for one in devices if one.name in there]
-        self._fields = {one.name: [name for name, _ in installed(rig.config.catalogue.topics[f"/{one.name}/state"].ros_type)
-                                   .tree.fields[2:]] for one in devices if parts.part(one.part).message}
+        self._fields = {
+            one.name: [name for name, _ in installed(rig.config.catalogue.topics[f"/{one.name}/state"].ros_type).tree.fields[2:]]
+            for one in devices
+            if parts.part(one.part).message
+        }
         if structure.gears:
             self._each.append(self.gearbox)
 
@@ -58,8 +69,11 @@ class RigHealth:
         if status == RigStatus.TRIPPED:
             return Health("rig", ERROR, f"tripped: {self.rig.reason}; /rig/reset leaves the safe state", self._clock)
         if status == RigStatus.STARTING:
-            what = ("no valve command has come yet" if self.rig.newest_command < 0
-                    else "after the reset the shift controller has not been in neutral yet")
+            what = (
+                "no valve command has come yet"
+                if self.rig.newest_command < 0
+                else "after the reset the shift controller has not been in neutral yet"
+            )
             return Health("rig", WARN, f"starting: {what}", self._clock)
         text = "running: the motor is on" if status == RigStatus.RUNNING else "ready: the motor is off"
         if late:
@@ -67,8 +81,13 @@ class RigHealth:
         return Health("rig", OK, text, self._clock)
 
     def _clock(self) -> dict:
-        values = {"state": self.rig.status.name, "reason": self.rig.reason, "time_s": self.rig.time,
-                  "overruns": self.clock.overruns, "refused_commands": sum(tuple(self.commands.refused.values()))}
+        values = {
+            "state": self.rig.status.name,
+            "reason": self.rig.reason,
+            "time_s": self.rig.time,
+            "overruns": self.clock.overruns,
+            "refused_commands": sum(tuple(self.commands.refused.values())),
+        }
         late = sorted(getattr(self.clock, "lateness_ns", [])[-NEWEST:])  # none in lockstep
         if late:
             values |= {"lateness_ms_p50": late[len(late) // 2] * 1e-6, "lateness_ms_max": late[-1] * 1e-6}
@@ -99,11 +118,19 @@ class RigHealth:
         rig, structure = self.rig, self.rig.config.structure
         locked = [name for name in rig.clutch_names if rig.clutch_mode(name) == LOCKED]
         number = rig.locked_gear()
-        text = ("no gear is engaged" if not number else
-                f"gear {structure.gears[number - 1].name} is engaged" if number <= len(structure.gears) else
-                f"{' and '.join(structure.device(name).called for name in locked)} locked, which is no gear")
-        return Health("gearbox", OK, text, lambda: {
-            f"{end.speed}": rig.true(f"{end.body}.speed") for end in (structure.input, structure.output)})
+        text = (
+            "no gear is engaged"
+            if not number
+            else f"gear {structure.gears[number - 1].name} is engaged"
+            if number <= len(structure.gears)
+            else f"{' and '.join(structure.device(name).called for name in locked)} locked, which is no gear"
+        )
+        return Health(
+            "gearbox",
+            OK,
+            text,
+            lambda: {f"{end.speed}": rig.true(f"{end.body}.speed") for end in (structure.input, structure.output)},
+        )
 
     def clutch(self, device: Device) -> Health:
         """Open, slipping or locked."""
@@ -123,8 +150,9 @@ class RigHealth:
         if rig.status == RigStatus.STARTING:
             return tell(WARN, "the coil has no current: the shift controller has not been in neutral yet")
         if age > OLD:
-            return tell(WARN, f"the valve command is more than {OLD * 1e3:.0f} ms old; at {COMMAND_TIMEOUT * 1e3:.0f} ms "
-                              "the rig trips")
+            return tell(
+                WARN, f"the valve command is more than {OLD * 1e3:.0f} ms old; at {COMMAND_TIMEOUT * 1e3:.0f} ms the rig trips"
+            )
         return tell(OK, "follows the shift controller")
 
     def oil(self, device: Device) -> Health:

@@ -26,8 +26,9 @@ class RigNode(Device):
         super().__init__("rig", rig, commands)
         self.rig = rig
         if valve_commands:
-            self.inputs[VALVE_COMMAND] = receive(self, self.catalogue.topics[VALVE_COMMAND], self.on_valve_command,
-                                                 refuse=commands.refuse)
+            self.inputs[VALVE_COMMAND] = receive(
+                self, self.catalogue.topics[VALVE_COMMAND], self.on_valve_command, refuse=commands.refuse
+            )
         self._seq: int | None = None  # of the newest valve command
         self.create_service(Trigger, "~/e_stop", self.on_e_stop)
         self.create_service(Trigger, "~/reset", self.on_reset)
@@ -38,9 +39,17 @@ class RigNode(Device):
         self._seq = seq
         if before is not None and 1 < seq - before <= COMMANDS and self.count_publishers(VALVE_COMMAND) == 1:
             self.commands.refuse(VALVE_COMMAND, f"{seq - before - 1} commands were sent that did not reach the rig")
-        self.commands.put(VALVE_COMMAND, self.take, int(message["level"]), int(message["sample"]),
-                          message["duty"].tolist(), message["setpoint"].tolist(), int(message["gear"]),
-                          bool(message["shifting"]), int(message["flags"]))
+        self.commands.put(
+            VALVE_COMMAND,
+            self.take,
+            int(message["level"]),
+            int(message["sample"]),
+            message["duty"].tolist(),
+            message["setpoint"].tolist(),
+            int(message["gear"]),
+            bool(message["shifting"]),
+            int(message["flags"]),
+        )
 
     def take(self, *command) -> None:
         """Give the rig one valve command; RigError when it is refused, or taken without acting."""

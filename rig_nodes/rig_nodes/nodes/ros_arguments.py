@@ -48,15 +48,14 @@ def _check_remap(rule: str, name: str) -> None:
     if what == "__ns":
         check_namespace(target, f"--ros-args -r {rule}")
     elif what in ("__node", "__name") and target != name:
-        raise RigError(f"--ros-args -r {rule}: the rig's nodes keep their names, by which they know each other; "
-                       "leave it out")
+        raise RigError(f"--ros-args -r {rule}: the rig's nodes keep their names, by which they know each other; leave it out")
 
 
 def _pairs(words: list[str]) -> Iterator[tuple[str, str]]:
     """(flag, what follows it) behind --ros-args, up to a -- each time."""
     inside = False
     for word, following in zip(words, [*words[1:], ""]):
-        inside = word == "--ros-args" or inside and word != "--"
+        inside = word == "--ros-args" or (inside and word != "--")
         if inside:
             yield word, following
 
@@ -120,4 +119,4 @@ def set_parameters(words: list[str], nodes, tell: Callable[[str], None]) -> None
 
 def has(node, parameter: str) -> bool:
     """True when a node has this parameter, or may get it when its controller has come."""
-    return node.has_parameter(parameter) or hasattr(node, "settings") and node.settings.may_come(parameter)
+    return node.has_parameter(parameter) or (hasattr(node, "settings") and node.settings.may_come(parameter))

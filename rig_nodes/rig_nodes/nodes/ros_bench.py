@@ -80,8 +80,7 @@ class RosBench:
                 for name, read in readers:
                     self._values[name] = read(message)
 
-            self.node.create_subscription(message_class(topic.ros_type), topic_name, on_message,
-                                          recorder_profile(topic.qos))
+            self.node.create_subscription(message_class(topic.ros_type), topic_name, on_message, recorder_profile(topic.qos))
 
     def connected(self) -> bool:
         """True when orders can be sent, where there is anybody who takes them."""
@@ -110,8 +109,12 @@ class RosBench:
     def ready(self) -> bool:
         """True when the rig runs, the controller takes orders and every needed signal has a reading."""
         state = self.rig_state
-        return (state is not None and state.state in (RigState.READY, RigState.RUNNING)
-                and self.connected() and self.needed <= self._values.keys())
+        return (
+            state is not None
+            and state.state in (RigState.READY, RigState.RUNNING)
+            and self.connected()
+            and self.needed <= self._values.keys()
+        )
 
     def set(self, step: str, value: float, enable: bool) -> None:
         """A setpoint [SI] of a device, by its key in sequences."""
@@ -174,7 +177,7 @@ class RosBench:
         """True when the controller has the newest setting; SequenceFailed with its reason when it refuses it."""
         if not self._setting.done():
             return False
-        result, = self._setting.result().results
+        (result,) = self._setting.result().results
         if not result.successful:
             raise SequenceFailed(result.reason or "the controller has no such setting")
         return True

@@ -93,8 +93,9 @@ class RunningRig:
         rclpy.init(args=[], domain_id=number, signal_handler_options=SignalHandlerOptions.NO)
         # what nobody asks of a node that lives for a second; the description of types alone costs 0.1 s
         silent = [Parameter("start_type_description_service", value=False)]
-        self.node = rclpy.create_node(f"rig_command_{os.getpid()}", enable_rosout=False, start_parameter_services=False,
-                                      parameter_overrides=silent)
+        self.node = rclpy.create_node(
+            f"rig_command_{os.getpid()}", enable_rosout=False, start_parameter_services=False, parameter_overrides=silent
+        )
         self.executor = events_executor()
         self.executor.add_node(self.node)
         self._info = []
@@ -152,7 +153,7 @@ class RunningRig:
             # again after a while: a server that does not know yet where its answers go sends none
             now = time.monotonic()
             for name, calls in sent.items():
-                if not calls or now - calls[-1][1] > AGAIN and not any(future.done() for future, _ in calls):
+                if not calls or (now - calls[-1][1] > AGAIN and not any(future.done() for future, _ in calls)):
                     calls.append((clients[name].call_async(asked[name][1]), now))
             done = {name: [future for future, _ in calls if future.done()] for name, calls in sent.items()}
             return done if all(done.values()) else None
@@ -193,10 +194,10 @@ class RunningRig:
         if nodes is None:
             nodes = sorted(self._nodes())
         lists = self._ask({f"/{node}/list_parameters": (ListParameters, ListParameters.Request()) for node in nodes})
-        names = {node: [name for name in lists[f"/{node}/list_parameters"].result.names if name not in ROS_OWN]
-                 for node in nodes}
-        told = self._ask({f"/{node}/get_parameters": (GetParameters, GetParameters.Request(names=names[node]))
-                          for node in nodes if names[node]})
+        names = {node: [name for name in lists[f"/{node}/list_parameters"].result.names if name not in ROS_OWN] for node in nodes}
+        told = self._ask(
+            {f"/{node}/get_parameters": (GetParameters, GetParameters.Request(names=names[node])) for node in nodes if names[node]}
+        )
         found = {}
         for node in filter(names.get, nodes):
             for key, value in zip(names[node], map(parameter_value_to_python, told[f"/{node}/get_parameters"].values)):
@@ -224,7 +225,7 @@ class RunningRig:
         node, _, parameter = name.partition(".")
         service = f"/{node}/set_parameters"
         request = SetParameters.Request(parameters=[Parameter(parameter, value=value).to_parameter_msg()])
-        result, = self._ask({service: (SetParameters, request)})[service].results
+        (result,) = self._ask({service: (SetParameters, request)})[service].results
         if not result.successful:
             raise RefusedByRig(result.reason)
         return turned._replace(value=value)
@@ -234,8 +235,12 @@ class RunningRig:
     def status(self) -> dict:
         """What the rig does now, for people and programs: state, signals (SI), controller, devices, recording."""
         heard, health = {}, {}
-        self.node.create_subscription(DiagnosticArray, DIAGNOSTICS, lambda message: health.update(
-            (status.name.removeprefix("rig/"), status) for status in message.status), 10)
+        self.node.create_subscription(
+            DiagnosticArray,
+            DIAGNOSTICS,
+            lambda message: health.update((status.name.removeprefix("rig/"), status) for status in message.status),
+            10,
+        )
         self._listen(STATE, lambda message: heard.update({STATE: message}))
         known = self.catalogue
         signals = [signal for signal in known.signals.values() if known.topics[signal.topic].type == "Measurement"]
@@ -252,16 +257,23 @@ class RunningRig:
         recorder = health.get("recorder")
         counts = {} if recorder is None else {value.key: value.value for value in recorder.values}
         told = {
-            "domain": self.number, "time_s": state.header.stamp.sec + state.header.stamp.nanosec * 1e-9,
-            "state": STATES[state.state], "reason": state.reason,
+            "domain": self.number,
+            "time_s": state.header.stamp.sec + state.header.stamp.nanosec * 1e-9,
+            "state": STATES[state.state],
+            "reason": state.reason,
             "rig": self.configuration["name"],
-            "signals": {signal.name: {"value": heard[signal.topic].value, "unit": signal.unit}
-                        for signal in signals if signal.topic in heard},
+            "signals": {
+                signal.name: {"value": heard[signal.topic].value, "unit": signal.unit}
+                for signal in signals
+                if signal.topic in heard
+            },
             "recording": recorder is not None,
             "recorded": int(counts.get("received", 0)),
             "lost": int(counts.get("overflow", 0)) + int(counts.get("unreadable", 0)),
-            "devices": {name: {"level": ("OK", "WARN", "ERROR", "STALE")[status.level[0]], "message": status.message}
-                        for name, status in sorted(health.items())},
+            "devices": {
+                name: {"level": ("OK", "WARN", "ERROR", "STALE")[status.level[0]], "message": status.message}
+                for name, status in sorted(health.items())
+            },
         }
         if COMMAND in heard:
             told |= {"gear": heard[COMMAND].gear, "shifting": heard[COMMAND].shifting}

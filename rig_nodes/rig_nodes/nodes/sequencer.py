@@ -31,10 +31,10 @@ from .ros_bench import EVENTS, RosBench
 
 FEEDBACK_TICKS = 100  # 2 Hz beside every new step
 OPTIONS = [
-    *RIG_OPTIONS, SEQUENCE_PARAMETERS,
+    *RIG_OPTIONS,
+    SEQUENCE_PARAMETERS,
     ("--sequence", {"metavar": "NAME", "help": "name or file of a sequence to run at once"}),
-    ("--once", {"action": "store_true",
-                "help": "end with the sequence of --sequence, with exit code 1 when it failed"}),
+    ("--once", {"action": "store_true", "help": "end with the sequence of --sequence, with exit code 1 when it failed"}),
 ]
 
 
@@ -57,8 +57,9 @@ class Sequencer(Node):
 
     def listen(self) -> None:
         """Subscribe to the samples; called when those who receive the setpoints are there."""
-        self.create_subscription(message_class(self._samples.ros_type), self._samples.name, self.on_sample,
-                                 recorder_profile(self._samples.qos), raw=True)
+        self.create_subscription(
+            message_class(self._samples.ros_type), self._samples.name, self.on_sample, recorder_profile(self._samples.qos), raw=True
+        )
 
     def on_frame(self, frame: dict) -> dict:
         """One graph tick in lockstep: readings in; what was sent, and whether the sequence is over, out."""
@@ -70,8 +71,12 @@ class Sequencer(Node):
         own = had and self._goal is None
         if had:
             self.poll(self.bench.stamp_ns * 1e-9)
-        return {"need": sorted(self.bench.needed), "sent": self.bench.sent(), "done": own and self._runner is None,
-                **self._next_look()}
+        return {
+            "need": sorted(self.bench.needed),
+            "sent": self.bench.sent(),
+            "done": own and self._runner is None,
+            **self._next_look(),
+        }
 
     def _next_look(self) -> dict:
         """When the container must ask again: ``next``, a sample, or earlier when ``watch`` comes true."""
@@ -155,14 +160,12 @@ class Sequencer(Node):
             return
         if done:
             self.finish(True, f"sequence '{runner.sequence.name}' is done", t)
-        elif self._tell_steps(runner, t) or self._tick % FEEDBACK_TICKS == 0:
-            if self._goal is not None:
-                self._goal.publish_feedback(RunSequence.Feedback(step=runner.step + 1, steps=runner.steps,
-                                                                 text=runner.text, t=t))
+        elif (self._tell_steps(runner, t) or self._tick % FEEDBACK_TICKS == 0) and self._goal is not None:
+            self._goal.publish_feedback(RunSequence.Feedback(step=runner.step + 1, steps=runner.steps, text=runner.text, t=t))
 
     def _tell_steps(self, runner, t: float) -> bool:
         """Tell /rosout and the supervisor which steps have begun since the last tick; False when none has."""
-        begun = runner.sequence.steps[self._steps_told:runner.step + 1]
+        begun = runner.sequence.steps[self._steps_told : runner.step + 1]
         for step in begun:
             self._steps_told += 1
             self.get_logger().info(f"step {self._steps_told} of {runner.steps}: {step.text}")
@@ -192,9 +195,10 @@ def cancelled(runner: SequenceRunner) -> str:
     *others, last = runner.config.settings.steps
     devices = f"{', '.join(others)} and {last}" if others else last
     shift = runner.sequence.steps[runner.step].kind == "shift"
-    return (f"sequence '{runner.sequence.name}' was cancelled in step {runner.step + 1} of {runner.steps} "
-            f"({runner.text}); {devices} stay as they are set"
-            + (", the shift goes on to its end" if shift else ""))
+    return (
+        f"sequence '{runner.sequence.name}' was cancelled in step {runner.step + 1} of {runner.steps} "
+        f"({runner.text}); {devices} stay as they are set" + (", the shift goes on to its end" if shift else "")
+    )
 
 
 def work(process) -> None:

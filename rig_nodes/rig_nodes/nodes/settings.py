@@ -40,8 +40,10 @@ class Declared:
         """What `ros2 param describe` shows."""
         setting = self.setting
         descriptor = ParameterDescriptor(
-            name=self.name, description=f"{setting.text} [{setting.unit}]" if setting.unit else setting.text,
-            additional_constraints=self.rule)
+            name=self.name,
+            description=f"{setting.text} [{setting.unit}]" if setting.unit else setting.text,
+            additional_constraints=self.rule,
+        )
         if isinstance(self.value, float):
             low, high = float(setting.low), float(setting.high)  # an int would go out as another number
             descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high, step=0.0)]
@@ -105,13 +107,15 @@ class Settings(ABC):
         """Set what command line and launch file say of these parameters (default: of all), together; RigError when it
         is refused.
         """
-        given = [parameter for name, parameter in self.node._parameter_overrides.items()
-                 if name in (self.settings if names is None else names)]
+        given = [
+            parameter
+            for name, parameter in self.node._parameter_overrides.items()
+            if name in (self.settings if names is None else names)
+        ]
         if given:
             result = self.node.set_parameters_atomically(given)
             if not result.successful:
-                raise RigError(f"parameters of /{self.node.get_name()} from the command line or a launch file: "
-                               f"{result.reason}")
+                raise RigError(f"parameters of /{self.node.get_name()} from the command line or a launch file: {result.reason}")
 
     def may_come(self, name: str) -> bool:
         """True for a parameter that is not there yet and may be declared later."""

@@ -27,8 +27,9 @@ class Force:
 
     force_square: float = param("force per pressure squared", 0.0, 1e-6, "Force on the plates per pressure squared")
     force_linear: float = param("area", 0.0, 1.0, "Force on the plates per pressure, beside the square one")
-    force_offset: float = param("force", -1e5, 1e5,
-                                "Force on the plates without pressure, negative as springs push the piston back")
+    force_offset: float = param(
+        "force", -1e5, 1e5, "Force on the plates without pressure, negative as springs push the piston back"
+    )
     contact_force: float = param("force", 0.0, 1e5, "Force at the kiss point, which the springs keep from the plates")
 
 
@@ -51,8 +52,7 @@ def prescribed_pressure(since, phase, pieces):
     way = 0 if phase == ON else 1
     for row in range(pieces.shape[1]):
         if since <= pieces[way, row, 0]:
-            p = pieces[way, row, 1] + since * (
-                pieces[way, row, 2] + since * (pieces[way, row, 3] + since * pieces[way, row, 4]))
+            p = pieces[way, row, 1] + since * (pieces[way, row, 2] + since * (pieces[way, row, 3] + since * pieces[way, row, 4]))
             return max(0.0, p)
     return 0.0
 
@@ -75,8 +75,7 @@ def before(world, k, h, t):
     """Pressure of the curve at the step's end, and the pack under it."""
     me, my = world.parts.curve_clutch[k], world.values.curve_clutch[k]
     drag = plates.capacities_before(me, my, world.driveline.cap)
-    me.chamber = world.oil[my.line].pressure = prescribed_pressure(
-        (round(t / h) + 1 - me.began) * h, me.phase, my.pieces)
+    me.chamber = world.oil[my.line].pressure = prescribed_pressure((round(t / h) + 1 - me.began) * h, me.phase, my.pieces)
     me.clamp = prescribed_clamp(me.chamber, my)
     me.piston = my.clearance if me.clamp > 0.0 else 0.0
     plates.capacities_after(me, my, me.piston, drag, world)
@@ -89,7 +88,18 @@ def after(world, k, h):
 
 
 # phase, began: of the curve, in steps; clearance, piston: only where the pack's drag asks for them
-PART = Part("curve_clutch", 20, (Cylinder, PlatePack, Force), state=("chamber", "piston", "phase", "began", *plates.STATE),
-            derived=plates.DERIVED, wires=(*plates.WIRES, "line", "output"), tables=("pieces",),
-            stages={"fill": fill, "ordered": ordered, "before": before, "after": after}, role=CLUTCH, joined=plates.JOINED,
-            message="ClutchState", says=says, shows=SHOWS)
+PART = Part(
+    "curve_clutch",
+    20,
+    (Cylinder, PlatePack, Force),
+    state=("chamber", "piston", "phase", "began", *plates.STATE),
+    derived=plates.DERIVED,
+    wires=(*plates.WIRES, "line", "output"),
+    tables=("pieces",),
+    stages={"fill": fill, "ordered": ordered, "before": before, "after": after},
+    role=CLUTCH,
+    joined=plates.JOINED,
+    message="ClutchState",
+    says=says,
+    shows=SHOWS,
+)

@@ -22,14 +22,16 @@ from .part import SOURCE, Command, Part, Shown, Wire
 class MotorConfig:
     """Drive data; the torque limit is the smaller of torque_limit and power_limit / speed."""
 
-    torque_limit: float = param("torque", 1.0, 1e5,
-                                "Largest driving torque, which holds as long as the power limit does not ask for less")
+    torque_limit: float = param(
+        "torque", 1.0, 1e5, "Largest driving torque, which holds as long as the power limit does not ask for less"
+    )
     braking_limit: float = param("torque", 0.0, 1e5, "Largest braking torque")
-    power_limit: float = param("power", 1.0, 1e7,
-                               "Largest driving power; beyond its speed the torque falls with the speed's reciprocal")
-    torque_time: float = param("time", 1e-4, 1.0,
-                               "Time constant with which the air-gap torque follows the torque that the speed loop "
-                               "asks for")
+    power_limit: float = param(
+        "power", 1.0, 1e7, "Largest driving power; beyond its speed the torque falls with the speed's reciprocal"
+    )
+    torque_time: float = param(
+        "time", 1e-4, 1.0, "Time constant with which the air-gap torque follows the torque that the speed loop asks for"
+    )
     speed_gain: float = param("torque per speed", 0.0, 1e4, "Proportional gain of the speed loop")
     speed_gain_integral: float = param("torque per angle", 0.0, 1e5, "Integral gain of the speed loop")
     ramp: float = param("angular acceleration", 0.1, 1e5, "How fast the speed setpoint moves towards what was ordered")
@@ -90,7 +92,8 @@ def before(world, k, h, t):
         me.setpoint = next_setpoint(setpoint, me.target, line.speed[my.body], drive, h, my)
         me.before = me.torque if drive else 0.0
         me.torque, me.integral = torque_after(
-            me.torque, me.integral, 0.5 * (setpoint + me.setpoint), line.middle[my.body], drive, h, my.decay, my)
+            me.torque, me.integral, 0.5 * (setpoint + me.setpoint), line.middle[my.body], drive, h, my.decay, my
+        )
     line.push[0, my.body] += me.before
     line.push[1, my.body] += me.torque
 
@@ -111,15 +114,31 @@ def says(rig, name):
     return (rig.speed_at(name), float(me["setpoint"]), float(me["torque"]), rig.energies["motor"], bool(me["enabled"] > 0.0))
 
 
-PART = Part("dc_motor", 30, (MotorConfig,),
-            state=("target", "enabled", "setpoint", "torque", "before", "integral", "held", "held_torque",
-                   "held_setpoint"),
-            derived=("decay", "stiff", "inertia", "mobility"), wires=("body",),
-            stages={"fill": fill, "before": before, "after": after}, role=SOURCE, joined={"body": Wire("body")},
-            effects={"motor_speed": {}}, message="MotorState", says=says, shows=(
-                Shown("torque", "torque", "torque", -700.0, 700.0, "Air-gap torque of the DC motor.", "positive drives {body}"),
-                Shown("speed_setpoint", "speed_setpoint", "speed", 0.0, 314.2,
-                      "Speed the DC drive is asked for, after its ramp.", "positive in the driving direction"),
-                Shown("work", "work", "energy", -1e9, 1e9, "Work of the motor since time 0.",
-                      "positive delivered to the shaft")),
-            takes=(Command("motor", {"speed": "angular velocity"}, "target", "enabled", "speed of the drive", "speed"),))
+PART = Part(
+    "dc_motor",
+    30,
+    (MotorConfig,),
+    state=("target", "enabled", "setpoint", "torque", "before", "integral", "held", "held_torque", "held_setpoint"),
+    derived=("decay", "stiff", "inertia", "mobility"),
+    wires=("body",),
+    stages={"fill": fill, "before": before, "after": after},
+    role=SOURCE,
+    joined={"body": Wire("body")},
+    effects={"motor_speed": {}},
+    message="MotorState",
+    says=says,
+    shows=(
+        Shown("torque", "torque", "torque", -700.0, 700.0, "Air-gap torque of the DC motor.", "positive drives {body}"),
+        Shown(
+            "speed_setpoint",
+            "speed_setpoint",
+            "speed",
+            0.0,
+            314.2,
+            "Speed the DC drive is asked for, after its ramp.",
+            "positive in the driving direction",
+        ),
+        Shown("work", "work", "energy", -1e9, 1e9, "Work of the motor since time 0.", "positive delivered to the shaft"),
+    ),
+    takes=(Command("motor", {"speed": "angular velocity"}, "target", "enabled", "speed of the drive", "speed"),),
+)

@@ -16,8 +16,18 @@ def says(rig, name):
     return (2 if rig.holds(name) else 0, rig.friction_torque(name), 0.0, 0.0, 0.0, rig.slip(name), 0.0, 0.0, 0.0, 0.0)
 
 
-PART = Part("freewheel", 0, (), wires=("element",), role=FREEWHEEL, joined={"joins": Wire("one_way")}, message="ClutchState",
-            says=says, shows=(
-                Shown("mode", "mode", "state", 0.0, 2.0, "Free-wheel {called}: overruns or holds.", "none", {0: "overruns", 2: "holds"}),
-                Shown("torque", "torque", "torque", 0.0, 2000.0, "Torque that free-wheel {called} holds.", "positive drives {driven}"),
-                Shown("slip", "slip", "speed", -650.0, 0.0, "Slip of free-wheel {called}.", "{driving} minus {driven}")))
+PART = Part(
+    "freewheel",
+    0,
+    (),
+    wires=("element",),
+    role=FREEWHEEL,
+    joined={"joins": Wire("one_way")},
+    message="ClutchState",
+    says=says,
+    shows=(
+        Shown("mode", "mode", "state", 0.0, 2.0, "Free-wheel {called}: overruns or holds.", "none", {0: "overruns", 2: "holds"}),
+        Shown("torque", "torque", "torque", 0.0, 2000.0, "Torque that free-wheel {called} holds.", "positive drives {driven}"),
+        Shown("slip", "slip", "speed", -650.0, 0.0, "Slip of free-wheel {called}.", "{driving} minus {driven}"),
+    ),
+)

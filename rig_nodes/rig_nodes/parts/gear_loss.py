@@ -36,16 +36,19 @@ class GearLossConfig:
 
     by_speed: float = param("ratio", 0.0, 10.0, "Factor on Annex D's parabola of the speed, which falls above 1300 rpm")
     at_rest: float = param("torque", 0.0, 100.0, "Loss by speed at a standstill, as the coast-down has it")
-    at_470: float = param("torque", 0.0, 100.0,
-                          "Loss by speed where the coast-down began; its square is linear in the speed from that at "
-                          "rest")
+    at_470: float = param(
+        "torque", 0.0, 100.0, "Loss by speed where the coast-down began; its square is linear in the speed from that at rest"
+    )
     drag: float = param("torque", 0.0, 100.0, "Loss whatever speed and torque are")
     constant: float = param("torque", -100.0, 100.0, "Constant part of the parabola of the torque passed on")
     share: float = param("ratio", -0.5, 0.5, "Linear part of the parabola of the torque passed on")
-    square: float = param("torque per torque squared", -0.01, 0.01,
-                          "Square part of the parabola of the torque passed on")
-    torque_side: str = choice("Which shaft the part by torque brakes: its own (driven) or, with the same power, that of the "
-                              "loss before the clutches (driving)", "driven", "driving")
+    square: float = param("torque per torque squared", -0.01, 0.01, "Square part of the parabola of the torque passed on")
+    torque_side: str = choice(
+        "Which shaft the part by torque brakes: its own (driven) or, with the same power, that of the "
+        "loss before the clutches (driving)",
+        "driven",
+        "driving",
+    )
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -78,8 +81,20 @@ def after(world, k, h):
 
 
 # row: of the driveline's losses; element: that brakes its body; elsewhere: its loss by torque brakes the body ``braked``
-PART = Part("gear_loss", 50, (GearLossConfig,), state=("torque",), derived=("elsewhere", "steady"),
-            wires=("body", "element", "row", "braked"), stages={"before": before, "after": after}, role=LOSS,
-            joined={"body": Wire("body"), "torque": Wire("torque", needed=False), "axis": Wire("body", needed=False),
-                    "driving": Wire("loss", needed=False)},
-            effects={"torque_losses": {"constant": 0.0, "share": 0.0, "square": 0.0}})
+PART = Part(
+    "gear_loss",
+    50,
+    (GearLossConfig,),
+    state=("torque",),
+    derived=("elsewhere", "steady"),
+    wires=("body", "element", "row", "braked"),
+    stages={"before": before, "after": after},
+    role=LOSS,
+    joined={
+        "body": Wire("body"),
+        "torque": Wire("torque", needed=False),
+        "axis": Wire("body", needed=False),
+        "driving": Wire("loss", needed=False),
+    },
+    effects={"torque_losses": {"constant": 0.0, "share": 0.0, "square": 0.0}},
+)

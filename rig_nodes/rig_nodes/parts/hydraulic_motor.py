@@ -17,6 +17,7 @@ from ..config.schema import param
 from ..plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LO0, LO1
 from .part import SOURCE, Command, Part, Shown, Wire
 
+
 @dataclass(frozen=True)
 class HydraulicMotorConfig:
     """Motor, its line and its valves; the maximum valve is the thesis's ZP_2."""
@@ -24,11 +25,15 @@ class HydraulicMotorConfig:
     displacement: float = param("displacement", 1e-7, 1e-3, "Displacement of the motor")
     friction: float = param("torque", 0.0, 100.0, "The motor's own friction on its body")
     line_volume: float = param("volume", 1e-6, 1e-1, "Volume of the oil between flow regulator and motor")
-    supply_pressure: float = param("pressure", 1e5, 1e8,
-                                   "Pressure of the pump's line, which no setting of the maximum valve exceeds")
-    relief_droop: float = param("hydraulic resistance", 1e6, 1e12,
-                                "How far the line's pressure rises above the setting of the maximum valve with the "
-                                "flow that the valve lets off")
+    supply_pressure: float = param(
+        "pressure", 1e5, 1e8, "Pressure of the pump's line, which no setting of the maximum valve exceeds"
+    )
+    relief_droop: float = param(
+        "hydraulic resistance",
+        1e6,
+        1e12,
+        "How far the line's pressure rises above the setting of the maximum valve with the flow that the valve lets off",
+    )
     relief_rate: float = param("pressure rate", 1e3, 1e9, "How fast the maximum valve is turned towards its setpoint")
 
 
@@ -71,7 +76,8 @@ def before(world, k, h, t):
     flow = my.displacement * me.target if me.enabled > 0.0 and not safe else 0.0
     line.push[0, my.body] += my.displacement * me.pressure
     me.pressure = line_pressure(
-        me.pressure, flow, line.speed[my.body], me.relief, h, world.values.oil_supply[my.oil].bulk_modulus, my)
+        me.pressure, flow, line.speed[my.body], me.relief, h, world.values.oil_supply[my.oil].bulk_modulus, my
+    )
     line.push[1, my.body] += my.displacement * me.pressure
 
 
@@ -80,23 +86,58 @@ def before(world, k, h, t):
 def says(rig, name):
     """Fields of its MotorState."""
     me = rig.device(name)
-    return (rig.speed_at(name), float(me["target"]), getattr(rig.config, name).displacement * float(me["pressure"]),
-            rig.energies["motor"], bool(me["enabled"] > 0.0))
+    return (
+        rig.speed_at(name),
+        float(me["target"]),
+        getattr(rig.config, name).displacement * float(me["pressure"]),
+        rig.energies["motor"],
+        bool(me["enabled"] > 0.0),
+    )
 
 
-PART = Part("hydraulic_motor", 30, (HydraulicMotorConfig,),
-            state=("target", "enabled", "relief_target", "relief_enabled", "relief", "pressure"),
-            wires=("body", "element", "oil"), stages={"before": before}, role=SOURCE,
-            joined={"body": Wire("body"), "oil": Wire("oil", needed=False)}, message="MotorState", says=says, shows=(
-                Shown("torque", "torque", "torque", -700.0, 700.0,
-                      "Torque of the oil on the hydraulic motor, before its own friction.", "positive drives the shaft"),
-                Shown("speed", "speed", "speed", -20.0, 20.0, "True speed of the hydraulic motor.",
-                      "positive in the driving direction"),
-                Shown("setpoint", "speed_setpoint", "speed", 0.0, 20.0, "Speed that the flow regulator is set for.",
-                      "positive in the driving direction"),
-                Shown("work", "work", "energy", -1e9, 1e9, "Work of the hydraulic motor since time 0.",
-                      "positive delivered to the shaft")),
-            takes=(Command("motor", {"speed": "angular velocity"}, "target", "enabled",
-                           "speed for which the flow regulator is set", "speed"),
-                   Command("relief", {"pressure": "pressure"}, "relief_target", "relief_enabled",
-                           "pressure to which the maximum valve is turned", "pressure", "relief")))
+PART = Part(
+    "hydraulic_motor",
+    30,
+    (HydraulicMotorConfig,),
+    state=("target", "enabled", "relief_target", "relief_enabled", "relief", "pressure"),
+    wires=("body", "element", "oil"),
+    stages={"before": before},
+    role=SOURCE,
+    joined={"body": Wire("body"), "oil": Wire("oil", needed=False)},
+    message="MotorState",
+    says=says,
+    shows=(
+        Shown(
+            "torque",
+            "torque",
+            "torque",
+            -700.0,
+            700.0,
+            "Torque of the oil on the hydraulic motor, before its own friction.",
+            "positive drives the shaft",
+        ),
+        Shown("speed", "speed", "speed", -20.0, 20.0, "True speed of the hydraulic motor.", "positive in the driving direction"),
+        Shown(
+            "setpoint",
+            "speed_setpoint",
+            "speed",
+            0.0,
+            20.0,
+            "Speed that the flow regulator is set for.",
+            "positive in the driving direction",
+        ),
+        Shown("work", "work", "energy", -1e9, 1e9, "Work of the hydraulic motor since time 0.", "positive delivered to the shaft"),
+    ),
+    takes=(
+        Command("motor", {"speed": "angular velocity"}, "target", "enabled", "speed for which the flow regulator is set", "speed"),
+        Command(
+            "relief",
+            {"pressure": "pressure"},
+            "relief_target",
+            "relief_enabled",
+            "pressure to which the maximum valve is turned",
+            "pressure",
+            "relief",
+        ),
+    ),
+)

@@ -28,12 +28,12 @@ class LoadConfig:
 
     displacement: float = param("displacement", 1e-8, 1e-3, "Displacement of the pump")
     mechanical_loss: float = param("torque", 0.0, 100.0, "The pump's own friction on its body, whatever the pressure")
-    pressure_time: float = param("time", 1e-4, 1.0,
-                                 "Time constant with which the pressure in the pump's pressure line follows the "
-                                 "relief valve")
-    pressure_limit: float = param("pressure", 1e5, 1e8,
-                                  "Largest pressure in the pump's pressure line, whatever the setting of the relief "
-                                  "valve")
+    pressure_time: float = param(
+        "time", 1e-4, 1.0, "Time constant with which the pressure in the pump's pressure line follows the relief valve"
+    )
+    pressure_limit: float = param(
+        "pressure", 1e5, 1e8, "Largest pressure in the pump's pressure line, whatever the setting of the relief valve"
+    )
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -103,14 +103,32 @@ def says(rig, name):
     return (rig.friction_torque(name), rig.capacity(name), float(me["pressure"]), float(me["setting"]), rig.energies["load"])
 
 
-PART = Part("load_pump", 40, (LoadConfig,),
-            state=("setting", "enabled", "pressure", "held", "held_capacity", "held_pressure"), derived=("decay",),
-            wires=("body", "element"), stages={"fill": fill, "before": before}, role=LOAD, joined={"body": Wire("body")},
-            message="LoadState", says=says, shows=(
-                Shown("torque", "torque", "torque", 0.0, 500.0, "Torque of the load pump.", "positive brakes {body}"),
-                Shown("work", "work", "energy", 0.0, 1e9, "Work taken by the load pump since time 0.",
-                      "positive taken from the shaft"),
-                Shown("relief_setting", "relief_setting", "pressure", 0.0, 4e7, "Setting of the load's relief valve.", "gauge")),
-            takes=(Command("load", {"torque": "torque", "pressure": "pressure"}, "setting", "enabled",
-                           "relief pressure of the load", "pressure",
-                           parameter="relief_pressure"),))
+PART = Part(
+    "load_pump",
+    40,
+    (LoadConfig,),
+    state=("setting", "enabled", "pressure", "held", "held_capacity", "held_pressure"),
+    derived=("decay",),
+    wires=("body", "element"),
+    stages={"fill": fill, "before": before},
+    role=LOAD,
+    joined={"body": Wire("body")},
+    message="LoadState",
+    says=says,
+    shows=(
+        Shown("torque", "torque", "torque", 0.0, 500.0, "Torque of the load pump.", "positive brakes {body}"),
+        Shown("work", "work", "energy", 0.0, 1e9, "Work taken by the load pump since time 0.", "positive taken from the shaft"),
+        Shown("relief_setting", "relief_setting", "pressure", 0.0, 4e7, "Setting of the load's relief valve.", "gauge"),
+    ),
+    takes=(
+        Command(
+            "load",
+            {"torque": "torque", "pressure": "pressure"},
+            "setting",
+            "enabled",
+            "relief pressure of the load",
+            "pressure",
+            parameter="relief_pressure",
+        ),
+    ),
+)

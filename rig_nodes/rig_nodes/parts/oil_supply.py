@@ -23,20 +23,18 @@ from .part import OIL, Command, Part, Wire
 class OilSupplyConfig:
     """Relief valve and oil."""
 
-    relief_droop: float = param("hydraulic resistance", 0.0, 1e12,
-                                "How far the supply pressure falls below its setting with the flow that is drawn")
-    pressure_time: float = param("time", 1e-4, 5.0,
-                                 "Time constant with which the supply pressure follows the relief valve")
-    bulk_modulus: float = param("pressure", 1e7, 3e9,
-                                "Bulk modulus of the oil with its share of air and the hoses' give")
+    relief_droop: float = param(
+        "hydraulic resistance", 0.0, 1e12, "How far the supply pressure falls below its setting with the flow that is drawn"
+    )
+    pressure_time: float = param("time", 1e-4, 5.0, "Time constant with which the supply pressure follows the relief valve")
+    bulk_modulus: float = param("pressure", 1e7, 3e9, "Bulk modulus of the oil with its share of air and the hoses' give")
     density: float = param("density", 500.0, 1200.0, "Density of the oil")
     viscosity: float = param("viscosity", 1e-4, 5.0, "Dynamic viscosity of the oil at the reference temperature")
-    viscosity_per_kelvin: float = param("per temperature", 0.0, 0.2,
-                                        "Share by which the viscosity falls with each degree")
-    viscosity_temperature: float = param("temperature", -30.0, 150.0,
-                                         "Reference temperature, at which the viscosity is stated")
-    temperature: float = param("temperature", -30.0, 150.0, "Temperature of the oil, to which the plates cool",
-                               live="oil_temperature")
+    viscosity_per_kelvin: float = param("per temperature", 0.0, 0.2, "Share by which the viscosity falls with each degree")
+    viscosity_temperature: float = param("temperature", -30.0, 150.0, "Reference temperature, at which the viscosity is stated")
+    temperature: float = param(
+        "temperature", -30.0, 150.0, "Temperature of the oil, to which the plates cool", live="oil_temperature"
+    )
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -80,12 +78,27 @@ def before(world, k, h, t):
 def says(rig, name):
     """Fields of its OilState."""
     me = rig.device(name)
-    return (float(me["pressure"]), float(me["setting"]), rig.oil_drawn(name), getattr(rig.config, name).temperature,
-            bool(me["enabled"] > 0.0))
+    return (
+        float(me["pressure"]),
+        float(me["setting"]),
+        rig.oil_drawn(name),
+        getattr(rig.config, name).temperature,
+        bool(me["enabled"] > 0.0),
+    )
 
 
-PART = Part("oil_supply", 0, (OilSupplyConfig,), state=("setting", "enabled", "pressure", "flow", "oil_temperature"),
-            derived=("decay",), wires=("line",), stages={"fill": fill, "before": before}, role=OIL,
-            joined={"line": Wire("line", needed=False)}, effects={"oil_temperature": {"viscosity_per_kelvin": 0.0}},
-            message="OilState", says=says, takes=(Command(
-                "oil", {"pressure": "pressure"}, "setting", "enabled", "supply pressure of the clutch oil", "pressure"),))
+PART = Part(
+    "oil_supply",
+    0,
+    (OilSupplyConfig,),
+    state=("setting", "enabled", "pressure", "flow", "oil_temperature"),
+    derived=("decay",),
+    wires=("line",),
+    stages={"fill": fill, "before": before},
+    role=OIL,
+    joined={"line": Wire("line", needed=False)},
+    effects={"oil_temperature": {"viscosity_per_kelvin": 0.0}},
+    message="OilState",
+    says=says,
+    takes=(Command("oil", {"pressure": "pressure"}, "setting", "enabled", "supply pressure of the clutch oil", "pressure"),),
+)

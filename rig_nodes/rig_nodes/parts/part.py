@@ -23,11 +23,20 @@ from ..errors import RigError
 # ground), "torque" (a torque meter, or
 # "clutches": all that the body gives clutches), "transducer", "output" (of the controller, from 1), "line" (name of the oil line
 # that begins here), or a role of devices.
-BODY, BODIES, ONE_WAY, TORQUE, TRANSDUCER, OUTPUT, LINE = (
-    "body", "bodies", "one_way", "torque", "transducer", "output", "line")
+BODY, BODIES, ONE_WAY, TORQUE, TRANSDUCER, OUTPUT, LINE = ("body", "bodies", "one_way", "torque", "transducer", "output", "line")
 # Roles of devices: what a rig asks its devices for. ``values`` are shared by others and no device.
 SOURCE, LOAD, CLUTCH, FREEWHEEL, VALVE, LOSS, OIL, PRESS, METER, VALUES = (
-    "source", "load", "clutch", "freewheel", "valve", "loss", "oil", "press", "meter", "values")
+    "source",
+    "load",
+    "clutch",
+    "freewheel",
+    "valve",
+    "loss",
+    "oil",
+    "press",
+    "meter",
+    "values",
+)
 
 # Place of a wire that goes nowhere. Places are unsigned: compiled code need not look whether one counts from the end.
 NOWHERE = 2**64 - 1
@@ -132,15 +141,23 @@ class Part:
 
     def values_dtype(self, shapes: dict[str, tuple[int, ...]]) -> np.dtype:
         """Configuration and derived numbers as float64, wires as uint64, tables of these shapes."""
-        return np.dtype([*record_dtype(*self.configs).descr, *((name, "f8") for name in self.derived),
-                         *((name, "u8") for name in self.wires),
-                         *((name, "f8", shapes[name]) for name in self.tables)])
+        return np.dtype(
+            [
+                *record_dtype(*self.configs).descr,
+                *((name, "f8") for name in self.derived),
+                *((name, "u8") for name in self.wires),
+                *((name, "f8", shapes[name]) for name in self.tables),
+            ]
+        )
 
 
 def parts() -> list[str]:
     """Names of all types of devices that a rig's description may use."""
-    return sorted(path.stem for path in Path(__file__).parent.glob("*.py")
-                  if "\nPART = " in path.read_text(encoding="utf-8") and part(path.stem).role)
+    return sorted(
+        path.stem
+        for path in Path(__file__).parent.glob("*.py")
+        if "\nPART = " in path.read_text(encoding="utf-8") and part(path.stem).role
+    )
 
 
 @cache

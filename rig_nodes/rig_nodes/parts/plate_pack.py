@@ -11,5 +11,10 @@ from __future__ import annotations
 from .part import VALUES, Part
 from .plates import PlatePack
 
-PART = Part("plate_pack", 0, (PlatePack,), role=VALUES,
-            effects={"plate_heat": {"friction_per_kelvin": 0.0}, "wear": {"wear_rate": 0.0}, "spline_hysteresis": {}})
+PART = Part(
+    "plate_pack",
+    0,
+    (PlatePack,),
+    role=VALUES,
+    effects={"plate_heat": {"friction_per_kelvin": 0.0}, "wear": {"wear_rate": 0.0}, "spline_hysteresis": {}},
+)

@@ -34,31 +34,34 @@ class PlatePack(PackGeometry):
 
     friction_static: float = param("ratio", 0.0, 1.0, "Coefficient of friction of plates that stick")
     friction_kinetic: float = param("ratio", 0.0, 1.0, "Coefficient of friction of plates that slip")
-    friction_spline: float = param("ratio", 0.0, 1.0,
-                                   "Coefficient of friction of the plates on their splines as the pack is pressed")
-    friction_spline_static: float = param("ratio", 0.0, 1.0,
-                                          "Coefficient of friction of the plates on their splines as the pack is let "
-                                          "go")
-    film_gap: float = param("length", 1e-6, 1e-2,
-                            "Height of the oil film between two plates that are not pressed; drag knows no smaller "
-                            "gap")
-    film_force: float = param("force", 1.0, 1e5,
-                              "Clamp force at which the asperities carry everything and no film is sheared")
-    film_radius: float = param("length", 1e-3, 1.0,
-                               "Radius at which the closed oil film ends, in the drag models that know one")
-    liquid_share: float = param("ratio", 0.0, 1.0,
-                                "Share of liquid in the oil beyond the closed film, in the drag model iqbal")
-    mist_viscosity_share: float = param("ratio", 0.0, 1.0,
-                                        "Viscosity of the mist beyond the closed film over that of the oil, in the "
-                                        "drag model iqbal")
+    friction_spline: float = param(
+        "ratio", 0.0, 1.0, "Coefficient of friction of the plates on their splines as the pack is pressed"
+    )
+    friction_spline_static: float = param(
+        "ratio", 0.0, 1.0, "Coefficient of friction of the plates on their splines as the pack is let go"
+    )
+    film_gap: float = param(
+        "length", 1e-6, 1e-2, "Height of the oil film between two plates that are not pressed; drag knows no smaller gap"
+    )
+    film_force: float = param("force", 1.0, 1e5, "Clamp force at which the asperities carry everything and no film is sheared")
+    film_radius: float = param("length", 1e-3, 1.0, "Radius at which the closed oil film ends, in the drag models that know one")
+    liquid_share: float = param("ratio", 0.0, 1.0, "Share of liquid in the oil beyond the closed film, in the drag model iqbal")
+    mist_viscosity_share: float = param(
+        "ratio", 0.0, 1.0, "Viscosity of the mist beyond the closed film over that of the oil, in the drag model iqbal"
+    )
     heat_capacity: float = param("heat capacity", 1.0, 1e6, "Heat capacity of all plates of the pack")
-    cooling: float = param("thermal conductance", 0.0, 1e6,
-                           "Heat that goes from the plates to the oil with each degree between them")
-    friction_per_kelvin: float = param("per temperature", -0.02, 0.02,
-                                       "Share by which the friction of the plates changes with each degree")
-    friction_temperature: float = param("temperature", -30.0, 300.0,
-                                        "Temperature of the plates at which their coefficients of friction and their "
-                                        "wear rate are stated")
+    cooling: float = param(
+        "thermal conductance", 0.0, 1e6, "Heat that goes from the plates to the oil with each degree between them"
+    )
+    friction_per_kelvin: float = param(
+        "per temperature", -0.02, 0.02, "Share by which the friction of the plates changes with each degree"
+    )
+    friction_temperature: float = param(
+        "temperature",
+        -30.0,
+        300.0,
+        "Temperature of the plates at which their coefficients of friction and their wear rate are stated",
+    )
     wear_rate: float = param("wear rate", 0.0, 1e-6, "Growth of the whole pack's clearance with the heat of friction")
     wear_per_kelvin: float = param("per temperature", 0.0, 1.0, "Share by which the wear rate grows with each degree")
 
@@ -70,14 +73,15 @@ class PackFriction:
     friction_model: str = choice("Model of the torque by the clamp force", *FRICTION_MODELS)
     drag_model: str = choice("Model of the viscous drag of the open pack", *DRAG_MODELS)
     friction_correction: float = param("ratio", 0.1, 10.0, "Factor on the torque of the friction model")
-    rest_torque: float = param("torque", 0.0, 500.0,
-                               "Torque that the pack holds at rest without being pressed, once its plates have "
-                               "touched")
-    rest_sliding: float = param("ratio", 0.0, 1.0,
-                                "Share of the torque held without being pressed that is left while the pack slips")
-    spline_hold: float = param("ratio", 0.0, 1.0,
-                               "How much of the plates' sticking on their splines outlasts the clamp force: none at "
-                               "0, all at 1")
+    rest_torque: float = param(
+        "torque", 0.0, 500.0, "Torque that the pack holds at rest without being pressed, once its plates have touched"
+    )
+    rest_sliding: float = param(
+        "ratio", 0.0, 1.0, "Share of the torque held without being pressed that is left while the pack slips"
+    )
+    spline_hold: float = param(
+        "ratio", 0.0, 1.0, "How much of the plates' sticking on their splines outlasts the clamp force: none at 0, all at 1"
+    )
 
 
 def torque_per_force(pack: PlatePack, friction: float, releasing: bool = False, model: str = "thesis") -> float:
@@ -147,7 +151,8 @@ def drag_coefficient(piston, clamp, viscosity, clutch):
 @njit(cache=True, error_model="numpy", forceinline=True)
 def held_torque(before, clamp, engaging, releasing):
     """Torque [Nm] at which a stuck pack slips, with the memory of the splines: rises along ``engaging`` times the clamp
-    force, stays while the plates stick on their splines, falls along ``releasing`` times the clamp force [Nm/N]."""
+    force, stays while the plates stick on their splines, falls along ``releasing`` times the clamp force [Nm/N].
+    """
     return min(max(before, engaging * clamp), releasing * clamp)
 
 
@@ -163,33 +168,60 @@ def rest_share(before, piston, clamp, clutch):
 
 
 # what a pack carries from step to step, and what is made of its configuration; clearance: new_clearance and wear
-STATE = ("temperature", "wear", "heat", "clamp", "held", "rest", "kinetic", "static", "drag", "film_temperature",
-         "film_viscosity")
+STATE = ("temperature", "wear", "heat", "clamp", "held", "rest", "kinetic", "static", "drag", "film_temperature", "film_viscosity")
 SERIES = 1e-3  # exponent up to which a series with five terms is the exponential to rounding
-DERIVED = ("engaging_kinetic", "engaging_static", "releasing_static", "sliding_share", "drag_factor", "new_clearance",
-           "plates_left", "plates_rise")
+DERIVED = (
+    "engaging_kinetic",
+    "engaging_static",
+    "releasing_static",
+    "sliding_share",
+    "drag_factor",
+    "new_clearance",
+    "plates_left",
+    "plates_rise",
+)
 WIRES = ("element", "oil")
 # a pack between two bodies, or from one to the held housing; plates: whose values it has
-JOINED = {"joins": Wire("bodies", needed=False), "brakes": Wire("body", needed=False), "plates": Wire("values"),
-          "oil": Wire("oil", needed=False)}
+JOINED = {
+    "joins": Wire("bodies", needed=False),
+    "brakes": Wire("body", needed=False),
+    "plates": Wire("values"),
+    "oil": Wire("oil", needed=False),
+}
 
 
 def derived(plates: PlatePack, pack: PackFriction, clearance: float, spline_hysteresis: bool = True) -> dict[str, float]:
     """Values of DERIVED that time does not change, for a pack that is new."""
-    kinetic, static, held = (pack.friction_correction * torque_per_force(plates, mu, turned, pack.friction_model)
-                             for mu, turned in ((plates.friction_kinetic, False), (plates.friction_static, False),
-                                                (plates.friction_static, True)))
+    kinetic, static, held = (
+        pack.friction_correction * torque_per_force(plates, mu, turned, pack.friction_model)
+        for mu, turned in ((plates.friction_kinetic, False), (plates.friction_static, False), (plates.friction_static, True))
+    )
     hold = pack.spline_hold if spline_hysteresis else 0.0
-    return {"engaging_kinetic": kinetic, "engaging_static": static, "releasing_static": static + hold * (held - static),
-            "sliding_share": plates.friction_kinetic / plates.friction_static if plates.friction_static else 1.0,
-            "drag_factor": drag_factor(plates, pack.drag_model), "new_clearance": clearance}
+    return {
+        "engaging_kinetic": kinetic,
+        "engaging_static": static,
+        "releasing_static": static + hold * (held - static),
+        "sliding_share": plates.friction_kinetic / plates.friction_static if plates.friction_static else 1.0,
+        "drag_factor": drag_factor(plates, pack.drag_model),
+        "new_clearance": clearance,
+    }
 
 
 def said(rig, name: str, pressure: float, travel: float) -> tuple:
     """Fields of a pack's ClutchState, with the pressure [Pa] that presses it and the way [m] of what does."""
     me, slip = rig.device(name), rig.slip(name)
-    return (rig.clutch_mode(name), rig.friction_torque(name), float(me["drag"]) * slip, float(me["kinetic"]),
-            float(me["static"]), slip, float(me["clamp"]), pressure, travel, rig.energies[rig.heat_of(name)])
+    return (
+        rig.clutch_mode(name),
+        rig.friction_torque(name),
+        float(me["drag"]) * slip,
+        float(me["kinetic"]),
+        float(me["static"]),
+        slip,
+        float(me["clamp"]),
+        pressure,
+        travel,
+        rig.energies[rig.heat_of(name)],
+    )
 
 
 @njit(**INLINED)
@@ -247,6 +279,6 @@ def heat_plates(me, my, world):
     el, f = world.driveline.el, my.element
     heat = el[E_FRIC, f] + el[E_VISC, f]
     me.temperature, me.wear = plates_after(
-        me.temperature, me.wear, heat - me.heat, world.parts.oil_supply[my.oil].oil_temperature, my.plates_left,
-        my.plates_rise, my)
+        me.temperature, me.wear, heat - me.heat, world.parts.oil_supply[my.oil].oil_temperature, my.plates_left, my.plates_rise, my
+    )
     me.heat = heat

@@ -29,18 +29,17 @@ class PressCylinder:
     """
 
     force_linear: float = param("area", 1e-5, 1e-1, "Force on the piston per pressure")
-    force_square: float = param("force per pressure squared", 0.0, 1e-9,
-                                "Force on the piston per pressure squared, beside the linear one")
-    seal_friction: float = param("force", 0.0, 1e4,
-                                 "Friction of seals and guide rings as the piston goes towards the plates")
+    force_square: float = param(
+        "force per pressure squared", 0.0, 1e-9, "Force on the piston per pressure squared, beside the linear one"
+    )
+    seal_friction: float = param("force", 0.0, 1e4, "Friction of seals and guide rings as the piston goes towards the plates")
     seal_friction_back: float = param("force", 0.0, 1e4, "Friction of seals and guide rings as the piston goes back")
     spring_share: float = param("ratio", 0.0, 10.0, "Share of the measured spring force that acts; without springs 0")
     contact_travel: float = param("length", 0.0, 5e-3, "Travel at which the piston meets what it presses")
     contact_rate: float = param("stiffness", 1e3, 1e10, "Stiffness of what the piston presses")
     piston_damping: float = param("damping", 1.0, 1e7, "Viscous damping of the piston")
     machine_speed: float = param("velocity", 1e-7, 1e-1, "Speed at which the testing machine moves the springs")
-    testing_machine: bool = switch("Whether the springs stand in the testing machine, which moves them in the "
-                                   "cylinder's place")
+    testing_machine: bool = switch("Whether the springs stand in the testing machine, which moves them in the cylinder's place")
 
 
 @njit(cache=True)
@@ -118,17 +117,56 @@ def before(world, k, h, t):
 def says(rig, name):
     """Fields of its OilState."""
     me = rig.device(name)
-    return (float(me["pressure"]), float(me["setting"]), 0.0, getattr(rig.config, rig.wire(name, "oil")).temperature,
-            bool(me["enabled"] > 0.0))
+    return (
+        float(me["pressure"]),
+        float(me["setting"]),
+        0.0,
+        getattr(rig.config, rig.wire(name, "oil")).temperature,
+        bool(me["enabled"] > 0.0),
+    )
 
 
-PART = Part("press_cylinder", 10, (PressCylinder,),
-            state=("setting", "enabled", "machine_target", "machine_enabled", "pressure", "travel", "force", "clamp"),
-            wires=("oil",), stages={"before": before}, role=PRESS, joined={"oil": Wire("oil", needed=False)},
-            effects={"seal_friction": {"seal_friction": 0.0, "seal_friction_back": 0.0}}, message="OilState", says=says, shows=(
-                Shown("setting", "pressure_setting", "pressure", 0.0, 1e7,
-                      "Setting of the relief valve before the cylinder, which gives its pressure.", "gauge"),),
-            takes=(Command("cylinder", {"pressure": "pressure"}, "setting", "enabled",
-                           "pressure of the relief valve before the cylinder", "pressure"),
-                   Command("press", {"travel": "length"}, "machine_target", "machine_enabled",
-                           "travel to which the testing machine moves", "length", "machine", "testing_machine")))
+PART = Part(
+    "press_cylinder",
+    10,
+    (PressCylinder,),
+    state=("setting", "enabled", "machine_target", "machine_enabled", "pressure", "travel", "force", "clamp"),
+    wires=("oil",),
+    stages={"before": before},
+    role=PRESS,
+    joined={"oil": Wire("oil", needed=False)},
+    effects={"seal_friction": {"seal_friction": 0.0, "seal_friction_back": 0.0}},
+    message="OilState",
+    says=says,
+    shows=(
+        Shown(
+            "setting",
+            "pressure_setting",
+            "pressure",
+            0.0,
+            1e7,
+            "Setting of the relief valve before the cylinder, which gives its pressure.",
+            "gauge",
+        ),
+    ),
+    takes=(
+        Command(
+            "cylinder",
+            {"pressure": "pressure"},
+            "setting",
+            "enabled",
+            "pressure of the relief valve before the cylinder",
+            "pressure",
+        ),
+        Command(
+            "press",
+            {"travel": "length"},
+            "machine_target",
+            "machine_enabled",
+            "travel to which the testing machine moves",
+            "length",
+            "machine",
+            "testing_machine",
+        ),
+    ),
+)

@@ -45,14 +45,41 @@ def says(rig, name):
     return plates.said(rig, name, float(press["pressure"]), float(press["travel"]))
 
 
-PART = Part("pressed_clutch", 20, (PackFriction, PlatePack), state=plates.STATE, derived=(*plates.DERIVED, "clearance"),
-            wires=(*plates.WIRES, "press"), stages={"fill": fill, "before": before, "after": after}, role=CLUTCH,
-            joined={**plates.JOINED, "press": Wire("press")}, message="ClutchState", says=says, shows=(
-                Shown("mode", "mode", "state", 0.0, 2.0, "The pack: open, slipping or locked.", "none",
-                      {0: "open", 1: "slipping", 2: "locked"}),
-                Shown("torque", "torque", "torque", -700.0, 700.0, "Friction torque of the pack.", "positive brakes the shaft"),
-                Shown("capacity", "capacity_static", "torque", 0.0, 1000.0, "Torque at which the pack breaks away.", "magnitude"),
-                Shown("slip", "slip", "speed", -20.0, 20.0, "Slip of the pack.", "shaft minus housing"),
-                Shown("clamp", "clamp_force", "force", 0.0, 10000.0, "Force on the plates of the pack.",
-                      "positive presses the plates together"),
-                Shown("heat", "heat", "energy", 0.0, 1e9, "Heat of friction and drag in the pack since time 0.", "positive")))
+PART = Part(
+    "pressed_clutch",
+    20,
+    (PackFriction, PlatePack),
+    state=plates.STATE,
+    derived=(*plates.DERIVED, "clearance"),
+    wires=(*plates.WIRES, "press"),
+    stages={"fill": fill, "before": before, "after": after},
+    role=CLUTCH,
+    joined={**plates.JOINED, "press": Wire("press")},
+    message="ClutchState",
+    says=says,
+    shows=(
+        Shown(
+            "mode",
+            "mode",
+            "state",
+            0.0,
+            2.0,
+            "The pack: open, slipping or locked.",
+            "none",
+            {0: "open", 1: "slipping", 2: "locked"},
+        ),
+        Shown("torque", "torque", "torque", -700.0, 700.0, "Friction torque of the pack.", "positive brakes the shaft"),
+        Shown("capacity", "capacity_static", "torque", 0.0, 1000.0, "Torque at which the pack breaks away.", "magnitude"),
+        Shown("slip", "slip", "speed", -20.0, 20.0, "Slip of the pack.", "shaft minus housing"),
+        Shown(
+            "clamp",
+            "clamp_force",
+            "force",
+            0.0,
+            10000.0,
+            "Force on the plates of the pack.",
+            "positive presses the plates together",
+        ),
+        Shown("heat", "heat", "energy", 0.0, 1e9, "Heat of friction and drag in the pack since time 0.", "positive"),
+    ),
+)

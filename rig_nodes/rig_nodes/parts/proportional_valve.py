@@ -32,17 +32,16 @@ class ValveConfig:
     coil_inductance: float = param("inductance", 1e-3, 5.0, "Inductance of the coil")
     cracking_current: float = param("current", 0.0, 0.5, "Current at which the regulated pressure begins to rise")
     pressure_gain: float = param("pressure per current", 1e5, 2e7, "Rise of the regulated pressure with the current")
-    pressure_limit: float = param("pressure", 1e5, 1e7,
-                                  "Pressure above which the valve lets off oil, whatever the current")
-    hysteresis: float = param("ratio", 0.0, 0.2,
-                              "Share of the magnet's force that iron and armature keep as the current turns round")
-    friction_pressure: float = param("pressure", 0.0, 1e6,
-                                     "Friction of the spool, as half the band of port pressures in which it stays")
+    pressure_limit: float = param("pressure", 1e5, 1e7, "Pressure above which the valve lets off oil, whatever the current")
+    hysteresis: float = param(
+        "ratio", 0.0, 0.2, "Share of the magnet's force that iron and armature keep as the current turns round"
+    )
+    friction_pressure: float = param(
+        "pressure", 0.0, 1e6, "Friction of the spool, as half the band of port pressures in which it stays"
+    )
     spool_stroke: float = param("length", 1e-5, 1e-2, "Way of the spool from the edge of the reducing side to its stop")
-    spool_dead_band: float = param("length", 0.0, 5e-3,
-                                   "Overlap of the spool between its reducing and its relieving edge")
-    full_opening_pressure: float = param("pressure", 1e3, 5e6,
-                                         "Miss of the port pressure at which the spool opens fully")
+    spool_dead_band: float = param("length", 0.0, 5e-3, "Overlap of the spool between its reducing and its relieving edge")
+    full_opening_pressure: float = param("pressure", 1e3, 5e6, "Miss of the port pressure at which the spool opens fully")
     spool_time: float = param("time", 1e-4, 1.0, "Time constant of the spool's way")
     orifice_area: float = param("area", 1e-9, 1e-3, "Area of the fully opened edge from supply to port")
     drain_area: float = param("area", 1e-9, 1e-3, "Area of the fully opened edge from port to tank")
@@ -98,8 +97,10 @@ def held_pressures(magnet, valve):
     ``pressure_limit``: more is let off, whatever the magnet asks for.
     """
     middle = magnet - valve.pressure_gain * valve.cracking_current
-    return (min(middle - valve.friction_pressure, valve.pressure_limit),
-            min(middle + valve.friction_pressure, valve.pressure_limit))
+    return (
+        min(middle - valve.friction_pressure, valve.pressure_limit),
+        min(middle + valve.friction_pressure, valve.pressure_limit),
+    )
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -269,24 +270,55 @@ def fed(world, k, line, flow, h):
 def says(rig, name):
     """Fields of its ValveState."""
     me = rig.device(name)
-    return (float(me["duty"]), float(me["current"]), float(me["spool"]), float(me["flow"]), rig.fed_pressure(name),
-            rig.command_age, rig.safe)
+    return (
+        float(me["duty"]),
+        float(me["current"]),
+        float(me["spool"]),
+        float(me["flow"]),
+        rig.fed_pressure(name),
+        rig.command_age,
+        rig.safe,
+    )
 
 
 # on: share of the supply voltage on the coil in this step; pending: duty from the next sample on; work: given to the port
 # since time 0; cut > 0: the valve but for its coil stands outside (engine.outside), and cut_* is its answer. ideal_current: the
 # current is its setpoint; pwm: frequency, 0 where it is averaged; pulses: of what is picked up, there also where it is
 # averaged; beside: column of the transducer whose wire lies beside its own, -1 for none
-PART = Part("proportional_valve", 10, (ValveConfig,),
-            state=("duty", "on", "pending", "current", "magnet", "spool", "flow", "share", "work", "cut", "cut_flow",
-                   "cut_slope", "cut_pressure"),
-            derived=("coil_left", "spool_left", "ideal_current", "pwm", "pulses"),
-            wires=("line", "supply", "output", "beside"),
-            stages={"fill": fill, "command": command, "before": before, "pickup": pickup}, role=VALVE,
-            joined={"feeds": Wire("clutch"), "supply": Wire("oil", needed=False), "output": Wire("output"),
-                    "beside": Wire("transducer", needed=False)},
-            effects={"valve_hysteresis": {"hysteresis": 0.0, "friction_pressure": 0.0}, "current_loop": {},
-                     "pwm_frequency": {}},
-            message="ValveState", says=says, shows=(
-                Shown("duty", "duty", "ratio", 0.0, 1.0, "PWM duty on the coil of {called}.", "share of the supply's voltage"),
-                Shown("flow", "flow", "flow", -1e-3, 1e-3, "Oil flow of {called} to {fed}.", "positive fills the clutch")))
+PART = Part(
+    "proportional_valve",
+    10,
+    (ValveConfig,),
+    state=(
+        "duty",
+        "on",
+        "pending",
+        "current",
+        "magnet",
+        "spool",
+        "flow",
+        "share",
+        "work",
+        "cut",
+        "cut_flow",
+        "cut_slope",
+        "cut_pressure",
+    ),
+    derived=("coil_left", "spool_left", "ideal_current", "pwm", "pulses"),
+    wires=("line", "supply", "output", "beside"),
+    stages={"fill": fill, "command": command, "before": before, "pickup": pickup},
+    role=VALVE,
+    joined={
+        "feeds": Wire("clutch"),
+        "supply": Wire("oil", needed=False),
+        "output": Wire("output"),
+        "beside": Wire("transducer", needed=False),
+    },
+    effects={"valve_hysteresis": {"hysteresis": 0.0, "friction_pressure": 0.0}, "current_loop": {}, "pwm_frequency": {}},
+    message="ValveState",
+    says=says,
+    shows=(
+        Shown("duty", "duty", "ratio", 0.0, 1.0, "PWM duty on the coil of {called}.", "share of the supply's voltage"),
+        Shown("flow", "flow", "flow", -1e-3, 1e-3, "Oil flow of {called} to {fed}.", "positive fills the clutch"),
+    ),
+)

@@ -19,9 +19,15 @@ class TorqueMeterConfig:
     """What of its shaft's inertia lies on which side of the meter."""
 
     inertia: float = param("inertia", 0.0, 100.0, "Inertia on one side of the meter, which its body's own counts too")
-    side: str = choice("On which side that is: beyond the meter, with the motor or the load, or within, with the gears",
-                       "beyond", "within")
+    side: str = choice(
+        "On which side that is: beyond the meter, with the motor or the load, or within, with the gears", "beyond", "within"
+    )
 
 
-PART = Part("torque_meter", 0, (TorqueMeterConfig,), role=METER,
-            joined={"body": Wire("body"), "source": Wire("source", needed=False), "load": Wire("load", needed=False)})
+PART = Part(
+    "torque_meter",
+    0,
+    (TorqueMeterConfig,),
+    role=METER,
+    joined={"body": Wire("body"), "source": Wire("source", needed=False), "load": Wire("load", needed=False)},
+)

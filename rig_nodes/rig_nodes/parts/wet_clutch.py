@@ -29,20 +29,20 @@ class Cylinder(PackFriction):
     """Cylinder, return springs, seals, the pack's axial elasticity and the oil in front of the piston."""
 
     piston_area: float = param("area", 1e-5, 1e-1, "Area of the piston")
-    force_per_pressure_squared: float = param("force per pressure squared", 0.0, 1e-9,
-                                              "Force on the piston per pressure squared, beside that of its area")
+    force_per_pressure_squared: float = param(
+        "force per pressure squared", 0.0, 1e-9, "Force on the piston per pressure squared, beside that of its area"
+    )
     spring_preload: float = param("force", 0.0, 1e5, "Force of the return springs on the released piston")
     spring_rate: float = param("stiffness", 1e2, 1e9, "Stiffness of the return springs")
-    clearance: float = param("length", 1e-5, 5e-2,
-                             "Way of the piston from its stop to the kiss point, of a pack that is new")
-    pack_rate: float = param("stiffness", 1e3, 1e10,
-                             "Stiffness of the pack at the kiss point, where only the waves of the steel plates carry")
-    pack_travel: float = param("length", 1e-5, 1e-2,
-                               "Way of the piston beyond the kiss point at which the pack lies flat")
+    clearance: float = param("length", 1e-5, 5e-2, "Way of the piston from its stop to the kiss point, of a pack that is new")
+    pack_rate: float = param(
+        "stiffness", 1e3, 1e10, "Stiffness of the pack at the kiss point, where only the waves of the steel plates carry"
+    )
+    pack_travel: float = param("length", 1e-5, 1e-2, "Way of the piston beyond the kiss point at which the pack lies flat")
     seal_friction: float = param("force", 0.0, 1e4, "Friction of the piston's seals without pressure")
-    seal_friction_share: float = param("ratio", 0.0, 0.5,
-                                       "Friction of the seals as a share of the pressure's force, beside that without "
-                                       "pressure")
+    seal_friction_share: float = param(
+        "ratio", 0.0, 0.5, "Friction of the seals as a share of the pressure's force, beside that without pressure"
+    )
     piston_damping: float = param("damping", 1.0, 1e7, "Viscous damping of the piston")
     line_volume: float = param("volume", 1e-7, 1e-2, "Volume of the oil between valve and feed orifice")
     chamber_volume: float = param("volume", 1e-7, 1e-2, "Volume of the oil in the chamber of the released piston")
@@ -100,8 +100,11 @@ def oil_stiffness(h, oil, clutch):
     """(flow that raises the line's pressure [m3/(s Pa)], that of the chamber by backward differences, pressure that the
     feed orifice takes per flow squared [Pa s2/m6]), for steps of h: constants of :func:`cylinder_step`.
     """
-    return (clutch.line_volume / oil.bulk_modulus / h, 1.5 * clutch.chamber_volume / oil.bulk_modulus / h,
-            oil.density / (2.0 * clutch.feed_area * clutch.feed_area))
+    return (
+        clutch.line_volume / oil.bulk_modulus / h,
+        1.5 * clutch.chamber_volume / oil.bulk_modulus / h,
+        oil.density / (2.0 * clutch.feed_area * clutch.feed_area),
+    )
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -147,10 +150,7 @@ def cylinder_step(cylinder, port, state, supply, h, full_line, stiff_chamber, in
         new = p - miss / (stiff_line * dline + dfeed - dflow * dline)
         if abs(new - p) < 1e-3:  # Pa; a root that is met lies on the bracket's edge, so this comes first
             break
-        if turn < 40 and low < new < high:
-            p = new
-        else:
-            p = 0.5 * (low + high) if high < inf else 2.0 * p + 1e6
+        p = new if turn < 40 and low < new < high else 0.5 * (low + high) if high < inf else 2.0 * p + 1000000.0
     # what Newton has left goes into the line's pressure: no oil is lost or made, however many steps
     return line - miss / stiff_line, p, x, speed, flow
 
@@ -173,8 +173,18 @@ def before(world, k, h, t):
     my.clearance = my.new_clearance + me.wear
     supply = world.oil[world.values.proportional_valve[my.valve].supply].pressure
     line, chamber, piston, speed, flow = cylinder_step(
-        me, port, world.parts.proportional_valve[my.valve], supply, h, my.full_line, my.stiff_chamber, my.feed_drop,
-        my.orifice_speed, world.values.proportional_valve[my.valve], my)
+        me,
+        port,
+        world.parts.proportional_valve[my.valve],
+        supply,
+        h,
+        my.full_line,
+        my.stiff_chamber,
+        my.feed_drop,
+        my.orifice_speed,
+        world.values.proportional_valve[my.valve],
+        my,
+    )
     fed(world, my.valve, line, flow, h)
     port.rise, me.chamber_rise = line - port.pressure, chamber - me.chamber
     port.pressure, me.chamber, me.piston, me.speed = line, chamber, piston, speed
@@ -190,15 +200,38 @@ def after(world, k, h):
 
 # chamber_rise: of its pressure in the last step; speed: of the piston
 SHOWS = (
-    Shown("mode", "mode", "state", 0.0, 2.0, "Clutch {called}: open, slipping or locked.", "none",
-          {0: "open", 1: "slipping", 2: "locked"}),
+    Shown(
+        "mode",
+        "mode",
+        "state",
+        0.0,
+        2.0,
+        "Clutch {called}: open, slipping or locked.",
+        "none",
+        {0: "open", 1: "slipping", 2: "locked"},
+    ),
     Shown("torque", "torque", "torque", -700.0, 700.0, "Friction torque of clutch {called}.", "positive drives {driven}"),
     Shown("capacity", "capacity_kinetic", "torque", 0.0, 700.0, "Torque that {called} transmits while slipping.", "magnitude"),
     Shown("slip", "slip", "speed", -320.0, 320.0, "Slip of clutch {called}.", "{driving} minus {driven}"),
-    Shown("clamp", "clamp_force", "force", 0.0, 8000.0, "Force on the plates of clutch {called}.",
-          "positive presses the plates together"),
-    Shown("piston", "piston_position", "length", 0.0, 0.01, "Piston position of clutch {called}, 0 when released.",
-          "rising towards the plates"))
+    Shown(
+        "clamp",
+        "clamp_force",
+        "force",
+        0.0,
+        8000.0,
+        "Force on the plates of clutch {called}.",
+        "positive presses the plates together",
+    ),
+    Shown(
+        "piston",
+        "piston_position",
+        "length",
+        0.0,
+        0.01,
+        "Piston position of clutch {called}, 0 when released.",
+        "rising towards the plates",
+    ),
+)
 EFFECTS = {"seal_friction": {"seal_friction": 0.0, "seal_friction_share": 0.0}}
 
 
@@ -208,8 +241,18 @@ def says(rig, name):
     return plates.said(rig, name, float(me["chamber"]), float(me["piston"]))
 
 
-PART = Part("wet_clutch", 20, (Cylinder, PlatePack),
-            state=("chamber", "chamber_rise", "piston", "speed", *plates.STATE),
-            derived=(*plates.DERIVED, "full_line", "stiff_chamber", "feed_drop", "orifice_speed"),
-            wires=(*plates.WIRES, "line", "valve"), stages={"fill": fill, "before": before, "after": after}, role=CLUTCH,
-            joined=plates.JOINED, effects=EFFECTS, message="ClutchState", says=says, shows=SHOWS)
+PART = Part(
+    "wet_clutch",
+    20,
+    (Cylinder, PlatePack),
+    state=("chamber", "chamber_rise", "piston", "speed", *plates.STATE),
+    derived=(*plates.DERIVED, "full_line", "stiff_chamber", "feed_drop", "orifice_speed"),
+    wires=(*plates.WIRES, "line", "valve"),
+    stages={"fill": fill, "before": before, "after": after},
+    role=CLUTCH,
+    joined=plates.JOINED,
+    effects=EFFECTS,
+    message="ClutchState",
+    says=says,
+    shows=SHOWS,
+)

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rig_nodes.atomic_write import atomic_write
 from rig_nodes.errors import RigError
 from rig_nodes.plant import driveline_algebra as algebra
 from rig_nodes.plant.driveline_algebra import work_size
@@ -23,7 +24,6 @@ from rig_nodes.plant.driveline_losses import BASE, FACTOR, ON, OWN, SHARE, WEIGH
 from rig_nodes.plant.driveline_picture import Body, Link, svg
 from rig_nodes.plant.driveline_tables import Table, table_of, value_at
 from rig_nodes.plant.driveline_ties import GROUND, bodies_from_speeds, start_speeds
-from rig_nodes.atomic_write import atomic_write
 
 _MAX_ELEMENTS = 50
 _CRANK_POINTS = 3601
@@ -119,10 +119,19 @@ class System:
             row[WEIGHTS + mesh.gear], row[WEIGHTS + mesh.brake] = 1.0, -mesh.before
         extra = n if recorded else 0
         twist = np.zeros(s + extra)
-        twist[:len(self.shafts)] = self.twist_start
-        return State(loss, self.v_start.copy(), twist, mode,
-                     np.zeros((4, m)), np.zeros((2, s)), np.zeros(n), np.zeros((max_events, 3 + extra)),
-                     np.zeros(2, np.int64), np.zeros(work_size(n, m, s, len(self.meshes))))
+        twist[: len(self.shafts)] = self.twist_start
+        return State(
+            loss,
+            self.v_start.copy(),
+            twist,
+            mode,
+            np.zeros((4, m)),
+            np.zeros((2, s)),
+            np.zeros(n),
+            np.zeros((max_events, 3 + extra)),
+            np.zeros(2, np.int64),
+            np.zeros(work_size(n, m, s, len(self.meshes))),
+        )
 
     def limits(self) -> np.ndarray:
         """A fresh `cap` (7, m) for the kernel: drag and free-wheels filled in, everything else open."""
@@ -176,8 +185,7 @@ class Driveline:
             name = f"{a}-{b}" if alike == 0 else f"{a}-{b}-{alike + 1}"
         self._new_name(name)
         if not math.isfinite(ratio) or ratio == 0.0:
-            raise RigError(f"driveline: ratio of gear {a}-{b} is {ratio}; "
-                           "a finite number other than 0 is needed")
+            raise RigError(f"driveline: ratio of gear {a}-{b} is {ratio}; a finite number other than 0 is needed")
         self._gears.append((a, b, float(ratio)))
         self._ties[name] = {a: 1.0, b: -float(ratio)}
 
@@ -213,9 +221,21 @@ class Driveline:
         """Speeds of two or more bodies, the ground among them if need be, times these coefficients have the sum 0."""
         self._relate("relation", name, {body: float(c) for body, c in coefficients.items()}, 2)
 
-    def shaft(self, name: str, a: str, b: str, ca: float = 1.0, cb: float = 1.0, *, stiffness: float | None = None,
-              damping: float = 0.0, twist: float = 0.0, table: Points | None = None, backlash: float = 0.0,
-              hysteresis: Sequence[tuple[float, float]] = ()) -> None:
+    def shaft(
+        self,
+        name: str,
+        a: str,
+        b: str,
+        ca: float = 1.0,
+        cb: float = 1.0,
+        *,
+        stiffness: float | None = None,
+        damping: float = 0.0,
+        twist: float = 0.0,
+        table: Points | None = None,
+        backlash: float = 0.0,
+        hysteresis: Sequence[tuple[float, float]] = (),
+    ) -> None:
         """Compliant shaft: torque = stiffness (Nm/rad) * twist + damping (Nm s/rad) * its rate ca w_a - cb w_b.
 
         table: (twists, torques) in place of a stiffness, straight on beyond its ends. backlash: rad from contact to contact, in
@@ -244,12 +264,15 @@ class Driveline:
         if soft:
             table = table_of(f"shaft '{name}'", table, "straight")
             if len(table.x) < 2 or np.any(np.diff(table.y) < 0.0) or np.any(np.diff(table.x) == 0.0):
-                raise RigError(f"driveline: the table of shaft '{name}' needs two points or more, "
-                               "twists rising, torques not falling")
+                raise RigError(
+                    f"driveline: the table of shaft '{name}' needs two points or more, twists rising, torques not falling"
+                )
             if backlash > 0.0:
                 if abs(value_at(table, 0.0)) > 0.0:
-                    raise RigError(f"driveline: the table of shaft '{name}' has {value_at(table, 0.0):g} Nm at twist 0; "
-                                   "with backlash it must be 0 there")
+                    raise RigError(
+                        f"driveline: the table of shaft '{name}' has {value_at(table, 0.0):g} Nm at twist 0; "
+                        "with backlash it must be 0 there"
+                    )
                 table = _apart(table, 0.5 * backlash)
             stiffness = (value_at(table, twist + 1e-9) - value_at(table, twist - 1e-9)) / 2e-9 + sum(k for k, _ in springs)
             if abs(twist) < 0.5 * backlash:
@@ -259,8 +282,18 @@ class Driveline:
             self._soft[name] = table, 0.5 * backlash, float(damped), springs
         self._shafts[name] = (a, b, float(ca), float(cb), float(stiffness), float(damping), float(twist))
 
-    def clutch(self, name: str, a: str, b: str, ca: float = 1.0, cb: float = 1.0, *,
-               stick: float | tuple[float, float] = 1.0, drag: float = 0.0, friction: Points | None = None) -> None:
+    def clutch(
+        self,
+        name: str,
+        a: str,
+        b: str,
+        ca: float = 1.0,
+        cb: float = 1.0,
+        *,
+        stick: float | tuple[float, float] = 1.0,
+        drag: float = 0.0,
+        friction: Points | None = None,
+    ) -> None:
         """Friction clutch with slip = ca w_a - cb w_b (coefficients: it sits on geared wheels of a and b).
 
         `stick` >= 1 is break-away over kinetic torque, of both directions or (a ahead of b, b ahead of a); `drag`
@@ -269,8 +302,9 @@ class Driveline:
         """
         self._element(name, a, b, ca, cb, stick, drag, False, friction)
 
-    def brake(self, name: str, a: str, *, stick: float | tuple[float, float] = 1.0, drag: float = 0.0,
-              friction: Points | None = None) -> None:
+    def brake(
+        self, name: str, a: str, *, stick: float | tuple[float, float] = 1.0, drag: float = 0.0, friction: Points | None = None
+    ) -> None:
         """A clutch to ground: slip = w_a."""
         self._element(name, a, GROUND, 1.0, 1.0, stick, drag, False, friction)
 
@@ -278,8 +312,18 @@ class Driveline:
         """One-way clutch: a cannot turn faster than b; it overruns without torque while a is slower."""
         self._element(name, a, b, 1.0, 1.0, 1.0, drag, True)
 
-    def torque(self, name: str, a: str, b: str = GROUND, *, table: Points, by: str = "speed", of: str | None = None,
-               period: float | None = None, angle: float = 0.0) -> None:
+    def torque(
+        self,
+        name: str,
+        a: str,
+        b: str = GROUND,
+        *,
+        table: Points,
+        by: str = "speed",
+        of: str | None = None,
+        period: float | None = None,
+        angle: float = 0.0,
+    ) -> None:
         """Torque on a, and its opposite on b, that follows a table (speeds or angles, torques) of w_a - w_b or its angle.
 
         of: the body whose speed or angle counts instead, or the clutch or brake whose slip does. The table is flat beyond its
@@ -290,11 +334,18 @@ class Driveline:
         what = f"torque '{name}'"
         self._known(what, a, b)
         table = self._law_table(what, table, by, period)
-        self._acts[name] = (TORQUE, {a: 1.0, b: -1.0}, {a: 1.0, b: -1.0} if of is None else self._read_by(what, of), by, table,
-                            float(angle))
+        self._acts[name] = (
+            TORQUE,
+            {a: 1.0, b: -1.0},
+            {a: 1.0, b: -1.0} if of is None else self._read_by(what, of),
+            by,
+            table,
+            float(angle),
+        )
 
-    def capacity(self, element: str, of: str, *, table: Points, by: str = "speed", period: float | None = None,
-                 angle: float = 0.0) -> None:
+    def capacity(
+        self, element: str, of: str, *, table: Points, by: str = "speed", period: float | None = None, angle: float = 0.0
+    ) -> None:
         """The capacity of a clutch or brake follows a table of a body's speed or angle, or of another element's slip.
 
         The element's input then multiplies it, 1 without. Below 0 the table counts as 0.
@@ -351,11 +402,15 @@ class Driveline:
             raise RigError("driveline: there is no body to draw")
         bodies = {name: Body(name, j) for name, j in self._inertia.items()}
         links = [Link(a, b, "mesh", f"{ratio:.4g}") for a, b, ratio in self._gears]
-        links += [Link(a, b, "mesh", f"{name}: {ratio:.4g}, efficiency {there:.3g}" + (f" and {back:.3g}" if back != there else ""))
-                  for name, (a, b, ratio, there, back) in self._meshes.items()]
+        links += [
+            Link(a, b, "mesh", f"{name}: {ratio:.4g}, efficiency {there:.3g}" + (f" and {back:.3g}" if back != there else ""))
+            for name, (a, b, ratio, there, back) in self._meshes.items()
+        ]
         links += [Link(a, b, "shaft", name) for name, (a, b, *_) in self._shafts.items()]
-        links += [Link(a, b, "freewheel" if one_way else "clutch", name)
-                  for name, (a, b, _ca, _cb, _stick, _drag, one_way, *_) in self._elements.items()]
+        links += [
+            Link(a, b, "freewheel" if one_way else "clutch", name)
+            for name, (a, b, _ca, _cb, _stick, _drag, one_way, *_) in self._elements.items()
+        ]
         related = [name for name, ties in self._ties.items() if any(ties is one for one in self._relations.values())]
         for name in related:
             first, *others = self._ties[name].items()
@@ -385,8 +440,9 @@ class Driveline:
             raise RigError("driveline: no body with inertia; at least one is needed")
         elements = self._elements | self._mesh_elements()
         if len(elements) > _MAX_ELEMENTS:
-            raise RigError(f"driveline: {len(elements)} friction elements, two of them for each mesh with losses; "
-                           f"at most {_MAX_ELEMENTS} work")
+            raise RigError(
+                f"driveline: {len(elements)} friction elements, two of them for each mesh with losses; at most {_MAX_ELEMENTS} work"
+            )
         speeds, t = bodies_from_speeds(self._inertia, self._gears, self._relations)
         heavy = inertia > 0.0
         mass = t[heavy].T @ (inertia[heavy, None] * t[heavy])
@@ -406,19 +462,35 @@ class Driveline:
         one_way = np.array([x[6] for x in e], dtype=bool)
         for f, name in enumerate(elements):
             if one_way[f] and w[f] @ v_start > 1e-9 * (1.0 + np.abs(v_start).max()):
-                raise RigError(f"driveline: free-wheel '{name}' starts with its driving side faster by "
-                               f"{w[f] @ v_start:g} rad/s; give initial speeds with a at most as fast as b")
+                raise RigError(
+                    f"driveline: free-wheel '{name}' starts with its driving side faster by "
+                    f"{w[f] @ v_start:g} rad/s; give initial speeds with a at most as fast as b"
+                )
         k = list(self._shafts.values())
-        return System(bodies, tuple(elements), tuple(self._shafts), speeds, inertia, t, mass,
-                      np.ascontiguousarray(np.linalg.inv(mass)), w, sh,
-                      np.array([[x[4] for x in k], [x[5] for x in k]], dtype=float).reshape(2, len(k)),
-                      np.array([x[4] for x in e], dtype=float).reshape(len(e), 2).T, np.array([x[5] for x in e], dtype=float),
-                      one_way, v_start, np.array([x[6] for x in k], dtype=float),
-                      _rows(bodies, ({a: ca, b: -cb} for a, b, ca, cb, *_ in e)),
-                      _rows(bodies, ({a: ca, b: -cb} for a, b, ca, cb, *_ in k)),
-                      tuple(self._ties), _rows(bodies, self._ties.values()),
-                      tuple(self._mesh_of(name, tuple(elements)) for name in self._meshes),
-                      *self._laws_of(bodies, speeds, t, w, sh, v_start))
+        return System(
+            bodies,
+            tuple(elements),
+            tuple(self._shafts),
+            speeds,
+            inertia,
+            t,
+            mass,
+            np.ascontiguousarray(np.linalg.inv(mass)),
+            w,
+            sh,
+            np.array([[x[4] for x in k], [x[5] for x in k]], dtype=float).reshape(2, len(k)),
+            np.array([x[4] for x in e], dtype=float).reshape(len(e), 2).T,
+            np.array([x[5] for x in e], dtype=float),
+            one_way,
+            v_start,
+            np.array([x[6] for x in k], dtype=float),
+            _rows(bodies, ({a: ca, b: -cb} for a, b, ca, cb, *_ in e)),
+            _rows(bodies, ({a: ca, b: -cb} for a, b, ca, cb, *_ in k)),
+            tuple(self._ties),
+            _rows(bodies, self._ties.values()),
+            tuple(self._mesh_of(name, tuple(elements)) for name in self._meshes),
+            *self._laws_of(bodies, speeds, t, w, sh, v_start),
+        )
 
     def _mesh_elements(self):
         """A mesh with losses is a clutch that never slips and a brake on b, by whose slip, w_a, its torque is told."""
@@ -459,8 +531,22 @@ class Driveline:
             laws.append(Law(name, FRICTION, False, w[f], 0.0 * w[f], nothing, table, element=f))
         for name, (table, gap, damping, springs) in self._soft.items():
             i = shafts.index(name)
-            laws.append(Law(name, SHAFT, True, sh[i], 0.0 * sh[i], nothing, table, slot=i, start=self._shafts[name][6], gap=gap,
-                            damping=damping, springs=springs))
+            laws.append(
+                Law(
+                    name,
+                    SHAFT,
+                    True,
+                    sh[i],
+                    0.0 * sh[i],
+                    nothing,
+                    table,
+                    slot=i,
+                    start=self._shafts[name][6],
+                    gap=gap,
+                    damping=damping,
+                    springs=springs,
+                )
+            )
         for name, (kind, on, of, by, table, angle) in self._acts.items():
             acts = _rows(bodies, [on])[0]
             on, of = acts @ t, _rows(bodies, [of])[0] @ t
@@ -475,22 +561,21 @@ class Driveline:
             laws.append(Law(name, kind, by == "angle", of, on, acts, table, slot, -1, factor, angle))
         held = np.array([law.on for law in laws if law.kind == MOTION]).reshape(-1, len(speeds))
         if np.linalg.matrix_rank(held) < len(held):
-            raise RigError("driveline: motions prescribe the speeds of bodies that gears or relations tie together; "
-                           "one is enough")
+            raise RigError("driveline: motions prescribe the speeds of bodies that gears or relations tie together; one is enough")
         return tuple(sorted(laws, key=lambda law: law.kind)), np.array(slots).reshape(-1, len(speeds)), factors
 
     def _new_name(self, name):
-        if name == GROUND or any(name in parts for parts in (
-                self._inertia, self._shafts, self._elements, self._ties, self._acts, self._meshes,
-                self._mesh_elements())):
+        if name == GROUND or any(
+            name in parts
+            for parts in (self._inertia, self._shafts, self._elements, self._ties, self._acts, self._meshes, self._mesh_elements())
+        ):
             raise RigError(f"driveline: the name '{name}' is already taken; every part needs its own")
 
     def _exist(self, where, *names):
         for name in names:
-            if name != GROUND and name not in self._inertia or (name == GROUND and where.startswith("gear")):
+            if (name != GROUND and name not in self._inertia) or (name == GROUND and where.startswith("gear")):
                 known = ", ".join(self._inertia) or "none"
-                raise RigError(f"driveline: {where} names the body '{name}', which does not exist; "
-                               f"bodies are: {known}")
+                raise RigError(f"driveline: {where} names the body '{name}', which does not exist; bodies are: {known}")
 
     def _read_by(self, what, of):
         """The bodies whose speeds a law reads, with their coefficients: of one of them, or the slip of an element."""
@@ -518,20 +603,20 @@ class Driveline:
     @staticmethod
     def _moves(name, row):
         if not np.any(np.abs(row) > 1e-12):
-            raise RigError(f"driveline: '{name}' joins bodies that gears or relations already tie together; "
-                           "its slip is always 0")
+            raise RigError(f"driveline: '{name}' joins bodies that gears or relations already tie together; its slip is always 0")
 
     def _relate(self, kind, name, coefficients, least):
         self._new_name(name)
         what = f"{kind} '{name}'"
         if len(coefficients) < least:
-            raise RigError(f"driveline: {what} joins {' and '.join(map(repr, coefficients)) or 'nothing'}; "
-                           f"{'two' if least == 2 else 'three'} different bodies are needed")
+            raise RigError(
+                f"driveline: {what} joins {' and '.join(map(repr, coefficients)) or 'nothing'}; "
+                f"{'two' if least == 2 else 'three'} different bodies are needed"
+            )
         self._exist(what, *coefficients)
         for body, c in coefficients.items():
             if not math.isfinite(c) or c == 0.0:
-                raise RigError(f"driveline: coefficient of '{body}' in {what} is {c}; "
-                               "a finite number other than 0 is needed")
+                raise RigError(f"driveline: coefficient of '{body}' in {what} is {c}; a finite number other than 0 is needed")
         self._relations[what] = self._ties[name] = coefficients
 
     def _element(self, name, a, b, ca, cb, stick, drag, one_way, friction=None):
@@ -539,8 +624,10 @@ class Driveline:
         self._known(f"'{name}'", a, b)
         both = stick if isinstance(stick, tuple) else (stick, stick)
         if len(both) != 2 or not all(math.isfinite(one) and one >= 1.0 for one in both):
-            raise RigError(f"driveline: stick ratio of '{name}' is {stick}; "
-                           "a finite number of at least 1 is needed, or two for the two directions")
+            raise RigError(
+                f"driveline: stick ratio of '{name}' is {stick}; "
+                "a finite number of at least 1 is needed, or two for the two directions"
+            )
         self._coefficients(name, ca, cb)
         self._not_negative(f"drag of '{name}'", drag)
         if friction is not None:
@@ -553,8 +640,7 @@ class Driveline:
     @staticmethod
     def _coefficients(name, ca, cb):
         if not (math.isfinite(ca) and math.isfinite(cb) and ca != 0.0 and cb != 0.0):
-            raise RigError(f"driveline: coefficients of '{name}' are {ca} and {cb}; "
-                           "finite numbers other than 0 are needed")
+            raise RigError(f"driveline: coefficients of '{name}' are {ca} and {cb}; finite numbers other than 0 are needed")
 
     @staticmethod
     def _law_table(what, table, by, period):
@@ -563,16 +649,21 @@ class Driveline:
         table = table_of(what, table, "flat", period)
         if by == "speed" and np.any(np.diff(table.x) == 0.0):
             at = table.x[1:][np.diff(table.x) == 0.0][0]
-            raise RigError(f"driveline: the table of {what} jumps at {at:g} rad/s; over a speed it cannot: give two speeds "
-                           "between which it changes, or use a clutch where it is friction")
+            raise RigError(
+                f"driveline: the table of {what} jumps at {at:g} rad/s; over a speed it cannot: give two speeds "
+                "between which it changes, or use a clutch where it is friction"
+            )
         return table
 
 
 def _apart(table, gap):
     """A table that goes through 0 at 0, drawn apart there by a gap on either side."""
     left, right = table.x < 0.0, table.x > 0.0
-    return Table(np.concatenate([table.x[left] - gap, [-gap, gap], table.x[right] + gap]),
-                 np.concatenate([table.y[left], [0.0, 0.0], table.y[right]]), table.beyond)
+    return Table(
+        np.concatenate([table.x[left] - gap, [-gap, gap], table.x[right] + gap]),
+        np.concatenate([table.y[left], [0.0, 0.0], table.y[right]]),
+        table.beyond,
+    )
 
 
 def _rows(bodies, joints):

@@ -27,14 +27,15 @@ LAM, IMPULSE, E_FRIC, E_VISC = 0, 1, 2, 3
 TAU, E_SHAFT = 0, 1
 N_EVENTS, N_CAPPED = 0, 1
 
-RANK = 1e-10       # relative size below which a constraint counts as dependent on the others
-UNSEEN = 1e-12     # share of a change of speed in a step that a change of drag may make before H is made anew
-HEAD = 4           # work[0] set of P and R, [1] set of H, [2] step of H, [3] 1 if anything is implicit
+RANK = 1e-10  # relative size below which a constraint counts as dependent on the others
+UNSEEN = 1e-12  # share of a change of speed in a step that a change of drag may make before H is made anew
+HEAD = 4  # work[0] set of P and R, [1] set of H, [2] step of H, [3] 1 if anything is implicit
 
 
 @intrinsic
 def noinline(_context):
     """Keeps the compiled function that calls it out of its callers: what is seldom needed compiles once."""
+
     def mark(_target, builder, _signature, _arguments):
         builder.function.attributes.add("noinline")
 
@@ -91,11 +92,39 @@ def places(n, m, s, k):
     rho = slip0 + 5 * m
     given = rho + 2 * k * n
     row = given + k + k * k + k * (k + 2)
-    return Places(p, p + n * n, p + 2 * n * n, wm, g, g + m * m, g + 2 * m * m, b, b + n * n,
-                  force, force + n, force + 2 * n, force + 3 * n, rate,
-                  state, state + m, state + 2 * m, state + 3 * m, state + 4 * m,
-                  slip0, slip0 + m, slip0 + 2 * m, slip0 + 3 * m, slip0 + 4 * m,
-                  rho, rho + k * n, given, given + k, given + k + k * k, row, row + n)
+    return Places(
+        p,
+        p + n * n,
+        p + 2 * n * n,
+        wm,
+        g,
+        g + m * m,
+        g + 2 * m * m,
+        b,
+        b + n * n,
+        force,
+        force + n,
+        force + 2 * n,
+        force + 3 * n,
+        rate,
+        state,
+        state + m,
+        state + 2 * m,
+        state + 3 * m,
+        state + 4 * m,
+        slip0,
+        slip0 + m,
+        slip0 + 2 * m,
+        slip0 + 3 * m,
+        slip0 + 4 * m,
+        rho,
+        rho + k * n,
+        given,
+        given + k,
+        given + k + k * k,
+        row,
+        row + n,
+    )
 
 
 def work_size(n, m, s, k=0):
@@ -128,8 +157,9 @@ def low(cap, f, x):
 
 @njit(**INLINED)
 def has_capacity(cap, f):
-    return (cap[KIN0, f] > 0.0 or cap[KIN1, f] > 0.0 or cap[HI0, f] > 0.0 or cap[HI1, f] > 0.0
-            or cap[LO0, f] < 0.0 or cap[LO1, f] < 0.0)
+    return (
+        cap[KIN0, f] > 0.0 or cap[KIN1, f] > 0.0 or cap[HI0, f] > 0.0 or cap[HI1, f] > 0.0 or cap[LO0, f] < 0.0 or cap[LO1, f] < 0.0
+    )
 
 
 @njit(**INNER)
@@ -195,9 +225,9 @@ def project(minv, w, ost, work):
     noinline()
     n = minv.shape[0]
     m = w.shape[0]
-    at = places(n, m, int(0), int(0))
+    at = places(n, m, 0, 0)
     op, orr, owm, og, ov, oi = at.p, at.r, at.wm, at.g, at.vectors, at.inverse
-    nc = int(0)  # no literal, which would have pseudo_inverse compiled once more
+    nc = 0  # no literal, which would have pseudo_inverse compiled once more
     pattern = 1.0
     bit = 1.0
     for f in range(m):
@@ -260,7 +290,7 @@ def implicit(d, w, sh, kc, cap, work):
     noinline()
     m, n = w.shape
     s = sh.shape[0]
-    at = places(n, m, s, int(0))
+    at = places(n, m, s, 0)
     op, oh, ob, oa = at.p, at.h, at.b, at.a
     coupled = s > 0
     for f in range(m):

@@ -18,15 +18,33 @@ from numba.extending import intrinsic
 from rig_nodes.plant.driveline_kernel import driveline_step
 
 # what the bare step takes behind the times: name -> dimensions; some are whole numbers
-ARGUMENTS = {"minv": 2, "w": 2, "sh": 2, "kc": 2, "q": 2, "cap": 2, "loss": 2, "v": 1, "twist": 1, "mode": 1, "el": 2, "shaft": 2,
-             "e_in": 1, "events": 2, "count": 1, "work": 1}
+ARGUMENTS = {
+    "minv": 2,
+    "w": 2,
+    "sh": 2,
+    "kc": 2,
+    "q": 2,
+    "cap": 2,
+    "loss": 2,
+    "v": 1,
+    "twist": 1,
+    "mode": 1,
+    "el": 2,
+    "shaft": 2,
+    "e_in": 1,
+    "events": 2,
+    "count": 1,
+    "work": 1,
+}
 RESULT = types.int64
 
 
 def array_types(arguments: dict[str, int], whole: tuple[str, ...] = ()) -> tuple:
     """The compiler's types of arrays that are given as name -> dimensions; beside mode and count, `whole` are of whole numbers."""
-    return tuple(types.Array(types.int64 if name in ("mode", "count", *whole) else types.float64, count, "C")
-                 for name, count in arguments.items())
+    return tuple(
+        types.Array(types.int64 if name in ("mode", "count", *whole) else types.float64, count, "C")
+        for name, count in arguments.items()
+    )
 
 
 BARE = (types.float64, types.float64, *array_types(ARGUMENTS))
@@ -59,6 +77,7 @@ def call_at(context, builder, address, signature: tuple, values: list) -> None:
 
 def calling(signature: tuple) -> tuple:
     """(signature, builder) of an intrinsic that takes an address and then what stands in a signature."""
+
     def build(context, builder, _signature, given):
         call_at(context, builder, given[0], signature, list(given[1:]))
         return context.get_dummy_value()

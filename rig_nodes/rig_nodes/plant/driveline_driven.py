@@ -4,7 +4,8 @@
 """A step of a rig's driveline that has laws, meshes with losses or inputs over time: plant/driveline_laws.py with its inputs found.
 
 Called by the engine by its address (engine.general_step), with arrays of any sizes, in place of the quiet and the bare step. What
-plant/driveline_run.py does with numpy before a run is done here in each step: tables of inputs at the step's ends, cuts at their points.
+plant/driveline_run.py does with numpy before a run is done here in each step: tables of inputs at the step's ends, cuts at their
+points.
 """
 
 from __future__ import annotations
@@ -17,30 +18,85 @@ from numba import njit
 from rig_nodes.plant.driveline_algebra import HI0, KIN0, LAM, LO0, TAU, VISC, lin
 from rig_nodes.plant.driveline_inputs import SAME
 from rig_nodes.plant.driveline_laws import (
-    CAPACITY, INERTIA, MOTION, TORQUE, Laws, LawState, invert, jumped, law_state, laws_of, product, put, settled_step_at, share_of)
+    CAPACITY,
+    INERTIA,
+    MOTION,
+    TORQUE,
+    Laws,
+    LawState,
+    invert,
+    jumped,
+    law_state,
+    laws_of,
+    product,
+    put,
+    settled_step_at,
+    share_of,
+)
 from rig_nodes.plant.driveline_losses import LAST, OWN, put_losses
 from rig_nodes.plant.driveline_tables import Table, Tables, along, line, piece, tables_of
 
 FACTOR, LIMIT, PUSH = range(3)  # what an input over time is: what multiplies a law, or moves; a capacity; a torque on a body
 
 # arrays of a driven step behind those of the bare step, name -> dimensions, for the engine's record. Of the laws:
-LAWS = {"kind": 1, "angle": 1, "slot": 1, "element": 1, "factor": 1, "of": 2, "on": 2, "gap": 1, "damping": 1, "first_spring": 1,
-        "springs": 2, "first_point": 1, "x": 1, "y": 1, "ends": 2, "period": 1}
+LAWS = {
+    "kind": 1,
+    "angle": 1,
+    "slot": 1,
+    "element": 1,
+    "factor": 1,
+    "of": 2,
+    "on": 2,
+    "gap": 1,
+    "damping": 1,
+    "first_spring": 1,
+    "springs": 2,
+    "first_point": 1,
+    "x": 1,
+    "y": 1,
+    "ends": 2,
+    "period": 1,
+}
 # what they keep from step to step, the work of the parts' torques on bodies, and accelerations at the step's end:
 KEPT = {"at": 1, "law_torque": 1, "spring": 1, "way": 1, "response": 1, "law_work": 1, "part_work": 1, "accel": 1}
 # and of the inputs: what each is, its place, its row of the speeds; points; of the elements their stick limits over the capacity;
 # of the laws' inputs the values without any; then what the last step ended with, and whether there was one
-INPUTS = {"given_kind": 1, "given_place": 1, "given_on": 2, "given_first": 1, "given_x": 1, "given_y": 1, "stick": 2, "default": 1,
-          "mass": 2, "q_before": 1, "cap_before": 2, "begun": 1}
-WHOLE_NUMBERS = ("kind", "angle", "slot", "element", "factor", "first_spring", "first_point", "given_kind", "given_place", "given_first")
+INPUTS = {
+    "given_kind": 1,
+    "given_place": 1,
+    "given_on": 2,
+    "given_first": 1,
+    "given_x": 1,
+    "given_y": 1,
+    "stick": 2,
+    "default": 1,
+    "mass": 2,
+    "q_before": 1,
+    "cap_before": 2,
+    "begun": 1,
+}
+WHOLE_NUMBERS = (
+    "kind",
+    "angle",
+    "slot",
+    "element",
+    "factor",
+    "first_spring",
+    "first_point",
+    "given_kind",
+    "given_place",
+    "given_first",
+)
 
 
 def driven_arrays(system, inputs: Mapping[str, Table]) -> dict[str, np.ndarray]:
     """The arrays of LAWS, KEPT and INPUTS for a system at its start. inputs: as those of a Run, each a table over time."""
     n, m = len(system.speeds), len(system.elements)
     laws, own = laws_of(system.laws, n), law_state(system.laws)
-    every = {name: Table(np.zeros(1), np.ones(1)) for name in (
-        system.elements[law.element] for law in system.laws if law.kind == CAPACITY)} | dict(inputs)
+    every = {
+        name: Table(np.zeros(1), np.ones(1))
+        for name in (system.elements[law.element] for law in system.laws if law.kind == CAPACITY)
+    } | dict(inputs)
     kinds, at, rows = [], [], []
     for name in every:
         if name in system.factors:
@@ -54,24 +110,94 @@ def driven_arrays(system, inputs: Mapping[str, Table]) -> dict[str, np.ndarray]:
             at.append(system.bodies.index(name))
         rows.append(system.bodies_from_speeds[at[-1]] if kinds[-1] == PUSH else np.zeros(n))
     over_time = tables_of(list(every.values()))
-    return {**dict(zip(LAWS, (*laws[:11], *laws.tables))), **dict(zip(KEPT, own)), "part_work": np.zeros(1), "accel": np.zeros(n),
-            "given_kind": np.array(kinds, np.int64), "given_place": np.array(at, np.int64), "given_on": np.array(rows).reshape(-1, n),
-            "given_first": over_time.first, "given_x": over_time.x, "given_y": over_time.y, "stick": system.stick,
-            "default": np.array(list(system.factors.values())), "mass": system.mass, "q_before": np.zeros(n),
-            "cap_before": np.zeros((7, m)), "begun": np.zeros(1)}
+    return {
+        **dict(zip(LAWS, (*laws[:11], *laws.tables))),
+        **dict(zip(KEPT, own)),
+        "part_work": np.zeros(1),
+        "accel": np.zeros(n),
+        "given_kind": np.array(kinds, np.int64),
+        "given_place": np.array(at, np.int64),
+        "given_on": np.array(rows).reshape(-1, n),
+        "given_first": over_time.first,
+        "given_x": over_time.x,
+        "given_y": over_time.y,
+        "stick": system.stick,
+        "default": np.array(list(system.factors.values())),
+        "mass": system.mass,
+        "q_before": np.zeros(n),
+        "cap_before": np.zeros((7, m)),
+        "begun": np.zeros(1),
+    }
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
-def driven_step(settled, bare, h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work,
-                kind, angle, slot, element, factor, of, on, gap, damping, first_spring, springs, first_point, x, y, ends, period,
-                at, law_torque, spring, way, response, law_work, part_work, accel,
-                given_kind, given_place, given_on, given_first, given_x, given_y, stick, default, mass, q_before, cap_before, begun):
-    """Move a driveline from t to t + h, q and cap those of the rig's parts; settled, bare: addresses; twist has places for the integrals of the speeds.
+def driven_step(
+    settled,
+    bare,
+    h,
+    t,
+    minv,
+    w,
+    sh,
+    kc,
+    q,
+    cap,
+    loss,
+    v,
+    twist,
+    mode,
+    el,
+    shaft,
+    e_in,
+    events,
+    count,
+    work,
+    kind,
+    angle,
+    slot,
+    element,
+    factor,
+    of,
+    on,
+    gap,
+    damping,
+    first_spring,
+    springs,
+    first_point,
+    x,
+    y,
+    ends,
+    period,
+    at,
+    law_torque,
+    spring,
+    way,
+    response,
+    law_work,
+    part_work,
+    accel,
+    given_kind,
+    given_place,
+    given_on,
+    given_first,
+    given_x,
+    given_y,
+    stick,
+    default,
+    mass,
+    q_before,
+    cap_before,
+    begun,
+):
+    """Move a driveline from t to t + h, q and cap those of the rig's parts; settled, bare: addresses; twist has places for the
+    integrals of the speeds.
 
     A step is cut at the points of tables over time. Behind it cap has what losses brake with at its end.
     """
     n, m, slots = v.shape[0], mode.shape[0], sh.shape[0]
-    laws = Laws(kind, angle, slot, element, factor, of, on, gap, damping, first_spring, springs, Tables(first_point, x, y, ends, period))
+    laws = Laws(
+        kind, angle, slot, element, factor, of, on, gap, damping, first_spring, springs, Tables(first_point, x, y, ends, period)
+    )
     own = LawState(at, law_torque, spring, way, response, law_work)
     inputs = given_kind.shape[0]
     over_time = Tables(given_first, given_x, given_y, np.zeros((inputs, 2)), np.zeros(inputs))
@@ -110,8 +236,33 @@ def driven_step(settled, bare, h, t, minv, w, sh, kc, q, cap, loss, v, twist, mo
                     for j in range(n):
                         qq[side, j] += now * given_on[k, j]
         fresh = begun[0] == 0.0 or jumped(qq, q_before, cc, cap_before)
-        settled_step_at(settled, bare, end - done, t + done, fresh, laws, own, given, mass, minv, w, sh, kc, qq, cc, loss, v, twist,
-                        mode, el, shaft, e_in, events, count, work)
+        settled_step_at(
+            settled,
+            bare,
+            end - done,
+            t + done,
+            fresh,
+            laws,
+            own,
+            given,
+            mass,
+            minv,
+            w,
+            sh,
+            kc,
+            qq,
+            cc,
+            loss,
+            v,
+            twist,
+            mode,
+            el,
+            shaft,
+            e_in,
+            events,
+            count,
+            work,
+        )
         begun[0] = 1.0
         put(q_before, qq[1])
         put(cap_before, cc)
@@ -120,7 +271,7 @@ def driven_step(settled, bare, h, t, minv, w, sh, kc, q, cap, loss, v, twist, mo
         done = end
     put_losses(loss, cap, 1, LAST)
     accelerate(laws, own, mass, minv, w, sh, cap, q_before, v, el, shaft, accel)
-    return int(0)
+    return 0
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)

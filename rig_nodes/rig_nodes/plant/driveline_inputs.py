@@ -27,8 +27,9 @@ class _Number:
         try:
             self.value = float(value)
         except (TypeError, ValueError):
-            raise RigError(f"driveline: the input '{name}' is {value!r}; a number, a function of time or a table "
-                           "(times, values) is needed") from None
+            raise RigError(
+                f"driveline: the input '{name}' is {value!r}; a number, a function of time or a table (times, values) is needed"
+            ) from None
 
     def ends(self, t, step, stops):
         return np.full((len(t) - 1, 2), self.value)

@@ -11,11 +11,30 @@ from numba import njit
 
 from rig_nodes.compiled import INNER
 from rig_nodes.plant.driveline_algebra import (
-    BACKWARD, BREAK, CLOSE, CROSS, E_FRIC, FORWARD, KIN0, KIN1, LOCK, LOCKED_HIGH, LOCKED_LOW, N_CAPPED,
-    N_EVENTS, RANK, STUCK, VISC, noinline, high, lin, low, places, project)
-from rig_nodes.plant.driveline_losses import (
-    FACTOR, LAST, NEXT, ON, WEIGHTS, brakes, put_losses, solve_losses)
-
+    BACKWARD,
+    BREAK,
+    CLOSE,
+    CROSS,
+    E_FRIC,
+    FORWARD,
+    KIN0,
+    KIN1,
+    LOCK,
+    LOCKED_HIGH,
+    LOCKED_LOW,
+    N_CAPPED,
+    N_EVENTS,
+    RANK,
+    STUCK,
+    VISC,
+    high,
+    lin,
+    low,
+    noinline,
+    places,
+    project,
+)
+from rig_nodes.plant.driveline_losses import FACTOR, LAST, NEXT, ON, WEIGHTS, brakes, put_losses, solve_losses
 
 SEEN = 1e-10  # rad/s of slip, above which it is none of rounding
 
@@ -55,7 +74,7 @@ def capture(w, sh, mode, el, work):
     An impulse p = G^+ slip takes p slip / 2 from each of them.
     """
     m, n = w.shape
-    at = places(n, m, sh.shape[0], int(0))
+    at = places(n, m, sh.shape[0], 0)
     row = 0
     for f in range(m):
         if mode[f] == STUCK:
@@ -88,7 +107,19 @@ def resolve(x, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, events, cou
     losses = loss.shape[0]
     at = places(n, m, s, losses)
     op, orr, of, oa, ost, ocand, oforce, oonce, oslip, oy, os, orow = (
-        at.p, at.r, at.force, at.accel, at.state, at.candidate, at.side, at.once, at.slip, at.given, at.fall, at.row)
+        at.p,
+        at.r,
+        at.force,
+        at.accel,
+        at.state,
+        at.candidate,
+        at.side,
+        at.once,
+        at.slip,
+        at.given,
+        at.fall,
+        at.row,
+    )
     for f in range(m):
         work[oonce + f] = 0.0
         work[ost + f] = STUCK if work[ocand + f] != 0.0 else mode[f]
@@ -98,12 +129,11 @@ def resolve(x, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, events, cou
         changed = False
         for f in range(m):
             # a held element whose holders have let go slips the way it was loaded
-            if work[ocand + f] != 0.0 and abs(work[ost + f]) == 3.0 \
-                    and not dependent(f, w, minv, work, op):
+            if work[ocand + f] != 0.0 and abs(work[ost + f]) == 3.0 and not dependent(f, w, minv, work, op):
                 work[ost + f] = FORWARD if work[ost + f] > 0.0 else BACKWARD
                 changed = True
-        put_losses(loss, cap, int(0), int(-1))
-        put_losses(loss, cap, int(1), int(-1))
+        put_losses(loss, cap, 0, (-1))
+        put_losses(loss, cap, 1, (-1))
         for k in range(losses):
             work[oy + k] = 0.0
         for j in range(n):
@@ -157,8 +187,8 @@ def resolve(x, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, events, cou
                 count[N_CAPPED] += 1
             for k in range(losses):
                 loss[k, LAST] = loss[k, NEXT]
-            put_losses(loss, cap, int(0), LAST)
-            put_losses(loss, cap, int(1), LAST)
+            put_losses(loss, cap, 0, LAST)
+            put_losses(loss, cap, 1, LAST)
             for k in range(losses):
                 on = int(loss[k, ON])
                 torque = brakes(loss[k, FACTOR], work[ost + on]) * loss[k, LAST]
@@ -170,7 +200,7 @@ def resolve(x, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, events, cou
                 total += work[op + i * n + j] * work[of + j]
             work[oa + i] = total
         least = it > 3 * m
-        worst = int(-1)
+        worst = -1
         worst_dir = 0.0
         worst_by = 0.0
         back = -1

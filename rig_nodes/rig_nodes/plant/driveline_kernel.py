@@ -14,11 +14,37 @@ from numba import njit
 
 from rig_nodes.compiled import INNER
 from rig_nodes.plant.driveline_algebra import (
-    BACKWARD, CLOSE, CROSS, E_FRIC, E_SHAFT, E_VISC, FORWARD, FREE, IMPULSE, KIN0, KIN1, LAM, LOCKED_HIGH,
-    LOCKED_LOW, N_CAPPED, OPEN, STUCK, TAU, VISC, noinline, has_capacity, high, implicit, lin, low, places, project, stale)
+    BACKWARD,
+    CLOSE,
+    CROSS,
+    E_FRIC,
+    E_SHAFT,
+    E_VISC,
+    FORWARD,
+    FREE,
+    IMPULSE,
+    KIN0,
+    KIN1,
+    LAM,
+    LOCKED_HIGH,
+    LOCKED_LOW,
+    N_CAPPED,
+    OPEN,
+    STUCK,
+    TAU,
+    VISC,
+    has_capacity,
+    high,
+    implicit,
+    lin,
+    low,
+    noinline,
+    places,
+    project,
+    stale,
+)
 from rig_nodes.plant.driveline_joint import note, resolve
-from rig_nodes.plant.driveline_losses import (
-    BEFORE, FACTOR, LAST, NEXT, ON, OWN, WEIGHTS, brakes, put_losses, solve_losses)
+from rig_nodes.plant.driveline_losses import BEFORE, FACTOR, LAST, NEXT, ON, OWN, WEIGHTS, brakes, put_losses, solve_losses
 
 UNDECIDED = 3  # in a step: a decision that is not reached costs as much as a hundred that are
 
@@ -63,7 +89,18 @@ def end_losses(d, w, sh, kc, cap, loss, v, mode, work):
     k = loss.shape[0]
     at = places(n, m, sh.shape[0], k)
     oh, orr, of, oa, odf, ol1, orho, oz, oy, os, orow = (
-        at.h, at.r, at.force, at.accel, at.dforce, at.torque1, at.rho, at.z, at.given, at.fall, at.row)
+        at.h,
+        at.r,
+        at.force,
+        at.accel,
+        at.dforce,
+        at.torque1,
+        at.rho,
+        at.z,
+        at.given,
+        at.fall,
+        at.row,
+    )
     for a in range(k):
         for j in range(n):
             total = 0.0
@@ -162,8 +199,8 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
     for k in range(loss.shape[0]):
         work[olossy + int(loss[k, OWN])] = 1.0
         loss[k, BEFORE] = loss[k, LAST]
-    put_losses(loss, cap, int(0), LAST)
-    put_losses(loss, cap, int(1), LAST)
+    put_losses(loss, cap, 0, LAST)
+    put_losses(loss, cap, 1, LAST)
     made = 0
     joint = False
     vmax = 0.0
@@ -219,8 +256,7 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
             # a joint decision that did not hold is one between equals: decide it a little later in the inputs
             ahead = (h - tl) * min(1e-3, 10.0 ** (stalls - 10)) if stalls > 1 else 0.0
             capped = count[N_CAPPED]
-            made += resolve((tl + ahead) / h, t + tl, minv, w, sh, kc, q, cap, loss, v, twist, mode, el,
-                            events, count, work)
+            made += resolve((tl + ahead) / h, t + tl, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, events, count, work)
             joint = False
             if count[N_CAPPED] != capped:
                 undecided += 1
@@ -233,8 +269,8 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
         if left <= 0.0:
             break
         # forces at the start of the sub-step, at whose ends the capacities under losses are told
-        put_losses(loss, cap, int(0), LAST)
-        put_losses(loss, cap, int(1), LAST)
+        put_losses(loss, cap, 0, LAST)
+        put_losses(loss, cap, 1, LAST)
         pattern = 1.0
         bit = 1.0
         for j in range(n):
@@ -254,7 +290,7 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
                 slip += w[f, j] * v[j]
             work[os0 + f] = slip
             torque = 0.0
-            if mo == FORWARD or mo == BACKWARD:
+            if mo in (FORWARD, BACKWARD):
                 torque = mo * lin(cap[KIN0, f], cap[KIN1, f], xa)
             elif mo == STUCK:
                 pattern += bit
@@ -293,7 +329,7 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
             if stale(d, pattern, cap, work):
                 implicit(d, w, sh, kc, cap, work)
             xb = 1.0 if d == left else (tl + d) / h
-            put_losses(loss, cap, int(1), int(-1))
+            put_losses(loss, cap, 1, (-1))
             for j in range(n):
                 work[odf + j] = lin(q[0, j], q[1, j], xb) - lin(q[0, j], q[1, j], xa)
             for f in range(m):
@@ -320,7 +356,7 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
             if loss.shape[0] > 0:
                 if not end_losses(d, w, sh, kc, cap, loss, v, mode, work):
                     count[N_CAPPED] += 1
-                put_losses(loss, cap, int(1), NEXT)
+                put_losses(loss, cap, 1, NEXT)
                 for k in range(loss.shape[0]):
                     f = int(loss[k, ON])
                     torque = brakes(loss[k, FACTOR], mode[f]) * loss[k, NEXT]
@@ -362,7 +398,7 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
             again = np.inf
             for f in range(m):
                 mo = mode[f]
-                if mo == FORWARD or mo == BACKWARD:
+                if mo in (FORWARD, BACKWARD):
                     y0 = mo * work[os0 + f]
                     y1 = mo * work[os1 + f]
                     speeding = 0.0
@@ -402,11 +438,10 @@ def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaf
                         if f == hit and sign == side:
                             gap = y1
                             again = te
-                        elif y1 < -lim or y0 < -4.0 * lim:
-                            if te < first:
-                                first = te
-                                who = f
-                                way = sign
+                        elif (y1 < -lim or y0 < -4.0 * lim) and te < first:
+                            first = te
+                            who = f
+                            way = sign
             if hit < 0:
                 if who < 0:
                     break

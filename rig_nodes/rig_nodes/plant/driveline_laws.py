@@ -21,7 +21,21 @@ from numba.extending import intrinsic
 
 from rig_nodes.compiled import INNER
 from rig_nodes.plant.driveline_algebra import (
-    E_SHAFT, E_FRIC, E_VISC, HI0, IMPULSE, KIN0, LAM, LO0, N_CAPPED, N_EVENTS, TAU, VISC, noinline, lin)
+    E_FRIC,
+    E_SHAFT,
+    E_VISC,
+    HI0,
+    IMPULSE,
+    KIN0,
+    LAM,
+    LO0,
+    N_CAPPED,
+    N_EVENTS,
+    TAU,
+    VISC,
+    lin,
+    noinline,
+)
 from rig_nodes.plant.driveline_calls import ARGUMENTS, address_of, array_types, bare_step, calling
 from rig_nodes.plant.driveline_losses import LAST
 from rig_nodes.plant.driveline_tables import Table, Tables, along, stored_in, tables_of, value, value_at
@@ -90,17 +104,29 @@ def laws_of(laws: list[Law], n: int) -> Laws:
     ints = [np.array([getattr(one, name) for one in laws], np.int64) for name in ("kind", "angle", "slot", "element", "factor")]
     rows = [np.array([getattr(one, name) for one in laws], float).reshape(len(laws), n) for name in ("of", "on")]
     springs = [spring for one in laws for spring in one.springs]
-    return Laws(*ints, *rows, np.array([one.gap for one in laws]), np.array([one.damping for one in laws]),
-                np.cumsum([0, *(len(one.springs) for one in laws)]), np.array(springs, float).reshape(-1, 2),
-                tables_of([one.table for one in laws]))
+    return Laws(
+        *ints,
+        *rows,
+        np.array([one.gap for one in laws]),
+        np.array([one.damping for one in laws]),
+        np.cumsum([0, *(len(one.springs) for one in laws)]),
+        np.array(springs, float).reshape(-1, 2),
+        tables_of([one.table for one in laws]),
+    )
 
 
 def law_state(laws: list[Law]) -> LawState:
     """At the start of a run."""
     count = len(laws)
     torque = np.array([value_at(one.table, one.start) if one.kind == INERTIA else 0.0 for one in laws])
-    return LawState(np.array([one.start for one in laws], float), torque,
-                    np.zeros(sum(len(one.springs) for one in laws)), np.zeros(count), np.zeros(count), np.zeros(1))
+    return LawState(
+        np.array([one.start for one in laws], float),
+        torque,
+        np.zeros(sum(len(one.springs) for one in laws)),
+        np.zeros(count),
+        np.zeros(count),
+        np.zeros(1),
+    )
 
 
 @njit(**INNER)
@@ -188,8 +214,12 @@ def share_of(first, last, begin, end):
 
 
 @njit(**INNER)
-def law_step(bare, h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work):
-    """As `driveline_step`, whose address is `bare`, with laws; given (2, inputs): inputs of laws at both ends. False where a law was not met."""
+def law_step(
+    bare, h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work
+):
+    """As `driveline_step`, whose address is `bare`, with laws; given (2, inputs): inputs of laws at both ends. False where a law
+    was not met.
+    """
     noinline()
     met = True
     done, size, cuts = 0.0, h, 0
@@ -197,9 +227,36 @@ def law_step(bare, h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, 
         left = h - done
         d = left if size >= left * (1.0 - 1e-9) else size
         end = 1.0 if d == left else (done + d) / h
-        last = not met or d <= h * 0.5 ** HALVINGS  # where halving has not helped once, the rest is taken as it comes
-        reached = try_step(bare, d, t + done, done / h, end, last, cuts < CUTS and d > 1e-9 * h, laws, own, given, mass, minv, w, sh, kc,
-                           q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work)
+        last = not met or d <= h * 0.5**HALVINGS  # where halving has not helped once, the rest is taken as it comes
+        reached = try_step(
+            bare,
+            d,
+            t + done,
+            done / h,
+            end,
+            last,
+            cuts < CUTS and d > 1e-9 * h,
+            laws,
+            own,
+            given,
+            mass,
+            minv,
+            w,
+            sh,
+            kc,
+            q,
+            cap,
+            loss,
+            v,
+            twist,
+            mode,
+            el,
+            shaft,
+            e_in,
+            events,
+            count,
+            work,
+        )
         if 0.0 < reached < d:
             size = reached
             cuts += 1
@@ -213,8 +270,35 @@ def law_step(bare, h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, 
 
 
 @njit(**INNER)
-def try_step(bare, d, t, begin, end, keep, cut, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in,
-             events, count, work):
+def try_step(
+    bare,
+    d,
+    t,
+    begin,
+    end,
+    keep,
+    cut,
+    laws,
+    own,
+    given,
+    mass,
+    minv,
+    w,
+    sh,
+    kc,
+    q,
+    cap,
+    loss,
+    v,
+    twist,
+    mode,
+    el,
+    shaft,
+    e_in,
+    events,
+    count,
+    work,
+):
     """A part d of a step, from share begin to share end of it; d if laws are met, else 0, and nothing has changed unless keep.
 
     Less than d, and nothing has changed, where an event lies in the middle of a prescribed motion, whose torque is one number
@@ -462,14 +546,37 @@ def settle(bare, d, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v,
         loss[k, LAST] = 0.0
     work[1] = -1.0
     copy = LawState(own.at.copy(), own.torque.copy(), own.spring.copy(), own.way.copy(), own.response.copy(), own.work.copy())
-    law_step(bare, d, t, laws, copy, gg, mass, minv, w, sh, kc, qq, cc, loss, v.copy(), twist.copy(), mode.copy(), el.copy(), shaft.copy(),
-             e_in.copy(), events, count, work)
+    law_step(
+        bare,
+        d,
+        t,
+        laws,
+        copy,
+        gg,
+        mass,
+        minv,
+        w,
+        sh,
+        kc,
+        qq,
+        cc,
+        loss,
+        v.copy(),
+        twist.copy(),
+        mode.copy(),
+        el.copy(),
+        shaft.copy(),
+        e_in.copy(),
+        events,
+        count,
+        work,
+    )
     work[1] = -1.0
 
 
 @njit(**INNER)
 def jumped(q, q_before, cap, cap_before):
-    """True where torques or capacities at the start of a step are others, by more than rounding, than at the end of the last one."""
+    """True where torques or capacities at the start of a step differ, by more than rounding, from the end of the last one."""
     for j in range(q.shape[1]):
         if differ(q[0, j], q_before[j]):
             return True
@@ -486,19 +593,29 @@ def differ(one, other):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
-def settled_step(bare, h, t, fresh, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events,
-                 count, work):
+def settled_step(
+    bare, h, t, fresh, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work
+):
     """As `law_step`, with losses by torque that follow inputs which have jumped (fresh); a step is capped once at most."""
     if loss.shape[0] > 0 and fresh:
         settle(bare, 1e-6 * h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, work)
     capped = count[N_CAPPED] + 1
-    law_step(bare, h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work)
+    law_step(
+        bare, h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work
+    )
     count[N_CAPPED] = min(count[N_CAPPED], capped)
-    return int(0)
+    return 0
 
 
-SETTLED = (types.int64, types.float64, types.float64, types.boolean, typeof(laws_of([], 1)), typeof(law_state([])),
-           *array_types({"given": 2, "mass": 2, **ARGUMENTS}))
+SETTLED = (
+    types.int64,
+    types.float64,
+    types.float64,
+    types.boolean,
+    typeof(laws_of([], 1)),
+    typeof(law_state([])),
+    *array_types({"given": 2, "mass": 2, **ARGUMENTS}),
+)
 
 
 @cache
@@ -508,20 +625,104 @@ def settled_address() -> int:
 
 
 @intrinsic
-def settled_step_at(context, address, bare, h, t, fresh, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el,
-                    shaft, e_in, events, count, work):
+def settled_step_at(
+    context,
+    address,
+    bare,
+    h,
+    t,
+    fresh,
+    laws,
+    own,
+    given,
+    mass,
+    minv,
+    w,
+    sh,
+    kc,
+    q,
+    cap,
+    loss,
+    v,
+    twist,
+    mode,
+    el,
+    shaft,
+    e_in,
+    events,
+    count,
+    work,
+):
     """As `settled_step`, by its address."""
     return calling(SETTLED)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def run_laws(settled, bare, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work,
-             out_v, out_twist, out_mode, out_el, out_shaft, out_e_in, out_torque, out_at, out_spring, out_work):
+def run_laws(
+    settled,
+    bare,
+    t,
+    laws,
+    own,
+    given,
+    mass,
+    minv,
+    w,
+    sh,
+    kc,
+    q,
+    cap,
+    loss,
+    v,
+    twist,
+    mode,
+    el,
+    shaft,
+    e_in,
+    events,
+    count,
+    work,
+    out_v,
+    out_twist,
+    out_mode,
+    out_el,
+    out_shaft,
+    out_e_in,
+    out_torque,
+    out_at,
+    out_spring,
+    out_work,
+):
     """A step to each time behind the first, and what is reached then; settled, bare: addresses."""
     for i in range(q.shape[0]):
         fresh = i == 0 or jumped(q[i], q[i - 1, 1], cap[i], cap[i - 1])
-        settled_step_at(settled, bare, t[i + 1] - t[i], t[i], fresh, laws, own, given[i], mass, minv, w, sh, kc, q[i], cap[i], loss, v,
-                        twist, mode, el, shaft, e_in, events, count, work)
+        settled_step_at(
+            settled,
+            bare,
+            t[i + 1] - t[i],
+            t[i],
+            fresh,
+            laws,
+            own,
+            given[i],
+            mass,
+            minv,
+            w,
+            sh,
+            kc,
+            q[i],
+            cap[i],
+            loss,
+            v,
+            twist,
+            mode,
+            el,
+            shaft,
+            e_in,
+            events,
+            count,
+            work,
+        )
         put(out_v[i], v)
         put(out_twist[i], twist)
         put(out_mode[i], mode)

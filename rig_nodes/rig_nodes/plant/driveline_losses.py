@@ -3,7 +3,8 @@
 
 """Losses of gears that grow with the torque they pass on, solved with the torques that they change.
 
-Used by plant/driveline_kernel.py, plant/driveline_quiet.py and plant/driveline_joint.py. A loss is friction whose capacity depends on a torque of
+Used by plant/driveline_kernel.py, plant/driveline_quiet.py and plant/driveline_joint.py. A loss is friction whose capacity
+depends on a torque of
 the same instant: carried by clutches, or felt by a meter behind an inertia. With modes that stand, that torque falls
 linearly by the losses, t = y - S g, and each loss is a parabola of its own, g = p(|t|); all are solved together. A quiet
 step foretells them and holds the torques that it ends with against them.
@@ -58,7 +59,7 @@ def put_loss(loss, cap, end, column, own, k):
 @njit(**INLINED)
 def brakes(factor, mode):
     """Torque on an element per loss: against its slip or the way it is loaded, none while it sticks or is open."""
-    if mode == STUCK or mode == OPEN:
+    if mode in (STUCK, OPEN):
         return 0.0
     return factor if mode > 0 else -factor
 

@@ -44,8 +44,7 @@ def modes(system: System, locked: Sequence[str] = ()) -> Modes:
     """
     for name in locked:
         if name not in system.elements:
-            raise RigError(f"driveline: there is no friction element '{name}'; there are: "
-                           f"{', '.join(system.elements) or 'none'}")
+            raise RigError(f"driveline: there is no friction element '{name}'; there are: {', '.join(system.elements) or 'none'}")
     held = np.array([name in locked for name in system.elements], bool)
     for mesh in system.meshes:
         held[mesh.gear] = True

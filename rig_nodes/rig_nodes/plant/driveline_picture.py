@@ -14,10 +14,14 @@ from dataclasses import dataclass, field
 from html import escape
 
 WIDE, HIGH, ACROSS, DOWN, EDGE = 150, 46, 270, 110, 60  # of a body, between columns and rows, at the edge [px]
-STYLE = """text{font:13px sans-serif;fill:#1b1f24}.small{font-size:11px;fill:#57606a}.body{fill:#eaf2fb;stroke:#1f6feb;stroke-width:1.5}
-.massless{fill:#fff;stroke:#8c959f;stroke-dasharray:5 3}.mesh{stroke:#57606a;stroke-width:2}.set{stroke:#8250df;stroke-width:2}
-.clutch{stroke:#cf222e;stroke-width:2}.freewheel{stroke:#bc4c00;stroke-width:2}.shaft{stroke:#1a7f37;stroke-width:2}.torque{stroke:#bf8700;stroke-width:2;stroke-dasharray:2 4}.part{fill:#fff8e5;stroke:#bf8700}
-.sign{fill:#fff;stroke-width:1.5}"""
+STYLE = (
+    "text{font:13px sans-serif;fill:#1b1f24}.small{font-size:11px;fill:#57606a}"
+    ".body{fill:#eaf2fb;stroke:#1f6feb;stroke-width:1.5}.massless{fill:#fff;stroke:#8c959f;stroke-dasharray:5 3}"
+    ".mesh{stroke:#57606a;stroke-width:2}.set{stroke:#8250df;stroke-width:2}.clutch{stroke:#cf222e;stroke-width:2}"
+    ".freewheel{stroke:#bc4c00;stroke-width:2}.shaft{stroke:#1a7f37;stroke-width:2}"
+    ".torque{stroke:#bf8700;stroke-width:2;stroke-dasharray:2 4}.part{fill:#fff8e5;stroke:#bf8700}"
+    ".sign{fill:#fff;stroke-width:1.5}"
+)
 
 
 @dataclass(frozen=True)
@@ -33,7 +37,8 @@ class Link:
 @dataclass
 class Body:
     """A body; inertia [kg m2], 0 without one of its own; brake: the names of its brakes; one_way: (name, way) of its
-    free-wheels to the ground; notes: what else sits on it; end: "input" or "output"."""
+    free-wheels to the ground; notes: what else sits on it; end: "input" or "output".
+    """
 
     name: str
     inertia: float
@@ -62,14 +67,20 @@ def _places(bodies: Sequence[Body], links: Sequence[Link]) -> dict[str, tuple[in
         column.setdefault(body.name, 1 if body.name != end else 0)
     if end:
         column[end] = 1 + max((column[body.name] for body in bodies if body.name != end), default=0)
-    span = {body.name: max((abs(column[one.a] - column[one.b]) for one in links if body.name in (one.a, one.b)), default=0)
-            for body in bodies}
+    span = {
+        body.name: max((abs(column[one.a] - column[one.b]) for one in links if body.name in (one.a, one.b)), default=0)
+        for body in bodies
+    }
     across, places = any(value > 1 for value in span.values()), {}
     for k in sorted(set(column.values())):
         free = 0 if k in (0, column.get(end)) else int(across)
         for body in sorted((body.name for body in bodies if column[body.name] == k), key=lambda body: -span[body]):
-            beside = [places[other][1] for link in links for one, other in ((link.a, link.b), (link.b, link.a))
-                      if one == body and other in places]
+            beside = [
+                places[other][1]
+                for link in links
+                for one, other in ((link.a, link.b), (link.b, link.a))
+                if one == body and other in places
+            ]
             row = max(free, min(beside)) if beside and free else free
             places[body], free = (k, row), row + 1
     return places
@@ -83,9 +94,12 @@ def svg(title: str, bodies: Sequence[Body], links: Sequence[Link], below: str = 
     where = {body: (EDGE + column * ACROSS, EDGE + 40 + row * down) for body, (column, row) in places.items()}
     width = EDGE * 2 + max(9 * len(title), WIDE + ACROSS * max(column for column, _ in places.values()))
     height = EDGE * 2 + 60 + HIGH + down * max(row for _, row in places.values()) + 20 * notes
-    out = [f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}">',
-           f"<style>{STYLE}</style>", f'<rect width="{width}" height="{height}" fill="#fff"/>',
-           f'<text x="{EDGE}" y="30" style="font-size:16px">{escape(title)}</text>']
+    out = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}">',
+        f"<style>{STYLE}</style>",
+        f'<rect width="{width}" height="{height}" fill="#fff"/>',
+        f'<text x="{EDGE}" y="30" style="font-size:16px">{escape(title)}</text>',
+    ]
     drawn: dict[frozenset, int] = {}
     for link in links:
         k = drawn[frozenset((link.a, link.b))] = drawn.get(frozenset((link.a, link.b)), -1) + 1
@@ -101,12 +115,16 @@ def svg(title: str, bodies: Sequence[Body], links: Sequence[Link], below: str = 
 def _body(body: Body, x: int, y: int) -> list[str]:
     """A body with what sits on it; x, y: of its corner."""
     end = f" ({body.end})" if body.end and body.end != body.name else ""
-    out = [f'<rect class="{"body" if body.inertia else "massless body"}" x="{x}" y="{y}" width="{WIDE}" height="{HIGH}" rx="6"/>',
-           f'<text x="{x + 10}" y="{y + 19}">{escape(body.name)}{end}</text>']
+    out = [
+        f'<rect class="{"body" if body.inertia else "massless body"}" x="{x}" y="{y}" width="{WIDE}" height="{HIGH}" rx="6"/>',
+        f'<text x="{x + 10}" y="{y + 19}">{escape(body.name)}{end}</text>',
+    ]
     inertia = f"{body.inertia:.4g} kg m2" if body.inertia else "no inertia of its own"
     out.append(f'<text class="small" x="{x + 10}" y="{y + 36}">{inertia}</text>')
     if body.brake:
-        out.append(f'<path class="clutch" d="M{x + WIDE / 2} {y} v-14 m-14 0 h28 m-28 0 l-6 -7 m20 7 l-6 -7 m20 7 l-6 -7" fill="none"/>')
+        out.append(
+            f'<path class="clutch" d="M{x + WIDE / 2} {y} v-14 m-14 0 h28 m-28 0 l-6 -7 m20 7 l-6 -7 m20 7 l-6 -7" fill="none"/>'
+        )
         out.append(f'<text x="{x + WIDE / 2 + 20}" y="{y - 10}">{escape(body.brake)}</text>')
     for k, (name, way) in enumerate(body.one_way):
         top = y - 14 - 16 * bool(body.brake)
@@ -127,9 +145,12 @@ def _line(a: tuple[int, int], b: tuple[int, int], link: Link, k: int) -> str:
     x2, y2 = b[0] + (WIDE / 2 if same else 0), b[1] + (0 if same and a[1] < b[1] else HIGH if same else HIGH / 2 + 12 * k)
     share = (0.5, 0.72, 0.28)[k % 3]
     x, y = x1 + (x2 - x1) * share, y1 + (y2 - y1) * share
-    sign = {"freewheel": f'<path class="freewheel" d="M{x - 6} {y - 9} l12 9 l-12 9 z M{x + 6} {y - 10} v20" fill="#fff"/>',
-            "clutch": f'<path class="clutch" d="M{x - 4} {y - 11} v22 M{x + 4} {y - 11} v22" fill="none"/>',
-            "shaft": f'<path class="shaft" d="M{x - 12} {y} l4 -7 l8 14 l8 -14 l4 7" fill="#fff"/>'}.get(
-                link.kind, f'<circle class="{link.kind} sign" cx="{x}" cy="{y}" r="6"/>')
-    return (f'<line class="{link.kind}" x1="{x1}" y1="{y1}" x2="{x2}" y2="{y2}"/>{sign}'
-            f'<text x="{x - 4 * len(link.text) / 1.3:.0f}" y="{y - 15:.0f}">{escape(link.text)}</text>')
+    sign = {
+        "freewheel": f'<path class="freewheel" d="M{x - 6} {y - 9} l12 9 l-12 9 z M{x + 6} {y - 10} v20" fill="#fff"/>',
+        "clutch": f'<path class="clutch" d="M{x - 4} {y - 11} v22 M{x + 4} {y - 11} v22" fill="none"/>',
+        "shaft": f'<path class="shaft" d="M{x - 12} {y} l4 -7 l8 14 l8 -14 l4 7" fill="#fff"/>',
+    }.get(link.kind, f'<circle class="{link.kind} sign" cx="{x}" cy="{y}" r="6"/>')
+    return (
+        f'<line class="{link.kind}" x1="{x1}" y1="{y1}" x2="{x2}" y2="{y2}"/>{sign}'
+        f'<text x="{x - 4 * len(link.text) / 1.3:.0f}" y="{y - 15:.0f}">{escape(link.text)}</text>'
+    )

@@ -9,10 +9,29 @@ Called by the engine before plant/driveline_kernel.py, which does what this one 
 from numba import njit
 
 from rig_nodes.plant.driveline_algebra import (
-    BACKWARD, E_FRIC, E_SHAFT, E_VISC, FORWARD, HI0, HI1, IMPULSE, KIN0, KIN1, LAM, LO0, LO1, OPEN, STUCK, TAU, VISC,
-    has_capacity, implicit, places, stale)
-from rig_nodes.plant.driveline_losses import (
-    BEFORE, FORETOLD, LAST, NEXT, WAY, WEIGHTS, foretell_losses, loss_at, put_loss)
+    BACKWARD,
+    E_FRIC,
+    E_SHAFT,
+    E_VISC,
+    FORWARD,
+    HI0,
+    HI1,
+    IMPULSE,
+    KIN0,
+    KIN1,
+    LAM,
+    LO0,
+    LO1,
+    OPEN,
+    STUCK,
+    TAU,
+    VISC,
+    has_capacity,
+    implicit,
+    places,
+    stale,
+)
+from rig_nodes.plant.driveline_losses import BEFORE, FORETOLD, LAST, NEXT, WAY, WEIGHTS, foretell_losses, loss_at, put_loss
 from rig_nodes.plant.small_vectors import add, dot, product, put, room, scaled, vector
 
 
@@ -57,12 +76,12 @@ def quiet_step(h, line):
         if has_capacity(cap, f):
             if mo == STUCK:
                 pattern += bit
-            elif mo != FORWARD and mo != BACKWARD or mo * slip < -tol:
+            elif (mo != FORWARD and mo != BACKWARD) or mo * slip < -tol:
                 return False
         elif mo != OPEN:
             return False
         bit *= 2.0
-        torque = mo * cap[KIN0, f] if mo == FORWARD or mo == BACKWARD else 0.0
+        torque = mo * cap[KIN0, f] if mo in (FORWARD, BACKWARD) else 0.0
         slip0[f] = slip
         torque0[f] = torque
         force = add(force, -(torque + cap[VISC, f] * slip), along)

@@ -23,11 +23,20 @@ from rig_nodes.plant.driveline import System
 from rig_nodes.plant.driveline_calls import bare_address, bare_step
 from rig_nodes.plant.driveline_inputs import SAME, Input, Signal, step_ends
 from rig_nodes.plant.driveline_laws import (
-    CAPACITY, INERTIA, MOTION, TORQUE, law_state, laws_of, put, run_laws, settled_address, stored_energy)
+    CAPACITY,
+    INERTIA,
+    MOTION,
+    TORQUE,
+    law_state,
+    laws_of,
+    put,
+    run_laws,
+    settled_address,
+    stored_energy,
+)
 from rig_nodes.plant.driveline_tables import slope_at
 
-EVENT_NAMES = {algebra.LOCK: "lock", algebra.BREAK: "break", algebra.CROSS: "cross",
-               algebra.FREE: "free", algebra.CLOSE: "close"}
+EVENT_NAMES = {algebra.LOCK: "lock", algebra.BREAK: "break", algebra.CROSS: "cross", algebra.FREE: "free", algebra.CLOSE: "close"}
 
 
 class Event(NamedTuple):
@@ -190,11 +199,36 @@ def _place(names, kind, name, known=None):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _run_steps(bare, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work,
-               out_v, out_twist, out_mode, out_el, out_shaft, out_e_in):
+def _run_steps(
+    bare,
+    t,
+    minv,
+    w,
+    sh,
+    kc,
+    q,
+    cap,
+    loss,
+    v,
+    twist,
+    mode,
+    el,
+    shaft,
+    e_in,
+    events,
+    count,
+    work,
+    out_v,
+    out_twist,
+    out_mode,
+    out_el,
+    out_shaft,
+    out_e_in,
+):
     for i in range(q.shape[0]):
-        bare_step(bare, t[i + 1] - t[i], t[i], minv, w, sh, kc, q[i], cap[i], loss, v, twist, mode, el, shaft, e_in, events, count,
-                  work)
+        bare_step(
+            bare, t[i + 1] - t[i], t[i], minv, w, sh, kc, q[i], cap[i], loss, v, twist, mode, el, shaft, e_in, events, count, work
+        )
         put(out_v[i], v)
         put(out_twist[i], twist)
         put(out_mode[i], mode)
@@ -216,9 +250,17 @@ class Run:
     capacities, values that are not finite, and steps that are not positive.
     """
 
-    def __init__(self, system: System, step: float, inputs: Mapping[str, Signal] | None = None, *,
-                 breakpoints: Sequence[float] = (), controller: Controller | None = None, every: int = 1,
-                 max_events: int = 10000):
+    def __init__(
+        self,
+        system: System,
+        step: float,
+        inputs: Mapping[str, Signal] | None = None,
+        *,
+        breakpoints: Sequence[float] = (),
+        controller: Controller | None = None,
+        every: int = 1,
+        max_events: int = 10000,
+    ):
         if not (math.isfinite(step) and step > 0.0):
             raise RigError(f"driveline: a step of {step} s; a finite number above 0 is needed")
         if every < 1 or every != int(every):
@@ -253,8 +295,15 @@ class Run:
     def now(self) -> Moment:
         """The state that has been reached."""
         s, x = self.system, self._state
-        return Moment(s, self._t, s.bodies_from_speeds @ x.v, s.bodies_from_speeds @ x.twist[len(s.slots):], s.w @ x.v,
-                      x.mode.copy(), x.el[algebra.LAM].copy())
+        return Moment(
+            s,
+            self._t,
+            s.bodies_from_speeds @ x.v,
+            s.bodies_from_speeds @ x.twist[len(s.slots) :],
+            s.w @ x.v,
+            x.mode.copy(),
+            x.el[algebra.LAM].copy(),
+        )
 
     def step(self, count: int = 1) -> Moment:
         """So many steps on, to whole multiples of the step."""
@@ -284,14 +333,31 @@ class Run:
             self._rows.append(self._first(np.zeros(2)))
         t, pushes, v, twist, mode, el, shaft, e_in, laws, law_angles, springs, work = map(np.concatenate, zip(*self._rows))
         events = np.concatenate([*self._events, np.zeros((0, 3 + len(s.speeds)))])
-        angles, twist = twist[:, len(s.slots):], twist[:, :len(s.shafts)]
+        angles, twist = twist[:, len(s.slots) :], twist[:, : len(s.shafts)]
         pushes = pushes + sum(laws[:, k, None] * law.bodies for k, law in enumerate(s.laws) if law.kind in (TORQUE, MOTION))
-        return Result(s, t, v @ s.bodies_from_speeds.T, angles @ s.bodies_from_speeds.T, v @ s.w.T, mode,
-                      el[:, algebra.LAM], twist, shaft[:, algebra.TAU, :len(s.shafts)], pushes, laws, law_angles,
-                      stored_energy(s, v, twist, laws, springs), e_in.sum(axis=1) + work[:, 0],
-                      el[:, algebra.E_FRIC], el[:, algebra.E_VISC], shaft[:, algebra.E_SHAFT, :len(s.shafts)],
-                      el[:, algebra.IMPULSE], [Event(float(a[0]), s.elements[int(a[1])], EVENT_NAMES[int(a[2])]) for a in events],
-                      events[:, 3:] @ s.bodies_from_speeds.T, int(self._state.count[algebra.N_CAPPED]))
+        return Result(
+            s,
+            t,
+            v @ s.bodies_from_speeds.T,
+            angles @ s.bodies_from_speeds.T,
+            v @ s.w.T,
+            mode,
+            el[:, algebra.LAM],
+            twist,
+            shaft[:, algebra.TAU, : len(s.shafts)],
+            pushes,
+            laws,
+            law_angles,
+            stored_energy(s, v, twist, laws, springs),
+            e_in.sum(axis=1) + work[:, 0],
+            el[:, algebra.E_FRIC],
+            el[:, algebra.E_VISC],
+            shaft[:, algebra.E_SHAFT, : len(s.shafts)],
+            el[:, algebra.IMPULSE],
+            [Event(float(a[0]), s.elements[int(a[1])], EVENT_NAMES[int(a[2])]) for a in events],
+            events[:, 3:] @ s.bodies_from_speeds.T,
+            int(self._state.count[algebra.N_CAPPED]),
+        )
 
     def _advance(self, t):
         x = self._state
@@ -337,12 +403,29 @@ class Run:
         s, steps = self.system, len(t) - 1
         q = np.ascontiguousarray(pushes @ s.bodies_from_speeds)
         kc = np.zeros((2, len(s.slots)))
-        kc[:, :len(s.shafts)] = s.kc
+        kc[:, : len(s.shafts)] = s.kc
         out = [np.empty((steps, *a.shape), a.dtype) for a in (x.v, x.twist, x.mode, x.el, x.shaft, x.e_in)]
         soft = [np.zeros((steps, *a.shape)) for a in (own.torque, own.at, own.spring, own.work)]
         state = (x.loss, x.v, x.twist, x.mode, x.el, x.shaft, x.e_in, x.events, x.count, x.work)
         if s.laws or s.meshes:
-            run_laws(settled_address(), bare_address(), t, self._laws, own, given, s.mass, s.minv, s.w, s.slots, kc, q, cap, *state, *out, *soft)
+            run_laws(
+                settled_address(),
+                bare_address(),
+                t,
+                self._laws,
+                own,
+                given,
+                s.mass,
+                s.minv,
+                s.w,
+                s.slots,
+                kc,
+                q,
+                cap,
+                *state,
+                *out,
+                *soft,
+            )
         else:
             _run_steps(bare_address(), t, s.minv, s.w, s.slots, kc, q, cap, *state, *out)
         return *out, *soft
@@ -355,16 +438,37 @@ class Run:
             cap[:, row + 1] = cap[:, row]
         for ends in (pushes, given):
             ends[:, 1] = ends[:, 0]
-        v, twist, mode, el, shaft, e_in, laws, law_angles, springs, work = self._move(
-            t[0] + np.array([0.0, 1e-9 * self.step_length]), pushes, cap, given, s.state(0, recorded=True), law_state(s.laws))
+        _v, _twist, mode, el, shaft, e_in, laws, law_angles, springs, work = self._move(
+            t[0] + np.array([0.0, 1e-9 * self.step_length]), pushes, cap, given, s.state(0, recorded=True), law_state(s.laws)
+        )
         el[:, 1:], shaft[:, algebra.E_SHAFT] = 0.0, 0.0
-        return (t[:1], pushes[:, 1], begin.v[None], begin.twist[None], mode, el, shaft, 0.0 * e_in, laws, law_angles,
-                0.0 * springs, 0.0 * work)
+        return (
+            t[:1],
+            pushes[:, 1],
+            begin.v[None],
+            begin.twist[None],
+            mode,
+            el,
+            shaft,
+            0.0 * e_in,
+            laws,
+            law_angles,
+            0.0 * springs,
+            0.0 * work,
+        )
 
 
-def run(system: System, t_end: float, step: float, inputs: Mapping[str, Signal] | None = None,
-        breakpoints: Sequence[float] = (), max_events: int = 10000, *, controller: Controller | None = None,
-        every: int = 1) -> Result:
+def run(
+    system: System,
+    t_end: float,
+    step: float,
+    inputs: Mapping[str, Signal] | None = None,
+    breakpoints: Sequence[float] = (),
+    max_events: int = 10000,
+    *,
+    controller: Controller | None = None,
+    every: int = 1,
+) -> Result:
     """Run a driveline from t = 0 to t_end (s) in steps of `step` (s); arguments and errors as those of `Run`."""
     if not (math.isfinite(t_end) and t_end > 0.0):
         raise RigError(f"driveline: end time {t_end} s; a finite number above 0 is needed")

@@ -63,8 +63,13 @@ def tables_of(tables: Sequence[Table]) -> Tables:
     for k, one in enumerate(tables):
         if one.beyond == "straight" and len(one.x) > 1:
             ends[k] = (one.y[1] - one.y[0]) / (one.x[1] - one.x[0]), (one.y[-1] - one.y[-2]) / (one.x[-1] - one.x[-2])
-    return Tables(np.cumsum([0, *(len(one.x) for one in tables)]), np.concatenate([np.zeros(0), *(one.x for one in tables)]),
-                  np.concatenate([np.zeros(0), *(one.y for one in tables)]), ends, np.array([one.period for one in tables]))
+    return Tables(
+        np.cumsum([0, *(len(one.x) for one in tables)]),
+        np.concatenate([np.zeros(0), *(one.x for one in tables)]),
+        np.concatenate([np.zeros(0), *(one.y for one in tables)]),
+        ends,
+        np.array([one.period for one in tables]),
+    )
 
 
 def value_at(table: Table, x: float) -> float:
@@ -91,8 +96,12 @@ def stored_in(table: Table, x: np.ndarray) -> np.ndarray:
         along = inside - knots[i]
         rise = np.diff(y, append=y[-1])[i] / np.where(wide[i] > 0.0, wide[i], 1.0)
         below, above = np.minimum(at - knots[0], 0.0), np.maximum(at - knots[-1], 0.0)
-        return (sums[i] + along * (y[i] + 0.5 * rise * along) + below * (y[0] + 0.5 * left * below)
-                + above * (y[-1] + 0.5 * right * above))
+        return (
+            sums[i]
+            + along * (y[i] + 0.5 * rise * along)
+            + below * (y[0] + 0.5 * left * below)
+            + above * (y[-1] + 0.5 * right * above)
+        )
 
     return area(np.asarray(x, float)) - area(np.zeros(1))[0]
 
@@ -171,10 +180,7 @@ def along(tables, k, x, dx):
     here = x
     to = x + dx
     while True:
-        if dx > 0.0:
-            there = min(end, to)
-        else:
-            there = max(begin, to)
+        there = min(end, to) if dx > 0.0 else max(begin, to)
         total += (there - here) * (y + slope * (0.5 * (here + there) - at) - start)
         here = there
         if here == to:

@@ -17,8 +17,9 @@ GROUND = "ground"
 _SAME = 1e-9  # relative size of a difference that counts as none
 
 
-def bodies_from_speeds(inertia: Mapping[str, float], gears: Sequence[tuple[str, str, float]],
-                       relations: Mapping[str, Mapping[str, float]]) -> tuple[tuple[str, ...], np.ndarray]:
+def bodies_from_speeds(
+    inertia: Mapping[str, float], gears: Sequence[tuple[str, str, float]], relations: Mapping[str, Mapping[str, float]]
+) -> tuple[tuple[str, ...], np.ndarray]:
     """(n bodies whose speeds are free, speeds (b, n) of all bodies by theirs), from what ties the bodies together.
 
     inertia: of each body, 0 for one without; gears (a, b, ratio): w_a = ratio w_b; relations: by name, coefficients of bodies
@@ -49,8 +50,10 @@ def bodies_from_speeds(inertia: Mapping[str, float], gears: Sequence[tuple[str, 
         t[np.abs(t) <= 1e-3 * _SAME * was[:, None]] = 0.0
         for i, body in enumerate(bodies):
             if not t[i].any():
-                raise RigError(f"driveline: with {name}, body '{body}' could not turn any more; "
-                               f"name the {GROUND} in its place, or mend what contradicts it")
+                raise RigError(
+                    f"driveline: with {name}, body '{body}' could not turn any more; "
+                    f"name the {GROUND} in its place, or mend what contradicts it"
+                )
     _moves_inertia(inertia, free, t)
     return tuple(free), t
 
@@ -77,8 +80,10 @@ def start_speeds(given: Mapping[str, float], bodies: Sequence[str], t: np.ndarra
         v[chosen] = np.linalg.lstsq(a[:, chosen], np.array([given[name] for name in others]) - a @ v)[0]
     for name, row in rows.items():
         if abs(row @ v - given[name]) > _SAME * (np.abs(row).max() + abs(given[name])):
-            raise RigError(f"driveline: initial speeds contradict the gears and relations between the bodies; by the others "
-                           f"'{name}' would have {row @ v:g} rad/s")
+            raise RigError(
+                f"driveline: initial speeds contradict the gears and relations between the bodies; by the others "
+                f"'{name}' would have {row @ v:g} rad/s"
+            )
     return v
 
 
@@ -102,8 +107,10 @@ def _gear_groups(inertia, gears):
                     todo.append(other)
     for a, b, ratio in gears:
         if abs(factor[a] - ratio * factor[b]) > _SAME * abs(factor[a]):
-            raise RigError(f"driveline: gear {a}-{b} with ratio {ratio:g} closes a loop that needs "
-                           f"{factor[a] / factor[b]:g}; as it is the loop could not turn")
+            raise RigError(
+                f"driveline: gear {a}-{b} with ratio {ratio:g} closes a loop that needs "
+                f"{factor[a] / factor[b]:g}; as it is the loop could not turn"
+            )
     return root, factor
 
 
@@ -114,5 +121,7 @@ def _moves_inertia(inertia, free, t):
         return
     alone = np.linalg.svd(heavy)[2][-1]
     name = list(inertia)[int(np.argmax(np.abs(t @ alone)))]
-    raise RigError(f"driveline: body '{name}' has no inertia, and no gears or relations tie it to bodies that have some; "
-                   "give it an inertia, or tie it to one")
+    raise RigError(
+        f"driveline: body '{name}' has no inertia, and no gears or relations tie it to bodies that have some; "
+        "give it an inertia, or tie it to one"
+    )

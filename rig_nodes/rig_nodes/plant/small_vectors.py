@@ -3,7 +3,8 @@
 
 """Vectors of a few numbers in registers, for compiled code that knows their length from the types of its arrays.
 
-Used by plant/driveline_quiet.py and engine/step.py. A vector is a tuple of floats; arrays are C-contiguous, of float64, and read by the place
+Used by plant/driveline_quiet.py and engine/step.py. A vector is a tuple of floats; arrays are C-contiguous, of float64, and read
+by the place
 of their first number that is wanted, whatever their dimensions.
 """
 
@@ -28,8 +29,9 @@ def vector(_context, array, begin, like):
 
     def build(context, builder, _signature, arguments):
         data = _numbers(context, builder, array, arguments[0])
-        return cgutils.pack_array(builder, [builder.load(_at(builder, data, arguments[1], i)) for i in range(count)],
-                                  ty=ir.DoubleType())
+        return cgutils.pack_array(
+            builder, [builder.load(_at(builder, data, arguments[1], i)) for i in range(count)], ty=ir.DoubleType()
+        )
 
     return types.UniTuple(types.float64, count)(array, types.intp, like), build
 
@@ -37,6 +39,7 @@ def vector(_context, array, begin, like):
 @intrinsic
 def put(_context, array, begin, values):
     """The values to an array, from its place ``begin`` on."""
+
     def build(context, builder, _signature, arguments):
         data = _numbers(context, builder, array, arguments[0])
         for i in range(values.count):
@@ -61,6 +64,7 @@ def _sum(builder, one, other, count):
 @intrinsic
 def dot(_context, a, b):
     """The sum of a times b."""
+
     def build(_, builder, _signature, arguments):
         one, other = (cgutils.unpack_tuple(builder, value) for value in arguments)
         return _sum(builder, one.__getitem__, other.__getitem__, a.count)
@@ -70,7 +74,8 @@ def dot(_context, a, b):
 
 @intrinsic
 def add(_context, a, share, b):
-    """a + share b."""
+    """A + share b."""
+
     def build(_, builder, _signature, arguments):
         return _each(builder, lambda x, y: builder.fadd(x, builder.fmul(arguments[1], y)), arguments[0], arguments[2])
 
@@ -79,7 +84,8 @@ def add(_context, a, share, b):
 
 @intrinsic
 def scaled(_context, share, a):
-    """share a."""
+    """Share a."""
+
     def build(_, builder, _signature, arguments):
         return _each(builder, lambda x: builder.fmul(arguments[0], x), arguments[1])
 
@@ -93,9 +99,16 @@ def product(_context, array, begin, a):
 
     def build(context, builder, _signature, arguments):
         data, values = _numbers(context, builder, array, arguments[0]), cgutils.unpack_tuple(builder, arguments[2])
-        return cgutils.pack_array(builder, [
-            _sum(builder, lambda j, i=i: builder.load(_at(builder, data, arguments[1], i * count + j)), values.__getitem__,
-                 count) for i in range(count)], ty=ir.DoubleType())
+        return cgutils.pack_array(
+            builder,
+            [
+                _sum(
+                    builder, lambda j, i=i: builder.load(_at(builder, data, arguments[1], i * count + j)), values.__getitem__, count
+                )
+                for i in range(count)
+            ],
+            ty=ir.DoubleType(),
+        )
 
     return a(array, types.intp, a), build
 
@@ -109,8 +122,14 @@ def room(_context, like):
         place = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), max(count, 1)))
         array = context.make_array(made)(context, builder)
         size = context.get_constant(types.intp, 8)
-        context.populate_array(array, data=builder.bitcast(place, array.data.type),
-                               shape=[context.get_constant(types.intp, count)], strides=[size], itemsize=size, meminfo=None)
+        context.populate_array(
+            array,
+            data=builder.bitcast(place, array.data.type),
+            shape=[context.get_constant(types.intp, count)],
+            strides=[size],
+            itemsize=size,
+            meminfo=None,
+        )
         return array._getvalue()
 
     return made(like), build

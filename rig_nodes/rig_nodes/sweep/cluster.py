@@ -28,21 +28,29 @@ def dask_stream(address: str) -> Iterator[Callable]:
     try:
         from dask.distributed import Client, LocalCluster
     except ImportError:
-        raise RigError("--dask needs the package 'distributed', which is not installed; install the extra "
-                       "'rig_nodes[sweep]', or leave --dask out") from None
+        raise RigError(
+            "--dask needs the package 'distributed', which is not installed; install the extra "
+            "'rig_nodes[sweep]', or leave --dask out"
+        ) from None
     if address.startswith(LOCAL):
         count = address.removeprefix(LOCAL)
         if not count.isdigit() or int(count) < 1:
             raise RigError(f"--dask {address}: expected a number of processes, e.g. local:2")
-        with LocalCluster(n_workers=int(count), threads_per_worker=1, host="127.0.0.1", dashboard_address=None,
-                          silence_logs=50) as cluster, Client(cluster) as client:
+        with (
+            LocalCluster(
+                n_workers=int(count), threads_per_worker=1, host="127.0.0.1", dashboard_address=None, silence_logs=50
+            ) as cluster,
+            Client(cluster) as client,
+        ):
             yield lambda function, items: _stream(client, function, items)
         return
     try:
         client = Client(address, timeout=PATIENCE)
     except (OSError, ValueError) as error:
-        raise RigError(f"--dask {address}: no scheduler answers there ({error or 'no answer'}); start one with "
-                       "'dask scheduler', or use local:2") from None
+        raise RigError(
+            f"--dask {address}: no scheduler answers there ({error or 'no answer'}); start one with "
+            "'dask scheduler', or use local:2"
+        ) from None
     with client:
         yield lambda function, items: _stream(client, function, items)
 

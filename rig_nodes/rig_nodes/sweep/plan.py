@@ -31,8 +31,21 @@ METHODS = ("grid", "list", "random", "lhs")
 DRAWN = ("random", "lhs")  # need a number of samples
 SEED = "seed"  # name under which the seed itself is varied
 MOST_MEMBERS = 1_000_000
-FILE_KEYS = ("description", "sequence", "rig", "method", "samples", "seed", "repeats", "vary", "set", "with",
-             "controller", "level", "delay")
+FILE_KEYS = (
+    "description",
+    "sequence",
+    "rig",
+    "method",
+    "samples",
+    "seed",
+    "repeats",
+    "vary",
+    "set",
+    "with",
+    "controller",
+    "level",
+    "delay",
+)
 _RANGE = re.compile(r"(.+?)\s*\.\.\s*(.+?)(?:\s+in\s+(\d+))?(?:\s+step\s+(\S+(?:\s+[^\d\s]\S*)?))?(\s+log)?\s*")
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
@@ -111,9 +124,15 @@ class Plan:
             values = dict(zip((one.name for one in self.varied), point))
             for _ in range(self.repeats):
                 number = len(members)
-                members.append(Member(number, int(values.get(SEED, self.seed + number)), values,
-                                      {**self.fixed, **self._texts("rig", point)},
-                                      {**self.fixed_with, **self._texts("sequence", point)}))
+                members.append(
+                    Member(
+                        number,
+                        int(values.get(SEED, self.seed + number)),
+                        values,
+                        {**self.fixed, **self._texts("rig", point)},
+                        {**self.fixed_with, **self._texts("sequence", point)},
+                    )
+                )
         return members
 
     def _texts(self, of: str, point) -> dict[str, str]:
@@ -145,12 +164,30 @@ class Plan:
 
     def as_dict(self) -> dict:
         """Plain data, from which :func:`plan_of` makes the plan again."""
-        return {"sequence": self.sequence, "rig": self.rig, "method": self.method, "samples": self.samples,
-                "seed": self.seed, "repeats": self.repeats, "description": self.description,
-                "controller": asdict(self.plugged) if self.plugged else None,
-                "varied": [{"name": one.name, "of": one.of, "unit": one.unit, "values": list(one.values),
-                            "low": one.low, "high": one.high, "log": one.log} for one in self.varied],
-                "set": self.fixed, "with": self.fixed_with}
+        return {
+            "sequence": self.sequence,
+            "rig": self.rig,
+            "method": self.method,
+            "samples": self.samples,
+            "seed": self.seed,
+            "repeats": self.repeats,
+            "description": self.description,
+            "controller": asdict(self.plugged) if self.plugged else None,
+            "varied": [
+                {
+                    "name": one.name,
+                    "of": one.of,
+                    "unit": one.unit,
+                    "values": list(one.values),
+                    "low": one.low,
+                    "high": one.high,
+                    "log": one.log,
+                }
+                for one in self.varied
+            ],
+            "set": self.fixed,
+            "with": self.fixed_with,
+        }
 
 
 def plan_of(data: dict) -> Plan:
@@ -158,8 +195,7 @@ def plan_of(data: dict) -> Plan:
     varied = tuple(Varied(**{**one, "values": tuple(one["values"])}) for one in data["varied"])
     names = ("sequence", "rig", "method", "samples", "seed", "repeats", "description")
     plugged = Plugged(**data["controller"]) if data.get("controller") else None
-    return Plan(**{name: data[name] for name in names}, varied=varied, fixed=data["set"], fixed_with=data["with"],
-                plugged=plugged)
+    return Plan(**{name: data[name] for name in names}, varied=varied, fixed=data["set"], fixed_with=data["with"], plugged=plugged)
 
 
 def read_plan(path: str | Path) -> Plan:
@@ -181,19 +217,41 @@ def read_plan(path: str | Path) -> Plan:
             numbers[key] = node[key]
     fixed, fixed_with = ({str(k): str(v) for k, v in (node.get(key) or {}).items()} for key in ("set", "with"))
     beside = Path(path).parent
-    names = {key: str(beside / node[key]) if str(node.get(key, "")).endswith((".yaml", ".yml")) else str(node[key])
-             for key in ("sequence", "rig") if key in node}
+    names = {
+        key: str(beside / node[key]) if str(node.get(key, "")).endswith((".yaml", ".yml")) else str(node[key])
+        for key in ("sequence", "rig")
+        if key in node
+    }
     words = {key: str(node[key]) for key in ("controller", "level") if key in node}
     plugged = plugged_of(words.get("controller"), words.get("level"), numbers.pop("delay", 1), beside)
-    return make_plan(names["sequence"], {str(name): spec for name, spec in vary.items()}, names.get("rig"), node.get("method"),
-                     fixed=fixed, fixed_with=fixed_with, description=str(node.get("description", "")), wheres=wheres,
-                     plugged=plugged, **numbers)
+    return make_plan(
+        names["sequence"],
+        {str(name): spec for name, spec in vary.items()},
+        names.get("rig"),
+        node.get("method"),
+        fixed=fixed,
+        fixed_with=fixed_with,
+        description=str(node.get("description", "")),
+        wheres=wheres,
+        plugged=plugged,
+        **numbers,
+    )
 
 
-def make_plan(sequence: str, vary: dict, rig: str | None = None, method: str | None = None, samples: int | None = None,
-              seed: int = 1, repeats: int = 1, fixed: dict[str, str] | None = None,
-              fixed_with: dict[str, str] | None = None, description: str = "",
-              wheres: dict[str, str] | None = None, plugged: Plugged | None = None) -> Plan:
+def make_plan(
+    sequence: str,
+    vary: dict,
+    rig: str | None = None,
+    method: str | None = None,
+    samples: int | None = None,
+    seed: int = 1,
+    repeats: int = 1,
+    fixed: dict[str, str] | None = None,
+    fixed_with: dict[str, str] | None = None,
+    description: str = "",
+    wheres: dict[str, str] | None = None,
+    plugged: Plugged | None = None,
+) -> Plan:
     """A checked plan. rig: the one that the sequence is written for, if not given; vary: name -> text or list of values;
     method None: grid, or lhs when samples are asked for; plugged: of :func:`plugged_of`.
 
@@ -217,14 +275,28 @@ def make_plan(sequence: str, vary: dict, rig: str | None = None, method: str | N
             raise RigError(f"{where}: it is set for all members too; give it once")
         varied.append(_read(name, spec, where, config, load, loaded))
     if not varied:
-        raise RigError("a sweep needs something to vary: --vary NAME=\"LOW .. HIGH\" or NAME=\"A, B, C\"")
-    for name, value, low, high in (("samples", samples, 1, MOST_MEMBERS), ("seed", seed, 0, 2**62),
-                                   ("repeats", repeats, 1, MOST_MEMBERS)):
+        raise RigError('a sweep needs something to vary: --vary NAME="LOW .. HIGH" or NAME="A, B, C"')
+    for name, value, low, high in (
+        ("samples", samples, 1, MOST_MEMBERS),
+        ("seed", seed, 0, 2**62),
+        ("repeats", repeats, 1, MOST_MEMBERS),
+    ):
         if value is not None and not low <= value <= high:
             raise RigError(f"{name} is {value}, expected {low} to {high}")
     _check_method(method, samples, varied, wheres or {})
-    plan = Plan(_place(sequence), _place(rig), method, samples or 0, seed, repeats, tuple(varied), dict(fixed),
-                dict(fixed_with), description, plugged)
+    plan = Plan(
+        _place(sequence),
+        _place(rig),
+        method,
+        samples or 0,
+        seed,
+        repeats,
+        tuple(varied),
+        dict(fixed),
+        dict(fixed_with),
+        description,
+        plugged,
+    )
     if not 1 <= plan.count() <= MOST_MEMBERS:
         raise RigError(f"the sweep has {plan.count()} members, expected 1 to {MOST_MEMBERS}")
     return plan
@@ -242,16 +314,19 @@ def _check_method(method: str, samples: int | None, varied: list[Varied], wheres
             raise RigError(f"method {method} draws its members; say how many with --samples (samples: in a file)")
         return
     if samples:
-        raise RigError(f"method {method} has as many members as its values make; samples belong to "
-                       f"{' and '.join(DRAWN)}")
+        raise RigError(f"method {method} has as many members as its values make; samples belong to {' and '.join(DRAWN)}")
     for one in varied:
         if not one.values:
-            raise RigError(f"{wheres.get(one.name, f'--vary {one.name}')}: method {method} needs values; write "
-                           "\"A, B, C\", \"LOW .. HIGH in 5\" or \"LOW .. HIGH step 10 ms\", or choose method lhs")
+            raise RigError(
+                f"{wheres.get(one.name, f'--vary {one.name}')}: method {method} needs values; write "
+                '"A, B, C", "LOW .. HIGH in 5" or "LOW .. HIGH step 10 ms", or choose method lhs'
+            )
     sizes = {one.name: len(one.values) for one in varied}
     if method == "list" and len(set(sizes.values())) > 1:
-        raise RigError("method list takes the values row by row, so all parameters need equally many; found "
-                       + ", ".join(f"{size} of {name}" for name, size in sizes.items()))
+        raise RigError(
+            "method list takes the values row by row, so all parameters need equally many; found "
+            + ", ".join(f"{size} of {name}" for name, size in sizes.items())
+        )
 
 
 # ---- reading what a parameter takes
@@ -269,7 +344,7 @@ def _read(name: str, spec, where: str, config, load: Callable, loaded) -> Varied
         texts = [spec]
     texts = [str(text).strip() for text in texts]
     if not texts or not all(texts):
-        raise RigError(f"{where}: expected values, e.g. \"A, B, C\", or a range \"LOW .. HIGH\"")
+        raise RigError(f'{where}: expected values, e.g. "A, B, C", or a range "LOW .. HIGH"')
     if dimension is None:
         values, unit = tuple(texts), None
     else:

@@ -71,8 +71,10 @@ def plugged_of(spec: str | None, level: str | None, delay: int, beside: Path | N
     text, level = split_level(spec or "alfa46", level)
     kind, sign, rest = text.partition(":")
     if kind in KINDS and kind not in STARTED:
-        raise RigError(f"controller {text}: it is one program of its own, which cannot drive the members of a sweep, "
-                       f"each from its beginning; a sweep takes {', '.join(f'{name}:' for name in STARTED)} and alfa46")
+        raise RigError(
+            f"controller {text}: it is one program of its own, which cannot drive the members of a sweep, "
+            f"each from its beginning; a sweep takes {', '.join(f'{name}:' for name in STARTED)} and alfa46"
+        )
     if sign and kind in STARTED:
         file, colon, name = rest.rpartition(":") if kind == "python" else (rest, "", "")
         path = (beside or Path()) / Path(file).expanduser()

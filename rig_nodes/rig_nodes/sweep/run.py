@@ -41,12 +41,20 @@ Stream = Callable[[Callable, Iterable], Iterator[tuple[int, dict, Exception | No
 def manifest_of(plan: Plan, bags: bool) -> dict:
     """What decides the results of a sweep: plan, configuration, sequence and versions; no clock, host or folder."""
     text = find_of_rigs("sequences", plan.sequence, plan.rig).read_text(encoding="utf-8")
-    return {"plan": plan.as_dict(), "members": plan.count(), "bags": bags,
-            "configuration": load_rig(plan.rig, plan.fixed).as_dict(),
-            "sequence": hashlib.sha256(text.encode()).hexdigest(),
-            "controller": plan.plugged.digest() if plan.plugged else None,
-            "versions": {"rig_nodes": __version__, "plant": sources_key(), "python": platform.python_version(),
-                         **{name: version(name) for name in ("numpy", "scipy", "numba")}}}
+    return {
+        "plan": plan.as_dict(),
+        "members": plan.count(),
+        "bags": bags,
+        "configuration": load_rig(plan.rig, plan.fixed).as_dict(),
+        "sequence": hashlib.sha256(text.encode()).hexdigest(),
+        "controller": plan.plugged.digest() if plan.plugged else None,
+        "versions": {
+            "rig_nodes": __version__,
+            "plant": sources_key(),
+            "python": platform.python_version(),
+            **{name: version(name) for name in ("numpy", "scipy", "numba")},
+        },
+    }
 
 
 def run_sweep(plan: Plan, store: Store, stream: Stream, progress: Callable[[int, dict], None] | None = None) -> int:
@@ -100,12 +108,16 @@ def failed(member: Member, error: Exception) -> dict:
 
 
 def _entry(member: Member, state: str, reason: str, metrics: list[dict]) -> dict:
-    return {"member": member.number, "seed": member.seed, "values": member.values,
-            "end": {"state": state, "reason": FOLDER.sub("", reason)}, "shifts": metrics}
+    return {
+        "member": member.number,
+        "seed": member.seed,
+        "values": member.values,
+        "end": {"state": state, "reason": FOLDER.sub("", reason)},
+        "shifts": metrics,
+    }
 
 
-def _into_bag(config, sequence, member: Member, bags: Path, controller: Plug | None,
-              delay: int) -> tuple[dict, list[dict]]:
+def _into_bag(config, sequence, member: Member, bags: Path, controller: Plug | None, delay: int) -> tuple[dict, list[dict]]:
     """The run as ``rig simulate`` makes it, in a folder that gets its name when it is whole."""
     folder, temporary = bags / f"{member.number:06d}", bags / f".{member.number:06d}-{os.getpid()}"
     for old in (folder, temporary):

@@ -18,8 +18,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ..analysis.metrics import KEYS
-from ..errors import RigError
 from ..atomic_write import atomic_write
+from ..errors import RigError
 from .plan import Plan, Varied
 
 MANIFEST, JOURNAL, RESULTS, BAGS = "sweep.json", "members.jsonl", "results.parquet", "bags"
@@ -158,8 +158,7 @@ def parquet():
         import pyarrow
         import pyarrow.parquet
     except ImportError:
-        raise RigError("sweeps write Parquet with pyarrow, which is not installed; install the extra "
-                       "'rig_nodes[sweep]'") from None
+        raise RigError("sweeps write Parquet with pyarrow, which is not installed; install the extra 'rig_nodes[sweep]'") from None
     return pyarrow, pyarrow.parquet
 
 
@@ -168,9 +167,13 @@ def parquet():
 
 def rows_of(plan: Plan, entry: dict) -> list[dict]:
     """Rows of a member: one for each of its shifts, one without metrics when it has none."""
-    shared = {"member": entry["member"], "seed": entry["seed"],
-              **{one.name: entry["values"][one.name] for one in plan.varied if one.of != "seed"},
-              "end": entry["end"]["state"], "reason": entry["end"]["reason"]}
+    shared = {
+        "member": entry["member"],
+        "seed": entry["seed"],
+        **{one.name: entry["values"][one.name] for one in plan.varied if one.of != "seed"},
+        "end": entry["end"]["state"],
+        "reason": entry["end"]["reason"],
+    }
     out = []
     for number, metrics in enumerate(entry["shifts"] or [None]):
         row = {**shared, "shift": None if metrics is None else number}
@@ -189,11 +192,12 @@ def schema_of(plan: Plan, manifest: dict):
         metadata = {key: value for key, value in (("unit", unit), ("about", about)) if value}
         return pa.field(name, kind, metadata=metadata or None)
 
-    columns = [column("member", pa.int64(), about="number of the run"),
-               column("seed", pa.int64(), about="of the run's noise"),
-               *(column(one.name, _kind(pa, one), one.unit, f"parameter of the {one.of}")
-                 for one in plan.varied if one.of != "seed"),
-               column("shift", pa.int32(), about="number of the shift in its run; empty where there was none")]
+    columns = [
+        column("member", pa.int64(), about="number of the run"),
+        column("seed", pa.int64(), about="of the run's noise"),
+        *(column(one.name, _kind(pa, one), one.unit, f"parameter of the {one.of}") for one in plan.varied if one.of != "seed"),
+        column("shift", pa.int32(), about="number of the shift in its run; empty where there was none"),
+    ]
     for key in KEYS:
         columns.append(column(key, getattr(pa, KINDS.get(key, "float64"))(), UNITS.get(key.rpartition("_")[2])))
     columns += [column("end", pa.string(), about="how the run ended"), column("reason", pa.string())]

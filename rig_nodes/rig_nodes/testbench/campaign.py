@@ -17,9 +17,14 @@ from .record import Run
 from .workers import Workers
 
 
-def run_campaign(series: list[Series], measure: Callable[[Series, Run], Any], rig: str | None = None,
-                 settings: dict[str, str] | None = None, workers: Workers | None = None,
-                 progress: Callable[[int, int], None] | None = None) -> list[list]:
+def run_campaign(
+    series: list[Series],
+    measure: Callable[[Series, Run], Any],
+    rig: str | None = None,
+    settings: dict[str, str] | None = None,
+    workers: Workers | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[list]:
     """measure(series, run) of every repeat of every series: one list for each series, one result for each repeat.
 
     measure: a function of a module, so that other processes find it; it runs where the rows are. rig, settings: as

@@ -31,9 +31,8 @@ from ..engine.outside import NOT_DEVICES, cuttable, why_not
 from ..errors import RigError, brief
 from ..parts import part as parts
 from ..transmission import Transmission, made_of, tied_to
-from .prescribed import Prescribed, read_prescribed
 from .cross_checks import cross_check
-
+from .prescribed import Prescribed, read_prescribed
 
 _POINT_KEY = re.compile(rf"alfa46\.({'|'.join(OUTPUT_KEYS)})\.({'|'.join(POINTS)})(?:\.({'|'.join(COLUMNS)}))?")
 _POINT = re.compile(r"\s*([-+\d.eE]+\s*[a-zA-Z]+)[\s,]+([-+\d.eE]+\s*[a-zA-Z]+)\s*")
@@ -53,7 +52,7 @@ class RigConfig:
     sections: Mapping[str, object]
     wiring: tuple[int, ...] = ()
     alfa46: Alfa46Config | None = None
-    cut: CutConfig = CutConfig(SAMPLE)
+    cut: CutConfig = CutConfig(SAMPLE)  # noqa: RUF009, it cannot be changed
     cut_out: tuple[str, ...] = ()
     prescribed: Prescribed | None = None
     description: str = ""
@@ -155,8 +154,9 @@ def _place(output: str, point: str, column: str | None) -> tuple:
 def _check_tick(cut: CutConfig, where: str) -> None:
     samples = cut.tick / SAMPLE
     if abs(samples - round(samples)) > 1e-9:
-        raise RigError(f"{where}: a tick of {cut.tick * 1e3:g} ms is no whole number of samples of "
-                       f"{SAMPLE * 1e3:g} ms; give e.g. 1 ms or 5 ms")
+        raise RigError(
+            f"{where}: a tick of {cut.tick * 1e3:g} ms is no whole number of samples of {SAMPLE * 1e3:g} ms; give e.g. 1 ms or 5 ms"
+        )
 
 
 def _with_source(structure: Structure, cut_out: tuple[str, ...], device: str, source, where: str) -> tuple[str, ...]:
@@ -176,8 +176,9 @@ def _read(node: Map, path, name: str) -> RigConfig:
     """A rig from its merged file."""
     check_keys(path, node, _TOP, ("description", "step", "bodies", "parts", "transducers", "instruments"), "the rig")
     if not isinstance(node["description"], str) or not node["description"].isprintable():
-        raise RigError(f"{where_of(path, node, 'description')}: description is {brief(node['description'])}, expected a line of "
-                       "text")
+        raise RigError(
+            f"{where_of(path, node, 'description')}: description is {brief(node['description'])}, expected a line of text"
+        )
     kernel = build(KernelConfig, node, path, "the rig", others=_TOP)
     structure = read_structure(node, path)
     sections, cut_out = {}, ()
@@ -188,8 +189,9 @@ def _read(node: Map, path, name: str) -> RigConfig:
         sections[owner] = written(build(cls, entries, path, owner, GROUPS.get(group, MESH_KEYS), where))
     for device in structure.devices:
         sections[device.name], cut_out = _device(node["parts"], path, structure, device, cut_out)
-    sections["instruments"] = build(instruments_of(structure), node["instruments"], path, "instruments",
-                                    where=where_of(path, node, "instruments"))
+    sections["instruments"] = build(
+        instruments_of(structure), node["instruments"], path, "instruments", where=where_of(path, node, "instruments")
+    )
     effects = node.get("effects", Map(node.line))
     check_keys(path, effects, effects_of(structure), (), "effects", where_of(path, node, "effects"))
     sections["effects"] = build(EffectsConfig, effects, path, "effects")
@@ -201,10 +203,20 @@ def _read(node: Map, path, name: str) -> RigConfig:
     prescribed = None
     if "prescribed" in node:
         prescribed = read_prescribed(node["prescribed"], path, [clutch.name for clutch in structure.clutches])
-    config = RigConfig(name, structure, kernel, sections, tuple(valve.wires["output"] - 1 for valve in structure.valves),
-                       _controller(node, path, structure), cut, cut_out, prescribed, node["description"])
+    config = RigConfig(
+        name,
+        structure,
+        kernel,
+        sections,
+        tuple(valve.wires["output"] - 1 for valve in structure.valves),
+        _controller(node, path, structure),
+        cut,
+        cut_out,
+        prescribed,
+        node["description"],
+    )
     try:
-        config.catalogue
+        config.catalogue  # noqa: B018, made now, where a wrong signal has a line
     except RigError as error:
         device = re.match(r"parts\.(\w+)", str(error))
         raise RigError(f"{where_of(path, node['parts'], device[1]) if device else path}: {error}") from None
@@ -222,7 +234,9 @@ def _check_view(config: RigConfig, node: Map, path) -> None:
                 if name not in known:
                     raise RigError(f"{where}: {unknown('signal', name, known)}")
                 if known[name].states:
-                    raise RigError(f"{where}: {name} is a state, which the view shows in lanes of its own; name signals with a unit")
+                    raise RigError(
+                        f"{where}: {name} is a state, which the view shows in lanes of its own; name signals with a unit"
+                    )
             if len(units := {known[name].display_unit: name for name in names}) > 1:
                 told = " and ".join(f"{name} in {unit}" for unit, name in units.items())
                 raise RigError(f"{where}: a plot's signals share their unit, found {told}")
@@ -241,11 +255,15 @@ def check_driveline(structure: Structure, sections: Mapping, node: Map, path) ->
         try:
             lets_go = overrunning(system, gear, structure.input.body, structure.output.body)
         except ValueError as error:
-            raise RigError(f"{where_of(path, node['gears'], key)}: gears.{gear.name}: {', '.join(gear.held)} held alone: {error}; "
-                           "a gear's clutches give the output one speed") from None
+            raise RigError(
+                f"{where_of(path, node['gears'], key)}: gears.{gear.name}: {', '.join(gear.held)} held alone: {error}; "
+                "a gear's clutches give the output one speed"
+            ) from None
         if lets_go:
-            raise RigError(f"{where_of(path, node['parts'][lets_go[0]], 'joins')}: parts.{lets_go[0]}.joins: it overruns as the input "
-                           f"drives in gear {gear.name}, which it is to hold; name its two bodies the other way round")
+            raise RigError(
+                f"{where_of(path, node['parts'][lets_go[0]], 'joins')}: parts.{lets_go[0]}.joins: it overruns as the input "
+                f"drives in gear {gear.name}, which it is to hold; name its two bodies the other way round"
+            )
 
 
 def _where_named(said: str, node: Map, path) -> str:
@@ -304,8 +322,10 @@ def _controller(node, path, structure: Structure) -> Alfa46Config | None:
 def _where_written(node, path, keys: tuple[str, ...]) -> str:
     """``file:line`` of the first of these keys that a rig's map names itself."""
     for part, _, name in (key.partition(".") for key in keys):
-        for own in (node.get("controller_values") if part == "alfa46" else node.get(part), *(
-                (node[group] or {}).get(part) for group in ("parts", *GROUPS) if isinstance(node.get(group), Map))):
+        for own in (
+            node.get("controller_values") if part == "alfa46" else node.get(part),
+            *((node[group] or {}).get(part) for group in ("parts", *GROUPS) if isinstance(node.get(group), Map)),
+        ):
             if isinstance(own, dict) and name in own:
                 return f"{where_of(path, own, name)}: "
     return f"{path}: "
@@ -363,8 +383,12 @@ def with_overrides(config: RigConfig, overrides: dict[str, str], together: bool 
             raise RigError(f"{point} is set as a whole and in part; give one of them")
     config = config.with_values(changes)
     if overrides and together:
-        cross_check(config, lambda keys: next((f"setting {k}={text}: " for k, text in overrides.items()
-                                                  if k in keys or k.rpartition(".")[0] in keys), ""))
+        cross_check(
+            config,
+            lambda keys: next(
+                (f"setting {k}={text}: " for k, text in overrides.items() if k in keys or k.rpartition(".")[0] in keys), ""
+            ),
+        )
     return config
 
 
@@ -379,5 +403,5 @@ def _override(known: Settings, key: str, text: str, where: str) -> dict[str, obj
         return {key: setting.value_of(text, f"{where}: the value")}
     found = _POINT.fullmatch(text) if len(text) < 80 else None
     if found is None:
-        raise RigError(f"{where}: expected time and current, e.g. \"200 ms 160 mA\"")
+        raise RigError(f'{where}: expected time and current, e.g. "200 ms 160 mA"')
     return {key: (quantity(found[1], "time", where), quantity(found[2], "current", where))}

@@ -83,8 +83,7 @@ class Desk:
 
     def wires(self) -> Wires:
         """As they are now."""
-        measured = (PRESSURE * self.current[self._outputs[name]] if name in self._outputs else rest
-                    for name, rest in self._rest)
+        measured = (PRESSURE * self.current[self._outputs[name]] if name in self._outputs else rest for name, rest in self._rest)
         return Wires(tuple(self.current), tuple(measured))
 
     def follow(self, setpoint) -> None:
@@ -93,8 +92,13 @@ class Desk:
             self.current[k] += 0.05 * (wanted - self.current[k])
 
 
-def desk(plug: Plug, samples, orders: dict[int, int], change: Callable[[int, Wires], Wires] | None = None,
-         took: list[float] | None = None) -> list[Seen]:
+def desk(
+    plug: Plug,
+    samples,
+    orders: dict[int, int],
+    change: Callable[[int, Wires], Wires] | None = None,
+    took: list[float] | None = None,
+) -> list[Seen]:
     """Ask for each of ``samples`` (numbers), without a plant: coils follow what is asked for, pressures follow coils.
 
     ``orders``: gear by number of the sample; one that the seam refuses is left out. ``took`` gets seconds per step.
@@ -122,8 +126,15 @@ def desk(plug: Plug, samples, orders: dict[int, int], change: Callable[[int, Wir
 class Check:
     """The set for one specification; ``items()`` runs it."""
 
-    def __init__(self, spec: str | None, config: RigConfig, level: str | None = None, step_timeout: float | None = 5.0,
-                 come_timeout: float | None = 20.0, say: Callable[[str], None] = lambda text: None):
+    def __init__(
+        self,
+        spec: str | None,
+        config: RigConfig,
+        level: str | None = None,
+        step_timeout: float | None = 5.0,
+        come_timeout: float | None = 20.0,
+        say: Callable[[str], None] = lambda text: None,
+    ):
         """come_timeout: s of wall clock for a controller of its own program to come, for each item; None: for ever."""
         self.spec, self.config, self.level, self.step_timeout, self.say = spec, config, level, step_timeout, say
         self._record = record_of(config)
@@ -142,10 +153,18 @@ class Check:
             return
         yield Item("loads", True, text)
         for name, run in (
-            ("answers", self._answers), ("at rest", self._at_rest), ("timing", self._timing),
-            ("determinism", self._determinism), ("restart", self._restart), ("late start", self._late_start),
-            ("lost samples", self._lost_samples), ("NaN", self._nan), ("saturation", self._saturation),
-            ("both gears", self._both_gears), ("request storm", self._storm), ("ends", self._ends),
+            ("answers", self._answers),
+            ("at rest", self._at_rest),
+            ("timing", self._timing),
+            ("determinism", self._determinism),
+            ("restart", self._restart),
+            ("late start", self._late_start),
+            ("lost samples", self._lost_samples),
+            ("NaN", self._nan),
+            ("saturation", self._saturation),
+            ("both gears", self._both_gears),
+            ("request storm", self._storm),
+            ("ends", self._ends),
         ):
             if own_clock and name in NOT_BY_ITS_OWN_CLOCK:
                 yield Item(name, None, f"does not apply: {NOT_BY_ITS_OWN_CLOCK[name]}")
@@ -197,8 +216,7 @@ class Check:
             return False, "no answer before the first order"
         driven = max(max(seen.command) for seen in before)
         if driven > 0.0 or any(seen.gear or seen.shifting for seen in before):
-            return False, (f"before the first order the largest command is {driven:g}; expected none, no gear and no "
-                           "shift")
+            return False, (f"before the first order the largest command is {driven:g}; expected none, no gear and no shift")
         return True, "no coil is driven before the first order"
 
     def _timing(self):
@@ -231,9 +249,11 @@ class Check:
         first = 12_345
         late = self._desk(range(first, first + 1500), {sample + first: gear for sample, gear in UP_AND_DOWN.items()})
         same = late[-1].gear == self._first[1499].gear and late[-1].shifting == self._first[1499].shifting
-        return same, (f"a first sample of number {first} is taken as the first" if same else
-                      f"with a first sample of number {first} it is in gear {late[-1].gear} where it was in "
-                      f"{self._first[1499].gear}")
+        return same, (
+            f"a first sample of number {first} is taken as the first"
+            if same
+            else f"with a first sample of number {first} it is in gear {late[-1].gear} where it was in {self._first[1499].gear}"
+        )
 
     def _lost_samples(self):
         samples = [n for n in range(DESK_SAMPLES) if not 1700 <= n < 1720 and n % 501]
@@ -279,9 +299,11 @@ class Check:
                 while (plug.gear, plug.shifting, locked(rig, box)) != (gear, False, box.engaged(gear)):
                     if rig.time - began > SHIFT:
                         held = " and ".join(clutch.name for clutch in locked(rig, box)) or "no clutch"
-                        return False, (f"{SHIFT:g} s after the order of gear {box.names[gear]} it says gear "
-                                       f"{box.names[plug.gear]}{', shifting' if plug.shifting else ''}, and {held} "
-                                       "is locked")
+                        return False, (
+                            f"{SHIFT:g} s after the order of gear {box.names[gear]} it says gear "
+                            f"{box.names[plug.gear]}{', shifting' if plug.shifting else ''}, and {held} "
+                            "is locked"
+                        )
                     self._run(rig, plug, PERIOD)
                 text.append(f"{box.names[gear]} in {rig.time - began:.2f} s")
             return True, f"on the rig: {', '.join(text)}"

@@ -26,14 +26,27 @@ def cross_check(config, where: Where) -> None:
     """
     for device in config.structure.of_role(parts.VALUES):
         plates = getattr(config, device.name)
-        _not_above(where, f"{device.name}.friction_kinetic", plates.friction_kinetic, f"{device.name}.friction_static",
-                   plates.friction_static, "plates that slide hold no more than plates that stick")
+        _not_above(
+            where,
+            f"{device.name}.friction_kinetic",
+            plates.friction_kinetic,
+            f"{device.name}.friction_static",
+            plates.friction_static,
+            "plates that slide hold no more than plates that stick",
+        )
     inertias = inertias_of(config.structure, config.sections)
     for device in config.structure.of_role(parts.METER):
         body, values = device.wires["body"], getattr(config, device.name)
         whole, axis = tied_to(config.structure, inertias, body)
         taken = f"taken to {body} by {axis:.4g}^2, " if axis != 1.0 else ""
-        _not_above(where, f"{device.name}.inertia", values.inertia, f"{_owner(config, body)}.inertia", whole * axis**2, f"{taken}which counts it, in kg m2")
+        _not_above(
+            where,
+            f"{device.name}.inertia",
+            values.inertia,
+            f"{_owner(config, body)}.inertia",
+            whole * axis**2,
+            f"{taken}which counts it, in kg m2",
+        )
     if config.alfa46 is None:
         return
     limit = config.alfa46.values.current_limit
@@ -47,8 +60,15 @@ def _owner(config, body: str) -> str:
     """The body on which the inertia of all that wheels tie to another one is stated."""
     if body not in config.structure.massless:
         return body
-    return next((one for mesh in config.structure.meshes for one in mesh.bodies
-                 if body in mesh.bodies and one not in config.structure.massless), body)
+    return next(
+        (
+            one
+            for mesh in config.structure.meshes
+            for one in mesh.bodies
+            if body in mesh.bodies and one not in config.structure.massless
+        ),
+        body,
+    )
 
 
 def _not_above(where: Where, key: str, value: float, whole: str, most: float, why: str) -> None:

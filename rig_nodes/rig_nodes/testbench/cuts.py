@@ -12,8 +12,8 @@ import math
 from collections.abc import Iterator
 
 from ..clocks import COMMAND_TIMEOUT, SAMPLE
-from ..errors import RigError
 from ..engine.outside import LOAD, MOTOR, NOTHING, VALVE, Answer, OtherSide, Port, drained
+from ..errors import RigError
 
 
 def topic_of(device: str, end: str) -> str:
@@ -31,7 +31,7 @@ class Cuts:
         self.samples = round(config.cut.tick / SAMPLE)
         self._rig = rig
         self._sides = {device: OtherSide(device, config) for device in self.devices if embedded}
-        self._newest = {device: (-1, NOTHING) for device in self.devices}  # sample answered, answer
+        self._newest = dict.fromkeys(self.devices, (-1, NOTHING))  # sample answered, answer
         self._since = 0  # sample from which silence counts
         self._parts = {device.name: device.part for device in config.structure.devices}
         for name in config.cuttable:
@@ -76,10 +76,22 @@ class Cuts:
         tick, safe = self.samples * SAMPLE, rig.safe
         me, part = rig.device(device), self._parts[device]
         if part in (MOTOR, LOAD):
-            return Port(tick, speed=rig.speed_at(device), setpoint=float(me["target" if part == MOTOR else "setting"]),
-                        enable=bool(me["enabled"] > 0.0), safe=safe)
-        return Port(tick, pressure=rig.fed_pressure(device), supply=rig.supply_pressure(device), current=float(me["current"]),
-                    setpoint=rig.coil_duty(device), enable=not safe, safe=safe)
+            return Port(
+                tick,
+                speed=rig.speed_at(device),
+                setpoint=float(me["target" if part == MOTOR else "setting"]),
+                enable=bool(me["enabled"] > 0.0),
+                safe=safe,
+            )
+        return Port(
+            tick,
+            pressure=rig.fed_pressure(device),
+            supply=rig.supply_pressure(device),
+            current=float(me["current"]),
+            setpoint=rig.coil_duty(device),
+            enable=not safe,
+            safe=safe,
+        )
 
     # ---- answers
 
@@ -93,8 +105,10 @@ class Cuts:
         if not all(map(math.isfinite, answer)):
             raise RigError(f"{what}: its values must be finite numbers, found {answer}")
         if answer.flow_slope > 0.0:
-            raise RigError(f"{what}: flow_slope must be 0 or negative, found {answer.flow_slope:g}; a flow "
-                           "that grows with its port pressure would not be stable")
+            raise RigError(
+                f"{what}: flow_slope must be 0 or negative, found {answer.flow_slope:g}; a flow "
+                "that grows with its port pressure would not be stable"
+            )
         last, now = self._newest[device][0], self._rig.sample
         if not last < sample <= now:
             raise RigError(f"{what}: expected one after {last} and not after {now}")

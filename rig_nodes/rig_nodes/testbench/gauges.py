@@ -57,8 +57,10 @@ class Gauges:
     def _gate(self, step: float) -> int:
         rows = self.config.speed_gate / step
         if abs(rows - round(rows)) > 1e-6 or rows < 0.5:
-            raise RigError(f"instruments.speed_gate of {self.config.speed_gate * 1e3:g} ms is no whole number of the "
-                           f"plant's steps of {step * 1e6:g} us; give e.g. 2 ms")
+            raise RigError(
+                f"instruments.speed_gate of {self.config.speed_gate * 1e3:g} ms is no whole number of the "
+                f"plant's steps of {step * 1e6:g} us; give e.g. 2 ms"
+            )
         return round(rows)
 
     def _fill(self, name: str, kind: str, like: str, beside: bool, seed: int, step: float) -> None:

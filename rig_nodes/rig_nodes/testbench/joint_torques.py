@@ -1,7 +1,8 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Torques in all that joins the bodies of a rig, at a moment: of its gears, sets and relations too, which no step of the plant needs.
+"""Torques in all that joins the bodies of a rig, at a moment: of its gears, sets and relations too, which no step of the plant
+needs.
 
 Used by testbench.topics for a rig whose description asks for the signals `torques`.
 """
@@ -26,8 +27,11 @@ class JointTorques:
         self._signals = torque_signals(rig.config.structure)
         self.names = [one.name for one in self._signals]
         self._bodies = [plan.system.bodies.index(name) for name in plan.bodies]
-        self._inputs = {plan.system.bodies.index(name): Input(name, (table.x, table.y), rig.step)
-                        for name, table in plan.inputs.items() if name in plan.system.bodies}
+        self._inputs = {
+            plan.system.bodies.index(name): Input(name, (table.x, table.y), rig.step)
+            for name, table in plan.inputs.items()
+            if name in plan.system.bodies
+        }
 
     def values(self) -> list[float]:
         """Torques [Nm] in the order of the names: of what ties bodies together, that which it puts on one of them."""
@@ -51,5 +55,21 @@ class JointTorques:
                 pushes += laws[0, k] * law.bodies
         count = len(system.shafts)
         friction = line["el"][LAM] + (line["cap"][VISC] - system.drag) * slips  # a device's drag is none of the description
-        return Result(system, np.array([rig.time]), v @ system.bodies_from_speeds.T, none, slips, line["mode"][None],
-                      friction, line["twist"][None, :count], line["shaft"][:1, :count], pushes, laws, angles, *(none,) * 6, [], none, 0)
+        return Result(
+            system,
+            np.array([rig.time]),
+            v @ system.bodies_from_speeds.T,
+            none,
+            slips,
+            line["mode"][None],
+            friction,
+            line["twist"][None, :count],
+            line["shaft"][:1, :count],
+            pushes,
+            laws,
+            angles,
+            *(none,) * 6,
+            [],
+            none,
+            0,
+        )

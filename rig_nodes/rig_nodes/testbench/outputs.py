@@ -126,5 +126,6 @@ class Outputs:
         status = self.rig.status
         if status != self._status:
             self._status = status
-            self.event("/rig/events", f"rig_{status.name.lower()}", self.rig.reason or f"the rig is {status.name.lower()}",
-                       float(status))
+            self.event(
+                "/rig/events", f"rig_{status.name.lower()}", self.rig.reason or f"the rig is {status.name.lower()}", float(status)
+            )

@@ -55,7 +55,8 @@ class _Planner:
         self.bodies = self._bodies()
         self.meters = {one.name: self._meter(one) for one in self.structure.of_role(parts.METER)}
         self.lines = tuple(self.structure.line_of(one.name) for one in self.structure.of_role(parts.OIL)) + tuple(
-            one.name for one in self.structure.clutches if "line" in parts.part(self._part(one)).wires)
+            one.name for one in self.structure.clutches if "line" in parts.part(self._part(one)).wires
+        )
 
     def _part(self, device: Device) -> str:
         """The part of a device; a clutch whose pressure is prescribed is a curve."""
@@ -105,14 +106,18 @@ class _Planner:
         m = len(system.elements)
         out = np.zeros((len(self.losses), losses.loss_width(*system.w.T.shape)))
         for k, device in enumerate(self.losses):
-            values, weights = self.values[device.name], out[k, losses.WEIGHTS:]
+            values, weights = self.values[device.name], out[k, losses.WEIGHTS :]
             factor = self.axis(device)
-            out[k, :losses.OWN] = values.constant * factor, values.share * factor, values.square * factor
+            out[k, : losses.OWN] = values.constant * factor, values.share * factor, values.square * factor
             on = self.elsewhere(device) or device.name
             out[k, [losses.OWN, losses.ON, losses.FACTOR, losses.WAY]] = (
-                place(device.name), place(on), 1.0, self.column(device.wires["body"]))
+                place(device.name),
+                place(on),
+                1.0,
+                self.column(device.wires["body"]),
+            )
             if "torque" not in device.wires:
-                out[k, :losses.OWN] = 0.0
+                out[k, : losses.OWN] = 0.0
                 continue
             if device.wires["torque"] == CLUTCHES:
                 for clutch in (*self.structure.clutches, *self.structure.freewheels):
@@ -145,12 +150,29 @@ class _Planner:
         if self.config.prescribed is not None and self.config.prescribed.bounded:
             instances.append(self._bounds())
         shown = {one.name: one.shows for one in structure.transducers}
-        currents = {valve.name: next(one.name for one in structure.transducers if one.shows == f"{valve.name}.current")
-                    for valve in structure.valves}
+        currents = {
+            valve.name: next(one.name for one in structure.transducers if one.shows == f"{valve.name}.current")
+            for valve in structure.valves
+        }
         channels = shown | {f"U_{valve.key}": f"{valve.name}.on" for valve in structure.valves}
         encoders = tuple(one.name for one in structure.transducers if one.type == "speed")
-        return Planned(Plan(self.system, self.bodies, self.lines, tuple(instances), tuple(self.meters.values()), self._loss_rows(),
-                            channels, encoders, law.OUTPUTS, currents, untouched=len(structure.valves), inputs=inputs_of(structure)), self.true)
+        return Planned(
+            Plan(
+                self.system,
+                self.bodies,
+                self.lines,
+                tuple(instances),
+                tuple(self.meters.values()),
+                self._loss_rows(),
+                channels,
+                encoders,
+                law.OUTPUTS,
+                currents,
+                untouched=len(structure.valves),
+                inputs=inputs_of(structure),
+            ),
+            self.true,
+        )
 
     def _instance(self, device: Device) -> Instance:
         name, part, values = device.name, self._part(device), self.values[device.name]
@@ -161,8 +183,11 @@ class _Planner:
             start = {"oil_temperature": values.temperature}
         elif part == "dc_motor":
             turns = self.turns(device.wires["body"])
-            derived = {"stiff": float(self.stiff), "inertia": self.reduced(device.wires["body"]),
-                       "mobility": float(turns @ self.system.minv @ turns)}
+            derived = {
+                "stiff": float(self.stiff),
+                "inertia": self.reduced(device.wires["body"]),
+                "mobility": float(turns @ self.system.minv @ turns),
+            }
         elif device.role == parts.LOSS:
             derived = {"elsewhere": float(bool(self.elsewhere(device))), "steady": values.drag * self.axis(device)}
         elif device.role == parts.VALVE:
@@ -187,11 +212,18 @@ class _Planner:
         oil = structure.oil_of(device, "supply" if device.role == parts.VALVE else "oil") if structure.of_role(parts.OIL) else ""
         driven = valve or (device if device.role == parts.VALVE else None)
         known = {
-            "element": lambda: device.name, "body": lambda: wires["body"], "oil": lambda: oil, "press": lambda: wires["press"],
-            "line": lambda: structure.line_of(wires.get("feeds", device.name)), "supply": lambda: structure.line_of(oil),
-            "valve": lambda: valve.name, "output": lambda: self.config.wiring[structure.valves.index(driven)],
-            "beside": lambda: wires.get("beside", parts.NOWHERE), "row": lambda: self.losses.index(device),
-            "braked": lambda: structure.device(self.elsewhere(device)).wires["body"] if self.elsewhere(device) else wires["body"]}
+            "element": lambda: device.name,
+            "body": lambda: wires["body"],
+            "oil": lambda: oil,
+            "press": lambda: wires["press"],
+            "line": lambda: structure.line_of(wires.get("feeds", device.name)),
+            "supply": lambda: structure.line_of(oil),
+            "valve": lambda: valve.name,
+            "output": lambda: self.config.wiring[structure.valves.index(driven)],
+            "beside": lambda: wires.get("beside", parts.NOWHERE),
+            "row": lambda: self.losses.index(device),
+            "braked": lambda: structure.device(self.elsewhere(device)).wires["body"] if self.elsewhere(device) else wires["body"],
+        }
         return {wire: known[wire]() for wire in parts.part(part).wires}
 
     def _bounds(self) -> Instance:
@@ -199,7 +231,5 @@ class _Planner:
         structure, system = self.structure, self.system
         held, by = self.column(structure.output.body), self.column(structure.input.body)
         rows = [system.w[system.elements.index(clutch.name)] for clutch in structure.clutches]
-        low, high = sorted(-row[by] / row[held] for row in rows)[::len(rows) - 1]
+        low, high = sorted(-row[by] / row[held] for row in rows)[:: len(rows) - 1]
         return Instance(HELD, "speed_bounds", derived={"lowest": low, "highest": high}, wires={"held": held, "by": by})
-
-

@@ -34,22 +34,27 @@ class Prescribed:
 
     def as_dict(self) -> dict:
         """Plain values; a piece without end has none."""
-        rows = [[[[None if np.isinf(x) else float(x) for x in row] for row in way] for way in clutch]
-                for clutch in self.pieces]
-        return {"forces": [vars(force) for force in self.forces], "pieces": rows,
-                "output_speed": OUTPUT_SPEEDS[0 if self.bounded else 1]}
+        rows = [[[[None if np.isinf(x) else float(x) for x in row] for row in way] for way in clutch] for clutch in self.pieces]
+        return {
+            "forces": [vars(force) for force in self.forces],
+            "pieces": rows,
+            "output_speed": OUTPUT_SPEEDS[0 if self.bounded else 1],
+        }
 
 
 def read_prescribed(node, path, clutches: list[str]) -> Prescribed:
     """From the key ``prescribed`` of a rig: for each clutch the force, and for each way rows [end s, MPa, MPa/s,
-    MPa/s2, MPa/s3], the last one with the end "end", clutches: their names; and whether the output speed is bounded or free. RigError with
+    MPa/s2, MPa/s3], the last one with the end "end", clutches: their names; and whether the output speed is bounded or free.
+    RigError with
     file and line otherwise.
     """
     keys = (*clutches, "output_speed")
     check_keys(path, node, keys, keys, "prescribed")
     if node["output_speed"] not in OUTPUT_SPEEDS:
-        raise RigError(f"{where_of(path, node, 'output_speed')}: prescribed.output_speed must be one of "
-                       f"{', '.join(OUTPUT_SPEEDS)}, found {node['output_speed']!r}")
+        raise RigError(
+            f"{where_of(path, node, 'output_speed')}: prescribed.output_speed must be one of "
+            f"{', '.join(OUTPUT_SPEEDS)}, found {node['output_speed']!r}"
+        )
     forces, tables = [], []
     for name in clutches:
         part = node[name]
@@ -60,8 +65,7 @@ def read_prescribed(node, path, clutches: list[str]) -> Prescribed:
             tables.append(_rows(part[way], f"{where_of(path, part, way)}: prescribed.{name}.{way}"))
     longest = max(map(len, tables))
     full = [rows + [rows[-1]] * (longest - len(rows)) for rows in tables]
-    return Prescribed(tuple(forces), np.array(full).reshape(len(clutches), 2, longest, 5),
-                      node["output_speed"] == OUTPUT_SPEEDS[0])
+    return Prescribed(tuple(forces), np.array(full).reshape(len(clutches), 2, longest, 5), node["output_speed"] == OUTPUT_SPEEDS[0])
 
 
 def _rows(node, where: str) -> list[list[float]]:
@@ -71,10 +75,11 @@ def _rows(node, where: str) -> list[list[float]]:
         numbers = [x for x in row[1:] if isinstance(x, (int, float)) and not isinstance(x, bool)]
         end = np.inf if row and row[0] == "end" else row[0] if row and isinstance(row[0], (int, float)) else None
         if len(row) != 5 or len(numbers) != 4 or end is None or not end > last:
-            raise RigError(f"{where}: a row is [end in s or \"end\", MPa, MPa/s, MPa/s2, MPa/s3] with rising ends, found "
-                           f"{brief(row)}")
+            raise RigError(
+                f'{where}: a row is [end in s or "end", MPa, MPa/s, MPa/s2, MPa/s3] with rising ends, found {brief(row)}'
+            )
         rows.append([float(end), *(MPA * float(x) for x in numbers)])
         last = end
     if not rows or not np.isinf(rows[-1][0]):
-        raise RigError(f"{where} must be a list of rows, the last of them up to \"end\"")
+        raise RigError(f'{where} must be a list of rows, the last of them up to "end"')
     return rows

@@ -67,8 +67,11 @@ class Procedure:
             return list(self.all_series)
         out = set()
         for name in chosen:
-            found = [k for k, series in enumerate(self.all_series)
-                     if name == series.label or name == str(series.conditions.get("series"))]
+            found = [
+                k
+                for k, series in enumerate(self.all_series)
+                if name == series.label or name == str(series.conditions.get("series"))
+            ]
             if not found:
                 labels = (series.label for series in self.all_series)
                 raise RigError(f"procedure '{self.name}': {unknown('series', name, labels)}")
@@ -84,8 +87,9 @@ def load_procedure(name: str | Path) -> Procedure:
     check_keys(path, node, (*needed, "period", "settings"), needed, "the procedure")
     repeats = node["repeats"]
     if not isinstance(repeats, int) or isinstance(repeats, bool) or not 1 <= repeats <= MOST_REPEATS:
-        raise RigError(f"{where_of(path, node, 'repeats')}: repeats is {brief(repeats)}, expected a whole number from 1 to "
-                       f"{MOST_REPEATS}")
+        raise RigError(
+            f"{where_of(path, node, 'repeats')}: repeats is {brief(repeats)}, expected a whole number from 1 to {MOST_REPEATS}"
+        )
     period = ROW
     if "period" in node:
         period = quantity(node["period"], "time", f"{where_of(path, node, 'period')}: period")
@@ -105,12 +109,20 @@ def load_procedure(name: str | Path) -> Procedure:
             labels.add(label)
             if len(labels) > MOST_SERIES:
                 raise RigError(f"{where}: the procedure has more than {MOST_SERIES} series")
-            all_series.append(Series(
-                name, label, _conditions(block, row, path), sequence,
-                _texts(block, "parameters", row, path), {**settings, **_texts(block, "settings", row, path)},
-                repeats, period, 1 + len(all_series) * repeats))
-    return Procedure(name, str(node["description"]), str(node["source"]), sequence, repeats,
-                     tuple(all_series))
+            all_series.append(
+                Series(
+                    name,
+                    label,
+                    _conditions(block, row, path),
+                    sequence,
+                    _texts(block, "parameters", row, path),
+                    {**settings, **_texts(block, "settings", row, path)},
+                    repeats,
+                    period,
+                    1 + len(all_series) * repeats,
+                )
+            )
+    return Procedure(name, str(node["description"]), str(node["source"]), sequence, repeats, tuple(all_series))
 
 
 def _sequence(node, path) -> str:
@@ -183,13 +195,13 @@ def _conditions(block, row, path) -> dict[str, float | int | str]:
 
 # ---- running
 
+
 @lru_cache(maxsize=4)
 def _base(rig: str) -> RigConfig:
     return load_rig(rig)
 
 
-def prepare(series: Series, rig: str | None = None,
-            settings: dict[str, str] | None = None) -> tuple[RigConfig, Sequence]:
+def prepare(series: Series, rig: str | None = None, settings: dict[str, str] | None = None) -> tuple[RigConfig, Sequence]:
     """Rig and sequence of a series. rig: the one that the sequence is written for, if not given. settings: of the rig,
     beside the series' own; RigError where both name a value, and where the sequence is for another kind of rig.
     """

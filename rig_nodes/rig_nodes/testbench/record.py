@@ -21,9 +21,9 @@ from ..controllers.plug import Plug
 from ..errors import RigError
 from .configuration import RigConfig
 from .rig import Rig
+from .rig_base import RigStatus
 from .sequence import Sequence, SequenceFailed, SequenceRunner
 from .simulate import AFTER_TRIP, advance_with, rig_for, runner_on
-from .rig_base import RigStatus
 from .topics import COMMAND, SCALAR_SAMPLES, Heard, States
 
 CHUNK = 500  # controller samples between two looks into the ring of rows, which holds at least 1.9 s
@@ -56,8 +56,10 @@ class PlantStates:
         self._topics = sorted({self._heard.topic(name) for name in signals})
         unknown = [name for name in signals if self._heard.topic(name) not in self._states.topics]
         if unknown:
-            raise RigError(f"{', '.join(unknown)}: only signals of state topics are known without a transducer; "
-                           "docs/reference/signals.md lists them")
+            raise RigError(
+                f"{', '.join(unknown)}: only signals of state topics are known without a transducer; "
+                "docs/reference/signals.md lists them"
+            )
         self._values: list[list[float]] = []
 
     def note(self) -> None:
@@ -81,7 +83,8 @@ class Listener:
 
     def __init__(self, rig: Rig, signals: list[str], plant_states: PlantStates | None = None, controller: Plug | None = None):
         """signals: those that will be asked for; others of transducers may be asked too. controller: in place of the
-        embedded one."""
+        embedded one.
+        """
         self.rig, self.plant_states, self.controller, self.events, self.orders = rig, plant_states, controller, [], []
         self._states, self._heard = States(rig), Heard(rig.config.catalogue)
         topics = {self._heard.topic(name) for name in signals}
@@ -160,8 +163,7 @@ class Rows:
         self.rig, self.period = rig, period
         self.per_sample = round(SAMPLE / period)
         if abs(self.per_sample * period - SAMPLE) > 1e-12 or self.per_sample < 1:
-            raise RigError(f"rows every {period * 1e6:g} us do not fit into samples of 1000 us; take e.g. 100 us or "
-                           "8 us")
+            raise RigError(f"rows every {period * 1e6:g} us do not fit into samples of 1000 us; take e.g. 100 us or 8 us")
         count = rig.rows_in_ring(period, 0, 0).shape[1]  # refuses a period that is no whole number of steps
         keep_freed_memory()
         # one array a channel: a single large one would come in huge pages, which Linux may take 0.1 s to find
@@ -182,12 +184,19 @@ class Rows:
 
     def channels(self) -> dict[str, np.ndarray]:
         """Channel -> values."""
-        return {name: column[:self._taken] for name, column in zip(self.rig.channels, self._columns)}
+        return {name: column[: self._taken] for name, column in zip(self.rig.channels, self._columns)}
 
 
-def record(config: RigConfig, sequence: Sequence, seed: int = 1, rows_per_second: int | None = None,
-           period: float | None = None, plant_states: tuple[str, ...] = (), controller: Plug | None = None,
-           delay: int = 1) -> Run:
+def record(
+    config: RigConfig,
+    sequence: Sequence,
+    seed: int = 1,
+    rows_per_second: int | None = None,
+    period: float | None = None,
+    plant_states: tuple[str, ...] = (),
+    controller: Plug | None = None,
+    delay: int = 1,
+) -> Run:
     """Run the sequence on a rig with its embedded Alfa46, or a plug as :func:`simulate` takes it, and keep its rows.
 
     rows_per_second: 10000 if not given, as the logger HMG 4000; or ``period`` [s] between two rows, e.g. 8e-6 with a
@@ -204,8 +213,9 @@ def record(config: RigConfig, sequence: Sequence, seed: int = 1, rows_per_second
             controller.close()
 
 
-def _record(config, sequence: Sequence, seed: int, period: float, plant_states: tuple[str, ...], controller: Plug | None,
-            delay: int) -> Run:
+def _record(
+    config, sequence: Sequence, seed: int, period: float, plant_states: tuple[str, ...], controller: Plug | None, delay: int
+) -> Run:
     rig = rig_for(config, seed, controller, delay)
     known = PlantStates(rig, plant_states) if plant_states else None
     listener = Listener(rig, signals_of(sequence), known, controller)
@@ -229,8 +239,11 @@ def _record(config, sequence: Sequence, seed: int, period: float, plant_states: 
         end = {"state": "failed", "reason": str(failure)}
         rows.take(rig.sample - TICK_SAMPLES)  # as simulate, which publishes nothing more at this tick
     channels = rows.channels()
-    recording = (Recording(0.0, period, channels, listener.orders, config.transmission) if config.structure.gears
-                 else Logged(0.0, period, channels))
+    recording = (
+        Recording(0.0, period, channels, listener.orders, config.transmission)
+        if config.structure.gears
+        else Logged(0.0, period, channels)
+    )
     on_rows = known.on_rows(recording.rows, rows.per_sample) if known else {}
     return Run(recording, end, listener.events, on_rows)
 

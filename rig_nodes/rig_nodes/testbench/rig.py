@@ -36,7 +36,7 @@ from .configuration import RigConfig
 from .cuts import Cuts
 from .gauges import Gauges
 from .plan import plan_of
-from .rig_base import RigStatus, RigBase
+from .rig_base import RigBase, RigStatus
 
 NOTHING = (0.0,) * law.OUTPUTS  # a command that asks for no output
 
@@ -49,8 +49,10 @@ def _channel(setting: Setting) -> str:
 def check_level(config: RigConfig, level: str | None) -> None:
     """RigError for a level of an external controller that moves nothing on this rig."""
     if level == "duty" and not config.effects.current_loop:
-        raise RigError("effects.current_loop=off makes the coil current its setpoint, and a controller at level duty has "
-                       "none that acts; run one that knows it at level current (--level current), or leave the loop on")
+        raise RigError(
+            "effects.current_loop=off makes the coil current its setpoint, and a controller at level duty has "
+            "none that acts; run one that knows it at level current (--level current), or leave the loop on"
+        )
 
 
 class Rig(RigBase):
@@ -62,8 +64,15 @@ class Rig(RigBase):
     ``delay``: samples from the one that a command answers to the boundary at which it acts; embedded it is always 1.
     """
 
-    def __init__(self, config: RigConfig, seed: int = 1, controller: str = "embedded", level: str | None = "duty",
-                 devices: str = "embedded", delay: int = 1):
+    def __init__(
+        self,
+        config: RigConfig,
+        seed: int = 1,
+        controller: str = "embedded",
+        level: str | None = "duty",
+        devices: str = "embedded",
+        delay: int = 1,
+    ):
         if devices not in ("embedded", "external"):
             raise RigError(f"devices is '{devices}', expected 'embedded' or 'external'")
         if controller not in ("embedded", "external"):
@@ -104,11 +113,17 @@ class Rig(RigBase):
         self.clutch_names = tuple(one.name for one in structure.clutches)
         self.valve_names = tuple(one.name for one in structure.valves)
         self.motor = self.device(self.drive)
-        self.load, self.oil = ({one.role: self.device(one.name) for one in reversed(structure.devices) if one.role in
-                                (parts.LOAD, parts.OIL)}.get(role) for role in (parts.LOAD, parts.OIL))
+        self.load, self.oil = (
+            {one.role: self.device(one.name) for one in reversed(structure.devices) if one.role in (parts.LOAD, parts.OIL)}.get(
+                role
+            )
+            for role in (parts.LOAD, parts.OIL)
+        )
         self.losses = {one.name: self.device(one.name) for one in structure.of_role(parts.LOSS)}
-        self._currents = [(self.channels.index(plan.currents[name]), output)  # column and output of each valve's
-                          for name, output in zip(self.valve_names, config.wiring)]
+        self._currents = [
+            (self.channels.index(plan.currents[name]), output)  # column and output of each valve's
+            for name, output in zip(self.valve_names, config.wiring)
+        ]
         self.valves = [self.device(name) for name in self.valve_names]
         self.clutches = [self.device(name) for name in self.clutch_names]
         self._fed = {valve.name: f"{valve.wires['feeds']}.pressure" for valve in structure.valves}
@@ -134,8 +149,9 @@ class Rig(RigBase):
     def advance_samples(self, samples: int = 1) -> None:
         """Move plant, instruments and embedded controller by controller samples; releases the GIL inside."""
         if self._ordered is not None and samples > 0:
-            law.order_gear(self._ordered, self.sample, self._law_config[0], self._law_profiles, self._law_outputs,
-                           self._law_state[0])
+            law.order_gear(
+                self._ordered, self.sample, self._law_config[0], self._law_profiles, self._law_outputs, self._law_state[0]
+            )
             self._ordered = None
         for part in self.cuts.split(samples):
             if not self._advance_acting(part):
@@ -143,8 +159,7 @@ class Rig(RigBase):
         if self.safe:
             return
         if self.shifts and not self.embedded and self._last_command >= 0 and self.command_age > COMMAND_TIMEOUT:
-            self.trip(f"valve commands older than {COMMAND_TIMEOUT * 1e3:.0f} ms: the shift controller is "
-                      "silent")
+            self.trip(f"valve commands older than {COMMAND_TIMEOUT * 1e3:.0f} ms: the shift controller is silent")
         elif silence := self.cuts.silence():
             self.trip(silence)
 
@@ -226,12 +241,12 @@ class Rig(RigBase):
     def set_duty(self, sample: int, duty, setpoint, gear: int, shifting: bool) -> None:
         """External controller's answer to ``sample``: duty (3,) 0..1, setpoints (3,) [A]. RigError when refused."""
         values = self._answer("duty", sample, duty, setpoint)
-        if not all(0.0 <= d <= 1.0 for d in values[:law.OUTPUTS]):
+        if not all(0.0 <= d <= 1.0 for d in values[: law.OUTPUTS]):
             raise RigError(f"valve command for sample {sample} refused: duty must be 0 to 1, found {values[:3]}")
         self._accept("duty", sample)
-        self._duty[:], self._setpoint[:] = values[:law.OUTPUTS], values[law.OUTPUTS:]
+        self._duty[:], self._setpoint[:] = values[: law.OUTPUTS], values[law.OUTPUTS :]
         self._gear, self._shifting = int(gear), bool(shifting)
-        duty = values[:law.OUTPUTS] if self._may_act("duty", values) else NOTHING
+        duty = values[: law.OUTPUTS] if self._may_act("duty", values) else NOTHING
         self._to_come.append((sample + self.delay, self._act_duty, duty))
         self._act_due()
 
@@ -248,8 +263,7 @@ class Rig(RigBase):
         values = self._answer("current", sample, setpoint)
         limit = self.config.alfa46.values.current_limit
         if not all(0.0 <= i <= limit for i in values):
-            raise RigError(f"valve command for sample {sample} refused: setpoints must be 0 to {limit:g} A, found "
-                           f"{values}")
+            raise RigError(f"valve command for sample {sample} refused: setpoints must be 0 to {limit:g} A, found {values}")
         self._accept("current", sample)
         self._setpoint[:] = values
         self._gear, self._shifting, self._flags = int(gear), bool(shifting), int(flags)
@@ -269,17 +283,21 @@ class Rig(RigBase):
         if self.embedded:
             raise RigError(f"this rig runs its controller inside; {level} commands are for controller='external'")
         if self.level not in (None, level):
-            raise RigError(f"valve command for sample {sample} refused: this run takes commands at level "
-                           f"'{self.level}', found one at level '{level}'; the level stays until its end")
+            raise RigError(
+                f"valve command for sample {sample} refused: this run takes commands at level "
+                f"'{self.level}', found one at level '{level}'; the level stays until its end"
+            )
         check_level(self.config, level)
         values = [float(value) for vector in vectors for value in vector]
         if any(len(v) != law.OUTPUTS for v in vectors) or not all(map(math.isfinite, values)):
-            what = "duty and setpoint must be 3 finite numbers each" if level == "duty" else (
-                "the setpoint must be 3 finite numbers")
+            what = (
+                "duty and setpoint must be 3 finite numbers each" if level == "duty" else ("the setpoint must be 3 finite numbers")
+            )
             raise RigError(f"valve command for sample {sample} refused: {what}")
         if not self._last_command < sample <= self.sample:
-            raise RigError(f"valve command for sample {sample} refused: expected one after {self._last_command} and "
-                           f"not after {self.sample}")
+            raise RigError(
+                f"valve command for sample {sample} refused: expected one after {self._last_command} and not after {self.sample}"
+            )
         return values
 
     def _accept(self, level: str, sample: int) -> None:
@@ -297,13 +315,21 @@ class Rig(RigBase):
         tripped = self.safe
         if self._held_open or tripped:
             valves = [getattr(self.config, name) for name in self.valve_names]
-            asks = bool(self._gear) or self._shifting or any(
-                command[output] * (v.coil_voltage / v.coil_resistance if level == "duty" else 1.0) > v.cracking_current
-                for output, v in zip(self._wiring, valves))
+            asks = (
+                bool(self._gear)
+                or self._shifting
+                or any(
+                    command[output] * (v.coil_voltage / v.coil_resistance if level == "duty" else 1.0) > v.cracking_current
+                    for output, v in zip(self._wiring, valves)
+                )
+            )
             self._held_open = self._held_open and asks
             if asks:
-                self.idle_command = (f"the rig is in its safe state ({self.reason})" if tripped else
-                                     "since the reset no command has asked for neutral and for nothing")
+                self.idle_command = (
+                    f"the rig is in its safe state ({self.reason})"
+                    if tripped
+                    else "since the reset no command has asked for neutral and for nothing"
+                )
         return not self._held_open
 
     def order_gear(self, gear: int) -> None:
@@ -312,8 +338,12 @@ class Rig(RigBase):
             raise RigError(f"'{self.config.name}' has no gears to order")
         if not self.embedded:
             raise RigError("this rig's controller is outside; order the gear there")
-        why = refusal(gear, self.gear if self._ordered is None else self._ordered,
-                      self.shifting or self._ordered is not None, self.config.transmission)
+        why = refusal(
+            gear,
+            self.gear if self._ordered is None else self._ordered,
+            self.shifting or self._ordered is not None,
+            self.config.transmission,
+        )
         if why:
             raise RigError(f"shift refused: {why}")
         self._ordered = gear
@@ -471,8 +501,9 @@ class Rig(RigBase):
         """What valves take from an oil supply now [m3/s]."""
         if name not in self._drawing:
             structure = self.config.structure
-            self._drawing[name] = [self.device(valve.name) for valve in structure.valves
-                                   if structure.oil_of(valve, "supply") == name]
+            self._drawing[name] = [
+                self.device(valve.name) for valve in structure.valves if structure.oil_of(valve, "supply") == name
+            ]
         return max(0.0, sum([float(valve["flow"]) for valve in self._drawing[name]]))
 
     def load_torque(self) -> float:
@@ -536,8 +567,15 @@ class Rig(RigBase):
 
     def _state(self) -> tuple:
         """Everything that a step reads and changes, but the ring of rows."""
-        return (self.world.record, self._law_outputs, self._law_state, self._duty, self._setpoint, self.gauges.state,
-                self.gauges.counts)
+        return (
+            self.world.record,
+            self._law_outputs,
+            self._law_state,
+            self._duty,
+            self._setpoint,
+            self.gauges.state,
+            self.gauges.counts,
+        )
 
     def snapshot(self) -> tuple:
         """The state of now, for :meth:`restore`; of a rig without devices outside and with no order waiting."""

@@ -17,12 +17,12 @@ from ..alfa46 import law
 from ..catalogue import Catalogue
 from ..clocks import ROW, SAMPLE, SAMPLE_NS
 from ..engine import general_step, loop
-from ..engine.warm_compile import compiling_in_parallel
+from ..engine.outcome import NOT_SETTLED, WHOLE
 from ..engine.plan import Plan, World
+from ..engine.warm_compile import compiling_in_parallel
 from ..errors import RigError
 from ..instruments import transducers
 from ..parts.proportional_valve import BY_DUTY
-from ..engine.outcome import NOT_SETTLED, WHOLE
 from .gauges import Gauges
 
 LOG_ROWS = 20_000  # ring of logger rows, 2 s at 10 kHz
@@ -61,8 +61,10 @@ class RigBase(ABC):
         self.step_ns, self.step, self.sample = SAMPLE_NS, step, 0
         steps = SAMPLE / step
         if abs(steps - round(steps)) > 1e-9:
-            raise RigError(f"the plant's step of {step * 1e6:g} us does not divide the controller's "
-                           "sample of 1000 us; choose e.g. 100 us or 50 us")
+            raise RigError(
+                f"the plant's step of {step * 1e6:g} us does not divide the controller's "
+                "sample of 1000 us; choose e.g. 100 us or 50 us"
+            )
         self._steps_per_sample = round(steps)
         self._logger_stride = round(ROW / step)
         self._drained = 0  # logger rows handed out
@@ -72,9 +74,8 @@ class RigBase(ABC):
     def build(self, plan: Plan, gauges: Gauges) -> None:
         """Make the world and the first row; ``gauges`` show the plan's channels."""
         self.world, self.gauges, self.channels = World(plan), gauges, tuple(plan.channels)
-        if self.logger_names != list(self.channels[:len(self.logger_names)]):
-            raise RigError(f"the logger's columns {self.logger_names} are not those of the rig, "
-                           f"{self.channels}")
+        if self.logger_names != list(self.channels[: len(self.logger_names)]):
+            raise RigError(f"the logger's columns {self.logger_names} are not those of the rig, {self.channels}")
         self._safe = self.world.record["safe"]
         self._enabled = self.device(self.drive)
         self.v, self.mode = self.world.line["v"], self.world.line["mode"]
@@ -101,16 +102,32 @@ class RigBase(ABC):
         while self.sample < end:
             self.sample, how = self._advance(end - self.sample)
             if how != WHOLE and self.status != RigStatus.TRIPPED:
-                self.trip_for(how, world.names, world.kept[1, :world.finite].view(float))
+                self.trip_for(how, world.names, world.kept[1, : world.finite].view(float))
                 return False
         return True
 
     def _advance(self, samples: int) -> tuple[int, int]:
         world = self.world
         return loop.advance(
-            samples, self.sample, self._steps_per_sample, self.step, self._by, self._addresses, world.record,
-            world.numbers, self._shown, *self.gauges.arrays, self._law_config, self._law_profiles, self._law_outputs,
-            self._law_state, self._log, world.moved, world.finite, world.kept)
+            samples,
+            self.sample,
+            self._steps_per_sample,
+            self.step,
+            self._by,
+            self._addresses,
+            world.record,
+            world.numbers,
+            self._shown,
+            *self.gauges.arrays,
+            self._law_config,
+            self._law_profiles,
+            self._law_outputs,
+            self._law_state,
+            self._log,
+            world.moved,
+            world.finite,
+            world.kept,
+        )
 
     def device(self, name: str) -> np.void:
         """The states of a device by name, SI, to be read and set."""
@@ -145,12 +162,16 @@ class RigBase(ABC):
         when = f"between {self.time - SAMPLE:.3f} s and {self.time:.3f} s"
         if how == NOT_SETTLED:
             also = ", or what follows a table of the motion," if self.world.plan.driven else ""
-            self.trip(f"{when} the friction of clutches and brakes{also} did not settle within a step; a value of the rig is "
-                      "far from any real one, or its step too long")
+            self.trip(
+                f"{when} the friction of clutches and brakes{also} did not settle within a step; a value of the rig is "
+                "far from any real one, or its step too long"
+            )
             return
         first = int(np.flatnonzero(~np.isfinite(values))[0])
-        self.trip(f"{names[first]} became {values[first]} {when}, which is no finite number; the plant stays where it was "
-                  "before, and a value of the rig is far from any real one")
+        self.trip(
+            f"{names[first]} became {values[first]} {when}, which is no finite number; the plant stays where it was "
+            "before, and a value of the rig is far from any real one"
+        )
 
     def e_stop(self) -> None:
         """The red button: safe state that only ``reset`` ends."""
@@ -207,7 +228,7 @@ class RigBase(ABC):
     def take_rows(self, rows: int) -> tuple[int, np.ndarray]:
         """(index of the first, the next ``rows`` 10 kHz logger rows); RigError when they are not there any more."""
         first = self._drained
-        values = self.rows_at(ROW, first, rows)[:, :len(self.logger_names)]
+        values = self.rows_at(ROW, first, rows)[:, : len(self.logger_names)]
         self._drained += rows
         return first, values
 
@@ -222,12 +243,11 @@ class RigBase(ABC):
         steps = period / self.step
         stride = round(steps)
         if abs(steps - stride) > 1e-9 or stride < 1:
-            raise RigError(f"the plant's step of {self.step * 1e6:g} us does not divide the "
-                           f"{period * 1e6:g} us between two rows")
+            raise RigError(f"the plant's step of {self.step * 1e6:g} us does not divide the {period * 1e6:g} us between two rows")
         begin, last, now = first * stride, (first + rows - 1) * stride, self.sample * self._steps_per_sample
         if rows and (last > now or now - begin >= len(self._log)):
             raise RigError(f"rows {first} to {first + rows - 1} are not in the ring at {self.time:g} s")
         place = begin % len(self._log)
         if place + last - begin < len(self._log):
-            return self._log[place:place + rows * stride:stride]
+            return self._log[place : place + rows * stride : stride]
         return self._log[(begin + stride * np.arange(rows)) % len(self._log)]

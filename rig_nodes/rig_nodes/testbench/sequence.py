@@ -99,18 +99,28 @@ class Sequence:
         """RigError when the sequence asks for what the rig of this configuration has not, or loads it too much."""
         gears = config.transmission.names if config.structure.gears else {}
         for step in self.steps:
-            of_rig = ("device", step.kind, config.settings.steps) if step.kind not in _OTHER_STEPS else (
-                "signal", step.condition.signal, config.catalogue.signals) if step.condition is not None else (
-                "gear", int(step.value), gears) if step.kind == "shift" else None
+            of_rig = (
+                ("device", step.kind, config.settings.steps)
+                if step.kind not in _OTHER_STEPS
+                else ("signal", step.condition.signal, config.catalogue.signals)
+                if step.condition is not None
+                else ("gear", int(step.value), gears)
+                if step.kind == "shift"
+                else None
+            )
             if of_rig is not None and of_rig[1] not in of_rig[2]:
                 what, name, known = of_rig
-                raise RigError(f"sequence '{self.name}' is for a rig like {self.rig}, not for '{config.name}': {step.where}: "
-                               f"{unknown(what, name, map(str, known))}; leave out --rig, or name one like {self.rig}")
+                raise RigError(
+                    f"sequence '{self.name}' is for a rig like {self.rig}, not for '{config.name}': {step.where}: "
+                    f"{unknown(what, name, map(str, known))}; leave out --rig, or name one like {self.rig}"
+                )
             if step.by_torque:
                 device = config.settings.steps[step.kind].setpoint.device
                 if step.value > (most := most_torque(getattr(config, device))):
-                    raise RigError(f"{step.where}: {step.text}: the load pump holds at most {most:.4g} Nm, by its "
-                                   f"{device}.displacement and .pressure_limit")
+                    raise RigError(
+                        f"{step.where}: {step.text}: the load pump holds at most {most:.4g} Nm, by its "
+                        f"{device}.displacement and .pressure_limit"
+                    )
 
 
 BY_HAND = Sequence("none", "ordered over ROS", 0.0)  # in the record of a run without a sequence of its own
@@ -124,8 +134,7 @@ def load_sequence(name: str | Path, values: dict[str, str] | None = None, rig: s
     """
     path = find_of_rigs("sequences", name, rig)
     node = load_yaml(path)
-    check_keys(path, node, ("description", "rig", "parameters", "ready", "steps"), ("description", "steps"),
-               "the sequence")
+    check_keys(path, node, ("description", "rig", "parameters", "ready", "steps"), ("description", "steps"), "the sequence")
     own = rig is None and "rig" in node
     rig = beside(path, node["rig"]) if own else rig or rig_with(path)
     try:
@@ -145,12 +154,16 @@ def load_sequence(name: str | Path, values: dict[str, str] | None = None, rig: s
         written_for = beside(path, node["rig"]) if "rig" in node else rig_with(path)
         if own or str(written_for) in (str(rig), config.name):
             raise
-        raise RigError(f"sequence '{Path(path).stem}' is for a rig like {written_for}, not for '{config.name}': {error}; leave out "
-                       f"--rig, or name one like {written_for}") from None
+        raise RigError(
+            f"sequence '{Path(path).stem}' is for a rig like {written_for}, not for '{config.name}': {error}; leave out "
+            f"--rig, or name one like {written_for}"
+        ) from None
     least = sum((step.value if step.condition is None else step.hold) for step in steps if step.kind == "wait")
     if least > LONGEST_TIME:
-        raise RigError(f"{where_of(path, node, 'steps')}: the waits of the sequence take {least:.6g} s in all, expected at "
-                       f"most {LONGEST_TIME:.6g} s, which is a day")
+        raise RigError(
+            f"{where_of(path, node, 'steps')}: the waits of the sequence take {least:.6g} s in all, expected at "
+            f"most {LONGEST_TIME:.6g} s, which is a day"
+        )
     return Sequence(Path(path).stem, str(node["description"]), timeout, steps, parameters, str(rig))
 
 
@@ -184,8 +197,10 @@ def _check_used(node, path, parameters) -> None:
     steps = str(node["steps"])
     for name in parameters:
         if f"${{{name}}}" not in steps:
-            raise RigError(f"{where_of(path, node['parameters'], name)}: parameter {name} is used by no step; write "
-                           f"${{{name}}} where its value belongs, or leave it out")
+            raise RigError(
+                f"{where_of(path, node['parameters'], name)}: parameter {name} is used by no step; write "
+                f"${{{name}}} where its value belongs, or leave it out"
+            )
 
 
 def _like(default: str | int, text: str, where: str) -> str | int:
@@ -202,6 +217,7 @@ def _like(default: str | int, text: str, where: str) -> str | int:
 
 def filled(text: str, values: dict, where: str, what: str) -> str:
     """A text with the values of the names in place of their ${names}; RigError when one is not known or is no name."""
+
     def value(match) -> str:
         inner, closed, bare = match.groups()
         if bare is not None:
@@ -209,13 +225,14 @@ def filled(text: str, values: dict, where: str, what: str) -> str:
                 raise RigError(f"{where}: '${bare}' has no braces; write ${{{bare}}}")
             return match[0]
         if not closed:
-            raise RigError(f"{where}: the brace of {brief(match[0])} is not closed; write e.g. "
-                           f"${{{next(iter(values), 'name')}}}")
+            raise RigError(f"{where}: the brace of {brief(match[0])} is not closed; write e.g. ${{{next(iter(values), 'name')}}}")
         if inner in values:
             return str(values[inner])
         if not re.fullmatch(r"\w+", inner):
-            raise RigError(f"{where}: between the braces of {brief(match[0])} stands no name; nothing is computed there, "
-                           f"give the {what} the value that is wanted")
+            raise RigError(
+                f"{where}: between the braces of {brief(match[0])} stands no name; nothing is computed there, "
+                f"give the {what} the value that is wanted"
+            )
         raise RigError(f"{where}: {unknown(what, f'${{{inner}}}', [f'${{{name}}}' for name in values])}")
 
     return _NAMED.sub(value, text)
@@ -260,15 +277,17 @@ class _Filled:
         check_keys(path, node, ("each", "steps"), ("each", "steps"), "repeat")
         each = node["each"]
         if not isinstance(each, Map) or len(each) != 1 or not re.fullmatch(r"\w+", str(next(iter(each)))):
-            raise RigError(f"{where_of(path, node, 'each')}: repeat.each must be one name with its values, found "
-                           f"{brief(each)}")
+            raise RigError(f"{where_of(path, node, 'each')}: repeat.each must be one name with its values, found {brief(each)}")
         name, values = next(iter(each.items()))
         at = f"{where_of(path, each, name)}: repeat.each.{name}"
         values = self.of(values, parameters, where_of(path, each, name))
         if isinstance(values, str):
             values = [part.strip() for part in values.split(",")]
-        if not isinstance(values, list) or not values or any(
-                isinstance(value, (bool, list, dict)) or value in (None, "") for value in values):
+        if (
+            not isinstance(values, list)
+            or not values
+            or any(isinstance(value, (bool, list, dict)) or value in (None, "") for value in values)
+        ):
             raise RigError(f"{at} must be a list of values, found {brief(values)}")
         if not isinstance(node["steps"], list):
             raise RigError(f"{where_of(path, node, 'steps')}: repeat.steps must be a list with at least one step")
@@ -295,8 +314,10 @@ def _steps(nodes, path, what: str, config: RigConfig, where: str) -> list[Step]:
         check_keys(path, node, readers, (), "a step", where_of(path, nodes, k))
         if len(node) != 1:
             last = f"; is there a dash missing before '{list(node)[-1]}'?" if node else ""
-            raise RigError(f"{where_of(path, node)}: a step has one key, one of {', '.join(readers)}; "
-                           f"found {', '.join(map(str, node)) or 'none'}{last}")
+            raise RigError(
+                f"{where_of(path, node)}: a step has one key, one of {', '.join(readers)}; "
+                f"found {', '.join(map(str, node)) or 'none'}{last}"
+            )
         kind = next(iter(node))
         body, where = node[kind], where_of(path, node, kind)
         steps += readers[kind](body, path, where, config)
@@ -334,6 +355,7 @@ def _setting(setting: Setting):
         if not 0.0 <= value <= high:
             raise RigError(f"{where}: {kind}.{key} is {body[key]}; the rig takes {span(0.0, high, body[key])}")
         return [Step(kind, f"{kind} {key} {body[key]}", where, value, by_torque=by_torque)]
+
     return read
 
 
@@ -381,8 +403,7 @@ def _wait(body, path, where, config):
         return [Step("wait", f"wait {body['for']}", where, value)]
     hold = _time(body["hold"], f"{where}: wait.hold") if "hold" in body else 0.0
     condition, text = _condition(body["until"], path, f"{where}: wait.until", config)
-    return [Step("wait", f"wait until {text}", where, hold=hold, timeout=_timeout(body, where, "wait"),
-                 condition=condition)]
+    return [Step("wait", f"wait until {text}", where, hold=hold, timeout=_timeout(body, where, "wait"), condition=condition)]
 
 
 def _condition(node, path, where, config):
@@ -449,8 +470,9 @@ class SequenceRunner:
         if self.step < 0:
             if not self.bench.ready():
                 if t - self._since > self.sequence.ready_timeout:
-                    raise SequenceFailed(f"sequence '{self.sequence.name}': the rig was not ready within "
-                                         f"{self.sequence.ready_timeout:g} s")
+                    raise SequenceFailed(
+                        f"sequence '{self.sequence.name}': the rig was not ready within {self.sequence.ready_timeout:g} s"
+                    )
                 return False
             self._begin(0, t)
         while self.step < self.steps:
@@ -475,8 +497,13 @@ class SequenceRunner:
         if step.condition is None:
             return {"until": self._since + step.value}
         condition, met = step.condition, self._met_since is not None
-        return {"until": self._met_since + step.hold if met else self._since + step.timeout,
-                "signal": condition.signal, "low": condition.low, "high": condition.high, "met": not met}
+        return {
+            "until": self._met_since + step.hold if met else self._since + step.timeout,
+            "signal": condition.signal,
+            "low": condition.low,
+            "high": condition.high,
+            "met": not met,
+        }
 
     def _begin(self, index: int, t: float) -> None:
         self.step, self._since, self._met_since = index, t, None
@@ -504,7 +531,10 @@ class SequenceRunner:
             if not step.by_torque:
                 self.bench.set(step.kind, step.value, step.enable)
                 return
-            load, speed = getattr(self.config, self.config.settings.steps[step.kind].setpoint.device), self.config.structure.output.speed
+            load, speed = (
+                getattr(self.config, self.config.settings.steps[step.kind].setpoint.device),
+                self.config.structure.output.speed,
+            )
             try:
                 self.bench.set(step.kind, relief_setting_for(step.value, self.bench.reading(speed), load), step.enable)
             except RigError as error:

@@ -21,8 +21,8 @@ from ..uninterrupted import Uninterrupted
 from .configuration import RigConfig
 from .outputs import Outputs
 from .rig import Rig
-from .sequence import Sequence, SequenceFailed, SequenceRunner
 from .rig_base import RigStatus
+from .sequence import Sequence, SequenceFailed, SequenceRunner
 
 LONGEST_RUN = 24 * 3600.0  # s of simulated time
 AFTER_TRIP = 100  # samples recorded after a trip, so that the bag shows the safe state
@@ -31,8 +31,14 @@ AFTER_TRIP = 100  # samples recorded after a trip, so that the bag shows the saf
 def run_record(config: RigConfig, sequence: Sequence, seed: int) -> dict:
     """What a bag says about its own making: configuration, sequence, seed and version, no clock and no host."""
     chosen = {"parameters": dict(sequence.parameters)} if sequence.parameters else {}
-    return {"configuration": config.as_dict(), "sequence": sequence.name, "description": sequence.description, **chosen,
-            "seed": seed, "versions": {"rig_nodes": __version__}}
+    return {
+        "configuration": config.as_dict(),
+        "sequence": sequence.name,
+        "description": sequence.description,
+        **chosen,
+        "seed": seed,
+        "versions": {"rig_nodes": __version__},
+    }
 
 
 class LocalBench:
@@ -84,8 +90,7 @@ class LocalBench:
 def check_controller(config: RigConfig) -> None:
     """RigError for a rig on which no shift controller can act."""
     if not config.structure.shifts:
-        raise RigError(f"the rig '{config.name}' has no valves for a shift controller; leave out --controller, "
-                       "--level and --delay")
+        raise RigError(f"the rig '{config.name}' has no valves for a shift controller; leave out --controller, --level and --delay")
 
 
 def check_delay(delay: int, speed: float | None) -> None:
@@ -102,8 +107,7 @@ def rig_for(config: RigConfig, seed: int, controller: Plug | None = None, delay:
     return Rig(config, seed, controller="external", level=controller.level, delay=delay)
 
 
-def runner_on(rig: Rig, outputs, config: RigConfig, sequence: Sequence,
-              controller: Plug | None = None) -> SequenceRunner:
+def runner_on(rig: Rig, outputs, config: RigConfig, sequence: Sequence, controller: Plug | None = None) -> SequenceRunner:
     """The sequence on a rig in the same process; RigError when the rig has not what it asks for."""
     sequence.check_rig(config)
     return SequenceRunner(sequence, LocalBench(rig, outputs, controller), config)
@@ -143,9 +147,15 @@ def advance_with(rig: Rig, controller: Plug) -> bool:
     return answer is not None
 
 
-def simulate(config: RigConfig, sequence: Sequence, folder: Path, seed: int = 1,
-             progress: Callable[[float, str], None] | None = None, controller: Plug | None = None,
-             delay: int = 1) -> dict:
+def simulate(
+    config: RigConfig,
+    sequence: Sequence,
+    folder: Path,
+    seed: int = 1,
+    progress: Callable[[float, str], None] | None = None,
+    controller: Plug | None = None,
+    delay: int = 1,
+) -> dict:
     """Run the sequence into a bag in ``folder``; returns the ``run`` part of the report.
 
     ``controller``: a plug (controllers.load_controller) in place of the embedded Alfa46, whose answers act after
@@ -202,5 +212,14 @@ def simulate(config: RigConfig, sequence: Sequence, folder: Path, seed: int = 1,
     if config.structure.shifts:
         told = controller.record() if controller else {"name": "alfa46", "level": rig.level, "level_from": SAID}
         plugged = {"controller": {**told, "delay": rig.delay}}
-    return {**record, "mode": "simulate", **plugged, "duration_s": rig.time, "lost": 0,
-            "ticks": rig.sample // TICK_SAMPLES, "overruns": 0, "lateness_ms": None, "end": end}
+    return {
+        **record,
+        "mode": "simulate",
+        **plugged,
+        "duration_s": rig.time,
+        "lost": 0,
+        "ticks": rig.sample // TICK_SAMPLES,
+        "overruns": 0,
+        "lateness_ms": None,
+        "end": end,
+    }

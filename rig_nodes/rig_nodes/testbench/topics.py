@@ -69,8 +69,11 @@ class States:
         self._columns = {name: column for column, name in enumerate(rig.channels)}
         self._ends = [end for end in (rig.config.structure.input, rig.config.structure.output) if end]
         self._angles = [0.0] * len(self._ends)  # of input and output since time 0 [rad]
-        said = {topic.name: self._says(topic.node) for topic in rig.config.catalogue.topics.values()
-                if topic.name == f"/{topic.node}/state"}
+        said = {
+            topic.name: self._says(topic.node)
+            for topic in rig.config.catalogue.topics.values()
+            if topic.name == f"/{topic.node}/state"
+        }
         self.topics = said | {"/rig/state": self._rig_state}
         self._torques = None
         if TORQUES in rig.config.structure.signals:
@@ -118,41 +121,80 @@ class States:
 
         def absolute(clutch: str, name: str) -> tuple:
             column = self._columns[name]
-            form = Form("sensor_msgs/msg/FluidPressure", lambda value, variance: {
-                "header": {"stamp": 0, "frame_id": clutch}, "fluid_pressure": value, "variance": variance}, 2)
-            return form, lambda row: (float(row[column]) + ATMOSPHERE, self.rig.gauges.effective(name)**2)
+            form = Form(
+                "sensor_msgs/msg/FluidPressure",
+                lambda value, variance: {"header": {"stamp": 0, "frame_id": clutch}, "fluid_pressure": value, "variance": variance},
+                2,
+            )
+            return form, lambda row: (float(row[column]) + ATMOSPHERE, self.rig.gauges.effective(name) ** 2)
 
         names, count = [end.body for end in self._ends], len(self._ends)
-        joints = Form("sensor_msgs/msg/JointState", lambda *values: {
-            "header": {"stamp": 0, "frame_id": ""}, "name": names, "position": list(values[:count]),
-            "velocity": list(values[count:2 * count]), "effort": list(values[2 * count:])}, 3 * count)
+        joints = Form(
+            "sensor_msgs/msg/JointState",
+            lambda *values: {
+                "header": {"stamp": 0, "frame_id": ""},
+                "name": names,
+                "position": list(values[:count]),
+                "velocity": list(values[count : 2 * count]),
+                "effort": list(values[2 * count :]),
+            },
+            3 * count,
+        )
         columns = [self._columns[name] for name in (*(end.speed for end in self._ends), *(end.torque for end in self._ends))]
-        return [("/instruments/joint_states", joints, lambda row: [*self._angles, *row[columns].tolist()]),
-                *((f"/instruments/{one.name}_absolute", *absolute(one.at, one.name)) for one in absolute_pressures(structure))]
+        return [
+            ("/instruments/joint_states", joints, lambda row: [*self._angles, *row[columns].tolist()]),
+            *((f"/instruments/{one.name}_absolute", *absolute(one.at, one.name)) for one in absolute_pressures(structure)),
+        ]
 
     def command(self) -> tuple:
         """Fields of the newest valve command, whose topic comes with every sample."""
         rig = self.rig
-        return (rig.newest_command, rig.gear, rig.shifting, LEVELS.index(rig.level), rig.flags, rig.duty.tolist(),
-                rig.setpoint.tolist())
+        return (
+            rig.newest_command,
+            rig.gear,
+            rig.shifting,
+            LEVELS.index(rig.level),
+            rig.flags,
+            rig.duty.tolist(),
+            rig.setpoint.tolist(),
+        )
 
     def once(self) -> list[tuple]:
         """(topic, its fields) of what goes out once, when time begins: what the controller's numbers are."""
-        told = [("/rig/channels", (self._torques.names, ["N.m"] * len(self._torques.names), TICK_SAMPLES * SAMPLE))] if self._torques else []
+        told = (
+            [("/rig/channels", (self._torques.names, ["N.m"] * len(self._torques.names), TICK_SAMPLES * SAMPLE))]
+            if self._torques
+            else []
+        )
         if not self.rig.shifts:
             return told
         record = record_of(self.rig.config)
-        return [*told, ("/instruments/controller_record", (
-            record.id, [output.name for output in record.outputs], [output.valve for output in record.outputs],
-            list(record.names), [signal.unit for signal in record.transducers], list(record.gear_names),
-            list(record.gear_names.values())))]
+        return [
+            *told,
+            (
+                "/instruments/controller_record",
+                (
+                    record.id,
+                    [output.name for output in record.outputs],
+                    [output.valve for output in record.outputs],
+                    list(record.names),
+                    [signal.unit for signal in record.transducers],
+                    list(record.gear_names),
+                    list(record.gear_names.values()),
+                ),
+            ),
+        ]
 
     def _gearbox(self):
         """What gives the fields of the gearbox's state."""
         rig, (into, out) = self.rig, self._ends
         shows = {one.name: one.shows for one in rig.config.structure.transducers}
-        ends = [rig.world.number(what) for what in (f"{into.body}.speed", f"{out.body}.speed", shows[into.torque], shows[out.torque])]
-        lost_at = {name: int(rig.wire(name, "body") != into.body) for name in rig.losses}  # 0: at the input's side, 1: at all others
+        ends = [
+            rig.world.number(what) for what in (f"{into.body}.speed", f"{out.body}.speed", shows[into.torque], shows[out.torque])
+        ]
+        lost_at = {
+            name: int(rig.wire(name, "body") != into.body) for name in rig.losses
+        }  # 0: at the input's side, 1: at all others
 
         def fields():
             torques, lost = [0.0, 0.0], 0.0
@@ -169,5 +211,11 @@ class States:
 
     def _rig_state(self):
         rig = self.rig
-        return (int(rig.status), rig.reason, rig.stopped_by_person, rig.sample // TICK_SAMPLES, self.overruns,
-                rig.energies["residual"])
+        return (
+            int(rig.status),
+            rig.reason,
+            rig.stopped_by_person,
+            rig.sample // TICK_SAMPLES,
+            self.overruns,
+            rig.energies["residual"],
+        )

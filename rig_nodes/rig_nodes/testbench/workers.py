@@ -89,8 +89,7 @@ class Workers:
             end.close()
         self._ends, self._busy = [], {}
 
-    def map(self, function: Callable[[Any], Any], items: Iterable,
-            progress: Callable[[int, int], None] | None = None) -> list:
+    def map(self, function: Callable[[Any], Any], items: Iterable, progress: Callable[[int, int], None] | None = None) -> list:
         """function(item) of each item, in their order. Function, items and results must be picklable, results small.
 
         progress(done, of) is called in this process as results come. An error of any item ends the whole: as it was
@@ -112,11 +111,9 @@ class Workers:
             raise
         except (EOFError, ConnectionError):
             self._leave()
-            raise RigError("a process of the campaign was killed from outside; where memory is short, give it one "
-                           "job") from None
+            raise RigError("a process of the campaign was killed from outside; where memory is short, give it one job") from None
 
-    def stream(self, function: Callable[[Any], Any],
-               items: Iterable) -> Iterator[tuple[int, Any, Exception | None]]:
+    def stream(self, function: Callable[[Any], Any], items: Iterable) -> Iterator[tuple[int, Any, Exception | None]]:
         """(place, result, error) of each item as it comes, for long lists that nothing may stop.
 
         ``error`` is None, or what the item raised: a RigError, a RuntimeError with the traceback. The place of a

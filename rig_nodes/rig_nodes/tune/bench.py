@@ -130,8 +130,7 @@ class Bench:
             self._go(until - (rig.time - ordered))
             count = round((rig.time - ordered) / ROW)
             rows = np.vstack((before, rig.rows_at(ROW, round(ordered / ROW), count)))
-            channels = {name: np.ascontiguousarray(rows[:, rig.channels.index(name)])
-                        for name in self.transmission.channels}
+            channels = {name: np.ascontiguousarray(rows[:, rig.channels.index(name)]) for name in self.transmission.channels}
             shift = _measured(self.transmission, self.gears[point.way], channels, self._heat() - heat)
             if shift.valid or until == WINDOW:
                 break
@@ -201,7 +200,7 @@ def _measured(box: Transmission, gears: tuple[int, int], channels: dict[str, np.
     slow = 10 * ROW
     speed = running_mean(channels[box.output.speed][::10], odd_width(JERK_MEAN, slow))
     edge = round(JERK_MEAN / slow)  # where the mean is taken over less
-    jerk = float(np.abs(np.diff(speed, 2)[start // 10:-edge]).max() / slow**2)
+    jerk = float(np.abs(np.diff(speed, 2)[start // 10 : -edge]).max() / slow**2)
     why = "; ".join(reason for reason in row["why"] if not any(part in reason for part in NO_MATTER))
     for clutch in box.shift(*gears).releasing:
         left = channels[clutch.pressure][-500:].mean()

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..errors import RigError
 from ..atomic_write import atomic_write
+from ..errors import RigError
 from .run import CHOICES
 
 BEGIN, END = "<!-- made by ./rig tune --write-docs; a change by hand is lost -->", "<!-- up to here -->"
@@ -31,7 +31,7 @@ def page() -> Path:
 def write(path: Path, summary: dict, seed: int) -> None:
     """The tables, in place of those of before."""
     text = path.read_text(encoding="utf-8")
-    before, after = text[:text.index(BEGIN)], text[text.index(END):]
+    before, after = text[: text.index(BEGIN)], text[text.index(END) :]
     atomic_write(path, f"{before}{BEGIN}\n\n{tables(summary, seed)}\n\n{after}")
 
 
@@ -44,10 +44,12 @@ def tables(summary: dict, seed: int) -> str:
 
 
 def _search(summary: dict, seed: int) -> str:
-    lines = [f"`./rig tune --write-docs --seed {seed}`; the search took {summary['search_cpu_seconds']:.0f} s of CPU "
-             "time.", "",
-             "| search | settings | shifts tried | on | front | of the front better in every shift elsewhere |",
-             "| --- | --- | --- | --- | --- | --- |"]
+    lines = [
+        f"`./rig tune --write-docs --seed {seed}`; the search took {summary['search_cpu_seconds']:.0f} s of CPU time.",
+        "",
+        "| search | settings | shifts tried | on | front | of the front better in every shift elsewhere |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
     for name, one in summary["searches"].items():
         judged = summary["front"].get(name)
         elsewhere = "" if judged is None else f"{judged['dominating']} of {judged['settings']} judged"
@@ -57,8 +59,12 @@ def _search(summary: dict, seed: int) -> str:
 
 
 def _settings(summary: dict) -> str:
-    lines = ["What the box is set to (ms and mA, P1 to P3 of the engaging valve, P4 to P6 of the releasing one):", "",
-             "| controller | shift | P1 | P2 | P3 at | P4 | P5 | P6 at | delay |", "| --- " * 9 + "|"]
+    lines = [
+        "What the box is set to (ms and mA, P1 to P3 of the engaging valve, P4 to P6 of the releasing one):",
+        "",
+        "| controller | shift | P1 | P2 | P3 at | P4 | P5 | P6 at | delay |",
+        "| --- " * 9 + "|",
+    ]
     for name in CHOICES:
         for way, of in summary["chosen"].items():
             if name in of:
@@ -67,15 +73,18 @@ def _settings(summary: dict) -> str:
                 lines.append(
                     f"| `{name}` | {way} | {row['P1.time']}, {row['P1.current']} | {t2}, {row['P2.current']} | "
                     f"{t2 + row['P3.gap']} | {row['P4.time']}, {row['P4.current']} | {t5}, {row['P5.current']} | "
-                    f"{t5 + row['P6.gap']} | {row['delay']} |")
+                    f"{t5 + row['P6.gap']} | {row['delay']} |"
+                )
     return "\n".join(lines)
 
 
 def _verdicts(summary: dict) -> str:
-    lines = ["Fresh rigs and operating points, several draws; mean (worst) of the shares of what the compared settings "
-             "give:", "",
-             "| controller | shift | draw | peak | its rise | t_c | t_dt | highest peak, compared | better in | "
-             "better on | dominates |", "| --- " * 11 + "|"]
+    lines = [
+        "Fresh rigs and operating points, several draws; mean (worst) of the shares of what the compared settings give:",
+        "",
+        "| controller | shift | draw | peak | its rise | t_c | t_dt | highest peak, compared | better in | better on | dominates |",
+        "| --- " * 11 + "|",
+    ]
     for name in CHOICES:
         for way in summary["chosen"]:
             for number, verdict in enumerate(summary["verdicts"], 1):
@@ -84,10 +93,14 @@ def _verdicts(summary: dict) -> str:
                 lines.append(
                     f"| `{name}` | {way} | {number} | {shares} | {one['highest_peak_nm']:.0f} Nm, "
                     f"{one['compared_highest_peak_nm']:.0f} Nm | {one['better']} of {one['pairs']} shifts | "
-                    f"{one['better_rigs']} of {one['rigs']} rigs | {'yes' if one['dominates'] else 'no'} |")
+                    f"{one['better_rigs']} of {one['rigs']} rigs | {'yes' if one['dominates'] else 'no'} |"
+                )
     out = sum(verdict[CHOICES[0]][way]["left_out"] for verdict in summary["verdicts"] for way in summary["chosen"])
-    lines += ["", f"Left out: {out} shift{'s' if out != 1 else ''}, which the compared settings do not make on the sampled rig or which it "
-                  "does not hold."]
+    lines += [
+        "",
+        f"Left out: {out} shift{'s' if out != 1 else ''}, which the compared settings do not make on the sampled rig or which it "
+        "does not hold.",
+    ]
     return "\n".join(lines)
 
 
@@ -96,14 +109,18 @@ def _share(shares: dict, name: str) -> str:
 
 
 def _largest_load(found: dict) -> str:
-    lines = [f"The largest load of {found['way']}, on the rig itself ({found['tried']} settings sought for the least peak "
-             "alone); the last three columns are the loads up to which the engine's torque is kept:", "",
-             "| speed | load | torque before the shift | least peak found | compared | engine | gear alone | least "
-             "peak | compared |", "| --- " * 9 + "|"]
+    lines = [
+        f"The largest load of {found['way']}, on the rig itself ({found['tried']} settings sought for the least peak "
+        "alone); the last three columns are the loads up to which the engine's torque is kept:",
+        "",
+        "| speed | load | torque before the shift | least peak found | compared | engine | gear alone | least peak | compared |",
+        "| --- " * 9 + "|",
+    ]
     for one in found["speeds"]:
         within = one["load_within_engine_nm"]
         lines.append(
             f"| {one['n_wej_rpm']:.0f} rpm | {one['load_nm']:.0f} Nm | {one['m_wej_before_nm']:.0f} Nm | "
             f"{one['least_peak_nm']:.0f} Nm | {one['compared_peak_nm']:.0f} Nm | {one['engine_nm']:.0f} Nm | "
-            f"{within['before_the_shift']:.0f} Nm | {within['least_peak']:.0f} Nm | {within['compared']:.0f} Nm |")
+            f"{within['before_the_shift']:.0f} Nm | {within['least_peak']:.0f} Nm | {within['compared']:.0f} Nm |"
+        )
     return "\n".join(lines)

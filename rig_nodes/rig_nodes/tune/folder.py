@@ -13,11 +13,11 @@ from dataclasses import fields
 from pathlib import Path
 
 from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, Alfa46Values
+from ..atomic_write import atomic_write
 from ..config.units import UNITS
 from ..errors import RigError
 from ..sweep.store import Journal, differs, parquet
 from ..validation.figures import Figure, Series
-from ..atomic_write import atomic_write
 from .problem import OBJECTIVES
 from .space import BOUNDS, check
 
@@ -25,8 +25,17 @@ MANIFEST, JOURNAL, FRONT = "tune.json", "generations.jsonl", "front"
 COUNTS = ("rigs", "better_rigs", "pairs", "better", "failed", "missed", "left_out")  # of a judgement, as judge.Verdict
 # the units in which the laboratory gave the settings
 SETTING_UNITS = {
-    "sample_time": "ms", "pwm_frequency": "kHz", "supply_voltage": "V", "gain_p": "V/A", "gain_i": "V/(A s)",
-    "gain_d": "V s/A", "derivative_time": "ms", "current_limit": "mA", "t12": "ms", "t21": "ms", "t23": "ms",
+    "sample_time": "ms",
+    "pwm_frequency": "kHz",
+    "supply_voltage": "V",
+    "gain_p": "V/A",
+    "gain_i": "V/(A s)",
+    "gain_d": "V s/A",
+    "derivative_time": "ms",
+    "current_limit": "mA",
+    "t12": "ms",
+    "t21": "ms",
+    "t23": "ms",
     "t32": "ms",
 }
 
@@ -52,8 +61,7 @@ def open_journal(folder: Path, manifest: dict) -> Journal:
 def controller_yaml(settings: Alfa46Config, title: str) -> str:
     """The settings as a file for ``controller:`` of a rig, whole ms and mA; RigError when the box would refuse them."""
     check(settings)
-    lines = [f"# {title}",
-             "# Values are [value with unit, \"its source\"]; profiles are [time, current] for P1 to P6.", ""]
+    lines = [f"# {title}", '# Values are [value with unit, "its source"]; profiles are [time, current] for P1 to P6.', ""]
     for field in fields(Alfa46Values):
         unit = SETTING_UNITS[field.name]
         source = "rig tune" if field.name in ("t12", "t21", "t23", "t32") else "as in the settings it began from"
@@ -62,8 +70,9 @@ def controller_yaml(settings: Alfa46Config, title: str) -> str:
     lines += ["", "# P1-P3 count from switch-on, P4-P6 from switch-off", "profiles:"]
     for key, profile in zip(OUTPUT_KEYS, settings.profiles):
         lines.append(f"  {key}:")
-        lines += [f"    {name}: [{round(time * 1e3)} ms, {round(current * 1e3)} mA]"
-                  for name, (time, current) in zip(POINTS, profile)]
+        lines += [
+            f"    {name}: [{round(time * 1e3)} ms, {round(current * 1e3)} mA]" for name, (time, current) in zip(POINTS, profile)
+        ]
     return "\n".join([*lines, ""])
 
 
@@ -76,14 +85,25 @@ def write_front(folder: Path, rows: list[dict], manifest: dict) -> None:
     """front.parquet: one row for each settings of the fronts, with units in the schema."""
     pa, pq = parquet()
     objectives = manifest["objectives"]
-    columns = [pa.field("way", pa.string()), pa.field("dominates", pa.bool_(), metadata={
-        "about": "better than the compared settings in every shift of the judgement, which the search did not see"})]
+    columns = [
+        pa.field("way", pa.string()),
+        pa.field(
+            "dominates",
+            pa.bool_(),
+            metadata={"about": "better than the compared settings in every shift of the judgement, which the search did not see"},
+        ),
+    ]
     columns += [pa.field(name, pa.int64()) for name in COUNTS]
     for name in objectives:
         about = OBJECTIVES[name][0] + ("" if name == "dip" else ", as a share of the compared settings'")
-        columns += [pa.field(f"{name}{suffix}", pa.float64(), metadata={"about": f"{about}; {what}", "unit": "-"})
-                    for suffix, what in (("", "as it was sought"), ("_mean", "mean of the judgement's shifts"),
-                                         ("_worst", "worst of the judgement's shifts"))]
+        columns += [
+            pa.field(f"{name}{suffix}", pa.float64(), metadata={"about": f"{about}; {what}", "unit": "-"})
+            for suffix, what in (
+                ("", "as it was sought"),
+                ("_mean", "mean of the judgement's shifts"),
+                ("_worst", "worst of the judgement's shifts"),
+            )
+        ]
     for name in BOUNDS:
         columns.append(pa.field(name, pa.int64(), metadata={"unit": "mA" if name.endswith("current") else "ms"}))
     schema = pa.schema(columns, metadata={"rig_nodes.tune": json.dumps(manifest, ensure_ascii=False)})
@@ -97,8 +117,11 @@ def picture(way: str, rows: list[dict], objectives: list[str], chosen: dict[str,
     """The front of one way over its first two objectives; 1 is what the compared settings give."""
     x, y = objectives[:2]
     figure = Figure(f"{way}: settings that nothing found is better than", _axis(x), _axis(y))
-    for title, kept, suffix in (("as sought", rows, ""), ("elsewhere, mean", rows, "_mean"),
-                                *((f"{name}, elsewhere", [row], "_mean") for name, row in chosen.items())):
+    for title, kept, suffix in (
+        ("as sought", rows, ""),
+        ("elsewhere, mean", rows, "_mean"),
+        *((f"{name}, elsewhere", [row], "_mean") for name, row in chosen.items()),
+    ):
         points = [(row[f"{x}{suffix}"], row[f"{y}{suffix}"]) for row in kept if row[f"{x}{suffix}"] is not None]
         if points:
             figure.series.append(Series(title, *map(list, zip(*sorted(points))), line=False))

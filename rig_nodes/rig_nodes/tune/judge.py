@@ -55,11 +55,19 @@ class Verdict:
         return 0 < self.pairs == self.better and not self.missed
 
     def as_dict(self) -> dict:
-        return {"pairs": self.pairs, "better": self.better, "failed": self.failed, "bounds_missed": self.missed,
-                "left_out": self.left_out, "rigs": self.rigs, "better_rigs": self.better_rigs,
-                "dominates": self.dominates,
-                "highest_peak_nm": self.highest_peak, "compared_highest_peak_nm": self.compared_peak,
-                "shares": {name: {"worst": worst, "mean": mean} for name, (worst, mean) in self.shares.items()}}
+        return {
+            "pairs": self.pairs,
+            "better": self.better,
+            "failed": self.failed,
+            "bounds_missed": self.missed,
+            "left_out": self.left_out,
+            "rigs": self.rigs,
+            "better_rigs": self.better_rigs,
+            "dominates": self.dominates,
+            "highest_peak_nm": self.highest_peak,
+            "compared_highest_peak_nm": self.compared_peak,
+            "shares": {name: {"worst": worst, "mean": mean} for name, (worst, mean) in self.shares.items()},
+        }
 
 
 def verdicts(task: Task, candidates: list[Alfa46Config], workers: Workers) -> list[Verdict]:
@@ -90,18 +98,29 @@ def _verdict(task: Task, rigs: list[list[tuple[Shift, Shift]]]) -> Verdict:
         failed += len(pairs) - len(good)
         missed += sum(excess(task, *pair) > 0.0 for pair in good)
         better += sum(all(of_rig[name][k] < 1.0 for name in names) for k in range(len(good)))
-        better_rigs += bool(good) and all(sum(of_rig[name]) < len(good) for name in names) and (
-            max(shift.peak for shift, _ in good) <= max(compared.peak for _, compared in good))
+        better_rigs += (
+            bool(good)
+            and all(sum(of_rig[name]) < len(good) for name in names)
+            and (max(shift.peak for shift, _ in good) <= max(compared.peak for _, compared in good))
+        )
     every = [pair for pairs in rigs for pair in pairs]
-    return Verdict(len(every), better, failed, missed, len(rigs) * len(task.points) - len(every),
-                   sum(bool(pairs) for pairs in rigs), better_rigs,
-                   {name: (max(x), sum(x) / len(x)) for name, x in shares.items() if x},
-                   max((shift.peak for shift, _ in every if shift.valid), default=float("nan")),
-                   max((compared.peak for _, compared in every), default=float("nan")))
+    return Verdict(
+        len(every),
+        better,
+        failed,
+        missed,
+        len(rigs) * len(task.points) - len(every),
+        sum(bool(pairs) for pairs in rigs),
+        better_rigs,
+        {name: (max(x), sum(x) / len(x)) for name, x in shares.items() if x},
+        max((shift.peak for shift, _ in every if shift.valid), default=float("nan")),
+        max((compared.peak for _, compared in every), default=float("nan")),
+    )
 
 
-def as_measured(config: RigConfig, settings: Iterable[Alfa46Config], points: Iterable[Point], workers: Workers,
-                seed: int) -> list[list[dict | None]]:
+def as_measured(
+    config: RigConfig, settings: Iterable[Alfa46Config], points: Iterable[Point], workers: Workers, seed: int
+) -> list[list[dict | None]]:
     """For each of the settings and points the metrics of the sequence ``grid_point`` with its transducers, as the
     laboratory would have measured them; None where the sequence failed.
     """
@@ -117,11 +136,11 @@ def _measured(config: RigConfig, item) -> dict | None:
     settings, point, seed = item
     gears = config.transmission.ways()[point.way]
     up, down = (point.m_wyj, point.m_wyj) if gears[1] > gears[0] else (40.0, point.m_wyj)
-    sequence = load_sequence("grid_point", {"speed": f"{point.speed / RPM!r} rpm", "load_up": f"{up!r} Nm",
-                                            "load_down": f"{min(down, 240.0)!r} Nm"})
+    sequence = load_sequence(
+        "grid_point", {"speed": f"{point.speed / RPM!r} rpm", "load_up": f"{up!r} Nm", "load_down": f"{min(down, 240.0)!r} Nm"}
+    )
     run = record(replace(config, alfa46=settings), sequence, seed)
-    rows = [row for row in shifts(run.recording) if (row["from_gear"], row["to_gear"]) == gears
-            and row["n_wej_rpm"]]
+    rows = [row for row in shifts(run.recording) if (row["from_gear"], row["to_gear"]) == gears and row["n_wej_rpm"]]
     return rows[-1] if rows and rows[-1]["t_c_s"] is not None else None
 
 
@@ -145,14 +164,22 @@ class Heavy:
     compared_load: float
 
     def as_dict(self) -> dict:
-        return {"n_wej_rpm": self.speed / RPM, "load_nm": self.load, "m_wej_before_nm": self.before,
-                "least_peak_nm": self.least, "compared_peak_nm": self.compared, "engine_nm": ENGINE,
-                "load_within_engine_nm": {"before_the_shift": self.before_load, "least_peak": self.least_load,
-                                          "compared": self.compared_load}}
+        return {
+            "n_wej_rpm": self.speed / RPM,
+            "load_nm": self.load,
+            "m_wej_before_nm": self.before,
+            "least_peak_nm": self.least,
+            "compared_peak_nm": self.compared,
+            "engine_nm": ENGINE,
+            "load_within_engine_nm": {
+                "before_the_shift": self.before_load,
+                "least_peak": self.least_load,
+                "compared": self.compared_load,
+            },
+        }
 
 
-def heavy(config: RigConfig, best: Alfa46Config, compared: Alfa46Config, points: list[Point],
-          workers: Workers) -> list[Heavy]:
+def heavy(config: RigConfig, best: Alfa46Config, compared: Alfa46Config, points: list[Point], workers: Workers) -> list[Heavy]:
     """Each of the points, all of one way down, on the rig itself."""
     return workers.map(partial(_heavy, config, best, compared), points)
 
@@ -175,8 +202,16 @@ def _heavy(config: RigConfig, best: Alfa46Config, compared: Alfa46Config, point:
         def read(load: float) -> float:
             shift = bench.shift(Point(point.way, point.speed, load), settings)
             return shift.peak if shift.valid else float("inf")
+
         return read
 
-    return Heavy(point.speed, point.m_wyj, ours.before, ours.peak, theirs.peak,
-                 within(lambda load: bench.shift(Point(point.way, point.speed, load), compared).before),
-                 within(peak(best)), within(peak(compared)))
+    return Heavy(
+        point.speed,
+        point.m_wyj,
+        ours.before,
+        ours.peak,
+        theirs.peak,
+        within(lambda load: bench.shift(Point(point.way, point.speed, load), compared).before),
+        within(peak(best)),
+        within(peak(compared)),
+    )

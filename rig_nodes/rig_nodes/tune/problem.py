@@ -48,8 +48,7 @@ class Range:
     def grid(self, way: str) -> list[Point]:
         """Lowest, middle and highest of speeds and loads, each with each."""
         speeds, loads = (self.low_speed, self.high_speed), (self.low_load, self.high_load)
-        return [Point(way, n, m) for n in (speeds[0], 0.5 * sum(speeds), speeds[1])
-                for m in (loads[0], 0.5 * sum(loads), loads[1])]
+        return [Point(way, n, m) for n in (speeds[0], 0.5 * sum(speeds), speeds[1]) for m in (loads[0], 0.5 * sum(loads), loads[1])]
 
     def heaviest(self, way: str) -> list[Point]:
         """The largest load at three speeds."""
@@ -58,8 +57,12 @@ class Range:
     def inside(self, way: str, count: int, seed: int) -> list[Point]:
         """``count`` points by a Latin hypercube; the first one has the largest load."""
         places = qmc.LatinHypercube(2, seed=np.random.default_rng(seed)).random(count).tolist()
-        points = [Point(way, self.low_speed + a * (self.high_speed - self.low_speed),
-                        self.low_load + b * (self.high_load - self.low_load)) for a, b in places]
+        points = [
+            Point(
+                way, self.low_speed + a * (self.high_speed - self.low_speed), self.low_load + b * (self.high_load - self.low_load)
+            )
+            for a, b in places
+        ]
         return [Point(way, points[0].speed, self.high_load), *points[1:]]
 
 
@@ -104,8 +107,11 @@ class Ground:
 
     def pairs(self, rig: int, settings: Alfa46Config) -> list[tuple[Shift, Shift]]:
         """(shift, the compared one) of one rig in all points in which the compared settings shift at all."""
-        return [(self.benches[rig].shift(point, settings), compared)
-                for point, compared in zip(self.task.points, self.compared[rig]) if compared.valid]
+        return [
+            (self.benches[rig].shift(point, settings), compared)
+            for point, compared in zip(self.task.points, self.compared[rig])
+            if compared.valid
+        ]
 
 
 @lru_cache(maxsize=4)
@@ -115,7 +121,8 @@ def _ground(pickled: bytes) -> Ground:
 
 def held(config: RigConfig, points: list[Point]) -> tuple[list[Point], list[str]]:
     """(points, loads lowered until the rig holds them; a sentence for each that was); NotHeld where none helps,
-    Tripped where the rig trips."""
+    Tripped where the rig trips.
+    """
     bench, out, said = Bench(config), [], []
     for point in points:
         chosen = point
@@ -152,8 +159,7 @@ def excess(task: Task, shift: Shift, compared: Shift) -> float:
     """By how much a shift misses the bounds; 0: not at all."""
     limits = dict(task.bounds)
     dip = limits.pop("dip", max(DIP, compared.dip))
-    return max(0.0, shift.dip - dip) + sum(
-        max(0.0, getattr(shift, FIELDS[name]) / limit - 1.0) for name, limit in limits.items())
+    return max(0.0, shift.dip - dip) + sum(max(0.0, getattr(shift, FIELDS[name]) / limit - 1.0) for name, limit in limits.items())
 
 
 def sought(name: str, shift: Shift, compared: Shift) -> float:

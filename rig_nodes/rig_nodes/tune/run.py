@@ -19,6 +19,7 @@ import numpy as np
 
 from .. import __version__
 from ..alfa46.settings import Alfa46Config, read_alfa46
+from ..atomic_write import atomic_write
 from ..compiled import sources_key
 from ..errors import RigError
 from ..sweep.store import Journal
@@ -26,7 +27,6 @@ from ..testbench.campaign import Workers
 from ..testbench.configuration import RigConfig
 from ..testbench.rig_base import Tripped
 from ..validation.pictures import write_pictures
-from ..atomic_write import atomic_write
 from . import folder as files
 from . import judge, scout, search
 from .bench import Bench, Point, Shift
@@ -73,20 +73,35 @@ class Problem:
 
     def manifest(self) -> dict:
         """What decides a tuning but for its length; no clock, host or folder."""
-        return {"rig": self.rig, "configuration": self.config.as_dict(),
-                "ranges": {way: vars(one) for way, one in self.ranges.items()}, "objectives": list(self.objectives),
-                "bounds": self.bounds, "spreads": self.spreads, "oil_degc": list(self.oil), "rigs": self.rigs,
-                "judge_rigs": self.judge_rigs, "points": self.points, "fresh": self.fresh, "seed": self.seed,
-                "versions": {"rig_nodes": __version__, "plant": sources_key(), "python": platform.python_version(),
-                             **{name: version(name) for name in ("numpy", "scipy", "numba", "optuna")}}}
+        return {
+            "rig": self.rig,
+            "configuration": self.config.as_dict(),
+            "ranges": {way: vars(one) for way, one in self.ranges.items()},
+            "objectives": list(self.objectives),
+            "bounds": self.bounds,
+            "spreads": self.spreads,
+            "oil_degc": list(self.oil),
+            "rigs": self.rigs,
+            "judge_rigs": self.judge_rigs,
+            "points": self.points,
+            "fresh": self.fresh,
+            "seed": self.seed,
+            "versions": {
+                "rig_nodes": __version__,
+                "plant": sources_key(),
+                "python": platform.python_version(),
+                **{name: version(name) for name in ("numpy", "scipy", "numba", "optuna")},
+            },
+        }
 
     def drawn(self, *use: int) -> int:
         """The seed of what is drawn for a use."""
         return int(np.random.SeedSequence([self.seed, *use]).generate_state(1)[0])
 
     def task(self, points: list[Point], rigs: list[RigConfig]) -> Task:
-        return Task((self.config, *rigs), tuple(points), self.config.alfa46, self.objectives,
-                    tuple(sorted(self.bounds.items())), LIMIT)
+        return Task(
+            (self.config, *rigs), tuple(points), self.config.alfa46, self.objectives, tuple(sorted(self.bounds.items())), LIMIT
+        )
 
     def sampled(self, points: dict[str, list[Point]], count: int, workers: Workers, *use: int) -> list[RigConfig]:
         """Sampled rigs on which the compared settings shift in SHIFTING of the points at least, of all ways together:
@@ -102,8 +117,10 @@ class Problem:
             shifting = workers.map(partial(_shifting, every, self.config.alfa46), rigs)
             chosen += [rig for rig, share in zip(rigs, shifting) if share >= SHIFTING]
         if len(chosen) < count:
-            raise RigError(f"in {DRAWS} draws of sampled rigs only {len(chosen)} shift with the settings that are "
-                           "there; the spreads are too wide, give others with --spreads")
+            raise RigError(
+                f"in {DRAWS} draws of sampled rigs only {len(chosen)} shift with the settings that are "
+                "there; the spreads are too wide, give others with --spreads"
+            )
         return chosen
 
 
@@ -116,8 +133,9 @@ def _shifting(points: list[Point], compared: Alfa46Config, rig: RigConfig) -> fl
     return sum(shift.valid for shift in _compared(points, compared, rig)) / len(points)
 
 
-def tune(problem: Problem, folder: Path, workers: Workers, journal: Journal,
-         progress: Callable[[float, str], None] | None = None) -> dict:
+def tune(
+    problem: Problem, folder: Path, workers: Workers, journal: Journal, progress: Callable[[float, str], None] | None = None
+) -> dict:
     """Search, judge, write; the summary. progress(share of the search that is done, what it is at). An interrupt is
     passed on: what is noted in the journal is not done again.
     """
@@ -132,12 +150,17 @@ def tune(problem: Problem, folder: Path, workers: Workers, journal: Journal,
         points[way], lowered = held(problem.config, where.grid(way))
         said += lowered
         shifts = _compared(points[way], problem.config.alfa46, problem.config)
-        said += [f"{point.text()} with the settings that are there: {shift.why}"
-                 for point, shift in zip(points[way], shifts) if shift.tripped]
+        said += [
+            f"{point.text()} with the settings that are there: {shift.why}"
+            for point, shift in zip(points[way], shifts)
+            if shift.tripped
+        ]
         if not any(shift.valid for shift in shifts):
             refusal = Tripped if shifts[0].tripped else RigError
-            raise refusal(f"with the settings that are there the rig shifts {way} in none of {len(points[way])} operating "
-                          f"points ({shifts[0].why}), so there is nothing to compare with; choose another range or rig")
+            raise refusal(
+                f"with the settings that are there the rig shifts {way} in none of {len(points[way])} operating "
+                f"points ({shifts[0].why}), so there is nothing to compare with; choose another range or rig"
+            )
     rigs = problem.sampled(points, problem.rigs, workers, SEARCH)
     studies: dict[str, search.Study | scout.Scout] = {}
     ways, parts = searches(problem.config)
@@ -149,10 +172,11 @@ def tune(problem: Problem, folder: Path, workers: Workers, journal: Journal,
 
         def until(study=study, budget=budget) -> bool:
             if progress:
-                progress(min(sum(one.shifts for one in studies.values()) / problem.shifts, 1.0),
-                         f"{study.name}: {study.generation} generations")
-            return study.shifts >= budget or (
-                problem.generations is not None and study.generation >= problem.generations)
+                progress(
+                    min(sum(one.shifts for one in studies.values()) / problem.shifts, 1.0),
+                    f"{study.name}: {study.generation} generations",
+                )
+            return study.shifts >= budget or (problem.generations is not None and study.generation >= problem.generations)
 
         def note(entries: list[dict], seconds: float, study=study) -> None:
             cpu.append(seconds)
@@ -174,8 +198,9 @@ def searches(config: RigConfig) -> tuple[dict[str, str], dict[str, int]]:
     return ways | {LEAST: heavy}, parts | {LEAST: LEAST_PART}
 
 
-def _study(problem: Problem, name: str, way: str, points: list[Point], rigs: list[RigConfig], known: list[dict],
-           studies: dict) -> search.Study | scout.Scout:
+def _study(
+    problem: Problem, name: str, way: str, points: list[Point], rigs: list[RigConfig], known: list[dict], studies: dict
+) -> search.Study | scout.Scout:
     config = problem.config
     seed = problem.seed * 10 + list(searches(config)[0]).index(name)
     if name.startswith(SCOUT):
@@ -194,15 +219,18 @@ def _study(problem: Problem, name: str, way: str, points: list[Point], rigs: lis
 
 
 def _elsewhere(problem: Problem, workers: Workers, *use: int) -> dict[str, Task]:
-    """way -> a judgement in operating points and on rigs that are drawn for this use alone."""
-    points = {way: held(problem.config, where.inside(way, problem.points, problem.drawn(*use, number)))[0]
-              for number, (way, where) in enumerate(problem.ranges.items())}
+    """Way -> a judgement in operating points and on rigs that are drawn for this use alone."""
+    points = {
+        way: held(problem.config, where.inside(way, problem.points, problem.drawn(*use, number)))[0]
+        for number, (way, where) in enumerate(problem.ranges.items())
+    }
     rigs = problem.sampled(points, problem.judge_rigs, workers, *use, len(points))
     return {way: problem.task(those, rigs) for way, those in points.items()}
 
 
-def _finish(problem: Problem, folder: Path, studies: dict[str, search.Study], workers: Workers, said: list[str],
-            cpu: float) -> dict:
+def _finish(
+    problem: Problem, folder: Path, studies: dict[str, search.Study], workers: Workers, said: list[str], cpu: float
+) -> dict:
     config, base = problem.config, problem.config.alfa46
     rows: list[dict] = []
     chosen: dict[str, dict[str, dict]] = {}
@@ -215,22 +243,42 @@ def _finish(problem: Problem, folder: Path, studies: dict[str, search.Study], wo
         rows += mine
     manifest = problem.manifest()
     files.write_front(folder, rows, manifest)
-    write_pictures([(f"{files.FRONT}_{way}", files.picture(way, [row for row in rows if row["way"] == way],
-                                                           list(problem.objectives), chosen[way]))
-                    for way in chosen], folder)
+    write_pictures(
+        [
+            (
+                f"{files.FRONT}_{way}",
+                files.picture(way, [row for row in rows if row["way"] == way], list(problem.objectives), chosen[way]),
+            )
+            for way in chosen
+        ],
+        folder,
+    )
     controllers = _write_controllers(problem, folder, chosen)
     summary = {
-        "folder": str(folder), "search_cpu_seconds": round(cpu, 1), "said": said,
-        "searches": {name: {"generations": study.generation, "settings": len(study.entries),
-                            "shifts": study.shifts,
-                            "shifts_like": f"{len(study.task.rigs)} rigs x {len(study.task.points)} points",
-                            "front": len(study.front()) if isinstance(study, search.Study) else None}
-                     for name, study in studies.items()},
-        "front": {way: {"settings": sum(row["way"] == way for row in rows),
-                        "dominating": sum(row["way"] == way and row["dominates"] for row in rows)} for way in chosen},
-        "chosen": {way: {name: row for name, row in of.items()} for way, of in chosen.items()},
-        "verdicts": [_verdict(_elsewhere(problem, workers, FRESH, number), controllers, workers)
-                     for number in range(problem.fresh)],
+        "folder": str(folder),
+        "search_cpu_seconds": round(cpu, 1),
+        "said": said,
+        "searches": {
+            name: {
+                "generations": study.generation,
+                "settings": len(study.entries),
+                "shifts": study.shifts,
+                "shifts_like": f"{len(study.task.rigs)} rigs x {len(study.task.points)} points",
+                "front": len(study.front()) if isinstance(study, search.Study) else None,
+            }
+            for name, study in studies.items()
+        },
+        "front": {
+            way: {
+                "settings": sum(row["way"] == way for row in rows),
+                "dominating": sum(row["way"] == way and row["dominates"] for row in rows),
+            }
+            for way in chosen
+        },
+        "chosen": {way: dict(of.items()) for way, of in chosen.items()},
+        "verdicts": [
+            _verdict(_elsewhere(problem, workers, FRESH, number), controllers, workers) for number in range(problem.fresh)
+        ],
         "measured": _measured(problem, controllers, workers),
     }
     if LEAST in studies:
@@ -255,8 +303,7 @@ def _judged_front(problem: Problem, study: search.Study, task: Task, workers: Wo
     candidates = [settings(study.base, study.way, entry["values"], problem.config.transmission) for entry in front]
     rows = []
     for entry, verdict in zip(front, judge.verdicts(task, candidates, workers)):
-        row = {"way": study.way, "dominates": verdict.dominates,
-               **{name: getattr(verdict, name) for name in files.COUNTS}}
+        row = {"way": study.way, "dominates": verdict.dominates, **{name: getattr(verdict, name) for name in files.COUNTS}}
         for name, value in zip(problem.objectives, entry["objectives"]):
             row[name] = value
             row[f"{name}_worst"], row[f"{name}_mean"] = verdict.shares.get(name, (None, None))
@@ -283,9 +330,11 @@ def choose(rows: list[dict], objectives) -> dict[str, dict]:
         elsewhere = ["rise_worst" if name == "peak" else f"{name}_worst" for name in (first, second)]
         return max(*(value(row, key) for key in elsewhere), row[first], row[second])
 
-    return {"soft": min(kept, key=lambda row: (value(row, f"{first}_mean"), value(row, f"{second}_mean"))),
-            "balanced": min(kept, key=worst),
-            "fast": min(kept, key=lambda row: (value(row, f"{second}_mean"), value(row, f"{first}_mean")))}
+    return {
+        "soft": min(kept, key=lambda row: (value(row, f"{first}_mean"), value(row, f"{second}_mean"))),
+        "balanced": min(kept, key=worst),
+        "fast": min(kept, key=lambda row: (value(row, f"{second}_mean"), value(row, f"{first}_mean"))),
+    }
 
 
 def _write_controllers(problem: Problem, folder: Path, chosen: dict) -> dict[str, Alfa46Config]:
@@ -298,14 +347,16 @@ def _write_controllers(problem: Problem, folder: Path, chosen: dict) -> dict[str
                 controller = settings(controller, way, of[name], problem.config.transmission)
         path = folder / f"{name}.yaml"
         atomic_write(path, files.controller_yaml(controller, f"Alfa46, '{name}', found by rig tune"))
-        atomic_write(folder / f"rig_{name}.yaml", files.rig_yaml(
-            problem.rig, path.name, f"{problem.config.name} with the controller '{name}' of rig tune"))
+        atomic_write(
+            folder / f"rig_{name}.yaml",
+            files.rig_yaml(problem.rig, path.name, f"{problem.config.name} with the controller '{name}' of rig tune"),
+        )
         out[name] = read_alfa46(path)
     return out
 
 
 def _verdict(tasks: dict[str, Task], controllers: dict[str, Alfa46Config], workers: Workers) -> dict:
-    """name -> way -> verdict on the written controllers."""
+    """Name -> way -> verdict on the written controllers."""
     out: dict[str, dict] = {name: {} for name in controllers}
     for way, task in tasks.items():
         for name, verdict in zip(controllers, judge.verdicts(task, list(controllers.values()), workers)):
@@ -321,8 +372,10 @@ def _measured(problem: Problem, controllers: dict[str, Alfa46Config], workers: W
         points += held(problem.config, where.inside(way, 3, problem.drawn(SHOWN)))[0]
     found = judge.as_measured(problem.config, both.values(), points, workers, 1)
     keys = ("m_wej_max_nm", "t_dt_s", "t_c_s", "k")
-    return [{"point": point.text(), **{name: None if row is None else {key: row[key] for key in keys}
-                                       for name, row in zip(both, rows)}} for point, *rows in zip(points, *found)]
+    return [
+        {"point": point.text(), **{name: None if row is None else {key: row[key] for key in keys} for name, row in zip(both, rows)}}
+        for point, *rows in zip(points, *found)
+    ]
 
 
 def _largest_load(study: search.Study, config: RigConfig, base: Alfa46Config, workers: Workers) -> dict:
@@ -338,15 +391,17 @@ def text(summary: dict, objectives) -> str:
     """The summary for the terminal."""
     lines = [*summary["said"]]
     for name, one in summary["searches"].items():
-        lines.append(f"{name}: {one['settings']} settings in {one['generations']} generations on "
-                     f"{one['shifts_like']}, {one['shifts']} shifts"
-                     + ("" if one["front"] is None else f"; {one['front']} on the front"))
+        lines.append(
+            f"{name}: {one['settings']} settings in {one['generations']} generations on "
+            f"{one['shifts_like']}, {one['shifts']} shifts" + ("" if one["front"] is None else f"; {one['front']} on the front")
+        )
     for way, front in summary["front"].items():
-        lines.append(f"{way}: {front['dominating']} of {front['settings']} settings of the front are better than the "
-                     "compared ones on every other rig, in operating points that were not searched")
+        lines.append(
+            f"{way}: {front['dominating']} of {front['settings']} settings of the front are better than the "
+            "compared ones on every other rig, in operating points that were not searched"
+        )
         for name, row in summary["chosen"][way].items():
-            shares = ", ".join(f"{key} {row[f'{key}_mean']:.3f}" for key in objectives
-                               if row[f"{key}_mean"] is not None)
+            shares = ", ".join(f"{key} {row[f'{key}_mean']:.3f}" for key in objectives if row[f"{key}_mean"] is not None)
             lines.append(f"  {name:<9} mean there: {shares}; delay {row['delay']} ms")
     lines.append("fresh rigs and points, that nothing was sought or chosen by (shares of the compared settings):")
     for number, verdict in enumerate(summary["verdicts"], 1):
@@ -364,7 +419,8 @@ def text(summary: dict, objectives) -> str:
             f"{one['m_wej_before_nm']:.0f} Nm before the shift already; {one['engine_nm']:.0f} Nm "
             f"{'can' if kept else 'cannot'} be kept. Up to "
             f"{within['least_peak']:.0f} Nm of load it can (compared {within['compared']:.0f} Nm; the gear before the shift alone "
-            f"reaches it at {within['before_the_shift']:.0f} Nm)")
+            f"reaches it at {within['before_the_shift']:.0f} Nm)"
+        )
     folder = summary["folder"]
     lines.append(f"written to {folder}; try: ./rig simulate demo --rig {folder}/rig_balanced.yaml")
     return "\n".join(lines)
@@ -372,17 +428,17 @@ def text(summary: dict, objectives) -> str:
 
 def _says(verdict: dict) -> str:
     """One verdict on the terminal."""
-    shares = ", ".join(f"{key} mean {one['mean']:.3f} worst {one['worst']:.3f}"
-                       for key, one in verdict["shares"].items())
-    return (f"{'dominates' if verdict['dominates'] else 'does not dominate'}: better in {verdict['better']} of "
-            f"{verdict['pairs']} shifts ({verdict['failed']} failed) and on {verdict['better_rigs']} of "
-            f"{verdict['rigs']} rigs; {shares}; highest peak {verdict['highest_peak_nm']:.0f} Nm, compared "
-            f"{verdict['compared_highest_peak_nm']:.0f} Nm")
+    shares = ", ".join(f"{key} mean {one['mean']:.3f} worst {one['worst']:.3f}" for key, one in verdict["shares"].items())
+    return (
+        f"{'dominates' if verdict['dominates'] else 'does not dominate'}: better in {verdict['better']} of "
+        f"{verdict['pairs']} shifts ({verdict['failed']} failed) and on {verdict['better_rigs']} of "
+        f"{verdict['rigs']} rigs; {shares}; highest peak {verdict['highest_peak_nm']:.0f} Nm, compared "
+        f"{verdict['compared_highest_peak_nm']:.0f} Nm"
+    )
 
 
 def _cell(row: dict | None) -> str:
     """One shift in the table of what was measured."""
     if row is None:
         return "no shift"
-    return (f"{row['m_wej_max_nm']:.0f} Nm, t_d {row['t_dt_s'] * 1e3:.0f} ms, t_c {row['t_c_s'] * 1e3:.0f} ms, "
-            f"k {row['k']:.3f}")
+    return f"{row['m_wej_max_nm']:.0f} Nm, t_d {row['t_dt_s'] * 1e3:.0f} ms, t_c {row['t_c_s'] * 1e3:.0f} ms, k {row['k']:.3f}"

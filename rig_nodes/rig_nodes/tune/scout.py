@@ -57,21 +57,19 @@ class Cma:
     def tell(self, found: list[float]) -> None:
         """What was found there; less is better."""
         n = len(self.mean)
-        best = self._steps[np.argsort(found, kind="stable")[:len(self.weights)]]
+        best = self._steps[np.argsort(found, kind="stable")[: len(self.weights)]]
         step = self.weights @ best
         self.mean = self.mean + self.sigma * step
         white = self._vectors @ ((self._vectors.T @ step) / self._axes)
-        self.path_sigma = ((1.0 - self.c_sigma) * self.path_sigma
-                           + np.sqrt(self.c_sigma * (2.0 - self.c_sigma) * self.mu) * white)
+        self.path_sigma = (1.0 - self.c_sigma) * self.path_sigma + np.sqrt(self.c_sigma * (2.0 - self.c_sigma) * self.mu) * white
         length = np.linalg.norm(self.path_sigma)
         self.generation += 1
-        steady = length / np.sqrt(1.0 - (1.0 - self.c_sigma) ** (2 * self.generation)) < (
-            1.4 + 2.0 / (n + 1.0)) * self.length
-        self.path = ((1.0 - self.c_path) * self.path
-                     + steady * np.sqrt(self.c_path * (2.0 - self.c_path) * self.mu) * step)
+        steady = length / np.sqrt(1.0 - (1.0 - self.c_sigma) ** (2 * self.generation)) < (1.4 + 2.0 / (n + 1.0)) * self.length
+        self.path = (1.0 - self.c_path) * self.path + steady * np.sqrt(self.c_path * (2.0 - self.c_path) * self.mu) * step
         one = np.outer(self.path, self.path) + (1.0 - steady) * self.c_path * (2.0 - self.c_path) * self.covariance
-        self.covariance = ((1.0 - self.c_one - self.c_mu) * self.covariance + self.c_one * one
-                           + self.c_mu * (best.T * self.weights) @ best)
+        self.covariance = (
+            (1.0 - self.c_one - self.c_mu) * self.covariance + self.c_one * one + self.c_mu * (best.T * self.weights) @ best
+        )
         self.sigma *= float(np.exp(self.c_sigma / self.damping * (length / self.length - 1.0)))
 
 
@@ -123,8 +121,10 @@ def run(scout: Scout, workers: Workers, note: Callable[[list[dict], float], None
         if known:
             entries, known = known[:POPULATION], known[POPULATION:]
         else:
-            tries = [{name: int(value) for name, value in zip(BOUNDS, row)}
-                     for row in np.rint(low + np.clip(shares, 0.0, 1.0) * (high - low))]
+            tries = [
+                {name: int(value) for name, value in zip(BOUNDS, row)}
+                for row in np.rint(low + np.clip(shares, 0.0, 1.0) * (high - low))
+            ]
             judge = partial(evaluate, scout.task.pickled(), scout.way, scout.base, scout.cut(), scout.order())
             found = workers.map(judge, tries)
             cpu = sum(one.pop("cpu") for one in found)
@@ -135,8 +135,7 @@ def run(scout: Scout, workers: Workers, note: Callable[[list[dict], float], None
         cma.tell([entry["value"] + float(far) for entry, far in zip(entries, outside)])
 
 
-def evaluate(pickled: bytes, way: str, base: Alfa46Config, cut: float, order: list[int],
-             values: dict[str, int]) -> dict:
+def evaluate(pickled: bytes, way: str, base: Alfa46Config, cut: float, order: list[int], values: dict[str, int]) -> dict:
     """``value``: the POWER mean over all shifts, tried in this order, of the largest share in each, with what bounds are
     missed by; where that is beyond ``cut``, by the share of shifts that were left to try. REFUSED and INVALID as in
     tune.search; ``tried``: shifts, ``hardest``: number of the worst one, ``cpu``: seconds.

@@ -65,8 +65,11 @@ class Study:
         such whose worst shift is beyond the task's limit, which only leads the search.
         """
         limit = self.task.limit
-        good = [entry for entry in self.entries if entry["whole"] and entry["excess"] <= (
-            0.0 if limit is None else max(0.0, max(entry["objectives"]) - limit))]
+        good = [
+            entry
+            for entry in self.entries
+            if entry["whole"] and entry["excess"] <= (0.0 if limit is None else max(0.0, max(entry["objectives"]) - limit))
+        ]
         return front_of(good, lambda entry: entry["objectives"])
 
 
@@ -83,8 +86,11 @@ def _run(optuna, study: Study, workers: Workers, note, until) -> None:
     search = optuna.create_study(directions=["minimize"] * count)
     ranges = {name: optuna.distributions.IntDistribution(*bounds) for name, bounds in BOUNDS.items()}
     for entry in study.entries:
-        search.add_trial(optuna.trial.create_trial(
-            params=entry["values"], distributions=ranges, values=entry["objectives"], system_attrs=entry["attrs"]))
+        search.add_trial(
+            optuna.trial.create_trial(
+                params=entry["values"], distributions=ranges, values=entry["objectives"], system_attrs=entry["attrs"]
+            )
+        )
     while not until():
         generation = study.generation
         search.sampler = _sampler(optuna, study.seed * 100_003 + generation)
@@ -100,8 +106,15 @@ def _run(optuna, study: Study, workers: Workers, note, until) -> None:
             trial.set_constraint("bounds", found["excess"])
             search.tell(trial, found["objectives"])
             attrs = search.get_trials(deepcopy=False)[trial.number].system_attrs  # a copy of all took seconds
-            entries.append({"study": study.name, "number": trial.number, "values": trial.params, **found,
-                            "attrs": {k: v for k, v in attrs.items() if "fixed_params" not in k}})
+            entries.append(
+                {
+                    "study": study.name,
+                    "number": trial.number,
+                    "values": trial.params,
+                    **found,
+                    "attrs": {k: v for k, v in attrs.items() if "fixed_params" not in k},
+                }
+            )
         study.entries += entries
         note(entries, cpu)
 
@@ -109,8 +122,12 @@ def _run(optuna, study: Study, workers: Workers, note, until) -> None:
 def _sampler(optuna, seed: int):
     genetic = optuna.samplers.nsgaii
     return optuna.samplers.NSGAIISampler(
-        population_size=POPULATION, crossover=genetic.SBXCrossover(eta=5.0),
-        mutation=genetic.PolynomialMutation(eta=15.0), mutation_prob=0.15, seed=seed % 2**32)
+        population_size=POPULATION,
+        crossover=genetic.SBXCrossover(eta=5.0),
+        mutation=genetic.PolynomialMutation(eta=15.0),
+        mutation_prob=0.15,
+        seed=seed % 2**32,
+    )
 
 
 def first_settings(study: Study) -> list[dict[str, int]]:
@@ -119,13 +136,18 @@ def first_settings(study: Study) -> list[dict[str, int]]:
     out = [dict(values) for values in study.start[:POPULATION]]
     while len(out) < POPULATION:
         around = study.start[len(out) % len(study.start)]
-        out.append({name: min(max(around[name] + round(draw.gauss(0.0, SEEDS_NEARBY) * (high - low)), low), high)
-                    for name, (low, high) in BOUNDS.items()})
+        out.append(
+            {
+                name: min(max(around[name] + round(draw.gauss(0.0, SEEDS_NEARBY) * (high - low)), low), high)
+                for name, (low, high) in BOUNDS.items()
+            }
+        )
     return [{name: min(max(values[name], low), high) for name, (low, high) in BOUNDS.items()} for values in out]
 
 
-def evaluate(pickled: bytes, way: str, base: Alfa46Config, best: list[list[float]], cut: float,
-             order: list[int], values: dict[str, int]) -> dict:
+def evaluate(
+    pickled: bytes, way: str, base: Alfa46Config, best: list[list[float]], cut: float, order: list[int], values: dict[str, int]
+) -> dict:
     """Objectives of settings, in a worker process: each the worst of all shifts, which are tried in this order.
 
     ``whole``: all were tried, else ``tried`` of them. That ends where bounds are missed by more than ``cut``, or, when
@@ -140,8 +162,14 @@ def evaluate(pickled: bytes, way: str, base: Alfa46Config, best: list[list[float
     count = len(task.objectives)
 
     def found(objectives: list[float], missed: float, tried: int, hardest: int | None, whole: bool = False) -> dict:
-        return {"objectives": objectives, "excess": missed, "whole": whole, "tried": tried, "hardest": hardest,
-                "cpu": time.process_time() - begun}
+        return {
+            "objectives": objectives,
+            "excess": missed,
+            "whole": whole,
+            "tried": tried,
+            "hardest": hardest,
+            "cpu": time.process_time() - begun,
+        }
 
     too_much = REFUSED + refused(task.rigs[0], way, values)
     if too_much > REFUSED:
@@ -172,7 +200,6 @@ def load_optuna():
     try:
         import optuna
     except ImportError:
-        raise RigError("rig tune searches with optuna, which is not installed; install the extra 'rig_nodes[sweep]'"
-                       ) from None
+        raise RigError("rig tune searches with optuna, which is not installed; install the extra 'rig_nodes[sweep]'") from None
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     return optuna

@@ -20,8 +20,16 @@ from ..transmission import Clutch, Transmission
 # name -> (lowest, highest); gaps are times between a point and the one before it. P1 to P3 are the engaging valve's,
 # P4 to P6 the releasing one's; the current of P3 is given, that of P6 is 0: the coil is off after it
 BOUNDS = {
-    "P1.time": (20, 400), "P1.current": (0, 800), "P2.gap": (5, 400), "P2.current": (100, 700), "P3.gap": (20, 800),
-    "P4.time": (5, 400), "P4.current": (0, 500), "P5.gap": (5, 350), "P5.current": (0, 400), "P6.gap": (5, 150),
+    "P1.time": (20, 400),
+    "P1.current": (0, 800),
+    "P2.gap": (5, 400),
+    "P2.current": (100, 700),
+    "P3.gap": (20, 800),
+    "P4.time": (5, 400),
+    "P4.current": (0, 500),
+    "P5.gap": (5, 350),
+    "P5.current": (0, 400),
+    "P6.gap": (5, 150),
     "delay": (-500, 200),
 }
 # where the search begins, in round numbers, for a change of the laboratory's gearbox; a search of another one begins where its
@@ -29,10 +37,32 @@ BOUNDS = {
 # one is let go as fast as its coil allows. II-I: tab. 7.5's course of both pressures, with its ramp begun where the
 # valve opens and not 150 ms before, and both clutches a little quicker
 BEGIN = {
-    "I-II": {"P1.time": 30, "P1.current": 410, "P2.gap": 30, "P2.current": 650, "P3.gap": 500, "P4.time": 60,
-             "P4.current": 170, "P5.gap": 40, "P5.current": 90, "P6.gap": 50, "delay": -260},
-    "II-I": {"P1.time": 30, "P1.current": 130, "P2.gap": 180, "P2.current": 285, "P3.gap": 180, "P4.time": 195,
-             "P4.current": 130, "P5.gap": 290, "P5.current": 180, "P6.gap": 140, "delay": -105},
+    "I-II": {
+        "P1.time": 30,
+        "P1.current": 410,
+        "P2.gap": 30,
+        "P2.current": 650,
+        "P3.gap": 500,
+        "P4.time": 60,
+        "P4.current": 170,
+        "P5.gap": 40,
+        "P5.current": 90,
+        "P6.gap": 50,
+        "delay": -260,
+    },
+    "II-I": {
+        "P1.time": 30,
+        "P1.current": 130,
+        "P2.gap": 180,
+        "P2.current": 285,
+        "P3.gap": 180,
+        "P4.time": 195,
+        "P4.current": 130,
+        "P5.gap": 290,
+        "P5.current": 180,
+        "P6.gap": 140,
+        "delay": -105,
+    },
 }
 LONGEST = 1500  # ms from the order to the last point of both profiles
 MS, MA = 1e-3, 1e-3
@@ -92,8 +122,19 @@ def values_of(config: Alfa46Config, way: str, transmission: Transmission) -> dic
     engaging, releasing = (config.profiles[clutch.output] for clutch in moved(transmission, way))
     t, i = engaging[:, 0] / MS, engaging[:, 1] / MA
     u, j = releasing[:, 0] / MS, releasing[:, 1] / MA
-    found = (t[0], i[0], t[1] - t[0], i[1], t[2] - t[1], u[3], j[3], u[4] - u[3], j[4], u[5] - u[4],
-             getattr(config.values, delay_of(transmission, way)) / MS)
+    found = (
+        t[0],
+        i[0],
+        t[1] - t[0],
+        i[1],
+        t[2] - t[1],
+        u[3],
+        j[3],
+        u[4] - u[3],
+        j[4],
+        u[5] - u[4],
+        getattr(config.values, delay_of(transmission, way)) / MS,
+    )
     return {name: int(round(float(value))) for name, value in zip(BOUNDS, found)}
 
 
@@ -120,8 +161,13 @@ def refused(base: RigConfig, way: str, values: dict[str, int]) -> float:
     engaging, releasing = moved(box, way)
     too_much = 0.0
     up, hold = config.profiles[engaging.output], config.profiles[releasing.output]
-    points = [(engaging, (0.0, 0.0), up[0]), (engaging, up[0], up[1]), (engaging, up[1], up[2]),
-              (releasing, (0.0, hold[2, 1]), hold[3]), (releasing, hold[3], hold[4])]
+    points = [
+        (engaging, (0.0, 0.0), up[0]),
+        (engaging, up[0], up[1]),
+        (engaging, up[1], up[2]),
+        (releasing, (0.0, hold[2, 1]), hold[3]),
+        (releasing, hold[3], hold[4]),
+    ]
     for clutch, a, b in points:
         too_much += max(0.0, Rates.of(base, clutch).shortest(a[1], b[1]) - (b[0] - a[0]))
     delay = getattr(config.values, delay_of(box, way))

@@ -35,12 +35,12 @@ def stages_of(config: RigConfig) -> dict[str, dict[str, Parameter]]:
 
 
 def parameters(config: RigConfig) -> dict[str, Parameter]:
-    """"stage.name" -> parameter, of all stages of a rig's calibration."""
+    """ "stage.name" -> parameter, of all stages of a rig's calibration."""
     return {f"{stage}.{name}": p for stage, those in stages_of(config).items() for name, p in those.items()}
 
 
 def values_now(config: RigConfig) -> dict[str, float]:
-    """"stage.name" -> its value in this rig [SI], within the bounds of the calibration."""
+    """ "stage.name" -> its value in this rig [SI], within the bounds of the calibration."""
     known = parameters(config)
     shares = shares_of(config, known)
     return {name: p.low + (p.high - p.low) * share for (name, p), share in zip(known.items(), shares)}
@@ -72,8 +72,9 @@ def read_spreads(path: str | Path, config: RigConfig) -> dict[str, float]:
     return spread
 
 
-def sampled_rigs(config: RigConfig, spreads: dict[str, float], oil: tuple[float, float], count: int, seed: int,
-                 mapped: Callable = map) -> list[RigConfig]:
+def sampled_rigs(
+    config: RigConfig, spreads: dict[str, float], oil: tuple[float, float], count: int, seed: int, mapped: Callable = map
+) -> list[RigConfig]:
     """``count`` rigs: each parameter within its spread around the rig's value and within its bounds, the oil between
     two temperatures [degC], by a Latin hypercube of this seed; each stage drawn back until its rows allow it.
     mapped: as ``map``, of Workers for instance.
@@ -92,8 +93,9 @@ def sampled_rigs(config: RigConfig, spreads: dict[str, float], oil: tuple[float,
 
 def _sampled(config: RigConfig, now: dict[str, float], draw: tuple[dict[str, float], float]) -> RigConfig:
     rig = _allowed(config, draw[0], now)
-    return rig.replaced(**{one.name: replace(rig.values(one.name), temperature=draw[1])
-                           for one in rig.structure.of_role(parts.OIL)})
+    return rig.replaced(
+        **{one.name: replace(rig.values(one.name), temperature=draw[1]) for one in rig.structure.of_role(parts.OIL)}
+    )
 
 
 def _allowed(config: RigConfig, values: dict[str, float], now: dict[str, float]) -> RigConfig:
@@ -108,8 +110,7 @@ def _allowed(config: RigConfig, values: dict[str, float], now: dict[str, float])
         moved = {name: values[f"{stage}.{name}"] for name in those if f"{stage}.{name}" in values}
         limit = _misses(config, stage) + len(moved)
         for part in DRAWN_BACK:
-            drawn = {name: now[f"{stage}.{name}"] + part * (value - now[f"{stage}.{name}"])
-                     for name, value in moved.items()}
+            drawn = {name: now[f"{stage}.{name}"] + part * (value - now[f"{stage}.{name}"]) for name, value in moved.items()}
             if _misses(with_values(config, those, drawn), stage) <= limit:
                 rig = with_values(rig, those, drawn)
                 break

@@ -48,21 +48,30 @@ def clutch_bench(conditions: dict, run) -> list[list[Record]]:
     line = slip_line(tests, geometry, friction, STATED["spline"])
     force = np.array([set_force(round(test["p_z_pa"] / SETTINGS) * SETTINGS) for test in tests])
     pressure = force / area
-    records = [Record("clutch_bench", {**conditions, "pressure": float(p)}, {"m_eks": test["m_eks_nm"]})
-               for p, test in zip(pressure, tests)]
+    records = [
+        Record("clutch_bench", {**conditions, "pressure": float(p)}, {"m_eks": test["m_eks_nm"]})
+        for p, test in zip(pressure, tests)
+    ]
     known = conditions["ring"] == KNOWN_REST
-    records.append(Record("clutch_bench", conditions, {"m_rest_nm": line["m_rest_nm"] if known else None},
-                          {} if known else {"m_rest_nm": NO_REST}))
+    records.append(
+        Record(
+            "clutch_bench", conditions, {"m_rest_nm": line["m_rest_nm"] if known else None}, {} if known else {"m_rest_nm": NO_REST}
+        )
+    )
     torques = bench.slip_torques(geometry, force, friction, STATED["spline"])
     full = bench.slip_torques(geometry, ALLOWED_PRESSURE * area, friction, STATED["spline"])
     for model in MODELS:
         k_kor, named = line["k_kor"][model], {**conditions, "model": model}
-        records.append(Record("clutch_bench", named, {"k_kor": k_kor, "k_kor_error": abs(k_kor - 1.0),
-                                                      "model_torque_nm": float(torques[model][-1])}))
+        records.append(
+            Record(
+                "clutch_bench",
+                named,
+                {"k_kor": k_kor, "k_kor_error": abs(k_kor - 1.0), "model_torque_nm": float(torques[model][-1])},
+            )
+        )
         for p, torque in [*zip(pressure, torques[model]), (ALLOWED_PRESSURE, full[model])]:
             above = line["slope_nm_per_pa"] * p + line["m_rest_nm"] - torque
-            records.append(Record("clutch_bench", {**named, "pressure": float(p)},
-                                  {"m_eks_trend_above_nm": float(above)}))
+            records.append(Record("clutch_bench", {**named, "pressure": float(p)}, {"m_eks_trend_above_nm": float(above)}))
     return [records]
 
 
@@ -74,16 +83,20 @@ def _cylinder():
 def set_force(pressure: float) -> float:
     """Clamp force [N] of the bench at this p_z [Pa], (8.3), with the travel that the pack gives way."""
     cylinder = _cylinder()
-    return brentq(lambda force: force - bench.clamp_force(
-        pressure, cylinder.contact_travel + force / cylinder.contact_rate), 0.0, 1e4)
+    return brentq(
+        lambda force: force - bench.clamp_force(pressure, cylinder.contact_travel + force / cylinder.contact_rate), 0.0, 1e4
+    )
 
 
 def off_in_most(records: list[Record]) -> list[Record]:
     """For each model the class over all packs, held at every ring so that a row may ask for any."""
     out = []
     for model in MODELS:
-        off = [r.values["k_kor_error"] > GOOD for r in records if r.conditions.get("model") == model
-               and r.values.get("k_kor_error") is not None]
+        off = [
+            r.values["k_kor_error"] > GOOD
+            for r in records
+            if r.conditions.get("model") == model and r.values.get("k_kor_error") is not None
+        ]
         word = "off in most" if 2 * sum(off) > len(off) else "close in most"
         out += [Record("clutch_bench", {"ring": ring, "model": model}, {"k_kor": word}) for ring in PACKS]
     return out
@@ -96,10 +109,13 @@ def spring_bench(_conditions: dict, run) -> list[list[Record]]:
     """
     if np.max(run.recording.channels["p_z"]) < SETTINGS:
         travels = np.linspace(0.0, bench.SPRING_TRAVEL, 81)
-        return [[Record("spring_bench", {"s": float(s)}, {"spring_force_n": float(f)})
-                 for s, f in zip(travels, spring_line(run.recording, travels))]]
+        return [
+            [
+                Record("spring_bench", {"s": float(s)}, {"spring_force_n": float(f)})
+                for s, f in zip(travels, spring_line(run.recording, travels))
+            ]
+        ]
     pressure, force = cylinder_line(run.recording)
-    records = [Record("spring_bench", {"pressure": float(p)}, {"cylinder_force_n": float(f)})
-               for p, f in zip(pressure, force)]
+    records = [Record("spring_bench", {"pressure": float(p)}, {"cylinder_force_n": float(f)}) for p, f in zip(pressure, force)]
     begins = min(root for root in np.roots(np.polyfit(pressure, force, 2)).real if root > 0.0)
     return [[*records, Record("spring_bench", {}, {"cylinder_start_mpa": float(begins)})]]

@@ -56,7 +56,9 @@ def load_stages(path: Path = CALIBRATION_FILE, config: RigConfig | None = None) 
         check_keys(path, stages, ROWS, ROWS, "stages")
     for stage in stages if isinstance(stages, dict) and stages else (None,):
         if stage is None or not isinstance(stages[stage], dict) or not stages[stage]:
-            raise RigError(f"{where_of(path, node, 'stages')}: stages must be a map of names, each of the parameters that it searches")
+            raise RigError(
+                f"{where_of(path, node, 'stages')}: stages must be a map of names, each of the parameters that it searches"
+            )
     rig = config or _laboratory()
     return {str(stage): {str(name): _parameter(path, parts, name, rig) for name in parts} for stage, parts in stages.items()}
 
@@ -67,8 +69,7 @@ def _parameter(path: Path, node, name: str, config: RigConfig) -> Parameter:
     times = isinstance(body["of"], dict)
     of = {str(place): float(body["of"][place]) if times else 1.0 for place in body["of"]}
     dimensions = {_setting(config, place, where).dimension for place in of}
-    low, high = (quantity(body[key], "ratio" if times else min(dimensions), f"{where}: {name}.{key}")
-                 for key in ("low", "high"))
+    low, high = (quantity(body[key], "ratio" if times else min(dimensions), f"{where}: {name}.{key}") for key in ("low", "high"))
     if not low < high:
         raise RigError(f"{where}: {name}: low must be below high")
     return Parameter(str(name), of, low, high, str(body["why"]))
@@ -121,23 +122,29 @@ def at_shares(config: RigConfig, parameters: dict[str, Parameter], shares) -> tu
     return with_values(config, parameters, values), values
 
 
-def residuals(shares, config: RigConfig, parameters: dict[str, Parameter], misses: Callable,
-              scale: dict[str, float] | None = None) -> np.ndarray:
+def residuals(
+    shares, config: RigConfig, parameters: dict[str, Parameter], misses: Callable, scale: dict[str, float] | None = None
+) -> np.ndarray:
     """Misses [tolerances] of all rows with parameters at shares of their bounds, some rows' scaled."""
     found = misses(at_shares(config, parameters, shares)[0], calibrating())
     return np.concatenate([(scale or {}).get(miss.row, 1.0) * np.array(miss.residuals) for miss in found])
 
 
-def nearby(shares, config: RigConfig, parameters: dict[str, Parameter], misses: Callable,
-           scale: dict[str, float] | None = None, bounded: bool = True) -> np.ndarray:
+def nearby(
+    shares,
+    config: RigConfig,
+    parameters: dict[str, Parameter],
+    misses: Callable,
+    scale: dict[str, float] | None = None,
+    bounded: bool = True,
+) -> np.ndarray:
     """Shares near these that cost less, by least squares; the same ones where there are none.
 
     bounded: a miss costs what :func:`total` says, else its square.
     """
     cost = partial(residuals, config=config, parameters=parameters, misses=misses, scale=scale)
     start = np.clip(shares, 1e-3, 1.0 - 1e-3)  # the method wants a start inside
-    found = least_squares(cost, start, bounds=(0.0, 1.0), diff_step=0.02, max_nfev=20,
-                          loss="arctan" if bounded else "linear").x
+    found = least_squares(cost, start, bounds=(0.0, 1.0), diff_step=0.02, max_nfev=20, loss="arctan" if bounded else "linear").x
     after, before = (total(cost(x)) if bounded else np.sum(cost(x) ** 2) for x in (found, shares))
     return found if after < before else np.asarray(shares)
 
@@ -145,12 +152,14 @@ def nearby(shares, config: RigConfig, parameters: dict[str, Parameter], misses: 
 def total(misses: np.ndarray) -> float:
     """What misses [tolerances] cost: their squares while they are small, each at most pi/2. A row that others do not let
     be met would else move all of them away from what they ask for. A curve comes by its milliseconds, each a small part
-    of its miss, and costs nearly its square."""
+    of its miss, and costs nearly its square.
+    """
     return float(np.sum(np.arctan(misses**2)))
 
 
-def anywhere(best, starts: int, jobs: int, seed: int, config: RigConfig, parameters: dict[str, Parameter],
-             misses: Callable) -> np.ndarray:
+def anywhere(
+    best, starts: int, jobs: int, seed: int, config: RigConfig, parameters: dict[str, Parameter], misses: Callable
+) -> np.ndarray:
     """The best of these shares and of those that :func:`nearby` finds from as many random places as ``starts``.
 
     Valves and pistons have many minima, each narrow in some directions: steps find their floors, where a search by
@@ -169,8 +178,16 @@ def _cost(shares, config, parameters, misses) -> float:
         return math.inf  # no rig that could be looked at
 
 
-def search(config: RigConfig, parameters: dict[str, Parameter], misses: Callable, generations: int, jobs: int,
-           seed: int, progress: Callable[[int, float], None] | None = None, starts: int = 0) -> dict[str, float]:
+def search(
+    config: RigConfig,
+    parameters: dict[str, Parameter],
+    misses: Callable,
+    generations: int,
+    jobs: int,
+    seed: int,
+    progress: Callable[[int, float], None] | None = None,
+    starts: int = 0,
+) -> dict[str, float]:
     """Values that make the misses cost little (:func:`total`); an interrupt is passed on.
 
     Differential evolution over the bounds, then least squares from its best; the latter alone, from the rig as it is,
@@ -189,9 +206,20 @@ def search(config: RigConfig, parameters: dict[str, Parameter], misses: Callable
     if generations:
         with Workers(jobs) as workers:
             best = differential_evolution(
-                cost, [(0.0, 1.0)] * len(parameters), x0=best, popsize=4, maxiter=generations, tol=1e-4, seed=seed,
-                mutation=(0.4, 0.9), recombination=0.8, polish=False, callback=tell, workers=workers.map,
-                updating="deferred").x
+                cost,
+                [(0.0, 1.0)] * len(parameters),
+                x0=best,
+                popsize=4,
+                maxiter=generations,
+                tol=1e-4,
+                seed=seed,
+                mutation=(0.4, 0.9),
+                recombination=0.8,
+                polish=False,
+                callback=tell,
+                workers=workers.map,
+                updating="deferred",
+            ).x
     best = nearby(best, config, parameters, misses)
     if starts:
         best = anywhere(best, starts, jobs, seed, config, parameters, misses)
@@ -211,8 +239,9 @@ def shares_of(config: RigConfig, parameters: dict[str, Parameter]) -> np.ndarray
     return np.clip(shares, 0.0, 1.0)
 
 
-def sensitivities(config: RigConfig, parameters: dict[str, Parameter], values: dict[str, float],
-                  misses: Callable) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
+def sensitivities(
+    config: RigConfig, parameters: dict[str, Parameter], values: dict[str, float], misses: Callable
+) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
     """(change of each row's miss [tolerances] by a tenth of each parameter's bounds, spread of each parameter).
 
     Differences to both sides; the spread is what moves the sum of squared misses by 1 to second order, the others held,
@@ -223,10 +252,10 @@ def sensitivities(config: RigConfig, parameters: dict[str, Parameter], values: d
     spread = {}
     for name, p in parameters.items():
         width = p.high - p.low
-        below, above = (misses(with_values(config, parameters, {name: values[name] + way * step * width}), targets)
-                        for way in (-1.0, 1.0))
-        rows[name] = {one.row: 0.1 * (other.tolerances - one.tolerances) / (2.0 * step)
-                      for one, other in zip(below, above)}
+        below, above = (
+            misses(with_values(config, parameters, {name: values[name] + way * step * width}), targets) for way in (-1.0, 1.0)
+        )
+        rows[name] = {one.row: 0.1 * (other.tolerances - one.tolerances) / (2.0 * step) for one, other in zip(below, above)}
         # a curve by its milliseconds: where its mean distance is least, that has no slope, and would allow anything
         one, other = (np.concatenate([miss.residuals for miss in side]) for side in (below, above))
         curvature = np.sum(((other - one) / (2.0 * step)) ** 2)
@@ -234,9 +263,17 @@ def sensitivities(config: RigConfig, parameters: dict[str, Parameter], values: d
     return rows, spread
 
 
-def calibrate(config: RigConfig, generations: int, jobs: int, seed: int, stages: list[str] | None = None,
-              progress: Callable[[str, int, float], None] | None = None, starts: int = 0,
-              known: dict[str, dict[str, Parameter]] | None = None, rows: Mapping[str, Callable] = ROWS) -> tuple[Found, RigConfig]:
+def calibrate(
+    config: RigConfig,
+    generations: int,
+    jobs: int,
+    seed: int,
+    stages: list[str] | None = None,
+    progress: Callable[[str, int, float], None] | None = None,
+    starts: int = 0,
+    known: dict[str, dict[str, Parameter]] | None = None,
+    rows: Mapping[str, Callable] = ROWS,
+) -> tuple[Found, RigConfig]:
     """(what was found, the rig with it): the stages, all or some, one after the other, each on its rows; RigError when
     calibration.yaml is not right. known, rows: stages and what gives the misses in each, by default the laboratory's.
     """
@@ -258,8 +295,9 @@ def calibrate(config: RigConfig, generations: int, jobs: int, seed: int, stages:
     return found, config
 
 
-def write_values(values: dict[str, float], rig_file: Path, controller_file: Path,
-                 stages: dict[str, dict[str, Parameter]] | None = None) -> None:
+def write_values(
+    values: dict[str, float], rig_file: Path, controller_file: Path, stages: dict[str, dict[str, Parameter]] | None = None
+) -> None:
     """Put values ("stage.name" -> SI) into the YAML files of rig and controller, in the units that stand there.
 
     The rest of the files stays as it is. RigError when a value has no line of its own there. stages: the laboratory's by
@@ -290,4 +328,4 @@ def _replaced(text: str, part: str, key: str, value: float, file: Path) -> str:
     unit = match[1].split(" ", 1)[1]
     number = value / UNITS[unit][1]
     new = f'{indent}{key}: [{number:.5g} {unit}, "calibrated: rig calibrate"]'
-    return text[:match.start()] + new + text[match.end():]
+    return text[: match.start()] + new + text[match.end() :]

@@ -31,7 +31,8 @@ PULSES = 4e-3  # A: what the ripple of the coil's pulses and the noise in the lo
 FIRST_RISE = 10e3  # Pa: about what the laboratory could see of a first rise
 FALLEN = 2.2e6  # Pa: the fall has begun when it is passed (22 bar, Annex A)
 CURVES = {  # of a clutch: row of the rising and of the falling pressure in chapter 9
-    "S1": ("ch9_pressure_down_p1", "ch9_pressure_up_p1"), "S2": ("ch9_pressure_up_p2", "ch9_pressure_down_p2"),
+    "S1": ("ch9_pressure_down_p1", "ch9_pressure_up_p1"),
+    "S2": ("ch9_pressure_up_p2", "ch9_pressure_down_p2"),
 }
 # Start of a fall after the order: Annex D gives both pressures of a change one time, so the falling one starts with the
 # rising one. For II to I that is before ZR-P2 is switched off: there only early counts.
@@ -146,9 +147,11 @@ def hydraulic_misses(config: RigConfig, targets: dict[str, Target], name: str) -
     delays = config.alfa46.values
     order_to_off = max(0.0, -(delays.t12 if gear == min(box.ratios) else delays.t21))
     due, tolerance = FALL_STARTS[name]
-    out = [Miss(delay.id, sees, (sees - delay.printed[0]) / delay.tolerance),
-           Miss(kiss.id, meets, (meets - kiss.printed[0]) / kiss.tolerance),
-           Miss(f"{falling.id}: start", fallen + order_to_off, (fallen + order_to_off - due) / tolerance)]
+    out = [
+        Miss(delay.id, sees, (sees - delay.printed[0]) / delay.tolerance),
+        Miss(kiss.id, meets, (meets - kiss.printed[0]) / kiss.tolerance),
+        Miss(f"{falling.id}: start", fallen + order_to_off, (fallen + order_to_off - due) / tolerance),
+    ]
     for row, p, start in ((rising, rise, first), (falling, fall, fallen)):
         apart = distances(row, p, start)
         miss = float(np.sqrt(np.mean(apart**2)))
@@ -180,10 +183,12 @@ def loss_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
     speeds = RPM * np.array([5.0, 50.0, 120.0, 230.0, 350.0, 470.0])
     torques = np.array([steady_torque(config, 0, speed, 0.0) for speed in speeds])
     coasting = float(torques[-1])
-    values = {"coast_down_torque": coasting,
-              "coast_down_tangent_time": config.w0.inertia * 470 * RPM / coasting,
-              "valve_mean_torque_s1": steady_torque(config, 1, 500 * RPM, 30.0),
-              "valve_mean_torque_s2": steady_torque(config, 2, 500 * RPM, 30.0)}
+    values = {
+        "coast_down_torque": coasting,
+        "coast_down_tangent_time": config.w0.inertia * 470 * RPM / coasting,
+        "valve_mean_torque_s1": steady_torque(config, 1, 500 * RPM, 30.0),
+        "valve_mean_torque_s2": steady_torque(config, 2, 500 * RPM, 30.0),
+    }
     curve = targets["coast_down_curve"]
     start, end, parabola = curve.pieces[0]
     t, w = np.arange(start, end, 1e-2), np.linspace(speeds[0], np.polyval(parabola, start), 500)
@@ -191,12 +196,15 @@ def loss_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
     gone = config.w0.inertia * np.cumsum(np.diff(w) / np.interp(0.5 * (w[1:] + w[:-1]), speeds, torques))
     apart = np.interp(t, gone[-1] - np.append(0.0, gone)[::-1], w[::-1]) - np.polyval(parabola, t)
     miss = float(np.sqrt(np.mean(apart**2)))
-    return [*(Miss(name, value, (value - targets[name].printed[0]) / targets[name].tolerance)
-              for name, value in values.items()), Miss(curve.id, miss, miss / curve.tolerance)]
+    return [
+        *(Miss(name, value, (value - targets[name].printed[0]) / targets[name].tolerance) for name, value in values.items()),
+        Miss(curve.id, miss, miss / curve.tolerance),
+    ]
 
 
-def shift(config: RigConfig, to: int, t12: float | None = None, speed: float = 500.0 * RPM, load: float = 60.0,
-          set_in: int | None = None) -> dict:
+def shift(
+    config: RigConfig, to: int, t12: float | None = None, speed: float = 500.0 * RPM, load: float = 60.0, set_in: int | None = None
+) -> dict:
     """Metrics of the shift to gear 1 or 2 with a delay t12 [s], at a speed [rad/s] and load [Nm]; true values, the rig's
     second shift that way.
 
@@ -204,8 +212,9 @@ def shift(config: RigConfig, to: int, t12: float | None = None, speed: float = 5
     set, by default the one before the shift.
     """
     values = config.alfa46.values if t12 is None else replace(config.alfa46.values, t12=t12)
-    config = config.replaced(effects=replace(config.effects, transducers=False),
-                             alfa46=Alfa46Config(values, config.alfa46.profiles))
+    config = config.replaced(
+        effects=replace(config.effects, transducers=False), alfa46=Alfa46Config(values, config.alfa46.profiles)
+    )
     rig = Rig(config)
     rig.set("oil", SUPPLY, True)
     _go(rig, SETTLE)
@@ -233,19 +242,20 @@ def clutch_s2_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss
     S2 catches an output that nothing else drives: only that says how far p2 shoots over.
     """
     target, peak = targets["delay_up_peak_upper"], shift(config, 2, -0.1)["m_wej_max_nm"]
-    return [*hydraulic_misses(config, targets, "S2"),
-            Miss(target.id, peak, max(0.0, peak - target.high) / PEAK_TOLERANCE)]
+    return [*hydraulic_misses(config, targets, "S2"), Miss(target.id, peak, max(0.0, peak - target.high) / PEAK_TOLERANCE)]
 
 
 def release_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
     """What released clutches hold and how much of it is left while they slip: the rows of :func:`s1_releases` and of
-    :func:`s2_releases`."""
+    :func:`s2_releases`.
+    """
     return [*s1_releases(config, targets), *s2_releases(config, targets)]
 
 
 def within(target: Target, value: float, tolerance: float, which: str = "") -> Miss:
     """A row that accepts all between its ends: what a value lacks to half a tolerance inside them, which is left to the
-    transducers."""
+    transducers.
+    """
     low = -np.inf if target.low is None else target.low + 0.5 * tolerance
     high = np.inf if target.high is None else target.high - 0.5 * tolerance
     return Miss(target.id + which, value, (min(0.0, value - low) + max(0.0, value - high)) / tolerance)
@@ -254,21 +264,35 @@ def within(target: Target, value: float, tolerance: float, which: str = "") -> M
 def s2_releases(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
     """How long S2 holds against S1 (peaks, how far the load moves the lock-up) and drags afterwards (t_o of II to I)."""
     series_19 = shift(config, 1, set_in=1)["m_wej_max_nm"]  # sequence delay sets the load in gear I, for both ways
-    light, heavy, slow_heavy, fast_heavy, fast_light = (shift(config, 1, None, speed * RPM, load) for speed, load in (
-        (1500, 40.0), (1500, 240.0), (1200, 240.0), (1800, 240.0), (2000, 40.0)))
+    light, heavy, slow_heavy, fast_heavy, fast_light = (
+        shift(config, 1, None, speed * RPM, load)
+        for speed, load in ((1500, 40.0), (1500, 240.0), (1200, 240.0), (1800, 240.0), (2000, 40.0))
+    )
     all_of_them = light, heavy, slow_heavy, fast_heavy, fast_light
-    peak, spread, longest, settling, share, most = (targets[name] for name in (
-        "delay_down_peak_19", "down_t_c_spread", "down_t_c_upper", "down_t_o_lower", "down_peak_share_240",
-        "down_peak_at_240"))
+    peak, spread, longest, settling, share, most = (
+        targets[name]
+        for name in (
+            "delay_down_peak_19",
+            "down_t_c_spread",
+            "down_t_c_upper",
+            "down_t_o_lower",
+            "down_peak_share_240",
+            "down_peak_at_240",
+        )
+    )
     if any(one["t_c_s"] is None or one["t_o_s"] is None for one in all_of_them):
         return [Miss(target.id, 0.0, UNSHIFTED) for target in (peak, spread, longest, settling, share, most)]
     apart = light["t_c_s"] - heavy["t_c_s"]
     least = min(one["t_o_s"] for one in all_of_them)
     highest = max(one["m_wej_max_nm"] for one in (slow_heavy, heavy, fast_heavy))
-    return [Miss(peak.id, series_19, (series_19 - peak.printed[0]) / peak.tolerance),
-            within(spread, apart, TIME_TOLERANCE), within(longest, fast_light["t_c_s"], TIME_TOLERANCE),
-            within(settling, least, TIME_TOLERANCE),
-            within(share, highest / 240.0, peak.tolerance / 240.0), within(most, highest, peak.tolerance)]
+    return [
+        Miss(peak.id, series_19, (series_19 - peak.printed[0]) / peak.tolerance),
+        within(spread, apart, TIME_TOLERANCE),
+        within(longest, fast_light["t_c_s"], TIME_TOLERANCE),
+        within(settling, least, TIME_TOLERANCE),
+        within(share, highest / 240.0, peak.tolerance / 240.0),
+        within(most, highest, peak.tolerance),
+    ]
 
 
 def s1_releases(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
@@ -281,20 +305,26 @@ def s1_releases(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
     k_late, k_early = (shift(config, 2, t12)["k"] for t12 in (late, early))
     steep = min(k_late - k_early, -0.02)  # flat where neither dips: the border is then far off, on its side
     border = early + (late - early) * (NO_DIP - k_early) / steep
-    slow, slow_loaded, fast_loaded = (shift(config, 2, None, speed * RPM, load)
-                                      for speed, load in ((1000, 40.0), (1000, 120.0), (2000, 120.0)))
+    slow, slow_loaded, fast_loaded = (
+        shift(config, 2, None, speed * RPM, load) for speed, load in ((1000, 40.0), (1000, 120.0), (2000, 120.0))
+    )
     flat, peaks, longest = (targets[name] for name in ("up_k_flat_load", "up_peak_torque_range", "up_t_c_upper"))
     fall = slow["k"] - slow_loaded["k"]
     least, most = slow["m_wej_max_nm"], fast_loaded["m_wej_max_nm"]
-    return [Miss(target.id, border, (border - target.printed[0]) / target.tolerance),
-            Miss(flat.id, fall, max(0.0, fall / flat.tolerance - 1.0)),
-            within(peaks, least, PEAK_TOLERANCE, ": least"), within(peaks, most, PEAK_TOLERANCE, ": most"),
-            within(longest, fast_loaded["t_c_s"], TIME_TOLERANCE)]
+    return [
+        Miss(target.id, border, (border - target.printed[0]) / target.tolerance),
+        Miss(flat.id, fall, max(0.0, fall / flat.tolerance - 1.0)),
+        within(peaks, least, PEAK_TOLERANCE, ": least"),
+        within(peaks, most, PEAK_TOLERANCE, ": most"),
+        within(longest, fast_loaded["t_c_s"], TIME_TOLERANCE),
+    ]
 
 
 ROWS: dict[str, Callable] = {  # of each stage
-    "losses": loss_misses, "clutch_s1": partial(hydraulic_misses, name="S1"),
-    "clutch_s2": clutch_s2_misses, "release": release_misses,
+    "losses": loss_misses,
+    "clutch_s1": partial(hydraulic_misses, name="S1"),
+    "clutch_s2": clutch_s2_misses,
+    "release": release_misses,
 }
 
 

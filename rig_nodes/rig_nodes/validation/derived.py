@@ -8,6 +8,8 @@ Used by validation.programme on the averaged records of everything that ran.
 
 from __future__ import annotations
 
+import itertools
+
 from ..analysis.engagement import HOLD_SHORTEST, engagement_ranks
 from .records import Record, group
 
@@ -22,9 +24,15 @@ def derive(records: list[Record]) -> list[Record]:
 
 def _whole(records, procedure: str, quantity: str, **conditions) -> list[Record]:
     """Records of whole tests with a number, or None, for a quantity."""
-    return [r for r in records if r.procedure == procedure and quantity in r.values
-            and not {"phase", "time"} & set(r.conditions) and not isinstance(r.values[quantity], str)
-            and all(r.conditions.get(name) == value for name, value in conditions.items())]
+    return [
+        r
+        for r in records
+        if r.procedure == procedure
+        and quantity in r.values
+        and not {"phase", "time"} & set(r.conditions)
+        and not isinstance(r.values[quantity], str)
+        and all(r.conditions.get(name) == value for name, value in conditions.items())
+    ]
 
 
 def _holds(records) -> list[Record]:
@@ -32,10 +40,11 @@ def _holds(records) -> list[Record]:
     out = []
     for r in _whole(records, "profile_series", "level_s"):
         level = r.values["level_s"]
-        words = (None, None) if level is None else ("hold", "three phases") if level >= HOLD_SHORTEST else (
-            "no hold", "no hold")
-        out += [Record("profile_series", r.conditions, {name: word}, {} if word else {name: r.why["level_s"]})
-                for name, word in zip(("hold", "pressure_rise"), words)]
+        words = (None, None) if level is None else ("hold", "three phases") if level >= HOLD_SHORTEST else ("no hold", "no hold")
+        out += [
+            Record("profile_series", r.conditions, {name: word}, {} if word else {name: r.why["level_s"]})
+            for name, word in zip(("hold", "pressure_rise"), words)
+        ]
     return out
 
 
@@ -54,13 +63,19 @@ def _ranks(records) -> list[Record]:
 
 
 def _dips(records) -> list[Record]:
-    """dip of every shift, by the mean of its repeats."""
+    """Dip of every shift, by the mean of its repeats."""
     out = []
     for name in ("delay_series", "grid_up", "grid_down"):
         for r in _whole(records, name, "k"):
             k = r.values["k"]
-            out.append(Record(name, r.conditions, {"dip": None if k is None else "dip" if k < NO_DIP else "no dip"},
-                              {"dip": r.why["k"]} if k is None and "k" in r.why else {}))
+            out.append(
+                Record(
+                    name,
+                    r.conditions,
+                    {"dip": None if k is None else "dip" if k < NO_DIP else "no dip"},
+                    {"dip": r.why["k"]} if k is None and "k" in r.why else {},
+                )
+            )
     return out
 
 
@@ -73,8 +88,14 @@ def _delays(records) -> list[Record]:
     if up:
         begins, why = dip_begins(up)
         together = {name: up[0].conditions[name] for name in ("shift", "n_wej", "m_wyj")}
-        out.append(Record("delay_series", {**together, "series": "all"}, {"dip_begins_s": begins},
-                          {} if begins is not None else {"dip_begins_s": why}))
+        out.append(
+            Record(
+                "delay_series",
+                {**together, "series": "all"},
+                {"dip_begins_s": begins},
+                {} if begins is not None else {"dip_begins_s": why},
+            )
+        )
     return out
 
 
@@ -84,14 +105,16 @@ def _lowest(series, quantity: str, alike: float, yes: str, no: str) -> list[Reco
     for r in series:
         value = r.values[quantity]
         word = None if value is None else yes if value - min(found) <= alike else no
-        out.append(Record("delay_series", r.conditions, {quantity: word},
-                          {} if word else {quantity: r.why.get(quantity, "was not found")}))
+        out.append(
+            Record("delay_series", r.conditions, {quantity: word}, {} if word else {quantity: r.why.get(quantity, "was not found")})
+        )
     return out
 
 
 def dip_begins(series: list[Record]) -> tuple[float | None, str]:
     """The t12 above which every series dips: k over t12 (mean of like delays) crosses 0.95 for the last time, between
-    two delays on a straight line [s]; None with the reason where it does not cross."""
+    two delays on a straight line [s]; None with the reason where it does not cross.
+    """
     points = []
     for key, same in group(series, ("t12",)):
         values = [r.values["k"] for r in same]
@@ -101,7 +124,7 @@ def dip_begins(series: list[Record]) -> tuple[float | None, str]:
     points.sort()
     if points[-1][1] >= NO_DIP:
         return None, f"no dip at the highest t12, {points[-1][0] * 1e3:g} ms"
-    for (t_low, k_low), (t_high, k_high) in reversed(list(zip(points, points[1:]))):
+    for (t_low, k_low), (t_high, k_high) in reversed(list(itertools.pairwise(points))):
         if k_low >= NO_DIP:
             return t_low + (t_high - t_low) * (k_low - NO_DIP) / (k_low - k_high), ""
     return None, f"every series dips, down to t12 = {points[0][0] * 1e3:g} ms"
@@ -109,6 +132,8 @@ def dip_begins(series: list[Record]) -> tuple[float | None, str]:
 
 def _measured(records) -> list[Record]:
     """The grids once more as what chapter 9 compares its simulation with: here the rig stands for the laboratory."""
-    return [Record("chapter9", {**r.conditions, "source": "measured"},
-                   {key: r.values[key] for key in ("m_wej_max_nm", "t_p_s")}, r.why)
-            for name in ("grid_up", "grid_down") for r in _whole(records, name, "t_p_s")]
+    return [
+        Record("chapter9", {**r.conditions, "source": "measured"}, {key: r.values[key] for key in ("m_wej_max_nm", "t_p_s")}, r.why)
+        for name in ("grid_up", "grid_down")
+        for r in _whole(records, name, "t_p_s")
+    ]

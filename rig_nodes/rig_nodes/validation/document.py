@@ -23,11 +23,18 @@ from .targets import Target, load_targets
 
 EXPLANATIONS_FILE = Path(__file__).resolve().with_name("explanations.yaml")
 SECTIONS = {
-    "7.1": "7.1: instruments, definitions, shape of the rising pressure", "7.2": "7.2: response of the valves",
-    "7.3.1": "7.3.1: coast-down", "7.3.2": "7.3.2: valve profiles", "7.3.3": "7.3.3: delays",
-    "7.4": "7.4: single records", "7.4.1": "7.4.1: I to II over load and speed",
-    "7.4.2": "7.4.2: II to I over load and speed", "7.5": "7.5: conclusions of the gearbox tests",
-    "8": "Chapter 8: plate clutches", "9": "Chapter 9: the thesis's own simulation", "10": "Chapter 10: conclusions",
+    "7.1": "7.1: instruments, definitions, shape of the rising pressure",
+    "7.2": "7.2: response of the valves",
+    "7.3.1": "7.3.1: coast-down",
+    "7.3.2": "7.3.2: valve profiles",
+    "7.3.3": "7.3.3: delays",
+    "7.4": "7.4: single records",
+    "7.4.1": "7.4.1: I to II over load and speed",
+    "7.4.2": "7.4.2: II to I over load and speed",
+    "7.5": "7.5: conclusions of the gearbox tests",
+    "8": "Chapter 8: plate clutches",
+    "9": "Chapter 9: the thesis's own simulation",
+    "10": "Chapter 10: conclusions",
 }
 HEAD = """# Validation
 
@@ -55,7 +62,8 @@ that chapter 9's output speed is bounded; the drive's tuning and short overload)
 The rows of chapter 8 are measured on the clutch bench by its own procedure ([benches.md](../how_to/benches.md)). Its packs
 follow the thesis's model with stated friction ([friction_models.md](../background/friction_models.md)): k_kor against that model
 comes back as 1 within the instruments' errors, so those rows say what the other models make of the same packs, not
-that the model is right. The plant's springs and cylinder are the printed polynomials themselves. Rows that compare chapter 9's simulation
+that the model is right. The plant's springs and cylinder are the printed polynomials themselves. Rows that compare chapter 9's
+simulation
 with a measurement take the rig `chapter9` for the one and this rig for the other, for the measured figures are lost.
 
 `./rig validate --pictures FOLDER` draws the figures of chapters 7 to 9 that the text lets one redraw.
@@ -63,7 +71,7 @@ with a measurement take the rig `chapter9` for the one and this rig for the othe
 
 
 def load_explanations(path: str | Path | None = None) -> dict[str, str]:
-    """id of a row -> why the rig misses it. RigError with file and line for an unknown row or a text without words."""
+    """Id of a row -> why the rig misses it. RigError with file and line for an unknown row or a text without words."""
     path = EXPLANATIONS_FILE if path is None else Path(path)
     node = load_yaml(path) or {}
     known = {target.id for target in load_targets()}
@@ -92,10 +100,7 @@ def of_rig(row: Row) -> str:
     t = row.target
     if row.value is None:
         return "-"
-    if isinstance(row.value, str):
-        text = row.value
-    else:
-        text = f"{row.value:.5g}" if t.kind == "fit" else number(t, row.value)
+    text = row.value if isinstance(row.value, str) else f"{row.value:.5g}" if t.kind == "fit" else number(t, row.value)
     parts = [row.judged_by] if row.judged_by else []
     parts += [f"{row.inside} of {row.count} inside"] if row.count > 1 else []
     parts += [place_text(row.place)] if row.place else []
@@ -136,9 +141,12 @@ def laboratory(row: Row) -> str:
 def verdict_line(rows: list[Row]) -> str:
     """One sentence with the counts."""
     counts = summary(rows)
-    parts = [f"{basis} inside {counts[basis][INSIDE]} of {counts[basis]['rows']}"
-             + (f" ({counts[basis][NOT_COMPARED]} not compared)" if counts[basis][NOT_COMPARED] else "")
-             for basis in ("calibrated", "predicted") if counts[basis]["rows"]]
+    parts = [
+        f"{basis} inside {counts[basis][INSIDE]} of {counts[basis]['rows']}"
+        + (f" ({counts[basis][NOT_COMPARED]} not compared)" if counts[basis][NOT_COMPARED] else "")
+        for basis in ("calibrated", "predicted")
+        if counts[basis]["rows"]
+    ]
     parts.append(f"information, not judged: {counts['information']['rows']}")
     return "; ".join(parts)
 
@@ -178,10 +186,22 @@ def document(rows: list[Row], explanations: dict[str, str], rig: str) -> str:
     for key, title in SECTIONS.items():
         found = [row for row in rows if section(row.target) == key]
         if found:
-            parts.append(f"## {title}\n\n" + _table(
-                ("row", "what is claimed", "laboratory", "rig", "verdict"),
-                [(f"`{row.target.id}`", f"{row.target.text} ({row.target.where})", laboratory(row), of_rig(row),
-                  _verdict(row)) for row in found]))
+            parts.append(
+                f"## {title}\n\n"
+                + _table(
+                    ("row", "what is claimed", "laboratory", "rig", "verdict"),
+                    [
+                        (
+                            f"`{row.target.id}`",
+                            f"{row.target.text} ({row.target.where})",
+                            laboratory(row),
+                            of_rig(row),
+                            _verdict(row),
+                        )
+                        for row in found
+                    ],
+                )
+            )
     return "\n".join(parts)
 
 
@@ -203,17 +223,20 @@ def _table(head, rows) -> str:
 
 def _summary(rows, rig: str) -> str:
     counts = summary(rows)
-    table = _table(("basis", "rows", "inside", "outside", "not compared"),
-                   [(basis, c["rows"], c[INSIDE], c[OUTSIDE], c[NOT_COMPARED]) for basis, c in counts.items()
-                    if basis != "information"])
+    table = _table(
+        ("basis", "rows", "inside", "outside", "not compared"),
+        [(basis, c["rows"], c[INSIDE], c[OUTSIDE], c[NOT_COMPARED]) for basis, c in counts.items() if basis != "information"],
+    )
     by_procedure = []
     for name in dict.fromkeys(row.target.procedure for row in rows):
         judged = [row for row in rows if row.target.procedure == name and row.basis != "information"]
         found = [sum(row.verdict == verdict for row in judged) for verdict in (INSIDE, OUTSIDE, NOT_COMPARED)]
         by_procedure.append((name, len(judged), *found))
-    return (f"## Summary\n\nRig `{rig}`. {counts['information']['rows']} rows are for information.\n\n{table}"
-            f"\nBy procedure, both bases together:\n\n"
-            + _table(("procedure", "rows", "inside", "outside", "not compared"), by_procedure))
+    return (
+        f"## Summary\n\nRig `{rig}`. {counts['information']['rows']} rows are for information.\n\n{table}"
+        f"\nBy procedure, both bases together:\n\n"
+        + _table(("procedure", "rows", "inside", "outside", "not compared"), by_procedure)
+    )
 
 
 def _hold(rows) -> str:
@@ -233,10 +256,12 @@ def _hold(rows) -> str:
             if other in held and name < other:
                 seen = "; ".join(f"{n}: {held[n].value or 'undecided'}, {held[n].verdict}" for n in (name, other))
                 pairs.append((f"`{name}`, `{other}`", sentence, seen))
-    return ("## The hold phase of the 47 profile series\n\n"
-            + _table(("valve", "laboratory", "rig: hold", "rig: no hold", "rig: undecided"), lines)
-            + "\nPairs of series that contradict each other, or nearly: hardly any rig meets both.\n\n"
-            + _table(("rows", "why", "rig"), pairs))
+    return (
+        "## The hold phase of the 47 profile series\n\n"
+        + _table(("valve", "laboratory", "rig: hold", "rig: no hold", "rig: undecided"), lines)
+        + "\nPairs of series that contradict each other, or nearly: hardly any rig meets both.\n\n"
+        + _table(("rows", "why", "rig"), pairs)
+    )
 
 
 def _misses(rows, explanations: dict[str, str]) -> str:
@@ -251,5 +276,6 @@ def _misses(rows, explanations: dict[str, str]) -> str:
         text += f" Pulls against what is inside: {' '.join(pulls)}" if pulls else ""
         cells.append((f"`{row.target.id}`", row.basis, accepted(row), of_rig(row), text))
     unexplained = sum(row.target.id not in explanations for row in missed)
-    return (f"## Misses\n\n{len(missed)} rows are outside, {unexplained} of them unexplained.\n\n"
-            + _table(("row", "basis", "laboratory", "rig", "explanation"), cells))
+    return f"## Misses\n\n{len(missed)} rows are outside, {unexplained} of them unexplained.\n\n" + _table(
+        ("row", "basis", "laboratory", "rig", "explanation"), cells
+    )

@@ -46,7 +46,8 @@ class Judged:
 @dataclass(frozen=True)
 class Row:
     """A target with the rig's answer. Numbers are SI; value, low, high, place and judged_by are those of the
-    worst single value; count and inside: how many single values were judged and how many lie inside."""
+    worst single value; count and inside: how many single values were judged and how many lie inside.
+    """
 
     target: Target
     verdict: str
@@ -67,13 +68,28 @@ class Row:
     def as_dict(self) -> dict:
         """What programs read, JSON's types only."""
         t = self.target
-        return {"id": t.id, "basis": self.basis, "value": self.value, "low": self.low, "high": self.high,
-                "verdict": self.verdict, "unit": SI[t.dimension] if t.kind != "classification" else None,
-                "kind": t.kind, "quantity": t.quantity, "procedure": t.procedure, "where": t.where, "text": t.text,
-                "expected": t.expected, "printed": list(t.printed), "judged_by": self.judged_by,
-                "count": self.count, "inside": self.inside,
-                "place": {k: list(v) if isinstance(v, tuple) else v for k, v in self.place.items()},
-                "reason": self.reason, "conflicts": sorted(t.conflicts)}
+        return {
+            "id": t.id,
+            "basis": self.basis,
+            "value": self.value,
+            "low": self.low,
+            "high": self.high,
+            "verdict": self.verdict,
+            "unit": SI[t.dimension] if t.kind != "classification" else None,
+            "kind": t.kind,
+            "quantity": t.quantity,
+            "procedure": t.procedure,
+            "where": t.where,
+            "text": t.text,
+            "expected": t.expected,
+            "printed": list(t.printed),
+            "judged_by": self.judged_by,
+            "count": self.count,
+            "inside": self.inside,
+            "place": {k: list(v) if isinstance(v, tuple) else v for k, v in self.place.items()},
+            "reason": self.reason,
+            "conflicts": sorted(t.conflicts),
+        }
 
 
 def evaluate(target: Target, records: list[Record]) -> Row:
@@ -101,14 +117,28 @@ def evaluate(target: Target, records: list[Record]) -> Row:
         verdict, reason = NOT_COMPARED, f"for information: {target.why}"
     if worst is None:
         return Row(target, verdict, low=target.low, high=target.high, reason=reason, every=tuple(judged))
-    return Row(target, verdict, worst.value, worst.low, worst.high, _telling(target, worst, judged), worst.judged_by,
-               reason, len(found), inside, tuple(judged))
+    return Row(
+        target,
+        verdict,
+        worst.value,
+        worst.low,
+        worst.high,
+        _telling(target, worst, judged),
+        worst.judged_by,
+        reason,
+        len(found),
+        inside,
+        tuple(judged),
+    )
 
 
 def _telling(target: Target, worst: Judged, judged) -> dict:
     """The part of a place that tells it from the others."""
-    return {name: value for name, value in worst.place.items()
-            if name == target.over or any(one.place.get(name) != value for one in judged)}
+    return {
+        name: value
+        for name, value in worst.place.items()
+        if name == target.over or any(one.place.get(name) != value for one in judged)
+    }
 
 
 def _why_not(target, unknown, lacking) -> str:
@@ -150,7 +180,10 @@ def _spread_share(values) -> float:
 
 
 _STATISTICS: dict[str, Callable] = {
-    "mean": lambda values: math.fsum(values) / len(values), "lowest": min, "highest": max, "spread": _spread,
+    "mean": lambda values: math.fsum(values) / len(values),
+    "lowest": min,
+    "highest": max,
+    "spread": _spread,
     "spread_share": _spread_share,
 }
 
@@ -169,8 +202,9 @@ def _numbers(target: Target, records, conditions, named=()) -> list[Record]:
 
 def _single(target: Target) -> set[str]:
     """The conditions that the row fixes to one value, so that a place need not say them."""
-    return {name for name, wanted in target.conditions.items()
-            if isinstance(wanted, tuple) and len(wanted) == 1 and wanted[0] != "all"}
+    return {
+        name for name, wanted in target.conditions.items() if isinstance(wanted, tuple) and len(wanted) == 1 and wanted[0] != "all"
+    }
 
 
 def _varying(target: Target, record: Record) -> dict:
@@ -214,8 +248,9 @@ def _judge_value(target: Target, records):
 
 
 def _judge_pair(target: Target, records):
-    """difference and ratio: every number under `of` with every one under `to` that agrees in the row's other
-    conditions."""
+    """Difference and ratio: every number under `of` with every one under `to` that agrees in the row's other
+    conditions.
+    """
     own = {*target.of, *target.to, target.across}
     names = [n for n in dict.fromkeys((*target.conditions, *target.fixed)) if n not in own]
     sides, lacking = [], []
@@ -241,8 +276,7 @@ def _pairs(target: Target, common, of_records, to_records):
 
     judged = []
     named = tuple(dict.fromkeys((*target.of, *target.to)))
-    for (of_place, of_number), (to_place, to_number) in product(numbers(of_records, target.of),
-                                                                numbers(to_records, target.to)):
+    for (of_place, of_number), (to_place, to_number) in product(numbers(of_records, target.of), numbers(to_records, target.to)):
         place = {n: v for n, v in common.items() if n not in _single(target)}
         place.update({n: (of_place[n], to_place[n]) for n in named if n in of_place and n in to_place})
         try:
@@ -265,7 +299,8 @@ def _pairs(target: Target, common, of_records, to_records):
 
 def _lines(target: Target, records, variable: str):
     """(place, [(x, records at x)]) with rising x for each line that is judged by itself; a variable within a
-    test makes each test a line, otherwise the conditions in `fixed` do."""
+    test makes each test a line, otherwise the conditions in `fixed` do.
+    """
     across = (target.across,) if target.across else ()
     found = _numbers(target, records, target.conditions, (variable, *across))
     lines = []
@@ -381,8 +416,7 @@ def _deviation(target: Target, x, y) -> float:
         span = f"{x[0]:g} to {x[-1]:g}" if x.size else "nothing"
         raise _Missing(f"covers {span} of {start:g} to {end:g} {target.variable_unit}")
     square = (y - curve(target, x)) ** 2
-    return math.sqrt(float(np.trapezoid(square, x) if hasattr(np, "trapezoid") else np.trapz(square, x))
-                     / float(x[-1] - x[0]))
+    return math.sqrt(float(np.trapezoid(square, x) if hasattr(np, "trapezoid") else np.trapz(square, x)) / float(x[-1] - x[0]))
 
 
 def curve(target: Target, x):
@@ -410,7 +444,14 @@ def _judge_classification(target: Target, records):
 
 
 _JUDGES = {
-    "value": _judge_value, "range": _judge_value, "upper": _judge_value, "lower": _judge_value,
-    "difference": _judge_pair, "ratio": _judge_pair, "trend": _judge_trend, "fit": _judge_fit,
-    "curve": _judge_curve, "classification": _judge_classification,
+    "value": _judge_value,
+    "range": _judge_value,
+    "upper": _judge_value,
+    "lower": _judge_value,
+    "difference": _judge_pair,
+    "ratio": _judge_pair,
+    "trend": _judge_trend,
+    "fit": _judge_fit,
+    "curve": _judge_curve,
+    "classification": _judge_classification,
 }

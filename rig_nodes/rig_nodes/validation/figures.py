@@ -58,10 +58,12 @@ class Figure:
         x_ticks = ticks(min(x for x, _ in points), max(x for x, _ in points))
         y_ticks = ticks(min([y for _, y in points] + ends), max([y for _, y in points] + ends))
         scale = _Scale(x_ticks, y_ticks)
-        parts = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" '
-                 f'height="{HEIGHT}" font-family="sans-serif" font-size="12">',
-                 f'<rect width="{WIDTH}" height="{HEIGHT}" fill="white"/>',
-                 f'<text x="{LEFT}" y="24" font-size="15">{escape(self.title)}</text>']
+        parts = [
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" '
+            f'height="{HEIGHT}" font-family="sans-serif" font-size="12">',
+            f'<rect width="{WIDTH}" height="{HEIGHT}" fill="white"/>',
+            f'<text x="{LEFT}" y="24" font-size="15">{escape(self.title)}</text>',
+        ]
         parts += [scale.band(band) for band in self.bands]
         parts += scale.axes(self.x_name, self.y_name)
         for number, series in enumerate(self.series):
@@ -119,15 +121,15 @@ class _Scale:
         out.append(f'<path d="M{LEFT} {TOP}V{bottom}H{right}" fill="none" stroke="#555"/>')
         out.append(f'<text x="{(LEFT + right) / 2}" y="{HEIGHT - 14}" text-anchor="middle">{escape(x_name)}</text>')
         middle = (TOP + bottom) / 2
-        out.append(f'<text x="18" y="{middle}" text-anchor="middle" transform="rotate(-90 18 {middle})">'
-                   f'{escape(y_name)}</text>')
+        out.append(f'<text x="18" y="{middle}" text-anchor="middle" transform="rotate(-90 18 {middle})">{escape(y_name)}</text>')
         return out
 
     def band(self, band: Band) -> str:
         high = self.y(self.y_ticks[-1] if band.high is None else band.high)
         low = self.y(self.y_ticks[0] if band.low is None else band.low)
-        return (f'<rect x="{LEFT}" y="{high}" width="{WIDTH - LEFT - RIGHT}" height="{max(round(low - high, 1), 1)}" '
-                'fill="#d9ead3"/>')
+        return (
+            f'<rect x="{LEFT}" y="{high}" width="{WIDTH - LEFT - RIGHT}" height="{max(round(low - high, 1), 1)}" fill="#d9ead3"/>'
+        )
 
     def draw(self, series: Series, colour: str) -> list[str]:
         out, run = [], []
@@ -138,8 +140,7 @@ class _Scale:
                 run.append(f"{place[0]},{place[1]}")
                 continue
             if series.line and len(run) > 1:
-                out.append(f'<polyline points="{" ".join(run)}" fill="none" stroke="{colour}" '
-                           f'stroke-width="1.6"{dash}/>')
+                out.append(f'<polyline points="{" ".join(run)}" fill="none" stroke="{colour}" stroke-width="1.6"{dash}/>')
             run = []
         if series.marks:
             out += [f'<circle cx="{p[0]}" cy="{p[1]}" r="3" fill="{colour}"/>' for p in places if p is not None]

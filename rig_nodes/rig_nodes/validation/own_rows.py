@@ -35,10 +35,32 @@ from .targets import Target
 METRICS = tuple(key for key in KEYS if key not in ("from_gear", "to_gear", "valid", "t_order_s", "why"))
 ROLES = ("calibrate", "predict")
 STEADY = 0.3  # s before the next order over which a gear's values are averaged, unless the row says otherwise
-_KEYS = ("id", "text", "source", "role", "sequence", "with", "settings", "value", "metric", "gear", "over", "from", "to", "shift",
-         "printed", "low", "high")
-_OPERATORS = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
-              ast.USub: operator.neg}
+_KEYS = (
+    "id",
+    "text",
+    "source",
+    "role",
+    "sequence",
+    "with",
+    "settings",
+    "value",
+    "metric",
+    "gear",
+    "over",
+    "from",
+    "to",
+    "shift",
+    "printed",
+    "low",
+    "high",
+)
+_OPERATORS = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.USub: operator.neg,
+}
 _FUNCTIONS: dict[str, Callable] = {"mean": np.mean, "min": np.min, "max": np.max}
 
 
@@ -117,14 +139,26 @@ class _Reader:
         except RigError as error:
             raise RigError(f"{where_of(self.path, node)}: {node['id']}: {error}") from None
         if ("value" in node) == ("metric" in node):
-            self.refuse("value" if "value" in node else "id", "needs one of value, an expression of signals, and metric, a key of the "
-                                                              "report's shifts")
+            self.refuse(
+                "value" if "value" in node else "id",
+                "needs one of value, an expression of signals, and metric, a key of the report's shifts",
+            )
         dimension, numbers = self.numbers()
         where = self.of_shift(dimension) if "metric" in node else self.of_window(dimension)
         target = Target(
-            id=node["id"], text=node["text"], where=node["source"], kind="range", quantity=str(node.get("value", node.get("metric"))),
-            dimension=dimension, procedure=str(node["sequence"]), role=node["role"], why=node["source"], line=node.line + 1,
-            conditions={}, **numbers)
+            id=node["id"],
+            text=node["text"],
+            where=node["source"],
+            kind="range",
+            quantity=str(node.get("value", node.get("metric"))),
+            dimension=dimension,
+            procedure=str(node["sequence"]),
+            role=node["role"],
+            why=node["source"],
+            line=node.line + 1,
+            conditions={},
+            **numbers,
+        )
         return OwnRow(target, name, parameters, settings, **where)
 
     def texts(self, key: str) -> tuple[tuple[str, str], ...]:
@@ -151,7 +185,9 @@ class _Reader:
     def gear(self, key: str, name: object) -> int:
         numbers = self.config.transmission.numbers if self.config.structure.gears else {}
         if str(name) not in numbers:
-            self.refuse(key, f"names the gear {brief(str(name))}; known are {', '.join(map(str, numbers)) or 'none: the rig has no gears'}")
+            self.refuse(
+                key, f"names the gear {brief(str(name))}; known are {', '.join(map(str, numbers)) or 'none: the rig has no gears'}"
+            )
         return numbers[str(name)]
 
     def of_shift(self, dimension: str) -> dict:
@@ -212,7 +248,9 @@ def names_in(text: str, where: str) -> list[str]:
         names: list[str] = []
         _walk(tree, lambda name, _: names.append(name) or 1.0)
     except (SyntaxError, ValueError, RecursionError, MemoryError, OverflowError):
-        raise RigError(f"{where} is {brief(text)}, expected signals, numbers and + - * / ( ), mean(...), min(...), max(...)") from None
+        raise RigError(
+            f"{where} is {brief(text)}, expected signals, numbers and + - * / ( ), mean(...), min(...), max(...)"
+        ) from None
     except ZeroDivisionError:
         pass  # with other values than 1 it may be right
     if not names:
@@ -318,8 +356,9 @@ def by_run(rows: list[OwnRow]) -> list[list[OwnRow]]:
     return list(out.values())
 
 
-def validate(rows: list[OwnRow], rig: str, settings: dict[str, str], workers: Workers,
-             progress: Callable[[int, int], None] | None = None) -> list[Row]:
+def validate(
+    rows: list[OwnRow], rig: str, settings: dict[str, str], workers: Workers, progress: Callable[[int, int], None] | None = None
+) -> list[Row]:
     """Run what the rows need and judge them, in their order. progress(done, of) counts runs."""
     groups = by_run(rows)
     answers = {}

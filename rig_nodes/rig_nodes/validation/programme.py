@@ -31,10 +31,15 @@ RPM = pi / 30.0
 FOLDER = re.compile(r"\S*/(?=\S+\.ya?ml:\d)")
 # procedure -> what turns (conditions, run) into repeats of records
 READERS: dict[str, Callable[[dict, Run], list[list[Record]]]] = {
-    "valve_response": readers.valve_response, "coast_down": readers.coast_down,
-    "profile_series": readers.profile_series, "delay_series": readers.delay_series,
-    "grid_up": readers.grid_up, "grid_down": readers.grid_down, "chapter9": readers.chapter9,
-    "clutch_bench": bench_records.clutch_bench, "spring_bench": bench_records.spring_bench,
+    "valve_response": readers.valve_response,
+    "coast_down": readers.coast_down,
+    "profile_series": readers.profile_series,
+    "delay_series": readers.delay_series,
+    "grid_up": readers.grid_up,
+    "grid_down": readers.grid_down,
+    "chapter9": readers.chapter9,
+    "clutch_bench": bench_records.clutch_bench,
+    "spring_bench": bench_records.spring_bench,
 }
 # procedures on rigs of their own, which the settings of the gearbox's do not touch, and the files of their series
 BENCHES = {"clutch_bench": ("clutch_bench_series",), "spring_bench": ("spring_bench_series", "cylinder_bench_series")}
@@ -46,8 +51,17 @@ SIMULATED_SPEEDS = (1200.0, 1500.0)  # rpm, 9.2
 GRIDS = ("grid_up", "grid_down")
 BEYOND_T21 = ("-240 ms", "-260 ms")  # delays that the laboratory only expected something of, 7.3.3
 # seconds of one run on one core, about; only what they are against each other counts
-SIZES = {"valve_response": 5.0, "coast_down": 0.4, "profile_series": 0.35, "delay_series": 0.9, "grid_up": 0.4,
-         "grid_down": 0.5, "chapter9": 0.3, "clutch_bench": 1.2, "spring_bench": 1.0}
+SIZES = {
+    "valve_response": 5.0,
+    "coast_down": 0.4,
+    "profile_series": 0.35,
+    "delay_series": 0.9,
+    "grid_up": 0.4,
+    "grid_down": 0.5,
+    "chapter9": 0.3,
+    "clutch_bench": 1.2,
+    "spring_bench": 1.0,
+}
 
 
 @dataclass(frozen=True)
@@ -83,9 +97,12 @@ def choose(patterns: Iterable[str] = (), procedures: Iterable[str] = ()) -> list
     for pattern in patterns:
         if not any(fnmatch.fnmatchcase(target.id, pattern) for target in targets):
             raise RigError(f"{unknown('row', pattern, [target.id for target in targets])} (* matches any text)")
-    chosen = [target for target in targets
-              if (not patterns or any(fnmatch.fnmatchcase(target.id, p) for p in patterns))
-              and (not procedures or target.procedure in procedures)]
+    chosen = [
+        target
+        for target in targets
+        if (not patterns or any(fnmatch.fnmatchcase(target.id, p) for p in patterns))
+        and (not procedures or target.procedure in procedures)
+    ]
     if not chosen:
         raise RigError(f"no row of {', '.join(procedures)} is called {' or '.join(patterns)}")
     return chosen
@@ -93,7 +110,8 @@ def choose(patterns: Iterable[str] = (), procedures: Iterable[str] = ()) -> list
 
 def needed(targets: Iterable[Target]) -> tuple[str, ...]:
     """The procedures that must run for these targets, in the order in which they do. Rows for information alone
-    make nothing run."""
+    make nothing run.
+    """
     wanted = set()
     for target in targets:
         if target.role == "information":
@@ -117,8 +135,10 @@ def series_of(procedure: str) -> list[Series]:
     if procedure == "grid_up":
         # 7.4.1.1 says what an upshift without load should be like; it was not measured
         lowest = {one.conditions["n_wej"]: one for one in reversed(series)}
-        series += [_further(one, f"{one.label} without load", {"m_wyj": 0.0}, {"load_up": "0 Nm", "load_down": "0 Nm"})
-                   for one in lowest.values()]
+        series += [
+            _further(one, f"{one.label} without load", {"m_wyj": 0.0}, {"load_up": "0 Nm", "load_down": "0 Nm"})
+            for one in lowest.values()
+        ]
     if procedure == "delay_series":
         last = next(one for one in series if one.conditions["series"] == 19)
         for t21 in BEYOND_T21:
@@ -130,10 +150,14 @@ def series_of(procedure: str) -> list[Series]:
 
 def _simulated() -> list[Series]:
     """The grids' points at the speeds of 9.2, once each, for the rig of the simulation."""
-    return [replace(one, procedure=SIMULATION, label=f"{name} {one.label}", repeats=1,
-                    conditions={**one.conditions, "source": "simulated"})
-            for name in GRIDS for one in load_procedure(name).series()
-            if any(same(one.conditions["n_wej"], rpm * RPM) for rpm in SIMULATED_SPEEDS)]
+    return [
+        replace(
+            one, procedure=SIMULATION, label=f"{name} {one.label}", repeats=1, conditions={**one.conditions, "source": "simulated"}
+        )
+        for name in GRIDS
+        for one in load_procedure(name).series()
+        if any(same(one.conditions["n_wej"], rpm * RPM) for rpm in SIMULATED_SPEEDS)
+    ]
 
 
 def _on_benches(procedure: str) -> list[Series]:
@@ -145,8 +169,7 @@ def _on_benches(procedure: str) -> list[Series]:
 
 
 def _further(one: Series, label: str, conditions: dict, parameters: dict) -> Series:
-    return replace(one, label=label, conditions={**one.conditions, **conditions},
-                   parameters={**one.parameters, **parameters})
+    return replace(one, label=label, conditions={**one.conditions, **conditions}, parameters={**one.parameters, **parameters})
 
 
 def measure(series: Series, run: Run) -> list[list[Record]] | str:
@@ -160,10 +183,14 @@ def measure(series: Series, run: Run) -> list[list[Record]] | str:
         return str(reason)
 
 
-def measure_procedure(procedure: str, workers: Workers | None = None, rig: str | None = "hydmag",
-                      settings: dict[str, str] | None = None,
-                      progress: Callable[[int, int], None] | None = None,
-                      trips: list[str] | None = None) -> list[Record]:
+def measure_procedure(
+    procedure: str,
+    workers: Workers | None = None,
+    rig: str | None = "hydmag",
+    settings: dict[str, str] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    trips: list[str] | None = None,
+) -> list[Record]:
     """The records of one procedure, repeats averaged. progress(done, of) counts runs; ``trips`` gets a sentence on each
     run that tripped.
     """
@@ -192,8 +219,7 @@ def check_settings(procedures: Iterable[str], settings: dict[str, str]) -> None:
         for one in series_of(name) if name not in (SIMULATION, *BENCHES) else ():
             both = sorted(set(settings) & set(one.overrides))
             if both:
-                raise RigError(f"setting {both[0]}: series '{one.label}' of {name} sets it itself; choose other "
-                               "--procedures")
+                raise RigError(f"setting {both[0]}: series '{one.label}' of {name} sets it itself; choose other --procedures")
 
 
 def runs_of(procedures: Iterable[str]) -> dict[str, tuple[int, float]]:
@@ -201,9 +227,13 @@ def runs_of(procedures: Iterable[str]) -> dict[str, tuple[int, float]]:
     return {name: (sum(one.repeats for one in series_of(name)), SIZES[name]) for name in procedures}
 
 
-def validate(targets: list[Target], workers: Workers | None = None, rig: str = "hydmag",
-             settings: dict[str, str] | None = None,
-             progress: Callable[[str, int, int], None] | None = None) -> Result:
+def validate(
+    targets: list[Target],
+    workers: Workers | None = None,
+    rig: str = "hydmag",
+    settings: dict[str, str] | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Result:
     """Run what the targets need and judge them. progress(procedure, done, of) counts runs."""
     procedures = needed(targets)
     records: list[Record] = []
@@ -216,14 +246,12 @@ def validate(targets: list[Target], workers: Workers | None = None, rig: str = "
     for record in records:
         for quantity in record.values:
             holding.setdefault(quantity, []).append(record)
-    return Result([evaluate(target, holding.get(target.quantity, [])) for target in targets], records, procedures,
-                  trips)
+    return Result([evaluate(target, holding.get(target.quantity, [])) for target in targets], records, procedures, trips)
 
 
 def summary(rows: Iterable[Row]) -> dict[str, dict[str, int]]:
     """Basis -> how many rows are inside, outside, not compared, and how many there are."""
-    out = {basis: {"inside": 0, "outside": 0, "not compared": 0, "rows": 0}
-           for basis in ("calibrated", "predicted", "information")}
+    out = {basis: {"inside": 0, "outside": 0, "not compared": 0, "rows": 0} for basis in ("calibrated", "predicted", "information")}
     for row in rows:
         out[row.basis][row.verdict] += 1
         out[row.basis]["rows"] += 1

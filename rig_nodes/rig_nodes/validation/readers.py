@@ -30,8 +30,13 @@ TRACE_STEP, TRACE = 2e-3, 0.6  # s; the curves of Annex D end by then, but for p
 LONG_TRACE = 1.0  # s
 SPEED_STEP = 50e-3  # s between the values of a coast-down, each a mean over SPEED_MEAN
 SPEED_MEAN = 20e-3
-ENGAGEMENT = {"m_wej_mean_nm": "m_wej_mean_nm", "p_kiss_mpa": "p_kiss", "engagement_s": "engagement_s",
-              "engagement_peak_nm": "engagement_peak_nm", "level_s": "level_s"}
+ENGAGEMENT = {
+    "m_wej_mean_nm": "m_wej_mean_nm",
+    "p_kiss_mpa": "p_kiss",
+    "engagement_s": "engagement_s",
+    "engagement_peak_nm": "engagement_peak_nm",
+    "level_s": "level_s",
+}
 
 
 class NotMeasured(RigError):
@@ -40,10 +45,13 @@ class NotMeasured(RigError):
 
 def failed(procedure: str, conditions: dict, reason: str) -> list[Record]:
     """The records of a series that could not be measured: every value None, with the reason."""
-    values = {"valve_response": ("valve_delay_s",), "coast_down": ("coast_down_tangent_s", "coast_down_m_wej_nm"),
-              "profile_series": tuple(ENGAGEMENT),
-              "clutch_bench": ("m_eks", "k_kor", "k_kor_error", "m_rest_nm"),
-              "spring_bench": ("spring_force_n", "cylinder_force_n", "cylinder_start_mpa")}.get(procedure, SHIFT_VALUES)
+    values = {
+        "valve_response": ("valve_delay_s",),
+        "coast_down": ("coast_down_tangent_s", "coast_down_m_wej_nm"),
+        "profile_series": tuple(ENGAGEMENT),
+        "clutch_bench": ("m_eks", "k_kor", "k_kor_error", "m_rest_nm"),
+        "spring_bench": ("spring_force_n", "cylinder_force_n", "cylinder_start_mpa"),
+    }.get(procedure, SHIFT_VALUES)
     places = [conditions]
     if procedure == "delay_series":
         places = [{**conditions, "shift": shift} for shift in transmission_of().ways()]
@@ -58,8 +66,10 @@ def failed(procedure: str, conditions: dict, reason: str) -> list[Record]:
 
 def delay_series(conditions: dict, run) -> list[list[Record]]:
     """Each I-II and each II-I of one run is a repeat of its own."""
-    found = {shift: [_shift(conditions, "delay_series", shift, row) for row in _rows(run.recording, shift)]
-             for shift in run.recording.transmission.ways()}
+    found = {
+        shift: [_shift(conditions, "delay_series", shift, row) for row in _rows(run.recording, shift)]
+        for shift in run.recording.transmission.ways()
+    }
     up, down = found
     for record, row in zip(found[down], _rows(run.recording, down)):
         record += _rise_class("delay_series", record[0].conditions, run.recording, row)
@@ -97,8 +107,11 @@ def _grid(procedure: str, conditions: dict, run) -> list[list[Record]]:
         records = _shift(conditions, procedure, shift, row)
         records += _torques(procedure, conditions, run.recording, row)
         if conditions["m_wyj"] > 0.0:  # the laboratory's curves are of loaded shifts
-            records += [trace for clutch in run.recording.transmission.clutches
-                        for trace in _trace(procedure, conditions, run.recording, row, clutch)]
+            records += [
+                trace
+                for clutch in run.recording.transmission.clutches
+                for trace in _trace(procedure, conditions, run.recording, row, clutch)
+            ]
         repeats.append(records)
     return repeats
 
@@ -133,13 +146,15 @@ def _torques(procedure: str, conditions: dict, recording: Recording, row: dict) 
         means = [_mean(recording, torque, row["t_order_s"] - STEADY_FOR), _mean(recording, torque, after)]
         steady = None if None in means else max(means)
     why = {"m_wej_max_nm": "; ".join(row["why"]) or f"{torque} was not recorded long enough after the shift"}
-    return [Record(procedure, {**conditions, "phase": phase}, {"m_wej_max_nm": value}, {} if value is not None else why)
-            for phase, value in (("shift", row["m_wej_max_nm"]), ("before", steady))]
+    return [
+        Record(procedure, {**conditions, "phase": phase}, {"m_wej_max_nm": value}, {} if value is not None else why)
+        for phase, value in (("shift", row["m_wej_max_nm"]), ("before", steady))
+    ]
 
 
 def _mean(recording: Recording, name: str, since: float) -> float | None:
     first = int(round((since - recording.t0) / recording.period))
-    part = recording.channels[name][max(first, 0): first + int(round(STEADY_FOR / recording.period))]
+    part = recording.channels[name][max(first, 0) : first + int(round(STEADY_FOR / recording.period))]
     return float(np.mean(part)) if len(part) >= 0.9 * STEADY_FOR / recording.period else None
 
 
@@ -160,8 +175,11 @@ def _trace(procedure: str, conditions: dict, recording: Recording, row: dict, cl
     last = LONG_TRACE if falling and row["to_gear"] < row["from_gear"] else TRACE
     times = np.arange(0.0, last + 0.5 * TRACE_STEP, TRACE_STEP)
     rows = np.rint((start + times - recording.t0) / recording.period).astype(int)
-    return [Record(procedure, {**conditions, "time": round(float(t), 6)}, {quantity: float(smooth[at])})
-            for t, at in zip(times, rows) if at < smooth.size]
+    return [
+        Record(procedure, {**conditions, "time": round(float(t), 6)}, {quantity: float(smooth[at])})
+        for t, at in zip(times, rows)
+        if at < smooth.size
+    ]
 
 
 def rise_start(recording: Recording, smooth: np.ndarray, clutch: Clutch, t_order: float) -> float | None:
@@ -171,7 +189,7 @@ def rise_start(recording: Recording, smooth: np.ndarray, clutch: Clutch, t_order
     reached, followed back along its slope.
     """
     order = int(np.ceil((t_order - recording.t0) / recording.period))
-    before = smooth[max(0, order - 1000): order]
+    before = smooth[max(0, order - 1000) : order]
     rest, noise = float(np.median(before)), float(np.std(before))
     rise = max(clutch.kiss_pressure - rest, 0.1 * clutch.kiss_pressure)
     moved = smooth - rest
@@ -188,7 +206,8 @@ def rise_start(recording: Recording, smooth: np.ndarray, clutch: Clutch, t_order
 
 def _rise_class(procedure: str, conditions: dict, recording: Recording, row: dict) -> list[Record]:
     """Whether the pressure of the engaging clutch dips; the shape of a rise does not ask what the other clutch did,
-    so the order is taken as one from neutral."""
+    so the order is taken as one from neutral.
+    """
     rise = engagement_metrics(recording, (row["t_order_s"], 0, row["to_gear"]))
     why = {} if rise["disturbed"] else {"pressure_rise": "; ".join(rise["why"])}
     return [Record(procedure, conditions, {"pressure_rise": rise["disturbed"]}, why)]
@@ -203,8 +222,11 @@ def profile_series(conditions: dict, run) -> list[list[Record]]:
     gear = next(gear.number for gear in box.gears if gear.clutches == (conditions["clutch"],))
     ends = [order[0] for order in orders[1:]] + [None]
     found = [(order, end) for order, end in zip(orders, ends) if order[1] == 0 and order[2] == gear]
-    rows = [row for row in (engagement_metrics(run.recording, *one) for one in found)
-            if row["n_wej_before"] is None or row["n_wej_before"] >= 1.0]
+    rows = [
+        row
+        for row in (engagement_metrics(run.recording, *one) for one in found)
+        if row["n_wej_before"] is None or row["n_wej_before"] >= 1.0
+    ]
     # the load is set with the clutch closed, before; the engagement that is measured is the last one
     if not rows:
         raise NotMeasured("the engagement did not take place")
@@ -215,22 +237,27 @@ def _engagement(conditions: dict, recording: Recording, row: dict) -> list[Recor
     reason = "; ".join(row["why"]) or "was not found"
 
     def record(extra, values):
-        return Record("profile_series", {**conditions, **extra}, values,
-                      {name: reason for name, value in values.items() if value is None})
+        return Record(
+            "profile_series", {**conditions, **extra}, values, {name: reason for name, value in values.items() if value is None}
+        )
 
-    records = [record({}, {name: row[key] for name, key in ENGAGEMENT.items()}),
-               record({}, {"pressure_rise": row["disturbed"]}),
-               record({"phase": "fill"}, {"pressure_rise": row["growth_fill"]}),
-               record({"phase": "after contact"}, {"pressure_rise": row["growth_contact"]})]
+    records = [
+        record({}, {name: row[key] for name, key in ENGAGEMENT.items()}),
+        record({}, {"pressure_rise": row["disturbed"]}),
+        record({"phase": "fill"}, {"pressure_rise": row["growth_fill"]}),
+        record({"phase": "after contact"}, {"pressure_rise": row["growth_contact"]}),
+    ]
     if row["fill_start_s"] is None:
-        return records + [record({"time": 0.0}, {"pressure_rise": None})]
-    clutch, = recording.transmission.engaged(row["gear"])
+        return [*records, record({"time": 0.0}, {"pressure_rise": None})]
+    (clutch,) = recording.transmission.engaged(row["gear"])
     smooth = running_mean(recording.channels[clutch.pressure], odd_width(PRESSURE_MEAN, recording.period))
-    first, last = (int(round((row["t_order_s"] + row[key] - recording.t0) / recording.period))
-                   for key in ("fill_start_s", "fill_end_s"))
+    first, last = (
+        int(round((row["t_order_s"] + row[key] - recording.t0) / recording.period)) for key in ("fill_start_s", "fill_end_s")
+    )
     step = max(1, int(round(SAMPLE / recording.period)))
-    return records + [record({"time": i * recording.period}, {"pressure_rise": float(smooth[i])})
-                      for i in range(first, last + 1, step)]
+    return records + [
+        record({"time": i * recording.period}, {"pressure_rise": float(smooth[i])}) for i in range(first, last + 1, step)
+    ]
 
 
 def valve_response(conditions: dict, run) -> list[list[Record]]:
@@ -252,12 +279,14 @@ def coast_down(conditions: dict, run) -> list[list[Record]]:
     into = recording.transmission.input
     w = recording.channels[into.speed]
     fit = fit_coast_down(t, w, recording.channels[into.torque])
-    records = [Record("coast_down", conditions, {key: fit[key] for key in
-                                                 ("coast_down_tangent_s", "coast_down_m_wej_nm")}),
-               Record("coast_down", {"side": "driving"}, {"inertia": fit["inertia"]})]
+    records = [
+        Record("coast_down", conditions, {key: fit[key] for key in ("coast_down_tangent_s", "coast_down_m_wej_nm")}),
+        Record("coast_down", {"side": "driving"}, {"inertia": fit["inertia"]}),
+    ]
     smooth = running_mean(w, odd_width(SPEED_MEAN, recording.period))
     times = np.arange(0.0, t[-1] - fit["t_cut_s"], SPEED_STEP)
     rows = np.rint((fit["t_cut_s"] + times - recording.t0) / recording.period).astype(int)
-    records += [Record("coast_down", {**conditions, "time": round(float(s), 6)}, {"w_wej": float(smooth[at])})
-                for s, at in zip(times, rows)]
+    records += [
+        Record("coast_down", {**conditions, "time": round(float(s), 6)}, {"w_wej": float(smooth[at])}) for s, at in zip(times, rows)
+    ]
     return [records]

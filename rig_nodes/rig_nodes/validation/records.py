@@ -50,7 +50,8 @@ def same(one, other) -> bool:
 
 def allowed(value, wanted) -> bool:
     """Whether a record's value of a condition is among those wanted: a tuple of values ("all": every one) or a
-    Span, ends included."""
+    Span, ends included.
+    """
     if isinstance(wanted, Span):
         if isinstance(value, str):
             return False
@@ -67,11 +68,15 @@ def select(records, procedure: str, quantity: str, conditions: dict, named=()) -
     """
     procedures = SHARED.get(procedure, (procedure,))
     known = {*conditions, *named}
-    return [r for r in records
-            if r.procedure in procedures and quantity in r.values
-            and all(name in r.conditions for name in known)
-            and all(name in known for name in ASPECTS if name in r.conditions)
-            and all(allowed(r.conditions[name], wanted) for name, wanted in conditions.items())]
+    return [
+        r
+        for r in records
+        if r.procedure in procedures
+        and quantity in r.values
+        and all(name in r.conditions for name in known)
+        and all(name in known for name in ASPECTS if name in r.conditions)
+        and all(allowed(r.conditions[name], wanted) for name, wanted in conditions.items())
+    ]
 
 
 def missing(records, procedure: str, conditions: dict) -> list[str]:
@@ -133,18 +138,18 @@ def average(repeats: list[list[Record]]) -> list[Record]:
     single = [[r for r in one if "time" not in r.conditions] for one in repeats]
     traces = [r for r in repeats[0] if "time" in r.conditions]
     if len({len(one) for one in single}) != 1:
-        raise RigError(f"repeats of one test gave {', '.join(str(len(one)) for one in single)} results; "
-                       "expected as many from each")
+        raise RigError(f"repeats of one test gave {', '.join(str(len(one)) for one in single)} results; expected as many from each")
     return [_mean(records) for records in zip(*single)] + traces
 
 
 def _mean(records) -> Record:
     first = records[0]
     for other in records[1:]:
-        if (other.procedure, other.conditions, set(other.values)) != (
-                first.procedure, first.conditions, set(first.values)):
-            raise RigError(f"repeats of one test differ in what they are: {first.procedure} "
-                           f"{place_text(first.conditions)} and {other.procedure} {place_text(other.conditions)}")
+        if (other.procedure, other.conditions, set(other.values)) != (first.procedure, first.conditions, set(first.values)):
+            raise RigError(
+                f"repeats of one test differ in what they are: {first.procedure} "
+                f"{place_text(first.conditions)} and {other.procedure} {place_text(other.conditions)}"
+            )
     values, why = {}, {}
     for name in first.values:
         found = [r.values[name] for r in records]
@@ -177,6 +182,8 @@ def shown(name: str, value) -> str:
 
 def place_text(place: dict) -> str:
     """A place (conditions, or [one, other] for the two sides of a comparison) for people."""
-    parts = [" against ".join(shown(name, one) for one in value) if isinstance(value, (list, tuple))
-             else shown(name, value) for name, value in place.items()]
+    parts = [
+        " against ".join(shown(name, one) for one in value) if isinstance(value, (list, tuple)) else shown(name, value)
+        for name, value in place.items()
+    ]
     return ", ".join(parts)

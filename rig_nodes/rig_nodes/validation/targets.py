@@ -117,8 +117,9 @@ def load_targets(path: str | Path | None = None) -> list[Target]:
     for row in rows:
         target = _Row(path, row, procedures, quantities).target()
         if target.id in targets:
-            raise RigError(f"{path}:{target.line}: the id '{target.id}' is taken by line "
-                           f"{targets[target.id].line}; each id stands once")
+            raise RigError(
+                f"{path}:{target.line}: the id '{target.id}' is taken by line {targets[target.id].line}; each id stands once"
+            )
         targets[target.id] = target
     _mirror_conflicts(path, rows, targets)
     return list(targets.values())
@@ -129,8 +130,7 @@ def _procedures(path, node) -> tuple[str, ...]:
     check_keys(path, procedures, procedures, (), "procedures")
     for name, meaning in procedures.items():
         if not (isinstance(meaning, str) and meaning.strip()):
-            raise RigError(f"{where_of(path, procedures, name)}: procedures.{name} must say what it is, "
-                           f"found {brief(meaning)}")
+            raise RigError(f"{where_of(path, procedures, name)}: procedures.{name} must say what it is, found {brief(meaning)}")
     return tuple(procedures)
 
 
@@ -140,8 +140,10 @@ def _quantities(path, node) -> dict[str, str]:
     check_keys(path, quantities, quantities, (), "quantities")
     for name, entry in quantities.items():
         if not (isinstance(entry, list) and len(entry) == 2 and entry[0] in SI and isinstance(entry[1], str)):
-            raise RigError(f"{where_of(path, quantities, name)}: quantities.{name} must be [dimension, "
-                           f"\"meaning\"] with one of {', '.join(sorted(SI))}, found {brief(entry)}")
+            raise RigError(
+                f"{where_of(path, quantities, name)}: quantities.{name} must be [dimension, "
+                f'"meaning"] with one of {", ".join(sorted(SI))}, found {brief(entry)}'
+            )
     return {name: str(entry[0]) for name, entry in quantities.items()}
 
 
@@ -156,8 +158,7 @@ def _mirror_conflicts(path, rows, targets: dict[str, Target]) -> None:
             if other == here.id:
                 raise RigError(f"{where} names the row itself; expected the id of another row")
             if other in here.conflicts:
-                raise RigError(f"{where} names '{other}', which already names this row; "
-                               "a conflict stands at one of the two")
+                raise RigError(f"{where} names '{other}', which already names this row; a conflict stands at one of the two")
             here.conflicts[other] = targets[other].conflicts[here.id] = " ".join(sentence.split())
 
 
@@ -190,8 +191,14 @@ class _Row:
     def target(self) -> Target:
         node, kind = self.node, self.node["kind"]
         values: dict = {}
-        for key, known in (("sign", SIGNS), ("shape", SHAPES), ("statistic", STATISTICS),
-                           ("over", CONDITIONS), ("across", CONDITIONS), ("inside", PARTS)):
+        for key, known in (
+            ("sign", SIGNS),
+            ("shape", SHAPES),
+            ("statistic", STATISTICS),
+            ("over", CONDITIONS),
+            ("across", CONDITIONS),
+            ("inside", PARTS),
+        ):
             if key in node:
                 self.one_of(key, known)
                 values[key] = str(node[key])
@@ -199,8 +206,10 @@ class _Row:
             self.refuse("absolute", f"is {brief(node['absolute'])}, expected true or no such key")
         values["absolute"] = "absolute" in node
         if ("statistic" in node) != ("across" in node):
-            self.refuse("statistic" if "statistic" in node else "across",
-                        "stands alone; a statistic is taken across a condition, both keys are needed")
+            self.refuse(
+                "statistic" if "statistic" in node else "across",
+                "stands alone; a statistic is taken across a condition, both keys are needed",
+            )
         if kind in ("ratio", "fit") or node.get("statistic") == "spread_share":
             self.dimension = "ratio"
         values["fixed"] = self.fixed()
@@ -215,10 +224,16 @@ class _Row:
             values.update(self.numbers())
         self.conflicts()
         return Target(
-            id=str(self.id), kind=str(kind), quantity=str(node["quantity"]), dimension=self.dimension,
-            procedure=str(node["procedure"]), role=str(node["role"]), line=node.line + 1,
+            id=str(self.id),
+            kind=str(kind),
+            quantity=str(node["quantity"]),
+            dimension=self.dimension,
+            procedure=str(node["procedure"]),
+            role=str(node["role"]),
+            line=node.line + 1,
             **{key: " ".join(node.get(key, "").split()) for key in ("text", "where", "why", "note")},
-            **values)
+            **values,
+        )
 
     def fixed(self) -> tuple[str, ...]:
         names = self.node.get("fixed", [])
@@ -235,12 +250,10 @@ class _Row:
             if isinstance(entry, dict):
                 check_keys(self.path, entry, ("from", "to"), ("from", "to"), f"{self.id}.{key}.{name}")
                 if not isinstance(takes, str):
-                    raise RigError(f"{where} is a span, which only numbers with a unit can have; "
-                                   "expected a value or a list")
+                    raise RigError(f"{where} is a span, which only numbers with a unit can have; expected a value or a list")
                 low, high = (quantity(entry[end], takes, where) for end in ("from", "to"))
                 if low >= high:
-                    raise RigError(f"{where} runs from {entry['from']} to {entry['to']}; "
-                                   "expected the lower one first")
+                    raise RigError(f"{where} runs from {entry['from']} to {entry['to']}; expected the lower one first")
                 out[name] = Span(low, high)
                 continue
             entries = list(entry) if isinstance(entry, list) else [entry]
@@ -262,8 +275,7 @@ class _Row:
         for key in ("unit", "variable_unit"):
             self.one_of(key, UNITS)
         if UNITS[node["unit"]][0] != self.dimension:
-            self.refuse("unit", f"is {with_article(UNITS[node['unit']][0])}, expected "
-                                f"{with_article(self.dimension)}")
+            self.refuse("unit", f"is {with_article(UNITS[node['unit']][0])}, expected {with_article(self.dimension)}")
         pieces, end = [], None
         for piece in node["pieces"] if isinstance(node["pieces"], list) else [None]:
             try:
@@ -272,14 +284,14 @@ class _Row:
             except (TypeError, ValueError):
                 self.refuse("pieces", f"has {brief(piece)}, expected [from, to, [coefficients]] in numbers")
             if not numbers[2] or not numbers[0] < numbers[1] or end not in (None, numbers[0]):
-                self.refuse("pieces", f"has {brief(piece)}; each must run forward from where the one before ends "
-                                      "and have coefficients")
+                self.refuse(
+                    "pieces", f"has {brief(piece)}; each must run forward from where the one before ends and have coefficients"
+                )
             end = numbers[1]
             pieces.append(numbers)
         if not pieces:
             self.refuse("pieces", "is empty; expected at least one [from, to, [coefficients]]")
-        return {"pieces": tuple(pieces), "variable": str(node["variable"]),
-                "variable_unit": str(node["variable_unit"])}
+        return {"pieces": tuple(pieces), "variable": str(node["variable"]), "variable_unit": str(node["variable_unit"])}
 
     def numbers(self) -> dict:
         """printed, low, high and tolerance in SI, and that they fit each other."""
@@ -302,10 +314,11 @@ class _Row:
             if min(reach) < -1e-9 * size:
                 self.refuse("printed", f"is {node['printed']}, outside of what low and high accept")
             if not math.isclose(max(reach), tolerance, rel_tol=1e-6, abs_tol=1e-6 * size):
-                self.refuse("tolerance", f"is {text}, but low and high do not reach just that far beyond "
-                                         f"what is printed ({node['printed']})")
-        return {"printed": printed, "tolerance": tolerance, "tolerance_is_share": share, "unit": self.unit(),
-                **ends}
+                self.refuse(
+                    "tolerance",
+                    f"is {text}, but low and high do not reach just that far beyond what is printed ({node['printed']})",
+                )
+        return {"printed": printed, "tolerance": tolerance, "tolerance_is_share": share, "unit": self.unit(), **ends}
 
     def number(self, text, key, dimension) -> float:
         return quantity(text, dimension, f"{where_of(self.path, self.node, key)}: {self.id}.{key}")
@@ -335,8 +348,10 @@ class _Row:
             self.refuse("conflicts", f"is {brief(conflicts)}, expected {{id of another row: one sentence}}")
         for other, sentence in conflicts.items():
             if not (isinstance(sentence, str) and sentence.strip()):
-                raise RigError(f"{where_of(self.path, conflicts, other)}: {self.id}.conflicts.{other} is "
-                               f"{brief(sentence)}, expected one sentence")
+                raise RigError(
+                    f"{where_of(self.path, conflicts, other)}: {self.id}.conflicts.{other} is "
+                    f"{brief(sentence)}, expected one sentence"
+                )
 
 
 def _condition(takes, name: str, entry, where: str):

@@ -81,8 +81,9 @@ def _figure(course: Course, part: str, recording: Recording, order: float) -> Fi
     inside = (rows >= 0) & (rows < recording.rows)
     for channel in channels:
         smooth = running_mean(recording.channels[channel], odd_width(MEAN, recording.period))
-        figure.series.append(Series(channel, since[inside].round(6).tolist(), (smooth[rows[inside]] * factor).tolist(),
-                                    marks=False))
+        figure.series.append(
+            Series(channel, since[inside].round(6).tolist(), (smooth[rows[inside]] * factor).tolist(), marks=False)
+        )
     return figure
 
 
@@ -91,8 +92,9 @@ def _run_and_draw(rig, settings, course: Course) -> list[tuple[str, Figure]]:
     return draw(course, run_repeat(series, 0, rig, settings))
 
 
-def time_courses(procedures: Iterable[str], workers: Workers, rig: str = "hydmag",
-                 settings: dict[str, str] | None = None) -> list[tuple[str, Figure]]:
+def time_courses(
+    procedures: Iterable[str], workers: Workers, rig: str = "hydmag", settings: dict[str, str] | None = None
+) -> list[tuple[str, Figure]]:
     """The figures of these procedures' series, each run once."""
     wanted = [course for course in COURSES if course.procedure in procedures]
     return [figure for found in workers.map(partial(_run_and_draw, rig, settings), wanted) for figure in found]

@@ -50,14 +50,13 @@ def conflicts(after: list[Miss], sensitivities: dict[str, dict[str, float]]) -> 
     miss raises the other when their gradients point apart.
     """
     bad = [miss for miss in after if abs(miss.tolerances) > CLEAR]
-    gradient = {miss.row: np.array([miss.tolerances * by_row[miss.row] for by_row in sensitivities.values()])
-                for miss in bad}
-    return [(one.row, other.row) for i, one in enumerate(bad) for other in bad[i + 1:]
-            if gradient[one.row] @ gradient[other.row] < 0.0]
+    gradient = {miss.row: np.array([miss.tolerances * by_row[miss.row] for by_row in sensitivities.values()]) for miss in bad}
+    return [
+        (one.row, other.row) for i, one in enumerate(bad) for other in bad[i + 1 :] if gradient[one.row] @ gradient[other.row] < 0.0
+    ]
 
 
-def _point(weight: float, config: RigConfig, parameters: dict[str, Parameter], misses: Callable,
-           rows: tuple[str, str]) -> Point:
+def _point(weight: float, config: RigConfig, parameters: dict[str, Parameter], misses: Callable, rows: tuple[str, str]) -> Point:
     scale = {rows[0]: weight**0.5, rows[1]: weight**-0.5}
     best = nearby(shares_of(config, parameters), config, parameters, misses, scale, bounded=False)
     rig, values = at_shares(config, parameters, best)
@@ -66,8 +65,13 @@ def _point(weight: float, config: RigConfig, parameters: dict[str, Parameter], m
     return Point(weight, tuple(miss.tolerances for miss in pair), tuple(miss.value for miss in pair), values)
 
 
-def trade_offs(config: RigConfig, after: dict[str, list[Miss]], sensitivities: dict[str, dict[str, float]], jobs: int,
-               progress: Callable[[str, str, str], None] | None = None) -> list[Curve]:
+def trade_offs(
+    config: RigConfig,
+    after: dict[str, list[Miss]],
+    sensitivities: dict[str, dict[str, float]],
+    jobs: int,
+    progress: Callable[[str, str, str], None] | None = None,
+) -> list[Curve]:
     """The curves of all conflicts of a calibrated rig. after: stage -> misses; sensitivities as calibrate.Found has them."""
     stages, curves = load_stages(), []
     with Workers(jobs) as workers:

@@ -36,6 +36,8 @@ def is_laboratory(path: Path) -> bool:
         return False
     check_keys(path, node, ("programme",), (), "the validation")
     if node["programme"] != LABORATORY:
-        raise RigError(f"{where_of(path, node, 'programme')}: programme is {brief(node['programme'])}, expected {LABORATORY}, or rows "
-                       "in its place")
+        raise RigError(
+            f"{where_of(path, node, 'programme')}: programme is {brief(node['programme'])}, expected {LABORATORY}, or rows "
+            "in its place"
+        )
     return True

@@ -30,8 +30,7 @@ APPLICATION = "virtual_rig"
 VIEW_FILE = "view.rrd"
 PIECE = 1 << 24  # bytes of messages in memory at a time, some 15 s of a run
 SMALL = ("rig_msgs/msg/Event", "rig_msgs/msg/RunInfo", "rig_msgs/msg/ChannelList")  # what is wanted of the whole run
-LEVELS = (("tripped", "ERROR"), ("failed", "ERROR"), ("e_stop", "ERROR"), ("refused", "WARN"),
-          ("aborted", "WARN"))
+LEVELS = (("tripped", "ERROR"), ("failed", "ERROR"), ("e_stop", "ERROR"), ("refused", "WARN"), ("aborted", "WARN"))
 
 
 @dataclass(frozen=True)
@@ -66,8 +65,7 @@ def _make(index: BagIndex, path: Path, key: str, window) -> list[str]:
     try:
         handle, name = tempfile.mkstemp(prefix=".view-", suffix=".rrd", dir=path.parent)
     except OSError as error:
-        raise RigError(f"{path}: cannot be written ({error.strerror}); "
-                       f"copy the run to a folder of yours") from None
+        raise RigError(f"{path}: cannot be written ({error.strerror}); copy the run to a folder of yours") from None
     os.close(handle)
     try:
         notes = _write(index, Path(name), key, window)
@@ -80,8 +78,7 @@ def _make(index: BagIndex, path: Path, key: str, window) -> list[str]:
     return notes
 
 
-def save_bare_layout(run: str | Path, window: tuple[float, float] | None, path: Path,
-                     tab: str | None = None) -> None:
+def save_bare_layout(run: str | Path, window: tuple[float, float] | None, path: Path, tab: str | None = None) -> None:
     """Write the layout of one tab of a run's view, without the viewer's own bars, for a picture of it.
 
     tab: one of layout.TABS, the one that the view opens with unless told otherwise; RigError when the run has none.
@@ -106,8 +103,10 @@ def import_rerun():
         import rerun.blueprint
         import rerun.chunk
     except (ImportError, AttributeError) as error:
-        raise RigError(f"the view needs rerun-sdk (with numpy 2), which this Python lacks ({error}); use "
-                       f"the environment that ./rig makes, or 'pip install rerun-sdk' in another") from None
+        raise RigError(
+            f"the view needs rerun-sdk (with numpy 2), which this Python lacks ({error}); use "
+            f"the environment that ./rig makes, or 'pip install rerun-sdk' in another"
+        ) from None
     return rerun
 
 
@@ -116,7 +115,9 @@ def _key(bag: Path, window) -> str:
     rr = import_rerun()
     digest = hashlib.sha256(f"{__version__} {rr.__version__} {window}".encode())
     package = Path(__file__).parents[1]
-    sources = sorted(path for part in ("view", "analysis", "bags", "description", "parts") for path in (package / part).glob("*.py"))
+    sources = sorted(
+        path for part in ("view", "analysis", "bags", "description", "parts") for path in (package / part).glob("*.py")
+    )
     for path in (bag, bag.parent / REPORT_FILE, *sources):
         digest.update(path.name.encode())
         if path.exists():
@@ -190,15 +191,17 @@ def _names(pages: Pages, index: BagIndex, small: Bag) -> tuple[list[str], tuple[
     """Signals of the catalogue that the bag holds, and those that the controller names as its own; none in most runs."""
     logged = small.columns(LOGGER_TOPIC) if index.counts.get(LOGGER_TOPIC) else []
     own = small.columns(OWN_TOPIC) if index.counts.get(OWN_TOPIC) else []
-    return [name for name, signal in pages.known.signals.items()
-            if name in logged or index.counts.get(signal.topic) and small.has_field(signal)], tuple(own)
+    return [
+        name
+        for name, signal in pages.known.signals.items()
+        if name in logged or (index.counts.get(signal.topic) and small.has_field(signal))
+    ], tuple(own)
 
 
 def _check_window(window, curves: Curves) -> None:
     first, last = curves.ends
     if window[0] >= last or window[1] <= first:
-        raise RigError(f"--window {window[0]:g},{window[1]:g}: lies outside the run, which goes from "
-                       f"{first:.2f} s to {last:.2f} s")
+        raise RigError(f"--window {window[0]:g},{window[1]:g}: lies outside the run, which goes from {first:.2f} s to {last:.2f} s")
 
 
 def _report(bag: Bag, notes: list[str]) -> dict:

@@ -126,8 +126,7 @@ class Curves:
         self._states[signal.name] = values[-1]
         states = [signal.states.get(int(value), str(int(value))) for value in values[change]]
         if states:
-            self._rec.send_columns(layout.entity(signal), [times(self._rr, t[change])],
-                                   self._rr.StateChange.columns(state=states))
+            self._rec.send_columns(layout.entity(signal), [times(self._rr, t[change])], self._rr.StateChange.columns(state=states))
 
     def _measure(self, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
         """How high the plots with upright lines are during each shift."""
@@ -147,13 +146,16 @@ class Curves:
     def send_marks(self) -> None:
         """An upright line at the order of each shift, as high as the curves of the plot during the shift."""
         for title, _ in self._pages.marked_plots:
-            rows = [(shift.order, value) for number, shift in enumerate(self._shifts) if (title, number) in self._heights
-                    for value in (*self._heights[title, number], np.nan)]
+            rows = [
+                (shift.order, value)
+                for number, shift in enumerate(self._shifts)
+                if (title, number) in self._heights
+                for value in (*self._heights[title, number], np.nan)
+            ]
             if rows:
                 t, values = np.array(rows).T
                 path = layout.mark_entity(title)
                 # both ends lie at one time: averaged, they would be a point
-                line = self._rr.SeriesLines(names="shift ordered", colors=OTHER, widths=1.0,
-                                            aggregation_policy="Off")
+                line = self._rr.SeriesLines(names="shift ordered", colors=OTHER, widths=1.0, aggregation_policy="Off")
                 self._rec.log(path, line, static=True)
                 self._send(path, t, values)

@@ -32,8 +32,7 @@ def report_document(report: dict, problems: list[str]) -> str:
     else:
         parts += ["## Shifts", _shift_table(report["shifts"], box) if report["shifts"] else no_shift(report)]
         parts += measured_lines(report["measured"], box) if "measured" in report else []
-    parts += [f"{_title(row, box)} is not valid: {reason}"
-              for row in report["shifts"] for reason in row.get("why", [])]
+    parts += [f"{_title(row, box)} is not valid: {reason}" for row in report["shifts"] for reason in row.get("why", [])]
     end = run.get("end")
     reason = (end.get("reason") if isinstance(end, dict) else end) or "unknown"
     parts += ["## Run", f"End: {reason}", _table([["", "value"], *_run_rows(report, box)])]

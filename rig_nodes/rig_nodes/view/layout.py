@@ -96,8 +96,14 @@ def own_entity(name: str) -> str:
     return f"controller/{name}"
 
 
-def blueprint(pages: Pages, present: set[str], shifts: list[Shift], window: tuple[float, float] | None,
-              only: str | None = None, own: tuple[str, ...] = ()):
+def blueprint(
+    pages: Pages,
+    present: set[str],
+    shifts: list[Shift],
+    window: tuple[float, float] | None,
+    only: str | None = None,
+    own: tuple[str, ...] = (),
+):
     """The layout of a recorded run as a Rerun blueprint.
 
     pages: of the rig. present: names of the signals the file holds; plots without any are left out. shifts: shown side by side
@@ -160,7 +166,8 @@ def _whole(rrb, content, panels: str, top: str, play: str):
         rrb.TopPanel(state=top),
         rrb.TimePanel(state=panels, timeline=TIMELINE, play_state=play),
         rrb.BlueprintPanel(state=panels),
-        rrb.SelectionPanel(state=panels))
+        rrb.SelectionPanel(state=panels),
+    )
 
 
 def _tab(name: str, columns: list[list]):
@@ -171,15 +178,18 @@ def _tab(name: str, columns: list[list]):
     for views in columns:
         if views:
             # a lane of states needs a fifth of the height of a plot
-            shares = [0.25 + 0.2 * len(view.contents) if isinstance(view, rrb.StateTimelineView) else 1.0
-                      for view in views]
+            shares = [0.25 + 0.2 * len(view.contents) if isinstance(view, rrb.StateTimelineView) else 1.0 for view in views]
             parts.append(rrb.Vertical(*views, row_shares=shares))
     # the text holds the time: the viewer's own column is too narrow for it
     log = rrb.archetypes.TextLogColumns(
         timeline_columns=[rrb.encodings.TimelineColumn(TIMELINE, visible=False)],
-        text_log_columns=[rrb.encodings.TextLogColumn("Body")])
-    texts = rrb.Vertical(rrb.TextDocumentView(name="Report", origin="/report"),
-                         rrb.TextLogView(name="Events", origin="/events", columns=log), row_shares=[3, 2])
+        text_log_columns=[rrb.encodings.TextLogColumn("Body")],
+    )
+    texts = rrb.Vertical(
+        rrb.TextDocumentView(name="Report", origin="/report"),
+        rrb.TextLogView(name="Events", origin="/events", columns=log),
+        row_shares=[3, 2],
+    )
     return rrb.Horizontal(*parts, texts, column_shares=[5.0] * len(parts) + [2.7], name=name)
 
 
@@ -215,9 +225,15 @@ def _plots(pages: Pages, present: set[str], plots, axis, legend: bool = True) ->
         if contents:
             contents.append("/" + mark_entity(title))
             unit = pages.known.signal(names[0]).display_unit
-            views.append(rrb.TimeSeriesView(
-                name=f"{title} [{unit}]", origin="/", contents=contents, axis_x=axis,
-                plot_legend=rrb.PlotLegend("RightTop", visible=legend)))
+            views.append(
+                rrb.TimeSeriesView(
+                    name=f"{title} [{unit}]",
+                    origin="/",
+                    contents=contents,
+                    axis_x=axis,
+                    plot_legend=rrb.PlotLegend("RightTop", visible=legend),
+                )
+            )
     return views
 
 

@@ -35,15 +35,15 @@ from .pages import Pages
 from .viewer import PR_SET_PDEATHSIG, program, surroundings
 
 APPLICATION = "virtual_rig_live"  # not that of recorded runs: a viewer may show both, each with its layout
-PORT = 9876          # where `rerun --connect` looks by itself
-MEMORY = "100MB"     # of the server, for viewers that come later: about four minutes
-WINDOW = 10.0        # s that the plots show
-WAITING = 20_000     # messages between callbacks and sender, about 5 s of the rig
-PERIOD = 0.2         # s between two sendings: a picture that moves, in blocks that are not too small
-TELL = 1.0           # s between two counts in the text panel
-BACK = 1.0           # s by which time jumps back when another run has begun
+PORT = 9876  # where `rerun --connect` looks by itself
+MEMORY = "100MB"  # of the server, for viewers that come later: about four minutes
+WINDOW = 10.0  # s that the plots show
+WAITING = 20_000  # messages between callbacks and sender, about 5 s of the rig
+PERIOD = 0.2  # s between two sendings: a picture that moves, in blocks that are not too small
+TELL = 1.0  # s between two counts in the text panel
+BACK = 1.0  # s by which time jumps back when another run has begun
 SERVER_START = 15.0  # s
-FLUSH = 1.0          # s for what the SDK still holds
+FLUSH = 1.0  # s for what the SDK still holds
 CLOCK_TOPIC = "/rig/state"
 EVENT = "rig_msgs/msg/Event"
 _FIELD = re.compile(r"(\w+)(?:\[(\d+)\])?")
@@ -70,11 +70,14 @@ class Server:
         self._words = tempfile.TemporaryFile()
         libc = ctypes.CDLL(None)
         self.process = subprocess.Popen(
-            [program(), "--serve-grpc", "--bind", "127.0.0.1", "--port", str(self.port),
-             "--server-memory-limit", memory],
-            env={**surroundings(Path(self._folder.name)), "RUST_LOG": "warn"}, stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL, stderr=self._words, start_new_session=True,
-            preexec_fn=lambda: libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL))
+            [program(), "--serve-grpc", "--bind", "127.0.0.1", "--port", str(self.port), "--server-memory-limit", memory],
+            env={**surroundings(Path(self._folder.name)), "RUST_LOG": "warn"},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=self._words,
+            start_new_session=True,
+            preexec_fn=lambda: libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL),
+        )
         try:
             self._wait()
         except BaseException:
@@ -91,8 +94,7 @@ class Server:
                 return
             except OSError:
                 if time.monotonic() > deadline:
-                    raise RigError(f"the server of the live view did not answer within "
-                                   f"{SERVER_START:g} s") from None
+                    raise RigError(f"the server of the live view did not answer within {SERVER_START:g} s") from None
                 time.sleep(0.02)
 
     def ended(self) -> bool:
@@ -242,11 +244,24 @@ class Sender:
         if time.monotonic() - self._told_at < TELL or not self._newest:
             return
         self._told_at = time.monotonic()
-        rows = [("time of the rig", f"{self._newest:.1f} s"), ("messages", self.received),
-                ("dropped here", self.dropped), ("lost on the way", self.lost),
-                ("unreadable", self.unreadable)]
-        text = "\n".join([f"# {self._title}", "", "The metrics of the shifts come with the report of the run.",
-                          "", "| | |", "|---|--:|", *(f"| {name} | {value} |" for name, value in rows)])
+        rows = [
+            ("time of the rig", f"{self._newest:.1f} s"),
+            ("messages", self.received),
+            ("dropped here", self.dropped),
+            ("lost on the way", self.lost),
+            ("unreadable", self.unreadable),
+        ]
+        text = "\n".join(
+            [
+                f"# {self._title}",
+                "",
+                "The metrics of the shifts come with the report of the run.",
+                "",
+                "| | |",
+                "|---|--:|",
+                *(f"| {name} | {value} |" for name, value in rows),
+            ]
+        )
         document = self.rr.TextDocument.columns(text=[text], media_type=["text/markdown"])
         # rec.log would add the wall clock as a second time
         self._rec.send_columns("report", [times(self.rr, [self._newest])], document)
@@ -300,8 +315,7 @@ class _Shown:
         values = rows[field] if field in self._dtype.names else np.array([getattr(m, field) for m in whole()])
         values = values if index is None else values[:, int(index)]
         if not signal.states:
-            rec.send_columns(layout.entity(signal), [times(rr, t)],
-                             rr.Scalars.columns(scalars=signal.shown(values.astype(float))))
+            rec.send_columns(layout.entity(signal), [times(rr, t)], rr.Scalars.columns(scalars=signal.shown(values.astype(float))))
             return
         # the first of each block again, else the server would forget a state that lasts
         change = np.flatnonzero(np.diff(values.astype(int), prepend=-1) != 0)
@@ -309,10 +323,8 @@ class _Shown:
         rec.send_columns(layout.entity(signal), [times(rr, t[change])], rr.StateChange.columns(state=states))
 
     def _send_events(self, rr, rec, t: np.ndarray, events: list) -> None:
-        texts, levels = zip(*(event_row(at, self.topic.name, event.name, event.text)
-                              for at, event in zip(t, events)))
-        rec.send_columns(f"events/{self.topic.name.split('/')[1]}", [times(rr, t)],
-                         rr.TextLog.columns(text=texts, level=levels))
+        texts, levels = zip(*(event_row(at, self.topic.name, event.name, event.text) for at, event in zip(t, events)))
+        rec.send_columns(f"events/{self.topic.name.split('/')[1]}", [times(rr, t)], rr.TextLog.columns(text=texts, level=levels))
 
     def _missing(self, numbers: np.ndarray) -> int:
         before = numbers[:1] - 1 if self._last is None else np.array([self._last])

@@ -14,8 +14,8 @@ import json
 import xml.etree.ElementTree as xml
 from pathlib import Path
 
-from ..catalogue import Signal
 from ..atomic_write import atomic_write
+from ..catalogue import Signal
 from .pages import HUES, INPUT, OTHER, OUTPUT, Pages
 
 # curves have one colour each
@@ -26,10 +26,13 @@ def tabs(pages: Pages) -> list[tuple[str, list[list[tuple[str, list[str]]]]]]:
     """Tabs as (title, columns of (plot title, signals)); states first, as in our own view."""
     others = _lists(pages.other_plots)
     half = (len(others) + 1) // 2
-    shift = [("Shift", [[("States", list(pages.shift_states))] + _lists(pages.shift_plots)])] if pages.shift_plots else []
+    shift = [("Shift", [[("States", list(pages.shift_states)), *_lists(pages.shift_plots)]])] if pages.shift_plots else []
     return [
         *shift,
-        ("Run", [[("States", list(pages.states))] + _lists(pages.run_left), *([_lists(pages.run_right)] if pages.run_right else [])]),
+        (
+            "Run",
+            [[("States", list(pages.states)), *_lists(pages.run_left)], *([_lists(pages.run_right)] if pages.run_right else [])],
+        ),
         *((name, [_lists(plots)]) for name, plots in pages.more_pages.items()),
         ("Other signals", [half_of for half_of in (others[:half], others[half:]) if half_of]),
     ]
@@ -59,10 +62,11 @@ def _legend(signal: Signal) -> str:
 
 # ---- PlotJuggler
 
+
 def plotjuggler(pages: Pages) -> str:
     """The XML. Curves are called topic/field as its ROS parsers do; a transform gives people's units."""
     root = xml.Element("root")
-    window = xml.SubElement(root, "tabbed_widget", name="Main Window", parent="main_window")
+    window = xml.SubElement(root, "tabbed_widget", {"name": "Main Window", "parent": "main_window"})
     for title, columns in tabs(pages):
         tab = xml.SubElement(window, "Tab", tab_name=title, containers="1")
         container = xml.SubElement(tab, "Container")
@@ -75,8 +79,7 @@ def plotjuggler(pages: Pages) -> str:
 
 def _splitter(parent, orientation: str, children: list) -> None:
     share = ";".join(f"{1 / len(children):.6f}" for _ in children)
-    splitter = xml.SubElement(parent, "DockSplitter", orientation=orientation, count=str(len(children)),
-                              sizes=share)
+    splitter = xml.SubElement(parent, "DockSplitter", orientation=orientation, count=str(len(children)), sizes=share)
     splitter.extend(children)
 
 
@@ -89,33 +92,40 @@ def _column(pages: Pages, plots) -> xml.Element:
 def _area(pages: Pages, title: str, names: list[str]) -> xml.Element:
     unit = pages.known.signal(names[0]).display_unit
     area = xml.Element("DockArea", name=title if _states(pages, names) else f"{title} [{unit}]")
-    plot = xml.SubElement(area, "plot", mode="TimeSeries", style="Steps" if _states(pages, names) else "Lines",
-                          line_width="1.5", flip_x="false", flip_y="false")
+    plot = xml.SubElement(
+        area,
+        "plot",
+        mode="TimeSeries",
+        style="Steps" if _states(pages, names) else "Lines",
+        line_width="1.5",
+        flip_x="false",
+        flip_y="false",
+    )
     xml.SubElement(plot, "limitY")
     for name in names:
         signal = pages.known.signal(name)
-        curve = xml.SubElement(plot, "curve", name=f"{signal.topic}/{signal.field}",
-                               color=_colour(pages, names, name))
+        curve = xml.SubElement(plot, "curve", name=f"{signal.topic}/{signal.field}", color=_colour(pages, names, name))
         alias = f"{name} ({_legend(signal)})" if signal.states else f"{name} [{signal.display_unit}]"
         transform = xml.SubElement(curve, "transform", name="Scale/Offset", alias=alias)
-        xml.SubElement(transform, "options", time_offset="0", value_offset="0",
-                       value_scale=repr(signal.scale))
+        xml.SubElement(transform, "options", time_offset="0", value_offset="0", value_scale=repr(signal.scale))
     return area
 
 
 # ---- Foxglove
+
 
 def foxglove(pages: Pages) -> str:
     """The JSON. Values are drawn as they travel, in SI, which the titles say; states as state transitions."""
     panels: dict[str, dict] = {}
     tabs_of = []
     for title, columns in tabs(pages):
-        stacks = [_mosaic("column", [_panel(pages, panels, f"{title} {plot}", plot, names) for plot, names in column])
-                  for column in columns]
+        stacks = [
+            _mosaic("column", [_panel(pages, panels, f"{title} {plot}", plot, names) for plot, names in column])
+            for column in columns
+        ]
         tabs_of.append({"title": title, "layout": _mosaic("row", stacks)})
     panels["Tab!rig"] = {"activeTabIdx": 0, "tabs": tabs_of}
-    whole = {"configById": panels, "globalVariables": {}, "userNodes": {}, "playbackConfig": {"speed": 1},
-             "layout": "Tab!rig"}
+    whole = {"configById": panels, "globalVariables": {}, "userNodes": {}, "playbackConfig": {"speed": 1}, "layout": "Tab!rig"}
     return json.dumps(whole, indent=1, ensure_ascii=False) + "\n"
 
 
@@ -126,17 +136,33 @@ def _panel(pages: Pages, panels: dict, place: str, title: str, names: list[str])
     for name in names:
         signal = pages.known.signal(name)
         label = f"{name} ({_legend(signal)})" if signal.states else f"{name} [{signal.unit}]"
-        paths.append({"value": f"{signal.topic}.{signal.field}", "label": label, "enabled": True,
-                      "color": _colour(pages, names, name), "timestampMethod": "receiveTime"})
+        paths.append(
+            {
+                "value": f"{signal.topic}.{signal.field}",
+                "label": label,
+                "enabled": True,
+                "color": _colour(pages, names, name),
+                "timestampMethod": "receiveTime",
+            }
+        )
     if _states(pages, names):
         key = f"StateTransitions!{slug}"
         panels[key] = {"foxglovePanelTitle": title, "isSynced": True, "paths": paths}
         return key
     key, unit = f"Plot!{slug}", pages.known.signal(names[0]).unit
     panels[key] = {
-        "foxglovePanelTitle": f"{title} [{unit}]", "yAxisLabel": unit, "paths": paths,
-        "xAxisVal": "timestamp", "isSynced": True, "showLegend": True, "legendDisplay": "floating", "showPlotValuesInLegend": False,
-        "showXAxisLabels": True, "showYAxisLabels": True, "sidebarDimension": 240}
+        "foxglovePanelTitle": f"{title} [{unit}]",
+        "yAxisLabel": unit,
+        "paths": paths,
+        "xAxisVal": "timestamp",
+        "isSynced": True,
+        "showLegend": True,
+        "legendDisplay": "floating",
+        "showPlotValuesInLegend": False,
+        "showXAxisLabels": True,
+        "showYAxisLabels": True,
+        "sidebarDimension": 240,
+    }
     return key
 
 
@@ -144,5 +170,4 @@ def _mosaic(direction: str, parts: list):
     """Panels side by side ("row") or stacked ("column") in equal shares, as a tree of pairs."""
     if len(parts) == 1:
         return parts[0]
-    return {"direction": direction, "first": parts[0], "second": _mosaic(direction, parts[1:]),
-            "splitPercentage": 100 / len(parts)}
+    return {"direction": direction, "first": parts[0], "second": _mosaic(direction, parts[1:]), "splitPercentage": 100 / len(parts)}

@@ -34,11 +34,24 @@ SUPPLY, OTHER = (0xD8, 0xD0, 0x48), (0x9A, 0xA0, 0xA8)
 # Clutches go from grey over yellow to their hue, which is that of the gear at the same place.
 IDLE, WAITING, ALARM = (0x55, 0x5B, 0x63), (0xC9, 0xB4, 0x2B), (0xD6, 0x45, 0x50)
 STATE_COLOURS = {
-    "none": IDLE, "neutral": IDLE, "open": IDLE, "starting": IDLE, "slipping": WAITING,
-    "ready": WAITING, "running": INPUT, "tripped": ALARM}
+    "none": IDLE,
+    "neutral": IDLE,
+    "open": IDLE,
+    "starting": IDLE,
+    "slipping": WAITING,
+    "ready": WAITING,
+    "running": INPUT,
+    "tripped": ALARM,
+}
 # what people call the plots of the other signals, which are gathered by quantity; those of more quantities come last
-OTHER_TITLES = {"pressure": "Load pressure", "temperature": "Oil temperature", "energy": "Work since time 0",
-                "torque": "Gearbox losses", "force": "Clamp force", "ratio": "Valve duty"}
+OTHER_TITLES = {
+    "pressure": "Load pressure",
+    "temperature": "Oil temperature",
+    "energy": "Work since time 0",
+    "torque": "Gearbox losses",
+    "force": "Clamp force",
+    "ratio": "Valve duty",
+}
 OWN = ("shifts", "run", "other")  # pages that a rig has without naming them, and which it may replace
 _OF_CLUTCH = ("torque", "slip", "clamp", "piston")  # what clutches show, in their hue
 _OF_VALVE = ("duty", "flow")
@@ -73,8 +86,11 @@ class Pages:
 
     def measured(self, *shows: str, at: str = "", types: tuple[str, ...] = ()) -> tuple[str, ...]:
         """The transducers of what is shown, at a device, of some types."""
-        return tuple(one.name for one in self.structure.transducers if (not shows or one.shows in shows)
-                     and (not at or one.at == at) and (not types or one.type in types))
+        return tuple(
+            one.name
+            for one in self.structure.transducers
+            if (not shows or one.shows in shows) and (not at or one.at == at) and (not types or one.type in types)
+        )
 
     def pressures(self) -> tuple[str, ...]:
         """The transducers of the clutches' oil."""
@@ -104,14 +120,21 @@ class Pages:
         if "shifts" in self._own:
             return self._own["shifts"]
         structure, into, out = self.structure, self.box.input, self.box.output
-        currents = tuple(name for valve in structure.valves
-                         for name in (*self.measured(f"{valve.name}.current"), f"I_set_{valve.key}"))
-        return self._shown((
-            ("Coil current", currents),
-            ("Clutch pressure", self.pressures()),
-            ("Shaft torque", (into.torque, out.torque)),
-            ("Clutch torque", (*self.each(structure.clutches, "torque", "capacity"), *self.each(structure.freewheels, "torque"))),
-            ("Speed", (into.speed, out.speed, *self.each(structure.clutches, "slip")))))
+        currents = tuple(
+            name for valve in structure.valves for name in (*self.measured(f"{valve.name}.current"), f"I_set_{valve.key}")
+        )
+        return self._shown(
+            (
+                ("Coil current", currents),
+                ("Clutch pressure", self.pressures()),
+                ("Shaft torque", (into.torque, out.torque)),
+                (
+                    "Clutch torque",
+                    (*self.each(structure.clutches, "torque", "capacity"), *self.each(structure.freewheels, "torque")),
+                ),
+                ("Speed", (into.speed, out.speed, *self.each(structure.clutches, "slip"))),
+            )
+        )
 
     @cached_property
     def run_left(self) -> Plots:
@@ -121,18 +144,31 @@ class Pages:
             return self._own["run"][::2]
         if self.box is None:
             turning = structure.of_role(parts.SOURCE, parts.LOAD)
-            return self._shown((
-                ("Torque", (*self.measured(types=("torque",)), *self.each(turning, "torque"),
-                            *self.each(structure.clutches, "torque", "capacity"))),
-                ("Speed", (*self.measured(types=("speed",)), *(name for one in turning for name in self.setpoints(one)))),
-                *((f"Pressure at {one.called}", self.measured(at=one.name, types=("pressure",))) for one in turning)))
-        supply = tuple(name for one in structure.of_role(parts.OIL)
-                       for name in self.measured(f"{structure.line_of(one.name)}.pressure"))
-        return self._shown((
-            *(plot for plot in self.shift_plots if plot[0] == "Coil current"),
-            ("Clutch and supply pressure", (*self.pressures(), *supply)),
-            ("Piston position", self.each(structure.clutches, "piston")),
-            ("Oil flow to the clutches", self.each(structure.valves, "flow"))))
+            return self._shown(
+                (
+                    (
+                        "Torque",
+                        (
+                            *self.measured(types=("torque",)),
+                            *self.each(turning, "torque"),
+                            *self.each(structure.clutches, "torque", "capacity"),
+                        ),
+                    ),
+                    ("Speed", (*self.measured(types=("speed",)), *(name for one in turning for name in self.setpoints(one)))),
+                    *((f"Pressure at {one.called}", self.measured(at=one.name, types=("pressure",))) for one in turning),
+                )
+            )
+        supply = tuple(
+            name for one in structure.of_role(parts.OIL) for name in self.measured(f"{structure.line_of(one.name)}.pressure")
+        )
+        return self._shown(
+            (
+                *(plot for plot in self.shift_plots if plot[0] == "Coil current"),
+                ("Clutch and supply pressure", (*self.pressures(), *supply)),
+                ("Piston position", self.each(structure.clutches, "piston")),
+                ("Oil flow to the clutches", self.each(structure.valves, "flow")),
+            )
+        )
 
     @cached_property
     def run_right(self) -> Plots:
@@ -142,19 +178,27 @@ class Pages:
             return self._own["run"][1::2]
         if self.box is None:
             pressing = structure.of_role(parts.PRESS)
-            return self._shown((
-                *((f"Pressure in the {one.called}", (*self.measured(f"{one.name}.pressure"), *self.own(one, "setting")))
-                  for one in pressing),
-                *((f"Travel of the {one.called}", self.measured(f"{one.name}.travel")) for one in pressing),
-                ("Clamp force", (*self.each(structure.clutches, "clamp"), *self.measured(types=("force",))))))
+            return self._shown(
+                (
+                    *(
+                        (f"Pressure in the {one.called}", (*self.measured(f"{one.name}.pressure"), *self.own(one, "setting")))
+                        for one in pressing
+                    ),
+                    *((f"Travel of the {one.called}", self.measured(f"{one.name}.travel")) for one in pressing),
+                    ("Clamp force", (*self.each(structure.clutches, "clamp"), *self.measured(types=("force",)))),
+                )
+            )
         into, out = self.box.input, self.box.output
         sources, loads = structure.of_role(parts.SOURCE), structure.of_role(parts.LOAD)
         setpoints = tuple(name for one in sources for name in self.setpoints(one))
-        return self._shown((
-            ("Shaft, motor and load torque", (into.torque, out.torque, *self.each((*sources, *loads), "torque"))),
-            *(plot for plot in self.shift_plots if plot[0] == "Clutch torque"),
-            ("Shaft speed", (into.speed, out.speed, *setpoints)),
-            ("Slip", self.each(structure.clutches, "slip"))))
+        return self._shown(
+            (
+                ("Shaft, motor and load torque", (into.torque, out.torque, *self.each((*sources, *loads), "torque"))),
+                *(plot for plot in self.shift_plots if plot[0] == "Clutch torque"),
+                ("Shaft speed", (into.speed, out.speed, *setpoints)),
+                ("Slip", self.each(structure.clutches, "slip")),
+            )
+        )
 
     @cached_property
     def marked_plots(self) -> Plots:

@@ -22,12 +22,11 @@ from ..errors import RigError
 from .viewer import PR_SET_PDEATHSIG, program, surroundings
 
 DRIVER_FOLDERS = ("/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d", "/etc/vulkan/icd.d")
-NO_DRIVER = ("no picture without a software Vulkan driver; install the Debian package mesa-vulkan-drivers "
-             "and try again")
+NO_DRIVER = "no picture without a software Vulkan driver; install the Debian package mesa-vulkan-drivers and try again"
 SIZE = (1600, 1400)
 LONGEST = 60.0  # s for the whole picture
-SETTLED = 3     # equal images in a row before the drawing counts as finished
-PAUSE = 0.25    # s between them
+SETTLED = 3  # equal images in a row before the drawing counts as finished
+PAUSE = 0.25  # s between them
 
 
 def software_driver() -> Path | None:
@@ -46,8 +45,9 @@ def require_driver() -> Path:
     return driver
 
 
-def take_picture(view: Path, layout: Path | None, picture: Path, size: tuple[int, int] = SIZE,
-                 longest: float = LONGEST) -> list[str]:
+def take_picture(
+    view: Path, layout: Path | None, picture: Path, size: tuple[int, int] = SIZE, longest: float = LONGEST
+) -> list[str]:
     """Draw a view, in a layout of its own or another one, into a PNG; returns what the viewer reports as sentences.
 
     size: width and height [px]. Raises RigError without a software Vulkan driver, when the picture cannot be
@@ -106,8 +106,7 @@ class HeadlessViewer:
         self._watchdog.cancel()
         self._kill()
         self._folder.cleanup()
-        if isinstance(error, (RuntimeError, ValueError, ConnectionError, OSError)) \
-                and not isinstance(error, RigError):
+        if isinstance(error, (RuntimeError, ValueError, ConnectionError, OSError)) and not isinstance(error, RigError):
             late = time.monotonic() >= self._deadline
             reason = f"did not finish within {self._longest:g} s" if late else "gave up"
             raise RigError(f"no picture: the viewer {reason} ({' '.join(str(error).split())})") from None
@@ -144,8 +143,7 @@ class HeadlessViewer:
 
     def reports(self) -> list[str]:
         """What the viewer complains about, as sentences; none when all is well."""
-        return [f"{view.name}: {report.summary}" for view in self.state().views
-                for report in view.reports]
+        return [f"{view.name}: {report.summary}" for view in self.state().views for report in view.reports]
 
     def _connect(self, port: int) -> None:
         """Wait until the viewer answers and shows something; the client's error when it ends."""
@@ -165,8 +163,7 @@ class HeadlessViewer:
             state = self.state()
 
 
-def _start(sources: list[str], size: tuple[int, int], driver: Path,
-           folder: Path) -> tuple[subprocess.Popen, int]:
+def _start(sources: list[str], size: tuple[int, int], driver: Path, folder: Path) -> tuple[subprocess.Popen, int]:
     """The viewer without a window and the port it listens on; what it keeps, it keeps in ``folder``."""
     environment = surroundings(folder)
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
@@ -179,9 +176,23 @@ def _start(sources: list[str], size: tuple[int, int], driver: Path,
         port = free.getsockname()[1]
     libc = ctypes.CDLL(None)
     viewer = subprocess.Popen(
-        [program(), "--headless", "--bind", "127.0.0.1", "--port", str(port), "--hide-welcome-screen",
-         "--window-size", f"{size[0]}x{size[1]}", *sources],
-        env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        [
+            program(),
+            "--headless",
+            "--bind",
+            "127.0.0.1",
+            "--port",
+            str(port),
+            "--hide-welcome-screen",
+            "--window-size",
+            f"{size[0]}x{size[1]}",
+            *sources,
+        ],
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
         # a viewer must not outlive a command that was killed
-        preexec_fn=lambda: libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL))
+        preexec_fn=lambda: libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL),
+    )
     return viewer, port

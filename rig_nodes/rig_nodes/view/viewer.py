@@ -39,9 +39,18 @@ def surroundings(folder: Path) -> dict[str, str]:
     """Environment of a viewer that keeps its settings in ``folder``, with usage statistics switched off."""
     settings = folder / "rerun" / "analytics.json"
     settings.parent.mkdir(parents=True, exist_ok=True)
-    settings.write_text(json.dumps({
-        "analytics_enabled": False, "analytics_id": "", "metadata": {}, "config_file_path": str(settings),
-        "data_dir_path": str(folder / "rerun" / "analytics")}), encoding="utf-8")
+    settings.write_text(
+        json.dumps(
+            {
+                "analytics_enabled": False,
+                "analytics_id": "",
+                "metadata": {},
+                "config_file_path": str(settings),
+                "data_dir_path": str(folder / "rerun" / "analytics"),
+            }
+        ),
+        encoding="utf-8",
+    )
     return {**os.environ, "XDG_CONFIG_HOME": str(folder)}
 
 
@@ -65,8 +74,12 @@ def open_window(view: Path | str) -> int:
     with tempfile.TemporaryFile() as words:
         viewer = subprocess.Popen(
             [program(), "--bind", "127.0.0.1", "--port", "auto", str(view)],
-            env=surroundings(Path(home, "rig_nodes")), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
-            stderr=words, start_new_session=True)
+            env=surroundings(Path(home, "rig_nodes")),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=words,
+            start_new_session=True,
+        )
         try:
             code = viewer.wait(START)
         except subprocess.TimeoutExpired:
@@ -74,5 +87,7 @@ def open_window(view: Path | str) -> int:
             return viewer.pid
         words.seek(0)
         lines = [line.strip() for line in words.read().decode(errors="replace").splitlines() if line.strip()]
-    raise RigError(f"the viewer ended at once with code {code} ({lines[-1] if lines else 'without a word'}); "
-                   f"'rig view RUN --picture view.png' needs no display")
+    raise RigError(
+        f"the viewer ended at once with code {code} ({lines[-1] if lines else 'without a word'}); "
+        f"'rig view RUN --picture view.png' needs no display"
+    )

@@ -16,9 +16,7 @@ class Output:
     """One valve output: its six profile points, its phase and its current loop."""
 
     def __init__(self, parameters, name):
-        self.points = [
-            (parameters[f"{name}.P{n}.time"], parameters[f"{name}.P{n}.current"]) for n in range(1, 7)
-        ]
+        self.points = [(parameters[f"{name}.P{n}.time"], parameters[f"{name}.P{n}.current"]) for n in range(1, 7)]
         self.phase, self.start, self.from_current = OFF, 0, 0.0
         self.pending, self.pending_at = OFF, 0
         self.setpoint = self.integral = self.filtered = self.duty = 0.0
@@ -74,10 +72,7 @@ class Alfa46:
         delay = self.parameters.get(f"t{self.gear}{gear}", 0.0)  # t12, t21, t23, t32
         wait = round(delay / self.period)
         self.shift_end = sample
-        for number, phase, begin, last in (
-            (gear, ON, max(0, wait), 2),
-            (self.gear, FALLING, max(0, -wait), 5),
-        ):
+        for number, phase, begin, last in ((gear, ON, max(0, wait), 2), (self.gear, FALLING, max(0, -wait), 5)):
             if number:
                 output = self.outputs[number - 1]
                 output.switch(phase, sample + begin)

@@ -72,9 +72,10 @@ class CanController:
         given = [tuple(told[wire.name] / wire.scale for wire in wires) for wires in (self.currents, self.measured)]
         out = self.law.step(self.record.inputs(self.sample, self.sample * PERIOD, told["gear_request"], *given))
         counter = told["sample"]
-        self.send("CONTROL_STATE", {"sample": counter, "gear": out.gear, "shifting": int(out.shifting),
-                                    "flags": out.flags, "status": 0})
-        name, factor = (("CONTROL_COMMAND_CURRENT", 1e3) if told["level"] else ("CONTROL_COMMAND_DUTY", 100.0))
+        self.send(
+            "CONTROL_STATE", {"sample": counter, "gear": out.gear, "shifting": int(out.shifting), "flags": out.flags, "status": 0}
+        )
+        name, factor = ("CONTROL_COMMAND_CURRENT", 1e3) if told["level"] else ("CONTROL_COMMAND_DUTY", 100.0)
         commands = {f"command_{k}": value * factor for k, value in enumerate(out.command, 1)}
         self.send(name, {"sample": counter, **commands})
 

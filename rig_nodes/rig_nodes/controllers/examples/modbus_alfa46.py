@@ -54,8 +54,7 @@ class ModbusController:
         """Requests until the rig goes."""
         written = [1, *[0] * (self.outputs + 4)]
         while not stop.is_set():
-            answer = client.readwrite_registers(read_address=0, read_count=self.read, write_address=COMMAND_BASE,
-                                                values=written)
+            answer = client.readwrite_registers(read_address=0, read_count=self.read, write_address=COMMAND_BASE, values=written)
             if answer.isError():
                 return
             found = self.answer(answer.registers)
@@ -72,9 +71,8 @@ class ModbusController:
             self.law = Alfa46()
             self.law.initialize(controller_info(self.record, self.config.alfa46, LEVELS[told[3]]))
         self.sample = sample
-        values = [wire.decode(raw - 0x10000 if raw > 0x7FFF else raw)
-                  for wire, raw in zip(self.wires, told[4:], strict=True)]
-        current, measured = tuple(values[:self.outputs]), tuple(values[self.outputs:])
+        values = [wire.decode(raw - 0x10000 if raw > 0x7FFF else raw) for wire, raw in zip(self.wires, told[4:], strict=True)]
+        current, measured = tuple(values[: self.outputs]), tuple(values[self.outputs :])
         out = self.law.step(self.record.inputs(sample, sample * PERIOD, told[2], current, measured))
         self.heartbeat = self.heartbeat % 0xFFFF + 1
         wires = commands(self.record, LEVELS[told[3]])

@@ -39,53 +39,74 @@ KINDS = {
     "python": Kind("python", {}, ("./rig simulate demo --controller python:{dir}/my_controller.py:MyController",)),
     "c": Kind("c", HEADER, ("./rig simulate demo --controller c:{dir}/my_controller.c",), record=True),
     "cpp": Kind("cpp", HEADER, ("./rig simulate demo --controller c:{dir}/my_controller.cpp",), record=True),
-    "simulink": Kind("simulink", HEADER | {"rig_simulink.h": INCLUDE / "rig_simulink.h",
-                                           "rtwtypes.h": EXAMPLES / "simulink" / "rtwtypes.h"},
-                     ("./rig simulate demo --controller simulink:{dir}",), record=True),
-    "udp-c": Kind("c", HEADER | {"rig_udp.h": INCLUDE / "rig_udp.h", "main.c": EXAMPLES / "udp_main.c"}, (
-        "cc -std=gnu99 -O2 -ffp-contract=off -o {dir}/my_controller {dir}/main.c {dir}/my_controller.c -lm",
-        "{dir}/my_controller &",
-        "./rig simulate demo --controller udp:9002 --level current",
-        END,
-    ), record=True),
-    "udp-python": Kind("udp_python", LAW | {"rig_udp.py": HERE.parent / "udp_frames.py"}, (
-        "python3 {dir}/my_controller.py &",
-        "./rig simulate demo --controller udp:9002 --level current",
-        END,
-    )),
-    "fmu": Kind("c", HEADER, (
-        "./rig export controller-fmu {dir}/my_controller.c -o {dir}/my_controller.fmu",
-        "./rig simulate demo --controller fmu:{dir}/my_controller.fmu",
-    ), record=True),
-    "can": Kind("can", {}, (
-        "./rig export dbc -o {dir}/rig.dbc",
-        ".venv/bin/python {dir}/my_tcu.py &",
-        "./rig simulate demo --controller 'can:239.74.163.2?interface=udp_multicast'",
-        END,
-    )),
-    "modbus": Kind("modbus", {}, (
-        ".venv/bin/python {dir}/my_plc.py &",
-        "./rig simulate demo --controller modbus:5020",
-        END,
-    )),
-    "ros-python": Kind("ros_python", LAW | {"rig_ros.py": HERE.parent / "ros_node.py"}, (
-        ".venv/bin/python {dir}/my_controller.py &",
-        "./rig simulate demo --controller ros: --level current",
-        END,
-    )),
-    "ros-cpp": Kind("ros_cpp", HEADER | {name: INCLUDE / name for name in ("rig_ros.hpp", "rig_ros_box.hpp")} | {
-        "my_controller.cpp": HERE / "cpp" / "my_controller.cpp"}, (
-        "./rig simulate demo --controller c:{dir}/my_controller.cpp",
-        "colcon build --base-paths msgs {dir} && . install/setup.sh",
-        "ros2 run my_controller my_controller &",
-        "./rig simulate demo --controller ros: --level current",
-        END,
-    ), record=True),
+    "simulink": Kind(
+        "simulink",
+        HEADER | {"rig_simulink.h": INCLUDE / "rig_simulink.h", "rtwtypes.h": EXAMPLES / "simulink" / "rtwtypes.h"},
+        ("./rig simulate demo --controller simulink:{dir}",),
+        record=True,
+    ),
+    "udp-c": Kind(
+        "c",
+        HEADER | {"rig_udp.h": INCLUDE / "rig_udp.h", "main.c": EXAMPLES / "udp_main.c"},
+        (
+            "cc -std=gnu99 -O2 -ffp-contract=off -o {dir}/my_controller {dir}/main.c {dir}/my_controller.c -lm",
+            "{dir}/my_controller &",
+            "./rig simulate demo --controller udp:9002 --level current",
+            END,
+        ),
+        record=True,
+    ),
+    "udp-python": Kind(
+        "udp_python",
+        LAW | {"rig_udp.py": HERE.parent / "udp_frames.py"},
+        ("python3 {dir}/my_controller.py &", "./rig simulate demo --controller udp:9002 --level current", END),
+    ),
+    "fmu": Kind(
+        "c",
+        HEADER,
+        (
+            "./rig export controller-fmu {dir}/my_controller.c -o {dir}/my_controller.fmu",
+            "./rig simulate demo --controller fmu:{dir}/my_controller.fmu",
+        ),
+        record=True,
+    ),
+    "can": Kind(
+        "can",
+        {},
+        (
+            "./rig export dbc -o {dir}/rig.dbc",
+            ".venv/bin/python {dir}/my_tcu.py &",
+            "./rig simulate demo --controller 'can:239.74.163.2?interface=udp_multicast'",
+            END,
+        ),
+    ),
+    "modbus": Kind("modbus", {}, (".venv/bin/python {dir}/my_plc.py &", "./rig simulate demo --controller modbus:5020", END)),
+    "ros-python": Kind(
+        "ros_python",
+        LAW | {"rig_ros.py": HERE.parent / "ros_node.py"},
+        (".venv/bin/python {dir}/my_controller.py &", "./rig simulate demo --controller ros: --level current", END),
+    ),
+    "ros-cpp": Kind(
+        "ros_cpp",
+        HEADER
+        | {name: INCLUDE / name for name in ("rig_ros.hpp", "rig_ros_box.hpp")}
+        | {"my_controller.cpp": HERE / "cpp" / "my_controller.cpp"},
+        (
+            "./rig simulate demo --controller c:{dir}/my_controller.cpp",
+            "colcon build --base-paths msgs {dir} && . install/setup.sh",
+            "ros2 run my_controller my_controller &",
+            "./rig simulate demo --controller ros: --level current",
+            END,
+        ),
+        record=True,
+    ),
 }
 
 
 def write_template(kind: str, folder: str, record: ControllerRecord) -> tuple[list[Path], list[str]]:
-    """(files written, commands to try them) for one of KINDS and the record of a rig; RigError when the folder is not new or empty."""
+    """(files written, commands to try them) for one of KINDS and the record of a rig; RigError when the folder is not new or
+    empty.
+    """
     chosen, target = KINDS[kind], Path(folder)
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise RigError(f"{folder}: it exists and is not an empty folder; choose a new name")

@@ -26,7 +26,8 @@ CYLINDER_FORCE = (63.034, 1251.7, -123.7)  # F_p [N] over p_z [MPa], (8.2), meas
 @dataclass(frozen=True)
 class BenchPack:
     """One size of plates on the bench. Lengths in m; ``surfaces``: the numbers of friction surfaces that were
-    tested."""
+    tested.
+    """
 
     name: str
     inner_diameter: float
@@ -43,8 +44,14 @@ class BenchPack:
         if surfaces not in self.surfaces:
             known = ", ".join(map(str, self.surfaces))
             raise ValueError(f"{self.name} was tested with {known} surfaces, not {surfaces}")
-        return PackGeometry(float(surfaces), self.inner_diameter / 2.0, self.outer_diameter / 2.0,
-                            self.inner_spline_diameter, self.outer_spline_diameter, 30.0)
+        return PackGeometry(
+            float(surfaces),
+            self.inner_diameter / 2.0,
+            self.outer_diameter / 2.0,
+            self.inner_spline_diameter,
+            self.outer_spline_diameter,
+            30.0,
+        )
 
 
 ALL = (18, 16, 14, 12, 10)
@@ -57,28 +64,34 @@ def _pack(name, inner, outer, thickness, surfaces, plates, source) -> BenchPack:
     return BenchPack(name, inner, outer, *splines, thickness, surfaces, material, source)
 
 
-PACKS = {pack.name: pack for pack in (
-    _pack("80x115", 80e-3, 115e-3, (1e-3, 1.5e-3, 2e-3), ALL, STEEL, "tab. 8.1-8.3, 8.3.1"),
-    _pack("80x101.9", 80e-3, 101.9e-3, (2e-3,), ALL, STEEL, "tab. 8.1-8.3, 8.3.2"),
-    _pack("65x115", 65e-3, 115e-3, (2e-3,), ALL, STEEL, "tab. 8.1-8.3, 8.3.3"),
-    _pack("46x88.9", 46e-3, 88.9e-3, (2.5e-3,), (18, 16), STEEL, "tab. 8.1-8.3, 8.3.4; 16 surfaces seized"),
-    _pack("50x76", 50e-3, 76e-3, (1e-3, 3e-3), ALL, LINED, "tab. 3.3, 8.3.5"),
-)}
+PACKS = {
+    pack.name: pack
+    for pack in (
+        _pack("80x115", 80e-3, 115e-3, (1e-3, 1.5e-3, 2e-3), ALL, STEEL, "tab. 8.1-8.3, 8.3.1"),
+        _pack("80x101.9", 80e-3, 101.9e-3, (2e-3,), ALL, STEEL, "tab. 8.1-8.3, 8.3.2"),
+        _pack("65x115", 65e-3, 115e-3, (2e-3,), ALL, STEEL, "tab. 8.1-8.3, 8.3.3"),
+        _pack("46x88.9", 46e-3, 88.9e-3, (2.5e-3,), (18, 16), STEEL, "tab. 8.1-8.3, 8.3.4; 16 surfaces seized"),
+        _pack("50x76", 50e-3, 76e-3, (1e-3, 3e-3), ALL, LINED, "tab. 3.3, 8.3.5"),
+    )
+}
 
 
 def spring_force(travel):
     """F_s [N] of the six springs at ``travel`` s [m], (8.1) with its lost sign; ValueError outside 0 to 4
-    mm."""
+    mm.
+    """
     s = number(travel)
     if not np.all((np.asarray(s) >= 0.0) & (np.asarray(s) <= SPRING_TRAVEL)):
-        raise ValueError(f"travel goes from {np.min(s):g} to {np.max(s):g} m, the springs were measured "
-                         f"from 0 to {SPRING_TRAVEL:g} m")
+        raise ValueError(
+            f"travel goes from {np.min(s):g} to {np.max(s):g} m, the springs were measured from 0 to {SPRING_TRAVEL:g} m"
+        )
     return number(np.polyval(SPRING_FORCE, s * 1e3))
 
 
 def cylinder_force(pressure):
     """F_p [N] of the cylinder at ``pressure`` p_z [Pa], (8.2); 0 below about 0.1 MPa, where its seals hold
-    it."""
+    it.
+    """
     pressure = number(pressure)
     not_negative(pressure=pressure)
     return number(np.maximum(0.0, np.polyval(CYLINDER_FORCE, pressure * 1e-6)))
@@ -86,7 +99,8 @@ def cylinder_force(pressure):
 
 def clamp_force(pressure, travel):
     """F_a [N], (8.3): cylinder less springs, 0 where the springs are stronger. Pressure [Pa] and travel [m]
-    broadcast."""
+    broadcast.
+    """
     return number(np.maximum(0.0, cylinder_force(pressure) - spring_force(travel)))
 
 

@@ -24,7 +24,7 @@ OSINSKI_STEP = 0.03
 
 
 def traditional(pack: PackGeometry, force, friction):
-    """n mu r_m F_a, (6.13) with (6.27), (6.29): no loss in the splines."""
+    """N mu r_m F_a, (6.13) with (6.27), (6.29): no loss in the splines."""
     pack.check()
     force, friction = number(force), number(friction)
     not_negative(force=force, friction=friction)
@@ -53,12 +53,10 @@ def osinski(pack: PackGeometry, force, friction, beyond_table: bool = False):
     pack.check()
     low, high = OSINSKI_TABLE
     if not beyond_table and not low <= pack.surfaces <= high:
-        raise ValueError(f"Osinski's table has {low} to {high} surfaces, not {pack.surfaces:g}; "
-                         "beyond_table=True carries it on")
+        raise ValueError(f"Osinski's table has {low} to {high} surfaces, not {pack.surfaces:g}; beyond_table=True carries it on")
     factor = osinski_factor(pack.surfaces)
     if factor <= 0.0:
-        raise ValueError(f"Osinski's factor is {factor:.2f} at {pack.surfaces:g} surfaces, where it has "
-                         "no meaning")
+        raise ValueError(f"Osinski's factor is {factor:.2f} at {pack.surfaces:g} surfaces, where it has no meaning")
     return factor * traditional(pack, force, friction)
 
 
@@ -83,8 +81,9 @@ def newcomb(pack: PackGeometry, force, friction, friction_spline):
     b = np.asarray(friction * friction_spline) * (radius / shaft)
     c = np.asarray(friction * friction_spline) * (radius / hub)
     if np.any(b >= 1.0):
-        raise ValueError(f"friction times spline friction takes {np.max(b):.2f} of the clamp force at one "
-                         "plate; (6.15) holds below 1")
+        raise ValueError(
+            f"friction times spline friction takes {np.max(b):.2f} of the clamp force at one plate; (6.15) holds below 1"
+        )
     plates = int(pack.surfaces) + 1
     fall = -2.0 * (plates // 2) * (np.arctanh(b) + np.arctanh(c))  # ln of (y delta)^m
     both = b + c
@@ -94,8 +93,7 @@ def newcomb(pack: PackGeometry, force, friction, friction_spline):
     return number(force * friction * radius * share)
 
 
-def thesis(pack: PackGeometry, force, friction, friction_spline, friction_inner_spline=None,
-           releasing: bool = False):
+def thesis(pack: PackGeometry, force, friction, friction_spline, friction_inner_spline=None, releasing: bool = False):
     """(6.54), (6.55): friction of both splines takes clamp force plate by plate, the first in the hub.
 
     With a = d_po/2 cos(alpha), b = d_pin/2 cos(alpha), C = mu r_m (6.33), surface i carries F_a times
@@ -119,8 +117,10 @@ def thesis(pack: PackGeometry, force, friction, friction_spline, friction_inner_
     co, ci = c * outer, c * inner
     worst = max(np.max(co / a), np.max(ci / b))
     if worst >= 1.0:
-        raise ValueError(f"friction times spline friction takes {worst:.2f} of the clamp force at one "
-                         "plate, which is then locked on its spline; (6.54) holds below 1")
+        raise ValueError(
+            f"friction times spline friction takes {worst:.2f} of the clamp force at one "
+            "plate, which is then locked on its spline; (6.54) holds below 1"
+        )
     if releasing:
         co, ci = -co, -ci
     total = 0.0

@@ -38,26 +38,43 @@ class Statement:
 
 def _statements() -> tuple[Statement, ...]:
     found = [
-        Statement("46x88.9", 18, "osinski", 1.505 / 0.955, 1.515 / 0.945,
-                  "8.3.4: k_kor 0.95, k_os 1.51, as rounded"),
+        Statement("46x88.9", 18, "osinski", 1.505 / 0.955, 1.515 / 0.945, "8.3.4: k_kor 0.95, k_os 1.51, as rounded"),
         # measured = k_kor thesis = k_os osinski, so thesis / osinski = k_os / k_kor
-        *(Statement("50x76", n, "osinski", 1.2 / 1.02, inf, "8.3.5: k_os > 1.2, k_kor at most 1.02")
-          for n in (18, 16)),
-        *(Statement("65x115", n, "osinski", 1.2 / 1.1, inf, "8.3.3: k_os > 1.2, k_kor at most 1.1")
-          for n in ALL),
+        *(Statement("50x76", n, "osinski", 1.2 / 1.02, inf, "8.3.5: k_os > 1.2, k_kor at most 1.02") for n in (18, 16)),
+        *(Statement("65x115", n, "osinski", 1.2 / 1.1, inf, "8.3.3: k_os > 1.2, k_kor at most 1.1") for n in ALL),
         *(Statement("80x115", n, "osinski", 1.0, inf, "8.3.1: M_t clearly above Osinski's") for n in ALL),
-        Statement("80x115", 14, "traditional", 0.0, (1.0 + NEAR) / 1.2,
-                  "8.3.1.2, 8.4: 1.5 mm plates, k_kor > 1.2 and measured very close to traditional"),
-        Statement("80x115", 12, "traditional", (1.0 - NEAR) / 1.19, inf,
-                  "8.3.1.3, 8.4: 1 mm plates, k_kor at most 1.19 and measured very close to traditional "
-                  "(fig. 8.15 d, which is read as 8.14 d)"),
+        Statement(
+            "80x115",
+            14,
+            "traditional",
+            0.0,
+            (1.0 + NEAR) / 1.2,
+            "8.3.1.2, 8.4: 1.5 mm plates, k_kor > 1.2 and measured very close to traditional",
+        ),
+        Statement(
+            "80x115",
+            12,
+            "traditional",
+            (1.0 - NEAR) / 1.19,
+            inf,
+            "8.3.1.3, 8.4: 1 mm plates, k_kor at most 1.19 and measured very close to traditional "
+            "(fig. 8.15 d, which is read as 8.14 d)",
+        ),
     ]
     # a better fit than Osinski's is claimed for 16 and 18 surfaces: with fewer, Osinski's is then at least as
     # good, |k_os - 1| <= |k_kor - 1|, with k_kor 0.88 (n = 10) and at least 0.9 (n = 12, 14)
     for n, lowest in ((14, 0.9), (12, 0.9), (10, 0.88)):
-        found.append(Statement("50x76", n, "osinski", 0.0, (2.0 - lowest) / lowest,
-                               "8.3.5: better than Osinski's is said of 16 and 18 surfaces only",
-                               read_into=True))
+        found.append(
+            Statement(
+                "50x76",
+                n,
+                "osinski",
+                0.0,
+                (2.0 - lowest) / lowest,
+                "8.3.5: better than Osinski's is said of 16 and 18 surfaces only",
+                read_into=True,
+            )
+        )
     return tuple(found)
 
 
@@ -70,8 +87,9 @@ def model_ratio(pack: str, surfaces: int, against: str, product):
     ValueError for an unknown pack, number of surfaces or model, and for a product that locks the splines.
     """
     if pack not in PACKS or against not in ("osinski", "traditional"):
-        raise ValueError(f"no ratio for pack '{pack}' against '{against}'; packs are {', '.join(PACKS)}, "
-                         "models are osinski and traditional")
+        raise ValueError(
+            f"no ratio for pack '{pack}' against '{against}'; packs are {', '.join(PACKS)}, models are osinski and traditional"
+        )
     geometry = PACKS[pack].geometry(surfaces)
     # all torque is proportional to mu at a given product, so mu = 1 stands for any
     share = closed.thesis(geometry, 1.0, 1.0, product) / closed.traditional(geometry, 1.0, 1.0)
@@ -87,22 +105,24 @@ def product_bounds(statement: Statement) -> tuple[float, float]:
     locked = min(geometry.outer_spline_arm, geometry.inner_spline_arm) / geometry.mean_radius * (1.0 - 1e-9)
 
     def where(ratio: float) -> float:
-        return brentq(lambda q: model_ratio(statement.pack, statement.surfaces, statement.against, q) - ratio,
-                      0.0, locked, xtol=1e-12)
+        return brentq(
+            lambda q: model_ratio(statement.pack, statement.surfaces, statement.against, q) - ratio, 0.0, locked, xtol=1e-12
+        )
 
-    loose, tight = (model_ratio(statement.pack, statement.surfaces, statement.against, q)
-                    for q in (0.0, locked))
+    loose, tight = (model_ratio(statement.pack, statement.surfaces, statement.against, q) for q in (0.0, locked))
     if statement.low > loose or statement.high < tight:
-        raise ValueError(f"{statement.pack} with {statement.surfaces} surfaces has a ratio of {tight:.3f} to "
-                         f"{loose:.3f} against {statement.against}, never {statement.low:.3f} to "
-                         f"{statement.high:.3f}")
-    return (where(statement.high) if statement.high < loose else 0.0,
-            where(statement.low) if statement.low > tight else locked)
+        raise ValueError(
+            f"{statement.pack} with {statement.surfaces} surfaces has a ratio of {tight:.3f} to "
+            f"{loose:.3f} against {statement.against}, never {statement.low:.3f} to "
+            f"{statement.high:.3f}"
+        )
+    return (where(statement.high) if statement.high < loose else 0.0, where(statement.low) if statement.low > tight else locked)
 
 
 def common_product(statements) -> tuple[float, float] | None:
     """(lowest, highest) product mu mu_sp [-] at which all ``statements`` hold, None when they contradict each
-    other."""
+    other.
+    """
     low, high = np.transpose([product_bounds(statement) for statement in statements])
     return (float(low.max()), float(high.min())) if low.max() <= high.min() else None
 

@@ -24,7 +24,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(48)  # exact for polynomials up
 
 
 def kitabayashi(pack: PackGeometry, slip, viscosity, gap):
-    """n pi mu_D r_m^2 (R_z^2 - R_w^2) w / h, (6.4): laminar film over the whole ring."""
+    """N pi mu_D r_m^2 (R_z^2 - R_w^2) w / h, (6.4): laminar film over the whole ring."""
     pack.check()
     slip, viscosity, gap = number(slip), number(viscosity), number(gap)
     not_negative(viscosity=viscosity)
@@ -33,8 +33,7 @@ def kitabayashi(pack: PackGeometry, slip, viscosity, gap):
     return pack.surfaces * pi * pack.mean_radius**2 * (ro**2 - ri**2) * viscosity * slip / gap
 
 
-def davis_viscous(pack: PackGeometry, slip, viscosity, gap, contact_share=0.0, flow_factor=1.0,
-                  flow_shear=0.0):
+def davis_viscous(pack: PackGeometry, slip, viscosity, gap, contact_share=0.0, flow_factor=1.0, flow_shear=0.0):
     """(phi_f - phi_fs) times the integral of mu_D r^2 w / h over the film's area, (6.2).
 
     ``viscosity``, ``gap`` and ``contact_share`` (part of the circle in contact, 0 to 1) are numbers, arrays
@@ -69,8 +68,7 @@ def davis_boundary(pack: PackGeometry, friction, pressure, contact_share=1.0):
     return number(pack.surfaces * 2.0 * pi * np.sum(weight * mu * p * share * r**2, axis=-1))
 
 
-def davis(pack: PackGeometry, slip, viscosity, gap, friction, pressure, contact_share, flow_factor=1.0,
-          flow_shear=0.0):
+def davis(pack: PackGeometry, slip, viscosity, gap, friction, pressure, contact_share, flow_factor=1.0, flow_shear=0.0):
     """Davis, Sadeghi, Krousgrill (6.1): film (6.2) plus contact (6.3), with the sign of slip (+ at zero)."""
     contact = davis_boundary(pack, friction, pressure, contact_share)
     film = davis_viscous(pack, slip, viscosity, gap, contact_share, flow_factor, flow_shear)
@@ -92,7 +90,7 @@ def effective_gap(pack: PackGeometry, gap, groove_depth, land_area):
 
 
 def pahlovy(pack: PackGeometry, slip, viscosity, gap, film_radius):
-    """n pi mu_D r_m^2 (r_0^2 - R_w^2) w / h_eff, (6.6): film only from R_w to ``film_radius`` r_0 [m].
+    """N pi mu_D r_m^2 (r_0^2 - R_w^2) w / h_eff, (6.6): film only from R_w to ``film_radius`` r_0 [m].
 
     ``gap`` is h_eff of :func:`effective_gap`. r_m stays that of the whole ring, as (6.5) has it, so a short
     film drags too much (a quarter with r_0 = 32 mm of fig. 6.5). At r_0 = R_z this is Kitabayashi's.
@@ -107,7 +105,7 @@ def pahlovy(pack: PackGeometry, slip, viscosity, gap, film_radius):
 
 
 def peng_yuan(pack: PackGeometry, slip, viscosity, gap, film_radius):
-    """n pi mu_D w / (2 h) (r_0'^4 - R_w^4), (6.8): ``film_radius`` r_0' [m] is where the closed film ends."""
+    """N pi mu_D w / (2 h) (r_0'^4 - R_w^4), (6.8): ``film_radius`` r_0' [m] is where the closed film ends."""
     pack.check()
     slip, viscosity, gap, film_radius = number(slip), number(viscosity), number(gap), number(film_radius)
     not_negative(viscosity=viscosity)
@@ -117,7 +115,7 @@ def peng_yuan(pack: PackGeometry, slip, viscosity, gap, film_radius):
 
 
 def liquid_share(angle, gas_angle):
-    """phi = (alpha - beta) / alpha [-], (6.12): ``gas_angle`` beta of the ``angle`` alpha is gas [rad],
+    """Phi = (alpha - beta) / alpha [-], (6.12): ``gas_angle`` beta of the ``angle`` alpha is gas [rad],
     broadcast.
 
     ValueError unless 0 <= beta <= alpha and alpha > 0.
@@ -168,8 +166,9 @@ def _film_in_the_ring(pack: PackGeometry, film_radius) -> None:
     inside = (np.asarray(film_radius) >= pack.inner_radius) & (np.asarray(film_radius) <= pack.outer_radius)
     if not np.all(inside):
         low, high = np.min(film_radius), np.max(film_radius)
-        raise ValueError(f"film_radius from {low:g} to {high:g} m leaves the ring from {pack.inner_radius:g} "
-                         f"to {pack.outer_radius:g} m")
+        raise ValueError(
+            f"film_radius from {low:g} to {high:g} m leaves the ring from {pack.inner_radius:g} to {pack.outer_radius:g} m"
+        )
 
 
 def _no_more_than_the_ring(pack: PackGeometry, land_area) -> None:

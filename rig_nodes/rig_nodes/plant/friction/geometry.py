@@ -32,12 +32,16 @@ class PackGeometry:
         if not (self.surfaces >= 1 and self.surfaces == int(self.surfaces)):
             raise ValueError(f"surfaces is {self.surfaces:g}, expected a whole number of at least 1")
         if not 0.0 < self.inner_radius < self.outer_radius:
-            raise ValueError(f"the friction ring from {self.inner_radius:g} to {self.outer_radius:g} m is "
-                             "empty; inner_radius must be positive and smaller than outer_radius")
+            raise ValueError(
+                f"the friction ring from {self.inner_radius:g} to {self.outer_radius:g} m is "
+                "empty; inner_radius must be positive and smaller than outer_radius"
+            )
         shaft, hub = self.inner_spline_diameter / 2.0, self.outer_spline_diameter / 2.0
         if not (0.0 < shaft <= self.inner_radius and self.outer_radius <= hub):
-            raise ValueError(f"the friction ring from {self.inner_radius:g} to {self.outer_radius:g} m must "
-                             f"lie between the splines at {shaft:g} and {hub:g} m")
+            raise ValueError(
+                f"the friction ring from {self.inner_radius:g} to {self.outer_radius:g} m must "
+                f"lie between the splines at {shaft:g} and {hub:g} m"
+            )
         if not 0.0 <= self.pressure_angle_deg < 90.0:
             raise ValueError(f"pressure_angle_deg is {self.pressure_angle_deg:g}, expected 0 to below 90")
 
@@ -54,12 +58,12 @@ class PackGeometry:
 
     @property
     def outer_spline_arm(self) -> float:
-        """a = d_po/2 cos(alpha) [m]: torque on the hub's spline over the normal force there, (6.35)."""
+        """A = d_po/2 cos(alpha) [m]: torque on the hub's spline over the normal force there, (6.35)."""
         return self.outer_spline_diameter / 2.0 * cos(radians(self.pressure_angle_deg))
 
     @property
     def inner_spline_arm(self) -> float:
-        """b = d_pin/2 cos(alpha) [m]: torque on the shaft's spline over the normal force there, (6.40)."""
+        """B = d_pin/2 cos(alpha) [m]: torque on the shaft's spline over the normal force there, (6.40)."""
         return self.inner_spline_diameter / 2.0 * cos(radians(self.pressure_angle_deg))
 
 

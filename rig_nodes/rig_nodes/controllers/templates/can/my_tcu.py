@@ -12,7 +12,6 @@ from time import sleep
 
 import can
 import cantools
-
 from rig_nodes.controllers.can_loopback import LoopbackBus
 
 FILL, PLATEAU, SLOPE, HELD = 0.30, 220.0, 1200.0, 740.0  # s, mA, mA/s, mA
@@ -76,10 +75,12 @@ def answer(bus):
                 law, time, ahead = Law(), 0.0, 0
             last, time = sample, time + 0.001 * ahead
             command, shifting = law.step(time, request)
-            send(bus, "CONTROL_STATE", {"sample": sample, "gear": law.gear, "shifting": int(shifting), "flags": 0,
-                                        "status": 0})
-            send(bus, "CONTROL_COMMAND_CURRENT", {"sample": sample, "command_1": command[0], "command_2": command[1],
-                                                  "command_3": command[2]})
+            send(bus, "CONTROL_STATE", {"sample": sample, "gear": law.gear, "shifting": int(shifting), "flags": 0, "status": 0})
+            send(
+                bus,
+                "CONTROL_COMMAND_CURRENT",
+                {"sample": sample, "command_1": command[0], "command_2": command[1], "command_3": command[2]},
+            )
 
 
 if __name__ == "__main__":
