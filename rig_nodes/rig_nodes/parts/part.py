@@ -64,7 +64,7 @@ class Wire:
 class Shown:
     """A signal that a device shows in its state's message.
 
-    what: the end of its name; of: the quantity with its unit and range, see config.quantities; text, sign: sentences in which
+    what: the end of its name; of: the quantity with its unit and range, see config.units; text, sign: sentences in which
     {called} is the device, {driving} and {driven} are the bodies that it joins.
     """
 

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Commands in code blocks of README and docs: each verb and option exists, each value is one that the verb takes."""
+"""Commands and links of README and docs: each verb and option exists, each value is one that the verb takes, each file is there."""
 
 import importlib
 import re
@@ -59,3 +59,10 @@ def test_there_are_many_and_a_wrong_one_is_found():
     for wrong in ("simulat demo", "simulate demo --sed 5", "run demo --speed fast"):
         with pytest.raises((RigError, SystemExit)):
             understood(wrong.split())
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "CONTRIBUTING.md"], ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_links_to_files_lead_to_some(page):
+    links = re.findall(r"\]\(([^)\s#]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8"))
+    lost = [link for link in links if not re.match(r"[a-z]+:", link) and not (page.parent / link).exists()]
+    assert lost == []
