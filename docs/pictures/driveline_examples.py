@@ -11,6 +11,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+
 from rig_nodes.validation.figures import Figure, Series
 
 HERE = Path(__file__).parent

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+
 from rig_nodes.plant.friction import closed, drag
 from rig_nodes.plant.friction.bench import PACKS
 from rig_nodes.plant.friction.geometry import PackGeometry

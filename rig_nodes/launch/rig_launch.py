@@ -13,13 +13,14 @@ import subprocess
 from pathlib import Path
 
 from ament_index_python.packages import get_package_prefix
-from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, EmitEvent, LogInfo, OpaqueFunction, RegisterEventHandler, TimerAction
 from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown, matches_action
 from launch.events.process import SignalProcess
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+
+from launch import LaunchDescription
 from rig_nodes.config.names import DEFAULT_RIG, has_controller, rig_of
 from rig_nodes.errors import RigError
 from rig_nodes.graph.domain import check_namespace, from_environment

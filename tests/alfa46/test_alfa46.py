@@ -5,6 +5,7 @@
 
 import numpy as np
 import pytest
+
 from rig_nodes.alfa46.controller import Alfa46
 from rig_nodes.alfa46.settings import Alfa46Config
 from rig_nodes.errors import RigError

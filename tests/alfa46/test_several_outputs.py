@@ -5,6 +5,7 @@
 
 import numpy as np
 import pytest
+
 from rig_nodes.alfa46 import law
 from rig_nodes.alfa46.controller import Alfa46
 from rig_nodes.analysis.metrics import shifts

@@ -8,8 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from rig_nodes.analysis.metrics import Recording
 from synthetic_shift import I1, PERIOD, RPM, noisy
+
+from rig_nodes.analysis.metrics import Recording
 
 ORDER = 0.5  # s
 

@@ -10,6 +10,7 @@ from math import pi
 from types import SimpleNamespace
 
 import numpy as np
+
 from rig_nodes.analysis.metrics import Recording
 from rig_nodes.bags.rig_record import rig_record
 from rig_nodes.description.structure import structure_of

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from synthetic_shift import ENCODER
+
 from rig_nodes.analysis.coast_down import coast_down
 from rig_nodes.errors import RigError
-from synthetic_shift import ENCODER
 
 STEP = 1e-3
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from rig_nodes.analysis.edges import first_true, odd_width, ramp_start, running_mean
 
 START = 2000

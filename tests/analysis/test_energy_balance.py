@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+
 from rig_nodes.analysis.energy import balance, energies_of
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig

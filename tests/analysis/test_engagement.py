@@ -9,9 +9,10 @@ import re
 
 import numpy as np
 import pytest
-from rig_nodes.analysis.engagement import KEYS, engagement_metrics, engagement_ranks
 from synthetic_engagement import ORDER, Engagement
 from synthetic_shift import ENCODER, PERIOD
+
+from rig_nodes.analysis.engagement import KEYS, engagement_metrics, engagement_ranks
 
 ORDERED = (ORDER, 0, 1)
 

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from synthetic_shift import PERIOD, RPM, Shift
+
 from rig_nodes.analysis.logger_csv import parse_orders, read_logger_csv
 from rig_nodes.analysis.metrics import KEYS, shifts
 from rig_nodes.errors import RigError
-from synthetic_shift import PERIOD, RPM, Shift
 
 HEADINGS = {
     "M_wej": ("M_wej [Nm]", 1.0),

@@ -10,6 +10,7 @@ from math import pi
 
 import numpy as np
 import pytest
+
 from rig_nodes.analysis.coast_down import coast_down
 from rig_nodes.analysis.engagement import engagement_metrics
 from rig_nodes.analysis.metrics import Recording

@@ -11,10 +11,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from synthetic_shift import FakeBag, Shift
+
 from rig_nodes.analysis.metrics import KEYS
 from rig_nodes.analysis.report import build_report, format_report, read_report, write_report
 from rig_nodes.errors import BagError, RigError
-from synthetic_shift import FakeBag, Shift
 
 RUN = {
     "configuration": {"rig": "hydmag"},

@@ -14,13 +14,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from synthetic_shift import FakeBag, Shift
+
 from rig_nodes.analysis.report import build_report, write_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
 from rig_nodes.cli import report as command
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
-from synthetic_shift import FakeBag, Shift
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
 

@@ -9,10 +9,11 @@ import dataclasses
 
 import numpy as np
 import pytest
+from synthetic_shift import ENCODER, I1, I2, PERIOD, RPM, Shift
+
 from rig_nodes.analysis.metrics import KEYS, Recording, shift_metrics, shifts
 from rig_nodes.errors import RigError
 from rig_nodes.transmission import Inertias
-from synthetic_shift import ENCODER, I1, I2, PERIOD, RPM, Shift
 
 UP = Shift()
 DOWN = Shift(up=False, fall=0.30, depart=0.36, end=0.42, settle=0.60, peak=180.0, engage=0.20, release=0.45)

@@ -9,6 +9,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from synthetic_shift import RPM, FakeBag
+from synthetic_three_speed import BOX, KISS, RATIOS, ThreeSpeedShift
+
 from rig_nodes.analysis.energy import balance, clutch_heat, energies_of
 from rig_nodes.analysis.engagement import engagement_metrics
 from rig_nodes.analysis.logger_csv import parse_orders
@@ -17,8 +20,6 @@ from rig_nodes.analysis.plant_states import metrics_of_states, states_of
 from rig_nodes.analysis.uncertainty import Instrument, uncertainty
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
-from synthetic_shift import RPM, FakeBag
-from synthetic_three_speed import BOX, KISS, RATIOS, ThreeSpeedShift
 
 INSTRUMENTS = {
     "torque": Instrument(500.0, 0.2),

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 import pytest
+
 from rig_nodes.analysis.engagement import KEYS as ENGAGEMENT_KEYS
 from rig_nodes.analysis.metrics import KEYS
 from rig_nodes.analysis.uncertainty import (

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from rig_nodes.analysis.valve_response import valve_delay
 from rig_nodes.errors import RigError
 

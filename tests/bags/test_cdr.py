@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 from ament_index_python.packages import get_package_share_directory
 from rclpy.serialization import deserialize_message
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
 from rig_nodes.bags.cdr import decode, encode_any, encoder, exact, stamp, stamp_and_seq
 from rig_nodes.bags.definitions import installed
 from rig_nodes.errors import RigError
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 SHARE = Path(get_package_share_directory("rig_msgs")) / "msg"
 # what bags hold; the messages of a controller's handshake, Controller*, have no stamp and are recorded by nobody

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import crafted
 import pytest
+
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError

@@ -8,6 +8,7 @@ import io
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
+
 from rig_nodes.bags.cdr import encoder
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter

@@ -9,6 +9,7 @@ import sys
 
 import pytest
 from mcap.writer import CompressionType, Writer
+
 from rig_nodes.bags.index import BagIndex
 from rig_nodes.bags.reader import Bag
 

@@ -6,6 +6,7 @@
 import io
 
 from mcap.writer import CompressionType, Writer
+
 from rig_nodes.bags.mcap_writer import McapWriter
 
 CHUNK_BYTES = 20_000  # so that one is closed by its size

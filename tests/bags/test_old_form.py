@@ -8,12 +8,13 @@ from pathlib import Path
 import mcap.reader
 import numpy as np
 import pytest
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
 from rig_nodes.bags import cdr
 from rig_nodes.bags.definitions import installed
 from rig_nodes.bags.index import BagIndex
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
 

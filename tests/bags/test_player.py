@@ -6,6 +6,7 @@
 import math
 
 import pytest
+
 from rig_nodes.bags.metadata import profile_text, read_profile
 from rig_nodes.bags.player import BATCH, CLOCK, STRIDE, Player
 from rig_nodes.bags.reader import Bag

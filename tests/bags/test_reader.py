@@ -8,6 +8,7 @@ import json
 import numpy as np
 import pytest
 from mcap.writer import Writer
+
 from rig_nodes.bags.cdr import encoder
 from rig_nodes.bags.reader import Bag, missing
 from rig_nodes.bags.writer import BagWriter

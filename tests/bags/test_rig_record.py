@@ -8,6 +8,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+
 from rig_nodes.bags.index import BagIndex
 from rig_nodes.bags.old_form import record_of_today
 from rig_nodes.bags.reader import Bag

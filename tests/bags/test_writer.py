@@ -13,6 +13,10 @@ from mcap.reader import make_reader
 from mcap.records import Chunk, DataEnd
 from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability, QosHistory, QosReliability
+from rosbags.rosbag2 import Reader
+
 from rig_nodes.bags.cdr import encoder
 from rig_nodes.bags.definitions import installed
 from rig_nodes.bags.metadata import PROFILES
@@ -21,9 +25,6 @@ from rig_nodes.bags.writer import BagWriter
 from rig_nodes.catalogue import QOS, catalogue
 from rig_nodes.errors import RigError
 from rig_nodes.nodes.qos import publisher_profile
-from rosbags.highlevel import AnyReader
-from rosbags.interfaces import QosDurability, QosHistory, QosReliability
-from rosbags.rosbag2 import Reader
 
 MEASUREMENT = "rig_msgs/msg/Measurement"
 

@@ -11,6 +11,7 @@ import subprocess
 import sys
 
 import pytest
+
 from rig_nodes.benchmark import document, machine, peers, two_inertias
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError

@@ -14,6 +14,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+
 from rig_nodes.analysis.metrics import shifts
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.record import record

@@ -13,12 +13,12 @@ from pathlib import Path
 import pymodbus.client  # here, because plug and example client would import them at once from two threads
 import pymodbus.server  # noqa: F401
 import pytest
+
+import rig_nodes
 from rig_nodes.controllers import load_controller
 from rig_nodes.errors import RigError
 from rig_nodes.graph.domain import allocate, use_own_transports
 from rig_nodes.testbench.configuration import load_rig
-
-import rig_nodes
 
 CONTROLLERS = Path(rig_nodes.__file__).parent / "controllers"
 INCLUDE, EXAMPLES = CONTROLLERS / "include", CONTROLLERS / "examples"
@@ -143,6 +143,7 @@ MULTICAST = "239.74.163.2"
 def multicast_works() -> str:
     """Why udp_multicast does not work on this machine, or nothing."""
     import can
+
     from rig_nodes.controllers.can_bus import open_bus
 
     try:

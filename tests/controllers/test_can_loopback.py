@@ -13,6 +13,7 @@ from pathlib import Path
 
 import can
 import pytest
+
 from rig_nodes.cli.main import main
 from rig_nodes.controllers import load_controller
 from rig_nodes.controllers.can_bus import open_bus

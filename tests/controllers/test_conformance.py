@@ -6,6 +6,7 @@
 import json
 
 import pytest
+
 from rig_nodes.cli.main import main
 from rig_nodes.testbench.conformance import Check
 

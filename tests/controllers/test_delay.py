@@ -4,6 +4,7 @@
 """`--delay`: how many samples lie between a measurement and the effect of the answer to it, whatever the plug."""
 
 import pytest
+
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.controllers import load_controller

@@ -8,6 +8,7 @@ import socket
 import sys
 
 import pytest
+
 from rig_nodes.controllers.examples.command import run
 
 

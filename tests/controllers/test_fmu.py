@@ -10,6 +10,7 @@ import signal
 import zipfile
 
 import pytest
+
 from rig_nodes.bags.reader import Bag
 from rig_nodes.controllers import ControllerFailed, Status, load_controller
 from rig_nodes.controllers.load import level_line

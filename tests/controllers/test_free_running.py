@@ -18,6 +18,7 @@ import cantools
 import numpy as np
 import pymodbus.client
 import pytest
+
 from rig_nodes.analysis.report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main

@@ -14,6 +14,7 @@ import time
 import can
 import cantools
 import pytest
+
 from rig_nodes.controllers import load_controller
 from rig_nodes.controllers.can_bus import open_bus
 from rig_nodes.controllers.can_database import dbc_text

@@ -6,6 +6,7 @@
 import json
 
 import pytest
+
 from rig_nodes.cli.main import main
 from rig_nodes.controllers.load import level_line, load_controller
 from rig_nodes.testbench.configuration import load_rig

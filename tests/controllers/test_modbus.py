@@ -10,6 +10,7 @@ import time
 import can
 import pymodbus.client
 import pytest
+
 from rig_nodes.controllers import load_controller
 from rig_nodes.controllers.can_bus import open_bus
 from rig_nodes.errors import RigError

@@ -11,6 +11,7 @@ import subprocess
 import sys
 
 import pytest
+
 from rig_nodes.controllers import ControllerFailed, Status, load_controller
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.rig import Rig

@@ -5,6 +5,7 @@
 
 import numpy as np
 import pytest
+
 from rig_nodes.bags.reader import Bag
 from rig_nodes.controllers import load_controller
 from rig_nodes.errors import RigError

@@ -9,6 +9,7 @@ import sys
 import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
+
 from rig_nodes.bags.reader import Bag
 from rig_nodes.controllers import load_controller
 from rig_nodes.fmu.build import build_controller_fmu

@@ -4,6 +4,7 @@
 """A user's Python class: what it gets, what it may return, and one sentence for everything that is wrong."""
 
 import pytest
+
 from rig_nodes.controllers import ControllerFailed, Status, load_controller
 from rig_nodes.errors import RigError
 

@@ -7,6 +7,7 @@ import subprocess
 from dataclasses import replace
 
 import pytest
+
 from rig_nodes.catalogue import catalogue
 from rig_nodes.controllers import ControllerFailed, ControllerInputs, load_controller
 from rig_nodes.controllers.can_database import database

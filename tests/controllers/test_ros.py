@@ -17,6 +17,7 @@ from rclpy.duration import Duration
 from rclpy.experimental import EventsExecutor
 from rclpy.task import Future
 from rig_msgs.msg import ControllerAnswer, ControllerReady, ControllerStart, ControllerStep
+
 from rig_nodes.bags import cdr
 from rig_nodes.bags.reader import Bag
 from rig_nodes.controllers import ControllerFailed, ControllerInputs, ControllerOutputs, Status, load_controller

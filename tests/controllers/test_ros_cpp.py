@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from rig_msgs.msg import ControllerReady
+
 from rig_nodes.controllers import load_controller
 from rig_nodes.testbench.configuration import load_rig
 

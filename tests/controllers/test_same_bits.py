@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from rig_nodes.alfa46.settings import Alfa46Config, Alfa46Values
 from rig_nodes.bags.reader import Bag
 from rig_nodes.controllers import load_controller

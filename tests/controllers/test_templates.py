@@ -15,6 +15,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from rig_nodes.cli.main import main
 from rig_nodes.controllers.templates import HERE, KINDS
 

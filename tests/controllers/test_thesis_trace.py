@@ -10,6 +10,7 @@ delay the other way round.
 
 import numpy as np
 import pytest
+
 from rig_nodes.controllers import load_controller
 from rig_nodes.testbench.configuration import load_rig
 

@@ -13,6 +13,7 @@ import threading
 from pathlib import Path
 
 import pytest
+
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.run_arguments import step_timeout
 from rig_nodes.controllers import ControllerFailed, ControllerOutputs, Status, load_controller

@@ -4,6 +4,7 @@
 """Transducers that a controller asks for by name, in Python and in C, and controllers that packages bring by name."""
 
 import pytest
+
 from rig_nodes.controllers import load_controller
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.rig import Rig

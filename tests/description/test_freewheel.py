@@ -4,6 +4,7 @@
 """A free-wheel in a rig's folder: it holds one way and overruns the other, with nobody to actuate it."""
 
 import pytest
+
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError

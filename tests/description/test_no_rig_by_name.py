@@ -7,10 +7,9 @@ import ast
 import re
 from pathlib import Path
 
+import rig_nodes
 from rig_nodes.config.names import installed
 from rig_nodes.testbench.configuration import load_rig
-
-import rig_nodes
 
 ROOT = Path(rig_nodes.__file__).parent
 # What evaluates the laboratory's own printed pages and tests, beside the rigs' folders and examples for users

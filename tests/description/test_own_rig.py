@@ -6,6 +6,7 @@
 import xml.etree.ElementTree as ElementTree
 
 import pytest
+
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.config import RIGS_DIR

@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.fmu.drive import main as drive

@@ -6,6 +6,7 @@
 import shutil
 
 import pytest
+
 from rig_nodes.cli.main import main
 from rig_nodes.config import RIGS_DIR
 from rig_nodes.errors import RigError

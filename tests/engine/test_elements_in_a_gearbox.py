@@ -4,6 +4,7 @@
 """Elements of the driveline beside clutches, valves, losses by torque and meters: one step moves laws and devices."""
 
 import pytest
+
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 

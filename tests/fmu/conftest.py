@@ -4,6 +4,7 @@
 """The rig's FMUs of both versions, built once."""
 
 import pytest
+
 from rig_nodes.fmu.build import build_rig_fmu
 from rig_nodes.fmu.importer import Fmu
 

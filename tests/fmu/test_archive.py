@@ -7,6 +7,7 @@ import stat
 import zipfile
 
 import pytest
+
 from rig_nodes.errors import RigError
 from rig_nodes.fmu import archive
 from rig_nodes.fmu.archive import unpack

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fmpy import read_model_description, simulate_fmu
+
+import rig_nodes
 from rig_nodes.controllers.c_library import INCLUDE
 from rig_nodes.errors import RigError
 from rig_nodes.fmu.build import build_controller_fmu
@@ -16,8 +18,6 @@ from rig_nodes.fmu.importer import Fmu, FmuFailed
 from rig_nodes.fmu.rig_variables import Reader, Values, rig_variables, with_parameters
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
-
-import rig_nodes
 
 PACKAGE = Path(rig_nodes.__file__).parents[1]
 SI = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")

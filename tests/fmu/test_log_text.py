@@ -7,6 +7,7 @@ import ctypes as ct
 import subprocess
 
 import pytest
+
 from rig_nodes.fmu.log_text import SIGNATURE, formatted, text_at
 
 CALLER = """

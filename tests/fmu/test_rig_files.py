@@ -7,6 +7,7 @@ import json
 import shutil
 
 import pytest
+
 from rig_nodes.errors import RigError
 from rig_nodes.fmu.build import files_of
 from rig_nodes.fmu.rig_process import RigModel

@@ -15,6 +15,7 @@ import rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.qos import HistoryPolicy
 from rclpy.task import Future
+
 from rig_nodes.catalogue import catalogue
 from rig_nodes.nodes.message_class import message_class
 from rig_nodes.nodes.qos import publisher_profile, recorder_profile

@@ -21,6 +21,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
+
 from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.main import main
 from rig_nodes.graph.domain import allocate

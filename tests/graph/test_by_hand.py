@@ -10,14 +10,15 @@ import subprocess
 import sys
 
 import pytest
+from running_graph import PATIENCE, Graph, RigRun
+from verbs import Verbs
+
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
 from rig_nodes.graph import domain as domains
 from rig_nodes.graph.domain import allocate, of_running_rig, running_rigs
 from rig_nodes.nodes import running_rig
-from running_graph import PATIENCE, Graph, RigRun
-from verbs import Verbs
 
 pytestmark = pytest.mark.against_the_clock
 

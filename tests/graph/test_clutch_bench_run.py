@@ -7,11 +7,12 @@ import json
 
 import numpy as np
 import pytest
+from running_graph import rig_run
+
 from rig_nodes.bags.reader import Bag
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.record import record
 from rig_nodes.testbench.sequence import load_sequence
-from running_graph import rig_run
 
 pytestmark = pytest.mark.against_the_clock
 

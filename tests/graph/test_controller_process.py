@@ -9,12 +9,13 @@ import sys
 
 import numpy as np
 import pytest
+from running_graph import SHORT, RigRun, rig_run
+
 from rig_nodes.bags.reader import Bag
 from rig_nodes.controllers import load_controller
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
-from running_graph import SHORT, RigRun, rig_run
 
 NOT_THE_PLANTS = {"/controller/events", "all"}
 BREAKING = """

@@ -12,6 +12,8 @@ import subprocess
 import sys
 
 import pytest
+from running_graph import BRIEF, RigRun
+
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.graph.domain import Domain, allocate, environment
@@ -19,7 +21,6 @@ from rig_nodes.nodes import cut_device
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
-from running_graph import BRIEF, RigRun
 
 NOT_THE_PLANTS = {"/controller/events", "/diagnostics", "/parameter_events", "/rosout", "all"}
 GATE = "import sys; from rig_nodes.nodes import rig_container as c; c.GATE_TIMEOUT = 2.0; sys.exit(c.main())"

@@ -5,6 +5,7 @@
 
 import pytest
 import rclpy
+
 from rig_nodes.graph.domain import allocate, use_own_transports
 from rig_nodes.nodes.commands import Commands
 from rig_nodes.nodes.device import DeviceNode, device_names, pace_of, setpoints_taken

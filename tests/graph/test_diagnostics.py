@@ -10,9 +10,10 @@ import time
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rig_msgs.msg import RigState, Setpoint
-from rig_nodes.bags.reader import Bag
 from running_graph import Client, Graph
 from std_srvs.srv import Trigger
+
+from rig_nodes.bags.reader import Bag
 
 pytestmark = pytest.mark.against_the_clock
 

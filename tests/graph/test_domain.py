@@ -11,6 +11,7 @@ import sys
 from xml.etree import ElementTree
 
 import pytest
+
 from rig_nodes.errors import RigError
 from rig_nodes.graph.domain import BASE_PORT, PORTS, Domain, allocate, environment, from_environment
 

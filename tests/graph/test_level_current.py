@@ -10,10 +10,11 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile
 from rig_msgs.action import RunSequence
 from rig_msgs.msg import ControllerSample, RigState, ValveCommand
+from running_graph import SHORT, Client, Graph
+
 from rig_nodes.analysis.report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.graph.result import facts_of, lost_messages
-from running_graph import SHORT, Client, Graph
 
 pytestmark = pytest.mark.against_the_clock
 

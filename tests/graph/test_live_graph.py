@@ -12,11 +12,12 @@ from rclpy.action import ActionClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rig_msgs.action import RunSequence, Shift
 from rig_msgs.msg import RigState, Setpoint, ValveCommand
+from running_graph import SHORT, Client, Graph
+from std_srvs.srv import Trigger
+
 from rig_nodes.bags.reader import Bag
 from rig_nodes.catalogue import catalogue
 from rig_nodes.graph.result import facts_of, lost_messages
-from running_graph import SHORT, Client, Graph
-from std_srvs.srv import Trigger
 
 pytestmark = pytest.mark.against_the_clock
 

@@ -9,6 +9,8 @@ import signal
 from pathlib import Path
 
 import pytest
+from running_graph import BRIEF, SHORT, RigRun, Traces, rig_run
+
 import rig_nodes.controllers
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
@@ -16,7 +18,6 @@ from rig_nodes.controllers import load_controller
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.sequence import load_sequence
 from rig_nodes.testbench.simulate import simulate
-from running_graph import BRIEF, SHORT, RigRun, Traces, rig_run
 
 EXAMPLES = Path(rig_nodes.controllers.__file__).parent / "examples"
 # orders of the sequencer reach the box over ROS: when it says so is its own affair

@@ -11,9 +11,10 @@ from pathlib import Path
 
 import pytest
 from rig_msgs.msg import RigState
+from running_graph import SHORT, Client, RigRun
+
 from rig_nodes.errors import RigError
 from rig_nodes.graph.domain import allocate, from_environment
-from running_graph import SHORT, Client, RigRun
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
 

@@ -15,11 +15,12 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import Log
 from rig_msgs.action import RunSequence, Shift
 from rig_msgs.msg import RigState, Setpoint
-from rig_nodes.bags.reader import Bag
-from rig_nodes.graph.result import facts_of, lost_messages
 from running_graph import Client, Graph
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
+
+from rig_nodes.bags.reader import Bag
+from rig_nodes.graph.result import facts_of, lost_messages
 
 # in lockstep too: the box that is stopped must not have the order yet
 pytestmark = pytest.mark.against_the_clock

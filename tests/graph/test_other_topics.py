@@ -7,6 +7,9 @@ from unittest.mock import MagicMock
 
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from running_graph import Client, Graph
+from std_msgs.msg import Float64, String, UInt64
+
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.config import load_yaml
@@ -15,8 +18,6 @@ from rig_nodes.graph.topic_choice import TopicChoice
 from rig_nodes.nodes.other_topics import OtherTopics
 from rig_nodes.nodes.replay import obstacle, offered
 from rig_nodes.view.convert import make_view
-from running_graph import Client, Graph
-from std_msgs.msg import Float64, String, UInt64
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 FAST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)

@@ -10,11 +10,12 @@ from builtin_interfaces.msg import Time
 from rcl_interfaces.msg import Log
 from rclpy.qos import QoSProfile
 from rig_msgs.msg import Event, RigState, Setpoint, ValveCommand
-from rig_nodes.bags.reader import Bag
-from rig_nodes.graph.result import facts_of, lost_messages, run_part
 from running_graph import Client, Graph
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
+
+from rig_nodes.bags.reader import Bag
+from rig_nodes.graph.result import facts_of, lost_messages, run_part
 
 pytestmark = pytest.mark.against_the_clock
 

@@ -18,16 +18,17 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock
+from running_graph import Client
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
 from rig_nodes.bags import cdr
 from rig_nodes.bags.definitions import installed
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
 from rig_nodes.cli.main import main
 from rig_nodes.graph.domain import allocate, environment
-from rosgraph_msgs.msg import Clock
-from running_graph import Client
-from std_msgs.msg import String
-from std_srvs.srv import Trigger
 
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 PATIENCE = 60.0

@@ -8,14 +8,15 @@ import time
 from pathlib import Path
 
 import pytest
-import rig_nodes.controllers
 from rclpy.action import ActionClient
 from rig_msgs.action import RunSequence, Shift
+from running_graph import SHORT, Client, Graph
+from std_srvs.srv import Trigger
+
+import rig_nodes.controllers
 from rig_nodes.bags.reader import Bag
 from rig_nodes.graph.result import join_pieces, run_part
 from rig_nodes.transmission import NEUTRAL
-from running_graph import SHORT, Client, Graph
-from std_srvs.srv import Trigger
 
 pytestmark = pytest.mark.against_the_clock
 

@@ -11,14 +11,15 @@ from pathlib import Path
 import pytest
 from rclpy.parameter_client import AsyncParameterClient
 from rig_msgs.msg import RigState
+from running_graph import Client
+from std_srvs.srv import Trigger
+from verbs import Verbs
+
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.graph.domain import allocate, environment
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
-from running_graph import Client
-from std_srvs.srv import Trigger
-from verbs import Verbs
 
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 PATIENCE = 60.0

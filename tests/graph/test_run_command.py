@@ -8,10 +8,11 @@ import os
 import signal
 
 import pytest
+from running_graph import SHORT, RigRun, Traces
+
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.graph.domain import allocate
-from running_graph import SHORT, RigRun, Traces
 
 pytestmark = pytest.mark.against_the_clock
 

@@ -12,6 +12,9 @@ from rclpy.parameter_client import AsyncParameterClient
 from rig_msgs.action import Shift
 from rig_msgs.msg import RigState, Setpoint
 from rig_msgs.srv import SetProfile
+from running_graph import Client, Graph
+from std_srvs.srv import Trigger
+
 from rig_nodes.alfa46 import law
 from rig_nodes.alfa46.controller import Alfa46
 from rig_nodes.bags.reader import Bag
@@ -20,8 +23,6 @@ from rig_nodes.errors import RigError
 from rig_nodes.graph.result import facts_of, lost_messages
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
-from running_graph import Client, Graph
-from std_srvs.srv import Trigger
 
 pytestmark = pytest.mark.against_the_clock
 

@@ -8,9 +8,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from rig_nodes.bags.reader import Bag
 from running_graph import RigRun
 from test_settings import PROFILE_1, User
+
+from rig_nodes.bags.reader import Bag
 
 TWO_TICKS = 0.0101
 HELD = """

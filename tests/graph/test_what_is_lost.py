@@ -10,8 +10,9 @@ import subprocess
 import time
 
 import pytest
-from rig_nodes.bags.reader import Bag
 from running_graph import BRIEF, SHORT, RigRun, Traces, rig_run
+
+from rig_nodes.bags.reader import Bag
 
 CONNECTED = "all nodes are connected"
 

@@ -37,7 +37,7 @@ BROKEN = {
     "format": 'def one( ):\n  return {"a":1}\n',
     "lint": '"""Says nothing."""\n\nimport os\n',
     "types": '"""Adds."""\n\n\ndef one(a: int) -> int:\n    """One more."""\n    return undefined_name + a\n',
-    "spelling": '"""A recieved frame."""\n',
+    "spelling": '"""A %s frame."""\n' % ("rec" + "ieved"),
 }
 
 

@@ -13,6 +13,7 @@ from types import SimpleNamespace
 from unittest.mock import MagicMock
 
 import pytest
+
 from rig_nodes.catalogue import installed_topics
 from rig_nodes.errors import RigError
 from rig_nodes.graph.supervisor import Order

@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from rig_nodes.graph.result import end_of
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig

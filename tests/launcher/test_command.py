@@ -12,6 +12,7 @@ import sys
 import time
 
 import pytest
+
 from rig_nodes.cli.main import VERBS
 
 pytestmark = pytest.mark.skipif(os.path.basename(sys.prefix) != ".venv", reason="not in the launcher's environment")

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from rig_nodes.cli.test import counted, failed_tests, may_try_again, parts_of
 
 CLOCK = "tests/graph/test_live_graph.py::test_torque_is_read_without_gaps_and_in_time"

@@ -22,8 +22,9 @@ from dataclasses import dataclass
 from math import copysign, exp, pi, sqrt
 
 import numpy as np
-from rig_nodes.plant.friction import closed, drag
 from scipy.integrate import solve_ivp
+
+from rig_nodes.plant.friction import closed, drag
 
 SAMPLE = 1e-3  # s between two duties
 ROW = 1e-4  # s between two logger rows

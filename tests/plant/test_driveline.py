@@ -7,12 +7,13 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+
 from rig_nodes.errors import RigError
 from rig_nodes.plant import driveline_algebra as algebra
 from rig_nodes.plant.driveline import Driveline
 from rig_nodes.plant.driveline_kernel import driveline_step
 from rig_nodes.plant.driveline_run import run
-from scipy.integrate import solve_ivp
 
 
 def pair(stick=1.0, w1=100.0, w2=0.0, drag=0.0):

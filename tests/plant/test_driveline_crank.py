@@ -7,10 +7,11 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+
 from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline import Driveline
 from rig_nodes.plant.driveline_run import Run, run
-from scipy.integrate import solve_ivp
 
 MASS, RADIUS, ROD, WHEEL = 2.0, 0.08, 0.2, 0.05
 

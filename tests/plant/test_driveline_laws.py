@@ -7,12 +7,13 @@ import math
 
 import numpy as np
 import pytest
-from rig_nodes.errors import RigError
-from rig_nodes.plant.driveline import Driveline
-from rig_nodes.plant.driveline_run import Run, run
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.special import ellipk
+
+from rig_nodes.errors import RigError
+from rig_nodes.plant.driveline import Driveline
+from rig_nodes.plant.driveline_run import Run, run
 
 
 def event(result, element, kind):

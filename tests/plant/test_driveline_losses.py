@@ -6,6 +6,7 @@
 import numpy as np
 import pytest
 from numba import njit
+
 from rig_nodes.engine.world import Sizes, driveline_dtype
 from rig_nodes.plant.driveline import Driveline
 from rig_nodes.plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LAM, LO0, LO1, N_CAPPED, OPEN, VISC

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+
 from rig_nodes.plant.driveline import Driveline
 from rig_nodes.plant.driveline_modes import modes
 from rig_nodes.plant.driveline_run import run

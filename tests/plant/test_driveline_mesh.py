@@ -9,11 +9,12 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+
 from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline import Driveline
 from rig_nodes.plant.driveline_modes import modes
 from rig_nodes.plant.driveline_run import run
-from scipy.integrate import solve_ivp
 
 JA, JB, R = 0.5, 3.0, 4.0
 EFFICIENCIES = [0.95, 0.5, 0.4, 0.3]

@@ -6,6 +6,7 @@
 import xml.etree.ElementTree as ElementTree
 
 import pytest
+
 from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline import Driveline
 

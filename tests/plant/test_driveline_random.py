@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 import pytest
+
 from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline import Driveline
 from rig_nodes.plant.driveline_run import run

@@ -9,6 +9,7 @@ import time
 
 import numpy as np
 import pytest
+
 from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline import Driveline
 from rig_nodes.plant.driveline_run import Run, run

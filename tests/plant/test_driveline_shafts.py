@@ -7,11 +7,12 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import quad, solve_ivp
+
 from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline import Driveline
 from rig_nodes.plant.driveline_modes import modes
 from rig_nodes.plant.driveline_run import run
-from scipy.integrate import quad, solve_ivp
 
 
 def closes(r):

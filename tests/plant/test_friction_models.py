@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from rig_nodes.errors import RigError
 from rig_nodes.parts import plates
 from rig_nodes.plant.friction import bench, closed, comparison, drag

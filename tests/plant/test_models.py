@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 import pytest
+
 from rig_nodes.config.schema import fill, record_dtype
 from rig_nodes.parts import dc_motor as motor
 from rig_nodes.parts import load_pump, plates

@@ -9,6 +9,7 @@ import math
 import numpy as np
 import pytest
 import reference_shift
+
 from rig_nodes.analysis.metrics import Recording, shift_metrics
 from rig_nodes.parts.load_pump import relief_setting_for
 from rig_nodes.testbench.configuration import load_rig

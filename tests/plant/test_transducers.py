@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+
 from rig_nodes.instruments import transducers as parts
 from rig_nodes.instruments.noise import channel_key, noise_at, uniform
 

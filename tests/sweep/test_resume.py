@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
+
 from rig_nodes.errors import RigError
 from rig_nodes.sweep.run import manifest_of, run_sweep
 from rig_nodes.sweep.store import JOURNAL, RESULTS, Store, decode

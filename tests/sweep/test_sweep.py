@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 
 import pytest
+
 from rig_nodes.cli import run_arguments
 from rig_nodes.cli.main import main, run_verb
 from rig_nodes.errors import RigError

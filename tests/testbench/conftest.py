@@ -7,6 +7,7 @@ import math
 from dataclasses import replace
 
 import pytest
+
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
 

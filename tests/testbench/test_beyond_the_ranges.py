@@ -8,6 +8,7 @@ import random
 
 import numpy as np
 import pytest
+
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.cross_checks import cross_check

@@ -6,6 +6,7 @@
 from pathlib import Path
 
 import pytest
+
 from rig_nodes.bags.definitions import installed
 from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.list import WHAT, markdown

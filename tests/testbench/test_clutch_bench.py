@@ -9,6 +9,7 @@ from math import pi
 
 import numpy as np
 import pytest
+
 from rig_nodes.analysis.slip_tests import cylinder_line, slip_line, slip_tests, spring_line
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main

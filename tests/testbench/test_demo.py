@@ -5,6 +5,7 @@
 
 import numpy as np
 import pytest
+
 from rig_nodes.analysis.report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.testbench.configuration import load_rig

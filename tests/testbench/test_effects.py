@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 import pytest
+
 from rig_nodes.controllers import load_controller
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig

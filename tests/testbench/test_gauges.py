@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig

@@ -5,6 +5,7 @@
 
 import numpy as np
 import pytest
+
 from rig_nodes.analysis.coast_down import coast_down
 from rig_nodes.testbench.procedure import load_procedure, run_repeat
 

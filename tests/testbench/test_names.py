@@ -4,6 +4,7 @@
 """What is said of a name that nobody knows."""
 
 import pytest
+
 from rig_nodes.cli.main import main
 from rig_nodes.config.names import unknown
 

@@ -11,6 +11,7 @@ import json
 
 import numpy as np
 import pytest
+
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.testbench.rig import Rig

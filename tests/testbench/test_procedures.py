@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from rig_nodes.analysis.metrics import shifts
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main

@@ -5,6 +5,7 @@
 
 import numpy as np
 import pytest
+
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig
 

@@ -5,6 +5,7 @@
 
 import numpy as np
 import pytest
+
 from rig_nodes.analysis.report import recording_of
 from rig_nodes.bags.reader import Bag
 from rig_nodes.errors import RigError

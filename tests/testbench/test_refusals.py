@@ -11,6 +11,7 @@ import sys
 from types import SimpleNamespace
 
 import pytest
+
 from rig_nodes.cli.main import Shown, main
 from rig_nodes.config import CONFIG_DIR, RIGS_DIR
 from rig_nodes.config.names import find_of_rigs

@@ -4,6 +4,7 @@
 """Rigs that name another one and what differs, and clutch pressures that are prescribed."""
 
 import pytest
+
 from rig_nodes.config import RIGS_DIR
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.configuration import load_rig

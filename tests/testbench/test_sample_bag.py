@@ -6,6 +6,7 @@
 from pathlib import Path
 
 import pytest
+
 from rig_nodes.analysis.report import build_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.testbench.configuration import load_rig

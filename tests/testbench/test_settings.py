@@ -4,6 +4,7 @@
 """One table of settings: a value has one name, one range and one sentence, whoever changes it and whenever."""
 
 import pytest
+
 from rig_nodes.config.names import installed
 from rig_nodes.description.settings import settings_of
 from rig_nodes.description.structure import structure_of

@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
+
 from rig_nodes.bags.reader import Bag
 
 PATIENCE = 180.0

@@ -7,6 +7,7 @@ import dataclasses
 import math
 
 import pytest
+
 from rig_nodes.testbench.rig import Rig
 
 # by hand, from the tables of the thesis and, where they were calibrated, the values of rigs/hydmag/rig.yaml

@@ -7,6 +7,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+
 from rig_nodes.analysis.metrics import shifts
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.record import record

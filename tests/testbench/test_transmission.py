@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from rig_nodes.alfa46.controller import Alfa46
 from rig_nodes.alfa46.settings import Alfa46Config
 from rig_nodes.catalogue import catalogue

@@ -6,6 +6,7 @@
 import signal
 
 import pytest
+
 from rig_nodes.bags import mcap_writer
 from rig_nodes.bags.reader import Bag
 from rig_nodes.testbench.configuration import load_rig

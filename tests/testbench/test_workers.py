@@ -9,6 +9,7 @@ import sys
 from multiprocessing import forkserver
 
 import pytest
+
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.workers import Workers
 

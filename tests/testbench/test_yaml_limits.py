@@ -11,6 +11,7 @@ import sys
 import time
 
 import pytest
+
 from rig_nodes.alfa46.settings import read_alfa46
 from rig_nodes.config import CONFIG_DIR, RIGS_DIR, load_yaml
 from rig_nodes.config.yaml_file import MOST_BYTES, MOST_DEPTH, MOST_VALUES

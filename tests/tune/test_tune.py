@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from rig_nodes.alfa46.settings import read_alfa46
 from rig_nodes.analysis.metrics import shifts
 from rig_nodes.cli.main import main

@@ -8,6 +8,7 @@ import shutil
 
 import numpy as np
 import pytest
+
 from rig_nodes.cli.main import main
 from rig_nodes.config import CONFIG_DIR, RIGS_DIR
 from rig_nodes.errors import RigError

@@ -7,6 +7,7 @@ import dataclasses
 from math import inf, nan, pi
 
 import pytest
+
 from rig_nodes.errors import RigError
 from rig_nodes.validation.evaluate import evaluate
 from rig_nodes.validation.records import Record, average, select

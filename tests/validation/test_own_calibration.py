@@ -6,6 +6,7 @@
 import re
 
 import pytest
+
 from rig_nodes.cli.main import main
 from rig_nodes.testbench.configuration import load_rig
 

@@ -7,6 +7,7 @@ import json
 
 import numpy as np
 import pytest
+
 from rig_nodes.analysis.metrics import Recording
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError

@@ -8,6 +8,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from synthetic_shift import PERIOD, Shift
+
 from rig_nodes.analysis.metrics import Recording
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.campaign import Workers
@@ -18,7 +20,6 @@ from rig_nodes.validation.derived import derive, dip_begins
 from rig_nodes.validation.evaluate import evaluate
 from rig_nodes.validation.records import Record
 from rig_nodes.validation.targets import load_targets
-from synthetic_shift import PERIOD, Shift
 
 RPM = pi / 30.0
 UP = {"shift": "I-II", "n_wej": 1500.0 * RPM, "m_wyj": 80.0}

@@ -10,11 +10,11 @@ from math import pi
 from pathlib import Path
 
 import pytest
+
+import rig_nodes
 from rig_nodes.analysis.metrics import KEYS
 from rig_nodes.errors import RigError
 from rig_nodes.validation.targets import TARGETS_FILE, Span, load_targets
-
-import rig_nodes
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 RPM = pi / 30.0

@@ -13,6 +13,8 @@ from math import pi
 from types import SimpleNamespace
 
 import pytest
+from synthetic_shift import Shift
+
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
 from rig_nodes.testbench.procedure import load_procedure
@@ -22,7 +24,6 @@ from rig_nodes.validation.figures import Band, Figure, Series, ticks
 from rig_nodes.validation.pictures import figures
 from rig_nodes.validation.records import Record
 from rig_nodes.validation.targets import load_targets
-from synthetic_shift import Shift
 
 RPM = pi / 30.0
 TARGETS = {target.id: target for target in load_targets()}

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from rig_nodes.analysis.report import build_report, write_report
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter

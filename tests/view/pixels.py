@@ -7,6 +7,7 @@ import io
 
 import numpy as np
 from PIL import Image
+
 from rig_nodes.view.pages import Pages
 
 PAGES = Pages()

@@ -14,6 +14,7 @@ from pathlib import Path
 import psutil
 import pytest
 from pixels import LONGEST, curve_pixels, dots, image_of, lanes, share, text_pixels
+
 from rig_nodes.bags.reader import Bag
 from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.main import main

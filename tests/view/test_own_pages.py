@@ -6,6 +6,7 @@
 import json
 
 import pytest
+
 from rig_nodes.cli.main import main
 from rig_nodes.description.structure import structure_of
 from rig_nodes.errors import RigError

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 import rerun
+
 from rig_nodes.cli.main import main
 from rig_nodes.errors import RigError
 from rig_nodes.view import picture, viewer
