@@ -8,10 +8,13 @@ or hand the arrays to plant/driveline_kernel.py inside a larger kernel. Every ri
 description.
 """
 
+from __future__ import annotations
+
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +27,9 @@ from rig_nodes.plant.driveline_losses import BASE, FACTOR, ON, OWN, SHARE, WEIGH
 from rig_nodes.plant.driveline_picture import Body, Link, svg
 from rig_nodes.plant.driveline_tables import Table, table_of, value_at
 from rig_nodes.plant.driveline_ties import GROUND, bodies_from_speeds, start_speeds
+
+if TYPE_CHECKING:
+    from rig_nodes.arrays import Floats
 
 _MAX_ELEMENTS = 50
 _CRANK_POINTS = 3601
@@ -151,7 +157,7 @@ class Driveline:
     slows a and drives b. All methods raise RigError with one sentence.
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._inertia: dict[str, float] = {}
         self._speed: dict[str, float | None] = {}
         self._gears: list[tuple[str, str, float]] = []
@@ -492,7 +498,7 @@ class Driveline:
             *self._laws_of(bodies, speeds, t, w, sh, v_start),
         )
 
-    def _mesh_elements(self):
+    def _mesh_elements(self) -> dict[str, tuple[str, str, float, float, tuple[float, float], float, bool]]:
         """A mesh with losses is a clutch that never slips and a brake on b, by whose slip, w_a, its torque is told."""
         out = {}
         for name, (a, b, ratio, *_) in self._meshes.items():
@@ -500,7 +506,7 @@ class Driveline:
             out[f"{name} loss"] = b, GROUND, ratio, 1.0, (1.0, 1.0), 0.0, False
         return out
 
-    def _mesh_of(self, name, elements):
+    def _mesh_of(self, name: str, elements: tuple[str, ...]) -> Mesh:
         """From a's power x the loss is (1 - efficiency) x, from b's (1 - back) x: with a torque t into the mesh at a, and t less
         the loss out of it, both are `share` times |t - before * loss|, as t is greater than that where a drives and smaller
         where b does.
@@ -509,7 +515,7 @@ class Driveline:
         before = (behind - ahead * (1.0 - behind)) / (2.0 * ahead * behind)
         return Mesh(name, elements.index(name), elements.index(f"{name} loss"), ahead / (1.0 - before * ahead), before)
 
-    def _start(self, given, bodies, speeds, t):
+    def _start(self, given: Mapping[str, float], bodies: tuple[str, ...], speeds: tuple[str, ...], t: Floats) -> Floats:
         if not self._meshes:
             return start_speeds(given, bodies, t)
         meshes = {f"mesh '{name}'": {a: 1.0, b: -ratio} for name, (a, b, ratio, *_) in self._meshes.items()}
@@ -517,7 +523,9 @@ class Driveline:
         at_start = dict(zip(bodies, tied @ start_speeds(given, bodies, tied)))
         return np.array([at_start[name] for name in speeds])
 
-    def _laws_of(self, bodies, speeds, t, w, sh, v_start):
+    def _laws_of(
+        self, bodies: tuple[str, ...], speeds: tuple[str, ...], t: Floats, w: Floats, sh: Floats, v_start: Floats
+    ) -> tuple[tuple[Law, ...], Floats, dict[str, float]]:
         """Laws, the rows of shafts and of what laws need behind them, and the inputs that laws read with their defaults."""
         laws, slots, factors = [], list(sh), {}
         nothing = np.zeros(len(bodies))
@@ -564,20 +572,20 @@ class Driveline:
             raise RigError("driveline: motions prescribe the speeds of bodies that gears or relations tie together; one is enough")
         return tuple(sorted(laws, key=lambda law: law.kind)), np.array(slots).reshape(-1, len(speeds)), factors
 
-    def _new_name(self, name):
+    def _new_name(self, name: str) -> None:
         if name == GROUND or any(
             name in parts
             for parts in (self._inertia, self._shafts, self._elements, self._ties, self._acts, self._meshes, self._mesh_elements())
         ):
             raise RigError(f"driveline: the name '{name}' is already taken; every part needs its own")
 
-    def _exist(self, where, *names):
+    def _exist(self, where: str, *names: str) -> None:
         for name in names:
             if (name != GROUND and name not in self._inertia) or (name == GROUND and where.startswith("gear")):
                 known = ", ".join(self._inertia) or "none"
                 raise RigError(f"driveline: {where} names the body '{name}', which does not exist; bodies are: {known}")
 
-    def _read_by(self, what, of):
+    def _read_by(self, what: str, of: str) -> dict[str, float]:
         """The bodies whose speeds a law reads, with their coefficients: of one of them, or the slip of an element."""
         if of in self._elements:
             a, b, ca, cb, *_ = self._elements[of]
@@ -585,27 +593,27 @@ class Driveline:
         self._exist(what, of)
         return {of: 1.0}
 
-    def _known(self, where, *names):
+    def _known(self, where: str, *names: str) -> None:
         self._exist(where, *names)
         if names[0] == names[1]:
             raise RigError(f"driveline: {where} joins '{names[0]}' with itself; two bodies are needed")
 
     @staticmethod
-    def _positive(what, value):
+    def _positive(what: str, value: float) -> None:
         if not (math.isfinite(value) and value > 0.0):
             raise RigError(f"driveline: {what} is {value}; a finite number above 0 is needed")
 
     @staticmethod
-    def _not_negative(what, value):
+    def _not_negative(what: str, value: float) -> None:
         if not (math.isfinite(value) and value >= 0.0):
             raise RigError(f"driveline: {what} is {value}; a finite number of at least 0 is needed")
 
     @staticmethod
-    def _moves(name, row):
+    def _moves(name: str, row: Floats) -> None:
         if not np.any(np.abs(row) > 1e-12):
             raise RigError(f"driveline: '{name}' joins bodies that gears or relations already tie together; its slip is always 0")
 
-    def _relate(self, kind, name, coefficients, least):
+    def _relate(self, kind: str, name: str, coefficients: dict[str, float], least: int) -> None:
         self._new_name(name)
         what = f"{kind} '{name}'"
         if len(coefficients) < least:
@@ -619,7 +627,18 @@ class Driveline:
                 raise RigError(f"driveline: coefficient of '{body}' in {what} is {c}; a finite number other than 0 is needed")
         self._relations[what] = self._ties[name] = coefficients
 
-    def _element(self, name, a, b, ca, cb, stick, drag, one_way, friction=None):
+    def _element(
+        self,
+        name: str,
+        a: str,
+        b: str,
+        ca: float,
+        cb: float,
+        stick: float | tuple[float, float],
+        drag: float,
+        one_way: bool,
+        friction: Points | None = None,
+    ) -> None:
         self._new_name(name)
         self._known(f"'{name}'", a, b)
         both = stick if isinstance(stick, tuple) else (stick, stick)
@@ -638,12 +657,12 @@ class Driveline:
         self._elements[name] = (a, b, float(ca), float(cb), tuple(map(float, both)), float(drag), one_way)
 
     @staticmethod
-    def _coefficients(name, ca, cb):
+    def _coefficients(name: str, ca: float, cb: float) -> None:
         if not (math.isfinite(ca) and math.isfinite(cb) and ca != 0.0 and cb != 0.0):
             raise RigError(f"driveline: coefficients of '{name}' are {ca} and {cb}; finite numbers other than 0 are needed")
 
     @staticmethod
-    def _law_table(what, table, by, period):
+    def _law_table(what: str, table: Points, by: str, period: float | None) -> Table:
         if by not in ("speed", "angle"):
             raise RigError(f"driveline: {what} is by '{by}'; by speed and by angle are possible")
         table = table_of(what, table, "flat", period)
@@ -656,7 +675,7 @@ class Driveline:
         return table
 
 
-def _apart(table, gap):
+def _apart(table: Table, gap: float) -> Table:
     """A table that goes through 0 at 0, drawn apart there by a gap on either side."""
     left, right = table.x < 0.0, table.x > 0.0
     return Table(
@@ -666,7 +685,7 @@ def _apart(table, gap):
     )
 
 
-def _rows(bodies, joints):
+def _rows(bodies: tuple[str, ...], joints: Iterable[Mapping[str, float]]) -> Floats:
     """Coefficients (joints, bodies) of joints, each a map from bodies to theirs."""
     joints = list(joints)
     out = np.zeros((len(joints), len(bodies)))

@@ -6,13 +6,25 @@
 Used by plant/driveline_joint.py, plant/driveline_kernel.py and plant/driveline_quiet.py; nothing here knows about time.
 """
 
+from __future__ import annotations
+
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from numba import njit, types
 from numba.extending import intrinsic
 
 from rig_nodes.compiled import INLINED, INNER
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from llvmlite import ir
+    from numba.core.base import BaseContext
+    from numba.core.typing import BaseContext as TypingContext
+    from numba.core.typing import Signature
+
+    from rig_nodes.arrays import Floats
 
 # Modes of a friction element. LOCKED_* carry their stick limit while other locked elements hold them
 # (statically indeterminate share); they stand still like STUCK. abs(mode) >= 2 means no slip.
@@ -33,10 +45,10 @@ HEAD = 4  # work[0] set of P and R, [1] set of H, [2] step of H, [3] 1 if anythi
 
 
 @intrinsic
-def noinline(_context):
+def noinline(_context: TypingContext) -> tuple[Signature, Callable[..., None]]:
     """Keeps the compiled function that calls it out of its callers: what is seldom needed compiles once."""
 
-    def mark(_target, builder, _signature, _arguments):
+    def mark(_target: BaseContext, builder: ir.IRBuilder, _signature: Signature, _arguments: Sequence[ir.Value]) -> None:
         builder.function.attributes.add("noinline")
 
     return types.void(), mark
@@ -79,7 +91,7 @@ class Places(NamedTuple):
 
 
 @njit(**INLINED)
-def places(n, m, s, k):
+def places(n: int, m: int, s: int, k: int) -> Places:
     """Places of the work buffer for n speeds, m friction elements, s shafts and k losses by torque."""
     p = HEAD + 2 * m
     wm = p + 2 * n * n + m * n
@@ -127,7 +139,7 @@ def places(n, m, s, k):
     )
 
 
-def work_size(n, m, s, k=0):
+def work_size(n: int, m: int, s: int, k: int = 0) -> int:
     """Length of the float64 work buffer for n speeds, m friction elements, s shafts, k losses by torque.
 
     Start with zeros; give each driveline its own buffer and zero it when minv, w, sh or kc change.
@@ -136,7 +148,8 @@ def work_size(n, m, s, k=0):
 
 
 @njit(**INNER)
-def lin(a, b, x):
+def lin(a: float, b: float, x: float) -> float:
+    """At share x of the way from a to b: the end itself outside 0 to 1."""
     # a == b also keeps infinite limits out of inf - inf
     if x <= 0.0:
         return a
@@ -146,24 +159,27 @@ def lin(a, b, x):
 
 
 @njit(**INNER)
-def high(cap, f, x):
+def high(cap: Floats, f: int, x: float) -> float:
+    """Largest torque [Nm] that element f holds at share x of a step: stick limit or kinetic torque, the greater."""
     return max(lin(cap[HI0, f], cap[HI1, f], x), lin(cap[KIN0, f], cap[KIN1, f], x))
 
 
 @njit(**INNER)
-def low(cap, f, x):
+def low(cap: Floats, f: int, x: float) -> float:
+    """Smallest torque [Nm], below 0, that element f holds at share x of a step."""
     return min(lin(cap[LO0, f], cap[LO1, f], x), -lin(cap[KIN0, f], cap[KIN1, f], x))
 
 
 @njit(**INLINED)
-def has_capacity(cap, f):
+def has_capacity(cap: Floats, f: int) -> bool:
+    """Whether element f can carry any torque at either end of a step."""
     return (
         cap[KIN0, f] > 0.0 or cap[KIN1, f] > 0.0 or cap[HI0, f] > 0.0 or cap[HI1, f] > 0.0 or cap[LO0, f] < 0.0 or cap[LO1, f] < 0.0
     )
 
 
 @njit(**INNER)
-def pseudo_inverse(work, og, ov, oi, nc, m):
+def pseudo_inverse(work: Floats, og: int, ov: int, oi: int, nc: int, m: int) -> None:
     """Least-norm inverse of the symmetric nc x nc matrix at og (stride m) into oi; cyclic Jacobi."""
     noinline()
     for i in range(nc):
@@ -217,7 +233,7 @@ def pseudo_inverse(work, og, ov, oi, nc, m):
 
 
 @njit(**INNER)
-def project(minv, w, ost, work):
+def project(minv: Floats, w: Floats, ost: int, work: Floats) -> float:
     """R (stuck torque = R f) and P (acceleration = P f) for the elements whose flag at ost is STUCK.
 
     G = W_c M^-1 W_c^T, R = G^+ W_c M^-1, P = M^-1 - R^T W_c M^-1.
@@ -272,7 +288,7 @@ def project(minv, w, ost, work):
 
 
 @njit(**INLINED)
-def stale(d, pattern, cap, work):
+def stale(d: float, pattern: float, cap: Floats, work: Floats) -> bool:
     """Whether :func:`implicit` has to make H anew: other stuck elements, another step, or drag that has gone too far.
 
     What turns in oil warms it, so its drag goes on a little in every step, by far less than a step can tell.
@@ -285,7 +301,7 @@ def stale(d, pattern, cap, work):
 
 
 @njit(**INNER)
-def implicit(d, w, sh, kc, cap, work):
+def implicit(d: float, w: Floats, sh: Floats, kc: Floats, cap: Floats, work: Floats) -> None:
     """H = (I + d/2 P B)^-1 P with B = W^T visc W + S^T (c + k d/2) S; H = P where nothing is implicit."""
     noinline()
     m, n = w.shape

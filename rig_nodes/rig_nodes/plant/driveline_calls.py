@@ -11,11 +11,21 @@ time to compile them. Arrays are ones of any sizes, so that the machine code kno
 from __future__ import annotations
 
 from functools import cache
+from typing import TYPE_CHECKING
 
 from numba import types
 from numba.extending import intrinsic
 
 from rig_nodes.plant.driveline_kernel import driveline_step
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from llvmlite import ir
+    from numba.core.base import BaseContext
+    from numba.core.dispatcher import Dispatcher
+    from numba.core.typing import BaseContext as TypingContext
+    from numba.core.typing import Signature
 
 # what the bare step takes behind the times: name -> dimensions; some are whole numbers
 ARGUMENTS = {
@@ -50,7 +60,7 @@ def array_types(arguments: dict[str, int], whole: tuple[str, ...] = ()) -> tuple
 BARE = (types.float64, types.float64, *array_types(ARGUMENTS))
 
 
-def address_of(function, signature: tuple) -> int:
+def address_of(function: Dispatcher, signature: tuple) -> int:
     """Where a compiled function begins in this process, made or read from the cache.
 
     Raises TypeError for one that does not return a whole number: whoever calls by an address is not asked by the compiler.
@@ -68,7 +78,7 @@ def bare_address() -> int:
     return address_of(driveline_step, BARE)
 
 
-def call_at(context, builder, address, signature: tuple, values: list) -> None:
+def call_at(context: BaseContext, builder: ir.IRBuilder, address: ir.Value, signature: tuple, values: list) -> None:
     """Builds the call of what begins at an address, for an intrinsic."""
     convention = context.call_conv
     function = builder.inttoptr(address, convention.get_function_type(RESULT, signature).as_pointer())
@@ -78,7 +88,7 @@ def call_at(context, builder, address, signature: tuple, values: list) -> None:
 def calling(signature: tuple) -> tuple:
     """(signature, builder) of an intrinsic that takes an address and then what stands in a signature."""
 
-    def build(context, builder, _signature, given):
+    def build(context: BaseContext, builder: ir.IRBuilder, _signature: Signature, given: Sequence[ir.Value]) -> ir.Value:
         call_at(context, builder, given[0], signature, list(given[1:]))
         return context.get_dummy_value()
 
@@ -86,6 +96,27 @@ def calling(signature: tuple) -> tuple:
 
 
 @intrinsic
-def bare_step(context, address, h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work):
+def bare_step(
+    context: TypingContext,
+    address: types.Type,
+    h: types.Type,
+    t: types.Type,
+    minv: types.Type,
+    w: types.Type,
+    sh: types.Type,
+    kc: types.Type,
+    q: types.Type,
+    cap: types.Type,
+    loss: types.Type,
+    v: types.Type,
+    twist: types.Type,
+    mode: types.Type,
+    el: types.Type,
+    shaft: types.Type,
+    e_in: types.Type,
+    events: types.Type,
+    count: types.Type,
+    work: types.Type,
+) -> tuple[Signature, Callable[..., ir.Value]]:
     """As driveline_step, by its address."""
     return calling(BARE)

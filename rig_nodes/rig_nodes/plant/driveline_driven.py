@@ -11,6 +11,7 @@ points.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
@@ -35,6 +36,10 @@ from rig_nodes.plant.driveline_laws import (
 )
 from rig_nodes.plant.driveline_losses import LAST, OWN, put_losses
 from rig_nodes.plant.driveline_tables import Table, Tables, along, line, piece, tables_of
+
+if TYPE_CHECKING:
+    from rig_nodes.arrays import Floats, Ints
+    from rig_nodes.plant.driveline import System
 
 FACTOR, LIMIT, PUSH = range(3)  # what an input over time is: what multiplies a law, or moves; a capacity; a torque on a body
 
@@ -89,7 +94,7 @@ WHOLE_NUMBERS = (
 )
 
 
-def driven_arrays(system, inputs: Mapping[str, Table]) -> dict[str, np.ndarray]:
+def driven_arrays(system: System, inputs: Mapping[str, Table]) -> dict[str, np.ndarray]:
     """The arrays of LAWS, KEPT and INPUTS for a system at its start. inputs: as those of a Run, each a table over time."""
     n, m = len(system.speeds), len(system.elements)
     laws, own = laws_of(system.laws, n), law_state(system.laws)
@@ -132,63 +137,63 @@ def driven_arrays(system, inputs: Mapping[str, Table]) -> dict[str, np.ndarray]:
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def driven_step(
-    settled,
-    bare,
-    h,
-    t,
-    minv,
-    w,
-    sh,
-    kc,
-    q,
-    cap,
-    loss,
-    v,
-    twist,
-    mode,
-    el,
-    shaft,
-    e_in,
-    events,
-    count,
-    work,
-    kind,
-    angle,
-    slot,
-    element,
-    factor,
-    of,
-    on,
-    gap,
-    damping,
-    first_spring,
-    springs,
-    first_point,
-    x,
-    y,
-    ends,
-    period,
-    at,
-    law_torque,
-    spring,
-    way,
-    response,
-    law_work,
-    part_work,
-    accel,
-    given_kind,
-    given_place,
-    given_on,
-    given_first,
-    given_x,
-    given_y,
-    stick,
-    default,
-    mass,
-    q_before,
-    cap_before,
-    begun,
-):
+    settled: int,
+    bare: int,
+    h: float,
+    t: float,
+    minv: Floats,
+    w: Floats,
+    sh: Floats,
+    kc: Floats,
+    q: Floats,
+    cap: Floats,
+    loss: Floats,
+    v: Floats,
+    twist: Floats,
+    mode: Ints,
+    el: Floats,
+    shaft: Floats,
+    e_in: Floats,
+    events: Floats,
+    count: Ints,
+    work: Floats,
+    kind: Ints,
+    angle: Ints,
+    slot: Ints,
+    element: Ints,
+    factor: Ints,
+    of: Floats,
+    on: Floats,
+    gap: Floats,
+    damping: Floats,
+    first_spring: Ints,
+    springs: Floats,
+    first_point: Ints,
+    x: Floats,
+    y: Floats,
+    ends: Floats,
+    period: Floats,
+    at: Floats,
+    law_torque: Floats,
+    spring: Floats,
+    way: Floats,
+    response: Floats,
+    law_work: Floats,
+    part_work: Floats,
+    accel: Floats,
+    given_kind: Ints,
+    given_place: Ints,
+    given_on: Floats,
+    given_first: Ints,
+    given_x: Floats,
+    given_y: Floats,
+    stick: Floats,
+    default: Floats,
+    mass: Floats,
+    q_before: Floats,
+    cap_before: Floats,
+    begun: Floats,
+) -> int:
     """Move a driveline from t to t + h, q and cap those of the rig's parts; settled, bare: addresses; twist has places for the
     integrals of the speeds.
 
@@ -275,7 +280,20 @@ def driven_step(
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
-def accelerate(laws, own, mass, minv, w, sh, cap, q, v, el, shaft, accel):
+def accelerate(
+    laws: Laws,
+    own: LawState,
+    mass: Floats,
+    minv: Floats,
+    w: Floats,
+    sh: Floats,
+    cap: Floats,
+    q: Floats,
+    v: Floats,
+    el: Floats,
+    shaft: Floats,
+    accel: Floats,
+) -> None:
     """Leaves in `accel` the accelerations (n,) at the end of a step, from all torques of then; q: of parts and inputs."""
     n = v.shape[0]
     force, inverse, heavy = q.copy(), minv.copy(), False

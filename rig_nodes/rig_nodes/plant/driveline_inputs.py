@@ -9,10 +9,16 @@ Used by plant/driveline_run.py, which wants of each the times at which steps sha
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from rig_nodes.errors import RigError
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from rig_nodes.arrays import Floats
 
 Signal = float | Callable[[float], float] | tuple[Sequence[float], Sequence[float]]
 
@@ -22,7 +28,7 @@ _SPARSE = 10  # steps for each point of a longer table at each of which a step e
 
 
 class _Number:
-    def __init__(self, name, value):
+    def __init__(self, name: str, value: float) -> None:
         self.name, self.points = name, np.zeros(0)
         try:
             self.value = float(value)
@@ -31,15 +37,15 @@ class _Number:
                 f"driveline: the input '{name}' is {value!r}; a number, a function of time or a table (times, values) is needed"
             ) from None
 
-    def ends(self, t, step, stops):
+    def ends(self, t: Floats, step: float, stops: Floats) -> Floats:
         return np.full((len(t) - 1, 2), self.value)
 
 
 class _Function:
-    def __init__(self, name, function):
+    def __init__(self, name: str, function: Callable[[float], float]) -> None:
         self.name, self.function, self.points = name, function, np.zeros(0)
 
-    def ends(self, t, step, stops):
+    def ends(self, t: Floats, step: float, stops: Floats) -> Floats:
         at = np.array([float(self.function(x)) for x in t])
         out = np.column_stack([at[:-1], at[1:]])
         near = 1e-9 * step + 4.0 * np.spacing(t[-1])
@@ -57,7 +63,7 @@ class _Table:
     A step ends at every point, unless points are as close as steps: then each step takes the mean of the table over it.
     """
 
-    def __init__(self, name, table, step):
+    def __init__(self, name: str, table: tuple[Sequence[float], Sequence[float]], step: float) -> None:
         self.name = name
         try:
             self.times, self.values = (np.asarray(one, float) for one in table)
@@ -75,7 +81,7 @@ class _Table:
             rest = values - self._level
             self._sum = np.concatenate([[0.0], np.cumsum(0.5 * (rest[1:] + rest[:-1]) * np.diff(times))])
 
-    def ends(self, t, step, stops):
+    def ends(self, t: Floats, step: float, stops: Floats) -> Floats:
         at, _ = _near(t, self.times, SAME * step)
         out = np.column_stack([self._limit(at[:-1], "right"), self._limit(at[1:], "left")])
         if self.dense:
@@ -84,7 +90,7 @@ class _Table:
             out += lacks[:, None]
         return out
 
-    def _limit(self, t, side):
+    def _limit(self, t: Floats, side: Literal["left", "right"]) -> Floats:
         out = np.interp(t, self.times, self.values)
         last = len(self.times) - 1
         i = np.searchsorted(self.times, t, side)
@@ -93,7 +99,7 @@ class _Table:
         out[on] = self.values[i[on]]
         return out
 
-    def _integral(self, t):
+    def _integral(self, t: Floats) -> Floats:
         """Of the table without its level."""
         times, rest = self.times, self.values - self._level
         inside = np.clip(t, times[0], times[-1])
@@ -104,7 +110,7 @@ class _Table:
         return inner + np.minimum(t - times[0], 0.0) * rest[0] + np.maximum(t - times[-1], 0.0) * rest[-1]
 
 
-def _near(t, points, within):
+def _near(t: Floats, points: Floats, within: float) -> tuple[Floats, npt.NDArray[np.bool_]]:
     """(t with each time that is near a point moved there, where that is)."""
     if len(points) == 0:
         return t, np.zeros(len(t), bool)
@@ -118,7 +124,7 @@ def _near(t, points, within):
 class Input:
     """One input: `points`, times at which steps shall end; `ends`, its values (k, 2) at both ends of k steps."""
 
-    def __init__(self, name: str, signal: Signal, step: float):
+    def __init__(self, name: str, signal: Signal, step: float) -> None:
         self.name = name
         if callable(signal):
             self._signal = _Function(name, signal)

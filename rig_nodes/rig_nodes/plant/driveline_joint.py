@@ -6,6 +6,10 @@
 Used by plant/driveline_kernel.py at every event inside a step.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numba import njit
 
@@ -36,6 +40,9 @@ from rig_nodes.plant.driveline_algebra import (
 )
 from rig_nodes.plant.driveline_losses import FACTOR, LAST, NEXT, ON, WEIGHTS, brakes, put_losses, solve_losses
 
+if TYPE_CHECKING:
+    from rig_nodes.arrays import Floats, Ints
+
 SEEN = 1e-10  # rad/s of slip, above which it is none of rounding
 
 
@@ -43,7 +50,8 @@ SEEN = 1e-10  # rad/s of slip, above which it is none of rounding
 
 
 @njit(**INNER)
-def note(t, f, kind, v, events, count):
+def note(t: float, f: int, kind: int, v: Floats, events: Floats, count: Ints) -> None:
+    """Counts an event of element f, and puts it with the speeds [rad/s] of then into the ring, where that has room for any."""
     if events.shape[0] > 0:
         row = count[N_EVENTS] % events.shape[0]
         for j in range(events.shape[1] - 3):
@@ -55,7 +63,7 @@ def note(t, f, kind, v, events, count):
 
 
 @njit(**INNER)
-def dependent(f, w, minv, work, op):
+def dependent(f: int, w: Floats, minv: Floats, work: Floats, op: int) -> bool:
     """True if the elements that are stuck now also hold element f (its slip cannot accelerate)."""
     n = w.shape[1]
     held = 0.0
@@ -68,7 +76,7 @@ def dependent(f, w, minv, work, op):
 
 
 @njit(**INNER)
-def capture(w, sh, mode, el, work):
+def capture(w: Floats, sh: Floats, mode: Ints, el: Floats, work: Floats) -> None:
     """Book as heat the energy that goes where stuck elements take out more slip than rounding: after a capped step.
 
     An impulse p = G^+ slip takes p slip / 2 from each of them.
@@ -90,7 +98,24 @@ def capture(w, sh, mode, el, work):
 
 
 @njit(**INNER)
-def resolve(x, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, events, count, work):
+def resolve(
+    x: float,
+    t: float,
+    minv: Floats,
+    w: Floats,
+    sh: Floats,
+    kc: Floats,
+    q: Floats,
+    cap: Floats,
+    loss: Floats,
+    v: Floats,
+    twist: Floats,
+    mode: Ints,
+    el: Floats,
+    events: Floats,
+    count: Ints,
+    work: Floats,
+) -> int:
     """Joint stick or slip of all zero-slip elements (flagged as candidates) at acceleration level.
 
     Starts with all of them stuck and releases the worst violator, one by one, in the direction in which

@@ -7,7 +7,10 @@ Used by plant/driveline.py (description and runner) and by every larger kernel t
 train; topology comes in as arrays only, so one compiled function serves every arrangement.
 """
 
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
@@ -46,11 +49,14 @@ from rig_nodes.plant.driveline_algebra import (
 from rig_nodes.plant.driveline_joint import note, resolve
 from rig_nodes.plant.driveline_losses import BEFORE, FACTOR, LAST, NEXT, ON, OWN, WEIGHTS, brakes, put_losses, solve_losses
 
+if TYPE_CHECKING:
+    from rig_nodes.arrays import Floats, Ints
+
 UNDECIDED = 3  # in a step: a decision that is not reached costs as much as a hundred that are
 
 
 @njit(**INNER)
-def first_down(y0, b, y1, d, tol):
+def first_down(y0: float, b: float, y1: float, d: float, tol: float) -> float:
     """First time in [0, d] at which y0 + b t + a t^2 (end value y1) goes below zero; inf if it does not."""
     # the parabola lies above its chord or above its tangent at the start
     if y0 > tol and y1 > 0.0 and (b >= 0.0 or y0 + b * d > 0.0):
@@ -79,7 +85,7 @@ def first_down(y0, b, y1, d, tol):
 
 
 @njit(**INNER)
-def end_losses(d, w, sh, kc, cap, loss, v, mode, work):
+def end_losses(d: float, w: Floats, sh: Floats, kc: Floats, cap: Floats, loss: Floats, v: Floats, mode: Ints, work: Floats) -> bool:
     """The losses at the end of a sub-step of d into NEXT, from its forces without them; False where there are none.
 
     A force F changes what is reached by d H F / 2, the torque of a stuck element by R (1 - d B H / 2) F, and the
@@ -150,7 +156,26 @@ def end_losses(d, w, sh, kc, cap, loss, v, mode, work):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
-def driveline_step(h, t, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work):
+def driveline_step(
+    h: float,
+    t: float,
+    minv: Floats,
+    w: Floats,
+    sh: Floats,
+    kc: Floats,
+    q: Floats,
+    cap: Floats,
+    loss: Floats,
+    v: Floats,
+    twist: Floats,
+    mode: Ints,
+    el: Floats,
+    shaft: Floats,
+    e_in: Floats,
+    events: Floats,
+    count: Ints,
+    work: Floats,
+) -> int:
     """Move a driveline from t to t + h; returns the number of events in the step.
 
     n speeds, m friction elements (m <= 50), s shafts; every array float64, C-contiguous, unless said

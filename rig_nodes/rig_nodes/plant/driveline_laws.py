@@ -13,7 +13,7 @@ halved.
 from __future__ import annotations
 
 from functools import cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numba import njit, typeof, types
@@ -39,6 +39,16 @@ from rig_nodes.plant.driveline_algebra import (
 from rig_nodes.plant.driveline_calls import ARGUMENTS, address_of, array_types, bare_step, calling
 from rig_nodes.plant.driveline_losses import LAST
 from rig_nodes.plant.driveline_tables import Table, Tables, along, stored_in, tables_of, value, value_at
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from llvmlite import ir
+    from numba.core.typing import BaseContext as TypingContext
+    from numba.core.typing import Signature
+
+    from rig_nodes.arrays import Floats, Ints
+    from rig_nodes.plant.driveline import System
 
 # kinds, in the order in which they act on a step
 CAPACITY, FRICTION, SHAFT, TORQUE, MOTION, INERTIA = range(6)
@@ -99,7 +109,7 @@ class LawState(NamedTuple):
     work: np.ndarray
 
 
-def laws_of(laws: list[Law], n: int) -> Laws:
+def laws_of(laws: Sequence[Law], n: int) -> Laws:
     """Arrays of laws, sorted by their kind, for n speeds."""
     ints = [np.array([getattr(one, name) for one in laws], np.int64) for name in ("kind", "angle", "slot", "element", "factor")]
     rows = [np.array([getattr(one, name) for one in laws], float).reshape(len(laws), n) for name in ("of", "on")]
@@ -115,7 +125,7 @@ def laws_of(laws: list[Law], n: int) -> Laws:
     )
 
 
-def law_state(laws: list[Law]) -> LawState:
+def law_state(laws: Sequence[Law]) -> LawState:
     """At the start of a run."""
     count = len(laws)
     torque = np.array([value_at(one.table, one.start) if one.kind == INERTIA else 0.0 for one in laws])
@@ -130,7 +140,7 @@ def law_state(laws: list[Law]) -> LawState:
 
 
 @njit(**INNER)
-def spring_with_friction(stiffness, limit, torque, dx):
+def spring_with_friction(stiffness: float, limit: float, torque: float, dx: float) -> tuple[float, float]:
     """(slope of the straight line from a torque with the mean over the way dx, torque behind it)."""
     noinline()
     way = dx if dx >= 0.0 else -dx
@@ -143,7 +153,7 @@ def spring_with_friction(stiffness, limit, torque, dx):
 
 
 @njit(**INNER)
-def in_contact(gap, x, dx):
+def in_contact(gap: float, x: float, dx: float) -> float:
     """Share of the way from x to x + dx on which the gap, from -gap to gap, is closed."""
     noinline()
     if gap == 0.0:
@@ -155,7 +165,8 @@ def in_contact(gap, x, dx):
 
 
 @njit(**INNER)
-def product(row, v):
+def product(row: Floats, v: Floats) -> float:
+    """The sum of row (n,) times v (n,)."""
     noinline()
     total = 0.0
     for j in range(row.shape[0]):
@@ -164,7 +175,7 @@ def product(row, v):
 
 
 @njit(**INNER)
-def invert(a, out):
+def invert(a: Floats, out: Floats) -> None:
     """The inverse of a symmetric positive definite matrix, by Gauss and Jordan; a is lost."""
     noinline()
     n = a.shape[0]
@@ -185,7 +196,7 @@ def invert(a, out):
 
 
 @njit(**INNER)
-def put(to, what):
+def put(to: Floats | Ints, what: Floats | Ints) -> None:
     """The numbers of an array into another one."""
     noinline()
     to, what = to.reshape(-1), what.reshape(-1)
@@ -194,7 +205,25 @@ def put(to, what):
 
 
 @njit(**INNER)
-def restore(loss, v, twist, mode, el, shaft, e_in, count, loss0, v0, twist0, mode0, el0, shaft0, e_in0, count0):
+def restore(
+    loss: Floats,
+    v: Floats,
+    twist: Floats,
+    mode: Ints,
+    el: Floats,
+    shaft: Floats,
+    e_in: Floats,
+    count: Ints,
+    loss0: Floats,
+    v0: Floats,
+    twist0: Floats,
+    mode0: Ints,
+    el0: Floats,
+    shaft0: Floats,
+    e_in0: Floats,
+    count0: Ints,
+) -> None:
+    """What a step has changed back to the copies from before it."""
     noinline()
     put(loss, loss0)
     put(v, v0)
@@ -207,7 +236,7 @@ def restore(loss, v, twist, mode, el, shaft, e_in, count, loss0, v0, twist0, mod
 
 
 @njit(**INNER)
-def share_of(first, last, begin, end):
+def share_of(first: float, last: float, begin: float, end: float) -> tuple[float, float]:
     """(value at begin, at end) of a straight line between two numbers, at shares of it."""
     noinline()
     return lin(first, last, begin), lin(first, last, end)
@@ -215,8 +244,30 @@ def share_of(first, last, begin, end):
 
 @njit(**INNER)
 def law_step(
-    bare, h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work
-):
+    bare: int,
+    h: float,
+    t: float,
+    laws: Laws,
+    own: LawState,
+    given: Floats,
+    mass: Floats,
+    minv: Floats,
+    w: Floats,
+    sh: Floats,
+    kc: Floats,
+    q: Floats,
+    cap: Floats,
+    loss: Floats,
+    v: Floats,
+    twist: Floats,
+    mode: Ints,
+    el: Floats,
+    shaft: Floats,
+    e_in: Floats,
+    events: Floats,
+    count: Ints,
+    work: Floats,
+) -> bool:
     """As `driveline_step`, whose address is `bare`, with laws; given (2, inputs): inputs of laws at both ends. False where a law
     was not met.
     """
@@ -271,34 +322,34 @@ def law_step(
 
 @njit(**INNER)
 def try_step(
-    bare,
-    d,
-    t,
-    begin,
-    end,
-    keep,
-    cut,
-    laws,
-    own,
-    given,
-    mass,
-    minv,
-    w,
-    sh,
-    kc,
-    q,
-    cap,
-    loss,
-    v,
-    twist,
-    mode,
-    el,
-    shaft,
-    e_in,
-    events,
-    count,
-    work,
-):
+    bare: int,
+    d: float,
+    t: float,
+    begin: float,
+    end: float,
+    keep: bool,
+    cut: bool,
+    laws: Laws,
+    own: LawState,
+    given: Floats,
+    mass: Floats,
+    minv: Floats,
+    w: Floats,
+    sh: Floats,
+    kc: Floats,
+    q: Floats,
+    cap: Floats,
+    loss: Floats,
+    v: Floats,
+    twist: Floats,
+    mode: Ints,
+    el: Floats,
+    shaft: Floats,
+    e_in: Floats,
+    events: Floats,
+    count: Ints,
+    work: Floats,
+) -> float:
     """A part d of a step, from share begin to share end of it; d if laws are met, else 0, and nothing has changed unless keep.
 
     Less than d, and nothing has changed, where an event lies in the middle of a prescribed motion, whose torque is one number
@@ -533,7 +584,29 @@ def try_step(
 
 
 @njit(**INNER)
-def settle(bare, d, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, work):
+def settle(
+    bare: int,
+    d: float,
+    t: float,
+    laws: Laws,
+    own: LawState,
+    given: Floats,
+    mass: Floats,
+    minv: Floats,
+    w: Floats,
+    sh: Floats,
+    kc: Floats,
+    q: Floats,
+    cap: Floats,
+    loss: Floats,
+    v: Floats,
+    twist: Floats,
+    mode: Ints,
+    el: Floats,
+    shaft: Floats,
+    e_in: Floats,
+    work: Floats,
+) -> None:
     """Leaves in `loss` the losses by torque that the inputs at the start of a step ask for, where they have jumped."""
     noinline()
     count, events = np.zeros(2, np.int64), np.zeros((0, 3))
@@ -575,7 +648,7 @@ def settle(bare, d, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v,
 
 
 @njit(**INNER)
-def jumped(q, q_before, cap, cap_before):
+def jumped(q: Floats, q_before: Floats, cap: Floats, cap_before: Floats) -> bool:
     """True where torques or capacities at the start of a step differ, by more than rounding, from the end of the last one."""
     for j in range(q.shape[1]):
         if differ(q[0, j], q_before[j]):
@@ -588,14 +661,38 @@ def jumped(q, q_before, cap, cap_before):
 
 
 @njit(**INNER)
-def differ(one, other):
+def differ(one: float, other: float) -> bool:
+    """True where two numbers differ by more than rounding; the same infinity twice does not."""
     return one != other and not abs(one - other) <= 1e-9 * (1.0 + min(abs(one), abs(other)))
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def settled_step(
-    bare, h, t, fresh, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work
-):
+    bare: int,
+    h: float,
+    t: float,
+    fresh: bool,
+    laws: Laws,
+    own: LawState,
+    given: Floats,
+    mass: Floats,
+    minv: Floats,
+    w: Floats,
+    sh: Floats,
+    kc: Floats,
+    q: Floats,
+    cap: Floats,
+    loss: Floats,
+    v: Floats,
+    twist: Floats,
+    mode: Ints,
+    el: Floats,
+    shaft: Floats,
+    e_in: Floats,
+    events: Floats,
+    count: Ints,
+    work: Floats,
+) -> int:
     """As `law_step`, with losses by torque that follow inputs which have jumped (fresh); a step is capped once at most."""
     if loss.shape[0] > 0 and fresh:
         settle(bare, 1e-6 * h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, work)
@@ -626,73 +723,73 @@ def settled_address() -> int:
 
 @intrinsic
 def settled_step_at(
-    context,
-    address,
-    bare,
-    h,
-    t,
-    fresh,
-    laws,
-    own,
-    given,
-    mass,
-    minv,
-    w,
-    sh,
-    kc,
-    q,
-    cap,
-    loss,
-    v,
-    twist,
-    mode,
-    el,
-    shaft,
-    e_in,
-    events,
-    count,
-    work,
-):
+    context: TypingContext,
+    address: types.Type,
+    bare: types.Type,
+    h: types.Type,
+    t: types.Type,
+    fresh: types.Type,
+    laws: types.Type,
+    own: types.Type,
+    given: types.Type,
+    mass: types.Type,
+    minv: types.Type,
+    w: types.Type,
+    sh: types.Type,
+    kc: types.Type,
+    q: types.Type,
+    cap: types.Type,
+    loss: types.Type,
+    v: types.Type,
+    twist: types.Type,
+    mode: types.Type,
+    el: types.Type,
+    shaft: types.Type,
+    e_in: types.Type,
+    events: types.Type,
+    count: types.Type,
+    work: types.Type,
+) -> tuple[Signature, Callable[..., ir.Value]]:
     """As `settled_step`, by its address."""
     return calling(SETTLED)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def run_laws(
-    settled,
-    bare,
-    t,
-    laws,
-    own,
-    given,
-    mass,
-    minv,
-    w,
-    sh,
-    kc,
-    q,
-    cap,
-    loss,
-    v,
-    twist,
-    mode,
-    el,
-    shaft,
-    e_in,
-    events,
-    count,
-    work,
-    out_v,
-    out_twist,
-    out_mode,
-    out_el,
-    out_shaft,
-    out_e_in,
-    out_torque,
-    out_at,
-    out_spring,
-    out_work,
-):
+    settled: int,
+    bare: int,
+    t: Floats,
+    laws: Laws,
+    own: LawState,
+    given: Floats,
+    mass: Floats,
+    minv: Floats,
+    w: Floats,
+    sh: Floats,
+    kc: Floats,
+    q: Floats,
+    cap: Floats,
+    loss: Floats,
+    v: Floats,
+    twist: Floats,
+    mode: Ints,
+    el: Floats,
+    shaft: Floats,
+    e_in: Floats,
+    events: Floats,
+    count: Ints,
+    work: Floats,
+    out_v: Floats,
+    out_twist: Floats,
+    out_mode: Ints,
+    out_el: Floats,
+    out_shaft: Floats,
+    out_e_in: Floats,
+    out_torque: Floats,
+    out_at: Floats,
+    out_spring: Floats,
+    out_work: Floats,
+) -> None:
     """A step to each time behind the first, and what is reached then; settled, bare: addresses."""
     for i in range(q.shape[0]):
         fresh = i == 0 or jumped(q[i], q[i - 1, 1], cap[i], cap[i - 1])
@@ -735,7 +832,7 @@ def run_laws(
         put(out_work[i], own.work)
 
 
-def stored_energy(system, v, twist, torque, spring):
+def stored_energy(system: System, v: Floats, twist: Floats, torque: Floats, spring: Floats) -> Floats:
     """Energy (r,) stored at r moments, J: of speeds v (r, n), twists of the shafts (r, s), and of the laws their torque, or
     inertia, (r, laws) and the torque of their springs with friction (r, springs).
     """

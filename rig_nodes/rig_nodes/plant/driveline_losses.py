@@ -4,18 +4,22 @@
 """Losses of gears that grow with the torque they pass on, solved with the torques that they change.
 
 Used by plant/driveline_kernel.py, plant/driveline_quiet.py and plant/driveline_joint.py. A loss is friction whose capacity
-depends on a torque of
-the same instant: carried by clutches, or felt by a meter behind an inertia. With modes that stand, that torque falls
-linearly by the losses, t = y - S g, and each loss is a parabola of its own, g = p(|t|); all are solved together. A quiet
-step foretells them and holds the torques that it ends with against them.
+depends on a torque of the same instant: carried by clutches, or felt by a meter behind an inertia. With modes that stand, that
+torque falls linearly by the losses, t = y - S g, and each loss is a parabola of its own, g = p(|t|); all are solved together. A
+quiet step foretells them and holds the torques that it ends with against them.
 """
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 from numba import njit
 
 from rig_nodes.compiled import INLINED, INNER
 from rig_nodes.plant.driveline_algebra import HI0, KIN0, LO0, OPEN, STUCK, noinline
+
+if TYPE_CHECKING:
+    from rig_nodes.arrays import Floats
 
 # columns of `loss`, one row for each loss: the parabola; the element of its own whose other capacity, BASE, is given
 # here, and the one that the loss brakes, its own or another's, by FACTOR times the parabola; the speed that says which
@@ -28,13 +32,13 @@ CLOSE = 1e-5  # Nm, of Newton's last step; the parabolas leave a hundred-thousan
 FORETOLD = 1e-3  # Nm, by which a loss may miss the one that its torque asks for where it was foretold and not solved
 
 
-def loss_width(n, m):
+def loss_width(n: int, m: int) -> int:
     """Columns of `loss` for n speeds and m friction elements."""
     return WEIGHTS + m + n
 
 
 @njit(**INLINED)
-def put_losses(loss, cap, end, column):
+def put_losses(loss: Floats, cap: Floats, end: int, column: int) -> None:
     """Capacities at one end (0 or 1) of the elements that losses own: BASE, and what stands in ``column``.
 
     ``column``: LAST or NEXT; -1 for BASE alone.
@@ -44,7 +48,7 @@ def put_losses(loss, cap, end, column):
 
 
 @njit(**INLINED)
-def put_loss(loss, cap, end, column, own, k):
+def put_loss(loss: Floats, cap: Floats, end: int, column: int, own: int, k: int) -> None:
     """:func:`put_losses` of loss k, whose own element is known."""
     torque = loss[k, BASE]
     if column >= 0:
@@ -57,7 +61,7 @@ def put_loss(loss, cap, end, column, own, k):
 
 
 @njit(**INLINED)
-def brakes(factor, mode):
+def brakes(factor: float, mode: float) -> float:
     """Torque on an element per loss: against its slip or the way it is loaded, none while it sticks or is open."""
     if mode in (STUCK, OPEN):
         return 0.0
@@ -65,7 +69,7 @@ def brakes(factor, mode):
 
 
 @njit(**INLINED)
-def parabola(loss, k, x):
+def parabola(loss: Floats, k: int, x: float) -> tuple[float, float]:
     """(loss, its slope over x) at a torque x, positive where power goes from the drive to the load.
 
     Behind the top of a parabola that falls there the loss stays; it never drives. Backwards it grows by no more than
@@ -91,20 +95,20 @@ def parabola(loss, k, x):
 
 
 @njit(**INLINED)
-def foretell_losses(loss):
+def foretell_losses(loss: Floats) -> None:
     """Leaves in NEXT the losses as they have been going."""
     for k in range(loss.shape[0]):
         loss[k, NEXT] = max(0.0, 2.0 * loss[k, LAST] - loss[k, BEFORE])
 
 
 @njit(**INLINED)
-def loss_at(loss, k, torque, speed):
+def loss_at(loss: Floats, k: int, torque: float, speed: float) -> float:
     """The loss that a torque asks for at the speed of its WAY."""
     return parabola(loss, k, torque if speed >= 0.0 else -torque)[0]
 
 
 @njit(**INNER)
-def solve_losses(loss, v, work, oy, os, oe):
+def solve_losses(loss: Floats, v: Floats, work: Floats, oy: int, os: int, oe: int) -> bool:
     """Leaves in NEXT the losses at torques y less S times the losses; False where there are none.
 
     y (k,) and S (k, k) stand in the work buffer at oy and os, at oe is room for (k, k + 2). Newton from the last losses,
@@ -145,7 +149,7 @@ def solve_losses(loss, v, work, oy, os, oe):
 
 
 @njit(**INNER)
-def equations(loss, work, oy, os, oe):
+def equations(loss: Floats, work: Floats, oy: int, os: int, oe: int) -> float:
     """Newton's equations at the losses in NEXT into the rows at oe, matrix and right side; the sum of what they miss."""
     count = loss.shape[0]
     missed = 0.0
@@ -164,7 +168,7 @@ def equations(loss, work, oy, os, oe):
 
 
 @njit(**INNER)
-def solve_equations(count, work, oe):
+def solve_equations(count: int, work: Floats, oe: int) -> None:
     """The solution of the equations at oe into their last column, by elimination with the largest pivot of a column."""
     width = count + 2
     for col in range(count):

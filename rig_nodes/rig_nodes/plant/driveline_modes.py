@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg
@@ -16,6 +17,11 @@ from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline import System
 from rig_nodes.plant.driveline_laws import INERTIA, MOTION, TORQUE
 from rig_nodes.plant.driveline_tables import slope_at, value_at
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from rig_nodes.arrays import Floats
 
 _STILL = 1e-7  # of the highest pole: a pole this slow is that of a driveline which turns as one
 
@@ -70,7 +76,7 @@ def modes(system: System, locked: Sequence[str] = ()) -> Modes:
     return Modes(system.bodies, frequencies[order] / (2.0 * math.pi), damping[order], shapes[order])
 
 
-def _of_laws(system):
+def _of_laws(system: System) -> tuple[Floats, Floats, Floats]:
     """Mass, stiffness and damping (n, n) of a system's laws at its start."""
     mass, stiffness, drag = np.zeros((3, *system.mass.shape))
     factors = list(system.factors.values())
@@ -84,7 +90,7 @@ def _of_laws(system):
     return mass, stiffness, drag
 
 
-def _damped(mass, stiffness, drag):
+def _damped(mass: Floats, stiffness: Floats, drag: Floats) -> tuple[Floats, Floats, Floats | npt.NDArray[np.complex128]]:
     """Natural angular frequencies, damping and shapes, by the poles of speeds and angles, these in a unit that makes both alike."""
     n = len(mass)
     inverse = np.linalg.inv(mass)

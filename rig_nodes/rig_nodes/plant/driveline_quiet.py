@@ -6,6 +6,10 @@
 Called by the engine before plant/driveline_kernel.py, which does what this one leaves.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 from numba import njit
 
 from rig_nodes.plant.driveline_algebra import (
@@ -34,9 +38,12 @@ from rig_nodes.plant.driveline_algebra import (
 from rig_nodes.plant.driveline_losses import BEFORE, FORETOLD, LAST, NEXT, WAY, WEIGHTS, foretell_losses, loss_at, put_loss
 from rig_nodes.plant.small_vectors import add, dot, product, put, room, scaled, vector
 
+if TYPE_CHECKING:
+    from rig_nodes.arrays import Record
+
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
-def quiet_step(h, line):
+def quiet_step(h: float, line: Record) -> bool:
     """As `driveline_step` on a driveline's record (engine.world.driveline_dtype), where a look shows that nothing happens.
 
     True if it is done; False if something may happen (a change of mode, a root, a limit, another set of stuck elements

@@ -12,14 +12,14 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numba import njit
 
 from rig_nodes.errors import RigError
 from rig_nodes.plant import driveline_algebra as algebra
-from rig_nodes.plant.driveline import System
+from rig_nodes.plant.driveline import State, System
 from rig_nodes.plant.driveline_calls import bare_address, bare_step
 from rig_nodes.plant.driveline_inputs import SAME, Input, Signal, step_ends
 from rig_nodes.plant.driveline_laws import (
@@ -27,6 +27,8 @@ from rig_nodes.plant.driveline_laws import (
     INERTIA,
     MOTION,
     TORQUE,
+    Law,
+    LawState,
     law_state,
     laws_of,
     put,
@@ -35,6 +37,9 @@ from rig_nodes.plant.driveline_laws import (
     stored_energy,
 )
 from rig_nodes.plant.driveline_tables import slope_at
+
+if TYPE_CHECKING:
+    from rig_nodes.arrays import Floats, Ints
 
 EVENT_NAMES = {algebra.LOCK: "lock", algebra.BREAK: "break", algebra.CROSS: "cross", algebra.FREE: "free", algebra.CLOSE: "close"}
 
@@ -62,18 +67,23 @@ class Moment:
     torques: np.ndarray
 
     def speed(self, body: str) -> float:
+        """Of a body, rad/s; RigError where there is no such body."""
         return float(self.speeds[_place(self.system.bodies, "body", body)])
 
     def angle(self, body: str) -> float:
+        """Of a body, rad; RigError where there is no such body."""
         return float(self.angles[_place(self.system.bodies, "body", body)])
 
     def slip(self, element: str) -> float:
+        """Of a friction element, rad/s; RigError where there is no such element."""
         return float(self.slips[_place(self.system.elements, "friction element", element)])
 
     def locked(self, element: str) -> bool:
+        """Whether a friction element stands still; RigError where there is no such element."""
         return abs(int(self.modes[_place(self.system.elements, "friction element", element)])) >= 2
 
     def torque(self, element: str) -> float:
+        """Of a friction element, Nm, without its drag; RigError where there is no such element."""
         return float(self.torques[_place(self.system.elements, "friction element", element)])
 
 
@@ -116,15 +126,19 @@ class Result:
     capped: int
 
     def speed(self, body: str) -> np.ndarray:
+        """Of a body (r,), rad/s."""
         return self.speeds[:, _place(self.system.bodies, "body", body)]
 
     def angle(self, body: str) -> np.ndarray:
+        """Of a body (r,), rad."""
         return self.angles[:, _place(self.system.bodies, "body", body)]
 
     def slip(self, element: str) -> np.ndarray:
+        """Of a friction element (r,), rad/s."""
         return self.slips[:, _place(self.system.elements, "friction element", element)]
 
     def mode(self, element: str) -> np.ndarray:
+        """Of a friction element (r,), as driveline_algebra numbers them."""
         return self.modes[:, _place(self.system.elements, "friction element", element)]
 
     def torque(self, name: str, body: str | None = None) -> np.ndarray:
@@ -167,19 +181,19 @@ class Result:
         losses = self.e_fric.sum(axis=1) + self.e_visc.sum(axis=1) + self.e_shaft.sum(axis=1)
         return self.e_in - (self.stored - self.stored[0]) - losses
 
-    def _on_speeds(self):
+    def _on_speeds(self) -> Floats:
         s = self.system
         return self.pushes @ s.bodies_from_speeds - (self.torques + s.drag * self.slips) @ s.w - self.shaft_torques @ s.sh
 
-    def _inertias(self):
+    def _inertias(self) -> list[tuple[int, Law]]:
         return [(k, law) for k, law in enumerate(self.system.laws) if law.kind == INERTIA]
 
-    def _bending(self, k, law):
+    def _bending(self, k: int, law: Law) -> Floats:
         """What an inertia over an angle takes to turn at constant speed."""
         return 0.5 * slope_at(law.table, self.law_angles[:, k]) * (self.speeds @ law.bodies) ** 2
 
     @cached_property
-    def _by_ties(self):
+    def _by_ties(self) -> Floats:
         """Of each gear and relation (r, ties), by which its coefficients are multiplied; where several could share a torque, the
         least ones.
         """
@@ -192,7 +206,7 @@ class Result:
         return missing @ np.linalg.pinv(s.tie_rows)
 
 
-def _place(names, kind, name, known=None):
+def _place(names: Sequence[str], kind: str, name: str, known: Sequence[str] | None = None) -> int:
     if name not in names:
         raise RigError(f"driveline: there is no {kind} '{name}'; there are: {', '.join(known or names) or 'none'}")
     return names.index(name)
@@ -200,31 +214,31 @@ def _place(names, kind, name, known=None):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _run_steps(
-    bare,
-    t,
-    minv,
-    w,
-    sh,
-    kc,
-    q,
-    cap,
-    loss,
-    v,
-    twist,
-    mode,
-    el,
-    shaft,
-    e_in,
-    events,
-    count,
-    work,
-    out_v,
-    out_twist,
-    out_mode,
-    out_el,
-    out_shaft,
-    out_e_in,
-):
+    bare: int,
+    t: Floats,
+    minv: Floats,
+    w: Floats,
+    sh: Floats,
+    kc: Floats,
+    q: Floats,
+    cap: Floats,
+    loss: Floats,
+    v: Floats,
+    twist: Floats,
+    mode: Ints,
+    el: Floats,
+    shaft: Floats,
+    e_in: Floats,
+    events: Floats,
+    count: Ints,
+    work: Floats,
+    out_v: Floats,
+    out_twist: Floats,
+    out_mode: Ints,
+    out_el: Floats,
+    out_shaft: Floats,
+    out_e_in: Floats,
+) -> None:
     for i in range(q.shape[0]):
         bare_step(
             bare, t[i + 1] - t[i], t[i], minv, w, sh, kc, q[i], cap[i], loss, v, twist, mode, el, shaft, e_in, events, count, work
@@ -260,7 +274,7 @@ class Run:
         controller: Controller | None = None,
         every: int = 1,
         max_events: int = 10000,
-    ):
+    ) -> None:
         if not (math.isfinite(step) and step > 0.0):
             raise RigError(f"driveline: a step of {step} s; a finite number above 0 is needed")
         if every < 1 or every != int(every):
@@ -359,7 +373,7 @@ class Run:
             int(self._state.count[algebra.N_CAPPED]),
         )
 
-    def _advance(self, t):
+    def _advance(self, t: Floats) -> None:
         x = self._state
         if not self._rows:
             self._rows.append(self._first(t))
@@ -373,7 +387,7 @@ class Run:
         self._events.append(x.events[:count].copy())
         self._t = float(t[-1])
 
-    def _given(self, t):
+    def _given(self, t: Floats) -> tuple[Floats, Floats, Floats]:
         """At both ends of the k steps between times t: torques on the bodies (k, 2, b), `cap` (k, 7, m) of the kernel, and what
         laws read (k, 2, inputs).
         """
@@ -392,13 +406,13 @@ class Run:
                 self._put(cap, s.elements.index(name), one.ends(t, self._breakpoints, 0.0))
         return pushes, cap, given
 
-    def _put(self, cap, f, ends):
+    def _put(self, cap: Floats, f: int, ends: Floats) -> None:
         for k in (0, 1):
             cap[:, algebra.KIN0 + k, f] = ends[:, k]
             cap[:, algebra.HI0 + k, f] = self.system.stick[0, f] * ends[:, k]
             cap[:, algebra.LO0 + k, f] = -self.system.stick[1, f] * ends[:, k]
 
-    def _move(self, t, pushes, cap, given, x, own):
+    def _move(self, t: Floats, pushes: Floats, cap: Floats, given: Floats, x: State, own: LawState) -> tuple[Floats | Ints, ...]:
         """Moves the state x, and the laws' own, through the steps between times t; what it has been at the end of each."""
         s, steps = self.system, len(t) - 1
         q = np.ascontiguousarray(pushes @ s.bodies_from_speeds)
@@ -430,7 +444,7 @@ class Run:
             _run_steps(bare_address(), t, s.minv, s.w, s.slots, kc, q, cap, *state, *out)
         return *out, *soft
 
-    def _first(self, t):
+    def _first(self, t: Floats) -> tuple[Floats | Ints, ...]:
         """Row 0, whose torques are those of a step of no length."""
         s, begin = self.system, self.system.state(0, recorded=True)
         pushes, cap, given = self._given(t[:2])

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -19,6 +19,9 @@ from numba import njit
 from rig_nodes.compiled import INNER
 from rig_nodes.errors import RigError
 from rig_nodes.plant.driveline_algebra import noinline
+
+if TYPE_CHECKING:
+    from rig_nodes.arrays import Floats
 
 
 class Tables(NamedTuple):
@@ -77,7 +80,7 @@ def value_at(table: Table, x: float) -> float:
     return float(value(tables_of([table]), 0, float(x)))
 
 
-def slope_at(table: Table, x: np.ndarray) -> np.ndarray:
+def slope_at(table: Table, x: Floats | Sequence[float]) -> np.ndarray:
     """Of a table at some points, to their right."""
     tables = tables_of([table])
     return np.array([line(tables, 0, piece(tables, 0, float(at)))[4] for at in x])
@@ -88,7 +91,7 @@ def stored_in(table: Table, x: np.ndarray) -> np.ndarray:
     left, right = tables_of([table]).ends[0]
     knots, y = table.x, table.y
 
-    def area(at):
+    def area(at: Floats) -> Floats:
         inside = np.clip(at, knots[0], knots[-1])
         i = np.clip(np.searchsorted(knots, inside, "right") - 1, 0, max(len(knots) - 2, 0))
         sums = np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(knots))])
@@ -107,7 +110,7 @@ def stored_in(table: Table, x: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def piece(tables, k, x):
+def piece(tables: Tables, k: int, x: float) -> int:
     """Number of the straight piece of table k that reaches from x to the right; -1 is before the first point."""
     noinline()
     first, last = tables.first[k], tables.first[k + 1] - 1
@@ -130,7 +133,7 @@ def piece(tables, k, x):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def line(tables, k, number):
+def line(tables: Tables, k: int, number: int) -> tuple[float, float, float, float, float]:
     """(begin, end, value at a point of it, this point, slope) of a straight piece of table k."""
     noinline()
     first, last = tables.first[k], tables.first[k + 1] - 1
@@ -153,7 +156,7 @@ LEAST = 1e-150  # of a way whose square is a number
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def value(tables, k, x):
+def value(tables: Tables, k: int, x: float) -> float:
     """Of table k at x."""
     noinline()
     _, _, y, at, slope = line(tables, k, piece(tables, k, x))
@@ -161,7 +164,7 @@ def value(tables, k, x):
 
 
 @njit(**INNER)
-def along(tables, k, x, dx):
+def along(tables: Tables, k: int, x: float, dx: float) -> tuple[float, float]:
     """(value at x, slope) of the straight line that begins with table k at x and has its mean on the way from x to x + dx."""
     noinline()
     number = piece(tables, k, x)

@@ -7,11 +7,17 @@ Used by plant/driveline.py. Bodies that gears alone join turn as one, by factors
 other relation then takes away one of these speeds, that of a body without inertia where there is one.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rig_nodes.errors import RigError
+
+if TYPE_CHECKING:
+    from rig_nodes.arrays import Floats
 
 GROUND = "ground"
 _SAME = 1e-9  # relative size of a difference that counts as none
@@ -87,7 +93,7 @@ def start_speeds(given: Mapping[str, float], bodies: Sequence[str], t: np.ndarra
     return v
 
 
-def _gear_groups(inertia, gears):
+def _gear_groups(inertia: Mapping[str, float], gears: Sequence[tuple[str, str, float]]) -> tuple[dict[str, str], dict[str, float]]:
     """Root body of each group that gears join, one with inertia where there is one; every body's speed by its root's."""
     meshes = {name: [] for name in inertia}
     for a, b, ratio in gears:
@@ -114,7 +120,7 @@ def _gear_groups(inertia, gears):
     return root, factor
 
 
-def _moves_inertia(inertia, free, t):
+def _moves_inertia(inertia: Mapping[str, float], free: Sequence[str], t: Floats) -> None:
     """RigError when some body could turn while all those with inertia stand still."""
     heavy = t[[j > 0.0 for j in inertia.values()]]
     if np.linalg.matrix_rank(heavy) == len(free):

@@ -4,30 +4,42 @@
 """Vectors of a few numbers in registers, for compiled code that knows their length from the types of its arrays.
 
 Used by plant/driveline_quiet.py and engine/step.py. A vector is a tuple of floats; arrays are C-contiguous, of float64, and read
-by the place
-of their first number that is wanted, whatever their dimensions.
+by the place of their first number that is wanted, whatever their dimensions.
 """
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
 
-def _numbers(context, builder, array, value):
+    from numba.core.base import BaseContext
+    from numba.core.typing import BaseContext as TypingContext
+    from numba.core.typing import Signature
+
+
+def _numbers(context: BaseContext, builder: ir.IRBuilder, array: types.Array, value: ir.Value) -> ir.Value:
     return context.make_array(array)(context, builder, value).data
 
 
-def _at(builder, data, begin, i):
+def _at(builder: ir.IRBuilder, data: ir.Value, begin: ir.Value, i: int) -> ir.Value:
     return builder.gep(data, [builder.add(begin, ir.Constant(begin.type, i))])
 
 
 @intrinsic
-def vector(_context, array, begin, like):
+def vector(
+    _context: TypingContext, array: types.Array, begin: types.Type, like: types.NestedArray
+) -> tuple[Signature, Callable[..., ir.Value]]:
     """As many numbers of an array from its place ``begin`` on as ``like``, an array of known length, has."""
     count = like.shape[0]
 
-    def build(context, builder, _signature, arguments):
+    def build(context: BaseContext, builder: ir.IRBuilder, _signature: Signature, arguments: Sequence[ir.Value]) -> ir.Value:
         data = _numbers(context, builder, array, arguments[0])
         return cgutils.pack_array(
             builder, [builder.load(_at(builder, data, arguments[1], i)) for i in range(count)], ty=ir.DoubleType()
@@ -37,10 +49,12 @@ def vector(_context, array, begin, like):
 
 
 @intrinsic
-def put(_context, array, begin, values):
+def put(
+    _context: TypingContext, array: types.Array, begin: types.Type, values: types.UniTuple
+) -> tuple[Signature, Callable[..., ir.Value]]:
     """The values to an array, from its place ``begin`` on."""
 
-    def build(context, builder, _signature, arguments):
+    def build(context: BaseContext, builder: ir.IRBuilder, _signature: Signature, arguments: Sequence[ir.Value]) -> ir.Value:
         data = _numbers(context, builder, array, arguments[0])
         for i in range(values.count):
             builder.store(builder.extract_value(arguments[2], i), _at(builder, data, arguments[1], i))
@@ -49,12 +63,12 @@ def put(_context, array, begin, values):
     return types.void(array, types.intp, values), build
 
 
-def _each(builder, of, *vectors):
+def _each(builder: ir.IRBuilder, of: Callable[..., ir.Value], *vectors: ir.Value) -> ir.Value:
     items = zip(*(cgutils.unpack_tuple(builder, one) for one in vectors))
     return cgutils.pack_array(builder, [of(*item) for item in items], ty=ir.DoubleType())
 
 
-def _sum(builder, one, other, count):
+def _sum(builder: ir.IRBuilder, one: Callable[[int], ir.Value], other: Callable[[int], ir.Value], count: int) -> ir.Value:
     total = builder.fmul(one(0), other(0))
     for i in range(1, count):
         total = builder.fadd(total, builder.fmul(one(i), other(i)))
@@ -62,10 +76,10 @@ def _sum(builder, one, other, count):
 
 
 @intrinsic
-def dot(_context, a, b):
+def dot(_context: TypingContext, a: types.UniTuple, b: types.UniTuple) -> tuple[Signature, Callable[..., ir.Value]]:
     """The sum of a times b."""
 
-    def build(_, builder, _signature, arguments):
+    def build(_: BaseContext, builder: ir.IRBuilder, _signature: Signature, arguments: Sequence[ir.Value]) -> ir.Value:
         one, other = (cgutils.unpack_tuple(builder, value) for value in arguments)
         return _sum(builder, one.__getitem__, other.__getitem__, a.count)
 
@@ -73,31 +87,35 @@ def dot(_context, a, b):
 
 
 @intrinsic
-def add(_context, a, share, b):
+def add(
+    _context: TypingContext, a: types.UniTuple, share: types.Type, b: types.UniTuple
+) -> tuple[Signature, Callable[..., ir.Value]]:
     """A + share b."""
 
-    def build(_, builder, _signature, arguments):
+    def build(_: BaseContext, builder: ir.IRBuilder, _signature: Signature, arguments: Sequence[ir.Value]) -> ir.Value:
         return _each(builder, lambda x, y: builder.fadd(x, builder.fmul(arguments[1], y)), arguments[0], arguments[2])
 
     return a(a, types.float64, b), build
 
 
 @intrinsic
-def scaled(_context, share, a):
+def scaled(_context: TypingContext, share: types.Type, a: types.UniTuple) -> tuple[Signature, Callable[..., ir.Value]]:
     """Share a."""
 
-    def build(_, builder, _signature, arguments):
+    def build(_: BaseContext, builder: ir.IRBuilder, _signature: Signature, arguments: Sequence[ir.Value]) -> ir.Value:
         return _each(builder, lambda x: builder.fmul(arguments[0], x), arguments[1])
 
     return a(types.float64, a), build
 
 
 @intrinsic
-def product(_context, array, begin, a):
+def product(
+    _context: TypingContext, array: types.Array, begin: types.Type, a: types.UniTuple
+) -> tuple[Signature, Callable[..., ir.Value]]:
     """The square matrix that begins at a place of an array, row by row, times a."""
     count = a.count
 
-    def build(context, builder, _signature, arguments):
+    def build(context: BaseContext, builder: ir.IRBuilder, _signature: Signature, arguments: Sequence[ir.Value]) -> ir.Value:
         data, values = _numbers(context, builder, array, arguments[0]), cgutils.unpack_tuple(builder, arguments[2])
         return cgutils.pack_array(
             builder,
@@ -114,11 +132,11 @@ def product(_context, array, begin, a):
 
 
 @intrinsic
-def room(_context, like):
+def room(_context: TypingContext, like: types.NestedArray) -> tuple[Signature, Callable[..., ir.Value]]:
     """An array on the stack with as many numbers as ``like``, an array of known length, has; nobody has set them."""
     made, count = types.Array(types.float64, 1, "C"), like.shape[0]
 
-    def build(context, builder, _signature, _arguments):
+    def build(context: BaseContext, builder: ir.IRBuilder, _signature: Signature, _arguments: Sequence[ir.Value]) -> ir.Value:
         place = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), max(count, 1)))
         array = context.make_array(made)(context, builder)
         size = context.get_constant(types.intp, 8)
