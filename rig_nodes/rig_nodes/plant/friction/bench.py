@@ -10,11 +10,15 @@ Used by friction.comparison; usable alone.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from . import closed
 from .geometry import PackGeometry, not_negative, number
+
+if TYPE_CHECKING:
+    from .geometry import Numbers
 
 SPRING_TRAVEL = 4e-3  # m, how far the springs of (8.1) were pressed, 8.1.6
 # F_s [N] over s [mm], from s^6 down to the constant, (8.1). The print has + 38.063 s^5 and with it 79 kN at 4
@@ -59,7 +63,15 @@ STEEL = ((33e-3, 135e-3), "steel S355J2 on steel S355J2")  # DIN 5480 N 36x1.5x2
 LINED = ((42e-3, 80e-3), "organic JP402 on steel")  # the gearbox's plates, tab. 3.3, in adapters (fig. 8.3)
 
 
-def _pack(name, inner, outer, thickness, surfaces, plates, source) -> BenchPack:
+def _pack(
+    name: str,
+    inner: float,
+    outer: float,
+    thickness: tuple[float, ...],
+    surfaces: tuple[int, ...],
+    plates: tuple[tuple[float, float], str],
+    source: str,
+) -> BenchPack:
     splines, material = plates
     return BenchPack(name, inner, outer, *splines, thickness, surfaces, material, source)
 
@@ -76,7 +88,7 @@ PACKS = {
 }
 
 
-def spring_force(travel):
+def spring_force(travel: Numbers) -> Numbers:
     """F_s [N] of the six springs at ``travel`` s [m], (8.1) with its lost sign; ValueError outside 0 to 4
     mm.
     """
@@ -88,7 +100,7 @@ def spring_force(travel):
     return number(np.polyval(SPRING_FORCE, s * 1e3))
 
 
-def cylinder_force(pressure):
+def cylinder_force(pressure: Numbers) -> Numbers:
     """F_p [N] of the cylinder at ``pressure`` p_z [Pa], (8.2); 0 below about 0.1 MPa, where its seals hold
     it.
     """
@@ -97,14 +109,14 @@ def cylinder_force(pressure):
     return number(np.maximum(0.0, np.polyval(CYLINDER_FORCE, pressure * 1e-6)))
 
 
-def clamp_force(pressure, travel):
+def clamp_force(pressure: Numbers, travel: Numbers) -> Numbers:
     """F_a [N], (8.3): cylinder less springs, 0 where the springs are stronger. Pressure [Pa] and travel [m]
     broadcast.
     """
     return number(np.maximum(0.0, cylinder_force(pressure) - spring_force(travel)))
 
 
-def slip_torques(pack: PackGeometry, force, friction, friction_spline) -> dict:
+def slip_torques(pack: PackGeometry, force: Numbers, friction: Numbers, friction_spline: Numbers) -> dict[str, Numbers]:
     """Torque [Nm] at which the clamped pack would slip, by model; shapes and errors as in friction.closed.
 
     ``force`` from :func:`clamp_force`. Osinski's factor is carried on beyond 10 surfaces, as chapter 8 does.

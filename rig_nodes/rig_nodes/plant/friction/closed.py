@@ -15,15 +15,20 @@ force or friction.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from .geometry import PackGeometry, not_negative, number, positive
+
+if TYPE_CHECKING:
+    from .geometry import Numbers
 
 OSINSKI_TABLE = (2, 10)  # surfaces for which tab. 6.1 gives k_os
 OSINSKI_STEP = 0.03
 
 
-def traditional(pack: PackGeometry, force, friction):
+def traditional(pack: PackGeometry, force: Numbers, friction: Numbers) -> Numbers:
     """N mu r_m F_a, (6.13) with (6.27), (6.29): no loss in the splines."""
     pack.check()
     force, friction = number(force), number(friction)
@@ -31,7 +36,7 @@ def traditional(pack: PackGeometry, force, friction):
     return force * (pack.surfaces * friction * pack.mean_radius)
 
 
-def osinski_factor(surfaces):
+def osinski_factor(surfaces: Numbers) -> Numbers:
     """k_os(n) [-], shape of ``surfaces``: 1 - 0.03 (n - 2), the arithmetic series of tab. 6.1 carried on.
 
     The table has n = 2 to 10, and for wet clutches only (dry ones have 1). n k_os is largest at 18 surfaces
@@ -44,7 +49,7 @@ def osinski_factor(surfaces):
     return number(np.minimum(1.0, 1.0 - OSINSKI_STEP * (n - 2)))
 
 
-def osinski(pack: PackGeometry, force, friction, beyond_table: bool = False):
+def osinski(pack: PackGeometry, force: Numbers, friction: Numbers, beyond_table: bool = False) -> Numbers:
     """k_os times the traditional torque, (6.14), whatever the splines are like.
 
     ValueError outside tab. 6.1 (2 to 10 surfaces) unless ``beyond_table``, and where k_os is not positive (36
@@ -60,7 +65,7 @@ def osinski(pack: PackGeometry, force, friction, beyond_table: bool = False):
     return factor * traditional(pack, force, friction)
 
 
-def newcomb(pack: PackGeometry, force, friction, friction_spline):
+def newcomb(pack: PackGeometry, force: Numbers, friction: Numbers, friction_spline: Numbers) -> Numbers:
     """Newcomb's pack, (6.15)-(6.19): straight splines at R_1 (shaft), R_2 (hub), friction between.
 
     (6.15) numbers the surfaces i_s = 2 ... n, but as a torque of single surfaces it fails without spline
@@ -93,7 +98,14 @@ def newcomb(pack: PackGeometry, force, friction, friction_spline):
     return number(force * friction * radius * share)
 
 
-def thesis(pack: PackGeometry, force, friction, friction_spline, friction_inner_spline=None, releasing: bool = False):
+def thesis(
+    pack: PackGeometry,
+    force: Numbers,
+    friction: Numbers,
+    friction_spline: Numbers,
+    friction_inner_spline: Numbers | None = None,
+    releasing: bool = False,
+) -> Numbers:
     """(6.54), (6.55): friction of both splines takes clamp force plate by plate, the first in the hub.
 
     With a = d_po/2 cos(alpha), b = d_pin/2 cos(alpha), C = mu r_m (6.33), surface i carries F_a times
@@ -130,7 +142,7 @@ def thesis(pack: PackGeometry, force, friction, friction_spline, friction_inner_
     return force * total
 
 
-def chen(pack: PackGeometry, force, friction, friction_outer_spline):
+def chen(pack: PackGeometry, force: Numbers, friction: Numbers, friction_outer_spline: Numbers) -> Numbers:
     """Chen's pack, (6.20), (6.21): pressure falls only at plates with an outer spline, by F_ch / A.
 
     (6.21) gives the torque on each plate, from both its faces; the pack's torque is the sum over the plates
@@ -141,7 +153,7 @@ def chen(pack: PackGeometry, force, friction, friction_outer_spline):
     return thesis(pack, force, friction, friction_outer_spline, friction_inner_spline=0.0)
 
 
-def corrected(torque, factor, rest_torque):
+def corrected(torque: Numbers, factor: Numbers, rest_torque: Numbers) -> Numbers:
     """k_kor M_t + M_rest, (6.56): a model's torque [Nm] laid on a measurement; all broadcast together.
 
     ``factor``: k_kor [-], slope measured over slope of the model; ``rest_torque``: M_rest [Nm], what the

@@ -13,12 +13,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import brentq
 
 from . import closed
 from .bench import ALL, PACKS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from .geometry import Numbers
 
 NEAR = 0.05  # own: "very close" of two lines, as a part of their slope
 
@@ -81,7 +87,7 @@ def _statements() -> tuple[Statement, ...]:
 STATEMENTS = _statements()
 
 
-def model_ratio(pack: str, surfaces: int, against: str, product):
+def model_ratio(pack: str, surfaces: int, against: str, product: Numbers) -> Numbers:
     """The thesis's model over Osinski's or the traditional one [-] at ``product`` mu mu_sp [-], of its shape.
 
     ValueError for an unknown pack, number of surfaces or model, and for a product that locks the splines.
@@ -119,7 +125,7 @@ def product_bounds(statement: Statement) -> tuple[float, float]:
     return (where(statement.high) if statement.high < loose else 0.0, where(statement.low) if statement.low > tight else locked)
 
 
-def common_product(statements) -> tuple[float, float] | None:
+def common_product(statements: Iterable[Statement]) -> tuple[float, float] | None:
     """(lowest, highest) product mu mu_sp [-] at which all ``statements`` hold, None when they contradict each
     other.
     """
@@ -127,7 +133,7 @@ def common_product(statements) -> tuple[float, float] | None:
     return (float(low.max()), float(high.min())) if low.max() <= high.min() else None
 
 
-def contradicted(friction: float, friction_spline: float, statements=STATEMENTS) -> list[Statement]:
+def contradicted(friction: float, friction_spline: float, statements: Iterable[Statement] = STATEMENTS) -> list[Statement]:
     """The statements that do not hold with this friction of plates and splines [-]."""
     out = []
     for statement in statements:

@@ -15,15 +15,24 @@ ring.
 from __future__ import annotations
 
 from math import pi
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from .geometry import PackGeometry, not_negative, number, part_of_one, positive
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ...arrays import Floats
+    from .geometry import Numbers
+
+    OverRadius: TypeAlias = Numbers | Callable[[Floats], Floats]  # a constant, or a function of the radius [m]
+
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(48)  # exact for polynomials up to degree 95
 
 
-def kitabayashi(pack: PackGeometry, slip, viscosity, gap):
+def kitabayashi(pack: PackGeometry, slip: Numbers, viscosity: Numbers, gap: Numbers) -> Numbers:
     """N pi mu_D r_m^2 (R_z^2 - R_w^2) w / h, (6.4): laminar film over the whole ring."""
     pack.check()
     slip, viscosity, gap = number(slip), number(viscosity), number(gap)
@@ -33,7 +42,15 @@ def kitabayashi(pack: PackGeometry, slip, viscosity, gap):
     return pack.surfaces * pi * pack.mean_radius**2 * (ro**2 - ri**2) * viscosity * slip / gap
 
 
-def davis_viscous(pack: PackGeometry, slip, viscosity, gap, contact_share=0.0, flow_factor=1.0, flow_shear=0.0):
+def davis_viscous(
+    pack: PackGeometry,
+    slip: Numbers,
+    viscosity: OverRadius,
+    gap: OverRadius,
+    contact_share: OverRadius = 0.0,
+    flow_factor: Numbers = 1.0,
+    flow_shear: Numbers = 0.0,
+) -> Numbers:
     """(phi_f - phi_fs) times the integral of mu_D r^2 w / h over the film's area, (6.2).
 
     ``viscosity``, ``gap`` and ``contact_share`` (part of the circle in contact, 0 to 1) are numbers, arrays
@@ -52,7 +69,7 @@ def davis_viscous(pack: PackGeometry, slip, viscosity, gap, contact_share=0.0, f
     return number(pack.surfaces * 2.0 * pi * ring * (number(flow_factor) - number(flow_shear)) * number(slip))
 
 
-def davis_boundary(pack: PackGeometry, friction, pressure, contact_share=1.0):
+def davis_boundary(pack: PackGeometry, friction: OverRadius, pressure: OverRadius, contact_share: OverRadius = 1.0) -> Numbers:
     """Integral of mu_kin p_D r over the contact area, (6.3): the size of the torque [Nm], without a sign.
 
     ``friction`` [-], ``pressure`` on the asperities [Pa] and ``contact_share`` are numbers, arrays or
@@ -68,14 +85,24 @@ def davis_boundary(pack: PackGeometry, friction, pressure, contact_share=1.0):
     return number(pack.surfaces * 2.0 * pi * np.sum(weight * mu * p * share * r**2, axis=-1))
 
 
-def davis(pack: PackGeometry, slip, viscosity, gap, friction, pressure, contact_share, flow_factor=1.0, flow_shear=0.0):
+def davis(
+    pack: PackGeometry,
+    slip: Numbers,
+    viscosity: OverRadius,
+    gap: OverRadius,
+    friction: OverRadius,
+    pressure: OverRadius,
+    contact_share: OverRadius,
+    flow_factor: Numbers = 1.0,
+    flow_shear: Numbers = 0.0,
+) -> Numbers:
     """Davis, Sadeghi, Krousgrill (6.1): film (6.2) plus contact (6.3), with the sign of slip (+ at zero)."""
     contact = davis_boundary(pack, friction, pressure, contact_share)
     film = davis_viscous(pack, slip, viscosity, gap, contact_share, flow_factor, flow_shear)
     return number(film + np.copysign(contact, number(slip)))
 
 
-def effective_gap(pack: PackGeometry, gap, groove_depth, land_area):
+def effective_gap(pack: PackGeometry, gap: Numbers, groove_depth: Numbers, land_area: Numbers) -> Numbers:
     """h_eff = d_r (1 - A_cz / A) + h [m], (6.7): gap plus the grooves' depth spread over the ring.
 
     ``groove_depth`` d_r [m]; ``land_area`` A_cz [m2], the ring without its grooves; all broadcast together.
@@ -89,7 +116,7 @@ def effective_gap(pack: PackGeometry, gap, groove_depth, land_area):
     return groove_depth * (1.0 - land_area / pack.area) + gap
 
 
-def pahlovy(pack: PackGeometry, slip, viscosity, gap, film_radius):
+def pahlovy(pack: PackGeometry, slip: Numbers, viscosity: Numbers, gap: Numbers, film_radius: Numbers) -> Numbers:
     """N pi mu_D r_m^2 (r_0^2 - R_w^2) w / h_eff, (6.6): film only from R_w to ``film_radius`` r_0 [m].
 
     ``gap`` is h_eff of :func:`effective_gap`. r_m stays that of the whole ring, as (6.5) has it, so a short
@@ -104,7 +131,7 @@ def pahlovy(pack: PackGeometry, slip, viscosity, gap, film_radius):
     return pack.surfaces * pi * pack.mean_radius**2 * film * viscosity * slip / gap
 
 
-def peng_yuan(pack: PackGeometry, slip, viscosity, gap, film_radius):
+def peng_yuan(pack: PackGeometry, slip: Numbers, viscosity: Numbers, gap: Numbers, film_radius: Numbers) -> Numbers:
     """N pi mu_D w / (2 h) (r_0'^4 - R_w^4), (6.8): ``film_radius`` r_0' [m] is where the closed film ends."""
     pack.check()
     slip, viscosity, gap, film_radius = number(slip), number(viscosity), number(gap), number(film_radius)
@@ -114,7 +141,7 @@ def peng_yuan(pack: PackGeometry, slip, viscosity, gap, film_radius):
     return pack.surfaces * pi * viscosity * slip / (2.0 * gap) * (film_radius**4 - pack.inner_radius**4)
 
 
-def liquid_share(angle, gas_angle):
+def liquid_share(angle: Numbers, gas_angle: Numbers) -> Numbers:
     """Phi = (alpha - beta) / alpha [-], (6.12): ``gas_angle`` beta of the ``angle`` alpha is gas [rad],
     broadcast.
 
@@ -126,7 +153,16 @@ def liquid_share(angle, gas_angle):
     return (angle - gas_angle) / angle
 
 
-def iqbal(pack: PackGeometry, slip, viscosity, gap, film_radius, share, mist_viscosity, land_area=None):
+def iqbal(
+    pack: PackGeometry,
+    slip: Numbers,
+    viscosity: Numbers,
+    gap: Numbers,
+    film_radius: Numbers,
+    share: OverRadius,
+    mist_viscosity: Numbers,
+    land_area: Numbers | None = None,
+) -> Numbers:
     """A_cz/A (M_PY + M_ra + M_rm), (6.9)-(6.11): Peng and Yuan's film, beyond r_0' liquid and mist side by
     side.
 
@@ -150,19 +186,19 @@ def iqbal(pack: PackGeometry, slip, viscosity, gap, film_radius, share, mist_vis
     return number(land_area / pack.area * torque)
 
 
-def _radii(inner, outer):
+def _radii(inner: Numbers, outer: Numbers) -> tuple[Floats, Floats]:
     """Radii [m] and their weights [m] of Gauss-Legendre on inner to outer, along a new last axis."""
     inner, outer = np.asarray(inner)[..., None], np.asarray(outer)[..., None]
     half = (outer - inner) / 2.0
     return inner + half * (NODES + 1.0), half * WEIGHTS
 
 
-def _over(value, r):
+def _over(value: OverRadius, r: Floats) -> Floats:
     """A function of the radius at the radii, or a constant with room for them."""
     return np.asarray(value(r), float) if callable(value) else np.asarray(value, float)[..., None]
 
 
-def _film_in_the_ring(pack: PackGeometry, film_radius) -> None:
+def _film_in_the_ring(pack: PackGeometry, film_radius: Numbers) -> None:
     inside = (np.asarray(film_radius) >= pack.inner_radius) & (np.asarray(film_radius) <= pack.outer_radius)
     if not np.all(inside):
         low, high = np.min(film_radius), np.max(film_radius)
@@ -171,6 +207,6 @@ def _film_in_the_ring(pack: PackGeometry, film_radius) -> None:
         )
 
 
-def _no_more_than_the_ring(pack: PackGeometry, land_area) -> None:
+def _no_more_than_the_ring(pack: PackGeometry, land_area: Numbers) -> None:
     if np.any(np.asarray(land_area) > pack.area * (1.0 + 1e-12)):
         raise ValueError(f"land_area is {np.max(land_area):g} m2, more than the ring's {pack.area:g} m2")

@@ -10,10 +10,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, pi, radians
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from ...config.schema import param
+
+if TYPE_CHECKING:
+    from ...arrays import Floats
+
+    Numbers: TypeAlias = float | Floats  # one number, or an array of them
 
 
 @dataclass(frozen=True)
@@ -67,26 +73,26 @@ class PackGeometry:
         return self.inner_spline_diameter / 2.0 * cos(radians(self.pressure_angle_deg))
 
 
-def number(value):
+def number(value: Numbers) -> Numbers:
     """The value as a float where it is one number, as a float64 array otherwise."""
     return float(value) if np.ndim(value) == 0 else np.asarray(value, float)
 
 
-def not_negative(**values) -> None:
+def not_negative(**values: Numbers) -> None:
     """ValueError naming the first value that is negative or not finite anywhere."""
     for name, value in values.items():
         if not np.all(np.isfinite(value) & (np.asarray(value) >= 0.0)):
             raise ValueError(f"{name} is {np.min(value):g}, expected finite numbers of at least 0")
 
 
-def part_of_one(**values) -> None:
+def part_of_one(**values: Numbers) -> None:
     """ValueError naming the first value that is not within 0 to 1 everywhere."""
     for name, value in values.items():
         if not np.all((np.asarray(value) >= 0.0) & (np.asarray(value) <= 1.0)):
             raise ValueError(f"{name} goes from {np.min(value):g} to {np.max(value):g}, expected 0 to 1")
 
 
-def positive(**values) -> None:
+def positive(**values: Numbers) -> None:
     """ValueError naming the first value that is not above 0 everywhere."""
     for name, value in values.items():
         if not np.all(np.isfinite(value) & (np.asarray(value) > 0.0)):
