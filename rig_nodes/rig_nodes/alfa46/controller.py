@@ -8,12 +8,19 @@ Used by the alfa46 node (a process of its own); the embedded controller of the k
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..errors import RigError
 from ..transmission import Transmission
 from . import law
 from .settings import Alfa46Config
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ..arrays import Floats
 
 
 def refusal(gear: int, current_gear: int, shifting: bool, box: Transmission) -> str | None:
@@ -35,7 +42,7 @@ class Alfa46:
     transmission: whose gears can be ordered; each moves the outputs of its clutches' valves.
     """
 
-    def __init__(self, config: Alfa46Config, transmission: Transmission):
+    def __init__(self, config: Alfa46Config, transmission: Transmission) -> None:
         self.config, self.transmission = config, transmission
         self._config = config.law_config(transmission)
         self._profiles = np.ascontiguousarray(config.profiles)
@@ -63,7 +70,7 @@ class Alfa46:
             raise RigError(f"shift refused: {why}")
         self._ordered = gear
 
-    def step(self, sample: int, currents) -> tuple[np.ndarray, np.ndarray]:
+    def step(self, sample: int, currents: Sequence[float] | Floats) -> tuple[np.ndarray, np.ndarray]:
         """One controller sample: measured coil currents (3,) [A] in, duty (3,) and setpoints (3,) [A] out."""
         if self._ordered is not None:
             law.order_gear(self._ordered, sample, self._config[0], self._profiles, self._outputs, self._state[0])

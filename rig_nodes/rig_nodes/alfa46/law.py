@@ -8,8 +8,13 @@ Called by the engine (embedded controller) and by alfa46.controller (a process o
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numba import njit
+
+if TYPE_CHECKING:
+    from ..arrays import Floats, Record
 
 OUTPUTS = 3  # the box drives up to three valves
 GEARS = 7  # as many as there are choices of outputs
@@ -49,7 +54,7 @@ OFF, ON, FALLING = 0.0, 1.0, 2.0
 
 
 @njit(cache=True, error_model="numpy", forceinline=False)
-def profile_current(elapsed, rising, level, points):
+def profile_current(elapsed: float, rising: bool, level: float, points: Floats) -> float:
     """Current setpoint [A], ``elapsed`` seconds after the switch signal.
 
     points: (6, 2) times [s] and currents [A]. P1-P3 count from switch-on and start at no current, P4-P6 from
@@ -67,7 +72,7 @@ def profile_current(elapsed, rising, level, points):
 
 
 @njit(cache=True, error_model="numpy", forceinline=False)
-def order_gear(gear, sample, config, profiles, outputs, state):
+def order_gear(gear: int, sample: int, config: Record, profiles: Floats, outputs: Record, state: Record) -> None:
     """Take a gear order at a sample: schedules switch-on and switch-off with the delay of this change.
 
     A negative delay energises the engaging valves that much before the releasing ones are switched off; a positive
@@ -102,7 +107,7 @@ def order_gear(gear, sample, config, profiles, outputs, state):
 
 
 @njit(cache=True, error_model="numpy", forceinline=False)
-def current_loop(active, current, out, config):
+def current_loop(active: bool, current: float, out: Record, config: Record) -> None:
     """One sample of an output's power stage: PID on the measured coil current [A], leaves its duty in ``out``.
 
     In volts of coil voltage, with a filtered derivative; the integral is held inside the supply (no wind-up);
@@ -123,7 +128,7 @@ def current_loop(active, current, out, config):
 
 
 @njit(cache=True, error_model="numpy", forceinline=False)
-def law_step(sample, currents, config, profiles, outputs, state):
+def law_step(sample: int, currents: Floats, config: Record, profiles: Floats, outputs: Record, state: Record) -> None:
     """One controller sample: reads the measured coil currents (3,) [A], leaves duty and setpoint in ``outputs``."""
     state.sample = sample
     for k in range(OUTPUTS):

@@ -9,6 +9,7 @@ Used by testbench.configuration; alfa46.law runs on the numbers that come out of
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +19,11 @@ from ..config.schema import build, check_keys, param, where_of
 from ..config.units import quantity
 from ..errors import RigError, brief
 from . import law
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from ..transmission import Transmission
 
 POINTS = ("P1", "P2", "P3", "P4", "P5", "P6")
 OUTPUT_KEYS = tuple(f"output_{k + 1}" for k in range(law.OUTPUTS))
@@ -56,7 +62,7 @@ class Alfa46Config:
     values: Alfa46Values
     profiles: np.ndarray
 
-    def law_config(self, box) -> np.ndarray:
+    def law_config(self, box: Transmission) -> np.ndarray:
         """One record for the compiled law. box: the transmission (rig_nodes.transmission) whose gears can be ordered."""
         record = np.zeros(1, law.LAW_CONFIG)
         record["period"] = self.values.sample_time
@@ -75,7 +81,7 @@ class Alfa46Config:
         return out
 
 
-def read_profile(node, path, what: str, limit: float) -> np.ndarray:
+def read_profile(node: Any, path: str | Path, what: str, limit: float) -> np.ndarray:
     """(6, 2) times and currents of P1-P6; RigError when times do not increase or a current is out of bounds.
 
     P1-P3 must increase among themselves, and P4-P6 too: each half counts from its own switch signal.
@@ -111,7 +117,7 @@ def check_profile(points: np.ndarray, what: str, limit: float) -> None:
         check_point(points, k, f"{what}.{name}", limit)
 
 
-def read_alfa46(path, node=None) -> Alfa46Config:
+def read_alfa46(path: str | Path, node: Any = None) -> Alfa46Config:
     """The settings of a file (or of an already loaded map of it); RigError with file and line."""
     node = load_yaml(path) if node is None else node
     values = build(Alfa46Values, node, path, "alfa46", others=("profiles",))

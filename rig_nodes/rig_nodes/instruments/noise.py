@@ -16,7 +16,7 @@ _CHANNEL = np.uint64(0xD1B54A32D192ED03)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def _mix(z):
+def _mix(z: np.uint64) -> np.uint64:
     # splitmix64 finaliser (Steele, Lea, Flood 2014): full avalanche of a 64-bit counter
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
@@ -24,13 +24,13 @@ def _mix(z):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def channel_key(seed, channel):
+def channel_key(seed: int, channel: int) -> np.uint64:
     """Where the numbers of a channel begin (uint64), for :func:`noise_at`."""
     return _mix(np.uint64(seed) * _GOLDEN + np.uint64(channel) * _CHANNEL)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def noise_at(key, sample):
+def noise_at(key: np.uint64, sample: int) -> float:
     """A number of zero mean and unit variance: sum of four 16-bit uniforms, so never beyond 3.5."""
     z = _mix(key + np.uint64(sample) * _GOLDEN)
     low = np.uint64(0xFFFF)
@@ -41,7 +41,7 @@ def noise_at(key, sample):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def uniform(seed, channel, sample):
+def uniform(seed: int, channel: int, sample: int) -> float:
     """A number from 0 to below 1, each as likely as the other."""
     z = _mix(channel_key(seed, channel) + np.uint64(sample) * _GOLDEN)
     return float(z >> np.uint64(11)) / 9007199254740992.0  # 53 bits

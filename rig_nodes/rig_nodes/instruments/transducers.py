@@ -10,12 +10,18 @@ from __future__ import annotations
 
 from fractions import Fraction
 from math import floor, sqrt
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
 
 from ..compiled import one_record
 from .noise import noise_at
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from ..arrays import Floats, Record
 
 # rows of the table, a column for each channel of the logger, SI:
 # NOISE standard deviation; LOW, HIGH range; QUANTUM step of the converter; GAIN, OFFSET class error; KEEP share of the
@@ -74,7 +80,7 @@ def mains(step: float, frequency: float, phase: float) -> np.ndarray:
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def analog(true, disturbance, c, table, state):
+def analog(true: float, disturbance: float, c: int, table: Floats, state: Floats) -> float:
     """Output of an analog transducer behind its first-order low pass, whose last output stands in ``state``.
 
     disturbance: what mains and coils induce, beside the class error; the exact solution for an input held over a row.
@@ -85,7 +91,7 @@ def analog(true, disturbance, c, table, state):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def encoder(speed, index, c, key, table, state, counts):
+def encoder(speed: float, index: int, c: int, key: np.uint64, table: Floats, state: Floats, counts: Floats) -> float:
     """Speed [rad/s] from the pulses of an incremental encoder, counted over the gate that ends with this row.
 
     ``state`` has the angle in counts; counts (gate in rows, channels): the counter at the rows of one gate. So the
@@ -105,7 +111,7 @@ def encoder(speed, index, c, key, table, state, counts):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def logged(value, c, table):
+def logged(value: float, c: int, table: Floats) -> float:
     """The value held inside the channel's range, in steps of the logger's converter."""
     value = min(max(value, table[LOW, c]), table[HIGH, c])
     quantum = table[QUANTUM, c]
@@ -113,7 +119,7 @@ def logged(value, c, table):
 
 
 @njit(cache=True, error_model="numpy")
-def take(shown, table, keys, state):
+def take(shown: Record, table: Floats, keys: npt.NDArray[np.uint64], state: Floats) -> None:
     """Copy the arrays of testbench.gauges, into a record of :func:`shown_dtype`."""
     shown.pickup = shown.noisy = 0.0
     for c in range(shown.source.shape[0]):
@@ -130,14 +136,14 @@ def take(shown, table, keys, state):
 
 
 @njit(cache=True, error_model="numpy")
-def give(shown, state):
+def give(shown: Record, state: Floats) -> None:
     """Copy what transducers remember back into the array of testbench.gauges."""
     for c in range(shown.source.shape[0]):
         state[c] = shown.angle[c] if shown.table[STEP, c] > 0.0 else shown.state[c]
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def encode(shown, c, index):
+def encode(shown: Record, c: int, index: int) -> None:
     """:func:`encoder` on a channel of a record of :func:`shown_dtype`, if it has one."""
     table = shown.table
     if table[STEP, c] > 0.0:
@@ -151,7 +157,7 @@ def encode(shown, c, index):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def show(shown, index):
+def show(shown: Record, index: int) -> None:
     """True values in a record of :func:`shown_dtype` as analog transducers and the converter show them, all channels at once.
 
     The same as :func:`analog`, noise and :func:`logged` one by one, without a branch.
