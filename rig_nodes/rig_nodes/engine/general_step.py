@@ -9,12 +9,22 @@ Both are compiled once for all rigs, beside whatever else is compiled, and are n
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from numba import types
 from numba.extending import intrinsic
 
 from ..plant.driveline_calls import ARGUMENTS, BARE, address_of, array_types, bare_address, call_at
 from ..plant.driveline_driven import INPUTS, KEPT, LAWS, WHOLE_NUMBERS, driven_step
 from ..plant.driveline_laws import settled_address
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from llvmlite import ir
+    from numba.core.base import BaseContext
+    from numba.core.typing.context import BaseContext as TypingContext
+    from numba.core.typing.templates import Signature
 
 DRIVEN = {**ARGUMENTS, **LAWS, **KEPT, **INPUTS}  # in the driveline's record, behind the addresses and times
 _DRIVEN = (types.int64, types.int64, types.float64, types.float64, *array_types(DRIVEN, WHOLE_NUMBERS))
@@ -30,15 +40,19 @@ def addresses(driven: bool = False) -> tuple[int, int, int]:
     return bare_address(), settled_address(), address_of(driven_step, _DRIVEN)
 
 
-def _fields(context, builder, kind, line, names) -> list:
+def _fields(
+    context: BaseContext, builder: ir.IRBuilder, kind: types.Record, line: ir.Value, names: Iterable[str]
+) -> list[ir.Value]:
     return [context.get_getattr(kind, name)(context, builder, kind, line, name) for name in names]
 
 
 @intrinsic
-def general_step(context, at, h, t, line):
+def general_step(
+    context: TypingContext, at: types.Type, h: types.Type, t: types.Type, line: types.Record
+) -> tuple[Signature, Callable]:
     """Move a driveline's record from t over h by the bare step; at: :func:`addresses`."""
 
-    def build(context, builder, signature, given):
+    def build(context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]) -> ir.Value:
         at, h, t, line = given
         values = [h, t, *_fields(context, builder, signature.args[3], line, ARGUMENTS)]
         call_at(context, builder, builder.extract_value(at, 0), BARE, values)
@@ -48,10 +62,12 @@ def general_step(context, at, h, t, line):
 
 
 @intrinsic
-def driven_step_at(context, at, h, t, line):
+def driven_step_at(
+    context: TypingContext, at: types.Type, h: types.Type, t: types.Type, line: types.Record
+) -> tuple[Signature, Callable]:
     """The same by the driven step, on the record of a driveline that has what that needs."""
 
-    def build(context, builder, signature, given):
+    def build(context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]) -> ir.Value:
         at, h, t, line = given
         bare, settled, driven = (builder.extract_value(at, k) for k in range(3))
         values = [settled, bare, h, t, *_fields(context, builder, signature.args[3], line, DRIVEN)]

@@ -9,6 +9,8 @@ of rows: it allocates nothing and holds no lock.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from numba import njit
 
 from ..alfa46.law import OFF, current_loop, law_step
@@ -21,12 +23,18 @@ from .outcome import NOT_FINITE, NOT_SETTLED, WHOLE
 from .stages import command, fill, ordered, pickup
 from .step import plant_step
 
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+    from ..arrays import Floats, Ints, Record
+
 load_numba()
 EXPONENT = 0x7FF << 52  # of a double whose bits are read as an integer: all set where it is no finite number
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def true_row(numbers, shown):
+def true_row(numbers: Floats, shown: Record) -> bool:
     """The values at the end of a step into the row of ``shown``; False where one is no finite number.
 
     numbers: the beginning of the world, of which every channel shows one.
@@ -44,7 +52,7 @@ def true_row(numbers, shown):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def measure(index, h, world, shown):
+def measure(index: int, h: float, world: Record, shown: Record) -> None:
     """One logger row of a true one: as transducers, encoders and converter show it.
 
     shown: record of instruments.transducers.shown_dtype, with the true row, its hum and the encoders' counters a gate ago.
@@ -58,7 +66,7 @@ def measure(index, h, world, shown):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def put_row(log, place, shown):
+def put_row(log: Floats, place: int, shown: Record) -> None:
     """What is shown into a row of the ring."""
     count = shown.source.shape[0]
     for c in range(count):
@@ -68,7 +76,7 @@ def put_row(log, place, shown):
 
 
 @njit(cache=True, error_model="numpy")
-def power_stage(row, world, outputs, config):
+def power_stage(row: Floats, world: Record, outputs: Record, config: Record) -> None:
     """The plant's current driver, for controllers that return setpoints: the box's current loop for each output.
 
     Reads the coil currents of the logger row ``row`` and the setpoints in ``outputs``; leaves its duty there.
@@ -81,7 +89,18 @@ def power_stage(row, world, outputs, config):
 
 
 @njit(cache=True, error_model="numpy")
-def first_row(log, h, worlds, numbers, showns, table, keys, hum, state, counts):
+def first_row(
+    log: Floats,
+    h: float,
+    worlds: Record,
+    numbers: Floats,
+    showns: Record,
+    table: Floats,
+    keys: npt.NDArray[np.uint64],
+    hum: Floats,
+    state: Floats,
+    counts: Floats,
+) -> None:
     """The logger's row of time 0."""
     shown = showns[0]
     transducers.take(shown, table, keys, state)
@@ -97,7 +116,7 @@ def first_row(log, h, worlds, numbers, showns, table, keys, hum, state, counts):
 
 
 @njit(cache=True, error_model="numpy", forceinline=False)
-def put_back(world, moved, kept):
+def put_back(world: Record, moved: Ints, kept: Ints) -> None:
     """The state of the sample's beginning, the one that is given up into ``kept``."""
     for i in range(kept.shape[1]):
         kept[1, i] = moved[i]
@@ -107,29 +126,29 @@ def put_back(world, moved, kept):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def advance(
-    samples,
-    first_sample,
-    steps_per_sample,
-    h,
-    drive,
-    addresses,
-    worlds,
-    numbers,
-    showns,
-    table,
-    keys,
-    hum,
-    gauge_state,
-    counts,
-    law_config,
-    law_profiles,
-    law_outputs,
-    law_state,
-    log,
-    moved,
-    finite,
-    kept,
-):
+    samples: int,
+    first_sample: int,
+    steps_per_sample: int,
+    h: float,
+    drive: int,
+    addresses: tuple[int, int, int],
+    worlds: Record,
+    numbers: Floats,
+    showns: Record,
+    table: Floats,
+    keys: npt.NDArray[np.uint64],
+    hum: Floats,
+    gauge_state: Floats,
+    counts: Floats,
+    law_config: Record,
+    law_profiles: Floats,
+    law_outputs: Record,
+    law_state: Record,
+    log: Floats,
+    moved: Ints,
+    finite: int,
+    kept: Ints,
+) -> tuple[int, int]:
     """Move everything by whole controller samples; row j of the ring ``log`` is the time j * h after 0.
 
     Returns (the sample that was reached, one of WHOLE, NOT_FINITE, NOT_SETTLED): it ends early with the sample in

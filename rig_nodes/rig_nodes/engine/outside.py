@@ -9,7 +9,7 @@ physics that the engine would have stepped. A cut is held for a tick: the port i
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -21,6 +21,10 @@ from ..parts import dc_motor as motor_model
 from ..parts import load_pump as load_model
 from ..parts import part as parts
 from ..parts import proportional_valve as valve_model
+
+if TYPE_CHECKING:
+    from ..arrays import Record
+    from .cut_rig import CutRig, Device, Devices
 
 MOTOR, LOAD, VALVE = "dc_motor", "load_pump", "proportional_valve"  # parts that can stand outside
 LOOP = 0.35  # crossover of the motor's speed loop times the tick: 0.3 costs 0.2 % of a shift's loss, 0.45 6 %, 0.75 swings
@@ -73,12 +77,12 @@ class Answer(NamedTuple):
 NOTHING = Answer()
 
 
-def cuttable(device) -> bool:
+def cuttable(device: Device) -> bool:
     """True of a device (description.structure.Device) that can stand outside."""
     return device.part in (MOTOR, LOAD, VALVE)
 
 
-def why_not(structure, name: str) -> str | None:
+def why_not(structure: Devices, name: str) -> str | None:
     """The sentence on a device of a rig that cannot be cut out, None for one that can; RigError when there is none."""
     if name in NOT_DEVICES:
         return f"{name} cannot be cut out of the plant: {NOT_DEVICES[name]}"
@@ -89,7 +93,7 @@ def why_not(structure, name: str) -> str | None:
     return None if cuttable(device) else f"{name} cannot be cut out of the plant: {NOT_CUT[device.role]}"
 
 
-def check_device(structure, name: str) -> None:
+def check_device(structure: Devices, name: str) -> None:
     """RigError unless this is a device of the rig that can be cut out."""
     if why := why_not(structure, name):
         raise RigError(why)
@@ -101,7 +105,7 @@ VALVE_SIDE = np.dtype([("magnet", "f8"), ("spool", "f8"), ("share", "f8"), ("mea
 
 
 @njit(cache=True)
-def motor_tick(side, speed, target, drive, steps, h, motor):
+def motor_tick(side: Record, speed: float, target: float, drive: bool, steps: int, h: float, motor: Record) -> None:
     """A motor over ``steps`` of h [s] on a shaft of held speed [rad/s]; leaves its mean torque."""
     side.mean = 0.0
     for _ in range(steps):
@@ -113,7 +117,7 @@ def motor_tick(side, speed, target, drive, steps, h, motor):
 
 
 @njit(cache=True)
-def load_tick(side, speed, setting, enabled, steps, h, load):
+def load_tick(side: Record, speed: float, setting: float, enabled: bool, steps: int, h: float, load: Record) -> None:
     """A load pump over ``steps`` of h [s] on a shaft of held speed [rad/s]; leaves its mean capacity."""
     side.mean = 0.0
     for _ in range(steps):
@@ -123,7 +127,17 @@ def load_tick(side, speed, setting, enabled, steps, h, load):
 
 
 @njit(cache=True)
-def valve_tick(side, old_current, new_current, pressure, supply, speed_by_root, steps, h, valve):
+def valve_tick(
+    side: Record,
+    old_current: float,
+    new_current: float,
+    pressure: float,
+    supply: float,
+    speed_by_root: float,
+    steps: int,
+    h: float,
+    valve: Record,
+) -> None:
     """A valve over ``steps`` of h [s] at a held port pressure [Pa] while its current changes evenly.
 
     Leaves its mean flow and the mean slope of its orifice's flow by port pressure.
@@ -140,7 +154,7 @@ def valve_tick(side, old_current, new_current, pressure, supply, speed_by_root, 
     side.work += pressure * side.mean * steps * h
 
 
-def _record(*instances):
+def _record(*instances: object) -> np.void:
     out = np.zeros(1, record_dtype(*map(type, instances)))
     fill(out, *instances)
     return out[0]
@@ -154,7 +168,7 @@ class OtherSide:
     is left of the delay is that the port moves on; a valve's slope makes up for much of that.
     """
 
-    def __init__(self, device: str, config):
+    def __init__(self, device: str, config: CutRig) -> None:
         """device: name of one that can be cut. RigError for a motor whose speed loop is too quick for the cut's tick."""
         entry = config.structure.device(device)
         self.device, values = entry.part, getattr(config, device)
@@ -209,7 +223,7 @@ class OtherSide:
         duty = 0.0 if port.safe else port.setpoint
         return float(valve_model.coil_current(port.current, duty, port.tick, self._values))
 
-    def _move(self, side, port: Port, current: float) -> None:
+    def _move(self, side: np.void, port: Port, current: float) -> None:
         """Move a state over a tick with the port held, but for the coil current: it goes to ``current``."""
         steps = round(port.tick / self._h)
         if self.device == MOTOR:
@@ -220,7 +234,7 @@ class OtherSide:
         else:
             valve_tick(side, port.current, current, port.pressure, port.supply, self._speed_by_root, steps, self._h, self._values)
 
-    def _slope(self, side, port: Port) -> float:
+    def _slope(self, side: np.void, port: Port) -> float:
         """Change of a valve's answer by port pressure: the steeper of the orifice's and the way to no flow.
 
         The latter ends at the port pressure that, held from the port on, would have closed the valve in the
@@ -236,7 +250,7 @@ class OtherSide:
         return min(0.0, slope)
 
 
-def drained(pressure: float, config, device: str) -> Answer:
+def drained(pressure: float, config: CutRig, device: str) -> Answer:
     """The answer of a valve without current whose spool has come to rest: what stands in for a silent one."""
     values = _record(getattr(config, device))
     oil = getattr(config, config.structure.oil_of(config.structure.device(device), "supply"))

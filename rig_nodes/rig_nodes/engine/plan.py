@@ -92,7 +92,7 @@ class World:
     them, of which the first ``finite`` must be finite; kept: room for two copies of what a step leaves to the next one.
     """
 
-    def __init__(self, plan: Plan):
+    def __init__(self, plan: Plan) -> None:
         self.plan = plan
         self._by_part: dict[str, list[Instance]] = {}
         self._views: dict[tuple[str, str], np.void] = {}

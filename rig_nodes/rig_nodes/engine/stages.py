@@ -10,38 +10,48 @@ under that type. Called by engine.step and engine.loop.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from numba import njit
 from numba.extending import overload
 
 from ..compiled import INLINED
 from ..parts.part import STAGES, part
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
-def _parts_in(world) -> list:
+    from numba import types
+
+    from ..arrays import Record
+    from ..parts.part import Part
+
+
+def _parts_in(world: types.Record) -> list[Part]:
     """The parts of a world by the type of its record, in the order of their stages."""
     return sorted((part(name) for name in world.typeof("parts").fields), key=lambda one: one.order)
 
 
-def _calls(world, stage: str) -> list:
+def _calls(world: types.Record, stage: str) -> list[tuple[int, Callable]]:
     """Pairs (instances, compiled stage) of the parts that take part in a stage."""
     states = world.typeof("parts")
     return [(states.typeof(one.name).shape[0], one.stages[stage]) for one in _parts_in(world) if stage in one.stages]
 
 
-def _one_after_other(calls: list):
+def _one_after_other(calls: list[tuple[int, Callable]]) -> Callable[..., None]:
     """A function that calls stages of pairs (instances, stage); some at once, as every function costs the compiler time."""
     if not calls:
         return lambda world, *arguments: None
     if len(calls) == 1:
         ((m0, call0),) = calls
 
-        def run(world, *arguments):
+        def run(world, *arguments) -> None:  # noqa: ANN001, ANN002, see below
             for k in range(m0):
                 call0(world, k, *arguments)
     elif len(calls) == 2:
         (m0, call0), (m1, call1) = calls
 
-        def run(world, *arguments):
+        def run(world, *arguments) -> None:  # noqa: ANN001, ANN002, see below
             for k in range(m0):
                 call0(world, k, *arguments)
             for k in range(m1):
@@ -49,7 +59,7 @@ def _one_after_other(calls: list):
     else:
         (m0, call0), (m1, call1), others = *calls[:2], njit(**INLINED)(_one_after_other(calls[2:]))
 
-        def run(world, *arguments):
+        def run(world, *arguments) -> None:  # noqa: ANN001, ANN002, see below
             for k in range(m0):
                 call0(world, k, *arguments)
             for k in range(m1):
@@ -59,14 +69,16 @@ def _one_after_other(calls: list):
     return run
 
 
-def _stage(name: str):
+def _stage(name: str) -> Callable[..., None]:
     """The function of compiled code that runs one stage of parts.part.STAGES, whatever parts the world has."""
 
-    def stage(world, *arguments):
+    def stage(world: Record, *arguments: object) -> None:
         raise TypeError(f"the stage '{name}' of the engine is called from compiled code only")
 
+    # numba compares its parameters with those of what it gives, annotations too; here they are types and there values: so
+    # neither has any
     @overload(stage, jit_options=INLINED)
-    def chosen(world, *arguments):
+    def chosen(world, *arguments) -> Callable[..., None]:  # noqa: ANN001, ANN002, see above
         return _one_after_other(_calls(world, name))
 
     return stage

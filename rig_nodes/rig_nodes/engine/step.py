@@ -12,6 +12,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from numba import njit
 from numba.extending import overload
 
@@ -22,9 +24,16 @@ from ..plant.small_vectors import add, dot, product, put, scaled, vector
 from .general_step import driven_step_at, general_step
 from .stages import after, before, bound
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numba import types
+
+    from ..arrays import Record
+
 
 @njit(**INLINED)
-def plant_step(world, addresses, h, t):
+def plant_step(world: Record, addresses: tuple[int, int, int], h: float, t: float) -> None:
     """The plant from t to t + h; addresses: of the driveline's steps, from engine.general_step."""
     line = world.driveline
     v, gain, q, pushed = line.v, line.gain, line.q, line.middle.shape[0]
@@ -47,37 +56,41 @@ def plant_step(world, addresses, h, t):
     after(world, h)
 
 
-def is_driven(line) -> bool:
+def is_driven(line: types.Record) -> bool:
     """True of the record's type of a driveline that has laws, meshes with losses or inputs over time."""
     return "begun" in line.fields
 
 
-def move_driveline(line, addresses, h, t):
+def move_driveline(line: Record, addresses: tuple[int, int, int], h: float, t: float) -> None:
+    """Move the driveline's record from t over h, by the step that its type asks for."""
     raise TypeError("the driveline is moved from compiled code only")
 
 
+# numba compares the parameters of an overload with those of the function that it gives, annotations too; those of the one
+# would be types, those of the other values: so neither has any
 @overload(move_driveline, jit_options=INLINED)
-def _move_driveline(line, addresses, h, t):
+def _move_driveline(line, addresses, h, t) -> Callable[..., None]:  # noqa: ANN001, see above
     if is_driven(line):
         return lambda line, addresses, h, t: driven_step_at(addresses, h, t, line)
 
-    def moved(line, addresses, h, t):
+    def moved(line, addresses, h, t) -> None:  # noqa: ANN001, see above
         if not quiet_step(h, line):
             general_step(addresses, h, t, line)
 
     return moved
 
 
-def accelerations(line):
+def accelerations(line: Record) -> tuple[float, ...]:
+    """Accelerations of the driveline's speeds at the end of a step [rad/s2]."""
     raise TypeError("accelerations are taken from compiled code only")
 
 
 @overload(accelerations, jit_options=INLINED)
-def _accelerations(line):
+def _accelerations(line) -> Callable[..., tuple[float, ...]]:  # noqa: ANN001, see above
     if is_driven(line):
         return lambda line: vector(line.accel, 0, line.v)
 
-    def taken(line):
+    def taken(line) -> tuple[float, ...]:  # noqa: ANN001, see above
         v, w, sh, cap, el = line.v, line.w, line.sh, line.cap, line.el
         m, n = w.shape
         speeds = vector(v, 0, v)
@@ -93,7 +106,7 @@ def _accelerations(line):
 
 
 @njit(**INLINED)
-def measure_driveline(line):
+def measure_driveline(line: Record) -> None:
     """Speeds and accelerations of the bodies with a port, and torques between bodies, at the end of a step."""
     v, el, own = line.v, line.el, line.speed.shape[0]
     m, n = line.w.shape

@@ -9,6 +9,7 @@ A part of the engine for comparing model with model; nothing of a valve or a cyl
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from numba import njit
 
@@ -19,6 +20,9 @@ from . import plates
 from .part import CLUTCH, Part
 from .plates import PlatePack
 from .wet_clutch import SHOWS, Cylinder, says
+
+if TYPE_CHECKING:
+    from ..arrays import Floats, Record
 
 
 @dataclass(frozen=True)
@@ -34,14 +38,14 @@ class Force:
 
 
 @njit(**INLINED)
-def prescribed_clamp(pressure, clutch):
+def prescribed_clamp(pressure: float, clutch: Record) -> float:
     """Clamp force [N] at a prescribed pressure [Pa]: F_p of Annex D less the springs' force at the kiss point."""
     push = (clutch.force_square * pressure + clutch.force_linear) * pressure + clutch.force_offset
     return max(0.0, push - clutch.contact_force)
 
 
 @njit(error_model="numpy")
-def prescribed_pressure(since, phase, pieces):
+def prescribed_pressure(since: float, phase: float, pieces: Floats) -> float:
     """Pressure [Pa] ``since`` s after the switch signal of a valve's phase; none before the first.
 
     pieces (2, n, 5): for switching on and off, rows of end [s] and the coefficients of a cubic [Pa, s], lowest power
@@ -58,20 +62,20 @@ def prescribed_pressure(since, phase, pieces):
 
 
 @njit(**INLINED)
-def fill(world, k, h):
+def fill(world: Record, k: int, h: float) -> None:
     """What the step's length makes of the plates' cooling."""
     plates.fill_plates(world.values.curve_clutch[k], h)
 
 
 @njit(**INLINED)
-def ordered(world, k, outputs, steps_per_sample, h):
+def ordered(world: Record, k: int, outputs: Record, steps_per_sample: int, h: float) -> None:
     """Note when which way of the curve began."""
     me, out = world.parts.curve_clutch[k], outputs[world.values.curve_clutch[k].output]
     me.phase, me.began = out.phase, out.start * steps_per_sample
 
 
 @njit(**INLINED)
-def before(world, k, h, t):
+def before(world: Record, k: int, h: float, t: float) -> None:
     """Pressure of the curve at the step's end, and the pack under it."""
     me, my = world.parts.curve_clutch[k], world.values.curve_clutch[k]
     drag = plates.capacities_before(me, my, world.driveline.cap)
@@ -82,7 +86,7 @@ def before(world, k, h, t):
 
 
 @njit(**INLINED)
-def after(world, k, h):
+def after(world: Record, k: int, h: float) -> None:
     """Heat and wear of the plates."""
     plates.heat_plates(world.parts.curve_clutch[k], world.values.curve_clutch[k], world)
 

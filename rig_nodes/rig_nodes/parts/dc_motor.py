@@ -10,12 +10,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import exp
+from typing import TYPE_CHECKING
 
 from numba import njit
 
 from ..compiled import INLINED
 from ..config.schema import param
 from .part import SOURCE, Command, Part, Shown, Wire
+
+if TYPE_CHECKING:
+    from ..arrays import Record
+    from .running_rig import RunningRig
 
 
 @dataclass(frozen=True)
@@ -38,26 +43,30 @@ class MotorConfig:
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def ramp_setpoint(setpoint, target, h, motor):
+def ramp_setpoint(setpoint: float, target: float, h: float, motor: Record) -> float:
     """The speed setpoint after h, moved towards its target by the drive's ramp."""
     change = motor.ramp * h
     return setpoint + min(max(target - setpoint, -change), change)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def next_setpoint(setpoint, target, speed, enabled, h, motor):
+def next_setpoint(setpoint: float, target: float, speed: float, enabled: bool, h: float, motor: Record) -> float:
     """The speed setpoint after h: ramped towards its target; that of a disabled drive follows the shaft."""
     return ramp_setpoint(setpoint, target, h, motor) if enabled else speed
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def drive_torque(torque, integral, setpoint, speed, enabled, h, motor):
+def drive_torque(
+    torque: float, integral: float, setpoint: float, speed: float, enabled: bool, h: float, motor: Record
+) -> tuple[float, float]:
     """(torque [Nm], integral part [Nm]) after h: PI with clamped integral; a disabled drive has no torque."""
     return torque_after(torque, integral, setpoint, speed, enabled, h, exp(-h / motor.torque_time), motor)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def torque_after(torque, integral, setpoint, speed, enabled, h, decay, motor):
+def torque_after(
+    torque: float, integral: float, setpoint: float, speed: float, enabled: bool, h: float, decay: float, motor: Record
+) -> tuple[float, float]:
     """:func:`drive_torque` over a time h in which the share ``decay`` of a change of torque is still to come."""
     if not enabled:
         return 0.0, 0.0
@@ -70,13 +79,13 @@ def torque_after(torque, integral, setpoint, speed, enabled, h, decay, motor):
 
 
 @njit(**INLINED)
-def fill(world, k, h):
+def fill(world: Record, k: int, h: float) -> None:
     """Share of a change of torque that is still to come after a step."""
     world.values.dc_motor[k].decay = exp(-h / world.values.dc_motor[k].torque_time)
 
 
 @njit(**INLINED)
-def before(world, k, h, t):
+def before(world: Record, k: int, h: float, t: float) -> None:
     """Torque on its body at both ends of the step, by the speed in the middle of it."""
     me, my, line = world.parts.dc_motor[k], world.values.dc_motor[k], world.driveline
     drive = me.enabled > 0.0 and world.safe == 0.0
@@ -99,7 +108,7 @@ def before(world, k, h, t):
 
 
 @njit(**INLINED)
-def after(world, k, h):
+def after(world: Record, k: int, h: float) -> None:
     """What gives a body that is held at its speed that speed, without what was put on it."""
     me, my, line = world.parts.dc_motor[k], world.values.dc_motor[k], world.driveline
     if my.stiff > 0.0:
@@ -108,7 +117,7 @@ def after(world, k, h):
 
 # target, enabled: speed setpoint and switch; held: torque and setpoint of a motor outside the plant, for a tick (engine.outside);
 # before: torque at the step's start; stiff: the speed is the setpoint, whatever the load; inertia: of its body
-def says(rig, name):
+def says(rig: RunningRig, name: str) -> tuple[float, ...]:
     """Fields of its MotorState."""
     me = rig.device(name)
     return (rig.speed_at(name), float(me["setpoint"]), float(me["torque"]), rig.energies["motor"], bool(me["enabled"] > 0.0))

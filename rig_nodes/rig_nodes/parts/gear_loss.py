@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi, sqrt
+from typing import TYPE_CHECKING
 
 from numba import njit
 
@@ -18,6 +19,9 @@ from ..config.schema import choice, param
 from ..plant.driveline_algebra import KIN1
 from ..plant.driveline_losses import BASE, FACTOR
 from .part import LOSS, Part, Wire
+
+if TYPE_CHECKING:
+    from ..arrays import Record
 
 RPM = pi / 30.0
 PER_RPM = 30.0 / pi
@@ -52,7 +56,7 @@ class GearLossConfig:
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def loss_by_speed(speed, loss):
+def loss_by_speed(speed: float, loss: Record) -> float:
     """Loss torque [Nm] by the shaft's speed [rad/s], (6.72), (7.7) and Annex D."""
     total = 0.0
     if loss.by_speed > 0.0:
@@ -65,7 +69,7 @@ def loss_by_speed(speed, loss):
 
 
 @njit(**INLINED)
-def before(world, k, h, t):
+def before(world: Record, k: int, h: float, t: float) -> None:
     """What is by speed, held over the step; what comes by torque is the driveline's to solve."""
     my, line = world.values.gear_loss[k], world.driveline
     line.loss[my.row, BASE] = max(LEAST_LOSS, loss_by_speed(line.middle[my.body], my) + my.steady)
@@ -75,7 +79,7 @@ def before(world, k, h, t):
 
 
 @njit(**INLINED)
-def after(world, k, h):
+def after(world: Record, k: int, h: float) -> None:
     """The torque that brakes its shaft now."""
     world.parts.gear_loss[k].torque = world.driveline.cap[KIN1, world.values.gear_loss[k].element]
 

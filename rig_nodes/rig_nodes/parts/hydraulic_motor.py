@@ -9,6 +9,7 @@ A part of the engine: torque by the pressure before it, friction of its own on i
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from numba import njit
 
@@ -16,6 +17,10 @@ from ..compiled import INLINED
 from ..config.schema import param
 from ..plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LO0, LO1
 from .part import SOURCE, Command, Part, Shown, Wire
+
+if TYPE_CHECKING:
+    from ..arrays import Record
+    from .running_rig import RunningRig
 
 
 @dataclass(frozen=True)
@@ -38,7 +43,7 @@ class HydraulicMotorConfig:
 
 
 @njit(cache=True)
-def valve_setting(setting, target, h, motor):
+def valve_setting(setting: float, target: float, h: float, motor: Record) -> float:
     """Setting [Pa] of ZP_2 after h: turned towards its target; shut off (target 0) it opens at once.
 
     Nothing sets more than the pressure of the pump's line, p_2.
@@ -50,7 +55,9 @@ def valve_setting(setting, target, h, motor):
 
 
 @njit(cache=True)
-def line_pressure(pressure, flow, speed, setting, h, bulk_modulus, motor):
+def line_pressure(
+    pressure: float, flow: float, speed: float, setting: float, h: float, bulk_modulus: float, motor: Record
+) -> float:
     """Pressure [Pa] before the motor after h, implicit: V/K dp/dt = Q_RP - V_SH w - (p - p_ZP2) / droop.
 
     flow: of the regulator [m3/s], whatever the pressure; the last term only above the setting. A motor that runs ahead
@@ -65,7 +72,7 @@ def line_pressure(pressure, flow, speed, setting, h, bulk_modulus, motor):
 
 
 @njit(**INLINED)
-def before(world, k, h, t):
+def before(world: Record, k: int, h: float, t: float) -> None:
     """Relief setting, line pressure and torque over the step."""
     me, my, line = world.parts.hydraulic_motor[k], world.values.hydraulic_motor[k], world.driveline
     cap, f, safe = line.cap, my.element, world.safe > 0.0
@@ -83,7 +90,7 @@ def before(world, k, h, t):
 
 # target, enabled: speed for which the regulator is set; relief_target, relief_enabled: where ZP_2 is turned to; relief: its
 # setting as it is turned
-def says(rig, name):
+def says(rig: RunningRig, name: str) -> tuple[float, ...]:
     """Fields of its MotorState."""
     me = rig.device(name)
     return (

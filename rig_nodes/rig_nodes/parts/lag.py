@@ -9,7 +9,7 @@ from numba import njit
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def lagged(value, target, decay):
+def lagged(value: float, target: float, decay: float) -> float:
     """A value that is never negative on its way to ``target``, with the share ``decay`` of the way still to come.
 
     What fades for ever must not end in denormal numbers, which slow the processor down by a fifth: below 1e-200 it is 0.

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import exp, pi
+from typing import TYPE_CHECKING
 
 from numba import njit
 
@@ -18,6 +19,10 @@ from ..config.schema import param
 from ..plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LO0, LO1
 from .lag import lagged
 from .part import LOAD, Command, Part, Shown, Wire
+
+if TYPE_CHECKING:
+    from ..arrays import Record
+    from .running_rig import RunningRig
 
 PER_RPM = 30.0 / pi
 
@@ -37,20 +42,20 @@ class LoadConfig:
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def relief_factor(speed):
+def relief_factor(speed: float) -> float:
     """Pressure over setting of the relief valve against speed [rad/s]: f(n) of Annex D, n in rpm."""
     n = abs(speed) * PER_RPM
     return 3.84e-7 * n * n - 6.36e-4 * n + 1.32
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def line_pressure(pressure, setting, enabled, speed, h, load):
+def line_pressure(pressure: float, setting: float, enabled: bool, speed: float, h: float, load: Record) -> float:
     """Pressure [Pa] of the pump's pressure line after h; an opened relief valve leaves none."""
     return pressure_after(pressure, setting, enabled, speed, exp(-h / load.pressure_time), load)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def pressure_after(pressure, setting, enabled, speed, decay, load):
+def pressure_after(pressure: float, setting: float, enabled: bool, speed: float, decay: float, load: Record) -> float:
     """:func:`line_pressure` over a time in which the share ``decay`` of a change is still to come."""
     target = 0.0
     if enabled:
@@ -59,7 +64,7 @@ def pressure_after(pressure, setting, enabled, speed, decay, load):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def torque_capacity(pressure, load):
+def torque_capacity(pressure: float, load: Record) -> float:
     """Torque [Nm] with which the pump resists turning: V/(2 pi) p plus its own friction."""
     return load.displacement * pressure + load.mechanical_loss
 
@@ -75,13 +80,13 @@ def relief_setting_for(torque: float, speed: float, load: LoadConfig) -> float:
 
 
 @njit(**INLINED)
-def fill(world, k, h):
+def fill(world: Record, k: int, h: float) -> None:
     """Share of a change of pressure that is still to come after a step."""
     world.values.load_pump[k].decay = exp(-h / world.values.load_pump[k].pressure_time)
 
 
 @njit(**INLINED)
-def before(world, k, h, t):
+def before(world: Record, k: int, h: float, t: float) -> None:
     """Pressure and capacity by the speed in the middle of the step."""
     me, my, line = world.parts.load_pump[k], world.values.load_pump[k], world.driveline
     cap, f = line.cap, my.element
@@ -97,7 +102,7 @@ def before(world, k, h, t):
 
 
 # setting, enabled: of the relief valve; held: answer of a load outside the plant, for a tick (engine.outside)
-def says(rig, name):
+def says(rig: RunningRig, name: str) -> tuple[float, ...]:
     """Fields of its LoadState."""
     me = rig.device(name)
     return (rig.friction_torque(name), rig.capacity(name), float(me["pressure"]), float(me["setting"]), rig.energies["load"])

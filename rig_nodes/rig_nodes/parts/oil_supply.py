@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import exp
+from typing import TYPE_CHECKING
 
 from numba import njit
 
@@ -17,6 +18,10 @@ from ..compiled import INLINED
 from ..config.schema import param
 from .lag import lagged
 from .part import OIL, Command, Part, Wire
+
+if TYPE_CHECKING:
+    from ..arrays import Record
+    from .running_rig import RunningRig
 
 
 @dataclass(frozen=True)
@@ -38,19 +43,19 @@ class OilSupplyConfig:
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def viscosity_at(temperature, oil):
+def viscosity_at(temperature: float, oil: Record) -> float:
     """Dynamic viscosity [Pa s] at a temperature [degC]: exponential around that of ``viscosity_temperature``."""
     return oil.viscosity * exp(-oil.viscosity_per_kelvin * (temperature - oil.viscosity_temperature))
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def supply_pressure(pressure, setting, enabled, flow, h, oil):
+def supply_pressure(pressure: float, setting: float, enabled: bool, flow: float, h: float, oil: Record) -> float:
     """Supply pressure [Pa] after h: towards the relief setting less its droop with the flow drawn."""
     return supply_after(pressure, setting, enabled, flow, exp(-h / oil.pressure_time), oil)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def supply_after(pressure, setting, enabled, flow, decay, oil):
+def supply_after(pressure: float, setting: float, enabled: bool, flow: float, decay: float, oil: Record) -> float:
     """:func:`supply_pressure` over a time in which the share ``decay`` of a change is still to come."""
     target = 0.0
     if enabled:
@@ -59,13 +64,13 @@ def supply_after(pressure, setting, enabled, flow, decay, oil):
 
 
 @njit(**INLINED)
-def fill(world, k, h):
+def fill(world: Record, k: int, h: float) -> None:
     """Share of a change of pressure that is still to come after a step."""
     world.values.oil_supply[k].decay = exp(-h / world.values.oil_supply[k].pressure_time)
 
 
 @njit(**INLINED)
-def before(world, k, h, t):
+def before(world: Record, k: int, h: float, t: float) -> None:
     """Pressure by what was drawn in the last step."""
     me, my = world.parts.oil_supply[k], world.values.oil_supply[k]
     line = world.oil[my.line]
@@ -75,7 +80,7 @@ def before(world, k, h, t):
 
 
 # setting, enabled: of the relief valve; temperature: of the oil in the whole rig [degC]
-def says(rig, name):
+def says(rig: RunningRig, name: str) -> tuple[float, ...]:
     """Fields of its OilState."""
     me = rig.device(name)
     return (

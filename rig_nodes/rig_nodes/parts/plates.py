@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import exp, expm1
+from typing import TYPE_CHECKING
 
 from numba import njit
 
@@ -22,6 +23,10 @@ from ..plant.friction import closed, drag
 from ..plant.friction.geometry import PackGeometry
 from .oil_supply import viscosity_at
 from .part import Wire
+
+if TYPE_CHECKING:
+    from ..arrays import Floats, Record
+    from .running_rig import RunningRig
 
 # models of chapter 6 that a configuration may name
 FRICTION_MODELS = ("thesis", "traditional", "osinski", "newcomb", "chen")
@@ -118,20 +123,22 @@ def drag_factor(pack: PlatePack, model: str = "kitabayashi") -> float:
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def friction_factor(temperature, clutch):
+def friction_factor(temperature: float, clutch: Record) -> float:
     """Friction of the plates at their temperature [degC] over that at ``friction_temperature``."""
     return max(0.2, 1.0 + clutch.friction_per_kelvin * (temperature - clutch.friction_temperature))
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def plates_cooling(h, clutch):
+def plates_cooling(h: float, clutch: Record) -> tuple[float, float]:
     """(share of a difference to the oil's temperature that is left after h, rise by heat that comes evenly [K/J])."""
     spent = h * clutch.cooling / clutch.heat_capacity
     return exp(-spent), (-expm1(-spent) / spent if spent > 0.0 else 1.0) / clutch.heat_capacity
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def plates_after(temperature, wear, heat, oil_temperature, left, rise, clutch):
+def plates_after(
+    temperature: float, wear: float, heat: float, oil_temperature: float, left: float, rise: float, clutch: Record
+) -> tuple[float, float]:
     """(temperature [degC], wear of the whole pack [m]) of the plates after a step in which they took ``heat`` [J].
 
     left, rise: of :func:`plates_cooling`, the exact solution for heat that comes evenly.
@@ -141,7 +148,7 @@ def plates_after(temperature, wear, heat, oil_temperature, left, rise, clutch):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def drag_coefficient(piston, clamp, viscosity, clutch):
+def drag_coefficient(piston: float, clamp: float, viscosity: float, clutch: Record) -> float:
     """Viscous torque per slip [Nm s/rad]: oil sheared in the gaps, giving way to the asperities as they carry."""
     gap = max((clutch.clearance - piston) / clutch.surfaces, clutch.film_gap)
     film_share = max(0.0, 1.0 - clamp / clutch.film_force)
@@ -149,7 +156,7 @@ def drag_coefficient(piston, clamp, viscosity, clutch):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def held_torque(before, clamp, engaging, releasing):
+def held_torque(before: float, clamp: float, engaging: float, releasing: float) -> float:
     """Torque [Nm] at which a stuck pack slips, with the memory of the splines: rises along ``engaging`` times the clamp
     force, stays while the plates stick on their splines, falls along ``releasing`` times the clamp force [Nm/N].
     """
@@ -157,7 +164,7 @@ def held_torque(before, clamp, engaging, releasing):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def rest_share(before, piston, clamp, clutch):
+def rest_share(before: float, piston: float, clamp: float, clutch: Record) -> float:
     """Share of M_rest of (6.56), what an unclamped pack still asks for, with the memory of the contact.
 
     It is there as soon as the asperities carry, and outlasts the clamp: plates that stick, and waves that press them
@@ -207,7 +214,7 @@ def derived(plates: PlatePack, pack: PackFriction, clearance: float, spline_hyst
     }
 
 
-def said(rig, name: str, pressure: float, travel: float) -> tuple:
+def said(rig: RunningRig, name: str, pressure: float, travel: float) -> tuple:
     """Fields of a pack's ClutchState, with the pressure [Pa] that presses it and the way [m] of what does."""
     me, slip = rig.device(name), rig.slip(name)
     return (
@@ -225,7 +232,7 @@ def said(rig, name: str, pressure: float, travel: float) -> tuple:
 
 
 @njit(**INLINED)
-def film_viscosity(me, oil):
+def film_viscosity(me: Record, oil: Record) -> float:
     """Viscosity [Pa s] of the oil between the plates: the exponential's series around a temperature near by.
 
     Exact to rounding, and without a call in every step; the pack carries the place around which it goes.
@@ -239,13 +246,13 @@ def film_viscosity(me, oil):
 
 
 @njit(**INLINED)
-def fill_plates(my, h):
+def fill_plates(my: Record, h: float) -> None:
     """What the step's length makes of the plates' cooling."""
     my.plates_left, my.plates_rise = plates_cooling(h, my)
 
 
 @njit(**INLINED)
-def capacities_before(me, my, cap):
+def capacities_before(me: Record, my: Record, cap: Floats) -> float:
     """Leave the pack's torques at the step's start with the driveline; the drag of then."""
     f = my.element
     cap[KIN0, f], cap[HI0, f], cap[LO0, f] = me.kinetic, me.static, -me.static
@@ -253,7 +260,7 @@ def capacities_before(me, my, cap):
 
 
 @njit(**INLINED)
-def capacities_after(me, my, piston, drag, world):
+def capacities_after(me: Record, my: Record, piston: float, drag: float, world: Record) -> None:
     """What the pack can carry at its clamp force, with its memory, and the drag over the step, to the driveline.
 
     drag: that of the step's start.
@@ -274,7 +281,7 @@ def capacities_after(me, my, piston, drag, world):
 
 
 @njit(**INLINED)
-def heat_plates(me, my, world):
+def heat_plates(me: Record, my: Record, world: Record) -> None:
     """Temperature and wear by the heat of the step."""
     el, f = world.driveline.el, my.element
     heat = el[E_FRIC, f] + el[E_VISC, f]

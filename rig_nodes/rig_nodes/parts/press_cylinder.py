@@ -9,6 +9,7 @@ A part of the engine. Force over pressure (8.2), springs (8.1), clamp force (8.3
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from numba import njit
 
@@ -17,6 +18,10 @@ from ..config.schema import param, switch
 from ..plant.friction.bench import SPRING_FORCE, SPRING_TRAVEL
 from .oil_supply import supply_pressure
 from .part import PRESS, Command, Part, Shown, Wire
+
+if TYPE_CHECKING:
+    from ..arrays import Record
+    from .running_rig import RunningRig
 
 
 @dataclass(frozen=True)
@@ -43,7 +48,7 @@ class PressCylinder:
 
 
 @njit(cache=True)
-def spring_force(travel, cylinder):
+def spring_force(travel: float, cylinder: Record) -> tuple[float, float]:
     """(F_s [N], its slope [N/m]) at travel s [m] by (8.1); beyond the 4 mm of the tests its tangent goes on."""
     s = min(max(travel, 0.0), SPRING_TRAVEL) * 1e3
     force, slope = 0.0, 0.0
@@ -56,20 +61,20 @@ def spring_force(travel, cylinder):
 
 
 @njit(cache=True)
-def contact_force(travel, cylinder):
+def contact_force(travel: float, cylinder: Record) -> float:
     """Force [N] on what is pressed: none before the contact, then linear."""
     return cylinder.contact_rate * max(0.0, travel - cylinder.contact_travel)
 
 
 @njit(cache=True)
-def machine_step(travel, target, h, cylinder):
+def machine_step(travel: float, target: float, h: float, cylinder: Record) -> float:
     """Travel [m] after h in the testing machine, towards its target at its speed."""
     change = cylinder.machine_speed * h
     return travel + min(max(target - travel, -change), change)
 
 
 @njit(cache=True)
-def piston_step(travel, pressure, h, cylinder):
+def piston_step(travel: float, pressure: float, h: float, cylinder: Record) -> float:
     """Travel [m] after h: implicit step of the massless, damped piston.
 
     F_p(p) -+ seals = F_s(s) + contact + damping v; it stays while the seals take the rest. At rest after a rise
@@ -98,7 +103,7 @@ def piston_step(travel, pressure, h, cylinder):
 
 
 @njit(**INLINED)
-def before(world, k, h, t):
+def before(world: Record, k: int, h: float, t: float) -> None:
     """The lever valve, chamber, piston and springs over the step, or the testing machine in their place."""
     me, my = world.parts.press_cylinder[k], world.values.press_cylinder[k]
     on = me.enabled > 0.0 and world.safe == 0.0
@@ -114,7 +119,7 @@ def before(world, k, h, t):
 
 # setting, enabled: of the pressure; machine_target, machine_enabled: travel of the testing machine; pressure: in the chamber;
 # force: on what the piston or the machine presses; clamp: on a pack
-def says(rig, name):
+def says(rig: RunningRig, name: str) -> tuple[float, ...]:
     """Fields of its OilState."""
     me = rig.device(name)
     return (

@@ -8,6 +8,8 @@ A part of the engine; the plates themselves are parts.plates, the force comes fr
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from numba import njit
 
 from ..compiled import INLINED
@@ -15,15 +17,19 @@ from . import plates
 from .part import CLUTCH, Part, Shown, Wire
 from .plates import PackFriction, PlatePack
 
+if TYPE_CHECKING:
+    from ..arrays import Record
+    from .running_rig import RunningRig
+
 
 @njit(**INLINED)
-def fill(world, k, h):
+def fill(world: Record, k: int, h: float) -> None:
     """What the step's length makes of the plates' cooling."""
     plates.fill_plates(world.values.pressed_clutch[k], h)
 
 
 @njit(**INLINED)
-def before(world, k, h, t):
+def before(world: Record, k: int, h: float, t: float) -> None:
     """The pack under the force of its cylinder."""
     me, my = world.parts.pressed_clutch[k], world.values.pressed_clutch[k]
     press = world.parts.press_cylinder[my.press]
@@ -34,12 +40,12 @@ def before(world, k, h, t):
 
 
 @njit(**INLINED)
-def after(world, k, h):
+def after(world: Record, k: int, h: float) -> None:
     """Heat and wear of the plates."""
     plates.heat_plates(world.parts.pressed_clutch[k], world.values.pressed_clutch[k], world)
 
 
-def says(rig, name):
+def says(rig: RunningRig, name: str) -> tuple[float, ...]:
     """Fields of its ClutchState."""
     press = rig.device(rig.wire(name, "press"))
     return plates.said(rig, name, float(press["pressure"]), float(press["travel"]))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import exp, inf, sqrt
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
@@ -18,6 +19,10 @@ from ..compiled import INLINED
 from ..config.schema import param
 from .lag import lagged
 from .part import NOWHERE, VALVE, Part, Shown, Wire
+
+if TYPE_CHECKING:
+    from ..arrays import Record
+    from .running_rig import RunningRig
 
 # who drives the coils: duty from outside, the embedded law, or the plant's power stage on setpoints from outside
 BY_DUTY, BY_LAW, BY_SETPOINT = range(3)
@@ -48,26 +53,26 @@ class ValveConfig:
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def coil_current(current, duty, h, valve):
+def coil_current(current: float, duty: float, h: float, valve: Record) -> float:
     """Coil current after h [s] at an averaged PWM duty: exact solution of L di/dt + R i = duty U, diode i >= 0."""
     return coil_after(current, duty, coil_decay(h, valve), valve)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def coil_decay(h, valve):
+def coil_decay(h: float, valve: Record) -> float:
     """Share of a change of the coil's current that is still to come after h [s]."""
     return exp(-h * valve.coil_resistance / valve.coil_inductance)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def coil_after(current, duty, decay, valve):
+def coil_after(current: float, duty: float, decay: float, valve: Record) -> float:
     """:func:`coil_current` over a time whose ``decay`` is known."""
     steady = duty * valve.coil_voltage / valve.coil_resistance
     return lagged(current, steady, decay)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def on_share(t, h, duty, frequency):
+def on_share(t: float, h: float, duty: float, frequency: float) -> float:
     """Share of the time from t to t + h in which a PWM of this frequency [Hz] is on; on from the start of a period."""
     first, last = t * frequency, (t + h) * frequency
     turns = np.floor(first)  # a float, which takes no way through whole numbers
@@ -79,7 +84,7 @@ def on_share(t, h, duty, frequency):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def magnet_pressure(before, current, valve):
+def magnet_pressure(before: float, current: float, valve: Record) -> float:
     """Magnet's force [Pa of port pressure]: g i with hysteresis, the share of the force that iron and armature keep.
 
     It rises along (1 - share) g i, stays while the current turns round, and falls along (1 + share) g i. ``before``:
@@ -90,7 +95,7 @@ def magnet_pressure(before, current, valve):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def held_pressures(magnet, valve):
+def held_pressures(magnet: float, valve: Record) -> tuple[float, float]:
     """(lowest, highest) port pressure [Pa, gauge] at which the spool stays where it is, by the magnet's force [Pa].
 
     Magnet against port pressure and spring; friction holds the spool within a band of that. Nothing regulates above
@@ -104,7 +109,7 @@ def held_pressures(magnet, valve):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def spool_position(spool, magnet, port_pressure, h, valve):
+def spool_position(spool: float, magnet: float, port_pressure: float, h: float, valve: Record) -> float:
     """Spool position [m] after h: first-order towards the band that friction holds it in, between its stops.
 
     0 is the edge of the reducing side; the relieving side opens only after the overlap (dead band).
@@ -113,13 +118,13 @@ def spool_position(spool, magnet, port_pressure, h, valve):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def spool_decay(h, valve):
+def spool_decay(h: float, valve: Record) -> float:
     """Share of the spool's way that is still to come after h [s]."""
     return exp(-h / valve.spool_time)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def spool_after(spool, magnet, port_pressure, decay, valve):
+def spool_after(spool: float, magnet: float, port_pressure: float, decay: float, valve: Record) -> float:
     """:func:`spool_position` over a time whose ``decay`` is known."""
     lowest, highest = held_pressures(magnet, valve)
     gain = valve.spool_stroke / valve.full_opening_pressure
@@ -129,7 +134,7 @@ def spool_after(spool, magnet, port_pressure, decay, valve):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def closing_pressure(spool, reducing, magnet, h, valve):
+def closing_pressure(spool: float, reducing: bool, magnet: float, h: float, valve: Record) -> float:
     """Port pressure [Pa] that, held over h, brings the spool to its edge; infinite where none does.
 
     reducing: the edge towards the supply is meant, else that of the relieving side.
@@ -146,7 +151,7 @@ def closing_pressure(spool, reducing, magnet, h, valve):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def opening(spool, valve):
+def opening(spool: float, valve: Record) -> float:
     """Share of the full orifice, -1 (drain) to 1 (supply); 0 inside the dead band."""
     if spool > 0.0:
         return spool / valve.spool_stroke
@@ -156,13 +161,13 @@ def opening(spool, valve):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def orifice_speed(density):
+def orifice_speed(density: float) -> float:
     """sqrt(2 / rho) of the orifice law [m3/2 kg-1/2], for :func:`port_flow`."""
     return sqrt(2.0 / density)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def port_flow(share, port_pressure, supply_pressure, speed, valve):
+def port_flow(share: float, port_pressure: float, supply_pressure: float, speed: float, valve: Record) -> tuple[float, float]:
     """(flow to the clutch [m3/s], d flow/d port pressure): orifice law Q = A sqrt(2 dp / rho).
 
     speed: of :func:`orifice_speed`.
@@ -188,7 +193,7 @@ def port_flow(share, port_pressure, supply_pressure, speed, valve):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def held_flow(state, port_pressure, supply_pressure, most):
+def held_flow(state: Record, port_pressure: float, supply_pressure: float, most: float) -> tuple[float, float]:
     """As :func:`port_flow` for a valve outside the plant: its answer, Q0 + slope (p - p0), held for a tick.
 
     Whatever the answer says, within a tick the flow keeps its direction, no oil comes from a supply below the
@@ -206,14 +211,14 @@ def held_flow(state, port_pressure, supply_pressure, most):
 
 
 @njit(**INLINED)
-def fill(world, k, h):
+def fill(world: Record, k: int, h: float) -> None:
     """Shares of the coil's and the spool's way that are left after a step."""
     my = world.values.proportional_valve[k]
     my.coil_left, my.spool_left = coil_decay(h, my), spool_decay(h, my)
 
 
 @njit(**INLINED)
-def command(world, k, outputs, drive):
+def command(world: Record, k: int, outputs: Record, drive: int) -> None:
     """Duty of this sample; where the current is its setpoint, that of the last sample, as the duty would be."""
     me, my = world.parts.proportional_valve[k], world.values.proportional_valve[k]
     safe = world.safe > 0.0
@@ -225,7 +230,7 @@ def command(world, k, outputs, drive):
 
 
 @njit(**INLINED)
-def before(world, k, h, t):
+def before(world: Record, k: int, h: float, t: float) -> None:
     """Coil, magnet and spool over the step; the flow is solved with the line that it fills."""
     me, my = world.parts.proportional_valve[k], world.values.proportional_valve[k]
     me.on = me.duty if my.pwm == 0.0 else on_share(t, h, me.duty, my.pwm)
@@ -241,7 +246,7 @@ def before(world, k, h, t):
 
 
 @njit(**INLINED)
-def pickup(world, k, h, index, shown):
+def pickup(world: Record, k: int, h: float, index: int, shown: Record) -> None:
     """Voltage of the coil less its mean, in the wire of the transducer beside it."""
     me, my = world.parts.proportional_valve[k], world.values.proportional_valve[k]
     if my.beside != NOWHERE:
@@ -251,7 +256,7 @@ def pickup(world, k, h, index, shown):
 
 
 @njit(**INLINED)
-def line_flow(valve, line, supply, speed, most, values):
+def line_flow(valve: Record, line: float, supply: float, speed: float, most: float, values: Record) -> tuple[float, float]:
     """(flow into the line [m3/s], its slope): of the spool, or of a valve that stands outside the plant."""
     if valve.cut > 0.0:
         return held_flow(valve, line, supply, most)
@@ -259,7 +264,7 @@ def line_flow(valve, line, supply, speed, most, values):
 
 
 @njit(**INLINED)
-def fed(world, k, line, flow, h):
+def fed(world: Record, k: int, line: float, flow: float, h: float) -> None:
     """Note what the valve has given to its line over a step, by whoever has solved it."""
     me = world.parts.proportional_valve[k]
     me.flow = flow
@@ -267,7 +272,7 @@ def fed(world, k, line, flow, h):
     world.oil[world.values.proportional_valve[k].supply].drawn += max(0.0, flow)  # what it lets out goes to the tank
 
 
-def says(rig, name):
+def says(rig: RunningRig, name: str) -> tuple[float, ...]:
     """Fields of its ValveState."""
     me = rig.device(name)
     return (

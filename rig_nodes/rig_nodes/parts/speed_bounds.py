@@ -8,14 +8,19 @@ A part of the engine for comparing model with model; what it does to a speed is 
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from numba import njit
 
 from ..compiled import INLINED
 from .part import Part
 
+if TYPE_CHECKING:
+    from ..arrays import Record
+
 
 @njit(**INLINED)
-def bound(world, k):
+def bound(world: Record, k: int) -> None:
     """Put the speed back between its bounds, after the driveline's step."""
     my, v = world.values.speed_bounds[k], world.driveline.v
     v[my.held] = min(max(v[my.held], v[my.by] * my.lowest), v[my.by] * my.highest)

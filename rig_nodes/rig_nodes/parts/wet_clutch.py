@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf, sqrt
+from typing import TYPE_CHECKING
 
 from numba import njit
 
@@ -19,6 +20,10 @@ from . import plates
 from .part import CLUTCH, Part, Shown
 from .plates import PackFriction, PlatePack
 from .proportional_valve import fed, line_flow, orifice_speed
+
+if TYPE_CHECKING:
+    from ..arrays import Record
+    from .running_rig import RunningRig
 
 THIRD = 1.0 / 3.0
 LOWEST = -1e4  # Pa: to which the tank's pressure may be missed by the order of the integration
@@ -50,7 +55,7 @@ class Cylinder(PackFriction):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def pack_force(piston, clutch):
+def pack_force(piston: float, clutch: Record) -> tuple[float, float]:
     """(force on the plates [N], its slope [N/m]): none up to the kiss point, then the waves of the steel plates.
 
     F = k x / (1 - x / x_f): soft at first, stiff as the sinusoidal plates lie flat at the travel x_f.
@@ -63,7 +68,7 @@ def pack_force(piston, clutch):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def piston_step(piston, pressure, h, clutch):
+def piston_step(piston: float, pressure: float, h: float, clutch: Record) -> tuple[float, float]:
     """(piston position after h, its derivative by pressure): implicit step of the massless, damped piston.
 
     Balance: push = springs + pack + damping v + seal friction, which holds the piston while the rest is smaller. The
@@ -96,7 +101,7 @@ def piston_step(piston, pressure, h, clutch):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def oil_stiffness(h, oil, clutch):
+def oil_stiffness(h: float, oil: Record, clutch: Record) -> tuple[float, float, float]:
     """(flow that raises the line's pressure [m3/(s Pa)], that of the chamber by backward differences, pressure that the
     feed orifice takes per flow squared [Pa s2/m6]), for steps of h: constants of :func:`cylinder_step`.
     """
@@ -108,7 +113,19 @@ def oil_stiffness(h, oil, clutch):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def cylinder_step(cylinder, port, state, supply, h, full_line, stiff_chamber, inertia_drop, speed_by_root, valve, clutch):
+def cylinder_step(
+    cylinder: Record,
+    port: Record,
+    state: Record,
+    supply: float,
+    h: float,
+    full_line: float,
+    stiff_chamber: float,
+    inertia_drop: float,
+    speed_by_root: float,
+    valve: Record,
+    clutch: Record,
+) -> tuple[float, float, float, float, float]:
     """One implicit step of line, feed orifice, chamber and piston from where they are in ``port`` and ``cylinder``.
 
     state: of the valve, with its opening or, where it stands outside the plant, its held answer; full_line to
@@ -156,7 +173,7 @@ def cylinder_step(cylinder, port, state, supply, h, full_line, stiff_chamber, in
 
 
 @njit(**INLINED)
-def fill(world, k, h):
+def fill(world: Record, k: int, h: float) -> None:
     """What the step's length makes of the oil's stiffness and the plates' cooling."""
     my = world.values.wet_clutch[k]
     my.full_line, my.stiff_chamber, my.feed_drop = oil_stiffness(h, world.values.oil_supply[my.oil], my)
@@ -165,7 +182,7 @@ def fill(world, k, h):
 
 
 @njit(**INLINED)
-def before(world, k, h, t):
+def before(world: Record, k: int, h: float, t: float) -> None:
     """Line, chamber, piston and pack over the step."""
     me, my = world.parts.wet_clutch[k], world.values.wet_clutch[k]
     drag = plates.capacities_before(me, my, world.driveline.cap)
@@ -193,7 +210,7 @@ def before(world, k, h, t):
 
 
 @njit(**INLINED)
-def after(world, k, h):
+def after(world: Record, k: int, h: float) -> None:
     """Heat and wear of the plates."""
     plates.heat_plates(world.parts.wet_clutch[k], world.values.wet_clutch[k], world)
 
@@ -235,7 +252,7 @@ SHOWS = (
 EFFECTS = {"seal_friction": {"seal_friction": 0.0, "seal_friction_share": 0.0}}
 
 
-def says(rig, name):
+def says(rig: RunningRig, name: str) -> tuple[float, ...]:
     """Fields of its ClutchState."""
     me = rig.device(name)
     return plates.said(rig, name, float(me["chamber"]), float(me["piston"]))
