@@ -203,7 +203,7 @@ def _peers(result: dict) -> list[str]:
 _FORMATS = {"kernel": _kernel, "demo": _demo, "graph": _graph, "controllers": _controllers, "scaling": _scaling, "peers": _peers}
 
 
-def lines(part: str, result) -> list[str]:
+def lines(part: str, result: dict | list[dict] | str) -> list[str]:
     """One part as Markdown, which reads as text too."""
     return _FORMATS[part](result)
 

@@ -13,6 +13,7 @@ import tempfile
 import time
 from pathlib import Path
 from statistics import median
+from typing import TYPE_CHECKING
 
 from ..bags.writer import BagWriter
 from ..sweep.plan import make_plan
@@ -26,6 +27,9 @@ from .kernel import SAMPLES_PER_S, drive
 from .machine import fastest
 from .two_inertias import END, Ours
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
 LENGTH, PART = 100, 10  # simulated s of the long run, of each part of it that is compared
 CLUTCHES = (1, 2, 4, 8, 16)
 MEMBERS, ROUNDS = 60, 3  # of a sweep; sweeps with each number of processes
@@ -37,7 +41,7 @@ def _memory() -> float:
         return int(file.read().split()[1]) * resource.getpagesize() / 1e6
 
 
-def by_length(tell=lambda text: None) -> list[dict]:
+def by_length(tell: Callable[[str], object] = lambda text: None) -> list[dict]:
     """Cost per simulated second of each part of one run in gear under load; the median second of the part."""
     rig = Rig(load_rig())
     drive(rig, lambda _phase, seconds: rig.advance(seconds))
@@ -61,7 +65,7 @@ def by_length(tell=lambda text: None) -> list[dict]:
     return out
 
 
-def streaming(tell=lambda text: None) -> list[dict]:
+def streaming(tell: Callable[[str], object] = lambda text: None) -> list[dict]:
     """The same into a bag, as ``simulate`` writes it: all topics, on disk."""
     rig = Rig(load_rig())
     outputs = Outputs(rig, {}, commands=True)
@@ -93,7 +97,7 @@ def streaming(tell=lambda text: None) -> list[dict]:
     return out
 
 
-def by_clutches(tell=lambda text: None) -> list[dict]:
+def by_clutches(tell: Callable[[str], object] = lambda text: None) -> list[dict]:
     """A row of bodies with a clutch between each two, all closing at once, at a step of 100 us."""
     out = []
     for clutches in CLUTCHES:
@@ -104,7 +108,7 @@ def by_clutches(tell=lambda text: None) -> list[dict]:
     return out
 
 
-def by_members(tell=lambda text: None) -> list[dict]:
+def by_members(tell: Callable[[str], object] = lambda text: None) -> list[dict]:
     """Members of a sweep over ``demo`` a second, table written, with one and two processes in turn; the best of each."""
     best: dict[int, dict] = {}
     for number in range(ROUNDS):
@@ -131,7 +135,7 @@ def _sweep(processes: int) -> dict:
     return {"processes": processes, "members_per_s": MEMBERS / wall, "parent_cpu_s": cpu}
 
 
-def bench_scaling(tell=lambda text: None) -> dict:
+def bench_scaling(tell: Callable[[str], object] = lambda text: None) -> dict:
     """All of it, and the most memory that this process had [MB]."""
     out = {"length": by_length(tell), "streaming": streaming(tell), "clutches": by_clutches(tell), "sweep": by_members(tell)}
     return out | {"most_memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6}

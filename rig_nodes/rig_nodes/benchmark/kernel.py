@@ -10,12 +10,16 @@ count as little as they can.
 from __future__ import annotations
 
 import time
+from typing import TYPE_CHECKING
 
 from ..clocks import SAMPLE_NS
 from ..parts.gear_loss import RPM
 from ..testbench.configuration import load_rig
 from ..testbench.record import CHUNK, Rows
 from ..testbench.rig import Rig
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 # variant -> settings of the rig and whether the logger's rows are kept, as ``record`` does; the first is the usual one
 VARIANTS = {
@@ -31,7 +35,7 @@ SAMPLES_PER_S = 1_000_000_000 // SAMPLE_NS
 class _Clock:
     """Moves a rig, keeps its rows if wanted, and notes what it takes: phase -> (steps, s)."""
 
-    def __init__(self, rig: Rig, step: float, rows: bool):
+    def __init__(self, rig: Rig, step: float, rows: bool) -> None:
         self.rig, self.spent, self._steps = rig, {}, round(SAMPLE_NS * 1e-9 / step)
         self._rows = Rows(rig, step) if rows else None
 
@@ -49,7 +53,7 @@ class _Clock:
         self.spent[phase] = steps + samples * self._steps, before + spent
 
 
-def drive(rig: Rig, go) -> None:
+def drive(rig: Rig, go: Callable[[str, float], None]) -> None:
     """12 s of a rig: oil, gear I, 1500 rpm, load, up and down again.
 
     go(phase, seconds): moves it; phases are standing, running and shifting.
@@ -88,7 +92,7 @@ def variant(settings: dict[str, str], rows: bool, repeats: int) -> dict:
     }
 
 
-def bench_kernel(repeats: int = 5, tell=lambda text: None) -> dict:
+def bench_kernel(repeats: int = 5, tell: Callable[[str], object] = lambda text: None) -> dict:
     """Every variant, by name."""
     out = {}
     for name, (settings, rows) in VARIANTS.items():

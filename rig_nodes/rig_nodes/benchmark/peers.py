@@ -12,13 +12,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from . import two_inertias as problem
 from .machine import fastest, installed
 from .two_inertias import CAPACITY, DRIVE, END, J1, J2, LOAD, RISE, W1
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from pydrake.systems.framework import Context, ContinuousState, State, System, WitnessFunction
+
+    from ..arrays import Floats
+
+    Speeds = Sequence[float] | Floats
 
 ERRORS = (1e-3, 1e-4, 1e-6)  # relative, of the lock-up time
 STOPS = 2000  # calls of a run that is stopped every 1 ms
@@ -52,18 +61,18 @@ def by_scipy() -> Iterator[Candidate]:
 
     capacity, sin = problem.capacity, math.sin
 
-    def rising(t, v):
+    def rising(t: float, v: Speeds) -> tuple[float, float]:
         torque = CAPACITY * sin(0.5 * math.pi * t / RISE)
         return (DRIVE - torque) / J1, (LOAD + torque) / J2
 
-    def slipping(t, v):
+    def slipping(t: float, v: Speeds) -> tuple[float, float]:
         torque = capacity(t)
         return (DRIVE - torque) / J1, (LOAD + torque) / J2
 
-    def locked(t, v):
+    def locked(t: float, v: Speeds) -> tuple[float, float]:
         return ((DRIVE + LOAD) / (J1 + J2),) * 2
 
-    def slip(t, v):
+    def slip(t: float, v: Speeds) -> float:
         return v[0] - v[1]
 
     slip.terminal, slip.direction = True, -1.0
@@ -93,7 +102,7 @@ def by_scipy() -> Iterator[Candidate]:
     def classic(method: str, tolerance: float) -> float:
         last = []
 
-        def watch(t, v):
+        def watch(t: float, v: Floats) -> int:
             last.append((t, v[0] - v[1]))
             return -1 if v[0] <= v[1] else 0
 
@@ -109,7 +118,7 @@ def by_scipy() -> Iterator[Candidate]:
         return lock
 
     def classic_stopped(method: str, tolerance: float) -> float:
-        def system(rates, v, t):
+        def system(rates: Callable[[float, Speeds], Speeds], v: Speeds, t: float) -> ode:
             return ode(rates).set_integrator(method, rtol=tolerance, atol=tolerance).set_initial_value(v, t)
 
         now, lock, rise = system(rising, (W1, 0.0), 0.0), math.inf, round(RISE * STOPS / END)
@@ -145,10 +154,10 @@ def by_pathsim() -> Iterator[Candidate]:
 
     capacity = problem.capacity
 
-    def run(solver, adaptive: bool, dt: float, tolerance: float) -> float:
+    def run(solver: type, adaptive: bool, dt: float, tolerance: float) -> float:
         lock = []
 
-        def rates(x, u, t):
+        def rates(x: Floats, u: Floats, t: float) -> Floats:
             if lock:
                 return np.array(((DRIVE + LOAD) / (J1 + J2),) * 2)
             torque = capacity(t)
@@ -156,7 +165,7 @@ def by_pathsim() -> Iterator[Candidate]:
 
         block = ODE(rates, np.array((W1, 0.0)))
 
-        def slip(t):
+        def slip(t: float) -> float:
             if lock:
                 return 1.0
             v = block.engine.state
@@ -189,19 +198,19 @@ def by_mujoco() -> Iterator[Candidate]:
     import mujoco
     from mujoco import rollout
 
-    def prepared(integrator: str):
+    def prepared(integrator: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
         model = mujoco.MjModel.from_xml_string(_MJCF.format(integrator=integrator, j1=J1, j2=J2))
         model.tendon_solimp_fri[:] = 0.99999, 0.99999, 0.001, 0.5, 2.0
         return model, mujoco.MjData(model)
 
-    def pace(model, step: float) -> None:
+    def pace(model: mujoco.MjModel, step: float) -> None:
         model.opt.timestep = step
         model.tendon_solref_fri[:] = 2.0 * step, 1.0
 
     full = mujoco.mjtState.mjSTATE_FULLPHYSICS
     low, high = 0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0)
 
-    def run(model, data, step: float, rest: float) -> float:
+    def run(model: mujoco.MjModel, data: mujoco.MjData, step: float, rest: float) -> float:
         mujoco.mj_resetData(model, data)
         pace(model, step)
         data.qfrc_applied[:] = DRIVE, LOAD
@@ -249,7 +258,7 @@ def by_drake() -> Iterator[Candidate]:
     from pydrake.trajectories import PiecewisePolynomial
 
     class Clutch(LeafSystem):
-        def __init__(self):
+        def __init__(self) -> None:
             super().__init__()
             self.DeclareContinuousState(2)
             self.locked, self.lock = False, math.inf
@@ -257,17 +266,17 @@ def by_drake() -> Iterator[Candidate]:
                 "slip", WitnessFunctionDirection.kPositiveThenNonPositive, self.slip, UnrestrictedUpdateEvent(self.close)
             )
 
-        def slip(self, context):
+        def slip(self, context: Context) -> float:
             v = context.get_continuous_state_vector()
             return v[0] - v[1]
 
-        def close(self, context, event, state):
+        def close(self, context: Context, event: UnrestrictedUpdateEvent, state: State) -> None:
             self.locked, self.lock = True, context.get_time()
 
-        def DoGetWitnessFunctions(self, context):
+        def DoGetWitnessFunctions(self, context: Context) -> list[WitnessFunction]:
             return [] if self.locked else [self.zero]
 
-        def DoCalcTimeDerivatives(self, context, derivatives):
+        def DoCalcTimeDerivatives(self, context: Context, derivatives: ContinuousState) -> None:
             if self.locked:
                 rate = (DRIVE + LOAD) / (J1 + J2)
                 derivatives.get_mutable_vector().SetFromVector(np.array((rate, rate)))
@@ -275,7 +284,7 @@ def by_drake() -> Iterator[Candidate]:
             torque = problem.capacity(context.get_time())
             derivatives.get_mutable_vector().SetFromVector(np.array(((DRIVE - torque) / J1, (LOAD + torque) / J2)))
 
-    def witnessed(system, simulator) -> float:
+    def witnessed(system: Clutch, simulator: Simulator) -> float:
         system.locked, system.lock = False, math.inf
         context = simulator.get_mutable_context()
         context.SetTime(0.0)
@@ -291,20 +300,20 @@ def by_drake() -> Iterator[Candidate]:
     rising = PiecewisePolynomial.CubicHermite(knots, forces, np.array((-slope / J1, slope / J2)))
     none = np.zeros((2, 2))
 
-    def constant(shape):
+    def constant(shape: tuple[int, int]) -> PiecewisePolynomial:
         return PiecewisePolynomial(np.zeros(shape))
 
-    def affine(rates):
+    def affine(rates: Sequence[float]) -> AffineSystem:
         return AffineSystem(none, np.zeros((2, 0)), np.array(rates), np.zeros((0, 2)), np.zeros((0, 0)), np.zeros(0))
 
-    def prepared(system, scheme: str, accuracy: float):
+    def prepared(system: System, scheme: str, accuracy: float) -> Simulator:
         simulator = Simulator(system)
         ResetIntegratorFromFlags(simulator, scheme, 1.0)
         simulator.get_mutable_integrator().set_target_accuracy(accuracy)
         simulator.get_mutable_context().SetAccuracy(accuracy)
         return simulator
 
-    def built(scheme: str, accuracy: float):
+    def built(scheme: str, accuracy: float) -> list[Simulator]:
         parts = [
             TrajectoryAffineSystem(
                 constant((2, 2)), constant((2, 0)), rising, constant((0, 2)), constant((0, 0)), constant((0, 1))
@@ -314,10 +323,10 @@ def by_drake() -> Iterator[Candidate]:
         ]
         return [prepared(part, scheme, accuracy) for part in parts]
 
-    def switched(simulators) -> float:
+    def switched(simulators: list[Simulator]) -> float:
         v, begin, last = np.array((W1, 0.0)), 0.0, []
 
-        def watch(context):
+        def watch(context: Context) -> EventStatus:
             x = context.get_continuous_state_vector()
             last.append((context.get_time(), x[0] - x[1]))
             return EventStatus.ReachedTermination(None, "") if last[-1][1] <= 0.0 else EventStatus.DidNothing()
@@ -350,7 +359,7 @@ def by_drake() -> Iterator[Candidate]:
 TOOLS = {"this project": ours, "scipy": by_scipy, "pathsim": by_pathsim, "mujoco": by_mujoco, "drake": by_drake}
 
 
-def measure(candidates, budget: float, tell=lambda text: None) -> list[Point]:
+def measure(candidates: Iterable[Candidate], budget: float, tell: Callable[[str], object] = lambda text: None) -> list[Point]:
     """Every candidate of a tool, the fastest of as many runs as the budget [s] allows, of two at least."""
     exact, points = problem.lock_up(), []
     for way, setting, call in candidates:
@@ -367,7 +376,7 @@ def best(points: list[Point], way: str, error: float) -> Point | None:
     return min(good, key=lambda point: point.cpu_s) if good else None
 
 
-def bench_peers(budget: float = 0.25, tell=lambda text: None) -> dict:
+def bench_peers(budget: float = 0.25, tell: Callable[[str], object] = lambda text: None) -> dict:
     """For each tool its version, all its candidates, and the best at each of ERRORS; missing ones by name."""
     out: dict = {"exact_lock_s": problem.lock_up(), "errors": list(ERRORS), "tools": {}, "missing": []}
     for tool, make in TOOLS.items():

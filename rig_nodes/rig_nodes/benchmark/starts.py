@@ -13,11 +13,15 @@ import json
 import tempfile
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .machine import timed_rig
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
-def bench_demo(repeats: int = 5, tell=lambda text: None) -> dict:
+
+def bench_demo(repeats: int = 5, tell: Callable[[str], object] = lambda text: None) -> dict:
     """Simulate demo with nothing compiled and with everything kept, the report of its bag, and the help."""
     out = {}
     with tempfile.TemporaryDirectory(prefix="rig-bench-") as folder:
@@ -38,7 +42,7 @@ def bench_demo(repeats: int = 5, tell=lambda text: None) -> dict:
     return out
 
 
-def bench_graph(repeats: int = 3, tell=lambda text: None) -> dict | str:
+def bench_graph(repeats: int = 3, tell: Callable[[str], object] = lambda text: None) -> dict | str:
     """Real-time factor of the lockstep graph on demo, all repeats; or in one line what is missing."""
     if find_spec("rclpy") is None:
         return "rclpy is not installed"

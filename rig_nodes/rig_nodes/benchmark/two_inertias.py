@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import fields
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
@@ -21,6 +22,9 @@ from ..engine.world import Sizes, driveline_dtype
 from ..plant.driveline import Driveline, State, System
 from ..plant.driveline_algebra import HI0, HI1, KIN0, KIN1, LO0, LO1, LOCK, N_EVENTS
 from ..plant.driveline_quiet import quiet_step
+
+if TYPE_CHECKING:
+    from ..arrays import Record
 
 J1, J2 = 0.7, 0.127  # kg m2
 CAPACITY, RISE, STICK = 264.0, 0.045, 1.1  # Nm, s, break-away over kinetic torque
@@ -60,7 +64,7 @@ def chain(clutches: int = 1) -> System:
 class Ours:
     """The driveline of this project on a chain of clutches that close at once."""
 
-    def __init__(self, clutches: int = 1):
+    def __init__(self, clutches: int = 1) -> None:
         self.system = s = chain(clutches)
         self._addresses = addresses()
         self._line = np.zeros(1, driveline_dtype(Sizes(speeds=clutches + 1, elements=clutches)))
@@ -110,7 +114,7 @@ _capacity = njit(cache=True, error_model="numpy", nogil=True)(capacity)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _advance(begin, steps, h, lines, addresses):
+def _advance(begin: float, steps: int, h: float, lines: Record, addresses: tuple[int, int, int]) -> None:
     line = lines[0]
     # the straight line through the capacity at the step's two Gauss points has its mean to the fourth order
     at = 0.5 - 0.5 / math.sqrt(3.0)

@@ -11,8 +11,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from itertools import islice
+from typing import TYPE_CHECKING
 
 from ..errors import RigError
+
+if TYPE_CHECKING:
+    from dask.distributed import Client, Future
 
 LOCAL = "local:"
 AHEAD = 4  # tasks that a process has in hand, so that it never waits for the next one
@@ -55,14 +59,14 @@ def dask_stream(address: str) -> Iterator[Callable]:
         yield lambda function, items: _stream(client, function, items)
 
 
-def _stream(client, function: Callable, items: Iterable) -> Iterator[tuple[int, dict | None, Exception | None]]:
+def _stream(client: Client, function: Callable, items: Iterable) -> Iterator[tuple[int, dict | None, Exception | None]]:
     """(place, result, error) of each item as it comes; some are in hand at a time, however long the list is."""
     from dask.distributed import as_completed
 
     numbered = enumerate(items)
     places = {}
 
-    def submit(place, item):
+    def submit(place: int, item: object) -> Future:
         future = client.submit(function, item, pure=False)
         places[future.key] = place
         return future

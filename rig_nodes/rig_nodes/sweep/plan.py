@@ -15,6 +15,7 @@ from dataclasses import asdict, dataclass, field
 from functools import partial
 from itertools import product
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +27,12 @@ from ..errors import RigError, brief
 from ..testbench.configuration import load_rig, with_overrides
 from ..testbench.sequence import load_sequence
 from .plugged import Plugged, plugged_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from ..testbench.configuration import RigConfig
+    from ..testbench.sequence import Sequence
 
 METHODS = ("grid", "list", "random", "lhs")
 DRAWN = ("random", "lhs")  # need a number of samples
@@ -67,11 +74,11 @@ class Varied:
     high: float = 0.0
     log: bool = False
 
-    def text(self, value) -> str:
+    def text(self, value: float | str) -> str:
         """A value as it is written after ``--set`` or ``--with``."""
         return f"{value!r} {self.unit}" if self.unit else str(value)
 
-    def at(self, share: float):
+    def at(self, share: float) -> float | str:
         """The value at a share (0 to 1) of the range or of the values."""
         if self.values:
             return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
@@ -135,7 +142,7 @@ class Plan:
                 )
         return members
 
-    def _texts(self, of: str, point) -> dict[str, str]:
+    def _texts(self, of: str, point: Iterable[float | str]) -> dict[str, str]:
         return {one.name: one.text(value) for one, value in zip(self.varied, point) if one.of == of}
 
     def count(self) -> int:
@@ -145,7 +152,7 @@ class Plan:
         sizes = [len(one.values) for one in self.varied]
         return (math.prod(sizes) if self.method == "grid" else sizes[0]) * self.repeats
 
-    def _points(self):
+    def _points(self) -> Iterable[tuple[float | str, ...]]:
         if self.method == "grid":
             return product(*(one.values for one in self.varied))
         if self.method == "list":
@@ -332,7 +339,7 @@ def _check_method(method: str, samples: int | None, varied: list[Varied], wheres
 # ---- reading what a parameter takes
 
 
-def _read(name: str, spec, where: str, config, load: Callable, loaded) -> Varied:
+def _read(name: str, spec: object, where: str, config: RigConfig, load: Callable, loaded: Sequence) -> Varied:
     of, dimension = _dimension(name, where, config, loaded)
     texts = spec if isinstance(spec, list) else None
     if texts is None and isinstance(spec, str):
@@ -356,7 +363,7 @@ def _read(name: str, spec, where: str, config, load: Callable, loaded) -> Varied
     return one
 
 
-def _dimension(name: str, where: str, config, sequence) -> tuple[str, str | None]:
+def _dimension(name: str, where: str, config: RigConfig, sequence: Sequence) -> tuple[str, str | None]:
     """(whose parameter it is, its dimension: "whole" for whole numbers, None for words)."""
     if name == SEED:
         return "seed", "whole"
@@ -392,7 +399,7 @@ def _number(text: str, dimension: str, unit: str, where: str) -> float | int:
     return float(number) if (own or "-") == unit else value / UNITS[unit][1]
 
 
-def _range(name: str, of: str, dimension: str, match, where: str, config, load: Callable) -> Varied:
+def _range(name: str, of: str, dimension: str, match: re.Match[str], where: str, config: RigConfig, load: Callable) -> Varied:
     low_text, high_text, count, step_text, log = match.groups()
     if dimension != "whole" and dimension_of(low_text) is None and dimension_of(high_text) is not None:
         low_text = f"{low_text} {_NUMBER.fullmatch(high_text)[2]}"  # "-250 .. -150 ms"
@@ -428,7 +435,7 @@ def _range(name: str, of: str, dimension: str, match, where: str, config, load: 
     return Varied(name, of, unit, tuple(values))
 
 
-def _check(one: Varied, value, where: str, config, load: Callable) -> None:
+def _check(one: Varied, value: float | str, where: str, config: RigConfig, load: Callable) -> None:
     """RigError when rig or sequence would refuse this value by itself; what does not fit others, a run shows."""
     if one.of == "sequence":
         try:

@@ -12,6 +12,7 @@ import hashlib
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..clocks import COMMAND_TIMEOUT, SAMPLE
 from ..controllers.load import KINDS, level_line, load_controller, split_level
@@ -19,6 +20,9 @@ from ..controllers.plug import Plug
 from ..errors import RigError
 from ..testbench.rig import check_level
 from ..testbench.simulate import check_controller
+
+if TYPE_CHECKING:
+    from ..testbench.configuration import RigConfig
 
 # those that the rig starts for itself; the others are one program, which cannot drive several members at a time
 STARTED = ("python", "c", "simulink", "fmu")
@@ -33,7 +37,7 @@ class Plugged:
     level: str | None
     delay: int
 
-    def check(self, config) -> str:
+    def check(self, config: RigConfig) -> str:
         """Its level_line; RigError where it cannot be loaded, or cannot act on this rig."""
         check_controller(config)
         plug = self.load(config)
@@ -43,7 +47,7 @@ class Plugged:
         finally:
             plug.close()
 
-    def load(self, config) -> Plug:
+    def load(self, config: RigConfig) -> Plug:
         """A new one for a member with this configuration."""
         return load_controller(self.spec, config, self.level)
 

@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterable, Iterator
 from functools import lru_cache, partial
 from importlib.metadata import version
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .. import __version__
 from ..analysis.metrics import Recording, shifts
@@ -33,6 +34,11 @@ from ..testbench.sequence import load_sequence
 from ..testbench.simulate import simulate
 from .plan import Member, Plan
 from .store import BAGS, Store
+
+if TYPE_CHECKING:
+    from ..testbench.configuration import RigConfig
+    from ..testbench.sequence import Sequence
+    from .plugged import Plugged
 
 FOLDER = re.compile(r"\S*/(?=\S+\.ya?ml:\d)|(?<=:)/\S*/")  # where a file stands is no part of a result
 Stream = Callable[[Callable, Iterable], Iterator[tuple[int, dict, Exception | None]]]
@@ -75,7 +81,7 @@ def run_sweep(plan: Plan, store: Store, stream: Stream, progress: Callable[[int,
 
 
 @lru_cache(maxsize=2)
-def _setup(pickled: bytes):
+def _setup(pickled: bytes) -> tuple[RigConfig, str, str, str | None, Plugged | None]:
     return pickle.loads(pickled)
 
 
@@ -117,7 +123,9 @@ def _entry(member: Member, state: str, reason: str, metrics: list[dict]) -> dict
     }
 
 
-def _into_bag(config, sequence, member: Member, bags: Path, controller: Plug | None, delay: int) -> tuple[dict, list[dict]]:
+def _into_bag(
+    config: RigConfig, sequence: Sequence, member: Member, bags: Path, controller: Plug | None, delay: int
+) -> tuple[dict, list[dict]]:
     """The run as ``rig simulate`` makes it, in a folder that gets its name when it is whole."""
     folder, temporary = bags / f"{member.number:06d}", bags / f".{member.number:06d}-{os.getpid()}"
     for old in (folder, temporary):

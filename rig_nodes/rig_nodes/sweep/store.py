@@ -16,11 +16,17 @@ import os
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..analysis.metrics import KEYS
 from ..atomic_write import atomic_write
 from ..errors import RigError
 from .plan import Plan, Varied
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    import pyarrow
 
 MANIFEST, JOURNAL, RESULTS, BAGS = "sweep.json", "members.jsonl", "results.parquet", "bags"
 UNITS = {"s": "s", "nm": "Nm", "rpm": "rpm", "j": "J"}  # by the last word of a metric's name
@@ -31,7 +37,7 @@ METADATA = b"rig_nodes.sweep"
 class Store:
     """An open folder; a context manager that keeps others out of it. ``done``: numbers of finished members."""
 
-    def __init__(self, folder: Path, manifest: dict):
+    def __init__(self, folder: Path, manifest: dict) -> None:
         """Opens the folder, or makes it. RigError when it holds something else, or somebody works in it."""
         self.folder, self.manifest = Path(folder), manifest
         path = self.folder / MANIFEST
@@ -48,7 +54,7 @@ class Store:
     def __enter__(self) -> Store:
         return self
 
-    def __exit__(self, *_error) -> None:
+    def __exit__(self, *_error: object) -> None:
         self._journal.close()
 
     def add(self, entry: dict) -> None:
@@ -81,7 +87,7 @@ class Journal:
     Opening it cuts off what follows the last whole entry, as a kill in the middle of writing leaves it.
     """
 
-    def __init__(self, path: Path):
+    def __init__(self, path: Path) -> None:
         """RigError when another process has it open."""
         self.path, self._file = path, open(path, "a+b")
         try:
@@ -152,7 +158,7 @@ def differs(one: dict, other: dict) -> str | None:
     return None
 
 
-def parquet():
+def parquet() -> tuple[ModuleType, ModuleType]:
     """(pyarrow, pyarrow.parquet); RigError when it is not installed."""
     try:
         import pyarrow
@@ -184,11 +190,11 @@ def rows_of(plan: Plan, entry: dict) -> list[dict]:
     return out
 
 
-def schema_of(plan: Plan, manifest: dict):
+def schema_of(plan: Plan, manifest: dict) -> pyarrow.Schema:
     """Columns with their units, and where all of it is from."""
     pa, _ = parquet()
 
-    def column(name, kind, unit=None, about=None):
+    def column(name: str, kind: pyarrow.DataType, unit: str | None = None, about: str | None = None) -> pyarrow.Field:
         metadata = {key: value for key, value in (("unit", unit), ("about", about)) if value}
         return pa.field(name, kind, metadata=metadata or None)
 
@@ -204,5 +210,5 @@ def schema_of(plan: Plan, manifest: dict):
     return pa.schema(columns, metadata={METADATA: json.dumps(manifest, ensure_ascii=False).encode()})
 
 
-def _kind(pa, one: Varied):
+def _kind(pa: ModuleType, one: Varied) -> pyarrow.DataType:
     return pa.string() if one.unit is None else pa.int64() if one.unit == "" else pa.float64()
