@@ -50,6 +50,7 @@ class Point:
     m_wyj: float
 
     def text(self) -> str:
+        """As people read it, e.g. ``I-II 1500 rpm 100 Nm``."""
         return f"{self.way} {self.speed / RPM:.0f} rpm {self.m_wyj:.0f} Nm"
 
 
@@ -74,6 +75,7 @@ class Shift:
 
     @property
     def valid(self) -> bool:
+        """True of a shift that came to its end."""
         return not self.why
 
 
@@ -89,7 +91,7 @@ def no_shift(why: RigError) -> Shift:
 class Bench:
     """One rig with its operating points, each put aside when it was first needed."""
 
-    def __init__(self, config: RigConfig):
+    def __init__(self, config: RigConfig) -> None:
         self.config = config.replaced(effects=replace(config.effects, transducers=False))
         self.transmission = self.config.transmission
         source, load = (self.config.structure.of_role(role)[0].name for role in (parts.SOURCE, parts.LOAD))

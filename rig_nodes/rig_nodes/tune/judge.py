@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 from ..alfa46.settings import Alfa46Config
 from ..analysis.metrics import shifts
@@ -20,6 +21,9 @@ from ..testbench.record import record
 from ..testbench.sequence import load_sequence
 from .bench import RPM, Bench, Point, Shift
 from .problem import Ground, Task, excess, share
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 ENGINE = 271.0  # Nm, the engine that the gearbox was made for (thesis 1, John Deere 4045TF280)
 LOAD_FROM, LOAD_WITHIN = 20.0, 2.0  # Nm: where the search for the largest load begins, and how near it comes
@@ -55,6 +59,7 @@ class Verdict:
         return 0 < self.pairs == self.better and not self.missed
 
     def as_dict(self) -> dict:
+        """The counts and shares by the names that they have in the folder."""
         return {
             "pairs": self.pairs,
             "better": self.better,
@@ -130,7 +135,7 @@ def as_measured(
     return [[next(rows) for _ in points] for _ in settings]
 
 
-def _measured(config: RigConfig, item) -> dict | None:
+def _measured(config: RigConfig, item: tuple[Alfa46Config, Point, int]) -> dict | None:
     from dataclasses import replace
 
     settings, point, seed = item
@@ -164,6 +169,7 @@ class Heavy:
     compared_load: float
 
     def as_dict(self) -> dict:
+        """Speeds [rpm] and torques [Nm] by the names that they have in the folder."""
         return {
             "n_wej_rpm": self.speed / RPM,
             "load_nm": self.load,
@@ -188,7 +194,7 @@ def _heavy(config: RigConfig, best: Alfa46Config, compared: Alfa46Config, point:
     bench = Bench(config)
     ours, theirs = bench.shift(point, best), bench.shift(point, compared)
 
-    def within(read) -> float:
+    def within(read: Callable[[float], float]) -> float:
         """The largest load at which what is read stays within the engine's torque, by halving."""
         low, high = LOAD_FROM, point.m_wyj
         if read(high) <= ENGINE:
@@ -198,7 +204,7 @@ def _heavy(config: RigConfig, best: Alfa46Config, compared: Alfa46Config, point:
             low, high = (middle, high) if read(middle) <= ENGINE else (low, middle)
         return low
 
-    def peak(settings):
+    def peak(settings: Alfa46Config) -> Callable[[float], float]:
         def read(load: float) -> float:
             shift = bench.shift(Point(point.way, point.speed, load), settings)
             return shift.peak if shift.valid else float("inf")

@@ -12,6 +12,7 @@ import pickle
 from collections import Counter
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.stats import qmc
@@ -19,6 +20,12 @@ from scipy.stats import qmc
 from ..alfa46.settings import Alfa46Config
 from ..testbench.configuration import RigConfig
 from .bench import Bench, NotHeld, Point, Shift
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from typing import TypeVar
+
+    Entry = TypeVar("Entry")
 
 # objective -> (what it is, unit). All but the dip are shares of what the compared settings give in the same shift
 OBJECTIVES = {
@@ -80,13 +87,14 @@ class Task:
     limit: float | None = None
 
     def pickled(self) -> bytes:
+        """What goes to worker processes, for :meth:`Ground.of`."""
         return pickle.dumps(self)
 
 
 class Ground:
     """A task with its rigs warm, and what the compared settings give; one for each process."""
 
-    def __init__(self, task: Task):
+    def __init__(self, task: Task) -> None:
         self.task, self.benches = task, [Bench(config) for config in task.rigs]
         self.compared = [[bench.shift(point, task.compared) for point in task.points] for bench in self.benches]
 
@@ -175,12 +183,12 @@ def hardest_first(entries: list[dict], task: Task) -> list[int]:
     return sorted(range(len(task.rigs) * len(task.points)), key=lambda place: (-counts[place], place))
 
 
-def dominates(one, other) -> bool:
+def dominates(one: Sequence[float], other: Sequence[float]) -> bool:
     """Whether objectives are nowhere worse and somewhere better."""
     return all(a <= b for a, b in zip(one, other)) and any(a < b for a, b in zip(one, other))
 
 
-def front_of(entries: list, values) -> list:
+def front_of(entries: list[Entry], values: Callable[[Entry], Sequence[float]]) -> list[Entry]:
     """The entries whose ``values(entry)`` nobody else's dominate, each value once, sorted by the first objective."""
     kept, seen = [], set()
     for entry in sorted(entries, key=lambda e: tuple(values(e))):

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -33,6 +34,9 @@ from .bench import Bench, Point, Shift
 from .problem import Range, Task, held
 from .space import begin_of, settings, values_of
 from .uncertainty import sampled_rigs
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 LEAST = "least"  # the search for the smallest peak at the largest load, of the first gear's way down into it
 SCOUT = "scout "  # ahead of a way's name
@@ -99,6 +103,7 @@ class Problem:
         return int(np.random.SeedSequence([self.seed, *use]).generate_state(1)[0])
 
     def task(self, points: list[Point], rigs: list[RigConfig]) -> Task:
+        """Shifts in these points on the rig itself and on these rigs, against the settings that are there."""
         return Task(
             (self.config, *rigs), tuple(points), self.config.alfa46, self.objectives, tuple(sorted(self.bounds.items())), LIMIT
         )
@@ -170,7 +175,7 @@ def tune(
         studies[name] = study
         budget = problem.shifts * parts[name] / sum(parts[other] for other in names)
 
-        def until(study=study, budget=budget) -> bool:
+        def until(study: search.Study | scout.Scout = study, budget: float = budget) -> bool:
             if progress:
                 progress(
                     min(sum(one.shifts for one in studies.values()) / problem.shifts, 1.0),
@@ -178,7 +183,7 @@ def tune(
                 )
             return study.shifts >= budget or (problem.generations is not None and study.generation >= problem.generations)
 
-        def note(entries: list[dict], seconds: float, study=study) -> None:
+        def note(entries: list[dict], seconds: float, study: search.Study | scout.Scout = study) -> None:
             cpu.append(seconds)
             journal.add({"study": study.name, "cpu": round(seconds, 3), "entries": entries})
 
@@ -312,7 +317,7 @@ def _judged_front(problem: Problem, study: search.Study, task: Task, workers: Wo
     return rows
 
 
-def choose(rows: list[dict], objectives) -> dict[str, dict]:
+def choose(rows: list[dict], objectives: Sequence[str]) -> dict[str, dict]:
     """Three settings of a judged front: soft (least mean of the first objective elsewhere), fast (of the second),
     balanced (whose worst as sought and worst elsewhere are the furthest below 1); of those that dominate, else of those
     that are better in the most shifts.
@@ -323,10 +328,10 @@ def choose(rows: list[dict], objectives) -> dict[str, dict]:
     kept = [row for row in rows if (row["dominates"], row["better"] - row["missed"]) == most]
     first, second = objectives[:2]
 
-    def value(row, key):
+    def value(row: dict, key: str) -> float:
         return float("inf") if row[key] is None else row[key]
 
-    def worst(row):
+    def worst(row: dict) -> float:
         elsewhere = ["rise_worst" if name == "peak" else f"{name}_worst" for name in (first, second)]
         return max(*(value(row, key) for key in elsewhere), row[first], row[second])
 
@@ -387,7 +392,7 @@ def _largest_load(study: search.Study, config: RigConfig, base: Alfa46Config, wo
     return {"way": study.way, "settings": best, "tried": len(study.entries), "speeds": [one.as_dict() for one in found]}
 
 
-def text(summary: dict, objectives) -> str:
+def text(summary: dict, objectives: Sequence[str]) -> str:
     """The summary for the terminal."""
     lines = [*summary["said"]]
     for name, one in summary["searches"].items():

@@ -30,7 +30,7 @@ BOUND_WEIGHT = 2.0
 class Cma:
     """CMA-ES (Hansen, The CMA evolution strategy: a tutorial, 2016) over shares of the bounds: ask, then tell."""
 
-    def __init__(self, start: np.ndarray, sigma: float, seed: int):
+    def __init__(self, start: np.ndarray, sigma: float, seed: int) -> None:
         n = len(start)
         self.mean, self.sigma, self.seed, self.generation = np.array(start, dtype=float), sigma, seed, 0
         half = POPULATION // 2
@@ -87,6 +87,7 @@ class Scout:
 
     @property
     def generation(self) -> int:
+        """The next one."""
         return len(self.entries) // POPULATION
 
     def order(self) -> list[int]:
@@ -100,6 +101,7 @@ class Scout:
 
     @property
     def shifts(self) -> int:
+        """How many were tried so far."""
         return sum(entry["tried"] for entry in self.entries)
 
     def best(self, count: int) -> list[dict[str, int]]:

@@ -15,6 +15,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
+from typing import TYPE_CHECKING
 
 from ..alfa46.settings import Alfa46Config
 from ..errors import RigError
@@ -22,6 +23,11 @@ from ..testbench.campaign import Workers
 from ..testbench.configuration import RigConfig
 from .problem import INVALID, REFUSED, Ground, Task, dominates, excess, front_of, hardest_first, sought
 from .space import BOUNDS, refused, settings
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from optuna.samplers import NSGAIISampler
 
 POPULATION = 40
 NEAR = 1.01  # times the front: settings further away are tried in no further shift
@@ -81,7 +87,9 @@ def run(study: Study, workers: Workers, note: Callable[[list[dict], float], None
         _run(optuna, study, workers, note, until)
 
 
-def _run(optuna, study: Study, workers: Workers, note, until) -> None:
+def _run(
+    optuna: ModuleType, study: Study, workers: Workers, note: Callable[[list[dict], float], None], until: Callable[[], bool]
+) -> None:
     count = len(study.task.objectives)
     search = optuna.create_study(directions=["minimize"] * count)
     ranges = {name: optuna.distributions.IntDistribution(*bounds) for name, bounds in BOUNDS.items()}
@@ -119,7 +127,7 @@ def _run(optuna, study: Study, workers: Workers, note, until) -> None:
         note(entries, cpu)
 
 
-def _sampler(optuna, seed: int):
+def _sampler(optuna: ModuleType, seed: int) -> NSGAIISampler:
     genetic = optuna.samplers.nsgaii
     return optuna.samplers.NSGAIISampler(
         population_size=POPULATION,
@@ -195,7 +203,7 @@ def evaluate(
     return found(worst, missed + beyond, len(places), hardest, True)
 
 
-def load_optuna():
+def load_optuna() -> ModuleType:
     """optuna, quiet; RigError when it is not installed."""
     try:
         import optuna

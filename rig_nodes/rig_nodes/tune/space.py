@@ -94,6 +94,7 @@ class Rates:
 
     @classmethod
     def of(cls, config: RigConfig, clutch: Clutch) -> Rates:
+        """Those of the coil of a clutch's valve."""
         coil = config.values(clutch.valve)
         supply = min(coil.coil_voltage, config.alfa46.values.supply_voltage)
         return cls(supply, coil.coil_resistance, coil.coil_inductance)

@@ -14,6 +14,7 @@ import tempfile
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .. import __version__
 from ..analysis.report import REPORT_FILE, build_report, is_of, orders_in, read_report
@@ -25,6 +26,11 @@ from . import layout
 from .curves import LOGGER_TOPIC, OWN_TOPIC, Curves, times
 from .document import report_document
 from .pages import Pages
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from rerun import RecordingStream
 
 APPLICATION = "virtual_rig"
 VIEW_FILE = "view.rrd"
@@ -60,7 +66,7 @@ def make_view(run: str | Path, window: tuple[float, float] | None = None) -> Vie
         return View(path, True, _make(index, path, key, window))
 
 
-def _make(index: BagIndex, path: Path, key: str, window) -> list[str]:
+def _make(index: BagIndex, path: Path, key: str, window: tuple[float, float] | None) -> list[str]:
     """Write the file whole or not at all; what the bag lacks."""
     try:
         handle, name = tempfile.mkstemp(prefix=".view-", suffix=".rrd", dir=path.parent)
@@ -96,7 +102,7 @@ def save_bare_layout(run: str | Path, window: tuple[float, float] | None, path: 
     layout.blueprint(pages, set(names), shifts, window, tab, own).save(APPLICATION, path)
 
 
-def import_rerun():
+def import_rerun() -> ModuleType:
     """The rerun module; RigError with the way out when this environment has none."""
     try:
         import rerun
@@ -110,7 +116,7 @@ def import_rerun():
     return rerun
 
 
-def _key(bag: Path, window) -> str:
+def _key(bag: Path, window: tuple[float, float] | None) -> str:
     """Changes whenever the file would: with bag, report, catalogue, the code that makes it, and window."""
     rr = import_rerun()
     digest = hashlib.sha256(f"{__version__} {rr.__version__} {window}".encode())
@@ -140,7 +146,7 @@ def _key_of(path: Path) -> str | None:
         return None
 
 
-def _write(index: BagIndex, path: Path, key: str, window) -> list[str]:
+def _write(index: BagIndex, path: Path, key: str, window: tuple[float, float] | None) -> list[str]:
     """Fill the file piece by piece of the bag; returns what the bag lacks, which is shown with the report, too."""
     rr = import_rerun()
     small = _small(index)
@@ -198,7 +204,7 @@ def _names(pages: Pages, index: BagIndex, small: Bag) -> tuple[list[str], tuple[
     ], tuple(own)
 
 
-def _check_window(window, curves: Curves) -> None:
+def _check_window(window: tuple[float, float], curves: Curves) -> None:
     first, last = curves.ends
     if window[0] >= last or window[1] <= first:
         raise RigError(f"--window {window[0]:g},{window[1]:g}: lies outside the run, which goes from {first:.2f} s to {last:.2f} s")
@@ -233,7 +239,7 @@ def event_row(t: float, topic: str, name: str, text: str) -> tuple[str, str]:
     return f"{t:.3f} s  {topic.strip('/').split('/')[0]}: {text or name}", level
 
 
-def _send_events(rr, rec, events) -> None:
+def _send_events(rr: ModuleType, rec: RecordingStream, events: list[tuple[float, str, str, str, float]]) -> None:
     by_node: dict[str, list] = {}
     for t, topic, name, text, _ in events:
         by_node.setdefault(topic.strip("/").split("/")[0], []).append((t, *event_row(t, topic, name, text)))

@@ -9,6 +9,7 @@ Used by view.convert; names, units and colours of a curve by view.live, too.
 from __future__ import annotations
 
 from collections.abc import Collection
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,22 +19,28 @@ from ..errors import RigError
 from . import layout
 from .pages import OTHER, Pages
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from types import ModuleType
+
+    from rerun import RecordingStream, TimeColumn
+
 LOGGER_TOPIC, OWN_TOPIC = "/instruments/hmg4000", "/controller/signals"
 
 
-def times(rr, t: np.ndarray):
+def times(rr: ModuleType, t: Sequence[float] | np.ndarray) -> TimeColumn:
     """Times [s] as the time column of every view."""
     return rr.TimeColumn(layout.TIMELINE, duration=np.round(np.asarray(t) * 1e9).astype("timedelta64[ns]"))
 
 
-def log_style(rr, rec, pages: Pages, signal: Signal) -> None:
+def log_style(rr: ModuleType, rec: RecordingStream, pages: Pages, signal: Signal) -> None:
     """Name with unit and colour of a curve."""
     name = f"{signal.name} [{signal.display_unit}]"
     line = rr.SeriesLines(names=name, colors=pages.colour(signal.name), widths=pages.width(signal.name))
     rec.log(layout.entity(signal), line, static=True)
 
 
-def log_state_styles(rr, rec, pages: Pages, signal: Signal) -> None:
+def log_state_styles(rr: ModuleType, rec: RecordingStream, pages: Pages, signal: Signal) -> None:
     """Labels and colours of the states of a signal."""
     labels = list(signal.states.values())
     colours = [pages.state_colour(signal.name, label) for label in labels]
@@ -46,7 +53,9 @@ class Curves:
     ``ends``: first and last time [s] of all so far; ``problems``: sentences on what could not be drawn.
     """
 
-    def __init__(self, rr, rec, pages: Pages, names: Collection[str], shifts):
+    def __init__(
+        self, rr: ModuleType, rec: RecordingStream, pages: Pages, names: Collection[str], shifts: Sequence[layout.Shift]
+    ) -> None:
         """pages: of the rig; names: the signals of it to draw; shifts: as of layout.shifts_of."""
         self._rr, self._rec, self._pages, self._names, self._shifts = rr, rec, pages, names, shifts
         self.ends = (np.inf, -np.inf)

@@ -72,7 +72,7 @@ def _title(row: dict, box: Transmission) -> str:
     return box.way(row["from_gear"], row["to_gear"], " → ")
 
 
-def _number(value, factor: float, digits: int) -> str:
+def _number(value: float | None, factor: float, digits: int) -> str:
     return "-" if value is None else f"{value * factor:.{digits}f}"
 
 

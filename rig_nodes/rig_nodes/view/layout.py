@@ -10,10 +10,18 @@ from __future__ import annotations
 
 import uuid
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from ..catalogue import Signal
 from ..transmission import Transmission
 from .pages import Pages
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from types import ModuleType
+
+    import rerun as rr
+    import rerun.blueprint as rrb
 
 TIMELINE = "t"
 BEFORE, AFTER = 0.2, 1.5  # s around the order of a shift: profiles, torque peak and the torque settling again
@@ -103,7 +111,7 @@ def blueprint(
     window: tuple[float, float] | None,
     only: str | None = None,
     own: tuple[str, ...] = (),
-):
+) -> rrb.Blueprint:
     """The layout of a recorded run as a Rerun blueprint.
 
     pages: of the rig. present: names of the signals the file holds; plots without any are left out. shifts: shown side by side
@@ -141,7 +149,7 @@ def blueprint(
     return _whole(rrb, rrb.Tabs(*tabs.values(), active_tab=active), "collapsed", "expanded", "paused")
 
 
-def live_blueprint(pages: Pages, seconds: float):
+def live_blueprint(pages: Pages, seconds: float) -> rrb.Blueprint:
     """The layout of a running rig: the run's plots of all signals, over the newest ``seconds``."""
     import rerun as rr
     import rerun.blueprint as rrb
@@ -160,7 +168,7 @@ def live_blueprint(pages: Pages, seconds: float):
     return _whole(rrb, rrb.Tabs(*tabs, active_tab=0), "collapsed", "expanded", "following")
 
 
-def _whole(rrb, content, panels: str, top: str, play: str):
+def _whole(rrb: ModuleType, content: rrb.Container, panels: str, top: str, play: str) -> rrb.Blueprint:
     return rrb.Blueprint(
         content,
         rrb.TopPanel(state=top),
@@ -170,7 +178,7 @@ def _whole(rrb, content, panels: str, top: str, play: str):
     )
 
 
-def _tab(name: str, columns: list[list]):
+def _tab(name: str, columns: list[list]) -> rrb.Horizontal:
     """Columns of plots, and the texts at their right."""
     import rerun.blueprint as rrb
 
@@ -202,12 +210,12 @@ def _shift_column(pages: Pages, present: set[str], shift: Shift, legend: bool) -
     return states + _plots(pages, present, pages.shift_plots, axis, legend)
 
 
-def _run_columns(pages: Pages, present: set[str], axis) -> list[list]:
+def _run_columns(pages: Pages, present: set[str], axis: rrb.TimeAxis) -> list[list]:
     left = _states(pages, present, "States", pages.states, axis) + _plots(pages, present, pages.run_left, axis)
     return [left, _plots(pages, present, pages.run_right, axis)]
 
 
-def _states(pages: Pages, present: set[str], title: str, names, axis) -> list:
+def _states(pages: Pages, present: set[str], title: str, names: Iterable[str], axis: rrb.TimeAxis) -> list:
     import rerun.blueprint as rrb
 
     contents = _contents(pages, present, names)
@@ -216,7 +224,9 @@ def _states(pages: Pages, present: set[str], title: str, names, axis) -> list:
     return [rrb.StateTimelineView(name=title, origin="/", contents=contents, time_view=axis)]
 
 
-def _plots(pages: Pages, present: set[str], plots, axis, legend: bool = True) -> list:
+def _plots(
+    pages: Pages, present: set[str], plots: Iterable[tuple[str, Sequence[str]]], axis: rrb.TimeAxis, legend: bool = True
+) -> list:
     import rerun.blueprint as rrb
 
     views = []
@@ -237,11 +247,11 @@ def _plots(pages: Pages, present: set[str], plots, axis, legend: bool = True) ->
     return views
 
 
-def _contents(pages: Pages, present: set[str], names) -> list[str]:
+def _contents(pages: Pages, present: set[str], names: Iterable[str]) -> list[str]:
     return ["/" + entity(pages.known.signal(name)) for name in names if name in present]
 
 
-def _range(window: tuple[float, float]):
+def _range(window: tuple[float, float]) -> rr.TimeRange:
     import rerun as rr
 
     start, end = (rr.TimeRangeBoundary.absolute(seconds=t) for t in window)

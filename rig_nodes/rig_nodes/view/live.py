@@ -21,6 +21,7 @@ from collections import deque
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -33,6 +34,12 @@ from .convert import event_row, import_rerun
 from .curves import log_state_styles, log_style, times
 from .pages import Pages
 from .viewer import PR_SET_PDEATHSIG, program, surroundings
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from types import ModuleType
+
+    from rerun import RecordingStream
 
 APPLICATION = "virtual_rig_live"  # not that of recorded runs: a viewer may show both, each with its layout
 PORT = 9876  # where `rerun --connect` looks by itself
@@ -62,7 +69,7 @@ class Server:
     The SDK can serve too, but on all interfaces of the machine; this one is bound to 127.0.0.1.
     """
 
-    def __init__(self, port: int | None = None, memory: str = MEMORY):
+    def __init__(self, port: int | None = None, memory: str = MEMORY) -> None:
         """port: None for PORT, or a free one when that is taken. RigError when it does not come up."""
         self.port = _free_port(PORT, 0) if port is None else _free_port(port)
         self.url = f"rerun+http://127.0.0.1:{self.port}/proxy"
@@ -135,7 +142,7 @@ class Sender:
     messages that no drop explains), ``unreadable`` what is no message of its topic.
     """
 
-    def __init__(self, url: str, title: str, pages: Pages, window: float = WINDOW):
+    def __init__(self, url: str, title: str, pages: Pages, window: float = WINDOW) -> None:
         """url: of a running Server. pages: of the rig. title: name of the recording. window: seconds that the plots show."""
         self.rr = import_rerun()
         self.received = self.dropped = self.unreadable = self._gaps = self._in_hand = 0
@@ -270,7 +277,7 @@ class Sender:
 class _Shown:
     """What is shown of one topic: its messages in blocks to the columns of its signals, or its events."""
 
-    def __init__(self, pages: Pages, topic: Topic):
+    def __init__(self, pages: Pages, topic: Topic) -> None:
         self.topic, self._pages = topic, pages
         self._signals = pages.known.on_topic(topic.name)
         self._definition = installed(topic.ros_type)
@@ -278,14 +285,14 @@ class _Shown:
         self._last: int | None = None  # number of the newest message
         self._states: dict[str, int] = {}
 
-    def begin(self, rr, rec) -> None:
+    def begin(self, rr: ModuleType, rec: RecordingStream) -> None:
         """Names and colours into a new recording."""
         self._last = None
         self._states.clear()
         for shown in self._signals:
             (log_state_styles if shown.states else log_style)(rr, rec, self._pages, shown)
 
-    def send(self, rr, rec, messages: list[bytes], newest: float) -> tuple[int, int]:
+    def send(self, rr: ModuleType, rec: RecordingStream, messages: list[bytes], newest: float) -> tuple[int, int]:
         """Send one block; returns how many messages are missing before or in it and how many unreadable."""
         size = self._dtype.itemsize
         sound = []
@@ -309,7 +316,9 @@ class _Shown:
             return 0, len(messages)
         return self._missing(rows["seq"].astype(np.int64)), len(messages) - len(sound)
 
-    def _send_signal(self, rr, rec, signal: Signal, t: np.ndarray, rows: np.ndarray, whole) -> None:
+    def _send_signal(
+        self, rr: ModuleType, rec: RecordingStream, signal: Signal, t: np.ndarray, rows: np.ndarray, whole: Callable[[], list]
+    ) -> None:
         field, index = _FIELD.fullmatch(signal.field).groups()
         # behind a text the place of a field depends on the message
         values = rows[field] if field in self._dtype.names else np.array([getattr(m, field) for m in whole()])
@@ -322,7 +331,7 @@ class _Shown:
         states = [signal.states.get(int(value), str(int(value))) for value in values[change]]
         rec.send_columns(layout.entity(signal), [times(rr, t[change])], rr.StateChange.columns(state=states))
 
-    def _send_events(self, rr, rec, t: np.ndarray, events: list) -> None:
+    def _send_events(self, rr: ModuleType, rec: RecordingStream, t: np.ndarray, events: list) -> None:
         texts, levels = zip(*(event_row(at, self.topic.name, event.name, event.text) for at, event in zip(t, events)))
         rec.send_columns(f"events/{self.topic.name.split('/')[1]}", [times(rr, t)], rr.TextLog.columns(text=texts, level=levels))
 

@@ -13,10 +13,14 @@ from __future__ import annotations
 import json
 import xml.etree.ElementTree as xml
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..atomic_write import atomic_write
 from ..catalogue import Signal
 from .pages import HUES, INPUT, OTHER, OUTPUT, Pages
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
 
 # curves have one colour each
 STATE_HUES = (INPUT, OUTPUT, OTHER, *(bright for bright, _ in HUES))
@@ -38,7 +42,7 @@ def tabs(pages: Pages) -> list[tuple[str, list[list[tuple[str, list[str]]]]]]:
     ]
 
 
-def _lists(plots) -> list[tuple[str, list[str]]]:
+def _lists(plots: Iterable[tuple[str, Sequence[str]]]) -> list[tuple[str, list[str]]]:
     return [(title, list(names)) for title, names in plots]
 
 
@@ -77,13 +81,13 @@ def plotjuggler(pages: Pages) -> str:
     return "<?xml version='1.0' encoding='UTF-8'?>\n" + xml.tostring(root, encoding="unicode") + "\n"
 
 
-def _splitter(parent, orientation: str, children: list) -> None:
+def _splitter(parent: xml.Element, orientation: str, children: list) -> None:
     share = ";".join(f"{1 / len(children):.6f}" for _ in children)
     splitter = xml.SubElement(parent, "DockSplitter", orientation=orientation, count=str(len(children)), sizes=share)
     splitter.extend(children)
 
 
-def _column(pages: Pages, plots) -> xml.Element:
+def _column(pages: Pages, plots: Iterable[tuple[str, list[str]]]) -> xml.Element:
     holder = xml.Element("holder")
     _splitter(holder, "-", [_area(pages, title, names) for title, names in plots])
     return holder[0]
@@ -166,7 +170,7 @@ def _panel(pages: Pages, panels: dict, place: str, title: str, names: list[str])
     return key
 
 
-def _mosaic(direction: str, parts: list):
+def _mosaic(direction: str, parts: list) -> dict | str:
     """Panels side by side ("row") or stacked ("column") in equal shares, as a tree of pairs."""
     if len(parts) == 1:
         return parts[0]

@@ -11,12 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 from ..bags.rig_record import rig_record
 from ..catalogue import Catalogue, catalogue
 from ..description.structure import Device, Structure, structure_of
 from ..parts import part as parts
 from ..transmission import Transmission, transmission_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
 Colour = tuple[int, int, int]
 Plots = tuple[tuple[str, tuple[str, ...]], ...]  # title of a plot and its signals, which share their display unit
@@ -65,7 +69,7 @@ def hues(place: int) -> tuple[Colour, Colour]:
 class Pages:
     """The pages of one rig. ``box``: its transmission, None for a rig without gears; ``known``: its signals."""
 
-    def __init__(self, record: Mapping | None = None):
+    def __init__(self, record: Mapping | None = None) -> None:
         """record: of the rig (RigConfig.as_dict), of any age; the default rig's where nobody knows whose run it is."""
         record = rig_record(record)
         self.structure: Structure = structure_of(record["structure"])
@@ -80,7 +84,7 @@ class Pages:
         names = (f"{device.key}_{one}" for one in what)
         return tuple(name for name in (self.structure.names.get(name, name) for name in names) if name in self.known.signals)
 
-    def each(self, devices, *what: str) -> tuple[str, ...]:
+    def each(self, devices: Iterable[Device], *what: str) -> tuple[str, ...]:
         """What the first of these devices shows of it, then what the next one does."""
         return tuple(name for device in devices for name in self.own(device, *what))
 
@@ -227,10 +231,10 @@ class Pages:
         order = [*(quantity for quantity in OTHER_TITLES if quantity in groups), *groups]
         return [(OTHER_TITLES.get(quantity, quantity.capitalize()), groups[quantity]) for quantity in dict.fromkeys(order)]
 
-    def _there(self, names) -> tuple[str, ...]:
+    def _there(self, names: Iterable[str]) -> tuple[str, ...]:
         return tuple(name for name in names if name in self.known.signals)
 
-    def _shown(self, plots) -> Plots:
+    def _shown(self, plots: Iterable[tuple[str, Iterable[str]]]) -> Plots:
         """The plots that have a signal, each with those that there are."""
         found = ((title, self._there(names)) for title, names in plots)
         return tuple((title, names) for title, names in found if names)

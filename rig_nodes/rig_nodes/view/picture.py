@@ -17,9 +17,18 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..errors import RigError
 from .viewer import PR_SET_PDEATHSIG, program, surroundings
+
+if TYPE_CHECKING:
+    from types import TracebackType
+    from typing import TypeVar
+
+    from rerun.experimental import ViewerState
+
+    Answer = TypeVar("Answer")
 
 DRIVER_FOLDERS = ("/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d", "/etc/vulkan/icd.d")
 NO_DRIVER = "no picture without a software Vulkan driver; install the Debian package mesa-vulkan-drivers and try again"
@@ -69,7 +78,7 @@ class HeadlessViewer:
     Inside, what the viewer's client (``client``, a rerun ViewerClient) raises becomes RigError.
     """
 
-    def __init__(self, source: str, layout: Path | None = None, size: tuple[int, int] = SIZE, longest: float = LONGEST):
+    def __init__(self, source: str, layout: Path | None = None, size: tuple[int, int] = SIZE, longest: float = LONGEST) -> None:
         """source: a file, or the address of a live view; layout: one to show it in, in place of its own; size: width and height
         [px]; longest: for all [s].
         """
@@ -102,7 +111,7 @@ class HeadlessViewer:
             self.process.kill()
             self.process.wait()
 
-    def __exit__(self, _kind, error, _trace) -> None:
+    def __exit__(self, _kind: type[BaseException] | None, error: BaseException | None, _trace: TracebackType | None) -> None:
         self._watchdog.cancel()
         self._kill()
         self._folder.cleanup()
@@ -111,7 +120,7 @@ class HeadlessViewer:
             reason = f"did not finish within {self._longest:g} s" if late else "gave up"
             raise RigError(f"no picture: the viewer {reason} ({' '.join(str(error).split())})") from None
 
-    def state(self):
+    def state(self) -> ViewerState:
         """What the viewer holds and shows, a rerun ViewerState."""
         return self._answer(lambda: self.client.get_state())
 
@@ -123,7 +132,7 @@ class HeadlessViewer:
         """(name, PNG) of the views with a wanted name."""
         return [(view.name, self.screenshot(view.view_id)) for view in self.state().views if wanted(view.name)]
 
-    def _answer(self, ask):
+    def _answer(self, ask: Callable[[], Answer]) -> Answer:
         while True:
             try:
                 return ask()
