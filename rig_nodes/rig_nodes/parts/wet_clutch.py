@@ -128,13 +128,12 @@ def cylinder_step(
 ) -> tuple[float, float, float, float, float]:
     """One implicit step of line, feed orifice, chamber and piston from where they are in ``port`` and ``cylinder``.
 
-    state: of the valve, with its opening or, where it stands outside the plant, its held answer; full_line to
-    inertia_drop: of :func:`oil_stiffness`; speed_by_root: of parts.proportional_valve.orifice_speed.
-    Of second order: the oil's compression by backward differences over two steps, which damp a stiff volume as a
-    backward step does, the piston's way by the trapezoidal rule.
-    Returns (line pressure, chamber pressure, piston, its speed [m/s], valve flow). Unknown is the chamber pressure
-    alone: piston, feed flow and line pressure follow from it in closed form, and the balance of the line's volume is a
-    monotone function of it, solved by Newton inside a shrinking bracket.
+    state: of the valve, with its opening or, where it stands outside the plant, its held answer; full_line to inertia_drop:
+    of :func:`oil_stiffness`; speed_by_root: of parts.proportional_valve.orifice_speed. Of second order: the oil's compression
+    by backward differences over two steps, which damp a stiff volume as a backward step does, the piston's way by the
+    trapezoidal rule. Returns (line pressure, chamber pressure, piston, its speed [m/s], valve flow). Unknown is the chamber
+    pressure alone: piston, feed flow and line pressure follow from it in closed form, and the balance of the line's volume is
+    a monotone function of it, solved by Newton inside a shrinking bracket.
     """
     stiff_line = 1.5 * full_line
     # (3 p - 4 p0 + p00) / 2 h = 1.5 (p - (p0 + rise / 3)) / h
