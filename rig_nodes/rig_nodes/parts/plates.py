@@ -214,7 +214,7 @@ def derived(plates: PlatePack, pack: PackFriction, clearance: float, spline_hyst
     }
 
 
-def said(rig: RunningRig, name: str, pressure: float, travel: float) -> tuple:
+def said(rig: RunningRig, name: str, pressure: float, travel: float) -> tuple[float, ...]:
     """Fields of a pack's ClutchState, with the pressure [Pa] that presses it and the way [m] of what does."""
     me, slip = rig.device(name), rig.slip(name)
     return (

@@ -85,7 +85,7 @@ def verdicts(task: Task, candidates: list[Alfa46Config], workers: Workers) -> li
     return [_verdict(task, rigs) for rigs in found]
 
 
-def _on_rig(pickled: bytes, candidates: list[Alfa46Config], item: tuple[int, int]) -> list:
+def _on_rig(pickled: bytes, candidates: list[Alfa46Config], item: tuple[int, int]) -> list[tuple[Shift, Shift]]:
     place, rig = item
     return Ground.of(pickled).pairs(rig, candidates[place])
 
