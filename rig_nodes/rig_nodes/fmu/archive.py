@@ -100,10 +100,10 @@ def _check_description(xml: bytes) -> None:
     parser = expat.ParserCreate()
     depth = elements = 0
 
-    def doctype(*_):
+    def doctype(*_: object) -> None:
         raise RigError(f"its {DESCRIPTION} has a document type declaration (DOCTYPE), which none of an FMU has")
 
-    def start(*_):
+    def start(*_: object) -> None:
         nonlocal depth, elements
         depth, elements = depth + 1, elements + 1
         if depth > MOST_DEPTH:
@@ -111,7 +111,7 @@ def _check_description(xml: bytes) -> None:
         if elements > MOST_ELEMENTS:
             raise RigError(f"its {DESCRIPTION} has more than {MOST_ELEMENTS} elements")
 
-    def end(*_):
+    def end(*_: object) -> None:
         nonlocal depth
         depth -= 1
 

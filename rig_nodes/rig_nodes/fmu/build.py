@@ -342,7 +342,7 @@ def build_controller_fmu(
 class _Described(CLibrary):
     """A library of rig_controller.h, to see that it loads, its levels (``bits``) and what it names its own."""
 
-    def __init__(self, library: Path, name: str, record: ControllerRecord):
+    def __init__(self, library: Path, name: str, record: ControllerRecord) -> None:
         self._host, self._made_for = None, record
         try:
             self.bits = self._load(str(library), name)

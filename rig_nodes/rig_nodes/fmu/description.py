@@ -111,6 +111,7 @@ class Variable:
 
     @property
     def variability(self) -> str:
+        """Its variability as FMI names it."""
         if self.causality == "parameter":
             return "tunable" if self.tunable else "fixed"
         return "continuous" if self.type == "real" else "discrete"
@@ -156,7 +157,7 @@ def _attributes(values: dict) -> str:
     return "".join(f" {key}={quoteattr(_word(value))}" for key, value in values.items() if value is not None and value != "")
 
 
-def _word(value) -> str:
+def _word(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return repr(value) if isinstance(value, float) else str(value)
@@ -282,7 +283,7 @@ def _values(v: Variable) -> dict:
     return {"unit": v.unit, "displayUnit": shown, **limits, "nominal": nominal}
 
 
-def _start(v: Variable):
+def _start(v: Variable) -> float | bool | str | None:
     """The start value as XML says it; None for outputs."""
     if v.causality == "output":
         return None

@@ -27,7 +27,7 @@ SCALAR = 10  # ms between two messages of a transducer, whose newest one a seque
 class FmuBench:
     """The bench of a sequence (testbench.sequence.Bench) over the inputs and outputs of the FMU."""
 
-    def __init__(self, fmu: Fmu, config: RigConfig):
+    def __init__(self, fmu: Fmu, config: RigConfig) -> None:
         """config: of the rig in the FMU."""
         self.fmu, self.steps = fmu, config.settings.steps
         self.names = list(config.catalogue.signals)
@@ -44,33 +44,40 @@ class FmuBench:
                 self._told[name] = float(value)
 
     def ready(self) -> bool:
+        """The FMU is there from the start."""
         return True
 
     def set(self, step: str, value: float, enable: bool) -> None:
+        """A setpoint [SI] of a device and its switch, as inputs of the FMU."""
         setpoint = self.steps[step].setpoint
         self.fmu.set(**{setpoint.name: value, enable_of(setpoint): enable})
 
     def order_gear(self, gear: int) -> None:
+        """Ask for a gear by the input gear_request."""
         self.fmu.set(gear_request=gear)
         self._gear = gear
 
     def shift_done(self) -> bool:
+        """True when no shift runs and the ordered gear is the one that was asked for."""
         shifting, gear = self.fmu.get("shifting", "gear_ordered")
         return not shifting and self._gear in (None, gear)
 
     def controller_says(self) -> tuple[int, bool]:
+        """(gear, shifting) of the embedded controller."""
         shifting, gear = self.fmu.get("shifting", "gear_ordered")
         return int(gear), bool(shifting)
 
     def reading(self, signal: str) -> float:
+        """The value [SI] of a signal that was heard last; nan before the first."""
         return self._told.get(signal, float("nan"))
 
     def event(self, name: str, text: str, value: float = 0.0) -> None:
+        """Print the sentence of a new step; other events are of no interest here."""
         if name == "step":
             print(f"            {printable(text)}", flush=True)
 
 
-def drive(fmu: Fmu, sequence: Sequence, config: RigConfig, **parameters) -> float:
+def drive(fmu: Fmu, sequence: Sequence, config: RigConfig, **parameters: float | str) -> float:
     """Run the sequence on the FMU; returns its length [s]. config: of the rig in the FMU; parameters: e.g.
     record="runs/fmu-demo", seed=1.
 

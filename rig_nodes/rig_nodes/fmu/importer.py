@@ -14,12 +14,19 @@ import ctypes as ct
 import shutil
 import tempfile
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from ..errors import RigError, no_file, printable
 from .archive import unpack
 from .log_text import SIGNATURE, formatted, text_at
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from fmpy.model_description import ModelDescription, ScalarVariable
+
 
 STATUSES = ("ok", "warning", "discard", "error", "fatal")  # numbers of fmi2Status and fmi3Status
 GROUPS = {
@@ -41,7 +48,7 @@ class FmuFailed(RigError):
 
     exit_code = 1
 
-    def __init__(self, message: str, status: str):
+    def __init__(self, message: str, status: str) -> None:
         super().__init__(message)
         self.status = status
 
@@ -53,7 +60,7 @@ class Fmu:
     that it outlives a crash. RigError for a file that cannot be used here.
     """
 
-    def __init__(self, path: str | Path, name: str = "instance", keep: Callable[[str], None] = lambda text: None):
+    def __init__(self, path: str | Path, name: str = "instance", keep: Callable[[str], None] = lambda text: None) -> None:
         try:
             import fmpy
             from fmpy.fmi1 import FMICallException
@@ -98,7 +105,7 @@ class Fmu:
             self._remove()
             raise RigError(f"{path}: the FMU cannot be loaded: {_in_one_line(error)}") from None
 
-    def _read(self, fmpy):
+    def _read(self, fmpy: ModuleType) -> ModelDescription:
         """The model description of the archive, which is unpacked."""
         try:
             unpack(self.path, Path(self._folder))
@@ -130,7 +137,7 @@ class Fmu:
         """Makes the instance and listens to what it says."""
         if self.version == 3:
 
-            def log(environment, status, category, message):
+            def log(environment: int | None, status: int, category: bytes | None, message: bytes | None) -> None:
                 self._hear(status, (message or b"").decode("utf-8", "replace"))
 
             from fmpy import fmi3
@@ -140,7 +147,9 @@ class Fmu:
             return
         from fmpy import fmi2
 
-        def log2(environment, instance, status, category, form, *values):
+        def log2(
+            environment: int | None, instance: int | None, status: int, category: int | None, form: int | None, *values: float
+        ) -> None:
             self._hear(status, formatted(text_at(form), values))
 
         self._log = SIGNATURE(log2)
@@ -151,7 +160,7 @@ class Fmu:
         self._callbacks = callbacks
         self._call("instantiate", callbacks=callbacks, loggingOn=True)
 
-    def _call(self, name: str, *values, **named):
+    def _call(self, name: str, *values: object, **named: object) -> Any:
         try:
             return getattr(self._instance, name)(*values, **named)
         except self._error as failure:
@@ -165,12 +174,12 @@ class Fmu:
 
     # ---- variables
 
-    def _variable(self, name: str):
+    def _variable(self, name: str) -> ScalarVariable:
         if name not in self.variables:
             raise RigError(f"{self.path}: there is no variable {name}; there are {', '.join(self.variables)}")
         return self.variables[name]
 
-    def _group(self, variable) -> str:
+    def _group(self, variable: ScalarVariable) -> str:
         if self.version == 3:
             return GROUPS_3.get(variable.type, variable.type)
         return GROUPS.get(variable.type, variable.type)
@@ -184,7 +193,7 @@ class Fmu:
             out.append(value.decode("utf-8", "replace") if isinstance(value, bytes) else value)
         return out
 
-    def set(self, **values) -> None:
+    def set(self, **values: float | str) -> None:
         """Values of variables by name; names with dots by ``set(**{"alfa46.t12": -0.2})``."""
         for name, value in values.items():
             variable = self._variable(name)
@@ -192,7 +201,7 @@ class Fmu:
             value = {"Boolean": bool, "String": str}.get(group, float if group in ("Real", "Float32", "Float64") else int)(value)
             self._call(f"set{group}", [variable.valueReference], [value])
 
-    def reader(self, names: list[str]):
+    def reader(self, names: list[str]) -> Callable[[], list]:
         """A function that gives the values of these variables, with one call for each of their types."""
         groups: dict[str, list[int]] = {}
         for k, name in enumerate(names):
@@ -210,7 +219,7 @@ class Fmu:
 
         return read
 
-    def writer(self, names: list[str]):
+    def writer(self, names: list[str]) -> Callable[[Sequence[float]], None]:
         """A function that sets these variables, with one call for each of their types."""
         groups: dict[str, list[int]] = {}
         for k, name in enumerate(names):
@@ -225,7 +234,7 @@ class Fmu:
             for group, places in groups.items()
         ]
 
-        def write(values) -> None:
+        def write(values: Sequence[float]) -> None:
             for call, places, references, kind in calls:
                 self._call(call, references, [kind(values[k]) for k in places])
 
@@ -233,7 +242,7 @@ class Fmu:
 
     # ---- life
 
-    def initialize(self, start: float = 0.0, stop: float | None = None, **inputs) -> None:
+    def initialize(self, start: float = 0.0, stop: float | None = None, **inputs: float | str) -> None:
         """Enter and leave the initialization, with values of inputs and parameters by name. stop: time [s] of the end."""
         if self.version == 2:
             self._call("setupExperiment", startTime=start, stopTime=stop)
@@ -263,9 +272,11 @@ class Fmu:
         return False
 
     def terminate(self) -> None:
+        """End the simulation; FmuFailed when the FMU refuses it."""
         self._call("terminate")
 
     def reset(self) -> None:
+        """Bring the instance back to where it was before its initialization."""
         self._call("reset")
 
     def close(self) -> None:
@@ -282,10 +293,10 @@ class Fmu:
         if folder:
             shutil.rmtree(folder, ignore_errors=True)
 
-    def __enter__(self):
+    def __enter__(self) -> Fmu:
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

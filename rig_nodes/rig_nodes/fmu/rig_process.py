@@ -16,8 +16,15 @@ import struct
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..errors import RigError, printable
+
+if TYPE_CHECKING:
+    from ..testbench.configuration import RigConfig
+    from ..testbench.rig import Rig
+    from .rig_variables import Values
+
 
 INITIALIZE, STEP, TERMINATE, RESET = range(1, 5)
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)
@@ -28,7 +35,7 @@ TEXT = 1024  # bytes of a string and of a sentence, as in c/model.h
 class Recording:
     """The bag of a run inside an FMU, as `rig simulate` writes it, and its report."""
 
-    def __init__(self, folder: Path, rig, config, seed: int):
+    def __init__(self, folder: Path, rig: Rig, config: RigConfig, seed: int) -> None:
         from ..bags.writer import BagWriter
         from ..testbench.outputs import Outputs
         from ..testbench.sequence import Sequence
@@ -80,7 +87,7 @@ class Recording:
 class RigModel:
     """One instance of the FMU: parameters and inputs in ``values``, outputs there after each call."""
 
-    def __init__(self, resources: Path):
+    def __init__(self, resources: Path) -> None:
         from ..testbench.configuration import load_rig
         from .rig_variables import Values, rig_variables
 
@@ -214,7 +221,7 @@ def serve(link: socket.socket, resources: Path) -> None:
     model.terminate()
 
 
-def _take(values, request: bytes) -> None:
+def _take(values: Values, request: bytes) -> None:
     import numpy as np
 
     values.numbers[:] = np.frombuffer(request, np.float64, len(values.numbers), HEAD.size)
@@ -224,7 +231,7 @@ def _take(values, request: bytes) -> None:
         at += TEXT
 
 
-def _answer(values, status: int, done: int, sentence: str) -> bytes:
+def _answer(values: Values, status: int, done: int, sentence: str) -> bytes:
     texts = b"".join(_padded(text) for text in [*values.texts, sentence])
     return HEAD.pack(status, done) + values.numbers.tobytes() + texts
 

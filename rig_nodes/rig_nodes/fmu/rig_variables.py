@@ -193,7 +193,7 @@ class Values:
     numbers (variables,): those of strings are the number of their text in ``texts``.
     """
 
-    def __init__(self, variables: Sequence[Variable]):
+    def __init__(self, variables: Sequence[Variable]) -> None:
         self.variables = list(variables)
         self.place = {v.name: k for k, v in enumerate(self.variables)}
         self.strings = [v.name for v in self.variables if v.type == "string"]
@@ -204,9 +204,11 @@ class Values:
         return float(self.numbers[self.place[name]])
 
     def text(self, name: str) -> str:
+        """The text of a variable of type string."""
         return self.texts[self.strings.index(name)]
 
     def set_text(self, name: str, text: str) -> None:
+        """Give a variable of type string its text."""
         self.texts[self.strings.index(name)] = text
 
 
@@ -229,7 +231,7 @@ def with_parameters(config: RigConfig, values: Values) -> RigConfig:
 class Reader:
     """Fills the outputs of ``values`` from a rig as it is."""
 
-    def __init__(self, rig: Rig, values: Values):
+    def __init__(self, rig: Rig, values: Values) -> None:
         self.rig, self.values = rig, values
         known = rig.config.catalogue
         self._states, self._heard, signals = States(rig), Heard(known), known.signals
@@ -243,6 +245,7 @@ class Reader:
         self._currents = values.place["current_1"]
 
     def read(self) -> None:
+        """Read all outputs as the rig is now."""
         rig, numbers, fields = self.rig, self.values.numbers, self._heard.fields
         row = rig.row()
         for place, column in self._measured:

@@ -32,7 +32,7 @@ class Child:
         env: dict[str, str],
         links: dict[str, socket.socket] | None = None,
         life: int = 1,
-    ):
+    ) -> None:
         """Start ``python -m module``; its output goes to ``logs/<name>.log``.
 
         links: ends for it, by the other's name; life: 2 when it is started again, and so on, for a log of its own.
@@ -80,6 +80,7 @@ class Child:
 
     @property
     def pid(self) -> int:
+        """Number of the process."""
         return self.process.pid
 
     def messages(self) -> list[dict]:
@@ -93,7 +94,7 @@ class Child:
         *lines, self._rest = self._rest.split(b"\n")
         return [json.loads(line) for line in lines]
 
-    def tell(self, **order) -> None:
+    def tell(self, **order: object) -> None:
         """Give the process an order (nodes.process.Process.follow_orders); nothing happens when it has ended."""
         try:
             self.process.stdin.write(json.dumps(order).encode() + b"\n")

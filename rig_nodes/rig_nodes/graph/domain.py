@@ -47,7 +47,7 @@ def busy_domains() -> set[int]:
 class Domain:
     """One domain, held until :meth:`release`; a context manager. ``number`` is what ROS_DOMAIN_ID takes."""
 
-    def __init__(self, number: int, *locks: socket.socket):
+    def __init__(self, number: int, *locks: socket.socket) -> None:
         self.number, self._locks = number, list(locks)
 
     def lead(self, look: bool = True) -> Domain:
@@ -76,7 +76,7 @@ class Domain:
     def __enter__(self) -> Domain:
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self.release()
 
 

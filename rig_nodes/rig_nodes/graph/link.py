@@ -34,7 +34,7 @@ class Frames:
     gear, shifting, flags, and for FAILED a sentence behind it.
     """
 
-    def __init__(self, outputs: int, transducers: int, wants: int):
+    def __init__(self, outputs: int, transducers: int, wants: int) -> None:
         self.outputs, self.measured = outputs, outputs + transducers  # where in a sample commands and transducers end
         self.sample = struct.Struct(f"<Q{outputs + transducers + wants}d")
         self.answer = struct.Struct(f"<QB{2 * outputs}dBBB")
@@ -58,7 +58,7 @@ def pair() -> tuple[socket.socket, socket.socket]:
 class Link:
     """One end; ``other`` is the name of the process at the other one. One thread receives."""
 
-    def __init__(self, descriptor: int, other: str, watchful: bool = False):
+    def __init__(self, descriptor: int, other: str, watchful: bool = False) -> None:
         """watchful: look for a message for SPIN s before sleeping, where answers are expected within that."""
         self.other = other
         self._watchful = watchful and len(os.sched_getaffinity(0)) > 1

@@ -106,7 +106,7 @@ class Supervisor:
     hand in real time stays up, and the process is started again.
     """
 
-    def __init__(self, order: Order, folder: Path, domain: Domain, say: Callable[[float | None, str], None]):
+    def __init__(self, order: Order, folder: Path, domain: Domain, say: Callable[[float | None, str], None]) -> None:
         self.order, self.folder, self.domain, self.say = order, Path(folder), domain, say
         self.children: dict[str, Child] = {}
         self.restarts: list[dict] = []  # process, how it ended, simulated time

@@ -40,7 +40,7 @@ def tap_pair() -> tuple[socket.socket, socket.socket]:
 class Tap:
     """The end of a process that publishes. Thread-safe."""
 
-    def __init__(self, descriptor: int, topics: Iterable[str]):
+    def __init__(self, descriptor: int, topics: Iterable[str]) -> None:
         """topics: names of all that will be put. LinkClosed when the recorder is gone."""
         self._socket = socket.socket(fileno=descriptor)
         self._socket.settimeout(PATIENCE)
@@ -88,7 +88,7 @@ class Tap:
 class TapReader:
     """The recorder's end. ``topics``: names of what comes, None until the other end has said so."""
 
-    def __init__(self, descriptor: int):
+    def __init__(self, descriptor: int) -> None:
         self.topics: list[str] | None = None
         self._socket = socket.socket(fileno=descriptor)
         self._buffer = bytearray(READ_BYTES)

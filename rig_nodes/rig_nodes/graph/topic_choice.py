@@ -26,7 +26,7 @@ EXCLUDE = ("--exclude", {"metavar": "REGEX", "help": "beside the rig's own topic
 class TopicChoice:
     """A choice by regular expressions on whole names; None: no such condition."""
 
-    def __init__(self, topics: str | None = None, exclude: str | None = None):
+    def __init__(self, topics: str | None = None, exclude: str | None = None) -> None:
         """RigError when one of the two is no regular expression."""
         self._topics, self._exclude = _pattern("--topics", topics), _pattern("--exclude", exclude)
 
