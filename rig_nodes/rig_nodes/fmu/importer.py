@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
     from fmpy.model_description import ModelDescription, ScalarVariable
 
-
 STATUSES = ("ok", "warning", "discard", "error", "fatal")  # numbers of fmi2Status and fmi3Status
 GROUPS = {
     "Real": "Real",

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from ..testbench.rig import Rig
     from .rig_variables import Values
 
-
 INITIALIZE, STEP, TERMINATE, RESET = range(1, 5)
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)
 HEAD = struct.Struct("<II")  # what and samples of a request; status and samples done of an answer

@@ -8,10 +8,18 @@ Used by alfa46 (shift) and sequencer (run).
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 from action_msgs.srv import CancelGoal
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
-from rclpy.action.server import GoalEvent
+from rclpy.action.server import GoalEvent, ServerGoalHandle
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rclpy.node import Node
+    from rig_msgs.action import RunSequence, Shift
 
 
 class GoalServer(ActionServer):
@@ -21,7 +29,15 @@ class GoalServer(ActionServer):
     rclpy's own server would answer ERROR_NONE with an empty list.
     """
 
-    def __init__(self, node, kind, name: str, on_goal, on_cancel, on_request=lambda request: GoalResponse.ACCEPT):
+    def __init__(
+        self,
+        node: Node,
+        kind: type,
+        name: str,
+        on_goal: Callable[[ServerGoalHandle], None],
+        on_cancel: Callable[[ServerGoalHandle], CancelResponse],
+        on_request: Callable[[Any], GoalResponse] = lambda request: GoalResponse.ACCEPT,
+    ) -> None:
         """on_request(request) -> GoalResponse, then on_goal(handle), and on_cancel(handle) -> CancelResponse."""
         super().__init__(
             node,
@@ -34,7 +50,7 @@ class GoalServer(ActionServer):
         )
         self._on_cancel = on_cancel
 
-    async def _execute_cancel_request(self, request_header_and_message) -> None:
+    async def _execute_cancel_request(self, request_header_and_message: tuple[object, CancelGoal.Request]) -> None:
         header, request = request_header_and_message
         with self._lock:
             response = self._handle.process_cancel_request(request, CancelGoal.Response)
@@ -52,10 +68,10 @@ class GoalServer(ActionServer):
             pass  # who asked has gone
 
 
-def finish(goal, result) -> None:
+def finish(goal: ServerGoalHandle, result: Shift.Result | RunSequence.Result) -> None:
     """End a goal with its result: canceled when that was granted, else succeeded or aborted as the result says."""
 
-    def end(handle):
+    def end(handle: ServerGoalHandle) -> Shift.Result | RunSequence.Result:
         if handle.is_cancel_requested:
             handle.canceled()
         elif result.success:

@@ -12,8 +12,9 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
+from typing import TYPE_CHECKING
 
 from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
@@ -27,18 +28,24 @@ from ..controllers import own_signals
 from ..controllers.load import level_line, load_controller
 from ..controllers.seam import LEVELS, ControllerFailed
 from ..errors import RigError, printable
-from ..graph.link import ANSWERED, DISCARDED, FAILED, READY, STATUS, Frames, LinkClosed
+from ..graph.link import ANSWERED, DISCARDED, FAILED, READY, STATUS, Frames, Link, LinkClosed
 from ..testbench.rig_base import RigStatus
 from .action_server import GoalServer, finish
 from .alfa46_settings import BoxSettings
 from .device import publishers_of
 from .diagnostics import ERROR, OK, STALE, WARN, Diagnostics, Growing, Health
 from .matching import silent
-from .process import RIG_OPTIONS, gearbox_rig_config, run
+from .process import RIG_OPTIONS, Process, gearbox_rig_config, run
 from .qos import stream_profile
 from .realtime import MESSAGES, prefer, prefer_process, take_core
 from .settings import CHANGED
 from .shift_phase import ShiftPhase
+
+if TYPE_CHECKING:
+    from rclpy.action.server import ServerGoalHandle
+
+    from ..controllers.plug import Answer, Plug
+    from ..testbench.configuration import RigConfig
 
 FEEDBACK_SAMPLES = 50  # 20 Hz
 OPTIONS = [
@@ -54,7 +61,7 @@ STATE = "/rig/state"
 class Alfa46Node(Node):
     """Publishes /controller/*, serves /alfa46/shift and what can be set."""
 
-    def __init__(self, config, process):
+    def __init__(self, config: RigConfig, process: Process) -> None:
         """process.arguments.controller: specification of a plug, with @level when it must be told; None: the Alfa46."""
         super().__init__("alfa46")
         self.config, self.transmission = config, config.transmission
@@ -127,7 +134,7 @@ class Alfa46Node(Node):
         if self.real_time:
             self.listen_to_wants()
 
-    def on_value(self, name: str, message) -> None:
+    def on_value(self, name: str, message: Measurement) -> None:
         """A transducer that the controller wants, in real time."""
         self._heard_values[name] = message.value
 
@@ -147,7 +154,7 @@ class Alfa46Node(Node):
         except ControllerFailed as failure:
             self.fail(failure)
 
-    def on_frame(self, frame: bytes, reply) -> None:
+    def on_frame(self, frame: bytes, reply: Callable[[bytes], None]) -> None:
         """One sample in, the answer out, in lockstep; the rig goes on while the rest of this process hears of it."""
         if frame.startswith(STATUS):
             status, reason = frame[len(STATUS)], frame[len(STATUS) + 1 :]
@@ -172,7 +179,7 @@ class Alfa46Node(Node):
             )
         self.tell(sample, answer, measured)
 
-    def ask(self, sample: int, *wires):
+    def ask(self, sample: int, *wires: Iterable[float]) -> Answer | None:
         """The controller's answer to a sample; None when it discards it."""
         if self._last_sample is not None and sample > self._last_sample + 1:
             self.missed += sample - self._last_sample - 1
@@ -187,7 +194,7 @@ class Alfa46Node(Node):
             self.event(CHANGED, text, value)
         return answer
 
-    def tell(self, sample: int, answer, measured) -> None:
+    def tell(self, sample: int, answer: Answer | None, measured: Sequence[float]) -> None:
         """Publish an answer, and what it means for a running shift."""
         box = self.box
         if answer is not None:
@@ -280,7 +287,7 @@ class Alfa46Node(Node):
 
     # ---- shifts
 
-    def on_request(self, request) -> GoalResponse:
+    def on_request(self, request: Shift.Goal) -> GoalResponse:
         """Order a gear before the goal is answered: who hears that it is accepted knows that the order stands.
 
         A gear that there is not is rejected. Any other refused order is accepted as a goal all the same, and ended with
@@ -306,7 +313,7 @@ class Alfa46Node(Node):
             self._refusal = str(error)
         return GoalResponse.ACCEPT
 
-    def on_goal(self, goal) -> None:
+    def on_goal(self, goal: ServerGoalHandle) -> None:
         """Keep the goal of the shift that was just ordered, or end it with the reason why there is none."""
         with self._orders:
             why = self._refusal
@@ -356,7 +363,7 @@ class Alfa46Node(Node):
                 ),
             )
 
-    def on_cancel(self, goal) -> CancelResponse:
+    def on_cancel(self, goal: ServerGoalHandle) -> CancelResponse:
         """Withdraw an order that the controller has not seen; a shift that has begun is carried to its end.
 
         Half a shift has no safe end: held there, both clutches slip under load or none carries it.
@@ -379,7 +386,7 @@ class Alfa46Node(Node):
         finish(goal, Shift.Result(success=False, message=text, gear=self.box.gear))
         return CancelResponse.ACCEPT
 
-    def follow_shift(self, sample: int, measured) -> None:
+    def follow_shift(self, sample: int, measured: Sequence[float]) -> None:
         """Events, feedback and result of the running shift, after the controller has taken a sample."""
         t, gear, goal = self._stamp * 1e-9, self._phase.new, self._goal
         if self._t_order is None:
@@ -412,7 +419,7 @@ class Alfa46Node(Node):
             self.tap.put(topic, data)
 
 
-def teller(process, plug) -> Callable[[str], None]:
+def teller(process: Process, plug: Plug) -> Callable[[str], None]:
     """Says a plug's sentences in the process's log and, by the supervisor, to the person at the terminal.
 
     The supervisor learns who has not come yet too, for its last sentence.
@@ -425,7 +432,7 @@ def teller(process, plug) -> Callable[[str], None]:
     return say
 
 
-def work(process) -> None:
+def work(process: Process) -> None:
     """Gate, samples, orderly end."""
     config = gearbox_rig_config(process.arguments, "alfa46")
     executor = process.start_ros()
@@ -461,7 +468,7 @@ def work(process) -> None:
     )
 
 
-def answer_in_lockstep(process, node: Alfa46Node, link) -> None:
+def answer_in_lockstep(process: Process, node: Alfa46Node, link: Link) -> None:
     """Answer the container's samples in this thread while another serves ROS, until one of the two leaves."""
     over = threading.Event()
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rclpy.node import Node
@@ -23,6 +24,9 @@ from ..errors import RigError
 from ..testbench.configuration import RigConfig
 from .settings import Declared, Settings
 
+if TYPE_CHECKING:
+    from ..controllers.plug import Plug
+
 CURRENT_LOOP = ("gain_p", "gain_i", "gain_d", "derivative_time")
 COLUMNS = ("times", "currents")
 
@@ -30,7 +34,7 @@ COLUMNS = ("times", "currents")
 class BoxSettings(Settings):
     """``news``: accepted changes that the controller has, as (text, value) of an event, until the node says them."""
 
-    def __init__(self, node: Node, box, rig: RigConfig):
+    def __init__(self, node: Node, box: Plug, rig: RigConfig) -> None:
         """box: plug of the controller."""
         self.box, self.config, self.news = box, rig.alfa46, deque()
         config = self.config
@@ -106,7 +110,7 @@ class BoxSettings(Settings):
             number = float(name[len("output_")]) if isinstance(value, list) else value
             self.news.append((self.settings[name].shown(value), number))
 
-    def on_set_profile(self, request, response):
+    def on_set_profile(self, request: SetProfile.Request, response: SetProfile.Response) -> SetProfile.Response:
         """A profile as a whole, through the parameters, which so stay what the controller has."""
         if not 1 <= request.output <= len(OUTPUT_KEYS):
             response.success = False

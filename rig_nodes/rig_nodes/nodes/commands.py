@@ -11,8 +11,14 @@ from __future__ import annotations
 import re
 from collections import Counter, deque
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from ..errors import RigError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ..testbench.outputs import Outputs
 
 EVENTS = "/rig/events"
 QUIET_NS = 1_000_000_000  # simulated time between two events of the same refusal
@@ -35,14 +41,14 @@ def _raise(why: str) -> None:
 class Commands:
     """Thread-safe queue of calls on the rig; what the rig refuses becomes an event and nothing else changes."""
 
-    def __init__(self, outputs):
+    def __init__(self, outputs: Outputs) -> None:
         self.refused: Counter[str] = Counter()
         self._outputs = outputs
         self._queue: deque = deque()
         self._refusals: dict[tuple[str, str], Refusal] = {}
         self._came: Counter[str] = Counter()
 
-    def put(self, topic: str, function, *arguments) -> None:
+    def put(self, topic: str, function: Callable[..., object], *arguments: object) -> None:
         """Enqueue a call that came in through ``topic``."""
         self._queue.append((topic, function, arguments))
         self._came[topic] += 1
@@ -51,7 +57,7 @@ class Commands:
         """True when so many commands of each topic have come in."""
         return all(self._came[topic] >= count for topic, count in counts.items())
 
-    def put_first(self, topic: str, function) -> None:
+    def put_first(self, topic: str, function: Callable[[], object]) -> None:
         """Enqueue a call before all that wait."""
         self._queue.appendleft((topic, function, ()))
 

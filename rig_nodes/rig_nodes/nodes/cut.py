@@ -11,14 +11,23 @@ from __future__ import annotations
 import os
 import threading
 import time
+from typing import TYPE_CHECKING
 
 from ..engine.outside import Answer
 from ..testbench.cuts import topic_of
 from ..testbench.rig import Rig
 from ..testbench.rig_base import RigStatus
-from .device import receive
+from .device import Device, receive
 from .message_class import message_class
 from .qos import publisher_profile, recorder_profile, stream_profile
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    import numpy as np
+
+    from .commands import Commands
+    from .process import Process
 
 POLL = 0.05  # s between looks at whether a device that is waited for is still there
 
@@ -26,7 +35,7 @@ POLL = 0.05  # s between looks at whether a device that is waited for is still t
 class CutEnds:
     """Ports and answers on the nodes of cut devices. In lockstep a tick waits for the answers to the last."""
 
-    def __init__(self, rig: Rig, commands, nodes, process, step_timeout: float | None):
+    def __init__(self, rig: Rig, commands: Commands, nodes: Iterable[Device], process: Process, step_timeout: float | None) -> None:
         """step_timeout: s of real time that a device may take for one answer in lockstep, None for ever."""
         self.devices = rig.cuts.devices
         self._rig, self._commands, self._process, self._timeout = rig, commands, process, step_timeout
@@ -36,11 +45,11 @@ class CutEnds:
         for device in self.devices:
             self._open(self._nodes[device], device)
 
-    def _open(self, node, device: str) -> None:
+    def _open(self, node: Device, device: str) -> None:
         port, answer = (self._rig.config.catalogue.cut_topics[topic_of(device, end)] for end in ("port", "answer"))
         node.outputs[port.name] = node.create_publisher(message_class(port.ros_type), port.name, publisher_profile(port.qos))
 
-        def take(message) -> None:
+        def take(message: np.void) -> None:
             if self.tap is not None:
                 self.tap.put(answer.name, message.tobytes())
             self._commands.put(

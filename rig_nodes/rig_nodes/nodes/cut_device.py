@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 import sys
 import time
+from typing import TYPE_CHECKING
 
 from rclpy.node import Node
 
@@ -21,9 +22,14 @@ from ..engine.outside import OtherSide, Port, check_device
 from ..errors import RigError
 from ..testbench.cuts import topic_of
 from .message_class import message_class
-from .process import RIG_OPTIONS, rig_config, run
+from .process import RIG_OPTIONS, Process, rig_config, run
 from .qos import publisher_profile, recorder_profile
 from .realtime import MESSAGES, prefer_process
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ..testbench.configuration import RigConfig
 
 NOTICE = 3.0  # s without a rig after which that is said
 SILENCE = 1.0  # s without a port after which that is said
@@ -33,7 +39,7 @@ MOST_TICKS = 100  # that one port may make up for
 class CutDevice(Node):
     """Node ``<device>_device``: takes /<device>/cut/port, publishes /<device>/cut/answer."""
 
-    def __init__(self, device: str, config):
+    def __init__(self, device: str, config: RigConfig) -> None:
         super().__init__(f"{device}_device")
         self.device, self.config = device, config
         self.heard: float | None = None  # when the newest port came, None before the first of a rig
@@ -71,6 +77,7 @@ class CutDevice(Node):
 
     @property
     def listens(self) -> bool:
+        """True while ports of a rig are taken."""
         return self._subscription is not None
 
     def on_port(self, data: bytes) -> None:
@@ -92,7 +99,7 @@ class CutDevice(Node):
         self.answered += 1
 
 
-def work(process, device: str) -> None:
+def work(process: Process, device: str) -> None:
     """Serve one rig after the other, and say which there is and which is not."""
     config = rig_config(process.arguments)
     check_device(config.structure, device)
@@ -137,7 +144,7 @@ def main() -> int:
         return RigError.exit_code
     device = sys.argv.pop(1)
 
-    def serve(start) -> None:
+    def serve(start: Callable[..., Process]) -> None:
         process = start(f"{device}_device", f"The device {device} outside the plant of a rig.", RIG_OPTIONS)
         work(process, device)
 

@@ -8,6 +8,8 @@ Used by the rig container; no node holds physics, and callbacks only enqueue.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from rclpy.node import Node
 
 from ..bags.cdr import Fields
@@ -19,10 +21,21 @@ from .message_class import message_class
 from .qos import publisher_profile, receiver_profile
 from .settings import DeviceSettings
 
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    import numpy as np
+    from rclpy.qos import QoSProfile
+    from rclpy.subscription import Subscription
+
+    from ..testbench.configuration import RigConfig
+    from ..testbench.rig import Rig
+    from .commands import Commands
+
 OF_THE_WHOLE = ("rig", "instruments", "alfa46", "sequencer")  # nodes that are no device
 
 
-def publishers_of(node: Node, known: Catalogue, in_lockstep: bool = False, more=()) -> dict:
+def publishers_of(node: Node, known: Catalogue, in_lockstep: bool = False, more: Iterable[Topic] = ()) -> dict:
     """Publishers of all topics that the catalogue of a rig gives to this node, and of the topics ``more``, by name; they
     take encoded messages.
     """
@@ -33,7 +46,13 @@ def publishers_of(node: Node, known: Catalogue, in_lockstep: bool = False, more=
     }
 
 
-def receive(node: Node, topic: Topic, callback, profile=None, refuse=None) -> object:
+def receive(
+    node: Node,
+    topic: Topic,
+    callback: Callable[[np.void], None],
+    profile: QoSProfile | None = None,
+    refuse: Callable[[str, str], None] | None = None,
+) -> Subscription:
     """Subscribe a device to its topic; the callback gets the fields as a numpy record.
 
     profile: by default that of the receiver whom the topic is meant for; refuse: gets topic and sentence for bytes that
@@ -57,18 +76,18 @@ def receive(node: Node, topic: Topic, callback, profile=None, refuse=None) -> ob
     )
 
 
-def setpoints_taken(config) -> list[Setpoint]:
+def setpoints_taken(config: RigConfig) -> list[Setpoint]:
     """The setpoints that somebody takes on this rig: not those of what its configuration leaves out."""
     return [one.setpoint for one in config.settings.steps.values() if not one.lacking]
 
 
-def device_names(config) -> list[str]:
+def device_names(config: RigConfig) -> list[str]:
     """The nodes of a rig's devices, in the order of its topics; those that only take something come last."""
     publish = [topic.node for topic in config.catalogue.topics.values() if topic.node not in OF_THE_WHOLE]
     return list(dict.fromkeys([*publish, *(one.node for one in setpoints_taken(config))]))
 
 
-def pace_of(config) -> Topic:
+def pace_of(config: RigConfig) -> Topic:
     """The topic whose messages bring simulated time to the other processes."""
     drive = config.structure.of_role(parts.SOURCE)[0].name
     return config.catalogue.topics["/instruments/controller" if config.structure.shifts else f"/{drive}/state"]
@@ -77,7 +96,7 @@ def pace_of(config) -> Topic:
 class Device(Node):
     """A node of the rig container: what the catalogue gives it goes out. ``inputs``: subscriptions by topic."""
 
-    def __init__(self, name: str, rig, commands):
+    def __init__(self, name: str, rig: Rig, commands: Commands) -> None:
         """commands: the rig's queue; ``put(topic, function, *arguments)`` is applied at the next sample boundary."""
         super().__init__(name)
         self.commands, self.catalogue = commands, rig.config.catalogue
@@ -90,7 +109,7 @@ class DeviceNode(Device):
     parameters, and its setpoints by topic too.
     """
 
-    def __init__(self, name: str, rig, commands):
+    def __init__(self, name: str, rig: Rig, commands: Commands) -> None:
         super().__init__(name, rig, commands)
         for setpoint in setpoints_taken(rig.config):
             if setpoint.node == name:
@@ -98,7 +117,7 @@ class DeviceNode(Device):
         if rig.settings.at(name):
             self.settings = DeviceSettings(self, rig, commands)
 
-    def _take(self, rig, setpoint: Setpoint) -> None:
+    def _take(self, rig: Rig, setpoint: Setpoint) -> None:
         """Subscribe to a setpoint. In the safe state what drives the rig can be switched off only."""
         topic = self.catalogue.topics[setpoint.topic]
 
@@ -107,7 +126,7 @@ class DeviceNode(Device):
                 raise RigError(f"refused: the rig is in its safe state ({rig.reason}); call /rig/reset first")
             rig.set(setpoint.step, value, enable)
 
-        def enqueue(message) -> None:
+        def enqueue(message: np.void) -> None:
             self.commands.put(topic.name, order, float(message["value"]), bool(message["enable"]))
 
         self.inputs[topic.name] = receive(self, topic, enqueue, refuse=self.commands.refuse)

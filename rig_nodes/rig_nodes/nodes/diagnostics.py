@@ -35,7 +35,7 @@ class Health(NamedTuple):
 class Diagnostics:
     """Publishes what ``health()`` says; a status is named ``rig/<device>``, that of the rig as a whole ``rig``."""
 
-    def __init__(self, node: Node, health: Callable[[], list[Health]], now_ns: Callable[[], int]):
+    def __init__(self, node: Node, health: Callable[[], list[Health]], now_ns: Callable[[], int]) -> None:
         """now_ns: simulated time, the stamp of the messages."""
         self._health, self._now_ns = health, now_ns
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -69,10 +69,11 @@ def to_ros(health: Health) -> DiagnosticStatus:
 class Growing:
     """Called with a count: true for a while after it has grown."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._count, self._since = 0, float("-inf")
 
     def __call__(self, count: int) -> bool:
+        """True when the count has grown within the last RECENT s."""
         if count != self._count:
             self._count, self._since = count, time.monotonic()
         return time.monotonic() - self._since < RECENT

@@ -5,12 +5,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from ..errors import RigError
+
+if TYPE_CHECKING:
+    from rclpy.executors import Executor
 
 RCLPY = "7.1.4"  # of Jazzy, the first one with it; package.xml says so too
 
 
-def events_executor():
+def events_executor() -> Executor:
     """A new EventsExecutor, which costs less than rclpy's other ones; RigError where there is none yet."""
     try:
         from rclpy.experimental import EventsExecutor

@@ -46,7 +46,7 @@ class LiveView(Node):
     ``found``: what the rig is made of, as its run says or, where nobody says it for a while, as its topics are most like.
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__("live_view", enable_rosout=False, start_parameter_services=False)
         self.found: Mapping | None = None
         self._seen_at: float | None = None
@@ -89,14 +89,14 @@ class LiveView(Node):
         ]
 
     @staticmethod
-    def _enqueue(sender: Sender, topic: str):
+    def _enqueue(sender: Sender, topic: str) -> Callable[[bytes], None]:
         return lambda data: sender.put(topic, data)
 
 
 class Session:
     """One live view from its server to its last sentence, ended by SIGINT or SIGTERM within two seconds."""
 
-    def __init__(self, domain: int, say: Callable[[str], None]):
+    def __init__(self, domain: int, say: Callable[[str], None]) -> None:
         self._domain, self._say, self._over = domain, say, False
 
     def run(self, port: int | None, window: float, greet: Callable[[str], None]) -> None:
@@ -116,7 +116,7 @@ class Session:
         finally:
             server.close()
 
-    def _on_signal(self, _number, _frame) -> None:
+    def _on_signal(self, _number: int, _frame: object) -> None:
         if not self._over:
             self._over = True
             signal.setitimer(signal.ITIMER_REAL, LONGEST_END)  # SIGALRM without a handler ends the process

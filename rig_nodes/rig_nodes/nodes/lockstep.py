@@ -12,7 +12,8 @@ from __future__ import annotations
 import gc
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from ..clocks import SAMPLE_NS, TICK_SAMPLES
 from ..controllers.plug import Answer
@@ -25,6 +26,10 @@ from ..testbench.simulate import give_answer
 from ..testbench.topics import COMMAND
 from .realtime import take_core
 
+if TYPE_CHECKING:
+    from ..testbench.outputs import Outputs
+    from .commands import Commands
+
 GRACE = 0.5  # s more for the sentence of whoever waits for a controller further away
 BEFORE_FIRST = 60.0  # s for the sequencer to be ready
 LOOK_UP = 0.1  # s of waiting for the controller after which an order to end is looked for
@@ -35,7 +40,7 @@ class RemoteController:
 
     name = "alfa46"
 
-    def __init__(self, link: Link, record: ControllerRecord, step_timeout: float | None, stopping: Callable[[], bool]):
+    def __init__(self, link: Link, record: ControllerRecord, step_timeout: float | None, stopping: Callable[[], bool]) -> None:
         """step_timeout: s for one sample; the process that knows its controller better may say so first.
 
         ``stopping``: true when the run is to end, and with it any wait.
@@ -72,7 +77,7 @@ class RemoteController:
         except LinkClosed:
             pass  # answer() will say so
 
-    def ask(self, sample: int, current, measured, others) -> None:
+    def ask(self, sample: int, current: Sequence[float], measured: Sequence[float], others: Sequence[float]) -> None:
         """Hand over one sample; the answer is waited for by :meth:`answer`."""
         try:
             self._link.send(self._frames.sample.pack(sample, *current, *measured, *others))
@@ -107,13 +112,13 @@ class Lockstep:
     def __init__(
         self,
         rig: Rig,
-        outputs,
-        commands,
+        outputs: Outputs,
+        commands: Commands,
         links: dict[str, Link],
         speed: float,
         step_timeout: float | None,
         stopping: Callable[[], bool],
-    ):
+    ) -> None:
         self.rig, self.outputs, self.commands = rig, outputs, commands
         self.speed, self.overruns, self.real_time_priority = speed, 0, False
         self.controller = RemoteController(links["alfa46"], record_of(rig.config), step_timeout, stopping)
@@ -125,7 +130,7 @@ class Lockstep:
         self._controller_knows: tuple | None = None  # status and reason
         self._took = 0.0
 
-    def run(self, publish, stop) -> None:
+    def run(self, publish: Callable[[], None], stop: Callable[[], bool]) -> None:
         """Until ``stop()`` is true at the start of a tick."""
         rig = self.rig
         take_core(0)
@@ -166,7 +171,7 @@ class Lockstep:
             self._controller_knows = now
             self.controller.tell(*now)
 
-    def _sample(self, publish) -> None:
+    def _sample(self, publish: Callable[[], None]) -> None:
         """One sample: the controller works on it while the messages go out and the plant moves on."""
         rig = self.rig
         sample = rig.sample

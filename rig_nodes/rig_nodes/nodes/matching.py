@@ -8,8 +8,13 @@ Used by every process of the graph before it publishes.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
 
-def silent(node, publishers: dict, wanted: dict[str, set[str]]) -> list[str]:
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+
+def silent(node: Node, publishers: dict, wanted: dict[str, set[str]]) -> list[str]:
     """Sentences on receivers that are missing. publishers: by topic; wanted: names of receiving nodes by topic."""
     missing = []
     for topic, publisher in publishers.items():

@@ -8,7 +8,7 @@ from __future__ import annotations
 from importlib import import_module
 
 
-def message_class(ros_type: str):
+def message_class(ros_type: str) -> type:
     """The class of e.g. ``rig_msgs/msg/Event``."""
     package, kind, name = ros_type.split("/")
     return getattr(import_module(f"{package}.{kind}"), name)

@@ -26,7 +26,7 @@ LOOK = 0.2  # s between two looks for topics that have appeared
 class OtherTopics:
     """Subscribes to topics as they appear. ``unrecorded``: topics that nobody can record here, with the reason."""
 
-    def __init__(self, node: Node, known: set[str], choice: TopicChoice, take: Callable):
+    def __init__(self, node: Node, known: set[str], choice: TopicChoice, take: Callable) -> None:
         """known: topics that are recorded already; take(topic, type, class): gives the callback of a topic."""
         self.unrecorded: dict[str, str] = {}
         self._node, self._known, self._choice, self._take = node, set(known), choice, take

@@ -19,9 +19,10 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import rclpy
 from rclpy.duration import Duration
@@ -40,6 +41,11 @@ from ..testbench.folders import parse_parameters, parse_settings
 from ..testbench.sequence import Sequence, load_sequence
 from .executor import events_executor
 from .ros_arguments import own_arguments, set_parameters
+
+if TYPE_CHECKING:
+    from rclpy.executors import Executor
+    from rclpy.node import Node
+    from rclpy.publisher import Publisher
 
 PR_SET_PDEATHSIG = 1
 PATIENCE = 20.0  # s between the order to end and the end by force
@@ -82,7 +88,7 @@ class Process:
     SIGTERM ends it in order; SIGINT does too and means that the run is not done (``interrupted``).
     """
 
-    def __init__(self, name: str, description: str, options=()):
+    def __init__(self, name: str, description: str, options: Iterable[tuple[str, dict]] = ()) -> None:
         """options: (flag, keywords) pairs for argparse beside the common ones."""
         self.name, self.stopping, self.interrupted = name, False, False
         self.executor = None
@@ -99,7 +105,7 @@ class Process:
         logging.basicConfig(stream=sys.stderr, level=logging.INFO, format=f"{name}: %(message)s")
         self.log = logging.getLogger(name)
 
-    def _parse(self, description, options):
+    def _parse(self, description: str, options: Iterable[tuple[str, dict]]) -> argparse.Namespace:
         parser = argparse.ArgumentParser(prog=self.name, description=description)
         for flag, keywords in options:
             parser.add_argument(flag, **keywords)
@@ -134,16 +140,16 @@ class Process:
             if other != "recorder"
         }
 
-    def tap(self, topics) -> Tap | None:
+    def tap(self, topics: Iterable[str]) -> Tap | None:
         """The way to the recorder beside DDS, for the topics that this process publishes; None in real time."""
         number = self.descriptors().get("recorder")
         return None if number is None else Tap(number, topics)
 
-    def _on_signal(self, number, _frame) -> None:
+    def _on_signal(self, number: int, _frame: object) -> None:
         self.interrupted |= number == signal.SIGINT and not self.stopping
         self.stop()
 
-    def _on_thread_death(self, death) -> None:
+    def _on_thread_death(self, death: threading.ExceptHookArgs) -> None:
         """A thread that dies is the end of the process: its work would be missing from then on without a word."""
         thread = death.thread.name if death.thread is not None else "a thread"
         self.failure = self.failure or ThreadDied(f"its thread '{thread}' died of {_named(death.exc_value)}")
@@ -157,7 +163,7 @@ class Process:
             self.stopping = True
             signal.setitimer(signal.ITIMER_REAL, PATIENCE)  # SIGALRM without a handler ends the process
 
-    def status(self, kind: str, **fields) -> None:
+    def status(self, kind: str, **fields: object) -> None:
         """One line to the supervisor; dropped when it does not read, for the rig never waits for anyone.
 
         Without a supervisor what is new in it goes to the log, for people.
@@ -201,14 +207,14 @@ class Process:
 
         threading.Thread(target=follow, name="orders", daemon=True).start()
 
-    def start_ros(self):
+    def start_ros(self) -> Executor:
         """Initialise rclpy without its signal handlers; returns the executor, kept as ``executor`` too."""
         use_own_transports()
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self.executor = events_executor()
         return self.executor
 
-    def take_parameters(self, nodes) -> None:
+    def take_parameters(self, nodes: Collection[Node]) -> None:
         """Set the parameters of these nodes that the command line or a launch file names; RigError when refused."""
         set_parameters(sys.argv, nodes, self.log.warning)
 
@@ -216,7 +222,7 @@ class Process:
         """Serve callbacks for a while; a spin without end would not notice signals."""
         self.executor.spin_until_future_complete(Future(), seconds)
 
-    def leave(self, nodes, publishers=(), **facts) -> None:
+    def leave(self, nodes: Iterable[Node], publishers: Iterable[Publisher] = (), **facts: object) -> None:
         """Wait until every subscriber has what was published, note facts and cost, take the nodes down."""
         deadline = time.monotonic() + 2.0
         for publisher in publishers:
@@ -238,22 +244,22 @@ class Process:
         rclpy.shutdown()
 
 
-def rig_config(arguments) -> RigConfig:
+def rig_config(arguments: argparse.Namespace) -> RigConfig:
     """The rig that RIG_OPTIONS name, by default that of --sequence."""
     return load_rig(rig_name(arguments), parse_settings(arguments.settings))
 
 
-def gearbox_rig_config(arguments, name: str) -> RigConfig:
+def gearbox_rig_config(arguments: argparse.Namespace, name: str) -> RigConfig:
     """The same for a process of this name that only a rig with a shift controller has; RigError for another."""
     return load_gearbox_rig(rig_name(arguments), parse_settings(arguments.settings), name)
 
 
-def rig_name(arguments) -> str:
+def rig_name(arguments: argparse.Namespace) -> str:
     """The rig that RIG_OPTIONS name, by default that of --sequence."""
     return arguments.rig or rig_of(vars(arguments).get("sequence"))
 
 
-def chosen_sequence(arguments) -> Sequence | None:
+def chosen_sequence(arguments: argparse.Namespace) -> Sequence | None:
     """The sequence of --sequence with the parameters of --with, None without one; RigError when refused."""
     parameters = parse_parameters(arguments.parameters)
     if arguments.sequence:
@@ -263,11 +269,11 @@ def chosen_sequence(arguments) -> Sequence | None:
     return None
 
 
-def run(main) -> int:
+def run(main: Callable[[Callable[..., Process]], object]) -> int:
     """Exit code of a process: RigError becomes one sentence, for the supervisor too, as does what nobody expected."""
     process = None
 
-    def start(*arguments, **keywords) -> Process:
+    def start(*arguments: Any, **keywords: Any) -> Process:
         nonlocal process
         process = Process(*arguments, **keywords)
         return process

@@ -16,8 +16,12 @@ import sys
 import threading
 import time
 from array import array
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 PR_SET_TIMERSLACK = 29
 # The clock of the rig comes first, then samples and commands, then what is recorded of them.
@@ -74,14 +78,14 @@ class RealTime:
     ``lateness_ns``: start of each tick (every ``per_tick`` steps) after its time in the schedule.
     """
 
-    def __init__(self, period_ns: int, per_tick: int):
+    def __init__(self, period_ns: int, per_tick: int) -> None:
         self.period_ns, self.per_tick = period_ns, per_tick
         self.lateness_ns = array("q")
         self.overruns = 0
         self.times_behind = 0
         self.real_time_priority = False
 
-    def run(self, step, stop) -> None:
+    def run(self, step: Callable[[], None], stop: Callable[[], bool]) -> None:
         """Step until ``stop()`` is true at the start of a tick: ticks are never cut."""
         gc.collect()
         gc.freeze()  # what start-up made is never scanned again: collections stay far below a sample

@@ -16,6 +16,7 @@ import threading
 import time
 from collections import Counter, deque
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rclpy.node import Node
 
@@ -29,9 +30,13 @@ from ..graph.topic_choice import EXCLUDE, TOPICS, TopicChoice
 from .diagnostics import ERROR, OK, WARN, Diagnostics, Growing, Health
 from .message_class import message_class
 from .other_topics import OtherTopics
-from .process import rig_config, run
+from .process import Process, rig_config, run
 from .qos import recorder_profile
 from .realtime import RECORDING, prefer_process, stand_back
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Callable
 
 FLUSH_PERIOD = 0.1  # s; what a killed recorder may lose
 WAITING = 200_000  # messages between callbacks and writer, about 40 s of the rig
@@ -84,7 +89,7 @@ class Recorder(Node):
         topics: dict[str, Topic],
         wanted: set[str],
         choice: TopicChoice,
-    ):
+    ) -> None:
         """taps: have said what they bring; early: messages that came along; topics: of the rig; wanted: names of those to
         subscribe to; choice: which others.
         """
@@ -158,7 +163,7 @@ class Recorder(Node):
             return [Health("recorder", WARN, "more than half of the queue is full: the disk does not keep up", values)]
         return [Health("recorder", OK, "records" if self.received else "waits for the first message", values)]
 
-    def _enqueue(self, topic):
+    def _enqueue(self, topic: Topic) -> Callable[[bytes], None]:
         """Callback of one topic."""
         queue, name, ros_type = self._queue, topic.name, topic.ros_type
 
@@ -171,7 +176,7 @@ class Recorder(Node):
 
         return on_message
 
-    def _enqueue_other(self, name: str, ros_type: str, qos: str):
+    def _enqueue_other(self, name: str, ros_type: str, qos: str) -> Callable[[bytes], None]:
         """Callback of one topic that is none of the rig's."""
         queue = self._queue
         self._others[name] = qos
@@ -294,7 +299,7 @@ def tells_time(topic: Topic) -> bool:
     return topic.qos != "latched" and topic.node not in ("alfa46", "sequencer") and not topic.node.endswith("_device")
 
 
-def work(process) -> None:
+def work(process: Process) -> None:
     """Record until told to stop, then take in what is on its way."""
     arguments = process.arguments
     (topics, wanted), choice = topics_of(arguments), TopicChoice(arguments.topics, arguments.exclude)
@@ -331,7 +336,7 @@ def work(process) -> None:
         raise node.failure
 
 
-def topics_of(arguments) -> tuple[dict[str, Topic], set[str]]:
+def topics_of(arguments: argparse.Namespace) -> tuple[dict[str, Topic], set[str]]:
     """The topics of the rig of --rig, and names of those that this run of it may have; without it, of all installed rigs."""
     if arguments.rig is None:
         topics = installed_topics()
@@ -341,7 +346,7 @@ def topics_of(arguments) -> tuple[dict[str, Topic], set[str]]:
     return config.catalogue.all_topics, set(config.catalogue.of_run(config.cut_out, not built_in))
 
 
-def hear_first_words(process, taps) -> list[tuple[str, bytes]]:
+def hear_first_words(process: Process, taps: list[TapReader]) -> list[tuple[str, bytes]]:
     """Wait until every tap has said what it will bring, or the process is told to stop; returns what came besides."""
     early = []
     with selectors.DefaultSelector() as selector:
@@ -356,7 +361,7 @@ def hear_first_words(process, taps) -> list[tuple[str, bytes]]:
     return early
 
 
-def drain(process, node) -> None:
+def drain(process: Process, node: Recorder) -> None:
     """Serve callbacks until everybody who publishes has left, which is after all of theirs has arrived.
 
     A killed publisher never leaves: without a message for a while, recording ends all the same.

@@ -129,7 +129,7 @@ def _another_version(ros_type: str, text: str) -> bool:
 class Output:
     """One topic on its way out; waits for receipts before the history could overflow."""
 
-    def __init__(self, node: Node, message_type, topic: str, profile: QoSProfile, session: Session):
+    def __init__(self, node: Node, message_type: type, topic: str, profile: QoSProfile, session: Session) -> None:
         self.publisher = node.create_publisher(message_type, topic, profile)
         self.topic, self.session = topic, session
         self.count = 0
@@ -168,7 +168,7 @@ class Output:
 class Replay(Node):
     """Publishes what a player says is due; serves ~/pause, ~/resume and ~/step."""
 
-    def __init__(self, bag: BagIndex, topics: Sequence[str], player: Player, session: Session):
+    def __init__(self, bag: BagIndex, topics: Sequence[str], player: Player, session: Session) -> None:
         super().__init__(NAME, enable_rosout=False)
         self.player, self.say = player, session.say
         self.outputs = {}
@@ -180,8 +180,8 @@ class Replay(Node):
         for name, action in (("pause", self.pause), ("resume", self.resume), ("step", self.step)):
             self.create_service(Trigger, f"~/{name}", self._serve(action))
 
-    def _serve(self, action: Callable[[], str]):
-        def answer(_request, response):
+    def _serve(self, action: Callable[[], str]) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
+        def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             response.message = action()
             response.success = not response.message.startswith("not ")
             return response
@@ -258,7 +258,7 @@ class Replay(Node):
 class Session:
     """One replay from the first node to the last: signals, keys, waiting, playing, leaving."""
 
-    def __init__(self, say: Callable[[str], None], keys: Callable[[], str]):
+    def __init__(self, say: Callable[[str], None], keys: Callable[[], str]) -> None:
         """keys: what was pressed since the last call; a space pauses and resumes, s steps, q ends."""
         self.say, self.keys = say, keys
         self.ended_by = 0
@@ -292,7 +292,7 @@ class Session:
         outcome.ended_by = self.ended_by
         return outcome
 
-    def _on_signal(self, number, _frame) -> None:
+    def _on_signal(self, number: int, _frame: object) -> None:
         self.ended_by, self._over = number, True
         self.out_of_time = min(self.out_of_time, time.monotonic() + GRACE)
 

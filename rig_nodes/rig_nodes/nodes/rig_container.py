@@ -13,6 +13,7 @@ import sys
 import threading
 import time
 import traceback
+from typing import TYPE_CHECKING
 
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
@@ -32,10 +33,13 @@ from .device import DeviceNode, device_names, pace_of
 from .diagnostics import Diagnostics
 from .lockstep import Lockstep
 from .matching import silent
-from .process import RIG_OPTIONS, SEQUENCE_PARAMETERS, chosen_sequence, rig_config, run
+from .process import RIG_OPTIONS, SEQUENCE_PARAMETERS, Process, chosen_sequence, rig_config, run
 from .realtime import MESSAGES, RealTime, prefer_process
 from .rig_health import RigHealth
 from .rig_node import RigNode
+
+if TYPE_CHECKING:
+    from ..testbench.configuration import RigConfig
 
 GATE_TIMEOUT = 30.0  # s that the other processes have to appear
 LAST_TICKS = 4  # recorded after an early end, so that the bag shows the safe state
@@ -55,7 +59,7 @@ OPTIONS = [
 class Container:
     """Rig, outputs, nodes and loop of one container."""
 
-    def __init__(self, process):
+    def __init__(self, process: Process) -> None:
         self.process = process
         arguments = process.arguments
         config = rig_config(arguments)
@@ -223,7 +227,7 @@ class Container:
 
     # ---- the main thread
 
-    def on_end(self, _request, response):
+    def on_end(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """End the run in order: the supervisor does, and without one this process, with whose end the launch ends."""
         self.process.status("end")
         if self.process.arguments.status_fd is None:
@@ -263,12 +267,12 @@ class Container:
             raise self._failure
 
 
-def rig_on_the_graph(config, seed: int = 1, devices: str = "external", delay: int = 1):
+def rig_on_the_graph(config: RigConfig, seed: int = 1, devices: str = "external", delay: int = 1) -> Rig:
     """The rig whose controller, where it has one, is a node of its own; ``delay`` as of testbench.rig."""
     return Rig(config, seed, controller="external", level=None, devices=devices, delay=delay)
 
 
-def warm_up(config, record) -> None:
+def warm_up(config: RigConfig, record: dict) -> None:
     """Load compiled code and encoders on a rig that is thrown away: the first sample of the real one is on time."""
     rig = rig_on_the_graph(config, devices="embedded")
     outputs = Outputs(rig, record)

@@ -9,6 +9,7 @@ Used by the rig container; reads the rig while its loop goes on, which for singl
 from __future__ import annotations
 
 from functools import partial
+from typing import TYPE_CHECKING
 
 from ..bags.definitions import installed
 from ..clocks import COMMAND_TIMEOUT
@@ -18,6 +19,11 @@ from ..testbench.rig import Rig
 from ..testbench.rig_base import RigStatus
 from .device import device_names
 from .diagnostics import ERROR, OK, STALE, WARN, Growing, Health
+
+if TYPE_CHECKING:
+    from .commands import Commands
+    from .lockstep import Lockstep
+    from .realtime import RealTime
 
 OLD = 0.5 * COMMAND_TIMEOUT  # s of a valve command that is a warning
 TOO_LOW = 0.9  # share of the relief setting below which the oil supply is a warning
@@ -29,7 +35,7 @@ LOCKED = MODES.index("locked")
 class RigHealth:
     """Called: the health of the rig, of each of its devices by what it is for, and of its instruments."""
 
-    def __init__(self, rig: Rig, clock, commands):
+    def __init__(self, rig: Rig, clock: RealTime | Lockstep, commands: Commands) -> None:
         """clock: RealTime or Lockstep; commands: the rig's queue."""
         self.rig, self.clock, self.commands = rig, clock, commands
         self._overruns = Growing()
@@ -55,6 +61,7 @@ class RigHealth:
             self._each.append(self.gearbox)
 
     def __call__(self) -> list[Health]:
+        """The health of all of them as it is now."""
         return [self.whole(), *(health() for health in self._each), self.instruments()]
 
     def state(self, device: Device) -> dict:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import threading
+from typing import TYPE_CHECKING, Any
 
 from std_srvs.srv import Trigger
 
@@ -13,13 +14,21 @@ from ..errors import RigError
 from .device import Device, receive
 from .qos import COMMANDS
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import numpy as np
+
+    from ..testbench.rig import Rig
+    from .commands import Commands
+
 VALVE_COMMAND = "/controller/command"
 
 
 class RigNode(Device):
     """Publishes /rig/*, takes /controller/command where there are valves, serves /rig/e_stop and /rig/reset."""
 
-    def __init__(self, rig, commands, valve_commands: bool):
+    def __init__(self, rig: Rig, commands: Commands, valve_commands: bool) -> None:
         """valve_commands: they come by the topic. In lockstep they come through the controller's link and are only to
         be seen there, and a rig without a shift controller has none.
         """
@@ -33,7 +42,7 @@ class RigNode(Device):
         self.create_service(Trigger, "~/e_stop", self.on_e_stop)
         self.create_service(Trigger, "~/reset", self.on_reset)
 
-    def on_valve_command(self, message) -> None:
+    def on_valve_command(self, message: np.void) -> None:
         """Enqueue the answer to one controller sample; note those before it that did not arrive."""
         seq, before = int(message["seq"]), self._seq
         self._seq = seq
@@ -51,7 +60,7 @@ class RigNode(Device):
             int(message["flags"]),
         )
 
-    def take(self, *command) -> None:
+    def take(self, *command: Any) -> None:
         """Give the rig one valve command; RigError when it is refused, or taken without acting."""
         try:
             self.rig.set_command(*command)
@@ -63,15 +72,15 @@ class RigNode(Device):
                 raise
             raise RigError(f"{error}; {senders} nodes send it, and the first answer to a sample counts") from None
 
-    def on_e_stop(self, _request, response):
+    def on_e_stop(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Emergency stop: before all other commands, until reset."""
         return self.at_once(self.rig.e_stop, "/rig/e_stop", "emergency stop", response)
 
-    def on_reset(self, _request, response):
+    def on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Leave the safe state; refused when the rig is in none."""
         return self.at_once(self.rig.reset, "/rig/reset", "safe state left", response)
 
-    def at_once(self, function, source, text, response):
+    def at_once(self, function: Callable[[], None], source: str, text: str, response: Trigger.Response) -> Trigger.Response:
         """Answer when the rig has done or refused it, which is within a sample unless its loop stands still."""
         done, refusal = threading.Event(), []
 

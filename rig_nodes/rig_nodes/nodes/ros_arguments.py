@@ -8,9 +8,9 @@ Used by nodes.process and by `ros2 run rig_nodes replay`. rclpy reads the rest (
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from rclpy.utilities import remove_ros_args
 
@@ -18,6 +18,9 @@ from ..config import load_yaml
 from ..config.names import unknown
 from ..errors import RigError
 from ..graph.domain import check_namespace
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
 
 REMAP, PARAMETER, FILE = ("-r", "--remap"), ("-p", "--param"), ("--params-file",)
 
@@ -76,7 +79,7 @@ def _absolute(node: str) -> str:
     return "/" + node.strip("/")
 
 
-def _entries(path: str, tree) -> Iterator[tuple[str, str]]:
+def _entries(path: str, tree: dict | None) -> Iterator[tuple[str, str]]:
     """(node, parameter) of what a parameter file says below a path of names."""
     for key, below in (tree or {}).items():
         if key == "ros__parameters":
@@ -85,7 +88,7 @@ def _entries(path: str, tree) -> Iterator[tuple[str, str]]:
             yield from _entries(f"{path}/{str(key).strip('/')}", below)
 
 
-def _names(prefix: str, tree) -> Iterator[str]:
+def _names(prefix: str, tree: dict | None) -> Iterator[str]:
     for key, value in (tree or {}).items():
         if isinstance(value, dict):
             yield from _names(f"{prefix}{key}.", value)
@@ -93,7 +96,7 @@ def _names(prefix: str, tree) -> Iterator[str]:
             yield f"{prefix}{key}"
 
 
-def set_parameters(words: list[str], nodes, tell: Callable[[str], None]) -> None:
+def set_parameters(words: list[str], nodes: Collection[Node], tell: Callable[[str], None]) -> None:
     """Set what a command line says of the parameters of these nodes, as if it had been set at run time.
 
     What is for no node here is told, as it may be for another process; RigError for what a node here refuses or has
@@ -117,6 +120,6 @@ def set_parameters(words: list[str], nodes, tell: Callable[[str], None]) -> None
             node.settings.take_overrides()
 
 
-def has(node, parameter: str) -> bool:
+def has(node: Node, parameter: str) -> bool:
     """True when a node has this parameter, or may get it when its controller has come."""
     return node.has_parameter(parameter) or (hasattr(node, "settings") and node.settings.may_come(parameter))

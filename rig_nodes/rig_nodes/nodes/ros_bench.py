@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.srv import SetParameters
 from rclpy.action import ActionClient
@@ -24,11 +25,19 @@ from .device import publishers_of
 from .message_class import message_class
 from .qos import recorder_profile
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rclpy.task import Future
+
+    from ..testbench.configuration import RigConfig
+    from .sequencer import Sequencer
+
 ANSWER_TIMEOUT = 10.0  # s that the controller may take to accept an order in lockstep
 STATE, EVENTS = "/rig/state", "/sequencer/events"
 
 
-def reader(signal: Signal):
+def reader(signal: Signal) -> Callable[[Any], float]:
     """Function that takes a signal's value out of a message of its topic; its field may be like ``setpoint[0]``."""
     name, index = re.fullmatch(r"(\w+)(?:\[(\d+)\])?", signal.field).groups()
     if index is None:
@@ -39,7 +48,7 @@ def reader(signal: Signal):
 class RosBench:
     """Implements testbench.sequence.Bench on a node; stamps come from ``stamp_ns``, the newest sample's."""
 
-    def __init__(self, node, config, in_lockstep: bool):
+    def __init__(self, node: Sequencer, config: RigConfig, in_lockstep: bool) -> None:
         """config: of the rig; in_lockstep: readings and state come with the ticks of the container's link, not by topic."""
         self.node, self.config = node, config
         self.stamp_ns = 0
@@ -76,7 +85,7 @@ class RosBench:
             topic = known.topics[topic_name]
             readers = [(signal.name, reader(signal)) for signal in known.on_topic(topic_name)]
 
-            def on_message(message, readers=readers) -> None:
+            def on_message(message: Any, readers: list[tuple[str, Callable[[Any], float]]] = readers) -> None:
                 for name, read in readers:
                     self._values[name] = read(message)
 
@@ -96,7 +105,7 @@ class RosBench:
         """How many setpoints of each topic have gone out."""
         return {topic: count for topic, count in self.counts.items() if topic != EVENTS}
 
-    def _on_state(self, message) -> None:
+    def _on_state(self, message: RigState) -> None:
         self.rig_state = message
 
     def trip_reason(self) -> str | None:
@@ -134,7 +143,7 @@ class RosBench:
             if not future.done():
                 raise SequenceFailed(f"the shift controller did not take the order within {ANSWER_TIMEOUT:g} s")
 
-    def _on_answer(self, future) -> None:
+    def _on_answer(self, future: Future) -> None:
         handle = future.result()
         if handle.accepted:
             handle.get_result_async().add_done_callback(partial(self._on_result, future))
@@ -142,7 +151,7 @@ class RosBench:
             self._refusal = "the shift controller rejected the order"
             self.node.wake()
 
-    def _on_result(self, order, future) -> None:
+    def _on_result(self, order: Future, future: Future) -> None:
         if order is not self._newest:
             return  # of a sequence that was cancelled
         result = future.result().result

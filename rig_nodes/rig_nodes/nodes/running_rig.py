@@ -14,7 +14,7 @@ import os
 import time
 from collections.abc import Callable
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
@@ -88,7 +88,7 @@ def shown(value: float, unit: str) -> str:
 class RunningRig:
     """The rig in a ROS domain; a context manager. RigError when it does not answer in time."""
 
-    def __init__(self, number: int):
+    def __init__(self, number: int) -> None:
         self.number = number
         rclpy.init(args=[], domain_id=number, signal_handler_options=SignalHandlerOptions.NO)
         # what nobody asks of a node that lives for a second; the description of types alone costs 0.1 s
@@ -104,12 +104,12 @@ class RunningRig:
     def __enter__(self) -> RunningRig:
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self.executor.remove_node(self.node)
         self.node.destroy_node()
         rclpy.shutdown()
 
-    def until(self, predicate: Callable, what: str, seconds: float = PATIENCE):
+    def until(self, predicate: Callable, what: str, seconds: float = PATIENCE) -> Any:
         """The predicate's value as soon as it is true; RigError when that takes longer."""
         deadline = time.monotonic() + seconds
         while not (value := predicate()):
@@ -118,7 +118,7 @@ class RunningRig:
             self.executor.spin_until_future_complete(Future(), 0.005)
         return value
 
-    def _listen(self, topic: str, callback) -> None:
+    def _listen(self, topic: str, callback: Callable[[Any], None]) -> None:
         known = self.catalogue.all_topics[topic]
         self.node.create_subscription(message_class(known.ros_type), topic, callback, recorder_profile(known.qos))
 
@@ -149,7 +149,7 @@ class RunningRig:
             self.until(client.service_is_ready, name)
         sent = {name: [] for name in clients}
 
-        def answered():
+        def answered() -> dict[str, list[Future]] | None:
             # again after a while: a server that does not know yet where its answers go sends none
             now = time.monotonic()
             for name, calls in sent.items():
@@ -189,7 +189,7 @@ class RunningRig:
         """What this rig takes, but what a controller of its user names as its own."""
         return settings_of(structure_of(self.configuration["structure"]), self.configuration)
 
-    def settings(self, nodes=None) -> dict[str, Turned]:
+    def settings(self, nodes: list[str] | None = None) -> dict[str, Turned]:
         """Everything that can be set at some nodes (default: all), by ``node.name``."""
         if nodes is None:
             nodes = sorted(self._nodes())

@@ -9,6 +9,7 @@ Started by graph.supervisor. Polled on every graph tick of simulated time, as th
 from __future__ import annotations
 
 import sys
+from typing import TYPE_CHECKING
 
 from rclpy.action import CancelResponse
 from rclpy.node import Node
@@ -17,17 +18,22 @@ from rig_msgs.action import RunSequence
 from ..bags.cdr import stamp
 from ..clocks import SAMPLE_NS, TICK_SAMPLES
 from ..errors import RigError
-from ..graph.link import LinkClosed
+from ..graph.link import Link, LinkClosed
 from ..parts.load_pump import LoadConfig, relief_setting_for
-from ..testbench.sequence import SequenceFailed, SequenceRunner, load_sequence
+from ..testbench.sequence import Sequence, SequenceFailed, SequenceRunner, load_sequence
 from .action_server import GoalServer, finish
 from .device import pace_of, setpoints_taken
 from .diagnostics import OK, WARN, Diagnostics, Health
 from .matching import silent
 from .message_class import message_class
-from .process import RIG_OPTIONS, SEQUENCE_PARAMETERS, chosen_sequence, rig_config, rig_name, run
+from .process import RIG_OPTIONS, SEQUENCE_PARAMETERS, Process, chosen_sequence, rig_config, rig_name, run
 from .qos import recorder_profile
 from .ros_bench import EVENTS, RosBench
+
+if TYPE_CHECKING:
+    from rclpy.action.server import ServerGoalHandle
+
+    from ..testbench.configuration import RigConfig
 
 FEEDBACK_TICKS = 100  # 2 Hz beside every new step
 OPTIONS = [
@@ -41,7 +47,7 @@ OPTIONS = [
 class Sequencer(Node):
     """Publishes setpoints and /sequencer/events, serves /sequencer/run."""
 
-    def __init__(self, config, process):
+    def __init__(self, config: RigConfig, process: Process) -> None:
         super().__init__("sequencer")
         self.process, self._config, self._rig = process, config, rig_name(process.arguments)
         self.link = process.links().get("container")  # of a run in lockstep
@@ -109,7 +115,7 @@ class Sequencer(Node):
 
     # ---- one sequence
 
-    def on_goal(self, goal) -> None:
+    def on_goal(self, goal: ServerGoalHandle) -> None:
         """Start a sequence for a client, or end the goal at once with the reason why not."""
         try:
             if self._runner is not None:
@@ -120,7 +126,7 @@ class Sequencer(Node):
             result = RunSequence.Result(success=False, message=str(error), steps_done=0)
             finish(goal, result)
 
-    def on_cancel(self, goal) -> CancelResponse:
+    def on_cancel(self, goal: ServerGoalHandle) -> CancelResponse:
         """The running sequence of a client ends with the next tick; another goal is on its way to its end already."""
         if goal is not self._goal:
             return CancelResponse.REJECT
@@ -128,7 +134,7 @@ class Sequencer(Node):
         self.wake()
         return CancelResponse.ACCEPT
 
-    def start(self, sequence) -> None:
+    def start(self, sequence: Sequence) -> None:
         """Start a sequence with the next tick; RigError when the rig has not what it asks for."""
         sequence.check_rig(self._config)
         self.bench.need(sequence)
@@ -163,7 +169,7 @@ class Sequencer(Node):
         elif (self._tell_steps(runner, t) or self._tick % FEEDBACK_TICKS == 0) and self._goal is not None:
             self._goal.publish_feedback(RunSequence.Feedback(step=runner.step + 1, steps=runner.steps, text=runner.text, t=t))
 
-    def _tell_steps(self, runner, t: float) -> bool:
+    def _tell_steps(self, runner: SequenceRunner, t: float) -> bool:
         """Tell /rosout and the supervisor which steps have begun since the last tick; False when none has."""
         begun = runner.sequence.steps[self._steps_told : runner.step + 1]
         for step in begun:
@@ -201,7 +207,7 @@ def cancelled(runner: SequenceRunner) -> str:
     )
 
 
-def work(process) -> None:
+def work(process: Process) -> None:
     """Gate, sequence, orderly end."""
     arguments = process.arguments
     config = rig_config(arguments)
@@ -230,7 +236,7 @@ def work(process) -> None:
         raise SequenceFailed(node.outcome["text"])
 
 
-def serve_in_lockstep(process, node: Sequencer, link) -> None:
+def serve_in_lockstep(process: Process, node: Sequencer, link: Link) -> None:
     """Answer the container's ticks until one of the two leaves; ROS is served in between and while it is waited for."""
     try:
         while not process.stopping and not node.bench.connected():

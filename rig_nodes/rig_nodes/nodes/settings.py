@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
@@ -18,6 +19,10 @@ from rclpy.parameter import Parameter
 
 from ..description.settings import Setting
 from ..errors import RigError
+
+if TYPE_CHECKING:
+    from ..testbench.rig import Rig
+    from .commands import Commands
 
 FOLLOW = 0.1  # s: how long a parameter may lag behind a value that another way of setting changed
 CHANGED = "setting_changed"
@@ -61,7 +66,7 @@ class Declared:
                 return str(error)
         return None
 
-    def shown(self, value) -> str:
+    def shown(self, value: bool | float | list[float]) -> str:
         """E.g. ``motor.speed = 62.8 rad/s``."""
         if isinstance(value, bool):
             text = str(value).lower()
@@ -75,7 +80,7 @@ class Declared:
 class Settings(ABC):
     """Parameters of a node. Subclasses give :meth:`refusal` and :meth:`take`."""
 
-    def __init__(self, node: Node, settings: list[Declared]):
+    def __init__(self, node: Node, settings: list[Declared]) -> None:
         self.node = node
         self.settings = {one.name: one for one in settings}
         self._following = False
@@ -103,7 +108,7 @@ class Settings(ABC):
             self._following = False
         self.take_overrides([one.name])
 
-    def take_overrides(self, names=None) -> None:
+    def take_overrides(self, names: list[str] | None = None) -> None:
         """Set what command line and launch file say of these parameters (default: of all), together; RigError when it
         is refused.
         """
@@ -153,7 +158,7 @@ class DeviceSettings(Settings):
     The parameters follow the rig: setpoint topics, trips and resets change the same values, and the last one wins.
     """
 
-    def __init__(self, node: Node, rig, commands):
+    def __init__(self, node: Node, rig: Rig, commands: Commands) -> None:
         """commands: the rig's queue; its loop writes the values and says so with an event."""
         self.rig = rig
         super().__init__(node, [Declared(one, rig.value(one.name)) for one in rig.settings.at(node.get_name())])
@@ -174,7 +179,7 @@ class DeviceSettings(Settings):
             self._sent += 1
             self._commands.put(f"/{self.node.get_name()}/set_parameters", self._write, self.settings[name], value)
 
-    def _write(self, one: Declared, value) -> None:
+    def _write(self, one: Declared, value: bool | float) -> None:
         try:
             self.rig.set_value(one.setting.name, value)
         finally:

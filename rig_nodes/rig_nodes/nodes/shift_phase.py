@@ -20,7 +20,7 @@ STANDSTILL = 10.0 * pi / 30.0  # rad/s of the input shaft, below which no slip i
 class ShiftPhase:
     """Names the phase of one shift from gear ``old`` to gear ``new``."""
 
-    def __init__(self, transmission: Transmission, old: int, new: int):
+    def __init__(self, transmission: Transmission, old: int, new: int) -> None:
         self.transmission, self.old, self.new = transmission, old, new
         engaging = transmission.shift(old, new).engaging
         self._kisses = [(transmission.clutches.index(clutch), clutch.kiss_pressure) for clutch in engaging]
