@@ -13,6 +13,8 @@ library's process does and takes all of the library's own children with it; it d
 for it by END_ALL.
 """
 
+from __future__ import annotations
+
 import ctypes as ct
 import json
 import mmap
@@ -128,7 +130,7 @@ class Guarded:
     ``parts``: what it is -> size in bytes, a multiple of 8; a part of no bytes gets an empty view and no guard.
     """
 
-    def __init__(self, parts: dict[str, int]):
+    def __init__(self, parts: dict[str, int]) -> None:
         self._names, self._guards, place = [name for name, size in parts.items() if size], [0], len(GUARD)
         self._memory = mmap.mmap(-1, sum(parts.values()) + len(GUARD) * (len(self._names) + 1))
         view = memoryview(self._memory)
@@ -296,7 +298,7 @@ def serve(line: socket.socket, path: str) -> None:
         line.send(DESTROYED)
 
 
-def prctl(option: int, value) -> None:
+def prctl(option: int, value: int | bytes) -> None:
     """One call of prctl(2), whose errors are none that matter here."""
     ct.CDLL(None).prctl(option, value, 0, 0, 0)
 
@@ -352,7 +354,7 @@ def main() -> None:
     signal.pthread_sigmask(signal.SIG_SETMASK, ())
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # a crash is a sentence, not a file in somebody's folder
 
-    def end_all(_number, _frame) -> None:
+    def end_all(_number: int, _frame: object) -> None:
         end_children()
         os._exit(128 + END_ALL)
 

@@ -110,7 +110,7 @@ def compile_library(sources: list[Path], target: Path, name: str, flags: tuple[s
 class Host:
     """The processes that a library lives in (c_host.py), and the line to it."""
 
-    def __init__(self, path: Path, name: str):
+    def __init__(self, path: Path, name: str) -> None:
         ours, theirs = pair()
         with theirs:
             # -I -S: no site, no user's PYTHON variables; a person's breakpoints are in the library, not in Python
@@ -123,7 +123,7 @@ class Host:
         self.send, self._receive = self._line.send, self._line.receive
         self._core = -1
 
-    def ask(self, data, seconds: float | None) -> bytes | None:
+    def ask(self, data: bytes, seconds: float | None) -> bytes | None:
         """Send one message and :meth:`receive` the next.
 
         The host is kept on the caller's core, which waits meanwhile: to wake a process on another, sleeping one costs
@@ -222,7 +222,7 @@ class CLibrary(Plug):
 
     prefix, level_from = "c", SAID
 
-    def __init__(self, rest: str, config: RigConfig, level: str | None = None):
+    def __init__(self, rest: str, config: RigConfig, level: str | None = None) -> None:
         """rest: FILE.so, FILE.c or FILE.cpp."""
         name, self._host, self._made_for = f"{self.prefix}:{rest}", None, record_of(config)
         try:

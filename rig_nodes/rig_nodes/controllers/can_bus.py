@@ -25,6 +25,11 @@ from .seam import ControllerInputs, ControllerOutputs, Status
 from .wire import commands, currents, held_in, measured
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    import can
+    from cantools.database.can import Message
+
     from ..testbench.configuration import RigConfig
 
 RPM = 30.0 / math.pi
@@ -36,7 +41,7 @@ FAR = 500  # counts by which two commands for one sample contradict each other: 
 CONTRADICTIONS, WITHIN = 10, 1.0  # so many within so many s are two controllers, and none that stumbled once
 
 
-def open_bus(channel: str, interface: str, name: str, **options):
+def open_bus(channel: str, interface: str, name: str, **options: int) -> can.BusABC:
     """python-can's bus, classic CAN; udp_multicast is on loopback (can_loopback.py). RigError when there is none."""
     try:
         import can
@@ -57,7 +62,7 @@ def open_bus(channel: str, interface: str, name: str, **options):
         raise RigError(f"{name}: the bus {channel} cannot be opened with the interface {interface}: {said(error)}") from None
 
 
-def receive(bus, seconds: float, fault):
+def receive(bus: can.BusABC, seconds: float, fault: Callable[[str], None]) -> can.Message | None:
     """The bus's next frame, None when there is none in time. ``fault(text)`` is called when what came cannot be read."""
     try:
         return bus.recv(seconds)
@@ -77,7 +82,7 @@ class Gearbox:
     ``gear``: the one engaged last, None while a transducer has no reading; ``engaged``: a clutch holds now.
     """
 
-    def __init__(self, record: ControllerRecord):
+    def __init__(self, record: ControllerRecord) -> None:
         self.gear: int | None = NEUTRAL
         self._last, self.engaged, self._record = NEUTRAL, False, record
         self._held = {
@@ -110,7 +115,7 @@ class CanBus(FreeRunning):
     default 1), port of udp_multicast, timeout [s], address (the rig's J1939 source address, or none).
     """
 
-    def __init__(self, rest: str, config: RigConfig, level: str | None = None):
+    def __init__(self, rest: str, config: RigConfig, level: str | None = None) -> None:
         name = f"can:{rest}"
         channel, options = split_options(rest, name, OPTIONS)
         interface = options.get("interface", "socketcan")
@@ -153,6 +158,7 @@ class CanBus(FreeRunning):
             )
 
     def pace(self, step_timeout: float | None, real_time: bool = False) -> None:
+        """As of every plug; people are told of a bus that no other program can join."""
         super().pace(step_timeout, real_time)
         if self._inside:
             self.say(
@@ -261,11 +267,11 @@ class CanBus(FreeRunning):
                 else:
                     self._node.heard(frame.arbitration_id, bytes(frame.data))
 
-    def _program(self, frame) -> str:
+    def _program(self, frame: can.Message) -> str:
         """Who sent a plain frame, as far as that can be told: on udp_multicast the port of its program."""
         return f"the program on port {frame.channel}" if self._sees_programs else "plain frames"
 
-    def _take(self, message, frame, who: str) -> None:
+    def _take(self, message: Message, frame: can.Message, who: str) -> None:
         if not self.may_command(who):
             self.refuse(who)
             return
@@ -323,7 +329,7 @@ class CanBus(FreeRunning):
         self._bus.shutdown()
 
 
-def _raw(wires: list, values) -> dict[str, int]:
+def _raw(wires: list, values: Iterable[float]) -> dict[str, int]:
     """Raw number by the name of its wire."""
     return {wire.name: wire.encode(value) for wire, value in zip(wires, values, strict=True)}
 

@@ -8,10 +8,18 @@ Used by the plug (can_bus.py), by `rig export dbc` and by the example controller
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from ..errors import RigError
 from . import j1939
 from .record import ControllerRecord
 from .wire import Wire, commands, currents, measured
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from cantools.database.can import Database, Message, Signal
+    from cantools.database.can.formats.dbc import DbcSpecifics
 
 REQUEST, MEASURED, CURRENTS = "RIG_REQUEST", "RIG_MEASURED", "RIG_CURRENTS"
 STATE, COMMAND_CURRENT, COMMAND_DUTY = "CONTROL_STATE", "CONTROL_COMMAND_CURRENT", "CONTROL_COMMAND_DUTY"
@@ -28,7 +36,7 @@ RIG, CONTROLLER = "RIG", "CONTROLLER"
 MOST_MEASURED, MOST_OUTPUTS = 4, 3
 
 
-def need_cantools():
+def need_cantools() -> ModuleType:
     """The module cantools; RigError when it is not installed."""
     try:
         import cantools
@@ -40,7 +48,7 @@ def need_cantools():
     return cantools
 
 
-def database(record: ControllerRecord):
+def database(record: ControllerRecord) -> Database:
     """Cantools' database of all messages; RigError when a frame has no room for the record."""
     need_cantools()
     if len(record.outputs) > MOST_OUTPUTS or len(record.transducers) > MOST_MEASURED:
@@ -82,7 +90,7 @@ def _definitions() -> dict:
     return {definition.name: definition for definition in found}
 
 
-def _specifics(attributes: dict):
+def _specifics(attributes: dict) -> DbcSpecifics:
     """Values of attributes in cantools' form."""
     from collections import OrderedDict
 
@@ -105,7 +113,7 @@ def _signal(
     limits: tuple | None = None,
     choices: dict | None = None,
     spn: int | None = None,
-):
+) -> Signal:
     from collections import OrderedDict
 
     from cantools.database.can import Signal
@@ -118,11 +126,11 @@ def _signal(
     )
 
 
-def _wire(wire: Wire, start: int):
+def _wire(wire: Wire, start: int) -> Signal:
     return _signal(wire.name, start, 16, wire.text, wire.step, 0, wire.unit, wire.raw[0] < 0, wire.range)
 
 
-def _message(name: str, sender: str, signals: list, text: str, group: bool = False, address: int = ADDRESS):
+def _message(name: str, sender: str, signals: list, text: str, group: bool = False, address: int = ADDRESS) -> Message:
     from cantools.database.can import Message
 
     number, more = FRAME_IDS.get(name), {}

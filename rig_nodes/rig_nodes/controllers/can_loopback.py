@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import select
 import socket
+from typing import Any
 
 import can
 from can.interfaces.udp_multicast.utils import is_msgpack_installed, pack_message, unpack_message
@@ -28,7 +29,7 @@ class LoopbackBus(can.BusABC):
     raises can.CanOperationError for a packet that is no frame.
     """
 
-    def __init__(self, channel: str, port: int = PORT, **options):
+    def __init__(self, channel: str, port: int = PORT, **options: Any) -> None:
         """OSError when ``channel`` is no such group."""
         is_msgpack_installed()
         super().__init__(channel, **options)

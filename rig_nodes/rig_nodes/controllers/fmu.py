@@ -42,7 +42,7 @@ MESSAGE = 4096  # bytes of a message or of a line that are shown
 class ControllerFmu(Plug):
     """A controller FMU; variables are found by the names of the seam (docs/how_to/fmu.md)."""
 
-    def __init__(self, file: str, config: RigConfig, level: str | None = None):
+    def __init__(self, file: str, config: RigConfig, level: str | None = None) -> None:
         name = f"fmu:{file}"
         if not Path(file).is_file():
             raise RigError(f"controller {name}: {no_file(file)}")

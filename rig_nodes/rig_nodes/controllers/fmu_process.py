@@ -31,7 +31,7 @@ STATUS = {"discard": Status.DISCARD, "error": Status.ERROR, "fatal": Status.FATA
 class Names:
     """The variables of the seam for a rig's record, by what they are."""
 
-    def __init__(self, outputs: int, transducers: list[str], known: list[str], valves: list[int], record: int, rig: str):
+    def __init__(self, outputs: int, transducers: list[str], known: list[str], valves: list[int], record: int, rig: str) -> None:
         """outputs: how many; known: all transducers of the rig; valves: numbers of outputs that drive one, whose commands
         the FMU must have; record: its number.
         """

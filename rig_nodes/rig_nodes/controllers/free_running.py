@@ -66,7 +66,7 @@ class FreeRunning(Plug):
 
     own_clock, level_from = True, TOLD
 
-    def __init__(self, name: str, config: RigConfig, level: str | None, place: str, timeout: float = COMMAND_TIMEOUT):
+    def __init__(self, name: str, config: RigConfig, level: str | None, place: str, timeout: float = COMMAND_TIMEOUT) -> None:
         super().__init__(name, config, chosen_level(level, LEVELS[::-1], name))
         self.place, self.timeout = place, timeout  # where the controller is expected, in words
         self.faults: dict[str, int] = {}  # what came and was not used -> how often
@@ -108,6 +108,7 @@ class FreeRunning(Plug):
             self.say(f"{self.name}: {text}; it is not used, nor are others like it")
 
     def wait(self, patience: float | None = None) -> None:
+        """As of every plug: until a first command has come."""
         waiting = Waiting(f"waiting for controller on {self.place}", self.say)
         record = self.rig_record
         idle = record.inputs(0, 0.0, 0, (0.0,) * len(record.outputs), (0.0,) * len(record.transducers))
@@ -126,6 +127,7 @@ class FreeRunning(Plug):
         self._is_here()
 
     def awaited(self) -> str:
+        """As of every plug."""
         return "" if self._was_here else f"no command has come on {self.place}{self._faults_told()}"
 
     def _is_here(self) -> None:

@@ -66,7 +66,7 @@ class Node:
 
     def __init__(
         self, address: int, send: Callable[[int, bytes], None], answers: dict[int, Callable[[], None]], lost: Callable[[str], None]
-    ):
+    ) -> None:
         self.address, self.name = address, new_name()
         self._send, self._answers, self._lost = send, answers, lost
         self._free_at = time.monotonic() + (CLAIM_PAUSE if address in DYNAMIC else 0.0)

@@ -25,6 +25,8 @@ from .wire import commands, held_in, values_of
 from .wire import given as given_wires
 
 if TYPE_CHECKING:
+    from pymodbus.pdu import ModbusPDU
+
     from ..testbench.configuration import RigConfig
 
 OPTIONS = ("host", "timeout")
@@ -40,7 +42,7 @@ class Modbus(FreeRunning):
     Options: host (address to listen on, default 127.0.0.1), timeout [s].
     """
 
-    def __init__(self, rest: str, config: RigConfig, level: str | None = None):
+    def __init__(self, rest: str, config: RigConfig, level: str | None = None) -> None:
         name = f"modbus:{rest}"
         port, options = split_options(rest, name, OPTIONS)
         host = options.get("host", "127.0.0.1")
@@ -90,7 +92,7 @@ class Modbus(FreeRunning):
                 self.code = data[CODE] if len(data) > CODE else 0
                 return super().callback_data(data, addr)
 
-            def server_send(self, pdu, addr) -> None:
+            def server_send(self, pdu: ModbusPDU, addr: tuple | None) -> None:
                 if pdu.function_code == NO_CODE:  # pymodbus's answer to a code that it does not know
                     pdu.function_code |= self.code
                 super().server_send(pdu, addr)
@@ -110,12 +112,12 @@ class Modbus(FreeRunning):
                 answer.transaction_id = request.transaction_id
                 self.server_send(answer, self.last_addr)
 
-            def callback_disconnected(self, exc) -> None:
+            def callback_disconnected(self, exc: Exception | None) -> None:
                 super().callback_disconnected(exc)
                 plug.has_left(getattr(self, "who", ""))
 
         class Server(ModbusTcpServer):
-            def callback_new_connection(self):
+            def callback_new_connection(self) -> Client:
                 return Client(self, self.trace_packet, self.trace_pdu, self.trace_connect)
 
         async def listen() -> None:
@@ -160,7 +162,7 @@ class Modbus(FreeRunning):
     def _read_registers(self) -> list[registers.Register]:
         return [row for row in registers.register_map(self.rig_record) if row.access == "read"]
 
-    async def _access(self, function: int, first: int, address: int, count: int, current: list[int], values: list | None):
+    async def _access(self, function: int, first: int, address: int, count: int, current: list[int], values: list | None) -> None:
         """Called by pymodbus with each request; ``current`` holds all registers from address ``first`` on."""
         if values is None:
             current[: registers.COMMAND_BASE - first] = self._shown[first : registers.COMMAND_BASE]

@@ -10,10 +10,14 @@ from __future__ import annotations
 
 import math
 import re
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import RigError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 ROWS = 5  # samples of a block: one graph tick
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -21,7 +25,7 @@ MOST = 64
 BLOCK, CHANNELS = "/controller/signals", "/controller/channels"
 
 
-def checked_signals(given, name: str) -> dict[str, str]:
+def checked_signals(given: Any, name: str) -> dict[str, str]:
     """Unit by name of a controller's own signals, from names or from a map of names and units; RigError when wrong."""
     units = dict(given) if isinstance(given, dict) else given if isinstance(given, str) else dict.fromkeys(given, "-")
     right = isinstance(units, dict) and all(
@@ -35,7 +39,7 @@ def checked_signals(given, name: str) -> dict[str, str]:
     return units
 
 
-def checked_settings(given, name: str) -> dict[str, float]:
+def checked_settings(given: Any, name: str) -> dict[str, float]:
     """A controller's own settings, first value by name; RigError when they are none."""
     right = (
         isinstance(given, dict)
@@ -53,10 +57,10 @@ def checked_settings(given, name: str) -> dict[str, float]:
 class Blocks:
     """Collects a row for each answered sample; samples without one are NaN."""
 
-    def __init__(self, columns: int):
+    def __init__(self, columns: int) -> None:
         self._columns, self._number, self._data = columns, -1, None
 
-    def add(self, sample: int, values) -> list[tuple[int, np.ndarray]]:
+    def add(self, sample: int, values: Sequence[float]) -> list[tuple[int, np.ndarray]]:
         """The blocks that are complete with these values (columns,): (sample of the first row, rows (5, columns))."""
         number, row = divmod(sample, ROWS)
         done = []

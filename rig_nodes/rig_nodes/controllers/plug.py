@@ -12,9 +12,9 @@ import logging
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -64,7 +64,7 @@ class NotUsed(RigError):
 class Waiting:
     """Tells people that somebody is waited for: after 1, 2, 5 and 10 s and then every 10 s."""
 
-    def __init__(self, what: str, say: Callable[[str], None]):
+    def __init__(self, what: str, say: Callable[[str], None]) -> None:
         self._what, self._say, self._began, self._next = what, say, time.monotonic(), 1.0
 
     @property
@@ -104,7 +104,7 @@ class Plug(ABC):
     process_id: int | None = None  # of a process that works for the plug
     end_fault = ""  # what went wrong when the controller was ended in order
 
-    def __init__(self, name: str, config: RigConfig, level: str):
+    def __init__(self, name: str, config: RigConfig, level: str) -> None:
         self.name, self.level = name, level
         self.rig_record, self.transmission = record_of(config), config.transmission
         self.info = controller_info(self.rig_record, config.alfa46, level)
@@ -178,7 +178,7 @@ class Plug(ABC):
         self._before = self._request = NEUTRAL
         self._ordered = True
 
-    def step(self, sample: int, current, measured, others=()) -> Answer | None:
+    def step(self, sample: int, current: Iterable[float], measured: Iterable[float], others: Iterable[float] = ()) -> Answer | None:
         """One sample: coil currents (outputs,) [A] and transducers of the rig's record [SI] in, the answer out.
 
         ``others``: SI values of ``wants``, in its order.
@@ -230,7 +230,7 @@ class Plug(ABC):
             "current, choose --level current"
         )
 
-    def _own(self, given) -> tuple[float, ...]:
+    def _own(self, given: Any) -> tuple[float, ...]:
         """The values of the controller's own signals; RigError when one is missing or none."""
         try:
             return tuple(float(given[name]) for name in self.signals)
@@ -296,7 +296,7 @@ class BuiltIn(Plug):
 
     level_from = SAID
 
-    def __init__(self, config: RigConfig, level: str | None = None):
+    def __init__(self, config: RigConfig, level: str | None = None) -> None:
         super().__init__("alfa46", config, chosen_level(level, LEVELS, "alfa46"))
         Alfa46.load(config.alfa46, config.transmission)
         self._box = Alfa46(config.alfa46, config.transmission)
@@ -318,6 +318,7 @@ class BuiltIn(Plug):
         self._newest = self._changed = config
 
     def force_neutral(self) -> None:
+        """The law itself takes all orders back and is in neutral at once."""
         self._box.force_neutral()
         self._before = self._request = self.gear = NEUTRAL
         self._ordered = self.shifting = False

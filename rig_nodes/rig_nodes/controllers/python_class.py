@@ -17,7 +17,7 @@ import sys
 import threading
 import traceback
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from ..config.names import unknown
 from ..errors import RigError, no_file
@@ -26,6 +26,8 @@ from .plug import DEFAULT, LOG, SAID, Plug, chosen_level, said
 from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status, checked_wants
 
 if TYPE_CHECKING:
+    from types import ModuleType
+
     from ..testbench.configuration import RigConfig
 
 GROUP = "rig_nodes.controllers"  # of entry points in an installed package's metadata
@@ -38,7 +40,7 @@ class Overtime(BaseException):
     """The step takes too long; no Exception, so that no user code catches it by the way."""
 
 
-def _out_of_time(_number, _frame):
+def _out_of_time(_number: int, _frame: object) -> NoReturn:
     raise Overtime
 
 
@@ -53,7 +55,7 @@ def place_of(error: BaseException, file: str | None) -> str:
     return f"{Path(frames[-1].filename).name} line {frames[-1].lineno}: " if frames else ""
 
 
-def _load_module(source: str):
+def _load_module(source: str) -> ModuleType:
     """The module of a .py file or of a dotted name."""
     if not source.endswith(".py"):
         try:
@@ -114,7 +116,7 @@ class PythonClass(Plug):
 
     in_process = True
 
-    def __init__(self, rest: str, config: RigConfig, level: str | None = None):
+    def __init__(self, rest: str, config: RigConfig, level: str | None = None) -> None:
         """rest: FILE.py:CLASS, MODULE:CLASS or the NAME of an entry point of GROUP."""
         source, sign, class_name = rest.rpartition(":")
         if not sign and not rest.endswith(".py"):

@@ -11,17 +11,21 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from operator import itemgetter
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 from ..alfa46.settings import OUTPUT_KEYS, Alfa46Config
 from ..catalogue import Signal
 from ..errors import RigError
 from ..transmission import slip_of
 from .seam import ControllerInfo, ControllerInputs, flat_parameters
+
+if TYPE_CHECKING:
+    from ..testbench.configuration import RigConfig
 
 STANDSTILL = 10.0 * math.pi / 30.0  # rad/s of the input shaft, below which no slip is told
 
@@ -72,7 +76,7 @@ class ControllerRecord:
     output_speed: str
     all_transducers: tuple[str, ...] = ()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in self.names:
             if not name.isidentifier() or name in ControllerInputs.__slots__:
                 raise RigError(
@@ -126,12 +130,12 @@ class ControllerRecord:
             f"./rig export record --rig {self.rig} -o rig_record.h"
         )
 
-    def reader(self, name: str):
+    def reader(self, name: str) -> Callable[[Sequence[float]], float]:
         """A function that takes a transducer's value out of ``measured``."""
         return itemgetter(self.names.index(name))
 
     @cached_property
-    def _speeds(self):
+    def _speeds(self) -> tuple[Callable[[Sequence[float]], float], Callable[[Sequence[float]], float]]:
         return self.reader(self.input_speed), self.reader(self.output_speed)
 
     def speeds(self, measured: Sequence[float]) -> tuple[float, float]:
@@ -168,7 +172,7 @@ def controller_info(record: ControllerRecord, config: Alfa46Config, level: str) 
     )
 
 
-def record_of(config) -> ControllerRecord:
+def record_of(config: RigConfig) -> ControllerRecord:
     """The record of a rig of testbench.configuration: the one place that knows where it is described."""
     signals, box = config.catalogue.signals, config.transmission
     first = box.clutches[0]

@@ -15,8 +15,8 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from rig_msgs.msg import ControllerReady, ControllerStart
 from rig_msgs.msg import ControllerRecord as ControllerRecordMessage
-from rig_msgs.msg import ControllerStart
 
 from ..errors import RigError
 from .free_running import FreeRunning, split_options
@@ -84,7 +84,7 @@ class Gone(Exception):
 class _OtherSide:
     """Who is at the other end of the topics: waits for it, and sees when it has gone."""
 
-    def __init__(self, plug: Plug, name: str):
+    def __init__(self, plug: Plug, name: str) -> None:
         self._plug, self.name = plug, name
         self.topics = None  # until they are opened: `rig run` looks at a plug before its domain is known
         self.controller = 0  # number of the one that is at work, 0 while none is
@@ -122,7 +122,7 @@ class _OtherSide:
         self._seq = 0
         self.topics.start(self._start(over=False))
 
-    def _start(self, over: bool, message: str = ""):
+    def _start(self, over: bool, message: str = "") -> ControllerStart:
         info, plug = self._plug.info, self._plug
         return ControllerStart(
             session=self.session,
@@ -151,7 +151,7 @@ class _OtherSide:
         self._seq += 1
         return pack_step(self.session, self.controller, self._seq, inputs)
 
-    def take(self, seconds: float, fault: Callable[[str], None]):
+    def take(self, seconds: float, fault: Callable[[str], None]) -> Answered | None:
         """The next answer of this session within so many seconds; None without one, or when a controller is ready.
 
         Gone when the one at work has left. ``fault`` gets what came and is not used.
@@ -172,11 +172,11 @@ class _OtherSide:
             self._hear(came)
         return None
 
-    def is_newest(self, answered) -> bool:
+    def is_newest(self, answered: Answered) -> bool:
         """True for an answer to the newest step."""
         return answered.seq == self._seq
 
-    def _hear(self, ready) -> None:
+    def _hear(self, ready: ControllerReady) -> None:
         """A controller says that it is ready, or that it is not."""
         plug, text = self._plug, " ".join(ready.message.split()) or "it gave no reason"
         why = ""
@@ -203,7 +203,7 @@ class _OtherSide:
             process = f" (process {ready.process_id})" if ready.process_id else ""
             plug.say(f"controller on {self.place} is here{process}")
 
-    def _watch(self, ready) -> None:
+    def _watch(self, ready: ControllerReady) -> None:
         """Be told by the kernel when the controller's process ends, unless its number is another container's."""
         if ready.process_id and ready.pid_namespace == os.readlink("/proc/self/ns/pid"):
             try:
@@ -230,7 +230,7 @@ class _OtherSide:
 class RosNode(Plug):
     """One step out, its answer in; simulated time waits."""
 
-    def __init__(self, name: str, config: RigConfig, level: str):
+    def __init__(self, name: str, config: RigConfig, level: str) -> None:
         super().__init__(name, config, level)
         self.other_side: _OtherSide | None = None
         self._away = True  # nobody answered the newest sample
@@ -238,10 +238,12 @@ class RosNode(Plug):
         self._faults: set[str] = set()
 
     def pace(self, step_timeout: float | None, real_time: bool = False) -> None:
+        """As of every plug; the topics are opened."""
         super().pace(step_timeout, real_time)
         self.other_side.open()
 
     def wait(self, patience: float | None = None) -> None:
+        """As of every plug: until a controller says that it is ready."""
         side = self.other_side
         side.open()
         self.refused = ""
@@ -258,6 +260,7 @@ class RosNode(Plug):
                 side.begin()  # it came and went before it was asked anything
 
     def awaited(self) -> str:
+        """As of every plug."""
         return self.other_side.awaited()
 
     def _fault(self, text: str) -> None:
@@ -280,7 +283,7 @@ class RosNode(Plug):
             return ControllerOutputs(status=Status.DISCARD)
         return outputs_of(answered, self)
 
-    def _exchange(self, inputs: ControllerInputs):
+    def _exchange(self, inputs: ControllerInputs) -> Answered | None:
         """The answer; None in real time while there is none."""
         side, began = self.other_side, time.monotonic()
         patience = GLANCE if self.real_time and self._away else self.step_timeout
@@ -329,19 +332,22 @@ class RosNode(Plug):
 class FreeRosNode(FreeRunning):
     """Steps go out, the newest answer is used once; nobody waits."""
 
-    def __init__(self, name: str, config: RigConfig, level: str | None):
+    def __init__(self, name: str, config: RigConfig, level: str | None) -> None:
         super().__init__(name, config, level, place="")  # told when the domain is known
         self.other_side: _OtherSide | None = None
 
     def pace(self, step_timeout: float | None, real_time: bool = False) -> None:
+        """As of every plug; the topics are opened."""
         super().pace(step_timeout, real_time)
         self._open()
 
     def wait(self, patience: float | None = None) -> None:
+        """As of every plug: until a first answer has come."""
         self._open()
         super().wait(patience)
 
     def awaited(self) -> str:
+        """As of every plug."""
         return "" if self._was_here else self.other_side.awaited()
 
     def _is_here(self) -> None:
@@ -391,7 +397,7 @@ def record_message(record: ControllerRecord) -> ControllerRecordMessage:
     )
 
 
-def outputs_of(answered, plug: Plug) -> ControllerOutputs:
+def outputs_of(answered: Answered, plug: Plug) -> ControllerOutputs:
     """What an answer says, for the seam, which checks it."""
     signals = None
     if answered.status == Status.OK and plug.signals:

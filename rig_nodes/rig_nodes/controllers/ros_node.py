@@ -8,12 +8,15 @@ The messages are those of docs/how_to/ros_controller.md. Copied as it is to wher
 as it likes. include/rig_ros.hpp is the same for C++.
 """
 
+from __future__ import annotations
+
 import os
 import random
 import signal
 import sys
 import traceback
 from types import SimpleNamespace
+from typing import Any
 
 import rclpy
 from rclpy.duration import Duration
@@ -46,7 +49,14 @@ class ControllerNode(Node):
     levels: "duty", "current" or both; topics: NAME of the rig's ``--controller ros:NAME``; others: as for rclpy's Node.
     """
 
-    def __init__(self, controller, levels=("duty",), topics="controller", name="my_controller", **others):
+    def __init__(
+        self,
+        controller: Any,
+        levels: tuple[str, ...] = ("duty",),
+        topics: str = "controller",
+        name: str = "my_controller",
+        **others: Any,
+    ) -> None:
         super().__init__(name, **others)
         self.controller, self.levels = controller, levels
         # as the class has it: what an attribute of that name holds later is the controller's own
@@ -59,7 +69,7 @@ class ControllerNode(Node):
         self.create_subscription(ControllerStep, f"/{topics}/step", self.on_step, UNCONFIRMED)
         self.create_subscription(ControllerStart, f"/{topics}/start", self.on_start, FROM_MANY)
 
-    def tell(self, state, message=""):
+    def tell(self, state: int, message: str = "") -> None:
         """ControllerReady: this node is ready, refuses or leaves."""
         levels = sum(LEVELS[name][1] for name in self.levels)
         self._ready.publish(
@@ -74,7 +84,7 @@ class ControllerNode(Node):
             )
         )
 
-    def on_start(self, start):
+    def on_start(self, start: ControllerStart) -> None:
         """A run begins or is over."""
         if start.over and start.session != self.session:
             return  # the goodbye of a rig before
@@ -108,7 +118,7 @@ class ControllerNode(Node):
         self.running = True
         self.tell(ControllerReady.READY)
 
-    def refusal(self, start, level):
+    def refusal(self, start: ControllerStart, level: str) -> str:
         """Why the controller cannot work in a run, or nothing: the level, or what its class names and the rig not."""
         if level not in self.levels:
             return f"this run is at level {level}, the controller's is {' and '.join(self.levels)}; choose with --level"
@@ -118,7 +128,7 @@ class ControllerNode(Node):
                     return f"it needs {name}; start the rig with ros:NAME?{kind}={name}{MORE.get(kind, '')}"
         return ""
 
-    def on_step(self, step):
+    def on_step(self, step: ControllerStep) -> None:
         """A sample: compute once, and send the same answer again when the step comes again."""
         if not self.running or step.session != self.session or step.controller not in (0, self.number):
             return
@@ -127,7 +137,7 @@ class ControllerNode(Node):
         if step.seq == self.answer.seq:
             self._answer.publish(self.answer)
 
-    def compute(self, step):
+    def compute(self, step: ControllerStep) -> ControllerAnswer:
         """The ControllerAnswer to a ControllerStep."""
         answer = ControllerAnswer()
         answer.session, answer.controller, answer.seq = step.session, self.number, step.seq
@@ -155,7 +165,7 @@ class ControllerNode(Node):
             answer.status, answer.message = ControllerAnswer.ERROR, f"{type(error).__name__}: {error}"
         return answer
 
-    def end(self):
+    def end(self) -> None:
         """The run is over for the controller."""
         self.running = False
         try:
@@ -163,7 +173,7 @@ class ControllerNode(Node):
         except Exception:  # the node serves the next run all the same
             self.get_logger().error(f"terminate failed:\n{traceback.format_exc()}")
 
-    def leave(self, why):
+    def leave(self, why: str) -> None:
         """Say goodbye when a run is on, and wait until that is heard."""
         if self.running:
             self.tell(ControllerReady.LEAVES, why)
@@ -171,7 +181,7 @@ class ControllerNode(Node):
             self.end()
 
 
-def serve(controller, levels=("duty",), topics="controller"):
+def serve(controller: Any, levels: tuple[str, ...] = ("duty",), topics: str = "controller") -> int:
     """Connect a controller with rigs that are started with ``--controller ros:NAME``, in any order, until Ctrl-C.
 
     Returns 130 after Ctrl-C, 0 after SIGTERM, 2 when ROS_DOMAIN_ID is no domain.

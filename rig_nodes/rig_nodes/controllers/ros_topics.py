@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 import socket
 import struct
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from rclpy.context import Context
 from rclpy.duration import Duration
@@ -24,6 +24,9 @@ from rig_msgs.msg import ControllerAnswer, ControllerReady, ControllerStart, Con
 from ..errors import RigError
 from ..graph.domain import from_environment, use_own_transports
 from .seam import ControllerInputs
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
 
 # Published reliably, so that any subscriber may listen; received best effort, because a reliable reader costs an
 # acknowledgement for each message, and a step without an answer is sent again anyway. Of both only the newest counts.
@@ -70,7 +73,7 @@ def pack_step(session: int, controller: int, seq: int, inputs: ControllerInputs)
     return data
 
 
-def _list(values, at: int) -> bytes:
+def _list(values: Collection[float], at: int) -> bytes:
     """A float64[] that begins ``at`` bytes after the message's begin, a multiple of 4."""
     count = len(values)
     gap = 4 if count and at % 8 else 0  # numbers lie on multiples of 8 behind the encapsulation's 4 bytes
@@ -110,7 +113,7 @@ def _take_list(data: bytes, at: int) -> tuple[tuple[float, ...], int]:
 class Topics:
     """/NAME/start and /NAME/step out, /NAME/ready and /NAME/answer in, in the ROS domain of this process."""
 
-    def __init__(self, name: str):
+    def __init__(self, name: str) -> None:
         """RigError when another rig holds these topics in this domain, or ROS_DOMAIN_ID is none."""
         before = dict(os.environ)
         use_own_transports()
@@ -184,5 +187,5 @@ class Topics:
         self._held.close()
 
 
-def _nothing(_message) -> None:
+def _nothing(_message: object) -> None:
     """Callbacks are not used: messages are taken by hand."""

@@ -13,6 +13,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from enum import IntEnum
+from typing import Any
 
 from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config
 from ..config.names import unknown
@@ -35,7 +36,7 @@ class ControllerFailed(RigError):
 
     exit_code = 1
 
-    def __init__(self, message: str, status: Status):
+    def __init__(self, message: str, status: Status) -> None:
         super().__init__(message)
         self.status = status
 
@@ -92,7 +93,7 @@ def flat_parameters(config: Alfa46Config) -> dict[str, float]:
     return out
 
 
-def checked_wants(names, name: str, known: Sequence[str]) -> tuple[str, ...]:
+def checked_wants(names: Any, name: str, known: Sequence[str]) -> tuple[str, ...]:
     """Transducers that a controller asks for beside those that all get; RigError unless the rig has each. known: its own."""
     if isinstance(names, str) or not all(isinstance(item, str) for item in names):
         raise RigError(f"controller {name}: wants is {names!r}, expected names of transducers")
@@ -102,7 +103,7 @@ def checked_wants(names, name: str, known: Sequence[str]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _numbers(values, name: str, count: int) -> tuple[float, ...]:
+def _numbers(values: Any, name: str, count: int) -> tuple[float, ...]:
     if values is None:
         return (0.0,) * count
     try:

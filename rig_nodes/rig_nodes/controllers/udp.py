@@ -42,6 +42,8 @@ from .udp_frames import (
 from .udp_frames import LEVELS as LEVEL_BITS
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from ..testbench.configuration import RigConfig
 
 LOOPBACK = "127.0.0.1"
@@ -55,7 +57,7 @@ class Udp(Plug):
 
     named_later, level_from = True, TOLD
 
-    def __init__(self, rest: str, config: RigConfig, level: str | None = None):
+    def __init__(self, rest: str, config: RigConfig, level: str | None = None) -> None:
         address, _, port = rest.rpartition(":")
         name = f"udp:{rest}"
         if not (port.isdecimal() and 0 < int(port) < 65536):
@@ -93,6 +95,7 @@ class Udp(Plug):
     # ---- until it is there
 
     def wait(self, patience: float | None = None) -> None:
+        """As of every plug: until a controller is ready."""
         waiting = Waiting(f"waiting for controller on udp {self._port}", self.say)
         self.refused = ""
         while self._peer is None and not self.stopped():
@@ -107,6 +110,7 @@ class Udp(Plug):
         return f"start it, or see that it sends to port {self._port} of this machine"
 
     def awaited(self) -> str:
+        """As of every plug."""
         return "" if self._was_here else self.not_here(f"udp {self._port}", self._advice)
 
     def _serve(self, seconds: float) -> tuple | None:
@@ -152,7 +156,7 @@ class Udp(Plug):
             elif kind == ANSWER and peer == self._peer and frame == self._frame:
                 return values
 
-    def _greet(self, session: int, peer, levels: int, record: str) -> None:
+    def _greet(self, session: int, peer: tuple[str, int], levels: int, record: str) -> None:
         if session == self._session and peer == self._peer:
             return  # it only asks whether the rig is still there
         why = self._refused.get(peer, "")
@@ -169,14 +173,14 @@ class Udp(Plug):
         high, level = self.info.command_high, LEVEL_BITS[self.level]
         self._send(INFO, peer, values=[level, 0, *map(len, self._names_told), self.info.period, high, self.rig_record.id])
 
-    def _send_away(self, peer, why: str) -> None:
+    def _send_away(self, peer: tuple[str, int], why: str) -> None:
         self._send(BYE, peer, session=0, values=[why])
         self.refused = why
         if peer not in self._sent_away:
             self._sent_away.add(peer)
             self.say(f"a controller was sent away from udp {self._port}: {why}")
 
-    def _turned_down(self, peer, why: str) -> None:
+    def _turned_down(self, peer: tuple[str, int], why: str) -> None:
         """A controller that was not ready yet says that it will not be."""
         self.refused = f"it refuses: {why}"
         if self._coming == peer:
@@ -220,7 +224,7 @@ class Udp(Plug):
             self.wants, self.signals, self.settings, self._declared = wants, signals, settings, True
             self.named()
 
-    def _send(self, kind: int, peer, session: int | None = None, values=()) -> None:
+    def _send(self, kind: int, peer: tuple[str, int], session: int | None = None, values: Iterable[float | str] = ()) -> None:
         data = pack(kind, self._session if session is None else session, 0, *values)
         try:
             self._socket.sendto(data, peer)

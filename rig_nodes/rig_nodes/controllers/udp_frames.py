@@ -7,6 +7,8 @@ Used by udp.py, and copied as it is to where a controller runs: ``serve(controll
 include/rig_udp.h is the same for C.
 """
 
+from __future__ import annotations
+
 import contextlib
 import select
 import socket
@@ -14,6 +16,7 @@ import struct
 import sys
 import time
 import types
+from typing import Any
 
 MAGIC, VERSION, PORT = 0x31474952, 3, 9002  # "RIG1"
 HELLO, INFO, ASK, NAME, READY, SAMPLE, ANSWER, BYE, OWN = range(1, 10)
@@ -50,7 +53,7 @@ class OtherVersion(NoFrame):
     """A frame of another version of the protocol."""
 
 
-def pack(kind, session, frame, *values, more=()):
+def pack(kind: int, session: int, frame: int, *values: float | str, more: tuple[float, ...] | list[float] = ()) -> bytes:
     """The bytes of a frame, ``more`` numbers behind its body; texts of values are encoded and cut to their field."""
     body, sizes = BODIES[kind], iter(TEXTS.get(kind, (128,)))
     data = [value.encode()[: next(sizes) - 1] if isinstance(value, str) else value for value in values]
@@ -58,7 +61,7 @@ def pack(kind, session, frame, *values, more=()):
     return HEADER.pack(MAGIC, VERSION, kind, session, frame, size, 0) + body.pack(*data) + struct.pack("<%dd" % len(more), *more)
 
 
-def unpack(data):
+def unpack(data: bytes) -> tuple[int, int, int, tuple]:
     """(kind, session, frame, values), the numbers behind a body last; NoFrame when the bytes are none."""
     if len(data) < HEADER.size:
         raise NoFrame(f"{len(data)} bytes are less than a header")
@@ -83,7 +86,7 @@ def unpack(data):
     return kind, session, frame, values
 
 
-def text(field):
+def text(field: bytes) -> str:
     """A text field without the zeros that fill it."""
     return field.split(b"\0", 1)[0].decode("utf-8", "replace")
 
@@ -94,7 +97,7 @@ class Client:
     ``wants``, ``signals`` and ``settings`` of it are used where they are there, as of a Python class.
     """
 
-    def __init__(self, controller, host="127.0.0.1", port=PORT, levels=("duty",)):
+    def __init__(self, controller: Any, host: str = "127.0.0.1", port: int = PORT, levels: tuple[str, ...] = ("duty",)) -> None:
         self.controller, self.levels = controller, sum(LEVELS[name] for name in levels)
         self.rig = (host, port)
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -111,12 +114,12 @@ class Client:
         self.own += [(SIGNAL, 0.0, name, unit) for name, unit in self.signals.items()]
         self.own += [(SETTING, float(value), name, "") for name, value in settings.items()]
 
-    def send(self, kind, *values, frame=0):
+    def send(self, kind: int, *values: float | str, frame: int = 0) -> None:
         """One frame; a rig that is not there yet is no error."""
         with contextlib.suppress(ConnectionRefusedError):
             self.socket.send(pack(kind, self.session, frame, *values))
 
-    def receive(self, seconds):
+    def receive(self, seconds: float) -> tuple[int, int, int, tuple] | None:
         """The rig's next frame, None when none comes in time; a rig that is not there is silent too."""
         until = time.monotonic() + seconds
         while (left := until - time.monotonic()) > 0:
@@ -130,7 +133,7 @@ class Client:
                 self.tell(f"a frame that is ignored: {error}")
         return None
 
-    def serve(self, once=False):
+    def serve(self, once: bool = False) -> None:
         """Answer until interrupted; once: until the end of the first run. The rig hears why it ends."""
         why = "the controller was stopped"
         try:
@@ -145,7 +148,7 @@ class Client:
                 self.end()
             self.socket.close()
 
-    def run(self):
+    def run(self) -> bool:
         """One look for the next frame; True at the end of a run."""
         if not self.running:
             self.send(HELLO, self.levels, 0, "")
@@ -175,13 +178,25 @@ class Client:
             return True
         return False
 
-    def tell(self, words):
+    def tell(self, words: str) -> None:
         """What the rig says, to people, once."""
         if words != self.told:
             self.told = words
             print(f"the rig says: {words}", file=sys.stderr)
 
-    def begin(self, session, level, _, settings, outputs, transducers, gears, period, command_high, record):
+    def begin(
+        self,
+        session: int,
+        level: int,
+        _: int,
+        settings: int,
+        outputs: int,
+        transducers: int,
+        gears: int,
+        period: float,
+        command_high: float,
+        record: bytes,
+    ) -> None:
         """A rig is there: fetch its names, start the controller, say that it is ready."""
         if self.running:
             self.end()
@@ -213,7 +228,7 @@ class Client:
         self.running, self.last, self.answer, self.told = True, 0, b"", ""
         self.send(READY, len(self.own), 0)
 
-    def name(self, index, what):
+    def name(self, index: int, what: int) -> tuple[float, str, str] | None:
         """(value, name, unit) of one of the rig's names, asked for again when the answer is lost; None without one."""
         for _ in range(50):
             self.send(ASK, index, what)
@@ -225,7 +240,7 @@ class Client:
                 came = self.receive(0.02)
         return None
 
-    def step(self, frame, values):
+    def step(self, frame: int, values: tuple) -> None:
         """A sample: compute once, and send the same answer again when the sample comes again."""
         if frame == self.last:
             self.socket.send(self.answer)
@@ -265,13 +280,13 @@ class Client:
         )
         self.socket.send(self.answer)
 
-    def end(self):
+    def end(self) -> None:
         """The run is over for the controller."""
         self.running, self.session = False, 0
         self.controller.terminate()
 
 
-def rig_address(words):
+def rig_address(words: list[str]) -> tuple[str, int]:
     """(host, port) of a program's arguments, those of a rig on this machine where they are missing.
 
     What is none ends the program with one sentence, exit code 2.
@@ -291,7 +306,9 @@ def rig_address(words):
     return host, int(port)
 
 
-def serve(controller, host="127.0.0.1", port=PORT, levels=("duty",), once=False):
+def serve(
+    controller: Any, host: str = "127.0.0.1", port: int = PORT, levels: tuple[str, ...] = ("duty",), once: bool = False
+) -> None:
     """Connect a controller with a rig that is started with ``--controller udp:PORT``, in any order."""
     client = Client(controller, host, port, levels)
     print(f"waiting for the rig at {host}:{port}, until Ctrl-C", flush=True)

@@ -7,7 +7,9 @@
 bits as the built-in controller, at both levels.
 """
 
-from rig_nodes.controllers.seam import ControllerOutputs
+from collections.abc import Mapping
+
+from rig_nodes.controllers.seam import ControllerInfo, ControllerInputs, ControllerOutputs
 
 OFF, ON, FALLING = range(3)
 
@@ -15,17 +17,17 @@ OFF, ON, FALLING = range(3)
 class Output:
     """One valve output: its six profile points, its phase and its current loop."""
 
-    def __init__(self, parameters, name):
+    def __init__(self, parameters: Mapping[str, float], name: str) -> None:
         self.points = [(parameters[f"{name}.P{n}.time"], parameters[f"{name}.P{n}.current"]) for n in range(1, 7)]
         self.phase, self.start, self.from_current = OFF, 0, 0.0
         self.pending, self.pending_at = OFF, 0
         self.setpoint = self.integral = self.filtered = self.duty = 0.0
 
-    def switch(self, phase, sample):
+    def switch(self, phase: int, sample: int) -> None:
         """Rise or fall from a sample on."""
         self.pending, self.pending_at = phase, sample
 
-    def follow_profile(self, sample, period):
+    def follow_profile(self, sample: int, period: float) -> None:
         """Leaves the setpoint [A]: straight lines from switch-on over P1-P3, from switch-off over P4-P6."""
         if self.pending != OFF and sample >= self.pending_at:
             self.phase, self.start, self.from_current = self.pending, self.pending_at, self.setpoint
@@ -44,7 +46,7 @@ class Output:
         if self.phase == FALLING and elapsed > self.points[5][0] and self.setpoint <= 0.0:
             self.phase, self.setpoint = OFF, 0.0
 
-    def close_loop(self, current, period, p):
+    def close_loop(self, current: float, period: float, p: Mapping[str, float]) -> None:
         """Leaves the duty: PID in volts, derivative filtered, integral held inside the supply."""
         if self.phase == OFF:
             self.duty, self.integral, self.filtered = 0.0, 0.0, -current
@@ -62,12 +64,13 @@ class Alfa46:
 
     levels = ("duty", "current")
 
-    def initialize(self, info):
+    def initialize(self, info: ControllerInfo) -> None:
+        """Keep the settings and begin in neutral."""
         self.period, self.level, self.parameters = info.period, info.level, info.parameters
         self.outputs = [Output(info.parameters, f"output_{n}") for n in (1, 2, 3)]
         self.gear, self.shift_end = 0, 0
 
-    def order(self, gear, sample):
+    def order(self, gear: int, sample: int) -> None:
         """Switch the valves of the old and the new gear; the delay of this change lets one of them wait."""
         delay = self.parameters.get(f"t{self.gear}{gear}", 0.0)  # t12, t21, t23, t32
         wait = round(delay / self.period)
@@ -80,7 +83,8 @@ class Alfa46:
                 self.shift_end = max(self.shift_end, output.pending_at + duration)
         self.gear = gear
 
-    def step(self, inputs):
+    def step(self, inputs: ControllerInputs) -> ControllerOutputs:
+        """The answer to one sample."""
         if inputs.gear_request != self.gear and inputs.sample >= self.shift_end:
             self.order(inputs.gear_request, inputs.sample)
         for output, current in zip(self.outputs, inputs.current, strict=True):
@@ -91,5 +95,5 @@ class Alfa46:
         on = sum(1 << k for k, output in enumerate(self.outputs) if output.phase != OFF)
         return ControllerOutputs(command, setpoint, self.gear, inputs.sample < self.shift_end, on)
 
-    def terminate(self):
+    def terminate(self) -> None:
         """Nothing to give back."""

@@ -17,7 +17,7 @@ from rig_nodes.controllers.ros import checked_topics
 from rig_nodes.controllers.ros_node import serve
 
 
-def main():
+def main() -> None:
     """Entry point."""
     given = parser(__doc__, "alfa46_ros")
     given.add_argument("name", nargs="?", type=checked_topics, default="controller")

@@ -12,7 +12,7 @@ from rig_nodes.controllers.examples.command import address, parser, port, run
 from rig_nodes.controllers.udp_frames import PORT, serve
 
 
-def main():
+def main() -> None:
     """Entry point."""
     given = parser(__doc__, "alfa46_udp")
     given.add_argument("address", nargs="?", type=address, default="127.0.0.1")

@@ -9,8 +9,11 @@
 It needs python-can and cantools, and of the rig the messages (`./rig export dbc`) and the law. Ctrl-C ends it.
 """
 
+from __future__ import annotations
+
 import sys
 import threading
+from typing import TYPE_CHECKING
 
 from rig_nodes.controllers.can_bus import open_bus, receive
 from rig_nodes.controllers.can_database import database
@@ -18,7 +21,10 @@ from rig_nodes.controllers.examples.alfa46 import Alfa46
 from rig_nodes.controllers.examples.command import parser, run
 from rig_nodes.controllers.record import controller_info, record_of
 from rig_nodes.controllers.wire import currents, measured
-from rig_nodes.testbench.configuration import load_gearbox_rig
+from rig_nodes.testbench.configuration import RigConfig, load_gearbox_rig
+
+if TYPE_CHECKING:
+    import can
 
 LEVELS = ("duty", "current")
 PERIOD = 1e-3  # s of a sample
@@ -28,7 +34,7 @@ GAP = 1000  # samples: what is further ahead of the last one is a counter that h
 class CanController:
     """Takes the rig's frames and answers each sample."""
 
-    def __init__(self, bus, config):
+    def __init__(self, bus: can.BusABC, config: RigConfig) -> None:
         import can
 
         self.bus, self.config, self.frame = bus, config, can.Message
@@ -41,7 +47,7 @@ class CanController:
         self.unread = {}  # what came and could not be read -> how often
         self.law = self.sample = None
 
-    def run(self, stop):
+    def run(self, stop: threading.Event) -> None:
         """Until ``stop``, a threading.Event, is set."""
         while not stop.is_set():
             frame = receive(self.bus, 0.1, self.fault)
@@ -54,13 +60,13 @@ class CanController:
             if message.name == "RIG_CURRENTS" and "level" in self.told and self.measured[0].name in self.told:
                 self.answer()
 
-    def fault(self, text):
+    def fault(self, text: str) -> None:
         """Said the first time, counted from then on."""
         self.unread[text] = self.unread.get(text, 0) + 1
         if self.unread[text] == 1:
             print(f"can_alfa46: {text}; it is not used, nor are others like it", file=sys.stderr, flush=True)
 
-    def answer(self):
+    def answer(self) -> None:
         """One sample of the law, in SI; a counter that jumps back is a new run."""
         told = self.told
         ahead = 0 if self.sample is None else (told["sample"] - self.sample) & 0xFFFF
@@ -79,13 +85,14 @@ class CanController:
         commands = {f"command_{k}": value * factor for k, value in enumerate(out.command, 1)}
         self.send(name, {"sample": counter, **commands})
 
-    def send(self, name, values):
+    def send(self, name: str, values: dict[str, float]) -> None:
+        """Send the message of this name with these values of its signals."""
         message = self.names[name]
         data = message.encode(values, strict=False)
         self.bus.send(self.frame(arbitration_id=message.frame_id, data=data, is_extended_id=False, is_fd=False))
 
 
-def main():
+def main() -> None:
     """Entry point."""
     given = parser(__doc__, "can_alfa46")
     given.add_argument("channel")

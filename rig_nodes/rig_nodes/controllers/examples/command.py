@@ -5,6 +5,7 @@
 
 import socket
 import sys
+from collections.abc import Callable
 
 from rig_nodes.cli.main import Parser
 from rig_nodes.errors import RigError, printable
@@ -31,7 +32,7 @@ def address(text: str) -> str:
     return text
 
 
-def run(main) -> None:
+def run(main: Callable[[], object]) -> None:
     """Call ``main`` and end the process: exit code 2 and its sentence for a RigError, 130 for Ctrl-C."""
     try:
         main()

@@ -10,15 +10,21 @@ It needs pymodbus, and of the rig the registers (`./rig export registers`) and t
 connects again when the rig goes and comes. Ctrl-C ends it.
 """
 
+from __future__ import annotations
+
 import logging
 import threading
+from typing import TYPE_CHECKING
 
 from rig_nodes.controllers.examples.alfa46 import Alfa46
 from rig_nodes.controllers.examples.command import address, parser, port, run
 from rig_nodes.controllers.record import controller_info, record_of
 from rig_nodes.controllers.registers import COMMAND_BASE, register_map
 from rig_nodes.controllers.wire import commands, given
-from rig_nodes.testbench.configuration import load_gearbox_rig
+from rig_nodes.testbench.configuration import RigConfig, load_gearbox_rig
+
+if TYPE_CHECKING:
+    from pymodbus.client import ModbusTcpClient
 
 LEVELS = ("duty", "current")
 PERIOD = 1e-3  # s of a sample
@@ -27,14 +33,14 @@ PERIOD = 1e-3  # s of a sample
 class ModbusController:
     """Reads a sample and writes the answer to the one before, in one request (function 23) after the other."""
 
-    def __init__(self, port, config, host="127.0.0.1"):
+    def __init__(self, port: int, config: RigConfig, host: str = "127.0.0.1") -> None:
         self.host, self.port, self.config = host, port, config
         self.record = record_of(config)
         self.wires, self.outputs = given(self.record), len(self.record.outputs)
         self.read = len([row for row in register_map(self.record) if row.access == "read"])
         self.law, self.sample, self.heartbeat = None, -1, 0
 
-    def run(self, stop):
+    def run(self, stop: threading.Event) -> None:
         """Until ``stop``, a threading.Event, is set."""
         from pymodbus.client import ModbusTcpClient
         from pymodbus.exceptions import ModbusException
@@ -50,7 +56,7 @@ class ModbusController:
                 client.close()
             stop.wait(0.1)
 
-    def serve(self, client, stop):
+    def serve(self, client: ModbusTcpClient, stop: threading.Event) -> None:
         """Requests until the rig goes."""
         written = [1, *[0] * (self.outputs + 4)]
         while not stop.is_set():
@@ -62,7 +68,7 @@ class ModbusController:
             if not found or self.sample == 0:  # no new sample yet, or none at all: leave others the processor
                 stop.wait(2e-4 if not found else 2e-3)
 
-    def answer(self, told):
+    def answer(self, told: list[int]) -> list[int] | None:
         """The registers to write for those that were read; None when the sample is answered already."""
         sample = told[0] << 16 | told[1]
         if sample == self.sample and sample != 0:
@@ -80,7 +86,7 @@ class ModbusController:
         return [self.heartbeat, *raw, out.gear, int(out.shifting), out.flags, 0]
 
 
-def main():
+def main() -> None:
     """Entry point."""
     given = parser(__doc__, "modbus_alfa46")
     given.add_argument("port", type=port)

@@ -7,6 +7,7 @@ The old clutch is held until the new one is filled, then let go; the new one get
 """
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from time import sleep
 
@@ -28,10 +29,12 @@ rig_currents = database.get_message_by_name("RIG_CURRENTS")
 
 
 class Law:
+    """A small law: the gear that it has taken and the shift that it is in."""
+
     gear = old = 0
     since = -10.0  # no shift is running
 
-    def step(self, time, request):
+    def step(self, time: float, request: int) -> tuple[list[float], bool]:
         """Current setpoints in mA and whether a shift is running; time in s since the run began."""
         if request != self.gear:
             self.old, self.gear, self.since = self.gear, request, time
@@ -44,13 +47,14 @@ class Law:
         return command, elapsed < 1.5
 
 
-def send(bus, name, values):
+def send(bus: can.BusABC, name: str, values: dict[str, float]) -> None:
+    """Send the message of this name with these values of its signals."""
     message = database.get_message_by_name(name)
     data = message.encode(values)
     bus.send(can.Message(arbitration_id=message.frame_id, data=data, is_extended_id=False, is_fd=False))
 
 
-def frames(bus):
+def frames(bus: can.BusABC) -> Iterator[can.Message]:
     """What comes on the bus; what cannot be read is said the first time, and left out."""
     unread = 0
     while True:
@@ -63,7 +67,7 @@ def frames(bus):
             sleep(0.001)
 
 
-def answer(bus):
+def answer(bus: can.BusABC) -> None:
     """One answer to each sample, run after run."""
     law, request, last, time = None, 0, 0, 0.0
     for frame in frames(bus):

@@ -13,11 +13,15 @@ OVERLAP, RELEASE = 0.25, 0.13  # s in which both clutches are on; A of the old o
 
 
 class MyController:
-    def initialize(self, info):
+    """A small law: the gear that it has taken and the shift that it is in."""
+
+    def initialize(self, info: SimpleNamespace) -> None:
+        """A run begins."""
         self.gear, self.old, self.since = 0, 0, -10.0  # no shift is running
         self.parameters = info.parameters  # e.g. info.parameters["t12"], SI
 
-    def step(self, inputs):
+    def step(self, inputs: SimpleNamespace) -> SimpleNamespace:
+        """The answer to one sample."""
         if inputs.gear_request != self.gear:
             self.old, self.gear, self.since = self.gear, inputs.gear_request, inputs.time
         elapsed = inputs.time - self.since
@@ -28,5 +32,5 @@ class MyController:
             command[self.gear - 1] = min(PLATEAU + SLOPE * max(0.0, elapsed - FILL), HELD)
         return SimpleNamespace(command=command, setpoint=None, gear=self.gear, shifting=elapsed < 1.5, flags=0)
 
-    def terminate(self):
-        pass
+    def terminate(self) -> None:
+        """The run is over."""

@@ -18,10 +18,12 @@ OVERLAP, RELEASE = 0.25, 130.0  # s in which both clutches are on; mA of the old
 
 
 class Law:
+    """A small law: the gear that it has taken and the shift that it is in."""
+
     gear = old = 0
     since = -10.0  # no shift is running
 
-    def step(self, now, request):
+    def step(self, now: float, request: int) -> tuple[list[float], bool]:
         """Current setpoints in mA and whether a shift is running; now in s since the run began."""
         if request != self.gear:
             self.old, self.gear, self.since = self.gear, request, now
@@ -34,7 +36,7 @@ class Law:
         return command, elapsed < 1.5
 
 
-def serve(client):
+def serve(client: ModbusTcpClient) -> None:
     """Read a sample and write the answer to the one before, in one request after the other, until the rig goes."""
     law, heartbeat, command, shifting = Law(), 0, [0.0, 0.0, 0.0], False
     while True:
@@ -48,7 +50,7 @@ def serve(client):
         time.sleep(0.001)
 
 
-def main():
+def main() -> None:
     """Look for the rig, serve it, look for it again: the rig is a server for the time of one run."""
     logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # that the rig is not there yet is no news
     while True:

@@ -6,20 +6,24 @@
 The old clutch is held until the new one is filled, then let go; the new one gets a plateau, then a ramp. Change it.
 """
 
-from rig_nodes.controllers import ControllerOutputs
+from rig_nodes.controllers import ControllerInfo, ControllerInputs, ControllerOutputs
 
 FILL, PLATEAU, SLOPE, HELD = 0.30, 0.22, 1.2, 0.74  # s, A, A/s, A
 OVERLAP, RELEASE = 0.25, 0.13  # s in which both clutches are on; A of the old one while the new one takes over
 
 
 class MyController:
+    """A small law: the gear that it has taken and the shift that it is in."""
+
     levels = ("current",)  # what step returns: setpoints in A; "duty" would be 0 to 1
 
-    def initialize(self, info):
+    def initialize(self, info: ControllerInfo) -> None:
+        """A run begins."""
         self.gear, self.old, self.since = 0, 0, -10.0  # no shift is running
         self.parameters = info.parameters  # e.g. info.parameters["t12"], SI
 
-    def step(self, inputs):
+    def step(self, inputs: ControllerInputs) -> ControllerOutputs:
+        """The answer to one sample."""
         if inputs.gear_request != self.gear:
             self.old, self.gear, self.since = self.gear, inputs.gear_request, inputs.time
         elapsed = inputs.time - self.since
@@ -30,5 +34,5 @@ class MyController:
             command[self.gear - 1] = min(PLATEAU + SLOPE * max(0.0, elapsed - FILL), HELD)
         return ControllerOutputs(command, gear=self.gear, shifting=elapsed < 1.5)
 
-    def terminate(self):
-        pass
+    def terminate(self) -> None:
+        """The run is over."""
