@@ -183,8 +183,8 @@ class Plug(ABC):
 
         ``others``: SI values of ``wants``, in its order.
 
-        None when the controller discards the sample. ControllerFailed, whose sentence is a reason to trip,
-        when it reports an error, breaks down or returns what no valve can be given.
+        None when the controller discards the sample. ControllerFailed, whose sentence is a reason to trip, when it reports an
+        error, breaks down or returns what no valve can be given.
         """
         if self._over:
             raise ControllerFailed(f"controller {self.name} has ended and cannot be asked again", Status.FATAL)

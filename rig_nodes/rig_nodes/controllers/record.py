@@ -61,10 +61,9 @@ class Gear:
 class ControllerRecord:
     """What goes between one rig and its shift controller, in this order.
 
-    rig: its name, for people;
-    transducers: entries of the signal catalogue; like: by level, the signal whose unit and range a command has;
-    input_speed, output_speed: transducers of the shafts that ``Gear.ratio`` is between; all_transducers: those of the whole
-    rig, of which a controller may want more.
+    rig: its name, for people; transducers: entries of the signal catalogue; like: by level, the signal whose unit and range a
+    command has; input_speed, output_speed: transducers of the shafts that ``Gear.ratio`` is between; all_transducers: those of
+    the whole rig, of which a controller may want more.
     """
 
     rig: str

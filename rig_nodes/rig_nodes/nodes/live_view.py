@@ -3,8 +3,8 @@
 
 """The node of the live view: receives what a running rig publishes and hands it to a bounded sender.
 
-Used by `rig view --live`, as a process of its own beside the rig. It subscribes best effort and runs below
-the rig's priority, so that neither the rig's publishers nor its clock ever wait for it.
+Used by `rig view --live`, as a process of its own beside the rig. It subscribes best effort and runs below the rig's priority, so
+that neither the rig's publishers nor its clock ever wait for it.
 """
 
 from __future__ import annotations

@@ -24,6 +24,8 @@ from rig_nodes.controllers.wire import commands, given
 from rig_nodes.testbench.configuration import RigConfig, load_gearbox_rig
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from pymodbus.client import ModbusTcpClient
 
 LEVELS = ("duty", "current")
@@ -68,7 +70,7 @@ class ModbusController:
             if not found or self.sample == 0:  # no new sample yet, or none at all: leave others the processor
                 stop.wait(2e-4 if not found else 2e-3)
 
-    def answer(self, told: list[int]) -> list[int] | None:
+    def answer(self, told: Sequence[int]) -> list[int] | None:
         """The registers to write for those that were read; None when the sample is answered already."""
         sample = told[0] << 16 | told[1]
         if sample == self.sample and sample != 0:
