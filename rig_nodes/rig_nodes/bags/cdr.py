@@ -11,10 +11,16 @@ from __future__ import annotations
 
 import struct
 from functools import cache, lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .definitions import TIME, Definition, Node, installed
+from .definitions import TIME, Definition, Leaf, Node, installed
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from ..testbench.sequence import Sequence
 
 HEADER = b"\x00\x01\x00\x00"
 _FRAMELESS, _FRAME = b"\x01\x00\x00\x00\x00", slice(12, 17)  # an empty frame_id, and its place in a message
@@ -31,7 +37,7 @@ class Encoder:
     The part of fixed layout is one precompiled struct: a transducer's message costs about a microsecond.
     """
 
-    def __init__(self, definition: Definition):
+    def __init__(self, definition: Definition) -> None:
         if not definition.counted:
             raise TypeError(f"{definition.name} does not start with header and seq; encode it with encode_any")
         self.name = definition.name
@@ -53,7 +59,7 @@ class Encoder:
         if not (self._tail or self._arrays or self._booleans):
             self.encode = self._numbers_only
 
-    def encode(self, stamp_ns: int, seq: int, *values) -> bytes:
+    def encode(self, stamp_ns: int, seq: int, *values: Any) -> bytes:
         """The message as bytes, encapsulation included.
 
         stamp_ns: simulated time [ns]; seq: number of the message on its topic; values: the other fields in
@@ -91,14 +97,14 @@ class Encoder:
             _write(out, node, value, f"{self.name}.{name}")
         return bytes(out)
 
-    def _numbers_only(self, stamp_ns: int, seq: int, *values) -> bytes:
+    def _numbers_only(self, stamp_ns: int, seq: int, *values: Any) -> bytes:
         """:meth:`encode` for most of a run's messages."""
         try:
             return self._pack(HEADER, stamp_ns // _SECOND, stamp_ns % _SECOND, 1, 0, seq, *values)
         except (struct.error, TypeError, OverflowError):
             return Encoder.encode(self, stamp_ns, seq, *values)  # which says what is wrong
 
-    def _flat(self, values) -> list:
+    def _flat(self, values: Sequence[Any]) -> list:
         flat: list = []
         for i, (count, value) in enumerate(zip(self._counts, values)):
             if count is None:
@@ -109,7 +115,7 @@ class Encoder:
                 raise TypeError(f"{self.name}.{self._fields[i][0]} has {count} elements, got {len(value)}")
         return flat
 
-    def _explain(self, stamp_ns, seq, values) -> None:
+    def _explain(self, stamp_ns: int, seq: int, values: Sequence[Any]) -> None:
         """Raise the error of the field that cannot be encoded."""
         _number(Node("number", "int64"), stamp_ns, f"{self.name}.stamp")
         _number(Node("number", "int32"), stamp_ns // _SECOND, f"{self.name}.stamp.sec")
@@ -129,7 +135,7 @@ def _list_struct(end: int, count: int) -> struct.Struct:
     return struct.Struct(f"<{gap}xI{behind}x{count}d")
 
 
-def _struct_format(leaves) -> str:
+def _struct_format(leaves: Iterable[Leaf]) -> str:
     """Struct format of encapsulation and leaves, with the padding of CDR written out."""
     text, position = "<4s", 0
     for leaf in leaves:
@@ -144,7 +150,7 @@ def encoder(ros_type: str) -> Encoder:
     return Encoder(installed(ros_type))
 
 
-def encode_any(ros_type: str, message) -> bytes:
+def encode_any(ros_type: str, message: object) -> bytes:
     """Any installed message type as exact CDR, for messages with a ``std_msgs/Header`` and others.
 
     message: an object with the fields as attributes, or a dict with all of them; a time may be given as
@@ -162,7 +168,7 @@ class Form:
     float64, stands in it once.
     """
 
-    def __init__(self, ros_type: str, fill, values: int):
+    def __init__(self, ros_type: str, fill: Callable[..., object], values: int) -> None:
         """values: how many ``fill`` takes."""
         marks = [-1.0 - number / 7.0 for number in range(values)]
         self._bytes = bytearray(encode_any(ros_type, fill(*marks)))
@@ -177,7 +183,7 @@ class Form:
         return bytes(self._bytes)
 
 
-def decode(ros_type: str, data: bytes):
+def decode(ros_type: str, data: bytes) -> Any:
     """The message as an object with attributes, by the installed definition.
 
     Raises ValueError when the bytes are no such message.
@@ -185,7 +191,7 @@ def decode(ros_type: str, data: bytes):
     return decode_as(installed(ros_type), data)
 
 
-def decode_as(definition: Definition, data: bytes):
+def decode_as(definition: Definition, data: bytes) -> Any:
     """Like :func:`decode` with a given definition, for example the one a bag carries."""
     try:
         return definition.store.deserialize_cdr(data, definition.name)
@@ -251,7 +257,7 @@ class Fields:
     Lists of numbers are in it, where nothing else follows them; of strings and what is behind one nothing is.
     """
 
-    def __init__(self, ros_type: str):
+    def __init__(self, ros_type: str) -> None:
         self._definition = installed(ros_type)
         self._plain, self._sized = self._definition.dtype(), None
         self._lists = [name for name, _ in self._definition.tail] if self._definition.lists else []
@@ -290,7 +296,7 @@ def stamp(data: bytes) -> int:
     return seconds * _SECOND + nanoseconds
 
 
-def _write(out: bytearray, node: Node, value, where: str) -> None:
+def _write(out: bytearray, node: Node, value: Any, where: str) -> None:
     """Append one value; alignment counts from the end of the encapsulation."""
     if node.kind == "number":
         out += bytes(-(len(out) - 4) % node.size)
@@ -314,7 +320,7 @@ def _write_length(out: bytearray, length: int) -> None:
     out += _LENGTH.pack(length)
 
 
-def _write_message(out: bytearray, node: Node, value, where: str) -> None:
+def _write_message(out: bytearray, node: Node, value: Any, where: str) -> None:
     if node.name == TIME and isinstance(value, (int, np.integer)):
         value = {"sec": int(value) // _SECOND, "nanosec": int(value) % _SECOND}
     names = [name for name, _ in node.fields]
@@ -336,7 +342,7 @@ def _write_message(out: bytearray, node: Node, value, where: str) -> None:
         _write(out, member, part, f"{where}.{name}")
 
 
-def _write_list(out: bytearray, node: Node, value, where: str) -> None:
+def _write_list(out: bytearray, node: Node, value: Any, where: str) -> None:
     if isinstance(value, (str, bytes)) and node.item.name not in ("byte", "uint8", "char"):
         raise TypeError(f"{where} is a list, got {value!r}")
     if node.item.kind == "number":
@@ -359,7 +365,7 @@ def _write_list(out: bytearray, node: Node, value, where: str) -> None:
             _write(out, node.item, item, f"{where}[{i}]")
 
 
-def _numbers(node: Node, value, where: str) -> np.ndarray:
+def _numbers(node: Node, value: Any, where: str) -> np.ndarray:
     """Values as a flat little-endian array; a table is taken row after row."""
     wanted = np.dtype("?" if node.name == "bool" else "<" + np.dtype(node.code).str[1:])
     if isinstance(value, (bytes, bytearray)):
@@ -380,7 +386,7 @@ def _numbers(node: Node, value, where: str) -> np.ndarray:
     return array.astype(wanted, copy=False)
 
 
-def _number(node: Node, value, where: str) -> bytes:
+def _number(node: Node, value: Any, where: str) -> bytes:
     """One number as little-endian bytes, without padding."""
     if node.name == "bool":
         if not isinstance(value, (bool, np.bool_)):

@@ -13,6 +13,7 @@ import struct
 from dataclasses import dataclass, field
 from functools import cache, cached_property, lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
@@ -21,6 +22,11 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from ..errors import RigError
 from . import limits
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from ..testbench.sequence import Sequence
 
 # Names of the .msg language -> struct code; the size of a number is its alignment in CDR.
 CODES = {
@@ -191,7 +197,7 @@ class Definition:
         )
 
 
-def _numpy_format(leaf: Leaf):
+def _numpy_format(leaf: Leaf) -> str | tuple[str, tuple[int]]:
     base = "?" if leaf.node.name == "bool" else "<" + np.dtype(leaf.node.code).str[1:]
     return (base, (leaf.count,)) if leaf.count else base
 
@@ -252,7 +258,7 @@ def _said(ros_type: str, text: str) -> str:
 class _Size:
     """How large a message type is with all that it contains; counted before anything is made of it."""
 
-    def __init__(self, ros_type: str, types):
+    def __init__(self, ros_type: str, types: Mapping[str, Any]) -> None:
         self._name, self._types = ros_type, types
         self._fields = self._bytes = 0
 
@@ -269,7 +275,7 @@ class _Size:
         for _, description in self._types[name][1]:
             self._field(description, depth)
 
-    def _field(self, description, depth: int) -> None:
+    def _field(self, description: tuple[Nodetype, Any], depth: int) -> None:
         kind, value = description
         self._fields += 1
         if kind == Nodetype.NAME:
@@ -311,7 +317,7 @@ def _collect(ros_type: str, texts: dict[str, str]) -> None:
 
 
 @lru_cache(maxsize=256)
-def _fields_of(ros_type: str, text: str):
+def _fields_of(ros_type: str, text: str) -> Sequence[tuple[str, tuple[Nodetype, Any]]]:
     """Fields in the words of rosbags; a time is part of every message."""
     return get_types_from_msg(text, ros_type)[ros_type][1]
 
@@ -322,11 +328,11 @@ def _short(ros_type: str) -> str:
     return f"{package}/{name}"
 
 
-def _message(ros_type: str, types) -> Node:
+def _message(ros_type: str, types: Mapping[str, Any]) -> Node:
     return Node("message", ros_type, fields=tuple((name, _node(description, types)) for name, description in types[ros_type][1]))
 
 
-def _node(description, types) -> Node:
+def _node(description: tuple[Nodetype, Any], types: Mapping[str, Any]) -> Node:
     kind, value = description
     if kind == Nodetype.NAME:
         return _message(value, types)

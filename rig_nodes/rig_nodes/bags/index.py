@@ -34,6 +34,7 @@ from .mcap_file import (
     RECORD,
     SCHEMA,
     STATISTICS,
+    ChunkHead,
     Contents,
     Damage,
     McapFile,
@@ -70,7 +71,7 @@ class BagIndex:
     [ns] of its messages; ``damage``: one sentence per fault met so far, each told to ``on_damage`` when it is met.
     """
 
-    def __init__(self, path: str | Path):
+    def __init__(self, path: str | Path) -> None:
         """Open the folder of a run or its .mcap file; BagError when there is none, it is no bag or holds no message."""
         self.path = find(Path(path))
         self.damage: list[str] = []
@@ -98,7 +99,7 @@ class BagIndex:
     def __enter__(self) -> BagIndex:
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         self._file.__exit__()
 
     def channel(self, topic: str) -> tuple[str, str, dict[str, str]]:
@@ -279,7 +280,7 @@ class BagIndex:
         except Damage as damage:
             self._tell(damage)
 
-    def _add_chunk(self, head, position: int, end: int) -> None:
+    def _add_chunk(self, head: ChunkHead, position: int, end: int) -> None:
         """A chunk by the message indices behind it; read where these are missing or name what is not known yet."""
         counts: dict[int, int] = {}
         after = end

@@ -25,7 +25,7 @@ LISTED = 500  # bodies, devices and the like of a rig, of each
 PROFILES = 20_000  # characters of the quality of service of a topic: 50 publishers
 
 
-def deeper(value, levels: int) -> bool:
+def deeper(value: object, levels: int) -> bool:
     """Lists and objects of JSON go deeper within each other than so many levels."""
     if not isinstance(value, (dict, list)):
         return False

@@ -76,7 +76,7 @@ class Contents:
 class Damage(Exception):
     """A fault at one byte; ``cut`` when the file just ends there, ``fatal`` when nothing after it can be trusted."""
 
-    def __init__(self, what: str, offset: int, cut: bool = False, fatal: bool = False):
+    def __init__(self, what: str, offset: int, cut: bool = False, fatal: bool = False) -> None:
         super().__init__(what)
         self.what, self.offset, self.cut, self.fatal = what, offset, cut, fatal
 
@@ -123,7 +123,7 @@ def read_pieces(path: Path, recover: bool, size: float) -> Iterator[Contents]:
 class McapFile:
     """A file's bytes and the records of its container. ``size``: bytes."""
 
-    def __init__(self, path: Path):
+    def __init__(self, path: Path) -> None:
         """Open it. BagError for what cannot be read or is no MCAP file."""
         try:
             self._file = open(path, "rb", buffering=0)
@@ -145,7 +145,7 @@ class McapFile:
     def __enter__(self) -> McapFile:
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         self._file.close()
 
     def bytes_at(self, position: int, length: int) -> bytes:
@@ -216,7 +216,7 @@ def chunk_head(file: McapFile, start: int, end: int) -> ChunkHead:
 class Records:
     """Schemas, channels and messages as they come; ``contents`` gathers them."""
 
-    def __init__(self, file: McapFile):
+    def __init__(self, file: McapFile) -> None:
         self.file = file
         self.contents = Contents()
         self.schemas: dict[int, tuple[str, str, str]] = {}
@@ -354,7 +354,7 @@ def by_topic(path: Path, streams: Iterable[Stream]) -> dict[str, Stream]:
 class _Scan(Records):
     """One pass over a whole file."""
 
-    def __init__(self, file: McapFile, recover: bool):
+    def __init__(self, file: McapFile, recover: bool) -> None:
         super().__init__(file)
         self.recover = recover
         self._unpacked_bytes = self._count = 0
@@ -388,6 +388,7 @@ class _Scan(Records):
         self._check_summary(end)
 
     def take(self) -> Contents:
+        """The messages gathered since the last time, which are counted too."""
         self._count += sum(len(stream.times) for stream in self.contents.streams.values())
         return super().take()
 

@@ -13,11 +13,24 @@ import struct
 import zlib
 from array import array
 from collections import defaultdict
+from typing import BinaryIO
 
 import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, DataEnd, Footer, Header, Metadata, MetadataIndex, Schema, Statistics, SummaryOffset
+from mcap.records import (
+    Channel,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
 
 from .mcap_file import MAGIC
 
@@ -33,7 +46,7 @@ _FOOTER = struct.Struct("<BQQQ")
 class McapWriter:
     """Messages into a binary file that is at its start. The file is not closed. OSError as the file raises it."""
 
-    def __init__(self, file, profile: str, library: str, chunk_bytes: int):
+    def __init__(self, file: BinaryIO, profile: str, library: str, chunk_bytes: int) -> None:
         """chunk_bytes: a chunk that is larger is closed without being told."""
         self._file, self._chunk_bytes = file, chunk_bytes
         self._compress = zstandard.ZstdCompressor().compress
@@ -180,7 +193,7 @@ class McapWriter:
         self._file.write(data)
 
 
-def _bytes(record) -> bytes:
+def _bytes(record: McapRecord) -> bytes:
     """A record of the library's as it stands in a file."""
     builder = RecordBuilder()
     record.write(builder)

@@ -132,7 +132,7 @@ def metadata_file(information: str) -> str:
     return "rosbag2_bagfile_information:\n" + "".join(f"  {line}\n" for line in information.splitlines())
 
 
-def _yaml(data) -> str:
+def _yaml(data: object) -> str:
     yaml = YAML(typ="safe", pure=True)
     yaml.default_flow_style = False
     yaml.width = 1000

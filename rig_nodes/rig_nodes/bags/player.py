@@ -39,7 +39,7 @@ class Player:
         paused: bool = False,
         period: int = 5_000_000,
         early: Sequence[tuple[int, Message]] = (),
-    ):
+    ) -> None:
         """messages: begins a pass: gives ascending times [ns], none before ``first``, each with its message; first: where
         passes begin [ns]; rate: recorded seconds per second, inf for as fast as it goes; period: recorded time between
         two clocks [ns]; early: the messages before ``first`` that are due all the same when a pass begins.

@@ -19,6 +19,7 @@ from functools import cached_property
 from itertools import repeat
 from operator import itemgetter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -70,7 +71,7 @@ class Bag:
     one sentence per fault that recovery passed over, empty for a sound bag.
     """
 
-    def __init__(self, path: str | Path, recover: bool = False):
+    def __init__(self, path: str | Path, recover: bool = False) -> None:
         """Open the folder of a run or its .mcap file.
 
         recover: read what is whole of a cut or damaged bag. Raises BagError naming the damage or what is
@@ -444,7 +445,7 @@ class Bag:
         """The topic's messages have stamp and sequence number; those of other encodings have none that is known."""
         return stream.encoding == ENCODING and self._definition(stream).counted
 
-    def _decode(self, definition: Definition, data: bytes, topic: str):
+    def _decode(self, definition: Definition, data: bytes, topic: str) -> Any:
         if len(data) > limits.LISTS and definition.tree.many:
             raise BagError(
                 f"{self.path}: a message of {topic} with lists of texts or messages has {len(data)} bytes, more "

@@ -9,10 +9,11 @@ Used by the headless run and the recorder; the same calls give the same bytes.
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
 from .. import __version__
 from ..atomic_write import atomic_write
@@ -22,6 +23,9 @@ from . import metadata
 from .cdr import exact
 from .definitions import Definition, installed
 from .mcap_writer import McapWriter
+
+if TYPE_CHECKING:
+    T = TypeVar("T")
 
 FLUSH_NS = 100_000_000
 CHUNK_BYTES = 4 * 1024 * 1024
@@ -58,7 +62,7 @@ class BagWriter:
     A recorder that runs slower than real time calls :meth:`flush` besides. Not thread-safe.
     """
 
-    def __init__(self, folder: str | Path, name: str, piece: int = 0, topics: Mapping[str, Topic] | None = None):
+    def __init__(self, folder: str | Path, name: str, piece: int = 0, topics: Mapping[str, Topic] | None = None) -> None:
         """Create the file, and the folder if need be; RigError when it is there already or cannot be made.
 
         topics: those of the run's rig (Catalogue.all_topics); those of the installed rigs where nobody knows whose run it is.
@@ -146,7 +150,7 @@ class BagWriter:
     def __enter__(self) -> BagWriter:
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _writable(self) -> None:
@@ -156,7 +160,7 @@ class BagWriter:
         if self._closed:
             raise RigError(f"{self.path} is closed; nothing can be added to it")
 
-    def _guard(self, action, *arguments):
+    def _guard(self, action: Callable[..., T], *arguments: object) -> T:
         """Do it; a write error becomes the one sentence of this bag, repeated by every later call."""
         try:
             return action(*arguments)

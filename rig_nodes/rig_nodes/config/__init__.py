@@ -16,6 +16,7 @@ from contextlib import suppress
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from ..compiled import cache_root, own_folder
 from ..errors import RigError, no_file
@@ -32,7 +33,7 @@ def package_file(name: str) -> Path:
     return CONFIG_DIR / name
 
 
-def load_yaml(path: str | Path):
+def load_yaml(path: str | Path) -> Any:
     """The maps, lists and scalars of a YAML file; each map and list knows its lines (config.yaml_file).
 
     Raises RigError when the file is missing, is not YAML, repeats a key or is larger than a file of settings can be.
@@ -51,7 +52,7 @@ def load_yaml(path: str | Path):
         raise RigError(f"{path}: cannot be read as text ({error})") from None
 
 
-def _plain(node):
+def _plain(node: object) -> object:
     """Marked maps and lists as what JSON can hold: the kind of each, its line, its lines and what is in it."""
     if isinstance(node, Map):
         return [0, node.line, list(node), list(node.lines.values()), [_plain(value) for value in node.values()]]
@@ -60,7 +61,7 @@ def _plain(node):
     return node
 
 
-def _marked(node):
+def _marked(node: Any) -> Any:
     """The maps and lists of :func:`_plain` again, new ones for each reader."""
     if type(node) is not list:
         return node
@@ -79,7 +80,7 @@ def _marked(node):
 
 
 @lru_cache(maxsize=64)
-def _parsed(_absolute: Path, path: Path, _changed: int, _size: int):
+def _parsed(_absolute: Path, path: Path, _changed: int, _size: int) -> object:
     """The file's content as :func:`_plain` has it, from which each reader gets its own in a fiftieth of the time.
 
     What is remembered belongs to a file as it was when it was read: its place, time of change and size. What ships

@@ -10,6 +10,7 @@ A value is written ``key: [1500 rpm, "where it is from"]``.
 from __future__ import annotations
 
 import dataclasses
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -18,10 +19,22 @@ from .names import meant
 from .units import quantity, span
 from .yaml_file import no_space, where_of
 
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable
+    from pathlib import Path
+
+    from _typeshed import DataclassInstance
+
+    from ..arrays import Record
+
+    T = TypeVar("T", bound=DataclassInstance)
+
 WORDS, SWITCH = "choice", "switch"  # dimensions of what is no number
 
 
-def param(dimension: str, low: float, high: float, text: str, default=dataclasses.MISSING, live: bool | str = False):
+def param(
+    dimension: str, low: float, high: float, text: str, default: object = dataclasses.MISSING, live: bool | str = False
+) -> Any:
     """A dataclass field: SI value of this dimension between low and high (SI, inclusive); one with a default may be left out.
 
     text: what it is, in one sentence without a full stop, its unit or its range; so for the others below. People see it
@@ -32,17 +45,19 @@ def param(dimension: str, low: float, high: float, text: str, default=dataclasse
     )
 
 
-def choice(text: str, *names: str):
+def choice(text: str, *names: str) -> Any:
     """A dataclass field: one of these words."""
     return dataclasses.field(metadata={"dimension": WORDS, "choices": names, "text": text})
 
 
-def switch(text: str, default=dataclasses.MISSING):
+def switch(text: str, default: object = dataclasses.MISSING) -> Any:
     """A dataclass field: True or False, written on or off; one with a default may be left out."""
     return dataclasses.field(default=default, metadata={"dimension": SWITCH, "choices": ("on", "off"), "text": text})
 
 
-def check_keys(path, node, allowed, required, what: str, where: str = "") -> None:
+def check_keys(
+    path: str | Path, node: object, allowed: Collection[object], required: Iterable[str], what: str, where: str = ""
+) -> None:
     """RigError with file and line when a map has a key it should not have, or lacks one.
 
     where: ``file:line`` of what may be no map at all and then has no line of its own.
@@ -62,7 +77,7 @@ def check_keys(path, node, allowed, required, what: str, where: str = "") -> Non
         raise RigError(f"{where_of(path, node)}: {what} lacks the key '{missing[0]}'")
 
 
-def build(cls, node, path, what: str, others: tuple = (), where: str = ""):
+def build(cls: type[T], node: Any, path: str | Path, what: str, others: tuple = (), where: str = "") -> T:
     """An instance of the dataclass ``cls`` from a marked map; RigError with file and line otherwise.
 
     ``others`` are keys of the map that somebody else reads; where: as for :func:`check_keys`.
@@ -80,7 +95,7 @@ def build(cls, node, path, what: str, others: tuple = (), where: str = ""):
     return cls(**values)
 
 
-def entry(field, node, where: str):
+def entry(field: dataclasses.Field, node: object, where: str) -> float | bool | str:
     """Value of a field from its [value with unit, "its source"]; RigError otherwise."""
     if not (isinstance(node, list) and len(node) == 2 and isinstance(node[1], str) and node[1].strip()):
         raise RigError(f'{where} must be [value with unit, "its source"], found {brief(node)}')
@@ -88,7 +103,7 @@ def entry(field, node, where: str):
     return value_of(meta["dimension"], meta.get("low"), meta.get("high"), meta.get("choices", ()), node[0], where)
 
 
-def value_of(dimension: str, low: float, high: float, choices: tuple[str, ...], text, where: str):
+def value_of(dimension: str, low: float, high: float, choices: tuple[str, ...], text: Any, where: str) -> float | bool | str:
     """What a value of this dimension, range (SI) or words takes from what somebody has written; RigError otherwise."""
     if choices:
         if dimension == SWITCH and isinstance(text, bool):
@@ -105,17 +120,17 @@ def value_of(dimension: str, low: float, high: float, choices: tuple[str, ...], 
     return value
 
 
-def _numbers(cls) -> list:
+def _numbers(cls: type[DataclassInstance]) -> list:
     """The fields that the kernel reads: all but words."""
     return [f for f in dataclasses.fields(cls) if f.metadata["dimension"] != WORDS]
 
 
-def record_dtype(*classes) -> np.dtype:
+def record_dtype(*classes: type[DataclassInstance]) -> np.dtype:
     """One float64 per field of the dataclasses but words, in order: what the compiled kernel reads."""
     return np.dtype([(f.name, np.float64) for cls in classes for f in _numbers(cls)])
 
 
-def fill(record, *instances) -> None:
+def fill(record: Record, *instances: DataclassInstance) -> None:
     """Copy dataclass values into a numpy record of :func:`record_dtype`."""
     for instance in instances:
         for field in _numbers(type(instance)):

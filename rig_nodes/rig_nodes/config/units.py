@@ -120,7 +120,7 @@ def with_article(name: str) -> str:
     return f"{'an' if name[0] in 'aei' else 'a'} {name}"
 
 
-def quantity(text, dimension: str, where: str) -> float:
+def quantity(text: object, dimension: str, where: str) -> float:
     """SI value of e.g. ``"1500 rpm"``; ``where`` opens the sentence when it is refused (RigError)."""
     known = ", ".join(u for u, (d, _) in UNITS.items() if d == dimension)
     if dimension == "ratio" and isinstance(text, (int, float)) and not isinstance(text, bool):
@@ -140,7 +140,7 @@ def quantity(text, dimension: str, where: str) -> float:
     return number * UNITS[unit][1]
 
 
-def span(low: float, high: float, text) -> str:
+def span(low: float, high: float, text: object) -> str:
     """A range (SI) in the unit in which somebody has written a value, e.g. ``0 to 3000 rpm`` for ``"-5 rpm"``."""
     match = _QUANTITY.fullmatch(text.strip()) if isinstance(text, str) else None
     unit = match[2] if match and match[2] in UNITS else "-"

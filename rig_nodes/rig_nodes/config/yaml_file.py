@@ -11,8 +11,16 @@ from __future__ import annotations
 
 import math
 import re
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from ..errors import RigError, brief
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
+    from ruamel.yaml.error import MarkedYAMLError
+    from ruamel.yaml.events import ScalarEvent
 
 MOST_BYTES = 300_000
 MOST_VALUES = 30_000
@@ -43,7 +51,7 @@ class Map(dict):
     that the map was read from (:func:`merged`).
     """
 
-    def __init__(self, line: int):
+    def __init__(self, line: int) -> None:
         super().__init__()
         self.line, self.lines = line, {}
         self.files: dict[object, object] = {}
@@ -52,13 +60,13 @@ class Map(dict):
 class List(list):
     """A list of a file. line: where it begins, lines: of each item, both from 0."""
 
-    def __init__(self, line: int):
+    def __init__(self, line: int) -> None:
         super().__init__()
         self.line, self.lines = line, []
         self.files: dict[object, object] = {}
 
 
-def where_of(path, node, key=None) -> str:
+def where_of(path: str | Path, node: Any, key: Any = None) -> str:
     """``file:line`` of a key or an item in a map or list of a file, or of itself."""
     path = file_of(path, node, key)
     try:
@@ -68,13 +76,13 @@ def where_of(path, node, key=None) -> str:
     return f"{path}:{line + 1}"
 
 
-def file_of(path, node, key=None):
+def file_of(path: str | Path, node: object, key: object = None) -> str | Path:
     """The file in which a key or an item stands, or the map or list itself: ``path`` unless :func:`stamped` says another."""
     files = getattr(node, "files", None)
     return files.get(key, files.get(None, path)) if files else path
 
 
-def stamped(node, path):
+def stamped(node: Any, path: str | Path) -> Any:
     """The node, with all maps and lists in it saying that they stand in the file ``path``."""
     if isinstance(node, (Map, List)):
         node.files[None] = path
@@ -98,7 +106,7 @@ def merged(base: Map, node: Map) -> Map:
     return out
 
 
-def read_yaml(path, text: str):
+def read_yaml(path: str | Path, text: str) -> Any:
     """The one document of a file's text as :class:`Map`, :class:`List` or a scalar; RigError with file and line."""
     from ruamel.yaml import YAML
     from ruamel.yaml.error import MarkedYAMLError, YAMLError
@@ -119,19 +127,22 @@ def read_yaml(path, text: str):
 class _Builder:
     """Builds a document from the parser's events without recursion: a deep one must not end Python's stack."""
 
-    def __init__(self, path):
+    def __init__(self, path: str | Path) -> None:
         self.path, self.values, self.line = path, 0, 0
         self.anchors: dict[str, object] = {}
 
-    def refuse(self, why: str):
+    def refuse(self, why: str) -> NoReturn:
+        """Raises RigError with the file and the line that is read."""
         raise RigError(f"{self.path}:{self.line + 1}: {why}")
 
     def count(self, values: int = 1) -> None:
+        """Adds to the values of the file; RigError beyond the most."""
         self.values += values
         if self.values > MOST_VALUES:
             self.refuse(f"the file has more than {MOST_VALUES} values, aliases written out")
 
-    def build(self, events):
+    def build(self, events: Iterable[Any]) -> Any:
+        """The one document as Map, List or a scalar, None for an empty file; RigError for what is not taken."""
         from ruamel.yaml import events as kinds
 
         found, documents = None, 0
@@ -178,7 +189,7 @@ class _Builder:
                 found = value if found is None and not open_nodes else found
         return found
 
-    def place(self, open_nodes, keys, value) -> None:
+    def place(self, open_nodes: list[Map | List], keys: list[object], value: object) -> None:
         """A value into the innermost open map or list; a map's key waits for its value."""
         if not open_nodes:
             return
@@ -199,7 +210,7 @@ class _Builder:
             into[keys[-1]] = value
             keys[-1] = _NO_KEY
 
-    def copy(self, node, depth: int):
+    def copy(self, node: object, depth: int) -> object:
         """What an alias stands for; each has its own."""
         if not isinstance(node, (Map, List)):
             return node
@@ -215,7 +226,8 @@ class _Builder:
         out.lines = node.lines
         return out
 
-    def scalar(self, event):
+    def scalar(self, event: ScalarEvent) -> str | int | float | bool | None:
+        """The value of a plain or quoted text; RigError for a number that is too large."""
         text = event.value
         if len(text) > LONGEST_TEXT:
             self.refuse(f"a value of {len(text)} characters, expected at most {LONGEST_TEXT}")
@@ -241,7 +253,7 @@ class _Builder:
 _NO_KEY = object()
 
 
-def _syntax(path, text: str, line: int | None, error) -> str:
+def _syntax(path: str | Path, text: str, line: int | None, error: MarkedYAMLError) -> str:
     """The sentence on text that is no YAML: what is most likely wrong, in which line."""
     problem = (error.problem or str(error)).strip().split("\n")[0]
     if line is None:

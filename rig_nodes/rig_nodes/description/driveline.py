@@ -7,13 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..parts import part as parts
 from ..plant.driveline import Driveline, System
 from ..plant.driveline_tables import Table, table_of
-from .structure import Element, Follows, Points, Structure
+from .structure import Device, Element, Follows, GearHeld, Points, Structure
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 Inertia = Callable[[str], float]  # of a body by its name, 0 of a massless one
 
@@ -28,7 +32,7 @@ def inertias_of(structure: Structure, values: Mapping) -> dict[str, float]:
     return {body: 0.0 if body in structure.massless else inertia(body) for body in structure.bodies}
 
 
-def _given(section) -> dict[str, float]:
+def _given(section: Mapping[str, float] | DataclassInstance) -> dict[str, float]:
     """The values of a section that are written, by the names that plant.driveline has for them."""
     return dict(section) if isinstance(section, Mapping) else asdict(section)
 
@@ -50,7 +54,7 @@ def _frame(structure: Structure, inertias: Mapping[str, float], values: Mapping,
     return out
 
 
-def has_element(device) -> bool:
+def has_element(device: Device) -> bool:
     """True of a device that is a friction element of the driveline."""
     return "element" in parts.part(device.part).wires
 
@@ -124,7 +128,7 @@ def held_ratio(system: System, clutches: Iterable[str], at_input: str, at_output
     return float(way[0] / way[1])
 
 
-def overrunning(system: System, gear, at_input: str, at_output: str) -> list[str]:
+def overrunning(system: System, gear: GearHeld, at_input: str, at_output: str) -> list[str]:
     """The free-wheels of a gear (GearHeld) that would let go as the input drives against a load, instead of holding it."""
     ratio = held_ratio(system, gear.held, at_input, at_output)
     into, out = (system.bodies_from_speeds[system.bodies.index(name)] for name in (at_input, at_output))

@@ -5,12 +5,36 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Protocol
+
 from ..parts import part as parts
 from ..plant.driveline_picture import Body, Link, svg
-from .structure import Structure
+from .structure import Device, Structure
+
+if TYPE_CHECKING:
+    from ..transmission import Transmission
+
+    class Drawn(Protocol):
+        """What the picture takes of a rig (RigConfig); the values of its bodies and meshes stand under their names."""
+
+        @property
+        def name(self) -> str:
+            """Of the rig."""
+
+        @property
+        def description(self) -> str:
+            """Of the rig, a line."""
+
+        @property
+        def structure(self) -> Structure:
+            """What the rig is made of."""
+
+        @property
+        def transmission(self) -> Transmission:
+            """Of a rig with gears."""
 
 
-def _links(structure: Structure, config) -> list[Link]:
+def _links(structure: Structure, config: object) -> list[Link]:
     """Everything that joins two bodies."""
     out = [
         (
@@ -57,13 +81,13 @@ def _attached(structure: Structure) -> dict[str, list[str]]:
     return out
 
 
-def _clutch(structure: Structure, device) -> str:
+def _clutch(structure: Structure, device: Device) -> str:
     """A clutch for people, with the valve that fills it and the controller's output that drives that."""
     valve = structure.valve_of(device.name)
     return f"{device.called} ({valve.called}, output {valve.wires['output']})" if valve else device.called
 
 
-def driveline_svg(config) -> str:
+def driveline_svg(config: Drawn) -> str:
     """The picture of a rig's driveline as SVG; config: of testbench.configuration."""
     structure, attached = config.structure, _attached(config.structure)
     bodies = {

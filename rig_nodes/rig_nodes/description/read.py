@@ -10,6 +10,7 @@ read beside it, by config.schema.
 from __future__ import annotations
 
 from dataclasses import fields
+from typing import TYPE_CHECKING, Any
 
 from ..config.names import meant
 from ..config.schema import check_keys, where_of
@@ -23,6 +24,9 @@ from .sections import MeshConfig
 from .signals import TORQUES
 from .structure import Device, End, GearHeld, Mesh, PlanetarySet, Points, Shaft, Structure, Transducer
 
+if TYPE_CHECKING:
+    from pathlib import Path
+
 MASSLESS, CLUTCHES = "massless", "clutches"
 MOST_TEETH = 1000
 # keys of a rig's file that structure is read from here, and those whose values others read
@@ -34,7 +38,7 @@ RESERVED = ("kernel", "alfa46", "instruments", "effects", "cut", "wiring", GROUN
 _END_KEYS = ("body", "speed", "torque")
 
 
-def read_structure(node: Map, path) -> Structure:
+def read_structure(node: Map, path: str | Path) -> Structure:
     """The structure of a whole rig (its bases merged into it); RigError with file and line otherwise."""
     return _Reader(node, path).structure()
 
@@ -42,10 +46,11 @@ def read_structure(node: Map, path) -> Structure:
 class _Reader:
     """Reads one file; ``at`` says where a key stands."""
 
-    def __init__(self, node: Map, path):
+    def __init__(self, node: Map, path: str | Path) -> None:
         self.node, self.path = node, path
 
-    def at(self, node, key=None) -> str:
+    def at(self, node: object, key: object = None) -> str:
+        """``file:line`` of a key or an item, or of a map or list itself."""
         return where_of(self.path, node, key)
 
     def map_of(self, key: str) -> Map:
@@ -65,6 +70,7 @@ class _Reader:
         return value
 
     def structure(self) -> Structure:
+        """The structure of the file; RigError with file and line otherwise."""
         bodies = self.map_of("bodies")
         if not bodies:
             raise RigError(
@@ -111,7 +117,7 @@ class _Reader:
         self.check_whole(structure)
         return structure
 
-    def new_name(self, name: str, what: str, node, key: str | None = None) -> None:
+    def new_name(self, name: str, what: str, node: Map, key: str | None = None) -> None:
         """Every name once: settings and signals are found by it. key: where it stands, by default under itself."""
         at = self.at(node, key or name)
         if name in RESERVED:
@@ -122,14 +128,14 @@ class _Reader:
 
     # ---- the driveline
 
-    def body(self, name, where: str, what: str, ground: bool = False) -> str:
+    def body(self, name: Any, where: str, what: str, ground: bool = False) -> str:
         """A body that there is."""
         known = [*self.bodies, GROUND] if ground else self.bodies
         if name not in known:
             raise RigError(f"{where}: {what} names the body {brief(name)}; {meant(name, known)}")
         return name
 
-    def two_bodies(self, value, where: str, what: str, ground: bool = False) -> tuple[str, str]:
+    def two_bodies(self, value: object, where: str, what: str, ground: bool = False) -> tuple[str, str]:
         """Two different bodies."""
         if not isinstance(value, List) or len(value) != 2:
             raise RigError(f"{where}: {what} must be a list of two bodies, found {brief(value)}")
@@ -138,7 +144,7 @@ class _Reader:
             raise RigError(f"{where}: {what} joins '{a}' with itself; two bodies are needed")
         return a, b
 
-    def teeth(self, value, where: str, what: str) -> tuple[int, int]:
+    def teeth(self, value: object, where: str, what: str) -> tuple[int, int]:
         """Two whole numbers above 0."""
         if not isinstance(value, List) or len(value) != 2:
             raise RigError(f"{where}: {what} must be two whole numbers, found {brief(value)}")
@@ -147,7 +153,7 @@ class _Reader:
                 raise RigError(f"{where}: {what}: {brief(number)} is no number of teeth; expected 1 to {MOST_TEETH}")
         return value[0], value[1]
 
-    def source(self, node, what: str) -> None:
+    def source(self, node: Map, what: str) -> None:
         """Where the numbers are from."""
         if not isinstance(node["source"], str) or not node["source"].strip():
             raise RigError(
@@ -268,7 +274,7 @@ class _Reader:
 
     # ---- devices
 
-    def part_of(self, name: str, node, devices) -> parts.Part:
+    def part_of(self, name: str, node: object, devices: Map) -> parts.Part:
         """The type of a device."""
         if not isinstance(node, Map):
             raise RigError(f"{self.at(devices, name)}: parts.{name} must be a map with the key 'part', found {brief(node)}")
@@ -308,7 +314,7 @@ class _Reader:
             rate = quantity(value[0], "pressure rate", where)
         return Device(name, node["part"], called, wires, rate)
 
-    def wire(self, value, to: str, where: str, what: str):
+    def wire(self, value: Any, to: str, where: str, what: str) -> Any:
         """What a key names, when there is such a thing."""
         if to == parts.BODY:
             return self.body(value, where, what)
@@ -336,7 +342,7 @@ class _Reader:
             raise RigError(f"{where}: {what} names {brief(value)}, expected {meaning(to)}; {meant(value, known)}")
         return value
 
-    def check_pairs(self, devices: tuple[Device, ...], nodes) -> None:
+    def check_pairs(self, devices: tuple[Device, ...], nodes: Map) -> None:
         """No clutch with two valves, no output with two, an oil supply for who needs one."""
         for key, what in (("feeds", "clutch"), ("output", "output of the controller")):
             taken: dict[object, str] = {}
@@ -425,7 +431,7 @@ class _Reader:
             )
         return tuple(out)
 
-    def shown(self, node, what: str, devices) -> str:
+    def shown(self, node: Map, what: str, devices: tuple[Device, ...]) -> str:
         """What a transducer shows, when there is such a thing."""
         shows = str(node["shows"])
         where, (owner, dot, _) = f"{self.at(node, 'shows')}: {what}.shows", shows.partition(".")

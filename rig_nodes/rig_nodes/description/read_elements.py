@@ -12,6 +12,7 @@ from __future__ import annotations
 import csv
 import itertools
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from ..config.names import meant
 from ..config.schema import check_keys
@@ -19,6 +20,9 @@ from ..config.units import UNITS, quantity
 from ..config.yaml_file import List, Map, file_of
 from ..errors import RigError, brief
 from .structure import Element, Follows, Points
+
+if TYPE_CHECKING:
+    from .read import _Reader
 
 GROUND = "ground"
 MOST_POINTS = 100_000
@@ -48,7 +52,7 @@ ELEMENTS = {
 _ACROSS = {"speed": "angular velocity", "angle": "angle"}
 
 
-def read_elements(reader) -> tuple[Element, ...]:
+def read_elements(reader: _Reader) -> tuple[Element, ...]:
     """All elements of a rig's file; reader: of description.read, with the file and its bodies."""
     out = []
     for group, kind in ELEMENTS.items():
@@ -60,7 +64,7 @@ def read_elements(reader) -> tuple[Element, ...]:
     return tuple(out)
 
 
-def read_inputs(reader, elements: tuple[Element, ...]) -> dict[str, Points]:
+def read_inputs(reader: _Reader, elements: tuple[Element, ...]) -> dict[str, Points]:
     """What is put into the driveline over time, by name: a number, or a table."""
     nodes, out = reader.map_of("inputs"), {}
     dimensions = dict.fromkeys(reader.bodies, "torque")
@@ -84,7 +88,7 @@ def read_inputs(reader, elements: tuple[Element, ...]) -> dict[str, Points]:
     return out
 
 
-def read_table(reader, node, key: str, what: str, across: str, along: str) -> Points:
+def read_table(reader: _Reader, node: Map, key: str, what: str, across: str, along: str) -> Points:
     """Points of a table [SI] that stands under a key as ``[[[x, y], ...], "its source"]``, or ``["file.csv", "its source"]``.
 
     across, along: dimensions of config.units.
@@ -114,11 +118,11 @@ def read_table(reader, node, key: str, what: str, across: str, along: str) -> Po
     return tuple(out)
 
 
-def _is_file(value) -> bool:
+def _is_file(value: object) -> bool:
     return isinstance(value, str) and value.endswith(".csv")
 
 
-def _sourced(node, where: str, what: str):
+def _sourced(node: object, where: str, what: str) -> Any:
     """The value of ``[value, "its source"]``."""
     if not isinstance(node, List) or len(node) != 2 or not isinstance(node[1], str) or not node[1].strip():
         raise RigError(f'{where}: {what} must be [value with unit or table, "its source"], found {brief(node)}')
@@ -156,10 +160,11 @@ def _of_file(path: Path, where: str, across: str, along: str) -> Points:
 class _Element:
     """Reads one of them."""
 
-    def __init__(self, reader, kind: str, name: str, node: Map, what: str, where: str):
+    def __init__(self, reader: _Reader, kind: str, name: str, node: Map, what: str, where: str) -> None:
         self.reader, self.kind, self.name, self.node, self.what, self.where = reader, kind, name, node, what, where
 
     def element(self) -> Element:
+        """The element, with what its kind takes; RigError with file and line otherwise."""
         if self.kind == "relation":
             return self.relation()
         follows, friction = None, ()
@@ -194,6 +199,7 @@ class _Element:
         return (self.reader.body(self.node["body"], at, what),)
 
     def relation(self) -> Element:
+        """What ties the speeds of bodies together, each with its coefficient; RigError with file and line otherwise."""
         check_keys(self.reader.path, self.node, GROUPS["relations"], GROUPS["relations"], self.what, self.where)
         self.reader.source(self.node, self.what)
         nodes = self.node["coefficients"]

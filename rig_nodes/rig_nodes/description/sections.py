@@ -10,10 +10,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, make_dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 from ..clocks import SAMPLE
 from ..config.schema import param, switch
 from .structure import Structure
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from _typeshed import DataclassInstance
 
 
 @dataclass(frozen=True)
@@ -38,11 +44,11 @@ class BodyConfig:
     speed: float = param("angular velocity", -1e4, 1e4, "Speed of the body at time 0; left out, what others give it, or none", None)
 
 
-def _coefficient(of: str):
+def _coefficient(of: str) -> Any:
     return param("ratio", -1e4, 1e4, f"What the speed of the {of} body counts; left out, 1", None)
 
 
-def _stick(way: str):
+def _stick(way: str) -> Any:
     return param("ratio", 1.0, 10.0, f"Torque of break-away over the kinetic one{way}", None)
 
 
@@ -109,7 +115,7 @@ def with_written(cls: type, names: tuple[str, ...]) -> type:
     """The dataclass of those fields of a section's that a rig has written: a value that is left out is no setting."""
     own = [one for one in fields(cls) if one.name in names]
 
-    def reduce(self):  # so that a process can send one to another
+    def reduce(self: object) -> tuple:  # so that a process can send one to another
         return _written, (cls, names, tuple(getattr(self, one.name) for one in own))
 
     return make_dataclass(
@@ -121,12 +127,12 @@ def with_written(cls: type, names: tuple[str, ...]) -> type:
     )
 
 
-def _written(cls, names, values):
+def _written(cls: type, names: tuple[str, ...], values: Iterable[float]) -> object:
     made = with_written(cls, names)
     return made(**dict(zip((one.name for one in fields(made)), values, strict=True)))
 
 
-def written(section):
+def written(section: DataclassInstance) -> object:
     """A section's values without those that are left out."""
     names = tuple(one.name for one in fields(section) if getattr(section, one.name) is not None)
     return _written(type(section), names, tuple(getattr(section, name) for name in names))
@@ -176,7 +182,7 @@ _NOISE, _RANGE, _CLASS, _HUM = (
 )
 
 
-def _class():
+def _class() -> Any:
     return param("ratio", 0.0, 0.1, _CLASS, 0.0)
 
 
@@ -238,7 +244,7 @@ def instruments_class(kinds: tuple[tuple[str, str], ...]) -> type:
     out = [(f"{like}_{what}", float, one) for like, kind in kinds for what, one in TYPES[kind]().items()]
     out += [(name, float, one()) for name, one in OF_THE_LOGGER.items()]
 
-    def reduce(self):  # so that a process can send one to another
+    def reduce(self: object) -> tuple:  # so that a process can send one to another
         return _instruments, (kinds, tuple(getattr(self, one.name) for one in fields(self)))
 
     return make_dataclass(
@@ -250,7 +256,7 @@ def instruments_class(kinds: tuple[tuple[str, str], ...]) -> type:
     )
 
 
-def _instruments(kinds, values):
+def _instruments(kinds: tuple[tuple[str, str], ...], values: Iterable[float]) -> object:
     cls = instruments_class(kinds)
     return cls(**dict(zip((one.name for one in fields(cls)), values, strict=True)))
 

@@ -9,9 +9,10 @@ The one table of `--set`, sweeps, tuner, calibration, sequences, ROS parameters 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields
 from functools import cached_property
+from typing import Any
 
 from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Values
 from ..config.names import unknown_value
@@ -80,11 +81,11 @@ class Setting:
     def _words(self) -> tuple[str, ...]:
         return self.choices or (ON_OFF if self.dimension == SWITCH else ())
 
-    def value_of(self, text, where: str):
+    def value_of(self, text: object, where: str) -> float | bool | str:
         """What somebody has written for it, SI; RigError, which ``where`` begins, for what it does not take."""
         return value_of(self.dimension, self.low, self.high, self._words, text, where)
 
-    def written(self, value) -> str:
+    def written(self, value: Any) -> str:
         """A value [SI] as ``--set`` takes it."""
         if self.dimension == POINT:
             return f"{value[0]:.6g} s {value[1]:.6g} A"
@@ -234,7 +235,7 @@ def _of_field(name: str, one: Field) -> Setting:
     )
 
 
-def _of_devices(structure: Structure, chosen) -> list[Setting]:
+def _of_devices(structure: Structure, chosen: Callable[[str, str], bool]) -> list[Setting]:
     """Setpoints with their switches, and where a device stands."""
     out = []
     for setpoint in setpoints_of(structure).values():

@@ -9,13 +9,17 @@ Used through catalogue.catalogue by everybody who publishes, records, plots or e
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from ..errors import RigError
 from ..parts import part as parts
 from .commands import setpoints_of
 from .quantities import QUANTITIES, TRANSDUCERS
 from .read_elements import GROUND
-from .structure import Device, Structure
+from .structure import Device, Structure, Transducer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 STATE_RATE, SCALAR_RATE, SAMPLE_RATE = 200, 100, 1000  # Hz
 TORQUES = "torques"  # what a rig's signals may name
@@ -28,10 +32,10 @@ def described(structure: Structure) -> dict:
     signals: dict[str, dict] = {}
     setpoints, logged = setpoints_of(structure), 0
 
-    def topic(name: str, node: str, kind: str, qos: str = "measurement", rate: float = 0, **others) -> None:
+    def topic(name: str, node: str, kind: str, qos: str = "measurement", rate: float = 0, **others: object) -> None:
         topics[name] = {"node": node, "type": kind, "qos": qos, "rate": rate, **others}
 
-    def signal(name: str, of: str, low: float, high: float, where: str, field: str, sign: str, text: str, **others) -> None:
+    def signal(name: str, of: str, low: float, high: float, where: str, field: str, sign: str, text: str, **others: object) -> None:
         name, quantity = structure.names.get(name, name), QUANTITIES[of]
         if name in signals:
             raise RigError(f"the signal '{name}' is there twice; give one of them another name under the key names")
@@ -117,7 +121,7 @@ def _words(structure: Structure, device: Device) -> dict[str, str]:
     }
 
 
-def _whole(structure: Structure, topic, signal) -> None:
+def _whole(structure: Structure, topic: Callable[..., None], signal: Callable[..., None]) -> None:
     """Topics and signals of the rig as a whole, of its gears, logger, controller and sequencer."""
     if structure.gears:
         numbers = {0: "none"} | {k: gear.name for k, gear in enumerate(structure.gears, 1)}
@@ -260,7 +264,7 @@ def torque_signals(structure: Structure) -> list[TorqueSignal]:
     ]
 
 
-def absolute_pressures(structure: Structure):
+def absolute_pressures(structure: Structure) -> list[Transducer]:
     """The transducers of the clutches' pressures, which go out as absolute pressure too, for other tools."""
     lines = {f"{structure.line_of(clutch.name)}.pressure" for clutch in structure.clutches}
     return [one for one in structure.transducers if one.shows in lines]

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
+from typing import Any
 
 from ..errors import RigError
 from ..parts import part as parts
@@ -269,7 +270,7 @@ class Structure:
         return out
 
 
-def _listed(value):
+def _listed(value: object) -> Any:
     """The same with lists in place of tuples."""
     if isinstance(value, dict):
         return {name: _listed(one) for name, one in value.items()}
@@ -279,7 +280,7 @@ def _listed(value):
 def structure_of(plain: Mapping) -> Structure:
     """A structure from :meth:`Structure.plain`; KeyError, TypeError or ValueError for what is none."""
 
-    def made(cls, entry):
+    def made(cls: type, entry: Mapping | None) -> Any:
         if entry is None:
             return None
         return cls(**{name: _tupled(value) for name, value in entry.items()})
@@ -317,6 +318,6 @@ def structure_of(plain: Mapping) -> Structure:
     return Structure(**out)
 
 
-def _tupled(value):
+def _tupled(value: object) -> Any:
     """The same with tuples in place of lists, as it was."""
     return tuple(map(_tupled, value)) if isinstance(value, list) else value
