@@ -38,6 +38,8 @@ def run_campaign(
     return [[next(results) for _ in range(one.repeats)] for one in series]
 
 
-def _measured(measure, rig, settings, task):
+def _measured(
+    measure: Callable[[Series, Run], Any], rig: str | None, settings: dict[str, str] | None, task: tuple[Series, int]
+) -> Any:
     series, repeat = task
     return measure(series, run_repeat(series, repeat, rig, settings))

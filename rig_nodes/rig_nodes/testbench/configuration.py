@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
+from typing import Any
 
 from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, Alfa46Values, read_alfa46
 from ..catalogue import Catalogue, catalogue_of
@@ -57,13 +58,13 @@ class RigConfig:
     prescribed: Prescribed | None = None
     description: str = ""
 
-    def __getattr__(self, name: str):
+    def __getattr__(self, name: str) -> Any:
         sections = self.__dict__.get("sections", {})
         if name in sections:
             return sections[name]
         raise AttributeError(f"the rig has no part '{name}'")
 
-    def replaced(self, **changes) -> RigConfig:
+    def replaced(self, **changes: Any) -> RigConfig:
         """The rig with other values of some sections, or other fields."""
         own = {one.name for one in fields(self)}
         sections = {**self.sections, **{name: value for name, value in changes.items() if name not in own}}
@@ -72,7 +73,7 @@ class RigConfig:
             new.__dict__.update({name: self.__dict__[name] for name in _OF_THE_DRIVE if name in self.__dict__})
         return new
 
-    def values(self, name: str):
+    def values(self, name: str) -> Any:
         """The values under a name of the settings: of a section, the step, the cut or the controller; None: there are none."""
         if name in ("kernel", "cut"):
             return getattr(self, name)
@@ -105,7 +106,7 @@ class RigConfig:
         """All that can be changed, by name."""
         return settings_of(self.structure, self.sections)
 
-    def value(self, name: str):
+    def value(self, name: str) -> Any:
         """What a setting of the configuration has now [SI]; of a point its time and its current."""
         owner, _, key = name.partition(".")
         if found := _POINT_KEY.fullmatch(name):
@@ -159,7 +160,7 @@ def _check_tick(cut: CutConfig, where: str) -> None:
         )
 
 
-def _with_source(structure: Structure, cut_out: tuple[str, ...], device: str, source, where: str) -> tuple[str, ...]:
+def _with_source(structure: Structure, cut_out: tuple[str, ...], device: str, source: object, where: str) -> tuple[str, ...]:
     """cut_out with a device's source set to plant or topic."""
     if source not in SOURCES:
         raise RigError(f"{where}: source is {brief(source)}, expected {' or '.join(SOURCES)}")
@@ -172,7 +173,7 @@ def _with_source(structure: Structure, cut_out: tuple[str, ...], device: str, so
 _TOP = ("description", "base", "controller", "controller_values", "step", "instruments", "effects", "cut", "prescribed", *KEYS)
 
 
-def _read(node: Map, path, name: str) -> RigConfig:
+def _read(node: Map, path: str | Path, name: str) -> RigConfig:
     """A rig from its merged file."""
     check_keys(path, node, _TOP, ("description", "step", "bodies", "parts", "transducers", "instruments"), "the rig")
     if not isinstance(node["description"], str) or not node["description"].isprintable():
@@ -224,7 +225,7 @@ def _read(node: Map, path, name: str) -> RigConfig:
     return config
 
 
-def _check_view(config: RigConfig, node: Map, path) -> None:
+def _check_view(config: RigConfig, node: Map, path: str | Path) -> None:
     """RigError with file and line for a plot of signals that there are not, or that do not go together."""
     known = config.catalogue.signals
     for page, plots in config.structure.view.items():
@@ -242,7 +243,7 @@ def _check_view(config: RigConfig, node: Map, path) -> None:
                 raise RigError(f"{where}: a plot's signals share their unit, found {told}")
 
 
-def check_driveline(structure: Structure, sections: Mapping, node: Map, path) -> None:
+def check_driveline(structure: Structure, sections: Mapping, node: Map, path: str | Path) -> None:
     """RigError with file and line for a driveline that cannot turn, or a gear that holds nothing or everything."""
     inertias = inertias_of(structure, sections)
     try:
@@ -266,7 +267,7 @@ def check_driveline(structure: Structure, sections: Mapping, node: Map, path) ->
             )
 
 
-def _where_named(said: str, node: Map, path) -> str:
+def _where_named(said: str, node: Map, path: str | Path) -> str:
     """``file:line`` of the first body, wheel or device that a sentence names, else of the file."""
     for name in re.findall(r"'(\w+)(?: loss)?'", said):
         for k, mesh in enumerate(node.get("meshes") or ()):
@@ -282,7 +283,9 @@ def _where_named(said: str, node: Map, path) -> str:
     return str(path)
 
 
-def _device(nodes: Map, path, structure: Structure, device: Device, cut_out) -> tuple[object, tuple[str, ...]]:
+def _device(
+    nodes: Map, path: str | Path, structure: Structure, device: Device, cut_out: tuple[str, ...]
+) -> tuple[object, tuple[str, ...]]:
     """(values of a device, the devices outside with it when it is one)."""
     node, kind = nodes[device.name], parts.part(device.part)
     others = (*DEVICE_KEYS, *kind.joined)
@@ -299,7 +302,7 @@ class NoValues:
     """Of a part that has none."""
 
 
-def _controller(node, path, structure: Structure) -> Alfa46Config | None:
+def _controller(node: Map, path: str | Path, structure: Structure) -> Alfa46Config | None:
     """The settings that a rig's ``controller`` names, installed ones or a file beside the rig's, and its own changes."""
     if not structure.shifts:
         if "controller" in node:
@@ -319,7 +322,7 @@ def _controller(node, path, structure: Structure) -> Alfa46Config | None:
     return settings
 
 
-def _where_written(node, path, keys: tuple[str, ...]) -> str:
+def _where_written(node: Map, path: str | Path, keys: tuple[str, ...]) -> str:
     """``file:line`` of the first of these keys that a rig's map names itself."""
     for part, _, name in (key.partition(".") for key in keys):
         for own in (

@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 from ..clocks import SAMPLE
@@ -75,7 +75,7 @@ class Wires(NamedTuple):
 class Desk:
     """Stands in for the rig at the wires: shafts that turn steadily, pressures that follow the currents of their valves."""
 
-    def __init__(self, record: ControllerRecord):
+    def __init__(self, record: ControllerRecord) -> None:
         steady = {record.input_speed: SPEEDS[0], record.output_speed: SPEEDS[1]}
         self._outputs = {output.pressure: k for k, output in enumerate(record.outputs) if output.pressure}
         self._rest = [(name, steady.get(name, 0.0)) for name in record.names]
@@ -86,7 +86,7 @@ class Desk:
         measured = (PRESSURE * self.current[self._outputs[name]] if name in self._outputs else rest for name, rest in self._rest)
         return Wires(tuple(self.current), tuple(measured))
 
-    def follow(self, setpoint) -> None:
+    def follow(self, setpoint: Iterable[float]) -> None:
         """A sample later, with what the controller asks for [A]."""
         for k, wanted in enumerate(setpoint):
             self.current[k] += 0.05 * (wanted - self.current[k])
@@ -94,7 +94,7 @@ class Desk:
 
 def desk(
     plug: Plug,
-    samples,
+    samples: Iterable[int],
     orders: dict[int, int],
     change: Callable[[int, Wires], Wires] | None = None,
     took: list[float] | None = None,
@@ -134,7 +134,7 @@ class Check:
         step_timeout: float | None = 5.0,
         come_timeout: float | None = 20.0,
         say: Callable[[str], None] = lambda text: None,
-    ):
+    ) -> None:
         """come_timeout: s of wall clock for a controller of its own program to come, for each item; None: for ever."""
         self.spec, self.config, self.level, self.step_timeout, self.say = spec, config, level, step_timeout, say
         self._record = record_of(config)
@@ -186,7 +186,13 @@ class Check:
             raise
         return plug
 
-    def _desk(self, samples, orders, change=None, took=None) -> list[Seen]:
+    def _desk(
+        self,
+        samples: Iterable[int],
+        orders: dict[int, int],
+        change: Callable[[int, Wires], Wires] | None = None,
+        took: list[float] | None = None,
+    ) -> list[Seen]:
         plug = self._load()
         try:
             return desk(plug, samples, orders, change, took)
@@ -199,7 +205,7 @@ class Check:
 
     # ---- the items: (passed, what was seen)
 
-    def _answers(self):
+    def _answers(self) -> tuple[bool, str]:
         self._took: list[float] = []
         self._first = self._desk(range(DESK_SAMPLES), UP_AND_DOWN, took=self._took)
         missing = sum(seen.command is None for seen in self._first)
@@ -210,7 +216,7 @@ class Check:
             return False, f"{text}; {longest} samples one after the other without an answer: the rig trips after 100 ms"
         return True, text if not missing else f"{text}; {missing} discarded, at most {longest} one after the other"
 
-    def _at_rest(self):
+    def _at_rest(self) -> tuple[bool, str]:
         before = [seen for seen in self._first[:100] if seen.command is not None]
         if not before:
             return False, "no answer before the first order"
@@ -219,7 +225,7 @@ class Check:
             return False, (f"before the first order the largest command is {driven:g}; expected none, no gear and no shift")
         return True, "no coil is driven before the first order"
 
-    def _timing(self):
+    def _timing(self) -> tuple[bool, str]:
         if not self._first:
             return False, "it did not answer"
         took = sorted(self._took)
@@ -229,14 +235,14 @@ class Check:
         fits = p90 < PERIOD * 1e6
         return fits, text if fits else f"{text}; real time takes one per {PERIOD * 1e6:.0f} us"
 
-    def _determinism(self):
+    def _determinism(self) -> tuple[bool, str]:
         again = self._desk(range(DESK_SAMPLES), UP_AND_DOWN)
         other = next((n for n, pair in enumerate(zip(self._first, again, strict=True)) if pair[0] != pair[1]), None)
         if other is None:
             return True, f"the same inputs give the same bits, {DESK_SAMPLES} samples"
         return False, f"the same inputs give another answer from sample {other} on"
 
-    def _restart(self):
+    def _restart(self) -> tuple[bool, str]:
         began = time.monotonic()
         self._desk(range(700), UP_AND_DOWN)  # ended in the middle of a shift
         again = self._desk(range(700), UP_AND_DOWN)
@@ -245,7 +251,7 @@ class Check:
         seconds = (time.monotonic() - began) / 2
         return True, f"ended in the middle of a shift it begins anew, {seconds:.1f} s with the run"
 
-    def _late_start(self):
+    def _late_start(self) -> tuple[bool, str]:
         first = 12_345
         late = self._desk(range(first, first + 1500), {sample + first: gear for sample, gear in UP_AND_DOWN.items()})
         same = late[-1].gear == self._first[1499].gear and late[-1].shifting == self._first[1499].shifting
@@ -255,15 +261,15 @@ class Check:
             else f"with a first sample of number {first} it is in gear {late[-1].gear} where it was in {self._first[1499].gear}"
         )
 
-    def _lost_samples(self):
+    def _lost_samples(self) -> tuple[bool, str]:
         samples = [n for n in range(DESK_SAMPLES) if not 1700 <= n < 1720 and n % 501]
         seen = self._desk(samples, UP_AND_DOWN)
         if (seen[-1].gear, seen[-1].shifting) != (self._first[-1].gear, self._first[-1].shifting):
             return False, f"with samples missing it ends in gear {seen[-1].gear}, not {self._first[-1].gear}"
         return True, "20 samples missing in a shift, and others alone: it ends in the same gear"
 
-    def _nan(self):
-        def broken(sample, wires):
+    def _nan(self) -> tuple[bool, str]:
+        def broken(sample: int, wires: Wires) -> Wires:
             if not 1700 <= sample < 1750:
                 return wires
             return Wires((math.nan,) * len(wires.current), (math.nan,) * len(wires.measured))
@@ -275,7 +281,7 @@ class Check:
             return said, f"measurements that are no numbers {'trip the rig' if said else 'break it'}: {failure}"
         return True, "measurements that are no numbers for 50 samples do not spoil what it returns"
 
-    def _saturation(self):
+    def _saturation(self) -> tuple[bool, str]:
         outputs, transducers = self._record.outputs, self._record.transducers
         high = Wires(tuple(output.current.high for output in outputs), tuple(signal.high for signal in transducers))
         low = Wires((-0.01,) * len(outputs), tuple(signal.low for signal in transducers))
@@ -283,7 +289,7 @@ class Check:
             self._desk(range(3000), UP_AND_DOWN, lambda sample, wires, end=end: end)
         return True, "all transducers at either end of their range: every value stays in its range"
 
-    def _both_gears(self):
+    def _both_gears(self) -> tuple[bool, str]:
         plug, box = self._load(), self.config.transmission
         first, *others = box.ratios
         try:
@@ -316,7 +322,7 @@ class Check:
             advance_with(rig, plug)
             rig.check_runs()
 
-    def _storm(self):
+    def _storm(self) -> tuple[bool, str]:
         orders = dict(zip(range(100, 3000, 7), itertools.cycle(STORM)))
         orders.update(dict.fromkeys(range(3000, 8000, 50), 1))
         seen = self._desk(range(8000), orders)[-1]
@@ -325,7 +331,7 @@ class Check:
             return False, f"after 3 s of orders and 5 s of peace it is in gear {seen.gear}{still}"
         return True, "an order every 7 ms for 3 s: it ends in the gear of the last"
 
-    def _ends(self):
+    def _ends(self) -> tuple[bool, str]:
         faults = [fault for fault in self._ended if fault]
         if faults:
             return False, f"{faults[0]}; {len(faults)} of {len(self._ended)} ends"

@@ -9,6 +9,7 @@ Asked when a file has been read whole, and once more when all settings of a comm
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from ..alfa46.settings import OUTPUT_KEYS, POINTS, check_point
 from ..description.driveline import inertias_of
@@ -16,10 +17,13 @@ from ..errors import RigError
 from ..parts import part as parts
 from ..transmission import tied_to
 
+if TYPE_CHECKING:
+    from .configuration import RigConfig
+
 Where = Callable[[tuple[str, ...]], str]  # opens a sentence about these keys, e.g. ("w0.inertia",)
 
 
-def cross_check(config, where: Where) -> None:
+def cross_check(config: RigConfig, where: Where) -> None:
     """RigError for plates that slide harder than they stick, a part heavier than its whole, a profile above the limit.
 
     ``config``: of testbench.configuration.
@@ -56,7 +60,7 @@ def cross_check(config, where: Where) -> None:
             check_point(points, k, f"{where((name, 'alfa46.current_limit', *names))}{name}", limit)
 
 
-def _owner(config, body: str) -> str:
+def _owner(config: RigConfig, body: str) -> str:
     """The body on which the inertia of all that wheels tie to another one is stated."""
     if body not in config.structure.massless:
         return body

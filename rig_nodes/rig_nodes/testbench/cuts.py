@@ -10,10 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from ..clocks import COMMAND_TIMEOUT, SAMPLE
 from ..engine.outside import LOAD, MOTOR, NOTHING, VALVE, Answer, OtherSide, Port, drained
 from ..errors import RigError
+
+if TYPE_CHECKING:
+    from .rig import Rig
 
 
 def topic_of(device: str, end: str) -> str:
@@ -24,7 +28,7 @@ def topic_of(device: str, end: str) -> str:
 class Cuts:
     """Ticks count in controller samples from time 0. The answer to sample s acts from the next tick on."""
 
-    def __init__(self, rig, embedded: bool):
+    def __init__(self, rig: Rig, embedded: bool) -> None:
         """embedded: the rig's own other sides answer; else answers come by :meth:`answer`."""
         config = rig.config
         self.devices, self.embedded = config.cut_out, embedded

@@ -9,11 +9,15 @@ Used by testbench.plan: a switched-off effect is a rig whose devices have the va
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from ..parts import part as parts
 
+if TYPE_CHECKING:
+    from .configuration import RigConfig
 
-def leave_out(config) -> dict[str, object]:
+
+def leave_out(config: RigConfig) -> dict[str, object]:
     """The sections of a rig (testbench.configuration.RigConfig) without what is switched off; what the engine switches stays."""
     out = dict(config.sections)
     for device in config.structure.devices:

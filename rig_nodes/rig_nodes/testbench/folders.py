@@ -9,8 +9,12 @@ from __future__ import annotations
 
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..errors import RigError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 
 def free_folder(name: str) -> Path:
@@ -34,7 +38,7 @@ def run_folder(out: str | None, name: str) -> Path:
 
 
 @contextmanager
-def unless_empty(folder: Path):
+def unless_empty(folder: Path) -> Iterator[None]:
     """Keeps a run's folder when what should fill it fails, unless nothing was written to it."""
     try:
         yield

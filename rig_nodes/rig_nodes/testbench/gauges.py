@@ -9,12 +9,16 @@ Owned by testbench.rig_base; the engine reads ``arrays``, which are changed in p
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import RigError
 from ..instruments import transducers as parts
 from ..instruments.noise import channel_key, uniform
+
+if TYPE_CHECKING:
+    from .configuration import RigConfig
 
 SIGNED = ("torque",)
 FILTERED = ("torque", "pressure", "travel", "force")
@@ -31,7 +35,7 @@ class Gauges:
     places of the encoders' discs, beside the noise; ``step`` [s] is the time of a row.
     """
 
-    def __init__(self, rig, seed: int, channels: tuple[str, ...]):
+    def __init__(self, rig: RigConfig, seed: int, channels: tuple[str, ...]) -> None:
         """rig: a RigConfig; channels: those of its plan."""
         config, step, on = rig.instruments, rig.kernel.step, rig.effects.transducers
         self.config, self.present, self.on, self.channels = config, on, on, channels

@@ -22,7 +22,7 @@ from .rig import Rig
 class JointTorques:
     """names: of the signals; :meth:`values`: what they are now."""
 
-    def __init__(self, rig: Rig):
+    def __init__(self, rig: Rig) -> None:
         self._rig, plan = rig, rig.world.plan
         self._signals = torque_signals(rig.config.structure)
         self.names = [one.name for one in self._signals]

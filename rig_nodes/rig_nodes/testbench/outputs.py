@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
 
 from ..bags.cdr import encoder
 from ..clocks import ROW, ROW_NS, SAMPLE, SAMPLE_NS, TICK_SAMPLES
@@ -18,6 +19,9 @@ from ..controllers.plug import Plug
 from .cuts import topic_of
 from .rig import Rig
 from .topics import COMMAND, SCALAR_SAMPLES, Heard, States
+
+if TYPE_CHECKING:
+    from .sequence import Sequence
 
 ROWS_PER_TICK = 50
 BLOCK = "/instruments/hmg4000"
@@ -30,7 +34,7 @@ class Outputs:
     ``controller``: plug whose own signals go out too.
     """
 
-    def __init__(self, rig: Rig, run_info: dict, commands: bool | None = None, controller: Plug | None = None):
+    def __init__(self, rig: Rig, run_info: dict, commands: bool | None = None, controller: Plug | None = None) -> None:
         self.rig, self.states, self._heard = rig, States(rig), Heard(rig.config.catalogue)
         self.reading = self._heard.reading
         self.commands = rig.embedded if commands is None else commands
@@ -50,7 +54,7 @@ class Outputs:
         """Queue an Event of now; it goes out with the next :meth:`due`."""
         self._queued.append((topic, self.rig.time_ns, name, text, float(value)))
 
-    def signals_row(self, sample: int, values) -> None:
+    def signals_row(self, sample: int, values: Sequence[float]) -> None:
         """Queue the controller's own signals at its answer to a sample; they go out in blocks."""
         for first, rows in self._own_blocks.add(sample, values):
             fields = first, SAMPLE, *rows.shape, rows.ravel()
@@ -113,7 +117,7 @@ class Outputs:
             if cuts.is_due():
                 yield self._message(topic_of(device, "port"), now, self.rig.sample, *cuts.port(device))
 
-    def _message(self, topic: str, stamp: int, *values) -> tuple[str, int, bytes]:
+    def _message(self, topic: str, stamp: int, *values: Any) -> tuple[str, int, bytes]:
         encode = self._encoders.get(topic)
         if encode is None:
             encode = self._encoders[topic] = encoder(self._types[topic]).encode

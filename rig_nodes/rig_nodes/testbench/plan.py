@@ -41,7 +41,7 @@ def plan_of(config: RigConfig) -> Planned:
 class _Planner:
     """Makes the plan of one rig."""
 
-    def __init__(self, config: RigConfig):
+    def __init__(self, config: RigConfig) -> None:
         self.config, self.structure, self.effects = config, config.structure, config.effects
         self.values = leave_out(config)
         inertias = inertias_of(self.structure, self.values)
@@ -144,6 +144,7 @@ class _Planner:
     # ---- devices
 
     def planned(self) -> Planned:
+        """The whole plan, and the driveline as it really is."""
         instances, structure = [], self.structure
         for role in (parts.OIL, parts.CLUTCH, parts.PRESS, parts.VALVE, parts.SOURCE, parts.LOAD, parts.LOSS):
             instances += map(self._instance, structure.of_role(role))

@@ -9,12 +9,18 @@ Read by testbench.configuration from a rig's YAML, used by testbench.plan.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..config.schema import build, check_keys, where_of
 from ..errors import RigError, brief
 from ..parts.curve_clutch import Force
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from ..config.yaml_file import Map
 
 WAYS = ("engaging", "releasing")
 OUTPUT_SPEEDS = ("bounded", "free")
@@ -42,7 +48,7 @@ class Prescribed:
         }
 
 
-def read_prescribed(node, path, clutches: list[str]) -> Prescribed:
+def read_prescribed(node: Map, path: str | Path, clutches: list[str]) -> Prescribed:
     """From the key ``prescribed`` of a rig: for each clutch the force, and for each way rows [end s, MPa, MPa/s,
     MPa/s2, MPa/s3], the last one with the end "end", clutches: their names; and whether the output speed is bounded or free.
     RigError with
@@ -68,7 +74,7 @@ def read_prescribed(node, path, clutches: list[str]) -> Prescribed:
     return Prescribed(tuple(forces), np.array(full).reshape(len(clutches), 2, longest, 5), node["output_speed"] == OUTPUT_SPEEDS[0])
 
 
-def _rows(node, where: str) -> list[list[float]]:
+def _rows(node: object, where: str) -> list[list[float]]:
     rows, last = [], 0.0
     for row in node if isinstance(node, list) else []:
         row = row if isinstance(row, list) else [row]

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..clocks import ROW
 from ..config import load_yaml
@@ -24,6 +25,9 @@ from ..errors import RigError, brief
 from .configuration import RigConfig, load_rig, with_overrides
 from .record import Run, record
 from .sequence import Sequence, filled, load_sequence
+
+if TYPE_CHECKING:
+    from ..config.yaml_file import Map
 
 MOST_REPEATS = 100
 MOST_SERIES = 2000  # of a procedure
@@ -125,7 +129,7 @@ def load_procedure(name: str | Path) -> Procedure:
     return Procedure(name, str(node["description"]), str(node["source"]), sequence, repeats, tuple(all_series))
 
 
-def _sequence(node, path) -> str:
+def _sequence(node: Map, path: str | Path) -> str:
     """The name of the sequence, or its file, which stands beside the procedure's."""
     name = beside(path, node["sequence"])
     try:
@@ -135,7 +139,7 @@ def _sequence(node, path) -> str:
     return name
 
 
-def _rows(block, path, where: str) -> list[dict[str, str]]:
+def _rows(block: Map, path: str | Path, where: str) -> list[dict[str, str]]:
     """What stands for the ${names} of a block, once for each of its series."""
     if "table" in block and "grid" in block:
         raise RigError(f"{where}: a block of series has a table or a grid, not both")
@@ -165,7 +169,7 @@ def read_table(path: Path, where: str) -> list[dict[str, str]]:
     return [dict(zip(heading, row)) for row in rows]
 
 
-def _texts(node, key: str, row: dict[str, str], path) -> dict[str, str]:
+def _texts(node: Map, key: str, row: dict[str, str], path: str | Path) -> dict[str, str]:
     """A map of names and texts, filled."""
     entries = node.get(key) or {}
     if not isinstance(entries, dict):
@@ -173,7 +177,7 @@ def _texts(node, key: str, row: dict[str, str], path) -> dict[str, str]:
     return {str(name): filled(str(value), row, where_of(path, entries, name), "name") for name, value in entries.items()}
 
 
-def _conditions(block, row, path) -> dict[str, float | int | str]:
+def _conditions(block: Map, row: dict[str, str], path: str | Path) -> dict[str, float | int | str]:
     out: dict[str, float | int | str] = {}
     for name, text in _texts(block, "conditions", row, path).items():
         where = where_of(path, block["conditions"], name)

@@ -51,7 +51,7 @@ class Run:
 class PlantStates:
     """Signals of the state topics, noted once a controller sample."""
 
-    def __init__(self, rig: Rig, signals: tuple[str, ...]):
+    def __init__(self, rig: Rig, signals: tuple[str, ...]) -> None:
         self.signals, self._states, self._heard = signals, States(rig), Heard(rig.config.catalogue)
         self._topics = sorted({self._heard.topic(name) for name in signals})
         unknown = [name for name in signals if self._heard.topic(name) not in self._states.topics]
@@ -81,7 +81,9 @@ class Listener:
     In place of Outputs: publishes nothing, but knows when it would have been published.
     """
 
-    def __init__(self, rig: Rig, signals: list[str], plant_states: PlantStates | None = None, controller: Plug | None = None):
+    def __init__(
+        self, rig: Rig, signals: list[str], plant_states: PlantStates | None = None, controller: Plug | None = None
+    ) -> None:
         """signals: those that will be asked for; others of transducers may be asked too. controller: in place of the
         embedded one.
         """
@@ -159,7 +161,7 @@ def keep_freed_memory() -> None:
 class Rows:
     """Collects the rows of a rig, one every ``period`` [s], before its ring overwrites them."""
 
-    def __init__(self, rig: Rig, period: float):
+    def __init__(self, rig: Rig, period: float) -> None:
         self.rig, self.period = rig, period
         self.per_sample = round(SAMPLE / period)
         if abs(self.per_sample * period - SAMPLE) > 1e-12 or self.per_sample < 1:
@@ -214,7 +216,13 @@ def record(
 
 
 def _record(
-    config, sequence: Sequence, seed: int, period: float, plant_states: tuple[str, ...], controller: Plug | None, delay: int
+    config: RigConfig,
+    sequence: Sequence,
+    seed: int,
+    period: float,
+    plant_states: tuple[str, ...],
+    controller: Plug | None,
+    delay: int,
 ) -> Run:
     rig = rig_for(config, seed, controller, delay)
     known = PlantStates(rig, plant_states) if plant_states else None

@@ -14,6 +14,7 @@ import hashlib
 import math
 from collections import deque
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -37,6 +38,11 @@ from .cuts import Cuts
 from .gauges import Gauges
 from .plan import plan_of
 from .rig_base import RigBase, RigStatus
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from .sequence import Sequence
 
 NOTHING = (0.0,) * law.OUTPUTS  # a command that asks for no output
 
@@ -72,7 +78,7 @@ class Rig(RigBase):
         level: str | None = "duty",
         devices: str = "embedded",
         delay: int = 1,
-    ):
+    ) -> None:
         if devices not in ("embedded", "external"):
             raise RigError(f"devices is '{devices}', expected 'embedded' or 'external'")
         if controller not in ("embedded", "external"):
@@ -229,7 +235,9 @@ class Rig(RigBase):
         drives = self.config.structure.device(setpoint.device).role == parts.SOURCE and not setpoint.command.node
         return drives and self.status == RigStatus.TRIPPED
 
-    def set_command(self, level: int, sample: int, duty, setpoint, gear: int, shifting: bool, flags: int) -> None:
+    def set_command(
+        self, level: int, sample: int, duty: Collection[float], setpoint: Collection[float], gear: int, shifting: bool, flags: int
+    ) -> None:
         """The fields of a rig_msgs/ValveCommand, at the level that it names; RigError when refused."""
         if level not in range(len(LEVELS)):
             raise RigError(f"valve command for sample {sample} refused: level {level} is neither 0 (duty) nor 1 (current)")
@@ -238,7 +246,7 @@ class Rig(RigBase):
         else:
             self.set_duty(sample, duty, setpoint, gear, shifting)
 
-    def set_duty(self, sample: int, duty, setpoint, gear: int, shifting: bool) -> None:
+    def set_duty(self, sample: int, duty: Collection[float], setpoint: Collection[float], gear: int, shifting: bool) -> None:
         """External controller's answer to ``sample``: duty (3,) 0..1, setpoints (3,) [A]. RigError when refused."""
         values = self._answer("duty", sample, duty, setpoint)
         if not all(0.0 <= d <= 1.0 for d in values[: law.OUTPUTS]):
@@ -254,7 +262,7 @@ class Rig(RigBase):
         for valve, output in zip(self.valves, self._wiring):
             valve["pending"] = duty[output]
 
-    def set_current(self, sample: int, setpoint, gear: int, shifting: bool, flags: int = 0) -> None:
+    def set_current(self, sample: int, setpoint: Collection[float], gear: int, shifting: bool, flags: int = 0) -> None:
         """External controller's answer to ``sample`` at level "current": setpoints (3,) [A]; RigError when refused.
 
         The power stage drives output k while its setpoint is above zero or bit k of ``flags`` is set, with the coil
@@ -276,7 +284,7 @@ class Rig(RigBase):
             self._law_outputs["setpoint"][k] = value
             self._law_outputs["phase"][k] = law.ON if value > 0.0 or flags >> k & 1 else law.OFF
 
-    def _answer(self, level: str, sample: int, *vectors) -> list[float]:
+    def _answer(self, level: str, sample: int, *vectors: Collection[float]) -> list[float]:
         """The numbers of an external controller's command, one after the other, when it can be taken."""
         if not self.shifts:
             raise RigError(f"'{self.config.name}' has no valves for a shift controller")
@@ -307,7 +315,7 @@ class Rig(RigBase):
             self.level = level
             self._by = BY_SETPOINT if level == "current" else BY_DUTY
 
-    def _may_act(self, level: str, command) -> bool:
+    def _may_act(self, level: str, command: Sequence[float]) -> bool:
         """False after a reset until the controller was in neutral and asked for no more than what leaves the valves
         shut: a clutch that was clamped before the trip does not come back by itself.
         """

@@ -13,7 +13,7 @@ import re
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ..config import load_yaml
 from ..config.names import DEFAULT_RIG, beside, find_of_rigs, rig_with, unknown, with_bases
@@ -24,6 +24,9 @@ from ..description.settings import Setting
 from ..errors import RigError, brief
 from ..parts.load_pump import most_torque, relief_setting_for
 from .configuration import RigConfig, load_rig
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Iterable
 
 DEFAULT_TIMEOUT = 30.0
 LONGEST_TIME = 86_400.0  # s of one wait
@@ -43,15 +46,32 @@ class SequenceFailed(RigError):
 class Bench(Protocol):
     """What a sequence needs of a rig; times are simulated seconds. ``set``: a setpoint by its key, e.g. motor or oil."""
 
-    def ready(self) -> bool: ...
-    def set(self, step: str, value: float, enable: bool) -> None: ...
-    def order_gear(self, gear: int) -> None: ...
-    def shift_done(self) -> bool: ...
-    def controller_says(self) -> tuple[int, bool] | None: ...
-    def set_controller(self, name: str, value: float) -> None: ...
-    def controller_set(self) -> bool: ...
-    def reading(self, signal: str) -> float: ...
-    def event(self, name: str, text: str, value: float = 0.0) -> None: ...
+    def ready(self) -> bool:
+        """True when the rig can take orders."""
+
+    def set(self, step: str, value: float, enable: bool) -> None:
+        """Hands over a setpoint [SI] by its step's key, and whether its device is on."""
+
+    def order_gear(self, gear: int) -> None:
+        """Orders a gear by its number."""
+
+    def shift_done(self) -> bool:
+        """True when the shift that was ordered last has ended."""
+
+    def controller_says(self) -> tuple[int, bool] | None:
+        """The controller's gear and whether it is shifting, None before it has said so."""
+
+    def set_controller(self, name: str, value: float) -> None:
+        """Gives the user's controller a value for one of its settings."""
+
+    def controller_set(self) -> bool:
+        """True when the controller has taken the setting that was given last."""
+
+    def reading(self, signal: str) -> float:
+        """The newest value of a signal [SI]."""
+
+    def event(self, name: str, text: str, value: float = 0.0) -> None:
+        """Tells of an event of the sequence."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +83,7 @@ class Condition:
     high: float
 
     def met(self, bench: Bench) -> bool:
+        """True while the bench's reading is within the range."""
         return self.low <= bench.reading(self.signal) <= self.high
 
 
@@ -95,7 +116,7 @@ class Sequence:
     parameters: dict[str, str | int] = field(default_factory=dict)
     rig: str = DEFAULT_RIG
 
-    def check_rig(self, config) -> None:
+    def check_rig(self, config: RigConfig) -> None:
         """RigError when the sequence asks for what the rig of this configuration has not, or loads it too much."""
         gears = config.transmission.names if config.structure.gears else {}
         for step in self.steps:
@@ -173,7 +194,7 @@ def _read_rig(rig: str, _files: tuple) -> RigConfig:
     return load_rig(rig)
 
 
-def _parameters(node, path, values: dict[str, str]) -> dict[str, str | int]:
+def _parameters(node: Map, path: str | Path, values: dict[str, str]) -> dict[str, str | int]:
     """Every parameter's value: the given one, checked against the kind of the default, or the default."""
     defaults = node.get("parameters") or {}
     if not isinstance(defaults, dict):
@@ -192,7 +213,7 @@ def _parameters(node, path, values: dict[str, str]) -> dict[str, str | int]:
     return out
 
 
-def _check_used(node, path, parameters) -> None:
+def _check_used(node: Map, path: str | Path, parameters: Iterable[str]) -> None:
     """RigError for a parameter that no step takes."""
     steps = str(node["steps"])
     for name in parameters:
@@ -218,7 +239,7 @@ def _like(default: str | int, text: str, where: str) -> str | int:
 def filled(text: str, values: dict, where: str, what: str) -> str:
     """A text with the values of the names in place of their ${names}; RigError when one is not known or is no name."""
 
-    def value(match) -> str:
+    def value(match: re.Match[str]) -> str:
         inner, closed, bare = match.groups()
         if bare is not None:
             if bare in values:
@@ -244,10 +265,10 @@ class _Filled:
     Of all that is read nothing is changed; what is made is counted, so that loops in loops end in a sentence.
     """
 
-    def __init__(self, path):
+    def __init__(self, path: str | Path) -> None:
         self.path, self.made = path, 0
 
-    def of(self, node, parameters: dict, where: str):
+    def of(self, node: Any, parameters: dict, where: str) -> Any:
         """The node, filled; maps and lists keep their lines."""
         self.made += 1
         if self.made > MOST_FILLED:
@@ -304,7 +325,7 @@ class _Filled:
         return out
 
 
-def _steps(nodes, path, what: str, config: RigConfig, where: str) -> list[Step]:
+def _steps(nodes: Any, path: str | Path, what: str, config: RigConfig, where: str) -> list[Step]:
     readers = _readers(config)
     if not isinstance(nodes, list) or not nodes:
         dashes = "; each begins with a dash" if isinstance(nodes, dict) else ""
@@ -326,7 +347,7 @@ def _steps(nodes, path, what: str, config: RigConfig, where: str) -> list[Step]:
     return steps
 
 
-def _one_of(body, path, where, what, choices, extra=()):
+def _one_of(body: Any, path: str | Path, where: str, what: str, choices: Collection[str], extra: Collection[str] = ()) -> str:
     """The single key of ``choices`` that a step's body names."""
     check_keys(path, body, (*choices, *extra), (), what, where)
     named = [key for key in choices if key in body]
@@ -335,16 +356,16 @@ def _one_of(body, path, where, what, choices, extra=()):
     return named[0]
 
 
-def _off(body, where, what) -> None:
+def _off(body: Map, where: str, what: str) -> None:
     if body["off"] is not True:
         raise RigError(f"{where}: {what}.off is {brief(body['off'])}, expected true")
 
 
-def _setting(setting: Setting):
+def _setting(setting: Setting) -> Callable[[Any, str | Path, str, RigConfig], list[Step]]:
     """Reader of a device's step: what it takes keeps to the range of its setting."""
     kind, choices = setting.setpoint.step, setting.setpoint.command.takes
 
-    def read(body, path, where, config):
+    def read(body: Any, path: str | Path, where: str, config: RigConfig) -> list[Step]:
         key = _one_of(body, path, where, kind, (*choices, "off"))
         if key == "off":
             _off(body, where, kind)
@@ -359,7 +380,7 @@ def _setting(setting: Setting):
     return read
 
 
-def _shift(body, path, where, config):
+def _shift(body: Any, path: str | Path, where: str, config: RigConfig) -> list[Step]:
     check_keys(path, body, ("to", "timeout"), ("to",), "shift", where)
     gear, gears = str(body["to"]), config.transmission.numbers
     if gear not in gears:
@@ -367,7 +388,7 @@ def _shift(body, path, where, config):
     return [Step("shift", f"shift to {gear}", where, gears[gear], timeout=_timeout(body, where, "shift"))]
 
 
-def _controller(body, path, where, config):
+def _controller(body: Any, path: str | Path, where: str, config: RigConfig) -> list[Step]:
     """Settings of the user's controller: a step for each."""
     if not isinstance(body, dict) or not body:
         raise RigError(f"{where}: controller takes names of its settings and their values, e.g. {{gain: 1.5}}")
@@ -383,18 +404,18 @@ def _controller(body, path, where, config):
     return steps
 
 
-def _timeout(body, where, what) -> float:
+def _timeout(body: Map, where: str, what: str) -> float:
     return _time(body["timeout"], f"{where}: {what}.timeout") if "timeout" in body else DEFAULT_TIMEOUT
 
 
-def _time(text, where) -> float:
+def _time(text: object, where: str) -> float:
     value = quantity(text, "time", where)
     if not 0.0 <= value <= LONGEST_TIME:
         raise RigError(f"{where} is {text}, expected {span(0.0, LONGEST_TIME, text)}")
     return value
 
 
-def _wait(body, path, where, config):
+def _wait(body: Any, path: str | Path, where: str, config: RigConfig) -> list[Step]:
     key = _one_of(body, path, where, "wait", ("for", "until"), ("timeout", "hold"))
     if key == "for":
         if "timeout" in body or "hold" in body:
@@ -406,7 +427,7 @@ def _wait(body, path, where, config):
     return [Step("wait", f"wait until {text}", where, hold=hold, timeout=_timeout(body, where, "wait"), condition=condition)]
 
 
-def _condition(node, path, where, config):
+def _condition(node: Any, path: str | Path, where: str, config: RigConfig) -> tuple[Condition, str]:
     check_keys(path, node, ("signal", "above", "below", "near", "within"), ("signal",), "wait.until", where)
     signals = config.catalogue.signals
     signal = signals.get(str(node["signal"]))
@@ -428,7 +449,7 @@ def _condition(node, path, where, config):
     return Condition(signal.name, low, high), text
 
 
-def _repeat(body, path, where, config):
+def _repeat(body: Any, path: str | Path, where: str, config: RigConfig) -> list[Step]:
     check_keys(path, body, ("times", "steps"), ("times", "steps"), "repeat", where)
     times = body["times"]
     if not isinstance(times, int) or isinstance(times, bool) or not 1 <= times <= LONGEST:
@@ -451,7 +472,7 @@ def _readers(config: RigConfig) -> dict:
 class SequenceRunner:
     """Walks a sequence over a bench; ``poll`` is called with rising simulated time, every graph tick."""
 
-    def __init__(self, sequence: Sequence, bench: Bench, config: RigConfig):
+    def __init__(self, sequence: Sequence, bench: Bench, config: RigConfig) -> None:
         """config: of the rig."""
         self.sequence, self.bench, self.config = sequence, bench, config
         self.step = -1  # -1: readiness gate
@@ -461,6 +482,7 @@ class SequenceRunner:
 
     @property
     def steps(self) -> int:
+        """Number of steps, repeats written out."""
         return len(self.sequence.steps)
 
     def poll(self, t: float) -> bool:

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .. import __version__
 from ..bags.writer import BagWriter
 from ..clocks import COMMAND_TIMEOUT, TICK_SAMPLES
-from ..controllers.plug import SAID, Plug
+from ..controllers.plug import SAID, Answer, Plug
 from ..controllers.seam import ControllerFailed
 from ..errors import RigError, ended_by
 from ..uninterrupted import Uninterrupted
@@ -23,6 +24,9 @@ from .outputs import Outputs
 from .rig import Rig
 from .rig_base import RigStatus
 from .sequence import Sequence, SequenceFailed, SequenceRunner
+
+if TYPE_CHECKING:
+    from .record import Listener
 
 LONGEST_RUN = 24 * 3600.0  # s of simulated time
 AFTER_TRIP = 100  # samples recorded after a trip, so that the bag shows the safe state
@@ -44,7 +48,7 @@ def run_record(config: RigConfig, sequence: Sequence, seed: int) -> dict:
 class LocalBench:
     """The bench of a sequence in the same process; orders become events as the nodes would publish them."""
 
-    def __init__(self, rig: Rig, outputs: Outputs, controller: Plug | None = None):
+    def __init__(self, rig: Rig, outputs: Outputs | Listener, controller: Plug | None = None) -> None:
         self.rig, self.outputs = rig, outputs
         self.reading = outputs.reading
         self._order = controller.order if controller else rig.order_gear
@@ -52,19 +56,23 @@ class LocalBench:
         self._ordered: int | None = None
 
     def ready(self) -> bool:
+        """True: a rig in the same process takes orders at once."""
         return True
 
     def set(self, step: str, value: float, enable: bool) -> None:
+        """Gives the rig a setpoint [SI] and sends it out."""
         self.rig.set(step, value, enable)
         self.outputs.setpoint(self.rig.settings.steps[step].setpoint.topic, value, enable)
 
     def order_gear(self, gear: int) -> None:
+        """Orders a gear by its number from the controller, with an event."""
         self._order(gear)
         self._ordered = gear
         name = self.rig.config.transmission.names[gear]
         self.outputs.event("/controller/events", "shift_ordered", f"shift to {name} ordered", gear)
 
     def shift_done(self) -> bool:
+        """True when the gear that was ordered last is in; tells of that once."""
         done = not self.rig.shifting and self._ordered in (None, self.rig.gear)
         if done and self._ordered is not None:
             self._ordered = None
@@ -72,18 +80,22 @@ class LocalBench:
         return done
 
     def controller_says(self) -> tuple[int, bool]:
+        """The controller's gear and whether it is shifting."""
         return self.rig.gear, self.rig.shifting
 
     def set_controller(self, name: str, value: float) -> None:
+        """Gives the user's controller a value, with an event; RigError when there is none to take it."""
         if self._controller is None:
             raise RigError(f"controller alfa46 has no setting '{name}'; it has none of its own")
         self._controller.set_value(name, value)
         self.outputs.event("/controller/events", "setting_changed", f"alfa46.controller.{name} = {value:.6g}", value)
 
     def controller_set(self) -> bool:
+        """True: the controller has taken a setting when it is given."""
         return True
 
     def event(self, name: str, text: str, value: float = 0.0) -> None:
+        """Sends out an event of the sequence."""
         self.outputs.event("/sequencer/events", name, text, value)
 
 
@@ -107,18 +119,20 @@ def rig_for(config: RigConfig, seed: int, controller: Plug | None = None, delay:
     return Rig(config, seed, controller="external", level=controller.level, delay=delay)
 
 
-def runner_on(rig: Rig, outputs, config: RigConfig, sequence: Sequence, controller: Plug | None = None) -> SequenceRunner:
+def runner_on(
+    rig: Rig, outputs: Outputs | Listener, config: RigConfig, sequence: Sequence, controller: Plug | None = None
+) -> SequenceRunner:
     """The sequence on a rig in the same process; RigError when the rig has not what it asks for."""
     sequence.check_rig(config)
     return SequenceRunner(sequence, LocalBench(rig, outputs, controller), config)
 
 
-def ask_controller(rig: Rig, controller: Plug):
+def ask_controller(rig: Rig, controller: Plug) -> Answer | None:
     """The plug's answer to the newest sample, from what the wires carry; None when it discards the sample."""
     return controller.step(rig.sample, *rig.seen(), [rig.measurement(name) for name in controller.wants])
 
 
-def give_answer(rig: Rig, controller: Plug, sample: int, answer) -> None:
+def give_answer(rig: Rig, controller: Plug, sample: int, answer: Answer) -> None:
     """Hand the answer to ``sample`` to the rig, at the level of the plug."""
     if controller.level == "current":
         rig.set_current(sample, answer.command, controller.gear, controller.shifting, controller.flags)

@@ -9,6 +9,7 @@ Used by testbench.outputs, which encodes the fields, and by testbench.record, wh
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from ..bags.cdr import Form
 from ..bags.definitions import installed
@@ -20,6 +21,11 @@ from ..description.signals import TORQUES, absolute_pressures
 from ..parts import part as parts
 from .rig import Rig
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ..arrays import Floats
+
 SCALAR_SAMPLES = 10  # controller samples between scalars (100 Hz)
 COMMAND = "/controller/command"
 ATMOSPHERE = 101_325.0  # Pa, for the mirrors in absolute pressure
@@ -28,7 +34,7 @@ ATMOSPHERE = 101_325.0  # Pa, for the mirrors in absolute pressure
 class Heard:
     """The newest fields of each topic that went out, and the readings that a listener takes from them."""
 
-    def __init__(self, catalogue: Catalogue):
+    def __init__(self, catalogue: Catalogue) -> None:
         self.fields: dict[str, tuple] = {}  # by topic
         self._catalogue = catalogue
         self._places: dict[str, tuple] = {}  # of signals: topic, number of the field, index in it
@@ -55,7 +61,7 @@ class Heard:
         return self._places[name]
 
 
-def measured_columns(rig) -> dict[str, int]:
+def measured_columns(rig: Rig) -> dict[str, int]:
     """Topic of each transducer's messages -> its column in a row of the rig, in the order of the topics."""
     return {topic: rig.channels.index(name) for topic, name in rig.config.catalogue.measured().items()}
 
@@ -63,7 +69,7 @@ def measured_columns(rig) -> dict[str, int]:
 class States:
     """Fields of the state topics, from the rig as it is; :meth:`refresh` before each tick's."""
 
-    def __init__(self, rig: Rig):
+    def __init__(self, rig: Rig) -> None:
         self.rig, self.overruns = rig, 0  # overruns: set by whoever keeps time
         self.measured = measured_columns(rig)
         self._columns = {name: column for column, name in enumerate(rig.channels)}
@@ -82,7 +88,7 @@ class States:
             self._torques = JointTorques(rig)
             self.topics["/rig/torques"] = self._joint_torques
 
-    def _says(self, name: str):
+    def _says(self, name: str) -> Callable[[], tuple]:
         """What gives the fields of a device's state."""
         if name == "gearbox":
             return self._gearbox()
@@ -95,7 +101,7 @@ class States:
         """Take the energies of this tick."""
         self.rig.energies = self.rig.energy()
 
-    def turn(self, rows) -> None:
+    def turn(self, rows: Floats) -> None:
         """Go on with the shafts' angles by a tick's rows of the logger (rows, channels), one every 0.1 ms.
 
         As a counter of the encoders would, without wrapping; fsum, so that no order of summing shows in the bag.
@@ -185,7 +191,7 @@ class States:
             ),
         ]
 
-    def _gearbox(self):
+    def _gearbox(self) -> Callable[[], tuple]:
         """What gives the fields of the gearbox's state."""
         rig, (into, out) = self.rig, self._ends
         shows = {one.name: one.shows for one in rig.config.structure.transducers}
@@ -196,7 +202,7 @@ class States:
             name: int(rig.wire(name, "body") != into.body) for name in rig.losses
         }  # 0: at the input's side, 1: at all others
 
-        def fields():
+        def fields() -> tuple:
             torques, lost = [0.0, 0.0], 0.0
             for name, side in lost_at.items():
                 torques[side] += float(rig.losses[name]["torque"])
@@ -205,11 +211,11 @@ class States:
 
         return fields
 
-    def _joint_torques(self):
+    def _joint_torques(self) -> tuple:
         values = self._torques.values()
         return self.rig.sample // TICK_SAMPLES, TICK_SAMPLES * SAMPLE, 1, len(values), values
 
-    def _rig_state(self):
+    def _rig_state(self) -> tuple:
         rig = self.rig
         return (
             int(rig.status),

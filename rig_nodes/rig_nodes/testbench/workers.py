@@ -47,7 +47,7 @@ class Workers:
     an interrupt comes, and leave its processes behind.
     """
 
-    def __init__(self, jobs: int = 2):
+    def __init__(self, jobs: int = 2) -> None:
         self.jobs = max(1, jobs)
         self._processes: list = []
         self._ends: list[connection.Connection] = []
@@ -78,7 +78,7 @@ class Workers:
         """Of the processes that are there."""
         return [process.pid for process in self._processes if process.is_alive()]
 
-    def __exit__(self, *_error) -> None:
+    def __exit__(self, *_error: object) -> None:
         self._leave()
         for process in self._processes:
             process.join()
@@ -131,7 +131,9 @@ class Workers:
             self._leave()
             raise
 
-    def _stream(self, function, numbered: Iterator[tuple[int, Any]]) -> Iterator[tuple[int, Any, Exception | None]]:
+    def _stream(
+        self, function: Callable[[Any], Any], numbered: Iterator[tuple[int, Any]]
+    ) -> Iterator[tuple[int, Any, Exception | None]]:
         busy: dict[connection.Connection, tuple[int, Any]] = {}
         again: deque[tuple[int, Any]] = deque()
         lost: dict[int, int] = {}  # place -> processes
@@ -161,7 +163,7 @@ class Workers:
                     error, result = RigError(f"{TRIES} processes were killed from outside while they ran it"), None
                 yield place, result, error
 
-    def _map(self, function, items: list, progress) -> list:
+    def _map(self, function: Callable[[Any], Any], items: list, progress: Callable[[int, int], None] | None) -> list:
         results, told = [None] * len(items), 0
         left, places = deque(range(len(items))), {}  # items not begun; task -> item
         while told < len(items):
@@ -197,7 +199,7 @@ def _work(end: connection.Connection) -> None:
             return
 
 
-def _answer(function, item) -> tuple[Exception | None, Any]:
+def _answer(function: Callable[[Any], Any], item: Any) -> tuple[Exception | None, Any]:
     """(error, result) of function(item)."""
     try:
         return None, function(item)
