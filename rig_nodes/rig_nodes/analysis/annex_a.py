@@ -34,7 +34,7 @@ REST_BEFORE, REST_FOR, OPEN = 10000, 2000, 3.0  # samples, samples, bar
 VALVE_DELAY_UP, VALVE_DELAY_DOWN = 0.330576, 0.19516  # s added to t_c for the engaging valve
 
 
-def shifts_annex_a(recording: Recording, **factors) -> list[dict]:
+def shifts_annex_a(recording: Recording, **factors: float) -> list[dict]:
     """One row for each order that :func:`metrics.shifts` gives a row, in the same order; see the next function."""
     return [shift_metrics_annex_a(recording, order, end, **factors) for order, end in orders_of(recording)]
 
@@ -79,7 +79,9 @@ def shift_metrics_annex_a(
 class _Program:
     """The channels in the program's units (bar, rpm, Nm); indices count from 0."""
 
-    def __init__(self, recording, order, next_order_time, set_speed, row):
+    def __init__(
+        self, recording: Recording, order: tuple[float, int, int], next_order_time: float | None, set_speed: float | None, row: dict
+    ) -> None:
         until = (
             recording.rows
             if next_order_time is None
@@ -170,6 +172,7 @@ class _Program:
         return float(part[at]), start + at + (1 if at else 0)
 
     def slip_end(self, start: int, lowest: tuple[float, int]) -> int | None:
+        """Sample at which the slip has gone; None with the reason in ``why``."""
         if self.up:
             end = first_true(self.slip(self.second) <= SLIP_UP, start)
         else:

@@ -9,6 +9,7 @@ Used by analysis.report; the evaluations are analysis.slip_tests.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,10 +20,13 @@ from ..plant.friction.geometry import PackGeometry
 from .logged import Logged
 from .slip_tests import LEAST_TESTS, cylinder_line, slip_line, slip_tests, spring_line
 
+if TYPE_CHECKING:
+    from ..bags.reader import Bag
+
 TRAVELS = np.arange(0.5e-3, 4.01e-3, 0.5e-3)  # m, of the springs' line
 
 
-def bench_report(bag, record: Mapping, problems: list[str]) -> dict:
+def bench_report(bag: Bag, record: Mapping, problems: list[str]) -> dict:
     """``slip_tests`` (rows) and ``line`` of a clutch bench; ``cylinder`` or ``springs``, rows of a force bench.
 
     record: of the run's rig; what the recording does not give becomes a sentence in ``problems``.

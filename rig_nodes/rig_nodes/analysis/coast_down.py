@@ -8,10 +8,15 @@ Used on recordings with both clutches open in which the drive is cut off; knows 
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..errors import RigError
 from .edges import first_true, odd_width, running_mean
+
+if TYPE_CHECKING:
+    from ..arrays import Floats
 
 MEAN = 20e-3  # s over which the speed is averaged where its cut and its standstill are looked for
 BEFORE = 0.5  # s before the cut that give speed and torque
@@ -20,7 +25,7 @@ FALL = 0.01  # share of the speed whose loss shows that the drive is cut off; th
 
 
 def coast_down(
-    t: np.ndarray, w: np.ndarray, torque, t_cut: float | None = None, down_to: float = STANDSTILL, degree: int = 2
+    t: np.ndarray, w: np.ndarray, torque: float | Floats, t_cut: float | None = None, down_to: float = STANDSTILL, degree: int = 2
 ) -> dict[str, float | list[float] | None]:
     """Coast-down by (7.7), (7.8) and (6.110).
 
@@ -90,7 +95,7 @@ def _tangent(fit: np.ndarray, torque: float) -> tuple[float, float]:
     return time, torque * time / speed
 
 
-def _torque(t: np.ndarray, torque, before: np.ndarray) -> float:
+def _torque(t: np.ndarray, torque: float | Floats, before: np.ndarray) -> float:
     """The torque before the cut: a number that was noted, or the mean of the channel."""
     if np.ndim(torque) == 0:
         return float(torque)

@@ -8,11 +8,16 @@ Used by analysis.report; formats only.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from ..transmission import Transmission
 from .plant_states import WHY_NOT
 
+if TYPE_CHECKING:
+    from ..testbench.sequence import Sequence
 
-def annex_lines(columns, names: list[str], rows: list[dict], annex: dict) -> list[str]:
+
+def annex_lines(columns: Sequence[tuple[str, str, float, int]], names: list[str], rows: list[dict], annex: dict) -> list[str]:
     """For each shift a table of plain definition, Annex A and their difference, then what Annex A did not give.
 
     columns: (heading, key, factor, digits) of the metrics; names: of the shifts; annex: the report's part.

@@ -8,12 +8,17 @@ Used by analysis.report; the tests hold the residual against the clutch heat of 
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..description.structure import Structure
 from ..errors import RigError
 from ..parts import part as parts
 from ..transmission import Transmission, transmission_of
+
+if TYPE_CHECKING:
+    from ..bags.reader import Bag
 
 Series = tuple[np.ndarray, np.ndarray]
 
@@ -101,7 +106,7 @@ def clutch_heat(account: dict[str, float | None], box: Transmission) -> float:
     return sum(account[f"{clutch.heat}_j"] for clutch in box.clutches)
 
 
-def energies_of(bag, transmission: Transmission | None = None) -> dict[str, Series]:
+def energies_of(bag: Bag, transmission: Transmission | None = None) -> dict[str, Series]:
     """The energies of :func:`balance` out of a bag's state topics (200 Hz).
 
     Kinetic energy is that of the two shafts with everything that turns with them; where something turns by itself, as in a
@@ -132,7 +137,7 @@ def all_turn_with(structure: Structure) -> bool:
     return not gives_way and set(structure.bodies) - set(structure.massless) <= known
 
 
-def _left(bag, energies: dict[str, Series], box: Transmission) -> Series:
+def _left(bag: Bag, energies: dict[str, Series], box: Transmission) -> Series:
     """What is stored by the rig's own account, which holds every body: works less heats and its residual."""
     t, (residual,) = bag.fields("/rig/state", ["energy_residual"])
     stored = -residual

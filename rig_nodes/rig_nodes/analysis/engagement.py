@@ -149,7 +149,14 @@ class _Engagement:
     pressure_error: float  # Pa, largest of the clutch's transducer
 
     @classmethod
-    def cut(cls, recording, order, next_order_time, why, instruments):
+    def cut(
+        cls,
+        recording: Recording,
+        order: tuple[float, int, int],
+        next_order_time: float | None,
+        why: list[str],
+        instruments: dict[str, Instrument],
+    ) -> _Engagement | None:
         """The samples around the order, or None with the reason in ``why``."""
         t_order, from_gear, gear = order
         box = recording.transmission
@@ -184,6 +191,7 @@ class _Engagement:
         return cls(box, engaging[0], int(gear), recording.period, at - first, raw, smooth, why, error or PRESSURE_ERROR)
 
     def samples(self, seconds: float) -> int:
+        """How many samples a time [s] takes, at least one."""
         return max(1, int(round(seconds / self.period)))
 
     def since(self, sample: float) -> float:
@@ -332,7 +340,7 @@ class _Engagement:
         tail = p[-self.samples(BEFORE) :]
         return max(float(np.ptp(part)) for part in (p[: self.order], tail))
 
-    def filling(self, row: dict, start: float, kiss: int | None, hold) -> None:
+    def filling(self, row: dict, start: float, kiss: int | None, hold: tuple[float, float, float] | None) -> None:
         """Fill phase with its straight line, and the growth of pressure around contact."""
         p = self.smooth[self.clutch.pressure]
         ends = [e for e in (kiss, None if hold is None else int(hold[0])) if e is not None]

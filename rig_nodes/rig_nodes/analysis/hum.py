@@ -30,19 +30,19 @@ def without_hum(t: np.ndarray, pressure: np.ndarray, quiet: int) -> tuple[np.nda
     before = slice(0, max(1, quiet // step))
     level = float(np.mean(mean[before]))
 
-    def base(times, hz):
+    def base(times: np.ndarray, hz: float) -> np.ndarray:
         first = np.exp(2j * np.pi * hz * times)
         turns = np.multiply.accumulate(np.broadcast_to(first[:, None], (times.size, HARMONICS)), axis=1)
         return np.hstack([turns.imag, turns.real, (times - at[0])[:, None], np.ones((times.size, 1))])
 
-    def fitted(hz):
+    def fitted(hz: float) -> tuple[np.ndarray, np.ndarray]:
         b = base(at[before], hz)
         # sines over five periods and more are nearly orthogonal: the normal equations are safe. einsum, because the
         # threads of a matrix library cost more than such a thin product where other work has the cores
         factors = np.linalg.solve(np.einsum("ij,ik->jk", b, b), np.einsum("ij,i->j", b, mean[before] - level))
         return factors, mean[before] - level - np.einsum("ij,j->i", b, factors)
 
-    def left(hz):
+    def left(hz: float) -> float:
         return float(np.sum(fitted(hz)[1] ** 2))
 
     # high harmonics make several minima: the best of a grid, then the best near it

@@ -29,7 +29,7 @@ class Logged:
     needed = ()  # channels without which it is of no use
     use = "the results"  # for which they are needed
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         missing = [name for name in self.needed if name not in self.channels]
         if missing:
             raise RigError(f"the recording has no channel {', '.join(missing)}; {self.use} need {', '.join(self.needed)}")

@@ -152,7 +152,9 @@ class _Shift:
     why: list[str]
 
     @classmethod
-    def cut(cls, recording, order, next_order_time, why):
+    def cut(
+        cls, recording: Recording, order: tuple[float, int, int], next_order_time: float | None, why: list[str]
+    ) -> _Shift | None:
         """The samples around an order, or None with the reason in ``why``."""
         t_order, from_gear, to_gear = order
         at = int(np.ceil((t_order - recording.t0) / recording.period - 1e-6))
@@ -197,6 +199,7 @@ class _Shift:
         return float(np.mean(self.raw[name][: self.order]))
 
     def samples(self, seconds: float) -> int:
+        """How many samples a time [s] takes, at least one."""
         return max(1, int(round(seconds / self.period)))
 
     def slip(self, gear: int, source: dict[str, np.ndarray]) -> np.ndarray:

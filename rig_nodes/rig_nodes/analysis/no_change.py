@@ -9,6 +9,8 @@ procedures: valve_response, engagement, coast_down.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..clocks import SAMPLE
@@ -20,11 +22,14 @@ from .metrics import RPM, STANDSTILL, Recording, orders_of, stands
 from .uncertainty import Instrument, coast_down_uncertainty, engagement_uncertainty
 from .valve_response import valve_delay
 
+if TYPE_CHECKING:
+    from ..bags.reader import Bag
+
 COMMAND, MOTOR = "/controller/command", "/motor/command"
 BEFORE = 0.5  # s before the order in which rest and hum of the pressure are looked for
 
 
-def measured(recording: Recording, instruments: dict[str, Instrument], bag=None) -> dict:
+def measured(recording: Recording, instruments: dict[str, Instrument], bag: Bag | None = None) -> dict:
     """``valve_responses`` and ``engagements`` (rows, each with ``why`` something was not found) and ``coast_down``.
 
     bag: the recording's, with the commands to valves and motor, without which there is neither a valve's response nor
@@ -96,7 +101,7 @@ def _error(row: dict, key: str, factor: float, digits: int) -> str:
     return f" +- {row['errors'][key] * factor:.{digits}f}" if key in row["errors"] else ""
 
 
-def _response(bag, recording: Recording, order: tuple[float, int, int]) -> dict:
+def _response(bag: Bag, recording: Recording, order: tuple[float, int, int]) -> dict:
     """The row of a valve whose clutch was closed at standstill."""
     t_order, _, gear = order
     row = {"gear": int(gear), "t_order_s": float(t_order), "valve_delay_s": None, "t_pulse_s": None, "t_rise_s": None, "why": []}
@@ -121,7 +126,7 @@ def _response(bag, recording: Recording, order: tuple[float, int, int]) -> dict:
     return row
 
 
-def _coast_down(bag, recording: Recording, instruments: dict[str, Instrument]) -> dict | None:
+def _coast_down(bag: Bag, recording: Recording, instruments: dict[str, Instrument]) -> dict | None:
     try:
         t, (enable,) = bag.fields(MOTOR, ["enable"])
     except RigError:

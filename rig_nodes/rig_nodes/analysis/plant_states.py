@@ -8,10 +8,15 @@ Used by `rig report --truth`. The states come at 200 Hz without noise, so each m
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..transmission import Transmission, transmission_of
 from .metrics import RPM
+
+if TYPE_CHECKING:
+    from ..bags.reader import Bag
 
 # the fields of the messages that are read
 GEARBOX, SHAFTS = "/gearbox/state", ("m_wej", "w_wej", "w_wyj")
@@ -26,7 +31,7 @@ WHY_NOT = (
 States = dict[str, dict[str, np.ndarray]]
 
 
-def states_of(bag, transmission: Transmission | None = None) -> States | None:
+def states_of(bag: Bag, transmission: Transmission | None = None) -> States | None:
     """Topic -> {t [s], fields} of a bag's state topics; None where it holds no plant's states (a real recording)."""
     found: States = {}
     box = transmission or bag.transmission

@@ -11,20 +11,21 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..atomic_write import atomic_write
 from ..bags import limits
-from ..bags.reader import NOTHING, UNREADABLE
+from ..bags.reader import NOTHING, UNREADABLE, Bag
 from ..bags.rig_record import rig_record, says_rig
 from ..errors import RigError, printable
 from ..transmission import NEUTRAL, Transmission, transmission_of
 from .annex_a import shifts_annex_a
 from .comparison import annex_lines, truth_lines
-from .energy import balance, clutch_heat, energies_of
+from .energy import Series, balance, clutch_heat, energies_of
 from .metrics import RPM, Recording, shifts
 from .no_change import measured, measured_lines
 from .plant_states import metrics_of_states, states_of
@@ -54,7 +55,7 @@ def columns_of(box: Transmission) -> tuple[tuple[str, str, float, int], ...]:
     )
 
 
-def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = False) -> dict:
+def build_report(bag: Bag, run: dict, annex_a: float | None = None, truth: bool = False) -> dict:
     """The report of a bag: ``{"run", "shifts": [...], "energy": {"run", "shifts": [...]}, "uncertainty": [...]}``.
 
     bag: an open :class:`rig_nodes.bags.reader.Bag`. run: what only the runner knows (:data:`RUN_KEYS`; absent
@@ -112,7 +113,7 @@ def build_report(bag, run: dict, annex_a: float | None = None, truth: bool = Fal
     return _assembled(_run_data(bag, run), problems, metrics, energy)
 
 
-def _record_of(bag, run: dict) -> Mapping:
+def _record_of(bag: Bag, run: dict) -> Mapping:
     """What the rig of a run was made of, in today's form; RigError for a record that is none."""
     try:
         record = rig_record(run["configuration"], bag.types) if run.get("configuration") else bag.record
@@ -129,18 +130,18 @@ def _no_rig(error: Exception) -> RigError:
     )
 
 
-def info_of(bag) -> dict:
+def info_of(bag: Bag) -> dict:
     """What a bag itself says about its run, for the run part of a report."""
     info = bag.run_info()
     return info if "configuration" in info else {"configuration": info or None}
 
 
-def is_of(bag, run: dict) -> bool:
+def is_of(bag: Bag, run: dict) -> bool:
     """The run part of a report is of the run that the bag holds, as far as both say."""
     return all(value is None or run.get(key) in (None, value) for key, value in plain(info_of(bag)).items())
 
 
-def _run_data(bag, run: dict) -> dict:
+def _run_data(bag: Bag, run: dict) -> dict:
     """What the runner knows; where it knows no lost messages they are counted from the bag, if that is whole."""
     data = {key: run.get(key) for key in RUN_KEYS}
     if data["lost"] is None and not run.get("recovered"):
@@ -170,7 +171,11 @@ def report_of_recording(recording: Recording, annex_a: float | None = None, reco
 
 
 def _metrics(
-    recording: Recording | None, instruments: dict[str, Instrument], annex_a: float | None, problems: list[str], bag=None
+    recording: Recording | None,
+    instruments: dict[str, Instrument],
+    annex_a: float | None,
+    problems: list[str],
+    bag: Bag | None = None,
 ) -> dict:
     """Everything that comes from the logger's channels, and what of a run without a change of gear needs its commands."""
     rows = [] if recording is None else shifts(recording)
@@ -200,7 +205,7 @@ def basis_of(record: Mapping, box: Transmission, instruments: dict[str, Instrume
     }
 
 
-def _truth(bag, rows: list[dict], box: Transmission) -> list[dict | None]:
+def _truth(bag: Bag, rows: list[dict], box: Transmission) -> list[dict | None]:
     states = states_of(bag, box)
     ends = [row["t_order_s"] for row in rows[1:]] + [None]
     return [None if states is None else metrics_of_states(states, row, end, box) for row, end in zip(rows, ends)]
@@ -214,14 +219,14 @@ def _assembled(run: dict, problems: list[str], metrics: dict, energy: dict) -> d
     return plain({"run": run, "shifts": metrics["shifts"], "energy": energy, **rest})
 
 
-def recording_of(bag, transmission: Transmission | None = None) -> Recording:
+def recording_of(bag: Bag, transmission: Transmission | None = None) -> Recording:
     """The bag's 10 kHz channels and its orders; transmission: of its rig, the laboratory's by default."""
     # rows that are missing become NaN: they spoil the shifts they lie in, not the others
     logger = bag.logger(fill=True)
     return Recording(logger.t0, logger.period, logger.channels, orders_in(bag.events()), transmission or transmission_of())
 
 
-def orders_in(events) -> list[tuple[float, int, int]]:
+def orders_in(events: Iterable[tuple[float, str, str, str, float]]) -> list[tuple[float, int, int]]:
     """Orders among the events of a bag: (time [s], gear before, gear ordered), neutral before the first."""
     orders, before = [], NEUTRAL
     for t, topic, name, _, value in events:
@@ -231,7 +236,7 @@ def orders_in(events) -> list[tuple[float, int, int]]:
     return orders
 
 
-def _whole(energies) -> tuple[float, float]:
+def _whole(energies: Mapping[str, Series]) -> tuple[float, float]:
     times = energies.get("motor_work", (np.zeros(1), None))[0]
     return float(times[0]), float(times[-1])
 
@@ -243,7 +248,7 @@ def _window(row: dict) -> tuple[float, float] | None:
     return row["t_order_s"], row["t_order_s"] + row["t_c_s"] + row["t_o_s"]
 
 
-def plain(value):
+def plain(value: object) -> Any:
     """Only what JSON knows: dicts, lists, text, booleans, finite numbers, None."""
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}

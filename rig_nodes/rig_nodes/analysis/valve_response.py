@@ -8,11 +8,16 @@ Used on the valve-response tests, 125 kHz for 5 s (7.1.3.1); knows nothing of ba
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..errors import RigError
 from .edges import first_true, odd_width, ramp_start, running_mean
 from .hum import QUIET, without_hum
+
+if TYPE_CHECKING:
+    from ..arrays import Floats
 
 PULSE = 8e-6  # s that a pulse must last, one sample at 125 kHz: the first ones are short
 COARSE_MEAN = 1e-3  # s, where no PWM frequency is found
@@ -67,7 +72,7 @@ def valve_delay(t: np.ndarray, coil: np.ndarray, pressure: np.ndarray) -> dict[s
     }
 
 
-def _period(t, coil, pressure) -> float:
+def _period(t: Floats, coil: Floats, pressure: Floats) -> float:
     if not (t.ndim == 1 and t.shape == coil.shape == pressure.shape and t.size > 100):
         raise RigError(
             "a valve response needs time, coil and pressure of one length, more than 100 samples; these "
@@ -104,7 +109,7 @@ def _first_pulse(coil: np.ndarray, period: float) -> tuple[int, float | None]:
     return max(0, first - 1), float(1.0 / np.median(gaps)) if gaps.size >= 3 else None
 
 
-def _rise(clean, smooth, pulse, noise, period) -> tuple[float, float, float]:
+def _rise(clean: Floats, smooth: Floats, pulse: int, noise: float, period: float) -> tuple[float, float, float]:
     """Fractional sample of the first rise, pressure at rest and at the end of the rise."""
     rest = float(np.median(smooth[:pulse]))
     # what the pressure keeps, not a spike on it

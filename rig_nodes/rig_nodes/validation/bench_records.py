@@ -12,6 +12,7 @@ compared is what the other models make of the same packs.
 from __future__ import annotations
 
 from functools import cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -21,6 +22,9 @@ from ..plant.friction import bench
 from ..plant.friction.bench import PACKS
 from ..testbench.configuration import load_rig
 from .records import Record
+
+if TYPE_CHECKING:
+    from ..testbench.record import Run
 
 # friction [-] of the lined and the steel plates and of all splines; a reading, not a measurement
 STATED = {"lined": 0.30, "steel": 0.12, "spline": 0.058}
@@ -36,7 +40,7 @@ def friction_of(ring: str) -> float:
     return STATED["lined" if ring == "50x76" else "steel"]
 
 
-def clutch_bench(conditions: dict, run) -> list[list[Record]]:
+def clutch_bench(conditions: dict, run: Run) -> list[list[Record]]:
     """m_eks, model_torque_nm, k_kor, k_kor_error, m_eks_trend_above_nm, m_rest_nm of one pack.
 
     conditions: ring, surfaces and, but for the gearbox's plates, thickness. M_eks stands at the surface pressure that
@@ -76,7 +80,7 @@ def clutch_bench(conditions: dict, run) -> list[list[Record]]:
 
 
 @cache
-def _cylinder():
+def _cylinder() -> Any:
     return load_rig("clutch_bench").cylinder
 
 
@@ -102,7 +106,7 @@ def off_in_most(records: list[Record]) -> list[Record]:
     return out
 
 
-def spring_bench(_conditions: dict, run) -> list[list[Record]]:
+def spring_bench(_conditions: dict, run: Run) -> list[list[Record]]:
     """Forces of the springs over their travel ``s``, or of the cylinder over its pressure, and where that begins.
 
     A run with oil is the cylinder's, for the testing machine needs none.

@@ -15,9 +15,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache, partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import differential_evolution, least_squares
+from scipy.optimize import OptimizeResult, differential_evolution, least_squares
 
 from ..config import load_yaml
 from ..config.schema import check_keys, where_of
@@ -28,6 +29,10 @@ from ..testbench.campaign import Workers
 from ..testbench.configuration import RigConfig, load_rig
 from ..testbench.rig_base import Tripped
 from .calibration_rows import ROWS, Miss, calibrating
+
+if TYPE_CHECKING:
+    from ..arrays import Floats
+    from ..config.yaml_file import Map
 
 LABORATORY = "hydmag"  # whose rows targets.yaml has
 CALIBRATION_FILE = Path(__file__).resolve().with_name("calibration.yaml")
@@ -63,7 +68,7 @@ def load_stages(path: Path = CALIBRATION_FILE, config: RigConfig | None = None) 
     return {str(stage): {str(name): _parameter(path, parts, name, rig) for name in parts} for stage, parts in stages.items()}
 
 
-def _parameter(path: Path, node, name: str, config: RigConfig) -> Parameter:
+def _parameter(path: Path, node: Map, name: str, config: RigConfig) -> Parameter:
     where, body = where_of(path, node, name), node[name]
     check_keys(path, body, ("of", "low", "high", "why"), ("of", "low", "high", "why"), name, where)
     times = isinstance(body["of"], dict)
@@ -116,14 +121,14 @@ class Found:
     sensitivities: dict[str, dict[str, float]] = field(default_factory=dict)
 
 
-def at_shares(config: RigConfig, parameters: dict[str, Parameter], shares) -> tuple[RigConfig, dict[str, float]]:
+def at_shares(config: RigConfig, parameters: dict[str, Parameter], shares: Floats) -> tuple[RigConfig, dict[str, float]]:
     """The rig with parameters at shares (0 to 1) of their bounds, and their values (SI)."""
     values = {p.name: float(p.low + (p.high - p.low) * u) for p, u in zip(parameters.values(), np.clip(shares, 0.0, 1.0))}
     return with_values(config, parameters, values), values
 
 
 def residuals(
-    shares, config: RigConfig, parameters: dict[str, Parameter], misses: Callable, scale: dict[str, float] | None = None
+    shares: Floats, config: RigConfig, parameters: dict[str, Parameter], misses: Callable, scale: dict[str, float] | None = None
 ) -> np.ndarray:
     """Misses [tolerances] of all rows with parameters at shares of their bounds, some rows' scaled."""
     found = misses(at_shares(config, parameters, shares)[0], calibrating())
@@ -131,7 +136,7 @@ def residuals(
 
 
 def nearby(
-    shares,
+    shares: Floats,
     config: RigConfig,
     parameters: dict[str, Parameter],
     misses: Callable,
@@ -158,7 +163,7 @@ def total(misses: np.ndarray) -> float:
 
 
 def anywhere(
-    best, starts: int, jobs: int, seed: int, config: RigConfig, parameters: dict[str, Parameter], misses: Callable
+    best: Floats, starts: int, jobs: int, seed: int, config: RigConfig, parameters: dict[str, Parameter], misses: Callable
 ) -> np.ndarray:
     """The best of these shares and of those that :func:`nearby` finds from as many random places as ``starts``.
 
@@ -171,7 +176,7 @@ def anywhere(
     return min([np.asarray(best), *found], key=partial(_cost, config=config, parameters=parameters, misses=misses))
 
 
-def _cost(shares, config, parameters, misses) -> float:
+def _cost(shares: Floats, config: RigConfig, parameters: dict[str, Parameter], misses: Callable) -> float:
     try:
         return total(residuals(shares, config, parameters, misses))
     except Tripped:
@@ -197,7 +202,7 @@ def search(
     cost = partial(_cost, config=config, parameters=parameters, misses=misses)
     turn = [0]
 
-    def tell(intermediate_result) -> None:
+    def tell(intermediate_result: OptimizeResult) -> None:
         turn[0] += 1
         if progress:
             progress(turn[0], float(intermediate_result.fun))

@@ -22,7 +22,7 @@ def derive(records: list[Record]) -> list[Record]:
     return [*_holds(records), *_ranks(records), *_dips(records), *_delays(records), *_measured(records)]
 
 
-def _whole(records, procedure: str, quantity: str, **conditions) -> list[Record]:
+def _whole(records: list[Record], procedure: str, quantity: str, **conditions: float | str) -> list[Record]:
     """Records of whole tests with a number, or None, for a quantity."""
     return [
         r
@@ -35,7 +35,7 @@ def _whole(records, procedure: str, quantity: str, **conditions) -> list[Record]
     ]
 
 
-def _holds(records) -> list[Record]:
+def _holds(records: list[Record]) -> list[Record]:
     """hold, and the phases of the rise, of each profile series: by the mean length of the level stretch."""
     out = []
     for r in _whole(records, "profile_series", "level_s"):
@@ -48,7 +48,7 @@ def _holds(records) -> list[Record]:
     return out
 
 
-def _ranks(records) -> list[Record]:
+def _ranks(records: list[Record]) -> list[Record]:
     """engagement_rank of each profile series among those of its valve."""
     out = []
     for _, series in group(_whole(records, "profile_series", "engagement_peak_nm"), ("valve",)):
@@ -62,7 +62,7 @@ def _ranks(records) -> list[Record]:
     return out
 
 
-def _dips(records) -> list[Record]:
+def _dips(records: list[Record]) -> list[Record]:
     """Dip of every shift, by the mean of its repeats."""
     out = []
     for name in ("delay_series", "grid_up", "grid_down"):
@@ -79,7 +79,7 @@ def _dips(records) -> list[Record]:
     return out
 
 
-def _delays(records) -> list[Record]:
+def _delays(records: list[Record]) -> list[Record]:
     """Which of the 19 series has the smallest upshift peak and the shortest downshift, and where the dip begins."""
     up = [r for r in _whole(records, "delay_series", "m_wej_max_nm", shift="I-II") if "series" in r.conditions]
     down = [r for r in _whole(records, "delay_series", "t_dt_s", shift="II-I") if "series" in r.conditions]
@@ -99,7 +99,7 @@ def _delays(records) -> list[Record]:
     return out
 
 
-def _lowest(series, quantity: str, alike: float, yes: str, no: str) -> list[Record]:
+def _lowest(series: list[Record], quantity: str, alike: float, yes: str, no: str) -> list[Record]:
     found = [r.values[quantity] for r in series if r.values[quantity] is not None]
     out = []
     for r in series:
@@ -130,7 +130,7 @@ def dip_begins(series: list[Record]) -> tuple[float | None, str]:
     return None, f"every series dips, down to t12 = {points[0][0] * 1e3:g} ms"
 
 
-def _measured(records) -> list[Record]:
+def _measured(records: list[Record]) -> list[Record]:
     """The grids once more as what chapter 9 compares its simulation with: here the rig stands for the laboratory."""
     return [
         Record("chapter9", {**r.conditions, "source": "measured"}, {key: r.values[key] for key in ("m_wej_max_nm", "t_p_s")}, r.why)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..config import load_yaml
 from ..config.schema import where_of
@@ -20,6 +21,11 @@ from .evaluate import INSIDE, NOT_COMPARED, OUTSIDE, Row
 from .programme import summary
 from .records import place_text
 from .targets import Target, load_targets
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from ..testbench.sequence import Sequence
 
 EXPLANATIONS_FILE = Path(__file__).resolve().with_name("explanations.yaml")
 SECTIONS = {
@@ -214,14 +220,14 @@ def _verdict(row: Row) -> str:
     return f"{word}, {row.basis}"
 
 
-def _table(head, rows) -> str:
-    def line(cells):
+def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    def line(cells: Iterable[object]) -> str:
         return "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |"
 
     return "\n".join([line(head), "|" + " --- |" * len(head), *map(line, rows), ""])
 
 
-def _summary(rows, rig: str) -> str:
+def _summary(rows: list[Row], rig: str) -> str:
     counts = summary(rows)
     table = _table(
         ("basis", "rows", "inside", "outside", "not compared"),
@@ -239,7 +245,7 @@ def _summary(rows, rig: str) -> str:
     )
 
 
-def _hold(rows) -> str:
+def _hold(rows: list[Row]) -> str:
     """Confusion matrix of the hold phase, and the pairs of series that contradict each other."""
     held = {row.target.id: row for row in rows if row.target.quantity == "hold" and row.target.expected}
     if not held:
@@ -264,7 +270,7 @@ def _hold(rows) -> str:
     )
 
 
-def _misses(rows, explanations: dict[str, str]) -> str:
+def _misses(rows: list[Row], explanations: dict[str, str]) -> str:
     missed = [row for row in rows if row.verdict == OUTSIDE]
     if not missed:
         return "## Misses\n\nNone.\n"

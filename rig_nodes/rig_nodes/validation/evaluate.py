@@ -10,15 +10,20 @@ nothing here adds to a row's tolerance and both ends count as inside.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..config.units import SI, UNITS
 from .records import Record, canonical, group, missing, place_text, select
-from .targets import Target
+from .targets import Span, Target
+
+if TYPE_CHECKING:
+    from ..arrays import Floats
+    from ..testbench.sequence import Sequence
 
 BASIS = {"calibrate": "calibrated", "predict": "predicted", "information": "information"}
 INSIDE, OUTSIDE, NOT_COMPARED = "inside", "outside", "not compared"
@@ -63,6 +68,7 @@ class Row:
 
     @property
     def basis(self) -> str:
+        """What the row is for: calibrated, predicted or information."""
         return BASIS[self.target.role]
 
     def as_dict(self) -> dict:
@@ -132,7 +138,7 @@ def evaluate(target: Target, records: list[Record]) -> Row:
     )
 
 
-def _telling(target: Target, worst: Judged, judged) -> dict:
+def _telling(target: Target, worst: Judged, judged: list[Judged]) -> dict:
     """The part of a place that tells it from the others."""
     return {
         name: value
@@ -141,7 +147,7 @@ def _telling(target: Target, worst: Judged, judged) -> dict:
     }
 
 
-def _why_not(target, unknown, lacking) -> str:
+def _why_not(target: Target, unknown: list[Judged], lacking: list[str]) -> str:
     if unknown:
         more = f" (and {len(unknown) - 1} more)" if len(unknown) > 1 else ""
         at = place_text(unknown[0].place)
@@ -169,11 +175,11 @@ def _is_number(record: Record, quantity: str) -> bool:
     return not isinstance(record.values[quantity], (str, bool))
 
 
-def _spread(values) -> float:
+def _spread(values: Sequence[float]) -> float:
     return max(values) - min(values)
 
 
-def _spread_share(values) -> float:
+def _spread_share(values: Sequence[float]) -> float:
     if min(values) == 0.0:
         raise _Missing("the lowest value is 0, so there is no share of it")
     return _spread(values) / min(values)
@@ -188,14 +194,14 @@ _STATISTICS: dict[str, Callable] = {
 }
 
 
-def _statistic(target: Target, records) -> float:
+def _statistic(target: Target, records: list[Record]) -> float:
     values = [_number(r, target.quantity) for r in records]
     if target.statistic in ("spread", "spread_share") and len(values) < 2:
         raise _Missing("a single value has no spread")
     return _STATISTICS[target.statistic](values)
 
 
-def _numbers(target: Target, records, conditions, named=()) -> list[Record]:
+def _numbers(target: Target, records: list[Record], conditions: dict[str, tuple | Span], named: Iterable[str] = ()) -> list[Record]:
     found = select(records, target.procedure, target.quantity, conditions, (*target.fixed, *named))
     return [r for r in found if _is_number(r, target.quantity)]
 
@@ -211,18 +217,18 @@ def _varying(target: Target, record: Record) -> dict:
     return {name: value for name, value in record.conditions.items() if name not in _single(target)}
 
 
-def _within(value, low, high, place, judged_by="") -> Judged:
+def _within(value: float, low: float | None, high: float | None, place: dict, judged_by: str = "") -> Judged:
     margins = [value - low] if low is not None else []
     margins += [high - value] if high is not None else []
     margin = min(margins)
     return Judged(value, margin >= 0.0, place, low, high, margin, judged_by)
 
 
-def _unknown(place, reason) -> Judged:
+def _unknown(place: dict, reason: object) -> Judged:
     return Judged(None, None, place, reason=str(reason))
 
 
-def _values(target: Target, found) -> list[tuple[dict, Callable[[], float]]]:
+def _values(target: Target, found: list[Record]) -> list[tuple[dict, Callable[[], float]]]:
     """(place, function that gives the number or raises _Missing) for each single value or statistic."""
     if not target.statistic:
         return [(_varying(target, r), lambda r=r: _number(r, target.quantity)) for r in found]
@@ -234,7 +240,7 @@ def _values(target: Target, found) -> list[tuple[dict, Callable[[], float]]]:
     return out
 
 
-def _judge_value(target: Target, records):
+def _judge_value(target: Target, records: list[Record]) -> tuple[list[Judged], list[str]]:
     """value, range, upper, lower: each number between low and high."""
     across = (target.across,) if target.across else ()
     found = _numbers(target, records, target.conditions, across)
@@ -247,7 +253,7 @@ def _judge_value(target: Target, records):
     return judged, missing(found, target.procedure, target.conditions)
 
 
-def _judge_pair(target: Target, records):
+def _judge_pair(target: Target, records: list[Record]) -> tuple[list[Judged], list[str]]:
     """Difference and ratio: every number under `of` with every one under `to` that agrees in the row's other
     conditions.
     """
@@ -267,8 +273,8 @@ def _judge_pair(target: Target, records):
     return judged, lacking
 
 
-def _pairs(target: Target, common, of_records, to_records):
-    def numbers(records, side):
+def _pairs(target: Target, common: dict, of_records: list[Record], to_records: list[Record]) -> list[Judged]:
+    def numbers(records: list[Record], side: dict) -> list[tuple[dict, Callable[[], float]]]:
         if target.statistic:
             names = [n for n in side if n != target.across]
             return [(key, lambda m=m: _statistic(target, m)) for key, m in group(records, names)]
@@ -297,7 +303,9 @@ def _pairs(target: Target, common, of_records, to_records):
 # --- over a condition -----------------------------------------------------------------------------
 
 
-def _lines(target: Target, records, variable: str):
+def _lines(
+    target: Target, records: list[Record], variable: str
+) -> tuple[list[tuple[dict, list[tuple[float, list[Record]]]]], list[str]]:
     """(place, [(x, records at x)]) with rising x for each line that is judged by itself; a variable within a
     test makes each test a line, otherwise the conditions in `fixed` do.
     """
@@ -317,14 +325,14 @@ def _lines(target: Target, records, variable: str):
     return lines, missing(found, target.procedure, target.conditions)
 
 
-def _at(target: Target, records) -> float:
+def _at(target: Target, records: list[Record]) -> float:
     """The number at one x: the statistic, or the mean of what was tested there."""
     if target.statistic:
         return _statistic(target, records)
     return math.fsum(_number(r, target.quantity) for r in records) / len(records)
 
 
-def _judge_trend(target: Target, records):
+def _judge_trend(target: Target, records: list[Record]) -> tuple[list[Judged], list[str]]:
     lines, lacking = _lines(target, records, target.over)
     judged = []
     for place, points in lines:
@@ -341,17 +349,17 @@ def _judge_trend(target: Target, records):
     return judged, lacking
 
 
-def _tolerance(target: Target, ys) -> float:
+def _tolerance(target: Target, ys: list[float]) -> float:
     return target.tolerance * min(map(abs, ys)) if target.tolerance_is_share else target.tolerance
 
 
-def _flat(target, place, xs, ys) -> Judged:
+def _flat(target: Target, place: dict, xs: list[float], ys: list[float]) -> Judged:
     low, high = int(np.argmin(ys)), int(np.argmax(ys))
     place = {**place, target.over: (xs[high], xs[low])}
     return _within(ys[high] - ys[low], None, _tolerance(target, ys), place, "highest less lowest")
 
 
-def _monotone(target, place, xs, ys) -> Judged:
+def _monotone(target: Target, place: dict, xs: list[float], ys: list[float]) -> Judged:
     """The last value beyond the first, strictly, and no step back by more than the tolerance."""
     sign = 1.0 if target.sign == "grows" else -1.0
     whole, steps = ys[-1] - ys[0], np.diff(ys)
@@ -366,7 +374,7 @@ def _monotone(target, place, xs, ys) -> Judged:
     return _within(float(steps[at]), low, high, place, "worst step")
 
 
-def _judge_fit(target: Target, records):
+def _judge_fit(target: Target, records: list[Record]) -> tuple[list[Judged], list[str]]:
     degree = {"linear": 1, "quadratic": 2}[target.shape]
     lines, lacking = _lines(target, records, target.over)
     judged = []
@@ -381,7 +389,7 @@ def _judge_fit(target: Target, records):
     return judged, lacking
 
 
-def r_squared(x, y, degree: int) -> float:
+def r_squared(x: Floats, y: Floats, degree: int) -> float:
     """Coefficient of determination of the least-squares polynomial of this degree; 1-D arrays of one length."""
     about = y - y.mean()
     total = float(about @ about)
@@ -392,7 +400,7 @@ def r_squared(x, y, degree: int) -> float:
     return 1.0 - float(rest @ rest) / total
 
 
-def _judge_curve(target: Target, records):
+def _judge_curve(target: Target, records: list[Record]) -> tuple[list[Judged], list[str]]:
     variable = VARIABLES[target.variable]
     lines, lacking = _lines(target, records, variable)
     judged = []
@@ -407,7 +415,7 @@ def _judge_curve(target: Target, records):
     return judged, lacking
 
 
-def _deviation(target: Target, x, y) -> float:
+def _deviation(target: Target, x: Floats, y: Floats) -> float:
     """Root mean square deviation from the pieces, weighted by the variable (trapezoids), in their unit."""
     start, end = target.pieces[0][0], target.pieces[-1][1]
     inside = (x >= start - 1e-9 * (end - start)) & (x <= end + 1e-9 * (end - start))
@@ -419,7 +427,7 @@ def _deviation(target: Target, x, y) -> float:
     return math.sqrt(float(np.trapezoid(square, x) if hasattr(np, "trapezoid") else np.trapz(square, x)) / float(x[-1] - x[0]))
 
 
-def curve(target: Target, x):
+def curve(target: Target, x: Floats) -> Floats:
     """The printed curve at x, in variable_unit; values in the curve's unit. At a joint the later piece counts."""
     x = np.asarray(x, dtype=float)
     out = np.full(x.shape, np.nan)
@@ -429,7 +437,7 @@ def curve(target: Target, x):
     return out
 
 
-def _judge_classification(target: Target, records):
+def _judge_classification(target: Target, records: list[Record]) -> tuple[list[Judged], list[str]]:
     found = select(records, target.procedure, target.quantity, target.conditions, target.fixed)
     found = [r for r in found if r.values[target.quantity] in (None, *target.classes)]
     judged = []

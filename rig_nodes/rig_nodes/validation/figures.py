@@ -96,18 +96,21 @@ def ticks(low: float, high: float) -> list[float]:
 class _Scale:
     """From values to places on the sheet."""
 
-    def __init__(self, x_ticks, y_ticks):
+    def __init__(self, x_ticks: list[float], y_ticks: list[float]) -> None:
         self.x_ticks, self.y_ticks = x_ticks, y_ticks
 
     def x(self, value: float) -> float:
+        """Where a value stands across the sheet."""
         share = (value - self.x_ticks[0]) / (self.x_ticks[-1] - self.x_ticks[0])
         return round(LEFT + share * (WIDTH - LEFT - RIGHT), 1)
 
     def y(self, value: float) -> float:
+        """Where a value stands down the sheet."""
         share = (value - self.y_ticks[0]) / (self.y_ticks[-1] - self.y_ticks[0])
         return round(HEIGHT - BOTTOM - share * (HEIGHT - TOP - BOTTOM), 1)
 
     def axes(self, x_name: str, y_name: str) -> list[str]:
+        """Grid, numbers and names of both axes as SVG."""
         out = []
         bottom, right = HEIGHT - BOTTOM, WIDTH - RIGHT
         for value in self.x_ticks:
@@ -125,6 +128,7 @@ class _Scale:
         return out
 
     def band(self, band: Band) -> str:
+        """A shaded stretch as SVG."""
         high = self.y(self.y_ticks[-1] if band.high is None else band.high)
         low = self.y(self.y_ticks[0] if band.low is None else band.low)
         return (
@@ -132,6 +136,7 @@ class _Scale:
         )
 
     def draw(self, series: Series, colour: str) -> list[str]:
+        """A series in its colour as SVG."""
         out, run = [], []
         places = [None if y is None else (self.x(x), self.y(y)) for x, y in zip(series.x, series.y)]
         dash = ' stroke-dasharray="6 4"' if series.dashed else ""

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..errors import RigError
 from ..testbench.configuration import RigConfig
@@ -19,6 +20,9 @@ from .calibrate import Parameter, load_stages
 from .calibration_rows import UNSHIFTED, Miss
 from .own_rows import OwnRow, by_run, load_rows, measure_rows
 from .which_rows import CALIBRATION_FILE, file_of_rig, is_laboratory, rows_file
+
+if TYPE_CHECKING:
+    from .targets import Target
 
 
 def own_calibration(rig: str | Path, config: RigConfig) -> tuple[dict[str, dict[str, Parameter]], dict[str, Callable]]:
@@ -33,7 +37,7 @@ def own_calibration(rig: str | Path, config: RigConfig) -> tuple[dict[str, dict[
     return stages, dict.fromkeys(stages, partial(own_misses, str(rig), rows))
 
 
-def own_misses(rig: str, rows: list[OwnRow], config: RigConfig, _targets=None) -> list[Miss]:
+def own_misses(rig: str, rows: list[OwnRow], config: RigConfig, _targets: dict[str, Target] | None = None) -> list[Miss]:
     """How far the rows of a rig are from the middle of what they accept, or from what is printed; true values are taken.
 
     A tolerance is half of what a row accepts. A value that the run does not give counts as many as a shift that does not end.

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -117,14 +118,16 @@ def chosen(rows: list[OwnRow], patterns: Iterable[str]) -> list[OwnRow]:
 class _Reader:
     """Reads one row; every refusal names file and line."""
 
-    def __init__(self, path, node, where: str, rig, config: RigConfig):
+    def __init__(self, path: Path, node: Any, where: str, rig: str | Path, config: RigConfig) -> None:
         check_keys(path, node, _KEYS, ("id", "text", "source", "role", "sequence", "low", "high"), "a row", where)
         self.path, self.node, self.rig, self.config = path, node, rig, config
 
-    def refuse(self, key: str, reason: str):
+    def refuse(self, key: str, reason: str) -> NoReturn:
+        """Raises RigError about a key of the row, with file and line."""
         raise RigError(f"{where_of(self.path, self.node, key)}: {self.node['id']}.{key} {reason}")
 
     def row(self) -> OwnRow:
+        """The row as its file has it; RigError with file and line otherwise."""
         node = self.node
         for key in ("id", "text", "source"):
             if not isinstance(node[key], str) or not node[key].strip():
@@ -162,6 +165,7 @@ class _Reader:
         return OwnRow(target, name, parameters, settings, **where)
 
     def texts(self, key: str) -> tuple[tuple[str, str], ...]:
+        """Names and values under a key, as texts."""
         entries = self.node.get(key, {})
         if not isinstance(entries, dict):
             self.refuse(key, f"is {brief(entries)}, expected a map of names and values")
@@ -183,6 +187,7 @@ class _Reader:
         return dimension, {"unit": str(node["low"]).split(None, 1)[1].strip(), **found}
 
     def gear(self, key: str, name: object) -> int:
+        """Number of the gear of this name."""
         numbers = self.config.transmission.numbers if self.config.structure.gears else {}
         if str(name) not in numbers:
             self.refuse(
@@ -227,6 +232,7 @@ class _Reader:
         return {"value": str(node["value"]), "window": window}
 
     def time(self, key: str) -> float:
+        """Seconds under a key, 0 or more."""
         value = quantity(self.node[key], "time", f"{where_of(self.path, self.node, key)}: {self.node['id']}.{key}")
         if value < 0.0:
             self.refuse(key, f"is {self.node[key]}, expected 0 s or more")
@@ -258,7 +264,7 @@ def names_in(text: str, where: str) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def _walk(node, value: Callable[[str, str], float]) -> float:
+def _walk(node: ast.expr, value: Callable[[str, str], float]) -> float:
     """The number of an expression; value(name, function) gives what a signal stands for."""
     if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool):
         return float(node.value)

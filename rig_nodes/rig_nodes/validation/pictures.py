@@ -19,7 +19,7 @@ import numpy as np
 from .evaluate import curve
 from .figures import Band, Figure, Series
 from .records import Record, group, shown
-from .targets import load_targets
+from .targets import Target, load_targets
 
 RPM = pi / 30.0
 MOST_MARKS = 50  # points of a line that are marked; more are a curve
@@ -231,7 +231,7 @@ def figures(records: list[Record]) -> Iterator[tuple[str, Figure]]:
             yield plan.name, _figure(plan, found, targets.get(plan.target))
 
 
-def _figure(plan: _Plan, found, target) -> Figure:
+def _figure(plan: _Plan, found: Iterable[Record], target: Target | None) -> Figure:
     (x_name, x_factor), (y_name, y_factor) = AXES[plan.over], AXES[plan.quantity]
     figure = Figure(plan.title, x_name, y_name)
     for key, members in group(found, [plan.by] if plan.by else []):

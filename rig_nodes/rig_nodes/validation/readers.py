@@ -10,6 +10,7 @@ records, or raises RigError with why there are none; quantities derived from one
 from __future__ import annotations
 
 from math import pi
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +23,9 @@ from ..clocks import SAMPLE
 from ..errors import RigError
 from ..transmission import Clutch, transmission_of
 from .records import Record
+
+if TYPE_CHECKING:
+    from ..testbench.record import Run
 
 SHIFT_KEYS = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "m_wej_max_nm", "k", "e_loss_j", "e_loss_settled_j")
 SHIFT_VALUES = (*SHIFT_KEYS, "n_wyj_min_rpm", "e_loss_release_j", "speed_delay_s", "peak_share")
@@ -64,7 +68,7 @@ def failed(procedure: str, conditions: dict, reason: str) -> list[Record]:
 # --- shifts ---------------------------------------------------------------------------------------
 
 
-def delay_series(conditions: dict, run) -> list[list[Record]]:
+def delay_series(conditions: dict, run: Run) -> list[list[Record]]:
     """Each I-II and each II-I of one run is a repeat of its own."""
     found = {
         shift: [_shift(conditions, "delay_series", shift, row) for row in _rows(run.recording, shift)]
@@ -79,17 +83,17 @@ def delay_series(conditions: dict, run) -> list[list[Record]]:
     return [found[up][i] + found[down][i] for i in range(count)]
 
 
-def grid_up(conditions: dict, run) -> list[list[Record]]:
+def grid_up(conditions: dict, run: Run) -> list[list[Record]]:
     """The upshift, with its pressures over time and its torque before, during and after."""
     return _grid("grid_up", conditions, run)
 
 
-def grid_down(conditions: dict, run) -> list[list[Record]]:
+def grid_down(conditions: dict, run: Run) -> list[list[Record]]:
     """The downshift, likewise."""
     return _grid("grid_down", conditions, run)
 
 
-def chapter9(conditions: dict, run) -> list[list[Record]]:
+def chapter9(conditions: dict, run: Run) -> list[list[Record]]:
     """The shift of the thesis's own simulation; its pressures are prescribed."""
     rows = _rows(run.recording, conditions["shift"])
     if not rows:
@@ -97,7 +101,7 @@ def chapter9(conditions: dict, run) -> list[list[Record]]:
     return [_shift(conditions, "chapter9", conditions["shift"], row) for row in rows]
 
 
-def _grid(procedure: str, conditions: dict, run) -> list[list[Record]]:
+def _grid(procedure: str, conditions: dict, run: Run) -> list[list[Record]]:
     shift = conditions["shift"]
     rows = _rows(run.recording, shift)
     if not rows:
@@ -134,7 +138,7 @@ def _shift(conditions: dict, procedure: str, shift: str, row: dict) -> list[Reco
     return [Record(procedure, {**conditions, "shift": shift}, values, why)]
 
 
-def _less(one, other):
+def _less(one: float | None, other: float | None) -> float | None:
     return None if one is None or other is None else one - other
 
 
@@ -216,7 +220,7 @@ def _rise_class(procedure: str, conditions: dict, recording: Recording, row: dic
 # --- single engagements, valves, coast-down -------------------------------------------------------
 
 
-def profile_series(conditions: dict, run) -> list[list[Record]]:
+def profile_series(conditions: dict, run: Run) -> list[list[Record]]:
     """Each engagement of the series' clutch from neutral is a repeat."""
     box, orders = run.recording.transmission, run.recording.orders
     gear = next(gear.number for gear in box.gears if gear.clutches == (conditions["clutch"],))
@@ -236,7 +240,7 @@ def profile_series(conditions: dict, run) -> list[list[Record]]:
 def _engagement(conditions: dict, recording: Recording, row: dict) -> list[Record]:
     reason = "; ".join(row["why"]) or "was not found"
 
-    def record(extra, values):
+    def record(extra: dict, values: dict) -> Record:
         return Record(
             "profile_series", {**conditions, **extra}, values, {name: reason for name, value in values.items() if value is None}
         )
@@ -260,7 +264,7 @@ def _engagement(conditions: dict, recording: Recording, row: dict) -> list[Recor
     ]
 
 
-def valve_response(conditions: dict, run) -> list[list[Record]]:
+def valve_response(conditions: dict, run: Run) -> list[list[Record]]:
     """The delay from coil voltage and pressure."""
     channels, recording = run.recording.channels, run.recording
     clutch = next(one for one in recording.transmission.clutches if one.valve_name == conditions["valve"])
@@ -272,7 +276,7 @@ def valve_response(conditions: dict, run) -> list[list[Record]]:
     return [[Record("valve_response", conditions, {"valve_delay_s": delay})]]
 
 
-def coast_down(conditions: dict, run) -> list[list[Record]]:
+def coast_down(conditions: dict, run: Run) -> list[list[Record]]:
     """Tangent, torque and inertia, and the speed over the time since the drive was cut off."""
     recording = run.recording
     t = recording.t0 + recording.period * np.arange(recording.rows)

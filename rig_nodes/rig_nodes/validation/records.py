@@ -10,11 +10,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from ..config.conditions import CONDITIONS
 from ..config.units import SI, UNITS
 from ..errors import RigError
 from .targets import Span
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable
+
+    from ..testbench.sequence import Sequence
 
 REL = 1e-9  # two settings are the same within this share; they come from the same decimal numbers
 # how many series "all" means: procedure -> valve (None: whatever the valve) -> number, tab. 7.4, Annexes B and C
@@ -41,14 +47,14 @@ class Record:
     why: dict[str, str] = field(default_factory=dict)
 
 
-def same(one, other) -> bool:
+def same(one: float | str, other: float | str) -> bool:
     """Whether two values of a condition are the same: text exactly, numbers within REL of the larger."""
     if isinstance(one, str) or isinstance(other, str):
         return one == other
     return math.isclose(one, other, rel_tol=REL, abs_tol=1e-12)
 
 
-def allowed(value, wanted) -> bool:
+def allowed(value: float | str, wanted: tuple | Span) -> bool:
     """Whether a record's value of a condition is among those wanted: a tuple of values ("all": every one) or a
     Span, ends included.
     """
@@ -60,7 +66,7 @@ def allowed(value, wanted) -> bool:
     return any(one == "all" or same(value, one) for one in wanted)
 
 
-def select(records, procedure: str, quantity: str, conditions: dict, named=()) -> list[Record]:
+def select(records: Iterable[Record], procedure: str, quantity: str, conditions: dict, named: Iterable[str] = ()) -> list[Record]:
     """The records of a procedure that hold a quantity under the given conditions, in their order.
 
     conditions: name -> tuple or Span, as a Target has them; named: further conditions that a record must have.
@@ -79,7 +85,7 @@ def select(records, procedure: str, quantity: str, conditions: dict, named=()) -
     ]
 
 
-def missing(records, procedure: str, conditions: dict) -> list[str]:
+def missing(records: list[Record], procedure: str, conditions: dict) -> list[str]:
     """What is wanted by name and has no record, one short text each.
 
     Every combination of listed values must be there; of a Span, something; of ``series: all``, each series of
@@ -99,7 +105,7 @@ def missing(records, procedure: str, conditions: dict) -> list[str]:
     return out
 
 
-def _missing_series(found, procedure: str) -> list[str]:
+def _missing_series(found: list[Record], procedure: str) -> list[str]:
     counts = SERIES.get(procedure, {})
     out = []
     for valve in {r.conditions.get("valve") if None not in counts else None for r in found}:
@@ -112,7 +118,7 @@ def _missing_series(found, procedure: str) -> list[str]:
     return out
 
 
-def group(records, names) -> list[tuple[dict, list[Record]]]:
+def group(records: Iterable[Record], names: Collection[str]) -> list[tuple[dict, list[Record]]]:
     """Records that agree in all of ``names``, as (those conditions, records), in the order of first sight."""
     groups: dict[tuple, tuple[dict, list[Record]]] = {}
     for record in records:
@@ -121,7 +127,7 @@ def group(records, names) -> list[tuple[dict, list[Record]]]:
     return list(groups.values())
 
 
-def canonical(value):
+def canonical(value: float | str) -> float | str:
     """A condition's value as a key: equal for all that are :func:`same`, but for the last digit's luck."""
     return value if isinstance(value, str) else float(f"{value:.8e}") + 0.0
 
@@ -142,7 +148,7 @@ def average(repeats: list[list[Record]]) -> list[Record]:
     return [_mean(records) for records in zip(*single)] + traces
 
 
-def _mean(records) -> Record:
+def _mean(records: Sequence[Record]) -> Record:
     first = records[0]
     for other in records[1:]:
         if (other.procedure, other.conditions, set(other.values)) != (first.procedure, first.conditions, set(first.values)):
@@ -166,7 +172,7 @@ def _mean(records) -> Record:
     return Record(first.procedure, dict(first.conditions), values, why)
 
 
-def shown(name: str, value) -> str:
+def shown(name: str, value: float | str) -> str:
     """A condition for people, in their unit: ``1500 rpm``, ``series 19``, ``ZR-P1``."""
     takes = CONDITIONS.get(name)
     if isinstance(value, str):

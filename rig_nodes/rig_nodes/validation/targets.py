@@ -12,12 +12,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from ..config import load_yaml
 from ..config.conditions import CONDITIONS
 from ..config.schema import check_keys, where_of
 from ..config.units import SI, UNITS, quantity, with_article
 from ..errors import RigError, brief
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Mapping
+
+    from ..config.yaml_file import Map
 
 TARGETS_FILE = Path(__file__).resolve().with_name("targets.yaml")
 
@@ -125,7 +131,7 @@ def load_targets(path: str | Path | None = None) -> list[Target]:
     return list(targets.values())
 
 
-def _procedures(path, node) -> tuple[str, ...]:
+def _procedures(path: str | Path, node: Map) -> tuple[str, ...]:
     procedures = node["procedures"]
     check_keys(path, procedures, procedures, (), "procedures")
     for name, meaning in procedures.items():
@@ -134,7 +140,7 @@ def _procedures(path, node) -> tuple[str, ...]:
     return tuple(procedures)
 
 
-def _quantities(path, node) -> dict[str, str]:
+def _quantities(path: str | Path, node: Map) -> dict[str, str]:
     """Name -> dimension."""
     quantities = node["quantities"]
     check_keys(path, quantities, quantities, (), "quantities")
@@ -147,7 +153,7 @@ def _quantities(path, node) -> dict[str, str]:
     return {name: str(entry[0]) for name, entry in quantities.items()}
 
 
-def _mirror_conflicts(path, rows, targets: dict[str, Target]) -> None:
+def _mirror_conflicts(path: str | Path, rows: Iterable[Map], targets: dict[str, Target]) -> None:
     """A conflict is written at one of its two rows; let both know."""
     for row in rows:
         here = targets[str(row["id"])]
@@ -165,7 +171,7 @@ def _mirror_conflicts(path, rows, targets: dict[str, Target]) -> None:
 class _Row:
     """One row while it is read; every refusal names file, line and id."""
 
-    def __init__(self, path, node, procedures, quantities):
+    def __init__(self, path: str | Path, node: Any, procedures: Collection[str], quantities: Mapping[str, str]) -> None:
         self.path, self.node = path, node
         every = {key for musts, mays in KINDS.values() for key in (*musts, *mays)}
         check_keys(path, node, [*REQUIRED, *OPTIONAL, *sorted(every)], REQUIRED, "a target")
@@ -181,14 +187,17 @@ class _Row:
         check_keys(path, node, [*REQUIRED, *OPTIONAL, *musts, *mays], musts, f"{self.id}, a {node['kind']},")
         self.dimension = quantities[node["quantity"]]
 
-    def refuse(self, key, reason: str):
+    def refuse(self, key: str, reason: str) -> NoReturn:
+        """Raises RigError about a key of the row, with file and line."""
         raise RigError(f"{where_of(self.path, self.node, key)}: {self.id}.{key} {reason}")
 
-    def one_of(self, key, known) -> None:
+    def one_of(self, key: str, known: Collection[str]) -> None:
+        """RigError when a key names none of what is known."""
         if self.node[key] not in tuple(known):
             self.refuse(key, f"is {brief(self.node[key])}, expected one of {', '.join(known)}")
 
     def target(self) -> Target:
+        """The row as its file has it; RigError with file and line otherwise."""
         node, kind = self.node, self.node["kind"]
         values: dict = {}
         for key, known in (
@@ -236,12 +245,14 @@ class _Row:
         )
 
     def fixed(self) -> tuple[str, ...]:
+        """Conditions that must be the same for values that are compared."""
         names = self.node.get("fixed", [])
         if not isinstance(names, list) or any(name not in CONDITIONS for name in names):
             self.refuse("fixed", f"is {brief(names)}, expected a list out of {', '.join(CONDITIONS)}")
         return tuple(str(name) for name in names)
 
-    def conditions(self, key) -> dict[str, tuple | Span]:
+    def conditions(self, key: str) -> dict[str, tuple | Span]:
+        """What a row asks of the conditions under a key: values or spans [SI]."""
         node = self.node[key]
         check_keys(self.path, node, CONDITIONS, (), f"{self.id}.{key}")
         out = {}
@@ -263,6 +274,7 @@ class _Row:
         return out
 
     def classes(self) -> dict:
+        """Names of a classification, and the one that is expected."""
         classes = self.node["classes"]
         names = isinstance(classes, list) and all(isinstance(name, str) for name in classes)
         if not names or len(set(classes)) < 2:
@@ -271,6 +283,7 @@ class _Row:
         return {"classes": tuple(str(c) for c in classes), "expected": str(self.node["expected"])}
 
     def curve(self) -> dict:
+        """The pieces of a printed curve, its variable and that one's unit."""
         node = self.node
         for key in ("unit", "variable_unit"):
             self.one_of(key, UNITS)
@@ -320,10 +333,12 @@ class _Row:
                 )
         return {"printed": printed, "tolerance": tolerance, "tolerance_is_share": share, "unit": self.unit(), **ends}
 
-    def number(self, text, key, dimension) -> float:
+    def number(self, text: object, key: str, dimension: str) -> float:
+        """The number [SI] that is written under a key."""
         return quantity(text, dimension, f"{where_of(self.path, self.node, key)}: {self.id}.{key}")
 
     def printed(self) -> tuple[float, ...]:
+        """The printed number [SI], or the lowest and the highest."""
         if "printed" not in self.node:
             return ()
         entry = self.node["printed"]
@@ -343,6 +358,7 @@ class _Row:
         return text if text in UNITS else (text.split(None, 1)[1:] or ["-"])[0]
 
     def conflicts(self) -> None:
+        """RigError unless the key has sentences by ids of other rows."""
         conflicts = self.node.get("conflicts", {})
         if not isinstance(conflicts, dict):
             self.refuse("conflicts", f"is {brief(conflicts)}, expected {{id of another row: one sentence}}")
@@ -354,7 +370,7 @@ class _Row:
                 )
 
 
-def _condition(takes, name: str, entry, where: str):
+def _condition(takes: str | type[int] | tuple[str, ...], name: str, entry: object, where: str) -> float | int | str:
     if isinstance(takes, str):
         return quantity(entry, takes, where)
     if takes is int:

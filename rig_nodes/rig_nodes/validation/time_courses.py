@@ -87,7 +87,7 @@ def _figure(course: Course, part: str, recording: Recording, order: float) -> Fi
     return figure
 
 
-def _run_and_draw(rig, settings, course: Course) -> list[tuple[str, Figure]]:
+def _run_and_draw(rig: str, settings: dict[str, str] | None, course: Course) -> list[tuple[str, Figure]]:
     (series,) = load_procedure(course.procedure).series([course.series])
     return draw(course, run_repeat(series, 0, rig, settings))
 
