@@ -8,15 +8,22 @@ Read by the nodes, the recorder, the view, the report and the docs; what it is m
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, TypeVar
 
 from .clocks import COMMAND_TIMEOUT
 from .config.names import unknown
 from .description.signals import described
 from .description.structure import Structure, structure_of
 from .errors import RigError
+
+if TYPE_CHECKING:
+    from .arrays import Floats
+    from .testbench.configuration import RigConfig
+
+    Numbers = TypeVar("Numbers", float, Floats)
 
 
 @dataclass(frozen=True)
@@ -81,7 +88,7 @@ class Signal:
     logger: int | None = None
     states: dict[int, str] = field(default_factory=dict)
 
-    def shown(self, value):
+    def shown(self, value: Numbers) -> Numbers:
         """The value in the unit people read."""
         return value * self.scale
 
@@ -104,7 +111,7 @@ class Catalogue:
         """Every topic that a run of this rig may have."""
         return {**self.topics, **self.cut_topics, **self.controller_topics}
 
-    def of_run(self, cut_out=(), own_signals: bool = False) -> dict[str, Topic]:
+    def of_run(self, cut_out: Collection[str] = (), own_signals: bool = False) -> dict[str, Topic]:
         """The topics of a run in which these devices stand outside, with a controller that may have its own signals."""
         cut = {name: topic for name, topic in self.cut_topics.items() if name.split("/")[1] in cut_out}
         return {**self.topics, **cut, **(self.controller_topics if own_signals else {})}
@@ -137,7 +144,7 @@ class Catalogue:
         return self.signals[name]
 
 
-def catalogue(config=None) -> Catalogue:
+def catalogue(config: RigConfig | Mapping | None = None) -> Catalogue:
     """The catalogue of a rig.
 
     config: a RigConfig, or its record as a bag and a report hold it; by default the installed rig that is taken where none is

@@ -16,8 +16,12 @@ import sys
 from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .errors import RigError
+
+if TYPE_CHECKING:
+    import numpy as np
 
 # Options of numba for what only compiled code calls: without the two functions by which Python and C would call it, which
 # cost a third of the time to compile a small one. forceinline is said, because numba would take the caller's.
@@ -27,7 +31,7 @@ _records: dict = {}  # record types that were made, each by itself
 _SOURCES = ("engine", "parts", "plant", "plant/friction", "alfa46", "instruments")
 
 
-def one_record(dtype):
+def one_record(dtype: np.dtype) -> np.dtype:
     """The first of all equal numpy record types that were made.
 
     numba knows an argument's type by the very object; another one, though equal, it compares field by field in each call,
@@ -53,7 +57,7 @@ def own_folder(folder: Path) -> bool:
     return about.st_uid == os.getuid() and not about.st_mode & 0o022
 
 
-def _sources():
+def _sources() -> hashlib._Hash:
     """A hash over all compiled sources."""
     key = hashlib.sha256()
     for folder in _SOURCES:

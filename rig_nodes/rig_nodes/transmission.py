@@ -14,10 +14,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from types import SimpleNamespace
+from typing import TYPE_CHECKING, TypeVar
 
 from .description.driveline import build_driveline, held_ratio, inertias_of
-from .description.structure import End, key_of, structure_of
+from .description.structure import Device, End, Structure, key_of, structure_of
 from .plant.kiss_point import kiss_pressure
+
+if TYPE_CHECKING:
+    from .arrays import Floats
+    from .testbench.configuration import RigConfig
+
+    Numbers = TypeVar("Numbers", float, Floats)
 
 NEUTRAL = 0  # number of the gear in which nothing is driven
 
@@ -111,7 +118,7 @@ class Inertias:
         """The driven inertia on the output shaft [kg m2]."""
         return self.driven * self.reduction**2
 
-    def kinetic(self, w_in, w_out):
+    def kinetic(self, w_in: Numbers, w_out: Numbers) -> Numbers:
         """Kinetic energy [J] at these speeds of input and output shaft [rad/s]."""
         return 0.5 * self.driving * w_in**2 + 0.5 * self.on_output * w_out**2
 
@@ -221,17 +228,17 @@ class Transmission:
         pairs = [pair for a, b in itertools.pairwise(driving) for pair in ((a, b), (b, a))]
         return {f"{a.name}-{b.name}": (a.number, b.number) for a, b in pairs}
 
-    def slip(self, gear: int, w_in, w_out):
+    def slip(self, gear: int, w_in: Numbers, w_out: Numbers) -> Numbers:
         """Slip of a gear that drives as a share of the input speed, (6.85); speeds [rad/s], numbers or arrays."""
         return slip_of(self.ratios[gear], w_in, w_out)
 
 
-def slip_of(ratio: float, w_in, w_out):
+def slip_of(ratio: float, w_in: Numbers, w_out: Numbers) -> Numbers:
     """Slip as a share of the input speed, (6.85), of a gear with this ratio."""
     return 1.0 - w_out * ratio / w_in
 
 
-def transmission_of(config=None) -> Transmission:
+def transmission_of(config: RigConfig | Mapping | None = None) -> Transmission:
     """The transmission of a rig with gears.
 
     config: a RigConfig, or its record as a bag and a report hold it (RigConfig.as_dict); by default the installed rig that
@@ -282,7 +289,7 @@ def made_of(record: Mapping) -> Transmission:
     return Transmission(structure.input, structure.output, clutches, tuple(gears), Inertias(driving * one**2, driven, reduction))
 
 
-def _clutch(device, structure, record: Mapping, wiring: Mapping[str, int]) -> Clutch:
+def _clutch(device: Device, structure: Structure, record: Mapping, wiring: Mapping[str, int]) -> Clutch:
     """A clutch with what belongs to it; of a signal that nobody measures the name is empty."""
     valve, values = structure.valve_of(device.name), record[device.name]
 
@@ -307,7 +314,7 @@ def _clutch(device, structure, record: Mapping, wiring: Mapping[str, int]) -> Cl
     )
 
 
-def tied_to(structure, inertias: Mapping[str, float], body: str) -> tuple[float, float]:
+def tied_to(structure: Structure, inertias: Mapping[str, float], body: str) -> tuple[float, float]:
     """(inertia of all that toothed wheels tie to a body [kg m2], speed of the axis that it is on by that of the body)."""
     speeds, todo = {body: 1.0}, [body]
     while todo:

@@ -10,6 +10,10 @@ from __future__ import annotations
 
 import signal
 import threading
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from types import FrameType
 
 
 class Uninterrupted:
@@ -29,7 +33,7 @@ class Uninterrupted:
                     signal.signal(number, self._on)
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         for number, before in self._before.items():
             if signal.getsignal(number) == self._on:  # else whoever it was handed on to has set another
                 signal.signal(number, before)
@@ -42,7 +46,7 @@ class Uninterrupted:
             number, self._came = self._came, None
             self._before[number](number, None)
 
-    def _on(self, number: int, frame) -> None:
+    def _on(self, number: int, frame: FrameType | None) -> None:
         if self.held:
             self._came = number
         else:

@@ -6,14 +6,20 @@
 from __future__ import annotations
 
 import sys
+from typing import TYPE_CHECKING
 
 from .progress import ProgressLine
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Callable
 
 HELP = "measure how fast the rig computes on this machine"
 PARTS = ("kernel", "demo", "graph", "controllers", "scaling", "peers")
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
     parser.add_argument(
         "parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}, or all (default): some three minutes on an idle machine"
     )
@@ -22,7 +28,8 @@ def add_arguments(parser) -> None:
     parser.add_argument("--write-docs", action="store_true", help="write docs/reference/performance.md of the checkout (all parts)")
 
 
-def main(args) -> int:
+def main(args: argparse.Namespace) -> int:
+    """Measure what is asked for, print and write the numbers."""
     from ..errors import RigError
 
     parts = _chosen(args.parts)
@@ -67,7 +74,7 @@ def _chosen(parts: list[str]) -> list[str]:
     return list(PARTS) if not parts or "all" in parts else [part for part in PARTS if part in parts]
 
 
-def _measure(part: str, repeats: int, tell):
+def _measure(part: str, repeats: int, tell: Callable[[str], None]) -> dict | list[dict]:
     if part == "kernel":
         from ..benchmark.kernel import bench_kernel
 

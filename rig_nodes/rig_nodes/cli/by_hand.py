@@ -6,9 +6,15 @@
 from __future__ import annotations
 
 import os
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import argparse
+
+    from ..nodes.running_rig import RunningRig
 
 
-def add_domain(parser) -> None:
+def add_domain(parser: argparse.ArgumentParser) -> None:
     """The argument that names the rig."""
     parser.add_argument(
         "--domain",
@@ -18,7 +24,7 @@ def add_domain(parser) -> None:
     )
 
 
-def running_rig(args):
+def running_rig(args: argparse.Namespace) -> RunningRig:
     """The rig of --domain, a context manager; RigError when there is none."""
     from ..graph.domain import environment, of_running_rig
 

@@ -3,17 +3,24 @@
 
 """`rig calibrate`: finds the rig's unknown parameters again and, with --write, puts them into its configuration."""
 
+from __future__ import annotations
+
 import argparse
 import sys
 from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 from ..config.names import DEFAULT_RIG
 from .progress import ProgressLine
+
+if TYPE_CHECKING:
+    from ..validation.calibration_rows import Miss
 
 HELP = "find a rig's unknown parameters on the laboratory's rows, or on its own"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
     parser.add_argument(
         "--rig",
         default=DEFAULT_RIG,
@@ -53,6 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
+    """Search, print what was found, write it when asked to; RigError for what cannot be searched."""
     from ..config import load_yaml
     from ..config.names import beside, find_config, unknown
     from ..config.units import SI
@@ -85,7 +93,7 @@ def main(args: argparse.Namespace) -> int:
     def pair(stage: str, one: str, other: str) -> None:
         line.tell(0.0, f"{stage}: {one} against {other}")
 
-    def plain(miss) -> dict:
+    def plain(miss: Miss) -> dict:
         return {"row": miss.row, "value": miss.value, "tolerances": miss.tolerances}
 
     curves = []

@@ -6,17 +6,24 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Iterator
+
+    from ..testbench.configuration import RigConfig
 
 HELP = "check the folder of a rig and draw its driveline"
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the verb."""
     parser.add_argument("rig", metavar="RIG", help="folder of a rig, its file, or the name of an installed one")
     parser.add_argument("--picture", metavar="FILE", help="where the picture goes (default: NAME_driveline.svg here)")
 
 
-def main(args) -> int:
+def main(args: argparse.Namespace) -> int:
     """0 when a run can begin; what is wrong is one sentence, with file and line."""
     from ..atomic_write import atomic_write
     from ..description.picture import driveline_svg
@@ -52,7 +59,7 @@ def _sequences(rig: str) -> list[Path]:
     return sorted((find_config("rigs", rig).parent / "sequences").glob("*.yaml"))
 
 
-def _held_against(rig: str, config):
+def _held_against(rig: str, config: RigConfig) -> Iterator[str]:
     """The validation rows and the calibration in the rig's own folder, a line each."""
     from ..config.names import find_config
     from ..validation.which_rows import CALIBRATION_FILE, ROWS_FILE, is_laboratory
@@ -70,7 +77,7 @@ def _held_against(rig: str, config):
         yield f"calibration: {', '.join(f'{stage}.{name}' for stage, those in stages.items() for name in those)}"
 
 
-def _told(config):
+def _told(config: RigConfig) -> Iterator[str]:
     """What the description comes to, a line each."""
     structure, n = config.structure, len(config.catalogue.signals)
     yield f"{config.name}: {config.description}"

@@ -7,16 +7,20 @@ from __future__ import annotations
 
 import json
 import re
+from typing import TYPE_CHECKING
 
 from ..config.names import DEFAULT_RIG
 from .run_arguments import StepTimeout, step_timeout
+
+if TYPE_CHECKING:
+    import argparse
 
 COME = 20.0  # s for a controller of its own program to come
 MARKS = {True: "ok", False: "FAILED", None: "-"}
 HELP = "check a shift controller of your own, or start one from a template"
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the verb."""
     from ..controllers.templates import KINDS
 
@@ -41,12 +45,12 @@ def add_arguments(parser) -> None:
     )
 
 
-def main(args) -> int:
+def main(args: argparse.Namespace) -> int:
     """0 when everything passed, 1 when something failed."""
     return check(args) if args.what == "check" else new(args)
 
 
-def check(args) -> int:
+def check(args: argparse.Namespace) -> int:
     """Run the set, print its table."""
     from ..testbench.configuration import load_gearbox_rig
     from ..testbench.conformance import Check
@@ -70,7 +74,7 @@ def check(args) -> int:
     return 1 if failed else 0
 
 
-def new(args) -> int:
+def new(args: argparse.Namespace) -> int:
     """Write the template, print what to do with it."""
     from ..config.names import DEFAULT_RIG
     from ..controllers.record import record_of

@@ -7,13 +7,18 @@ from __future__ import annotations
 
 import os
 import sys
+from typing import TYPE_CHECKING
 
 from ..config.names import DEFAULT_RIG
+
+if TYPE_CHECKING:
+    import argparse
 
 HELP = "start a device of its own, for a rig with source: topic"
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
     parser.add_argument("name", help="a device of the rig, e.g. motor")
     parser.add_argument(
         "--domain", type=int, metavar="N", help="ROS domain of the rig, which `rig run` prints (default: ROS_DOMAIN_ID)"
@@ -31,7 +36,7 @@ def add_arguments(parser) -> None:
     )
 
 
-def main(args) -> int:
+def main(args: argparse.Namespace) -> int:
     """Check, then become the node's process: signals go to it alone."""
     from ..engine.outside import check_device
     from ..errors import RigError

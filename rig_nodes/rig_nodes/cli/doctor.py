@@ -6,6 +6,8 @@
 For people before they ask for help, and for scripts through --json. Exit code 1 when a check fails.
 """
 
+from __future__ import annotations
+
 import argparse
 import fcntl
 import glob
@@ -43,10 +45,12 @@ class Finding:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
     parser.add_argument("--json", action="store_true", help="print the findings for a program to read")
 
 
 def main(args: argparse.Namespace) -> int:
+    """Run all checks and print what they find; 1 when one fails."""
     findings = []
     for check in CHECKS:
         finding = run_check(check)
@@ -73,6 +77,7 @@ def run_check(check: Callable[[], Finding]) -> Finding:
 
 
 def check_python() -> Finding:
+    """The interpreter: its version is one that the rig runs on."""
     series = sys.version_info[:2]
     detail = f"{platform.python_version()} at {sys.executable}"
     if series < (3, 11):
@@ -81,6 +86,7 @@ def check_python() -> Finding:
 
 
 def check_compiler() -> Finding:
+    """A C++ compiler for the messages."""
     names = [n for n in (os.environ.get("CXX"), "c++", "g++", "clang++") if n]
     compiler = next((n for n in names if shutil.which(n)), None)
     if compiler is None:
@@ -90,6 +96,7 @@ def check_compiler() -> Finding:
 
 
 def check_headers() -> Finding:
+    """Python's C headers for the messages."""
     header = Path(sysconfig.get_path("include"), "Python.h")
     if not header.is_file():
         return Finding("headers", WARN, f"no {header}", "needed when msgs/ changes: install the Debian package python3-dev")
@@ -97,6 +104,7 @@ def check_headers() -> Finding:
 
 
 def check_environment() -> Finding:
+    """The environment: the launcher made it, and it is up to date."""
     launcher = Path(PACKAGE_FILE).resolve().parents[2] / "rig"
     if not launcher.is_file() or Path(sys.prefix) != launcher.parent / ".venv":
         return Finding(
@@ -118,6 +126,7 @@ def check_environment() -> Finding:
 
 
 def check_disk() -> Finding:
+    """Free space where runs are written."""
     free_gb = shutil.disk_usage(Path.cwd()).free / 1e9
     state = FAIL if free_gb < 0.1 else WARN if free_gb < 1.0 else OK
     return Finding(
@@ -148,6 +157,7 @@ def check_numba_cache() -> Finding:
 
 
 def check_rclpy() -> Finding:
+    """The ROS 2 client library can be loaded."""
     import rclpy
 
     try:
@@ -233,6 +243,7 @@ def is_left(lock_file: str) -> bool:
 
 
 def check_viewer() -> Finding:
+    """The viewer, and what it needs to draw."""
     if importlib.util.find_spec("rerun") is None:
         return Finding("viewer", WARN, "rerun is not installed", "runs work, 'rig view' does not")
     import rerun

@@ -8,8 +8,14 @@ rig_record.h.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..config.names import DEFAULT_RIG
+
+if TYPE_CHECKING:
+    import argparse
+
+    from ..controllers.record import ControllerRecord
 
 INTERMIXED = True  # files may stand before and behind options
 HELP = "write an FMU, the CAN database, the Modbus registers or rig_record.h"
@@ -24,7 +30,7 @@ DEFAULTS = {
 SUFFIXES = {"fmu": (".fmu",), "controller-fmu": (".fmu",), "dbc": (".dbc",), "registers": (".csv", ".md"), "record": (".h",)}
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the verb."""
     parser.add_argument(
         "what",
@@ -58,7 +64,7 @@ def add_arguments(parser) -> None:
     parser.add_argument("--fmi", type=int, choices=(2, 3), default=2, help="version of FMI (default: 2)")
 
 
-def main(args) -> int:
+def main(args: argparse.Namespace) -> int:
     """Write the file and say where it is."""
     from ..config.names import find_config
     from ..errors import RigError
@@ -101,13 +107,13 @@ def _check_target(what: str, target: Path, sources: list[str]) -> None:
         raise RigError(f"-o {target}: it exists; remove it first, or name another file")
 
 
-def _fmu(args, target: Path, settings: dict[str, str]) -> None:
+def _fmu(args: argparse.Namespace, target: Path, settings: dict[str, str]) -> None:
     from ..fmu.build import build_rig_fmu
 
     build_rig_fmu(target, args.rig, settings, args.fmi)
 
 
-def _controller_fmu(args, target: Path, settings: dict[str, str]) -> None:
+def _controller_fmu(args: argparse.Namespace, target: Path, settings: dict[str, str]) -> None:
     from ..fmu.build import build_controller_fmu
     from ..testbench.configuration import load_gearbox_rig
 
@@ -115,14 +121,14 @@ def _controller_fmu(args, target: Path, settings: dict[str, str]) -> None:
     build_controller_fmu(args.sources, target, config, args.fmi, [f"-I{folder}" for folder in args.include])
 
 
-def _dbc(args, target: Path, settings: dict[str, str]) -> None:
+def _dbc(args: argparse.Namespace, target: Path, settings: dict[str, str]) -> None:
     from ..atomic_write import atomic_write
     from ..controllers.can_database import dbc_text
 
     atomic_write(target, dbc_text(_record(args, settings)))
 
 
-def _registers(args, target: Path, settings: dict[str, str]) -> None:
+def _registers(args: argparse.Namespace, target: Path, settings: dict[str, str]) -> None:
     from ..atomic_write import atomic_write
     from ..controllers.registers import csv_text, markdown_text
 
@@ -130,14 +136,14 @@ def _registers(args, target: Path, settings: dict[str, str]) -> None:
     atomic_write(target, text(_record(args, settings)))
 
 
-def _record_header(args, target: Path, settings: dict[str, str]) -> None:
+def _record_header(args: argparse.Namespace, target: Path, settings: dict[str, str]) -> None:
     from ..atomic_write import atomic_write
     from ..controllers.record_header import header_text
 
     atomic_write(target, header_text(_record(args, settings)))
 
 
-def _record(args, settings: dict[str, str]):
+def _record(args: argparse.Namespace, settings: dict[str, str]) -> ControllerRecord:
     """The record of the rig's controller."""
     from ..controllers.record import record_of
     from ..testbench.configuration import load_gearbox_rig

@@ -5,18 +5,23 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from .by_hand import add_domain, running_rig
+
+if TYPE_CHECKING:
+    import argparse
 
 HELP = "order a gear of the rig that runs"
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the verb."""
     parser.add_argument("gear", metavar="GEAR", help="its name, e.g. I, or N (neutral)")
     add_domain(parser)
 
 
-def main(args) -> int:
+def main(args: argparse.Namespace) -> int:
     """0 when the gear is in; 1 when the controller refused it or the shift failed."""
     from ..errors import RigError
 

@@ -21,7 +21,7 @@ class Keyboard:
     Gives nothing, and leaves the terminal alone, when the standard input is none or another job has it.
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         try:
             self._descriptor = sys.stdin.fileno()
             self.there = os.isatty(self._descriptor) and not _in_background(self._descriptor)
@@ -34,11 +34,12 @@ class Keyboard:
             tty.setcbreak(self._descriptor)
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         if self.there:
             termios.tcsetattr(self._descriptor, termios.TCSADRAIN, self._before)
 
     def __call__(self) -> str:
+        """The keys pressed since the last call, in their order; empty without a terminal."""
         pressed = ""
         while self.there and select.select([self._descriptor], [], [], 0)[0]:
             data = os.read(self._descriptor, 64)

@@ -9,11 +9,20 @@ Alone: what it lists.
 from __future__ import annotations
 
 import json
+from typing import TYPE_CHECKING
 
 from ..config import RIGS_DIR
 from ..config.names import DEFAULT_RIG, find_config, installed, with_bases
 from ..errors import RigError
 from ..parts.part import VALUES
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Callable, Iterable, Mapping
+    from pathlib import Path
+
+    from ..catalogue import Catalogue, Signal, Topic
+    from ..testbench.configuration import RigConfig
 
 HELP = "list sequences, procedures, rigs, topics or signals"
 # what can be listed, its line and the command that takes such a name
@@ -34,7 +43,8 @@ WHAT = {
 }
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
     parser.add_argument("what", nargs="?", choices=WHAT, help="what to list; alone: what there is to list")
     parser.add_argument(
         "--rig",
@@ -51,7 +61,8 @@ def add_arguments(parser) -> None:
     )
 
 
-def main(args) -> int:
+def main(args: argparse.Namespace) -> int:
+    """Print the list as a table, as JSON or as a page of the documentation."""
     if args.rig is not None and args.what not in OF_A_RIG:
         raise RigError(f"--rig goes with {', '.join(OF_A_RIG)} only")
     if args.markdown:
@@ -76,24 +87,24 @@ def main(args) -> int:
     return 0
 
 
-def _described(path) -> str:
+def _described(path: Path) -> str:
     from ..config import load_yaml
 
     return (load_yaml(path) or {}).get("description", "")
 
 
-def _rigs():
+def _rigs() -> list[dict[str, str]]:
     return [{"name": name, "description": _described(find_config("rigs", name))} for name in installed("rigs")]
 
 
-def _controllers():
+def _controllers() -> list[dict[str, str]]:
     return [{"name": name, "description": _described(find_config("controllers", name))} for name in installed("controllers")]
 
 
-def _of_rigs(kind: str):
+def _of_rigs(kind: str) -> Callable[[str | None], list[dict[str, str]]]:
     """What stands in the folders of the installed rigs, or of one rig and those that it stands on."""
 
-    def rows(rig: str | None):
+    def rows(rig: str | None) -> list[dict[str, str]]:
         folders = (
             [(name, RIGS_DIR / name) for name in installed("rigs")]
             if rig is None
@@ -108,19 +119,19 @@ def _of_rigs(kind: str):
     return rows
 
 
-def _templates():
+def _templates() -> list[dict[str, str]]:
     from ..controllers.templates import KINDS
 
     return [{"name": name, "then": kind.commands[0].format(dir="DIR")} for name, kind in KINDS.items()]
 
 
-def _known(rig: str | None):
+def _known(rig: str | None) -> RigConfig:
     from ..testbench.configuration import load_rig
 
     return load_rig(rig or DEFAULT_RIG)
 
 
-def _devices(rig: str | None):
+def _devices(rig: str | None) -> list[dict[str, str]]:
     from ..engine.outside import NOT_DEVICES, why_not
 
     structure, rows = _known(rig).structure, []
@@ -133,7 +144,7 @@ def _devices(rig: str | None):
     return rows
 
 
-def _settings(rig: str | None):
+def _settings(rig: str | None) -> list[dict[str, str]]:
     config = _known(rig)
     return [
         {
@@ -148,11 +159,11 @@ def _settings(rig: str | None):
     ]
 
 
-def _topics(rig: str | None):
+def _topics(rig: str | None) -> list[dict[str, str]]:
     return _rows_of(_known(rig).catalogue.all_topics)
 
 
-def _setpoint_rows(known):
+def _setpoint_rows(known: Catalogue) -> list[dict[str, str]]:
     return [
         {
             "topic": topic.name,
@@ -165,11 +176,11 @@ def _setpoint_rows(known):
     ]
 
 
-def _range(signal) -> str:
+def _range(signal: Signal) -> str:
     return f"{_number(signal.shown(signal.low))} to {_number(signal.shown(signal.high))} {signal.display_unit}"
 
 
-def _rows_of(topics):
+def _rows_of(topics: Mapping[str, Topic]) -> list[dict[str, str]]:
     return [
         {"topic": t.name, "type": t.ros_type, "node": t.node, "qos": t.qos, "rate": f"{t.rate:g} Hz" if t.rate else "on change"}
         for t in topics.values()
@@ -180,12 +191,12 @@ def _number(value: float) -> str:
     return f"{value:.6g}"
 
 
-def _signals(rig: str | None):
+def _signals(rig: str | None) -> list[dict[str, str]]:
     known = _known(rig).catalogue
     return _signal_rows(known.signals.values(), known.all_topics)
 
 
-def _signal_rows(signals, topics):
+def _signal_rows(signals: Iterable[Signal], topics: Mapping[str, Topic]) -> list[dict[str, str]]:
     return [
         {
             "signal": s.name,
@@ -203,7 +214,7 @@ def _signal_rows(signals, topics):
     ]
 
 
-def _parts():
+def _parts() -> list[dict[str, str]]:
     from ..description.reference import rows_of_parts
 
     return rows_of_parts()
@@ -273,10 +284,10 @@ def markdown() -> str:
 PAGES = {"signals": markdown, "parts": parameters}
 
 
-def _page_of(rig: str, known, others: list[str]) -> list[str]:
+def _page_of(rig: str, known: Catalogue, others: list[str]) -> list[str]:
     """The lines on one rig, and on those that have the same topics and signals."""
 
-    def table(rows):
+    def table(rows: list[dict[str, str]]) -> list[str]:
         head = list(rows[0])
         lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
         return [*lines, *("| " + " | ".join(str(v) for v in row.values()) + " |" for row in rows), ""]

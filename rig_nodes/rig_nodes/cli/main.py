@@ -9,6 +9,8 @@ with PASSES_ON = True gets its arguments as they are, in args.passed_on; one wit
 before and behind options.
 """
 
+from __future__ import annotations
+
 import argparse
 import contextlib
 import gc
@@ -16,6 +18,7 @@ import importlib
 import os
 import signal
 import sys
+from typing import Any, NoReturn, TextIO
 
 from rig_nodes import __version__
 from rig_nodes.errors import RigError, Terminated, ended_by, printable
@@ -49,7 +52,7 @@ VERBS = {
 }
 
 
-def on_sigterm(_number, _frame) -> None:
+def on_sigterm(_number: int, _frame: object) -> None:
     """Raise Terminated, once: what it ends in order is not to be disturbed."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     raise Terminated
@@ -58,7 +61,8 @@ def on_sigterm(_number, _frame) -> None:
 class Parser(argparse.ArgumentParser):
     """argparse with the rig's one-sentence errors."""
 
-    def error(self, message):
+    def error(self, message: str) -> NoReturn:
+        """RigError in place of argparse's usage and exit; proposes the option that was meant."""
         start, _, rest = message.partition("unrecognized arguments: ")
         if not start and rest.startswith("--"):
             from rig_nodes.config.names import unknown
@@ -67,7 +71,7 @@ class Parser(argparse.ArgumentParser):
             message = unknown("option", rest.split()[0].partition("=")[0], options)
         raise RigError(f"{message} (see '{self.prog} --help')")
 
-    def _check_value(self, action, value):
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
         """As argparse's, for everything that has choices, verbs below a verb too; proposes what was meant."""
         if action.choices is not None and value not in action.choices:
             from rig_nodes.config.names import unknown
@@ -81,16 +85,17 @@ class Shown:
     Ends of lines and tabs stay, and a carriage return at either end of a text, with which a line of progress is renewed.
     """
 
-    def __init__(self, stream):
+    def __init__(self, stream: TextIO) -> None:
         self._stream = stream
 
     def write(self, text: str) -> int:
+        """Writes a text with its control characters shown; its length."""
         inner = text.strip("\r")
         before, _, after = text.partition(inner) if inner else (text, "", "")
         self._stream.write(before + printable(inner, "\n\t") + after)
         return len(text)
 
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 
 

@@ -6,18 +6,22 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import argparse
 
 HELP = "write the folder of a rig of your own to begin with"
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the verb."""
     verbs = parser.add_subparsers(dest="what", required=True, metavar="WHAT", parser_class=type(parser))
     rig = verbs.add_parser("rig", help="a two-speed gearbox with comments that say what each part is for", allow_abbrev=False)
     rig.add_argument("folder", metavar="FOLDER", help="new or empty folder for it")
 
 
-def main(args) -> int:
+def main(args: argparse.Namespace) -> int:
     """Write the files, print what to do with them."""
     import shutil
 

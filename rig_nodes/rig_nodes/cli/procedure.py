@@ -6,11 +6,15 @@
 from __future__ import annotations
 
 import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import argparse
 
 HELP = "run series of a measuring procedure of the laboratory, with bags"
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the verb."""
     parser.add_argument("procedure", help="name of an installed procedure or a .yaml file")
     parser.add_argument(
@@ -29,7 +33,7 @@ def add_arguments(parser) -> None:
     )
 
 
-def main(args) -> int:
+def main(args: argparse.Namespace) -> int:
     """Run the chosen series one after the other; 0 only when every sequence came to its end."""
     from ..analysis.report import build_report, format_report, write_report
     from ..bags.reader import Bag

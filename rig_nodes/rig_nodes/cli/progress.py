@@ -19,7 +19,7 @@ class ProgressLine:
     before.
     """
 
-    def __init__(self, of: float | None = None, begun: float = 0.0):
+    def __init__(self, of: float | None = None, begun: float = 0.0) -> None:
         self.of, self.begun, self.start, self.live = of, begun, time.monotonic(), sys.stderr.isatty()
         self._told, self._open = self.start, False
 

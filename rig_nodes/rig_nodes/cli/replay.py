@@ -9,13 +9,19 @@ import argparse
 import math
 import os
 import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ..bags.index import BagIndex
+    from ..bags.player import Player
+    from ..nodes.replay import Outcome
 
 HELP = "publish a recorded bag again, with /clock"
 LOST = 3  # exit code: replayed, but not all of what was recorded
 KEYS = "space: pause and go on, right arrow or s: one step, q: end"
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the verb."""
     parser.add_argument("bag", metavar="BAG", help="folder of a run, or an .mcap file")
     parser.add_argument(
@@ -54,7 +60,7 @@ def node() -> int:
     return rig(["replay", *own[1:]])
 
 
-def main(args) -> int:
+def main(args: argparse.Namespace) -> int:
     """Check, replay, tell what was sent; 0 at the end and after q, 3 when the bag is damaged, 130 after Ctrl-C."""
     from ..bags.index import BagIndex
 
@@ -62,7 +68,7 @@ def main(args) -> int:
         return _replay(bag, args)
 
 
-def _replay(bag, args) -> int:
+def _replay(bag: BagIndex, args: argparse.Namespace) -> int:
     from ..bags.player import Player
     from ..errors import RigError
     from ..graph.domain import environment, from_environment
@@ -116,7 +122,7 @@ def _replay(bag, args) -> int:
     return LOST if bag.damage else 0
 
 
-def _chosen(bag, args) -> tuple[int, list[str]]:
+def _chosen(bag: BagIndex, args: argparse.Namespace) -> tuple[int, list[str]]:
     """Time at which the replay begins [ns] and topics that it takes; RigError when the bag has no such."""
     from ..config.names import unknown
     from ..errors import RigError
@@ -133,7 +139,7 @@ def _chosen(bag, args) -> tuple[int, list[str]]:
     return bag.first + round(args.start * 1e9), args.topics or list(bag.counts)
 
 
-def _tell(outcome, player) -> None:
+def _tell(outcome: Outcome, player: Player) -> None:
     sent = sum(outcome.counts.values())
     width = max(map(len, outcome.counts))
     for topic, count in outcome.counts.items():
@@ -147,7 +153,7 @@ def _tell(outcome, player) -> None:
         print(f"stalls put the replay back by {player.behind:.2f} s in all")
 
 
-def _warn_damage(bag, sentence: str) -> None:
+def _warn_damage(bag: BagIndex, sentence: str) -> None:
     _warn(f"{bag.path} is damaged, only what is whole of it is replayed: {sentence}")
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..analysis.annex_a import FACTOR_B
 from ..analysis.logger_csv import parse_orders, read_logger_csv
@@ -33,11 +34,16 @@ from ..errors import RigError
 from ..graph.result import end_of, facts_of, lost_messages, open_bag, run_part, what_was_lost
 from ..testbench.folders import parse_settings
 
+if TYPE_CHECKING:
+    import argparse
+
+    from ..bags.reader import Bag
+
 HELP = "print the shift metrics of a run and rewrite its report.json"
 METADATA = "metadata.yaml"
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the verb."""
     parser.add_argument("run", metavar="RUN", help="folder of a run, its .mcap file, or a logger's .csv file")
     parser.add_argument("--json", action="store_true", help="print the report as JSON instead of a table")
@@ -60,7 +66,7 @@ def add_arguments(parser) -> None:
     )
 
 
-def main(args) -> int:
+def main(args: argparse.Namespace) -> int:
     """Compute the report, print it, write it beside the bag; 1 for a bag of which only a part is left."""
     if args.factor is not None and not args.annex_a:
         raise RigError("--factor is Annex A's; give --annex-a too")
@@ -77,7 +83,7 @@ def _show(report: dict, as_json: bool) -> None:
     print(json.dumps(report, indent=2, ensure_ascii=False) if as_json else format_report(report), flush=True)
 
 
-def _report_of_csv(args, annex: float | None) -> dict:
+def _report_of_csv(args: argparse.Namespace, annex: float | None) -> dict:
     if args.truth:
         raise RigError(f"{args.run}: a logger's CSV holds no states of a plant; --truth is for bags")
     period = None if args.period is None else quantity(args.period, "time", "--period")
@@ -90,7 +96,7 @@ def _report_of_csv(args, annex: float | None) -> dict:
     return report_of_recording(recording, annex, config.as_dict())
 
 
-def _of_bag(args, annex: float | None) -> int:
+def _of_bag(args: argparse.Namespace, annex: float | None) -> int:
     for option, name in (("orders", "orders"), ("period", "period"), ("rig", "rig"), ("set", "settings")):
         if getattr(args, name) is not None:
             raise RigError(f"--{option} is for a logger's .csv; a bag has its own")
@@ -121,7 +127,7 @@ def _of_bag(args, annex: float | None) -> int:
     return 1 if bag.recovered else 0
 
 
-def _run_of(bag, folder: Path, facts: dict[str, dict]) -> dict:
+def _run_of(bag: Bag, folder: Path, facts: dict[str, dict]) -> dict:
     """What bag and logs say about a run without a report: by a launch file, or with a killed supervisor."""
     known = info_of(bag)
     if facts:
@@ -129,7 +135,7 @@ def _run_of(bag, folder: Path, facts: dict[str, dict]) -> dict:
     return {**known, "end": {"reason": "the run left no report"}}
 
 
-def _run_of_the_rest(bag, folder: Path, run: dict, reported: bool) -> dict:
+def _run_of_the_rest(bag: Bag, folder: Path, run: dict, reported: bool) -> dict:
     """The run part where the bag was damaged after it was written: what is lost is counted anew, its end is not known.
 
     reported: ``run`` is of a report of the whole bag.
@@ -147,7 +153,7 @@ def _run_of_the_rest(bag, folder: Path, run: dict, reported: bool) -> dict:
     return rest
 
 
-def _written(bag, folder: Path) -> dict[str, int]:
+def _written(bag: Bag, folder: Path) -> dict[str, int]:
     """Messages per topic when the bag was closed; empty where the folder has no whole metadata of this bag."""
     path = folder / METADATA
     if not path.is_file():

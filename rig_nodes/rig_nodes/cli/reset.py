@@ -5,17 +5,22 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from .by_hand import add_domain, running_rig
+
+if TYPE_CHECKING:
+    import argparse
 
 HELP = "leave the safe state of the rig that runs"
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the verb."""
     add_domain(parser)
 
 
-def main(args) -> int:
+def main(args: argparse.Namespace) -> int:
     """0 when it has left it; 1 when it is in none."""
     with running_rig(args) as rig:
         print(rig.trigger("/rig/reset"))

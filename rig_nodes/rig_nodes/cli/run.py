@@ -12,15 +12,21 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..errors import BagError, RigError, ended_by, printable
 from .run_arguments import above_zero, add_shared_arguments, add_topic_arguments, exit_code
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from ..graph.supervisor import End
 
 HELP = "run a sequence on the ROS 2 node graph and record it"
 LIVE_VIEW_END = 2.0  # s that the live view has for its end, after the run's
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the verb."""
     add_shared_arguments(parser, by_hand=True)
     add_topic_arguments(parser)
@@ -45,7 +51,7 @@ def speed(text: str) -> float:
     return above_zero(text, "max")
 
 
-def main(args) -> int:
+def main(args: argparse.Namespace) -> int:
     """Check, warm up, run, report; 0 only when the sequence came to its end."""
     try:
         return run(args)
@@ -55,7 +61,7 @@ def main(args) -> int:
         return code
 
 
-def run(args) -> int:
+def run(args: argparse.Namespace) -> int:
     """As :func:`main`; KeyboardInterrupt before the first process is started."""
     from ..controllers.load import level_line, load_controller, split_level
     from ..graph.domain import from_environment
@@ -133,7 +139,7 @@ def run(args) -> int:
 
 
 @contextlib.contextmanager
-def live_view(domain: int):
+def live_view(domain: int) -> Iterator[None]:
     """`rig view --live` beside the run; how it fares is none of the run's business."""
     command = [
         sys.executable,
@@ -159,7 +165,7 @@ def live_view(domain: int):
             view.wait()
 
 
-def finish(folder: Path, record: dict, end, restarts: list[dict], strict: bool, allow_loss: bool) -> int:
+def finish(folder: Path, record: dict, end: End, restarts: list[dict], strict: bool, allow_loss: bool) -> int:
     """Write and print the report of an ended run; returns its exit code."""
     from ..analysis.report import build_report, format_report, write_report
     from ..graph.result import join_pieces, open_bag, run_part, what_was_lost

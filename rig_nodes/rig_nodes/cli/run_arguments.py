@@ -3,6 +3,8 @@
 
 """The arguments that ``run`` and ``simulate`` share: which sequence, which rig, where to."""
 
+from __future__ import annotations
+
 import argparse
 import math
 import sys
@@ -57,7 +59,7 @@ def above_zero(text: str, endless: str | None) -> float:
     return value
 
 
-def add_shared_arguments(parser, by_hand: bool = False) -> None:
+def add_shared_arguments(parser: argparse.ArgumentParser, by_hand: bool = False) -> None:
     """Sequence and its parameters, output folder, rig, seed, changed values, controller and its level.
 
     by_hand: it goes without a sequence too.
@@ -117,7 +119,7 @@ def add_shared_arguments(parser, by_hand: bool = False) -> None:
     )
 
 
-def add_topic_arguments(parser) -> None:
+def add_topic_arguments(parser: argparse.ArgumentParser) -> None:
     """Which topics beyond the rig's own are recorded, and whether a loss is one."""
     from ..graph.topic_choice import EXCLUDE, TOPICS
 

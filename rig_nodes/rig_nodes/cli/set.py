@@ -5,12 +5,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from .by_hand import add_domain, running_rig
+
+if TYPE_CHECKING:
+    import argparse
 
 HELP = "set or show what can be turned at the rig that runs"
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the verb."""
     parser.add_argument("name", nargs="?", metavar="NAME", help="e.g. motor.speed or alfa46.t12; without it all")
     parser.add_argument(
@@ -19,7 +24,7 @@ def add_arguments(parser) -> None:
     add_domain(parser)
 
 
-def main(args) -> int:
+def main(args: argparse.Namespace) -> int:
     """0 when it is set or shown; 1 when the rig refused it, with its reason."""
     from ..errors import RigError
 

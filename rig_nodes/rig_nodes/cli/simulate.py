@@ -7,24 +7,32 @@ from __future__ import annotations
 
 import contextlib
 import sys
+from typing import TYPE_CHECKING
 
 from ..errors import printable
 from .run_arguments import add_shared_arguments, exit_code
 
+if TYPE_CHECKING:
+    import argparse
+    import io
+    from collections.abc import Iterator
+    from pathlib import Path
+
 HELP = "run a test sequence without ROS traffic, as fast as it goes"
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
     add_shared_arguments(parser)
 
 
 @contextlib.contextmanager
-def controller_log(folder):
+def controller_log(folder: Path) -> Iterator[None]:
     """Tracebacks of user code go to the run's logs; the file is made when it is needed."""
     import logging
 
     class LateFile(logging.FileHandler):
-        def _open(self):
+        def _open(self) -> io.TextIOWrapper:
             (folder / "logs").mkdir(exist_ok=True)
             return super()._open()
 
@@ -38,7 +46,8 @@ def controller_log(folder):
         handler.close()
 
 
-def main(args) -> int:
+def main(args: argparse.Namespace) -> int:
+    """Check, run, report; 0 only when the sequence came to its end."""
     from ..analysis.report import build_report, format_report, write_report
     from ..bags.reader import Bag
     from ..controllers.load import EMBEDDED, level_line, load_controller

@@ -5,18 +5,26 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from .by_hand import add_domain, running_rig
+
+if TYPE_CHECKING:
+    import argparse
+
+    from ..catalogue import Catalogue
+    from ..transmission import Transmission
 
 HELP = "show what the rig that runs does now"
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the verb."""
     parser.add_argument("--json", metavar="FILE", help="write it for programs, - for stdout")
     add_domain(parser)
 
 
-def main(args) -> int:
+def main(args: argparse.Namespace) -> int:
     """0 whatever the rig does."""
     from .json_output import check_json, write_json
 
@@ -31,7 +39,7 @@ def main(args) -> int:
     return 0
 
 
-def _tell(status: dict, known, box) -> None:
+def _tell(status: dict, known: Catalogue, box: Transmission | None) -> None:
     """known: the catalogue; box: the transmission, None without a controller."""
     reason = f": {status['reason']}" if status["reason"] else ""
     print(f"rig in ROS domain {status['domain']}: {status['state'].lower()}{reason}, {status['time_s']:.1f} s")

@@ -5,12 +5,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from .by_hand import add_domain, running_rig
+
+if TYPE_CHECKING:
+    import argparse
 
 HELP = "end the rig that runs, or with --emergency only stop it"
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the verb."""
     parser.add_argument(
         "--emergency", action="store_true", help="the red button: safe state at once, and the rig goes on running until `rig reset`"
@@ -18,7 +23,7 @@ def add_arguments(parser) -> None:
     add_domain(parser)
 
 
-def main(args) -> int:
+def main(args: argparse.Namespace) -> int:
     """0 when the rig ends, or is in its safe state."""
     with running_rig(args) as rig:
         text = rig.trigger("/rig/e_stop" if args.emergency else "/rig/end")

@@ -10,9 +10,17 @@ import sys
 import time
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from .progress import ProgressLine
 from .run_arguments import delay
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Callable, Iterable, Iterator
+
+    from ..sweep.plan import Plan
+    from ..testbench.configuration import RigConfig
 
 HELP = "run a sequence for many values of its parameters, on all cores or a cluster"
 SHOWN = (
@@ -26,7 +34,8 @@ MOST_REASONS = 5
 OF_A_PLAN = ("vary", "method", "samples", "seed", "repeats", "settings", "parameters", "rig", "controller", "level", "delay")
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
     parser.add_argument("what", help="a sequence, with --vary; a sweep's .yaml file; or a sweep's folder, to go on with it")
     parser.add_argument(
         "--vary",
@@ -76,7 +85,8 @@ def add_arguments(parser) -> None:
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 
 
-def main(args) -> int:
+def main(args: argparse.Namespace) -> int:
+    """Run the members that are not finished yet and print what came; 1 when none came to its end."""
     from ..errors import RigError, ended_by
     from ..testbench.configuration import load_rig
     from ..testbench.folders import free_folder
@@ -143,7 +153,7 @@ def main(args) -> int:
     return 0
 
 
-def _chosen(args):
+def _chosen(args: argparse.Namespace) -> tuple[Plan, Path | None, bool]:
     """(plan, folder to go on with or None, bags)."""
     from ..config import load_yaml
     from ..errors import RigError
@@ -187,7 +197,7 @@ def _chosen(args):
 
 
 @contextmanager
-def _stream(args):
+def _stream(args: argparse.Namespace) -> Iterator[Callable[..., Iterator[tuple[int, Any, Exception | None]]]]:
     """Who runs the members, and as many processes as there may be."""
     if args.dask:
         from ..sweep.cluster import dask_stream
@@ -201,7 +211,7 @@ def _stream(args):
         yield workers.stream
 
 
-def _what_came(entries, config) -> dict:
+def _what_came(entries: Iterable[dict], config: RigConfig) -> dict:
     """Ends, reasons and the metrics' spread of what is finished."""
     import numpy as np
 

@@ -6,6 +6,8 @@
 What failed against the clock runs a second time.
 """
 
+from __future__ import annotations
+
 import argparse
 import json
 import os
@@ -43,6 +45,7 @@ PARTS, LAST_FAILED, CLOCK = ".pytest_cache/parts", "v/cache/lastfailed", "clock"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
     parser.usage = "rig test [pytest arguments]"
     parser.epilog = (
         "Without a path all of tests/ runs, apart from what is marked 'campaign'. "
@@ -61,6 +64,7 @@ def tests_root() -> Path:
 
 
 def main(args: argparse.Namespace) -> int:
+    """Run what is asked for by pytest, or all parts side by side; pytest's exit code."""
     root = tests_root()
     # a script's background ignores it, in all that is started there too, and a test that sends it would wait for ever
     signal.signal(signal.SIGINT, signal.default_int_handler)

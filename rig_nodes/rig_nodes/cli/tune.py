@@ -10,14 +10,21 @@ import math
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .progress import ProgressLine
+
+if TYPE_CHECKING:
+    import argparse
+
+    from ..tune.run import Problem
 
 SHIFTS = 90_000  # some 6 minutes on two cores
 HELP = "find valve profiles and delays for an operating range: a front of trade-offs, with controllers to use"
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
     parser.add_argument(
         "--ways", nargs="+", metavar="WAY", help="names of both gears, e.g. I-II (default: every shift to the next gear)"
     )
@@ -98,7 +105,8 @@ def add_arguments(parser) -> None:
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 
 
-def main(args) -> int:
+def main(args: argparse.Namespace) -> int:
+    """Search, judge, write the controllers and print the front; RigError for what cannot be tuned."""
     from ..errors import RigError, ended_by
     from ..sweep.store import parquet
     from ..testbench.campaign import Workers
@@ -163,7 +171,7 @@ def _check_folder(folder: Path, manifest: dict, spreads_are_known: bool) -> None
         raise RigError(f"{folder} holds another tuning ({why} is not the same); choose a new folder with --out")
 
 
-def _problem(args):
+def _problem(args: argparse.Namespace) -> Problem:
     """What is asked for, without spreads where no file gives them; RigError before anything is compiled."""
     from ..config.names import unknown
     from ..errors import RigError

@@ -10,15 +10,21 @@ import platform
 import sys
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..config.names import DEFAULT_RIG
 from .progress import ProgressLine
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Callable
 
 HELP = "hold a rig against its validation rows, the laboratory's against everything that was printed"
 STARTING = 2.0  # what starting the processes costs, in the sizes of validation.programme
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
     parser.add_argument(
         "--rows", nargs="+", default=[], metavar="PATTERN", help="only these rows; * matches any text, e.g. 'up_t_*'"
     )
@@ -45,7 +51,7 @@ def add_arguments(parser) -> None:
     )
 
 
-def _progress(runs: dict[str, tuple[int, float]]):
+def _progress(runs: dict[str, tuple[int, float]]) -> Callable[[str, int, int], None]:
     """Called as programme.validate does. runs: of each procedure, how many there are and how long one takes."""
     line = ProgressLine(STARTING + sum(count * size for count, size in runs.values()))
     done = STARTING
@@ -58,7 +64,8 @@ def _progress(runs: dict[str, tuple[int, float]]):
     return progress
 
 
-def main(args) -> int:
+def main(args: argparse.Namespace) -> int:
+    """Run what the rows need, print and write how the rig stands to them; 1 when a run tripped."""
     from ..errors import RigError
     from ..testbench.workers import Workers, start_server
 
@@ -131,7 +138,7 @@ def main(args) -> int:
     return 0
 
 
-def _own_rows(args, path: Path) -> int:
+def _own_rows(args: argparse.Namespace, path: Path) -> int:
     """The rows of a rig's folder."""
     from ..errors import RigError
     from ..testbench.workers import Workers, start_server

@@ -13,13 +13,17 @@ import signal
 import sys
 import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ..graph.domain import Domain
 
 HELP = "show a run or a running rig in Rerun, or make a picture"
 TOOLS = ("plotjuggler", "foxglove")
 PR_SET_PDEATHSIG = 1
 
 
-def add_arguments(parser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the verb."""
     parser.add_argument("run", metavar="RUN", nargs="?", help="folder of a run, or its .mcap file")
     parser.add_argument(
@@ -46,7 +50,7 @@ def add_arguments(parser) -> None:
     other.add_argument("--out", metavar="FILE", type=Path, help="its file (default: rig.xml or rig.json)")
 
 
-def main(args) -> int:
+def main(args: argparse.Namespace) -> int:
     """One of the three: a run, a running rig, a layout."""
     from ..errors import RigError
 
@@ -83,7 +87,7 @@ def main(args) -> int:
     return _layout(args) if args.layout else _recorded(args)
 
 
-def _recorded(args) -> int:
+def _recorded(args: argparse.Namespace) -> int:
     """Write the view, then show it, draw it, or say where it lies."""
     from ..errors import RigError
     from ..view.convert import make_view
@@ -109,7 +113,7 @@ def _recorded(args) -> int:
     return 0
 
 
-def _draw(args, view: Path, picture: Path) -> None:
+def _draw(args: argparse.Namespace, view: Path, picture: Path) -> None:
     from ..view.convert import save_bare_layout
     from ..view.picture import require_driver, take_picture
 
@@ -122,7 +126,7 @@ def _draw(args, view: Path, picture: Path) -> None:
     print(f"picture: {picture}")
 
 
-def _live(args) -> int:
+def _live(args: argparse.Namespace) -> int:
     """Show a running rig until told to end; 0 then, for that is how it ends."""
     from ..graph.domain import environment
     from ..view.convert import import_rerun
@@ -149,7 +153,7 @@ def _say(text: str) -> None:
     print(text, flush=True)
 
 
-def _find_domain(number: int | None):
+def _find_domain(number: int | None) -> Domain:
     """The domain to look at; RigError when it is not clear which."""
     from ..errors import RigError
     from ..graph.domain import Domain, busy_domains, from_environment
@@ -169,7 +173,7 @@ def _find_domain(number: int | None):
     raise RigError("no ROS domain is in use on this machine; start './rig run SEQUENCE' first, or say which domain with --domain N")
 
 
-def _greet(args, domain: int, url: str) -> None:
+def _greet(args: argparse.Namespace, domain: int, url: str) -> None:
     """Tell where viewers connect, and open one where there is a display."""
     from ..errors import RigError
     from ..view.viewer import command_for, has_display, open_window
@@ -183,7 +187,7 @@ def _greet(args, domain: int, url: str) -> None:
             print(f"rig: {str(error).partition('; ')[0]}", file=sys.stderr, flush=True)
 
 
-def _layout(args) -> int:
+def _layout(args: argparse.Namespace) -> int:
     from ..config.names import DEFAULT_RIG
     from ..testbench.configuration import load_rig
     from ..view.other_tools import write_layout
