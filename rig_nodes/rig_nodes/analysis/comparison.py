@@ -14,7 +14,7 @@ from ..transmission import Transmission
 from .plant_states import WHY_NOT
 
 if TYPE_CHECKING:
-    from ..testbench.sequence import Sequence
+    from collections.abc import Sequence
 
 
 def annex_lines(columns: Sequence[tuple[str, str, float, int]], names: list[str], rows: list[dict], annex: dict) -> list[str]:

@@ -18,9 +18,7 @@ import numpy as np
 from .definitions import TIME, Definition, Leaf, Node, installed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-
-    from ..testbench.sequence import Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
 HEADER = b"\x00\x01\x00\x00"
 _FRAMELESS, _FRAME = b"\x01\x00\x00\x00\x00", slice(12, 17)  # an empty frame_id, and its place in a message

@@ -24,9 +24,7 @@ from ..errors import RigError
 from . import limits
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from ..testbench.sequence import Sequence
+    from collections.abc import Mapping, Sequence
 
 # Names of the .msg language -> struct code; the size of a number is its alignment in CDR.
 CODES = {

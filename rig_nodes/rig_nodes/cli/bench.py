@@ -74,7 +74,7 @@ def _chosen(parts: list[str]) -> list[str]:
     return list(PARTS) if not parts or "all" in parts else [part for part in PARTS if part in parts]
 
 
-def _measure(part: str, repeats: int, tell: Callable[[str], None]) -> dict | list[dict]:
+def _measure(part: str, repeats: int, tell: Callable[[str], None]) -> dict | list[dict] | str:
     if part == "kernel":
         from ..benchmark.kernel import bench_kernel
 

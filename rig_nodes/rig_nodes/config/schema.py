@@ -130,7 +130,7 @@ def record_dtype(*classes: type[DataclassInstance]) -> np.dtype:
     return np.dtype([(f.name, np.float64) for cls in classes for f in _numbers(cls)])
 
 
-def fill(record: Record, *instances: DataclassInstance) -> None:
+def fill(record: Record | np.void, *instances: DataclassInstance) -> None:
     """Copy dataclass values into a numpy record of :func:`record_dtype`."""
     for instance in instances:
         for field in _numbers(type(instance)):

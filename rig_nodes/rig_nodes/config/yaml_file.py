@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import re
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from ..errors import RigError, brief
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
     from ruamel.yaml.error import MarkedYAMLError
     from ruamel.yaml.events import ScalarEvent
+
+    T = TypeVar("T")
 
 MOST_BYTES = 300_000
 MOST_VALUES = 30_000
@@ -76,7 +78,7 @@ def where_of(path: str | Path, node: Any, key: Any = None) -> str:
     return f"{path}:{line + 1}"
 
 
-def file_of(path: str | Path, node: object, key: object = None) -> str | Path:
+def file_of(path: T, node: object, key: object = None) -> str | Path | T:
     """The file in which a key or an item stands, or the map or list itself: ``path`` unless :func:`stamped` says another."""
     files = getattr(node, "files", None)
     return files.get(key, files.get(None, path)) if files else path

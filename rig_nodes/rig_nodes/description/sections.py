@@ -115,7 +115,7 @@ def with_written(cls: type, names: tuple[str, ...]) -> type:
     """The dataclass of those fields of a section's that a rig has written: a value that is left out is no setting."""
     own = [one for one in fields(cls) if one.name in names]
 
-    def reduce(self: object) -> tuple:  # so that a process can send one to another
+    def reduce(self: DataclassInstance) -> tuple:  # so that a process can send one to another
         return _written, (cls, names, tuple(getattr(self, one.name) for one in own))
 
     return make_dataclass(
@@ -244,7 +244,7 @@ def instruments_class(kinds: tuple[tuple[str, str], ...]) -> type:
     out = [(f"{like}_{what}", float, one) for like, kind in kinds for what, one in TYPES[kind]().items()]
     out += [(name, float, one()) for name, one in OF_THE_LOGGER.items()]
 
-    def reduce(self: object) -> tuple:  # so that a process can send one to another
+    def reduce(self: DataclassInstance) -> tuple:  # so that a process can send one to another
         return _instruments, (kinds, tuple(getattr(self, one.name) for one in fields(self)))
 
     return make_dataclass(

@@ -9,8 +9,8 @@ Used by ``simulate``, which writes them, and by the rig container, whose nodes p
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 from ..bags.cdr import encoder
 from ..clocks import ROW, ROW_NS, SAMPLE, SAMPLE_NS, TICK_SAMPLES
@@ -19,9 +19,6 @@ from ..controllers.plug import Plug
 from .cuts import topic_of
 from .rig import Rig
 from .topics import COMMAND, SCALAR_SAMPLES, Heard, States
-
-if TYPE_CHECKING:
-    from .sequence import Sequence
 
 ROWS_PER_TICK = 50
 BLOCK = "/instruments/hmg4000"

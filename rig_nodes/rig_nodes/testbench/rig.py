@@ -40,9 +40,7 @@ from .plan import plan_of
 from .rig_base import RigBase, RigStatus
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
-
-    from .sequence import Sequence
+    from collections.abc import Collection, Sequence
 
 NOTHING = (0.0,) * law.OUTPUTS  # a command that asks for no output
 

@@ -23,9 +23,7 @@ from .records import place_text
 from .targets import Target, load_targets
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from ..testbench.sequence import Sequence
+    from collections.abc import Iterable, Sequence
 
 EXPLANATIONS_FILE = Path(__file__).resolve().with_name("explanations.yaml")
 SECTIONS = {

@@ -10,7 +10,7 @@ nothing here adds to a row's tolerance and both ends count as inside.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from typing import TYPE_CHECKING
@@ -23,7 +23,6 @@ from .targets import Span, Target
 
 if TYPE_CHECKING:
     from ..arrays import Floats
-    from ..testbench.sequence import Sequence
 
 BASIS = {"calibrate": "calibrated", "predict": "predicted", "information": "information"}
 INSIDE, OUTSIDE, NOT_COMPARED = "inside", "outside", "not compared"

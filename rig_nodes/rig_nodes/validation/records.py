@@ -18,9 +18,7 @@ from ..errors import RigError
 from .targets import Span
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable
-
-    from ..testbench.sequence import Sequence
+    from collections.abc import Collection, Iterable, Sequence
 
 REL = 1e-9  # two settings are the same within this share; they come from the same decimal numbers
 # how many series "all" means: procedure -> valve (None: whatever the valve) -> number, tab. 7.4, Annexes B and C
