@@ -50,13 +50,11 @@ def shift_metrics_annex_a(
 ) -> dict:
     """The metrics of one shift by Annex A, under the keys of :data:`metrics.KEYS`.
 
-    recording, order, next_order_time: as in metrics.shift_metrics, of a transmission of two gears that share no clutch;
-    nothing after the next order is read.
-    set_speed: the set input speed [rad/s] the program asks for, by default the mean of 0.2 s before the order. a, b:
-    factors of the torque bands after II-I and I-II; c: rise of the engaging pressure over its rest [bar]. What the recipe does
-    not give
-    is None, with its reason in ``why``; overlap_s is not in it and has no reason. Engagements from neutral are none
-    of its cases. Raises RigError for a recording that is not sampled at 10 kHz, or a factor not above 1.
+    recording, order, next_order_time: as in metrics.shift_metrics, of a transmission of two gears that share no clutch; nothing
+    after the next order is read. set_speed: the set input speed [rad/s] the program asks for, by default the mean of 0.2 s before
+    the order. a, b: factors of the torque bands after II-I and I-II; c: rise of the engaging pressure over its rest [bar]. What
+    the recipe does not give is None, with its reason in ``why``; overlap_s is not in it and has no reason. Engagements from
+    neutral are none of its cases. Raises RigError for a recording that is not sampled at 10 kHz, or a factor not above 1.
     """
     if abs(recording.period - PERIOD) > 1e-9:
         raise RigError(f"Annex A counts samples of 10 kHz; this recording has one every {recording.period * 1e3:g} ms")

@@ -63,14 +63,12 @@ def balance(
 ) -> dict[str, float | None]:
     """Energy account of a window.
 
-    energies: name as in :func:`signs` -> (times [s], energy since time 0 or energy stored [J]). transmission: the
-    laboratory's by default. The gearbox losses and the hydraulic energy are optional. The window is widened to the
-    samples of motor_work around it, so that a balance is taken between values that exist instead of between interpolated ones; it
-    is cut
-    to what was recorded. Returns t_start_s, t_end_s, one ``<name>_j`` for each energy (None for one not
-    given), residual_j (work in that is found nowhere) and residual_of_heat, its share of the clutch heat in
-    the window (None without clutch heat). Raises RigError when a needed energy is missing, has no samples, or
-    the window lies outside the recording.
+    energies: name as in :func:`signs` -> (times [s], energy since time 0 or energy stored [J]). transmission: the laboratory's by
+    default. The gearbox losses and the hydraulic energy are optional. The window is widened to the samples of motor_work around
+    it, so that a balance is taken between values that exist instead of between interpolated ones; it is cut to what was recorded.
+    Returns t_start_s, t_end_s, one ``<name>_j`` for each energy (None for one not given), residual_j (work in that is found
+    nowhere) and residual_of_heat, its share of the clutch heat in the window (None without clutch heat). Raises RigError when a
+    needed energy is missing, has no samples, or the window lies outside the recording.
     """
     box = transmission or transmission_of()
     missing = [name for name in needed(box) if name not in energies or len(energies[name][0]) == 0]

@@ -88,16 +88,15 @@ def engagement_metrics(
     ends at the latest, 3 s after the order by default; instruments: of the rig, by signal, of the default one by default.
     Values are SI (rad/s, Pa, Nm); times count from the order. What cannot be found is None, with its reason in ``why``.
 
-    engagement_s: from the first rise of the clutch's pressure to slip (6.85) below 0.01 % (7.3.2), to which is added
-    what the encoders show for the closed clutch (docs/background/analysis.md). engagement_peak_nm: highest input torque (mean
-    over 2 ms)
+    engagement_s: from the first rise of the clutch's pressure to slip (6.85) below 0.01 % (7.3.2), to which is added what the
+    encoders show for the closed clutch (docs/background/analysis.md). engagement_peak_nm: highest input torque (mean over 2 ms)
     in that time. m_wej_mean_nm: 0.2 to 0.5 s after it, or as far as there is. p_kiss: pressure where the output torque (the
-    input's where that does not grow) begins to rise clearly. fill: from the first rise to contact or to the hold phase,
-    whichever is first; fill_r2 of the straight line through it. growth_fill, growth_contact: growth of pressure [Pa]
-    in the 20 ms before and after contact. hold: "hold" or "no hold"; hold_s is 0 without one. level_s: length of the
-    longest level stretch, also where it is too short for a hold: what repeats should be averaged over. pressure_rise:
-    "three phases" or "no hold". dip: largest fall of the pressure between first rise and the end pressure [Pa], from
-    disturbance_start_s to disturbance_end_s; disturbed: "dips" or "monotone".
+    input's where that does not grow) begins to rise clearly. fill: from the first rise to contact or to the hold phase, whichever
+    is first; fill_r2 of the straight line through it. growth_fill, growth_contact: growth of pressure [Pa] in the 20 ms before
+    and after contact. hold: "hold" or "no hold"; hold_s is 0 without one. level_s: length of the longest level stretch, also
+    where it is too short for a hold: what repeats should be averaged over. pressure_rise: "three phases" or "no hold". dip:
+    largest fall of the pressure between first rise and the end pressure [Pa], from disturbance_start_s to disturbance_end_s;
+    disturbed: "dips" or "monotone".
     """
     row = dict.fromkeys(KEYS)
     row.update(gear=int(order[2]), t_order_s=float(order[0]), valid=False, why=[])

@@ -50,14 +50,12 @@ def read_logger_csv(
 ) -> Recording:
     """Read a logger's CSV.
 
-    Separator ";", tab or ","; decimal point, or with the first two also a comma; lines that begin with # before the
-    header are passed over. A column is named as in the rig's signals (by default the default rig's) and has its unit in brackets
-    (any unit of
-    config.units of that quantity, rpm also as 1/min); those of the transmission (by default the
-    default rig's) must be there, pressures gauge; columns that the catalogue does not
-    know are passed over. Times from a column "t [s]" (time, czas), which must grow in equal steps, or from ``period``
-    [s]. Orders from a column gear_ordered [-] (numbers of gears; each change is one, from the gear before) or from ``orders``, as
-    Recording has them, which win. Raises RigError in one sentence.
+    Separator ";", tab or ","; decimal point, or with the first two also a comma; lines that begin with # before the header are
+    passed over. A column is named as in the rig's signals (by default the default rig's) and has its unit in brackets (any unit
+    of config.units of that quantity, rpm also as 1/min); those of the transmission (by default the default rig's) must be there,
+    pressures gauge; columns that the catalogue does not know are passed over. Times from a column "t [s]" (time, czas), which
+    must grow in equal steps, or from ``period`` [s]. Orders from a column gear_ordered [-] (numbers of gears; each change is one,
+    from the gear before) or from ``orders``, as Recording has them, which win. Raises RigError in one sentence.
     """
     path, box = Path(path), transmission or transmission_of()
     header, lines, number, separator = _lines(path)

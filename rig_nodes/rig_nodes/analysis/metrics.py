@@ -351,9 +351,8 @@ class _Shift:
         """End of the shift: slip of the new gear below its threshold and staying there [sample], or None.
 
         Upshifts: below +0.05 %. Downshifts: within +-0.1 %, and if the output dips below 0.95 of the input speed over i of the
-        new gear
-        (taken at the input speed of the moment, so that a slowing input is no dip) only after the deepest
-        point of the dip.
+        new gear (taken at the input speed of the moment, so that a slowing input is no dip) only after the deepest point of the
+        dip.
         """
         slip = self.slip(self.new, self.smooth)
         limit, shown = self.threshold()

@@ -58,15 +58,13 @@ def columns_of(box: Transmission) -> tuple[tuple[str, str, float, int], ...]:
 def build_report(bag: Bag, run: dict, annex_a: float | None = None, truth: bool = False) -> dict:
     """The report of a bag: ``{"run", "shifts": [...], "energy": {"run", "shifts": [...]}, "uncertainty": [...]}``.
 
-    bag: an open :class:`rig_nodes.bags.reader.Bag`. run: what only the runner knows (:data:`RUN_KEYS`; absent
-    ones become None, ``lost`` is then counted from the gaps of a whole bag). ``run["recorded_from_s"]`` stands there for a
-    bag that does not hold the start of its run. Inertias and instruments are those of its
-    configuration.
-    ``uncertainty`` holds for each shift the largest error of each of its metrics, ``basis`` with whose inertias, ratios
-    and instruments all that was computed. A run without a change between gears has ``measured`` (no_change.measured).
-    annex_a: the factor of Annex A's torque band; adds ``"annex_a": {"factor": ..., "shifts": [...]}``. truth: adds ``"truth"``,
-    for each shift what the
-    plant's states say, None where the bag does not hold them.
+    bag: an open :class:`rig_nodes.bags.reader.Bag`. run: what only the runner knows (:data:`RUN_KEYS`; absent ones become None,
+    ``lost`` is then counted from the gaps of a whole bag). ``run["recorded_from_s"]`` stands there for a bag that does not hold
+    the start of its run. Inertias and instruments are those of its configuration. ``uncertainty`` holds for each shift the
+    largest error of each of its metrics, ``basis`` with whose inertias, ratios and instruments all that was computed. A run
+    without a change between gears has ``measured`` (no_change.measured). annex_a: the factor of Annex A's torque band; adds
+    ``"annex_a": {"factor": ..., "shifts": [...]}``. truth: adds ``"truth"``, for each shift what the plant's states say, None
+    where the bag does not hold them.
 
     A run of a rig without gears has no shifts; its results stand under ``"bench"`` (analysis.bench_report).
 

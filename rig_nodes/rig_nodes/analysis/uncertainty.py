@@ -80,9 +80,8 @@ def uncertainty(
     the transmission. These are bounds, no standard deviations: all errors are taken at their largest
     and added (first order); where several clutches are let go the largest counts.
 
-    * Input speed, output torque, lowest speed: the instrument's own. k: both speeds, relative errors added. Peak: the
-      torque meter's,
-      and what a mean over 2 ms, or a slower logger's sample, takes off a torque that rises to it in 45 ms and then
+    * Input speed, output torque, lowest speed: the instrument's own. k: both speeds, relative errors added. Peak: the torque
+      meter's, and what a mean over 2 ms, or a slower logger's sample, takes off a torque that rises to it in 45 ms and then
       breaks down (it only reads low).
     * Times: one sample period, half the filter (1 ms), and at each end the instrument's error by the slope of what
       crosses a threshold there. Slip ends with both encoders' resolution by the slip's rate, which is the change of

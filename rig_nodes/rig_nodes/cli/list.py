@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """``rig list WHAT``: what is installed, topics, signals, parts; ``--markdown`` writes docs/reference/signals.md and
-docs/reference/parameters.md.
-Alone: what it lists.
+docs/reference/parameters.md. Alone: what it lists.
 """
 
 from __future__ import annotations

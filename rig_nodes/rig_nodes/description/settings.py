@@ -36,12 +36,11 @@ CONTROLLER, INSTRUMENTS, WIRING = "alfa46", "instruments", "wiring"
 class Setting:
     """One value.
 
-    name: ``owner.key``; text: what it is; dimension: of config.units, SWITCH, WORDS or POINT; low, high: SI, inclusive;
-    choices: of words; kept: it stands in the configuration, so that it can be given before a run; live: it can change while the
-    rig runs,
-    as the parameter ``key`` of the node ``owner``; numbers: how many it is made of; setpoint: the one that it sets, by its
-    value or, a switch, by turning its device on; state: of its device, that has the value while it runs; lacking: the
-    switch of the rig without which nobody takes it.
+    name: ``owner.key``; text: what it is; dimension: of config.units, SWITCH, WORDS or POINT; low, high: SI, inclusive; choices:
+    of words; kept: it stands in the configuration, so that it can be given before a run; live: it can change while the rig runs,
+    as the parameter ``key`` of the node ``owner``; numbers: how many it is made of; setpoint: the one that it sets, by its value
+    or, a switch, by turning its device on; state: of its device, that has the value while it runs; lacking: the switch of the rig
+    without which nobody takes it.
     """
 
     name: str

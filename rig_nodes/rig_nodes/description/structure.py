@@ -91,8 +91,8 @@ class Element:
     """What joins bodies or acts on them and is no device; its numbers are settings under its name, as plant.driveline names them.
 
     kind: "relation", "clutch", "brake", "torque", "varying_inertia", "slider_crank" or "motion". coefficients: of a relation, one
-    for
-    each body. follows: the torque, the inertia, or the capacity of a clutch or brake; friction: factors of that over its slip.
+    for each body. follows: the torque, the inertia, or the capacity of a clutch or brake; friction: factors of that over its
+    slip.
     """
 
     name: str

@@ -49,10 +49,9 @@ class Prescribed:
 
 
 def read_prescribed(node: Map, path: str | Path, clutches: list[str]) -> Prescribed:
-    """From the key ``prescribed`` of a rig: for each clutch the force, and for each way rows [end s, MPa, MPa/s,
-    MPa/s2, MPa/s3], the last one with the end "end", clutches: their names; and whether the output speed is bounded or free.
-    RigError with
-    file and line otherwise.
+    """From the key ``prescribed`` of a rig: for each clutch the force, and for each way rows [end s, MPa, MPa/s, MPa/s2, MPa/s3],
+    the last one with the end "end", clutches: their names; and whether the output speed is bounded or free. RigError with file
+    and line otherwise.
     """
     keys = (*clutches, "output_speed")
     check_keys(path, node, keys, keys, "prescribed")

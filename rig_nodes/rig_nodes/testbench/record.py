@@ -36,10 +36,9 @@ ORDER = "shift_ordered"  # event of the controller with the gear as value
 class Run:
     """What a recorded run gives.
 
-    recording: all channels of the rig, SI, with the orders of gear where there are some. end: ``state`` (ended, failed)
-    and ``reason``.
-    events: (time [s], name, text, value) of sequencer and controller. plant_states: signal -> what the plant knew, on the same
-    rows; it is known once a controller sample, which the rows of that millisecond share.
+    recording: all channels of the rig, SI, with the orders of gear where there are some. end: ``state`` (ended, failed) and
+    ``reason``. events: (time [s], name, text, value) of sequencer and controller. plant_states: signal -> what the plant knew, on
+    the same rows; it is known once a controller sample, which the rows of that millisecond share.
     """
 
     recording: Recording | Logged

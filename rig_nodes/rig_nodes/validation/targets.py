@@ -61,11 +61,10 @@ class Span:
 class Target:
     """One printed number or trend and what counts as meeting it. Numbers are SI, curves excepted.
 
-    dimension: of printed, low, high and tolerance (a ratio for the kinds ratio and fit and for spread_share);
-    unit: the laboratory's, for people. conditions, of, to: name -> tuple of values, or a :class:`Span`.
-    inside: which of its single values must be inside, all or most (more than half).
-    conflicts: id of another target -> how the two pull against each other, the same at both. pieces: of a
-    curve, (from, to, coefficients with the highest power first) in variable_unit and unit.
+    dimension: of printed, low, high and tolerance (a ratio for the kinds ratio and fit and for spread_share); unit: the
+    laboratory's, for people. conditions, of, to: name -> tuple of values, or a :class:`Span`. inside: which of its single values
+    must be inside, all or most (more than half). conflicts: id of another target -> how the two pull against each other, the same
+    at both. pieces: of a curve, (from, to, coefficients with the highest power first) in variable_unit and unit.
     tolerance_is_share: the tolerance of a trend is a share of the lowest value. line: where the row stands.
     """
 
