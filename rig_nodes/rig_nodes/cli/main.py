@@ -18,10 +18,13 @@ import importlib
 import os
 import signal
 import sys
-from typing import Any, NoReturn, TextIO
 
 from rig_nodes import __version__
 from rig_nodes.errors import RigError, Terminated, ended_by, printable
+
+TYPE_CHECKING = False  # as typing has it, which takes time to import that help can do without
+if TYPE_CHECKING:
+    from typing import Any, NoReturn, TextIO
 
 # The modules' HELP lines once more, so that help imports none of them; a test holds the two together.
 VERBS = {
