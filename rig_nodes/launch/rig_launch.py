@@ -13,14 +13,14 @@ import subprocess
 from pathlib import Path
 
 from ament_index_python.packages import get_package_prefix
+from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, EmitEvent, LogInfo, OpaqueFunction, RegisterEventHandler, TimerAction
 from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown, matches_action
-from launch.events.process import SignalProcess
+from launch.events.process import ProcessExited, SignalProcess
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from launch import LaunchDescription
 from rig_nodes.config.names import DEFAULT_RIG, has_controller, rig_of
 from rig_nodes.errors import RigError
 from rig_nodes.graph.domain import check_namespace, from_environment
@@ -66,7 +66,7 @@ END_ORDER = ("rig_container", "alfa46", "recorder")  # each hears everything of 
 class Run:
     """One run: its processes, and what the end of one means for the others."""
 
-    def __init__(self, sequence: str, folder: Path | None):
+    def __init__(self, sequence: str, folder: Path | None) -> None:
         """folder: of the bag; None without a recorder."""
         self.sequence, self.folder = sequence, folder
         self.nodes: dict[str, Node] = {}  # by executable
@@ -78,7 +78,7 @@ class Run:
         logs = ["--logs", str(self.folder / "logs"), "--recorded"] if self.folder else []
         self.nodes[executable] = Node(package="rig_nodes", executable=executable, arguments=[*arguments, *logs], output="screen")
 
-    def on_exit(self, event, context) -> list:
+    def on_exit(self, event: ProcessExited, context: LaunchContext) -> list:
         """A process is gone: go on with the orderly end, or end all others with the reason."""
         name = next((name for name, node in self.nodes.items() if node is event.action), None)
         if name is None:
@@ -158,7 +158,7 @@ def pairs(text: str) -> list[str]:
     return [pair.strip() for pair in re.split(r",(?=\s*[\w.]+\s*=)", text) if pair.strip()]
 
 
-def start(context) -> list:
+def start(context: LaunchContext) -> list:
     """The processes, with what the launch arguments say."""
     check_namespace(context.launch_configurations.get("ros_namespace", ""), "PushRosNamespace")
     given = {name: LaunchConfiguration(name).perform(context) for name, *_ in ARGUMENTS}

@@ -45,13 +45,13 @@ def _one_after_other(calls: list[tuple[int, Callable]]) -> Callable[..., None]:
     if len(calls) == 1:
         ((m0, call0),) = calls
 
-        def run(world, *arguments) -> None:
+        def run(world, *arguments) -> None:  # noqa: ANN001, ANN002, see below
             for k in range(m0):
                 call0(world, k, *arguments)
     elif len(calls) == 2:
         (m0, call0), (m1, call1) = calls
 
-        def run(world, *arguments) -> None:
+        def run(world, *arguments) -> None:  # noqa: ANN001, ANN002, see below
             for k in range(m0):
                 call0(world, k, *arguments)
             for k in range(m1):
@@ -59,7 +59,7 @@ def _one_after_other(calls: list[tuple[int, Callable]]) -> Callable[..., None]:
     else:
         (m0, call0), (m1, call1), others = *calls[:2], njit(**INLINED)(_one_after_other(calls[2:]))
 
-        def run(world, *arguments) -> None:
+        def run(world, *arguments) -> None:  # noqa: ANN001, ANN002, see below
             for k in range(m0):
                 call0(world, k, *arguments)
             for k in range(m1):
@@ -78,7 +78,7 @@ def _stage(name: str) -> Callable[..., None]:
     # numba compares its parameters with those of what it gives, annotations too; here they are types and there values: so
     # neither has any
     @overload(stage, jit_options=INLINED)
-    def chosen(world, *arguments) -> Callable[..., None]:
+    def chosen(world, *arguments) -> Callable[..., None]:  # noqa: ANN001, ANN002, see above
         return _one_after_other(_calls(world, name))
 
     return stage

@@ -69,11 +69,11 @@ def move_driveline(line: Record, addresses: tuple[int, int, int], h: float, t: f
 # numba compares the parameters of an overload with those of the function that it gives, annotations too; those of the one
 # would be types, those of the other values: so neither has any
 @overload(move_driveline, jit_options=INLINED)
-def _move_driveline(line, addresses, h, t) -> Callable[..., None]:
+def _move_driveline(line, addresses, h, t) -> Callable[..., None]:  # noqa: ANN001, see above
     if is_driven(line):
         return lambda line, addresses, h, t: driven_step_at(addresses, h, t, line)
 
-    def moved(line, addresses, h, t) -> None:
+    def moved(line, addresses, h, t) -> None:  # noqa: ANN001, see above
         if not quiet_step(h, line):
             general_step(addresses, h, t, line)
 
@@ -86,11 +86,11 @@ def accelerations(line: Record) -> tuple[float, ...]:
 
 
 @overload(accelerations, jit_options=INLINED)
-def _accelerations(line) -> Callable[..., tuple[float, ...]]:
+def _accelerations(line) -> Callable[..., tuple[float, ...]]:  # noqa: ANN001, see above
     if is_driven(line):
         return lambda line: vector(line.accel, 0, line.v)
 
-    def taken(line) -> tuple[float, ...]:
+    def taken(line) -> tuple[float, ...]:  # noqa: ANN001, see above
         v, w, sh, cap, el = line.v, line.w, line.sh, line.cap, line.el
         m, n = w.shape
         speeds = vector(v, 0, v)
