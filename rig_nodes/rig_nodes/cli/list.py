@@ -273,7 +273,7 @@ def markdown() -> str:
             "asks for none; setting is sent on change; latched is transient local and sent once.",
             "",
             "Setpoints (`rig_msgs/msg/Setpoint`) carry their value in this unit and must keep to this range; every message "
-            "needs `enable: true` as well, for one without it switches the device off ([ros2.md](ros2.md)).",
+            "needs `enable: true` as well, for one without it switches the device off ([ros2.md](../how_to/ros2.md)).",
             "",
             *parts,
         ]
