@@ -108,7 +108,7 @@ def first_row(
     for e in range(shown.encoder.shape[0]):
         shown.counted[shown.encoder[e]] = 0.0
     true_row(numbers, shown)
-    measure(0, h, worlds[0], shown)  # int(): a literal would have it compiled once more
+    measure(int(0), h, worlds[0], shown)  # int(): a literal would have it compiled once more
     for e in range(shown.encoder.shape[0]):
         counts[0, shown.encoder[e]] = shown.counted[shown.encoder[e]]
     put_row(log, 0, shown)

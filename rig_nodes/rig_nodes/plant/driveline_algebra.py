@@ -241,9 +241,9 @@ def project(minv: Floats, w: Floats, ost: int, work: Floats) -> float:
     noinline()
     n = minv.shape[0]
     m = w.shape[0]
-    at = places(n, m, 0, 0)
+    at = places(n, m, int(0), int(0))
     op, orr, owm, og, ov, oi = at.p, at.r, at.wm, at.g, at.vectors, at.inverse
-    nc = 0  # no literal, which would have pseudo_inverse compiled once more
+    nc = int(0)  # no literal, which would have pseudo_inverse compiled once more
     pattern = 1.0
     bit = 1.0
     for f in range(m):
@@ -306,7 +306,7 @@ def implicit(d: float, w: Floats, sh: Floats, kc: Floats, cap: Floats, work: Flo
     noinline()
     m, n = w.shape
     s = sh.shape[0]
-    at = places(n, m, s, 0)
+    at = places(n, m, s, int(0))
     op, oh, ob, oa = at.p, at.h, at.b, at.a
     coupled = s > 0
     for f in range(m):

@@ -276,7 +276,7 @@ def driven_step(
         done = end
     put_losses(loss, cap, 1, LAST)
     accelerate(laws, own, mass, minv, w, sh, cap, q_before, v, el, shaft, accel)
-    return 0
+    return int(0)
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)

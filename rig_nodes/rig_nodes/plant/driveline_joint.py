@@ -82,7 +82,7 @@ def capture(w: Floats, sh: Floats, mode: Ints, el: Floats, work: Floats) -> None
     An impulse p = G^+ slip takes p slip / 2 from each of them.
     """
     m, n = w.shape
-    at = places(n, m, sh.shape[0], 0)
+    at = places(n, m, sh.shape[0], int(0))
     row = 0
     for f in range(m):
         if mode[f] == STUCK:
@@ -157,8 +157,8 @@ def resolve(
             if work[ocand + f] != 0.0 and abs(work[ost + f]) == 3.0 and not dependent(f, w, minv, work, op):
                 work[ost + f] = FORWARD if work[ost + f] > 0.0 else BACKWARD
                 changed = True
-        put_losses(loss, cap, 0, (-1))
-        put_losses(loss, cap, 1, (-1))
+        put_losses(loss, cap, int(0), int(-1))
+        put_losses(loss, cap, int(1), int(-1))
         for k in range(losses):
             work[oy + k] = 0.0
         for j in range(n):
@@ -212,8 +212,8 @@ def resolve(
                 count[N_CAPPED] += 1
             for k in range(losses):
                 loss[k, LAST] = loss[k, NEXT]
-            put_losses(loss, cap, 0, LAST)
-            put_losses(loss, cap, 1, LAST)
+            put_losses(loss, cap, int(0), LAST)
+            put_losses(loss, cap, int(1), LAST)
             for k in range(losses):
                 on = int(loss[k, ON])
                 torque = brakes(loss[k, FACTOR], work[ost + on]) * loss[k, LAST]
@@ -225,7 +225,7 @@ def resolve(
                 total += work[op + i * n + j] * work[of + j]
             work[oa + i] = total
         least = it > 3 * m
-        worst = -1
+        worst = int(-1)
         worst_dir = 0.0
         worst_by = 0.0
         back = -1

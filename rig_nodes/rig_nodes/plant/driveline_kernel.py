@@ -224,8 +224,8 @@ def driveline_step(
     for k in range(loss.shape[0]):
         work[olossy + int(loss[k, OWN])] = 1.0
         loss[k, BEFORE] = loss[k, LAST]
-    put_losses(loss, cap, 0, LAST)
-    put_losses(loss, cap, 1, LAST)
+    put_losses(loss, cap, int(0), LAST)
+    put_losses(loss, cap, int(1), LAST)
     made = 0
     joint = False
     vmax = 0.0
@@ -294,8 +294,8 @@ def driveline_step(
         if left <= 0.0:
             break
         # forces at the start of the sub-step, at whose ends the capacities under losses are told
-        put_losses(loss, cap, 0, LAST)
-        put_losses(loss, cap, 1, LAST)
+        put_losses(loss, cap, int(0), LAST)
+        put_losses(loss, cap, int(1), LAST)
         pattern = 1.0
         bit = 1.0
         for j in range(n):
@@ -315,7 +315,7 @@ def driveline_step(
                 slip += w[f, j] * v[j]
             work[os0 + f] = slip
             torque = 0.0
-            if mo in (FORWARD, BACKWARD):
+            if mo == FORWARD or mo == BACKWARD:
                 torque = mo * lin(cap[KIN0, f], cap[KIN1, f], xa)
             elif mo == STUCK:
                 pattern += bit
@@ -354,7 +354,7 @@ def driveline_step(
             if stale(d, pattern, cap, work):
                 implicit(d, w, sh, kc, cap, work)
             xb = 1.0 if d == left else (tl + d) / h
-            put_losses(loss, cap, 1, (-1))
+            put_losses(loss, cap, int(1), int(-1))
             for j in range(n):
                 work[odf + j] = lin(q[0, j], q[1, j], xb) - lin(q[0, j], q[1, j], xa)
             for f in range(m):
@@ -381,7 +381,7 @@ def driveline_step(
             if loss.shape[0] > 0:
                 if not end_losses(d, w, sh, kc, cap, loss, v, mode, work):
                     count[N_CAPPED] += 1
-                put_losses(loss, cap, 1, NEXT)
+                put_losses(loss, cap, int(1), NEXT)
                 for k in range(loss.shape[0]):
                     f = int(loss[k, ON])
                     torque = brakes(loss[k, FACTOR], mode[f]) * loss[k, NEXT]
@@ -423,7 +423,7 @@ def driveline_step(
             again = np.inf
             for f in range(m):
                 mo = mode[f]
-                if mo in (FORWARD, BACKWARD):
+                if mo == FORWARD or mo == BACKWARD:
                     y0 = mo * work[os0 + f]
                     y1 = mo * work[os1 + f]
                     speeding = 0.0

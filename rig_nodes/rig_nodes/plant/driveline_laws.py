@@ -701,7 +701,7 @@ def settled_step(
         bare, h, t, laws, own, given, mass, minv, w, sh, kc, q, cap, loss, v, twist, mode, el, shaft, e_in, events, count, work
     )
     count[N_CAPPED] = min(count[N_CAPPED], capped)
-    return 0
+    return int(0)
 
 
 SETTLED = (

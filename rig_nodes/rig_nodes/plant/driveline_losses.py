@@ -63,7 +63,7 @@ def put_loss(loss: Floats, cap: Floats, end: int, column: int, own: int, k: int)
 @njit(**INLINED)
 def brakes(factor: float, mode: float) -> float:
     """Torque on an element per loss: against its slip or the way it is loaded, none while it sticks or is open."""
-    if mode in (STUCK, OPEN):
+    if mode == STUCK or mode == OPEN:
         return 0.0
     return factor if mode > 0 else -factor
 

@@ -88,7 +88,7 @@ def quiet_step(h: float, line: Record) -> bool:
         elif mo != OPEN:
             return False
         bit *= 2.0
-        torque = mo * cap[KIN0, f] if mo in (FORWARD, BACKWARD) else 0.0
+        torque = mo * cap[KIN0, f] if mo == FORWARD or mo == BACKWARD else 0.0
         slip0[f] = slip
         torque0[f] = torque
         force = add(force, -(torque + cap[VISC, f] * slip), along)
