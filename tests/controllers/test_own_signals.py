@@ -72,6 +72,8 @@ def test_blocks_are_five_samples_and_holes_are_none():
         ("('a b',)", "expected up to 64 names"),
         ("'slip'", "expected up to 64 names"),
         ("{'a': 1}", "expected up to 64 names"),
+        ("5", "expected up to 64 names"),
+        ("[['a']]", "expected up to 64 names"),
         ("tuple(f's{k}' for k in range(65))", "expected up to 64 names"),
     ],
 )

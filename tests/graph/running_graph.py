@@ -89,11 +89,13 @@ class Client:
             self.executor.spin_until_future_complete(Future(), 0.02)
         return value
 
-    def listen(self, topic: str) -> list:
-        """A list that grows with the messages of a topic."""
+    def listen(self, topic: str, depth: int = 1000) -> list:
+        """A list that grows with the messages of a topic; at depth 1 with the newest whenever there is time for one, so that a
+        busy machine does not look at what is long past.
+        """
         messages = []
         kind = message_class(catalogue().topics[topic].ros_type)
-        subscription = self.node.create_subscription(kind, topic, messages.append, QoSProfile(depth=1000))
+        subscription = self.node.create_subscription(kind, topic, messages.append, QoSProfile(depth=depth))
         self._heard.append(subscription)
         self.until(subscription.get_publisher_count, f"a publisher of {topic}")
         return messages

@@ -56,7 +56,7 @@ def test_a_killed_process_is_started_again(tmp_path, victims, controller):
     user = Client(graph.domain)
     trips = []
     try:
-        states, commands = user.listen("/rig/state"), user.listen("/controller/command")
+        states, commands = user.listen("/rig/state"), user.listen("/controller/command", depth=1)
         for victim in victims:
             shifting(user, commands)
             others = {name: child.pid for name, child in graph.supervisor.children.items() if name != victim}

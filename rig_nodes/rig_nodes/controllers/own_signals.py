@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,7 +28,9 @@ BLOCK, CHANNELS = "/controller/signals", "/controller/channels"
 
 def checked_signals(given: Any, name: str) -> dict[str, str]:
     """Unit by name of a controller's own signals, from names or from a map of names and units; RigError when wrong."""
-    units = dict(given) if isinstance(given, dict) else given if isinstance(given, str) else dict.fromkeys(given, "-")
+    units = dict(given) if isinstance(given, dict) else given
+    if isinstance(given, Collection) and not isinstance(given, (dict, str)) and all(isinstance(key, str) for key in given):
+        units = dict.fromkeys(given, "-")
     right = isinstance(units, dict) and all(
         isinstance(key, str) and NAME.fullmatch(key) and isinstance(unit, str) for key, unit in units.items()
     )

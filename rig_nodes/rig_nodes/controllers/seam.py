@@ -10,7 +10,7 @@ rig's own and stands in its record (record.py).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from enum import IntEnum
 from typing import Any
@@ -95,7 +95,7 @@ def flat_parameters(config: Alfa46Config) -> dict[str, float]:
 
 def checked_wants(names: Any, name: str, known: Sequence[str]) -> tuple[str, ...]:
     """Transducers that a controller asks for beside those that all get; RigError unless the rig has each. known: its own."""
-    if isinstance(names, str) or not all(isinstance(item, str) for item in names):
+    if isinstance(names, str) or not isinstance(names, Collection) or not all(isinstance(item, str) for item in names):
         raise RigError(f"controller {name}: wants is {names!r}, expected names of transducers")
     for item in names:
         if item not in known:

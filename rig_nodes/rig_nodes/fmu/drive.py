@@ -71,6 +71,14 @@ class FmuBench:
         """The value [SI] of a signal that was heard last; nan before the first."""
         return self._told.get(signal, float("nan"))
 
+    def set_controller(self, name: str, value: float) -> None:
+        """RigError: the controller of a rig's FMU has no settings of its own."""
+        raise RigError(f"controller alfa46 has no setting '{name}'; it has none of its own")
+
+    def controller_set(self) -> bool:
+        """Nothing is ever being set."""
+        return True
+
     def event(self, name: str, text: str, value: float = 0.0) -> None:
         """Print the sentence of a new step; other events are of no interest here."""
         if name == "step":

@@ -20,7 +20,7 @@ from .part import SOURCE, Command, Part, Shown, Wire
 
 if TYPE_CHECKING:
     from ..arrays import Record
-    from .running_rig import RunningRig
+    from .shown_rig import ShownRig
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ def after(world: Record, k: int, h: float) -> None:
 
 # target, enabled: speed setpoint and switch; held: torque and setpoint of a motor outside the plant, for a tick (engine.outside);
 # before: torque at the step's start; stiff: the speed is the setpoint, whatever the load; inertia: of its body
-def says(rig: RunningRig, name: str) -> tuple[float, ...]:
+def says(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Fields of its MotorState."""
     me = rig.device(name)
     return (rig.speed_at(name), float(me["setpoint"]), float(me["torque"]), rig.energies["motor"], bool(me["enabled"] > 0.0))

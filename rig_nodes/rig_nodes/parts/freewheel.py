@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 from .part import FREEWHEEL, Part, Shown, Wire
 
 if TYPE_CHECKING:
-    from .running_rig import RunningRig
+    from .shown_rig import ShownRig
 
 
-def says(rig: RunningRig, name: str) -> tuple[float, ...]:
+def says(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Fields of its ClutchState; nothing presses it, and it has no drag."""
     return (2 if rig.holds(name) else 0, rig.friction_torque(name), 0.0, 0.0, 0.0, rig.slip(name), 0.0, 0.0, 0.0, 0.0)
 

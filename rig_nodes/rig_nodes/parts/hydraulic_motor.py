@@ -20,7 +20,7 @@ from .part import SOURCE, Command, Part, Shown, Wire
 
 if TYPE_CHECKING:
     from ..arrays import Record
-    from .running_rig import RunningRig
+    from .shown_rig import ShownRig
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 # target, enabled: speed for which the regulator is set; relief_target, relief_enabled: where ZP_2 is turned to; relief: its
 # setting as it is turned
-def says(rig: RunningRig, name: str) -> tuple[float, ...]:
+def says(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Fields of its MotorState."""
     me = rig.device(name)
     return (

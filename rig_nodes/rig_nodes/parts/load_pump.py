@@ -22,7 +22,7 @@ from .part import LOAD, Command, Part, Shown, Wire
 
 if TYPE_CHECKING:
     from ..arrays import Record
-    from .running_rig import RunningRig
+    from .shown_rig import ShownRig
 
 PER_RPM = 30.0 / pi
 
@@ -102,7 +102,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 
 # setting, enabled: of the relief valve; held: answer of a load outside the plant, for a tick (engine.outside)
-def says(rig: RunningRig, name: str) -> tuple[float, ...]:
+def says(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Fields of its LoadState."""
     me = rig.device(name)
     return (rig.friction_torque(name), rig.capacity(name), float(me["pressure"]), float(me["setting"]), rig.energies["load"])

@@ -21,7 +21,7 @@ from .part import OIL, Command, Part, Wire
 
 if TYPE_CHECKING:
     from ..arrays import Record
-    from .running_rig import RunningRig
+    from .shown_rig import ShownRig
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 
 # setting, enabled: of the relief valve; temperature: of the oil in the whole rig [degC]
-def says(rig: RunningRig, name: str) -> tuple[float, ...]:
+def says(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Fields of its OilState."""
     me = rig.device(name)
     return (

@@ -26,7 +26,7 @@ from .part import Wire
 
 if TYPE_CHECKING:
     from ..arrays import Floats, Record
-    from .running_rig import RunningRig
+    from .shown_rig import ShownRig
 
 # models of chapter 6 that a configuration may name
 FRICTION_MODELS = ("thesis", "traditional", "osinski", "newcomb", "chen")
@@ -214,7 +214,7 @@ def derived(plates: PlatePack, pack: PackFriction, clearance: float, spline_hyst
     }
 
 
-def said(rig: RunningRig, name: str, pressure: float, travel: float) -> tuple[float, ...]:
+def said(rig: ShownRig, name: str, pressure: float, travel: float) -> tuple[float, ...]:
     """Fields of a pack's ClutchState, with the pressure [Pa] that presses it and the way [m] of what does."""
     me, slip = rig.device(name), rig.slip(name)
     return (

@@ -21,7 +21,7 @@ from .part import PRESS, Command, Part, Shown, Wire
 
 if TYPE_CHECKING:
     from ..arrays import Record
-    from .running_rig import RunningRig
+    from .shown_rig import ShownRig
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 # setting, enabled: of the pressure; machine_target, machine_enabled: travel of the testing machine; pressure: in the chamber;
 # force: on what the piston or the machine presses; clamp: on a pack
-def says(rig: RunningRig, name: str) -> tuple[float, ...]:
+def says(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Fields of its OilState."""
     me = rig.device(name)
     return (

@@ -19,7 +19,7 @@ from .plates import PackFriction, PlatePack
 
 if TYPE_CHECKING:
     from ..arrays import Record
-    from .running_rig import RunningRig
+    from .shown_rig import ShownRig
 
 
 @njit(**INLINED)
@@ -45,7 +45,7 @@ def after(world: Record, k: int, h: float) -> None:
     plates.heat_plates(world.parts.pressed_clutch[k], world.values.pressed_clutch[k], world)
 
 
-def says(rig: RunningRig, name: str) -> tuple[float, ...]:
+def says(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Fields of its ClutchState."""
     press = rig.device(rig.wire(name, "press"))
     return plates.said(rig, name, float(press["pressure"]), float(press["travel"]))

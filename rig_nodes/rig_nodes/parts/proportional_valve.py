@@ -22,7 +22,7 @@ from .part import NOWHERE, VALVE, Part, Shown, Wire
 
 if TYPE_CHECKING:
     from ..arrays import Record
-    from .running_rig import RunningRig
+    from .shown_rig import ShownRig
 
 # who drives the coils: duty from outside, the embedded law, or the plant's power stage on setpoints from outside
 BY_DUTY, BY_LAW, BY_SETPOINT = range(3)
@@ -272,7 +272,7 @@ def fed(world: Record, k: int, line: float, flow: float, h: float) -> None:
     world.oil[world.values.proportional_valve[k].supply].drawn += max(0.0, flow)  # what it lets out goes to the tank
 
 
-def says(rig: RunningRig, name: str) -> tuple[float, ...]:
+def says(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Fields of its ValveState."""
     me = rig.device(name)
     return (

@@ -23,7 +23,7 @@ from .proportional_valve import fed, line_flow, orifice_speed
 
 if TYPE_CHECKING:
     from ..arrays import Record
-    from .running_rig import RunningRig
+    from .shown_rig import ShownRig
 
 THIRD = 1.0 / 3.0
 LOWEST = -1e4  # Pa: to which the tank's pressure may be missed by the order of the integration
@@ -251,7 +251,7 @@ SHOWS = (
 EFFECTS = {"seal_friction": {"seal_friction": 0.0, "seal_friction_share": 0.0}}
 
 
-def says(rig: RunningRig, name: str) -> tuple[float, ...]:
+def says(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Fields of its ClutchState."""
     me = rig.device(name)
     return plates.said(rig, name, float(me["chamber"]), float(me["piston"]))

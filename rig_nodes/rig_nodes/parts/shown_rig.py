@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 
-class RunningRig(Protocol):
+class ShownRig(Protocol):
     """A rig with its devices by their names."""
 
     @property
