@@ -25,7 +25,7 @@ from rclpy.task import Future
 from rig_nodes.catalogue import catalogue
 from rig_nodes.cli.main import main
 from rig_nodes.graph.domain import allocate
-from rig_nodes.graph.supervisor import Order, Supervisor
+from rig_nodes.graph.supervisor import MODULES, Order, Supervisor
 from rig_nodes.nodes.message_class import message_class
 from rig_nodes.testbench.configuration import load_rig
 from rig_nodes.testbench.rig import Rig
@@ -200,21 +200,17 @@ class RigRun:
         os.killpg(self.process.pid, signal.SIGINT)
 
     def children(self) -> dict[str, int]:
-        """Process ids of the graph by module name."""
+        """Process ids of the graph by the processes' names."""
         found = {}
         for stat in Path("/proc").glob("[0-9]*/stat"):
             try:
-                parent = int(stat.read_text().rpartition(")")[2].split()[1])
-                words = (stat.parent / "cmdline").read_bytes().split(b"\0")
+                pid, _, rest = stat.read_text().partition(" (")
+                name, _, fields = rest.rpartition(") ")
             except OSError:
                 continue
-            if parent == self.process.pid:
-                found |= {
-                    word.decode().rpartition(".")[2]: int(stat.parent.name)
-                    for word in words
-                    if word.startswith(b"rig_nodes.nodes.")
-                }
-        return found
+            found[int(pid)] = (name, int(fields.split()[1]))
+        servers = {pid for pid, (_, parent) in found.items() if parent == self.process.pid}
+        return {name: pid for pid, (name, parent) in found.items() if parent in servers and name in MODULES}
 
     def end(self) -> tuple[int, str]:
         """Exit code and whole output."""

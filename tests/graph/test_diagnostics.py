@@ -146,7 +146,7 @@ def test_an_oil_supply_without_its_pressure_is_a_warning(user):
 
 
 def test_a_box_without_samples_is_stale(graph, user):
-    container = graph.supervisor.children["container"].process.pid
+    container = graph.supervisor.children["container"].pid
     os.kill(container, signal.SIGSTOP)
     try:
         user.shows("rig/alfa46", STALE, "no sample for 100 ms")

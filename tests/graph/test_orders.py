@@ -110,7 +110,7 @@ def test_a_shift_that_has_begun_is_carried_to_its_end(user):
 
 
 def test_an_order_that_the_controller_has_not_seen_is_withdrawn(graph, user):
-    container = graph.supervisor.children["container"].process.pid
+    container = graph.supervisor.children["container"].pid
     os.kill(container, signal.SIGSTOP)  # no sample, so nobody takes the order
     try:
         goal = user.order(Shift, "/alfa46/shift", Shift.Goal(gear=2))

@@ -37,8 +37,8 @@ steps:
   - oil: {pressure: 4 MPa}
   - shift: {to: I, timeout: 5 s}
 """
-PLUGS = {  # specification, or how it is made; word in the command line of the process that computes
-    "python": ("python:rig_nodes.controllers.examples.alfa46:Alfa46", "rig_nodes.nodes.alfa46"),
+PLUGS = {  # specification, or how it is made; name of the process that computes, or a word in its command line
+    "python": ("python:rig_nodes.controllers.examples.alfa46:Alfa46", "alfa46\n"),
     "c": (f"c:{EXAMPLES / 'alfa46.c'}", "c_host.py"),
     "simulink": (f"simulink:{EXAMPLES / 'simulink'}", "c_host.py"),
     "udp": ("udp:{port}", "examples.alfa46_udp"),
@@ -67,12 +67,12 @@ def expected(sequence, tmp_path_factory):
 
 
 def process_of(run, word):
-    """The process below `rig run`, or beside it, whose command line has this word."""
+    """The process below `rig run`, or beside it, that has this name, or this word in its command line."""
     parents, found = {}, []
     for folder in Path("/proc").glob("[0-9]*"):
         try:
             parents[int(folder.name)] = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
-            if word in (folder / "cmdline").read_bytes().decode(errors="replace"):
+            if word in (folder / "cmdline").read_text(errors="replace") or word == (folder / "comm").read_text():
                 found.append(int(folder.name))
         except OSError:
             continue

@@ -62,7 +62,7 @@ def test_a_killed_process_is_started_again(tmp_path, victims, controller):
             others = {name: child.pid for name, child in graph.supervisor.children.items() if name != victim}
             seen = len(states)
             before = seconds(user.until(lambda: states[seen:], "a state")[0].header.stamp)
-            graph.supervisor.children[victim].process.send_signal(signal.SIGKILL)
+            graph.supervisor.children[victim].signal(signal.SIGKILL)
             tripped = user.until(lambda: next((s for s in states[seen:] if s.state == TRIPPED), None), "the safe state")
             assert seconds(tripped.header.stamp) - before < 0.1 + 0.02, "20 ms to see a state and send the signal"
             assert tripped.reason == f"{victim} killed by signal 9 (SIGKILL)"
@@ -114,7 +114,7 @@ def test_a_process_that_keeps_dying_ends_the_run(tmp_path):
         for life in (1, 2, 3, 4):
             assert graph.supervisor.children["sequencer"].life == life
             killed = graph.supervisor.children["sequencer"]
-            killed.process.send_signal(signal.SIGKILL)
+            killed.signal(signal.SIGKILL)
             deadline = time.monotonic() + 20.0
             while graph.supervisor.children["sequencer"] is killed and not graph.supervisor.ended.wait(0.02):
                 assert time.monotonic() < deadline

@@ -67,17 +67,17 @@ def test_a_killed_controller_brings_the_safe_state_within_100_ms(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "module, name",
+    "name",
     [
-        ("rig_container", "container"),
-        pytest.param("recorder", "recorder", marks=pytest.mark.campaign),  # test_restart.py kills one, and again
+        "container",
+        pytest.param("recorder", marks=pytest.mark.campaign),  # test_restart.py kills one, and again
     ],
 )
-def test_another_killed_process_ends_the_run_with_its_name(tmp_path, module, name):
+def test_another_killed_process_ends_the_run_with_its_name(tmp_path, name):
     run = RigRun(tmp_path / "run")
     run.until(IN_GEAR)
     traces = Traces(run)
-    os.kill(traces.children[module], signal.SIGKILL)
+    os.kill(traces.children[name], signal.SIGKILL)
     code, output = run.end()
     assert code == 1 and f"{name} killed by signal 9" in output.splitlines()[-1]
     assert f"{name} killed" in report_of(run)["run"]["end"]["reason"]
@@ -122,7 +122,7 @@ def test_a_killed_supervisor_leaves_no_process_and_a_whole_bag(tmp_path):
     run = RigRun(tmp_path / "run")
     run.until(IN_GEAR)
     traces = Traces(run)
-    assert set(traces.children) == {"rig_container", "alfa46", "sequencer", "recorder"}
+    assert set(traces.children) == {"container", "alfa46", "sequencer", "recorder"}
     assert traces.shared_memory() == [], "killed processes would leave segments behind"
     run.process.kill()
     run.end()

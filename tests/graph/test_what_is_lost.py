@@ -51,7 +51,7 @@ def test_a_recorder_that_stood_still_costs_messages_and_the_run_says_so(tmp_path
 def test_a_rig_that_stood_still_has_lost_time_and_the_run_says_so(tmp_path):
     run = RigRun(tmp_path / "run")
     run.until("shift to I")
-    stop_for(Traces(run).children["rig_container"], 1.0)
+    stop_for(Traces(run).children["container"], 1.0)
     code, output = run.end()
     behind = part_of(run.folder)["behind"]
     assert code == 3, output

@@ -19,17 +19,16 @@ RUN_ALL = (
     "import sys; from argparse import Namespace; from pathlib import Path; from rig_nodes.cli import test; "
     "test.tests_root = lambda: Path(sys.argv[1]); sys.exit(test.main(Namespace(passed_on=[])))"
 )
-TWICE = """
-from pathlib import Path
-
+LATE = """
 import pytest
 
 
 @pytest.mark.against_the_clock
 def test_late():
-    if not (mark := Path("been_here")).exists():
-        mark.touch()
-        pytest.fail("late")
+    with open("late", "a+") as file:
+        file.write("x")
+        file.seek(0)
+        assert len(file.read()) > TIMES, "late"
 
 
 def test_beside():
@@ -39,9 +38,16 @@ def test_beside():
 
 
 @pytest.mark.parametrize(
-    "failed, again", [([], False), ([CLOCK], True), ([CLOCK, PLAIN], False), ([f"{CLOCK}[{n}]" for n in range(6)], False)]
+    "failed, again",
+    [
+        ([], False),
+        ([CLOCK], True),
+        ([CLOCK, PLAIN], False),
+        ([f"{CLOCK}[{n}]" for n in range(20)], True),
+        ([f"tests/graph/test_{n}.py::test_late" for n in range(9)], False),
+    ],
 )
-def test_only_a_few_failures_against_the_clock(failed, again):
+def test_only_failures_against_the_clock_in_a_few_files(failed, again):
     assert may_try_again(failed, [test for test in failed if test != PLAIN]) is again
 
 
@@ -94,13 +100,17 @@ def test_a_checkout_is_tested_in_parts_and_its_failures_are_told(tmp_path):
     assert "once more" not in done.stdout
 
 
-def test_what_fails_against_the_clock_runs_once_more_alone(tmp_path):
+@pytest.mark.parametrize(
+    "times, code, end", [(1, 0, "passed then"), (2, 0, "passed then"), (3, 1, "failed again: tests/graph/test_one.py")]
+)
+def test_what_fails_against_the_clock_runs_up_to_twice_more_alone(tmp_path, times, code, end):
     (tmp_path / "pytest.ini").write_text(
         "[pytest]\ntestpaths = tests\naddopts = --import-mode=importlib\nmarkers =\n    campaign\n    against_the_clock\n"
     )
     (tmp_path / "tests" / "graph").mkdir(parents=True)
-    (tmp_path / "tests" / "graph" / "test_one.py").write_text(TWICE)
+    (tmp_path / "tests" / "graph" / "test_one.py").write_text(LATE.replace("TIMES", str(times)))
     done = subprocess.run([sys.executable, "-c", RUN_ALL, str(tmp_path)], capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0 and "rig: 1 failed, 1 passed in" in done.stdout, done.stdout + done.stderr
-    assert "rig: passed the second time, failed the first: tests/graph/test_one.py::test_late" in done.stdout
+    assert done.returncode == code and "rig: 1 failed, 1 passed in" in done.stdout, done.stdout + done.stderr
+    last = done.stdout.splitlines()[-1]
+    assert last == f"rig: failed the first time: tests/graph/test_one.py::test_late; {end}"
     assert (tmp_path / "beside").read_text() == "x", "what has no clock runs once"

@@ -64,6 +64,7 @@ def main(args: argparse.Namespace) -> int:
 def run(args: argparse.Namespace) -> int:
     """As :func:`main`; KeyboardInterrupt before the first process is started."""
     from ..controllers.load import level_line, load_controller, split_level
+    from ..graph.child import start_server
     from ..graph.domain import from_environment
     from ..graph.dropping import parse_drop
     from ..graph.supervisor import Order, Supervisor, processes_of
@@ -106,6 +107,7 @@ def run(args: argparse.Namespace) -> int:
             raise RigError(
                 f"--view: the live view shows a rig with gears; look at a run of '{config.name}' afterwards with ./rig view"
             )
+    start_server()
     print("checking and, the first time, compiling the plant", flush=True)
     Rig(config, args.seed).advance_samples(1)
     with from_environment(args.keep_domain) as domain:

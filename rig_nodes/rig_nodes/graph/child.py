@@ -3,21 +3,46 @@
 
 """One process of the graph, seen from its supervisor: started, listened to, stopped, never left behind.
 
-Used by graph.supervisor; the other end of the line is nodes.process.
+Used by graph.supervisor; the other end of the line is nodes.process. The processes are forked from a server that has
+ROS and the rig's code loaded: to load them costs a process 0.7 s of a core, four times a run.
 """
 
 from __future__ import annotations
 
 import contextlib
+import ctypes
+import importlib
 import json
 import os
 import signal
 import socket
-import subprocess
 import sys
+from multiprocessing import connection, forkserver, get_context, resource_tracker
 from pathlib import Path
 
+from ..errors import RigError
+
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+PRELOADED = "rig_nodes.nodes.preloaded"
+PR_SET_NAME = 15
+
+
+def start_server() -> None:
+    """Let the processes' server begin to load, beside what this process does next; more calls do nothing.
+
+    It ends with this process, however it ends. RigError when it cannot be started.
+    """
+    get_context("forkserver").set_forkserver_preload([PRELOADED])
+    resource_tracker.ensure_running()  # it would lift the mask
+    # Stop signals wait until a process can handle them; the server hands the mask down to it.
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
+    try:
+        forkserver.ensure_running()
+    except OSError as error:
+        why = f"{error}; their server's socket stands in the temporary folder"
+        raise RigError(f"the rig's processes cannot be started ({why})") from None
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class Child:
@@ -33,55 +58,45 @@ class Child:
         links: dict[str, socket.socket] | None = None,
         life: int = 1,
     ) -> None:
-        """Start ``python -m module``; its output goes to ``logs/<name>.log``.
+        """Start the ``main()`` of a module; its output goes to ``logs/<name>.log``.
 
         links: ends for it, by the other's name; life: 2 when it is started again, and so on, for a log of its own.
         """
         self.name, self.life = name, life
         self.log = f"{name}.log" if life == 1 else f"{name}-{life}.log"
-        self.line, other_end = os.pipe()
-        os.set_blocking(self.line, False)
         self._rest = b""
         self.silent = False  # has closed its line, which it does only by ending
-        command = [
-            sys.executable,
-            "-P",
-            "-m",
-            module,
-            *arguments,
-            "--logs",
-            str(logs),
-            "--parent",
-            str(os.getpid()),
-            "--status-fd",
-            str(other_end),
-            "--life",
-            str(life),
-        ]
-        ends = {other: end.fileno() for other, end in (links or {}).items()}
-        for other, descriptor in ends.items():
-            command += ["--link", f"{other}:{descriptor}"]
-        # Stop signals wait until the child can handle them; its own session keeps a terminal's Ctrl-C away.
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
+        start_server()
+        context = get_context("forkserver")
+        self._status, status = context.Pipe(duplex=False)
+        orders, self._orders = context.Pipe(duplex=False)
+        os.set_blocking(self.line, False)
+        (logs / self.log).touch()
+        arguments = [*arguments, "--logs", str(logs), "--life", str(life)]
+        self._process = context.Process(
+            target=_begin, args=(name, module, arguments, env, os.getcwd(), logs / self.log, status, orders, links or {}), name=name
+        )
         try:
-            with open(logs / self.log, "wb") as log:
-                self.process = subprocess.Popen(
-                    command,
-                    stdin=subprocess.PIPE,
-                    stdout=log,
-                    stderr=log,
-                    env=env,
-                    pass_fds=(other_end, *ends.values()),
-                    start_new_session=True,
-                )
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
-            os.close(other_end)
+            self._process.start()
+        except (EOFError, ConnectionError):
+            raise RigError(f"{name} cannot be started: the server of the rig's processes has ended") from None
+        status.close()
+        orders.close()
+
+    @property
+    def line(self) -> int:
+        """Descriptor of the status lines."""
+        return self._status.fileno()
 
     @property
     def pid(self) -> int:
         """Number of the process."""
-        return self.process.pid
+        return self._process.pid
+
+    @property
+    def exit_code(self) -> int | None:
+        """Of an ended process, negative by a signal; None while it runs."""
+        return self._process.exitcode
 
     def messages(self) -> list[dict]:
         """Status lines that have arrived."""
@@ -96,19 +111,16 @@ class Child:
 
     def tell(self, **order: object) -> None:
         """Give the process an order (nodes.process.Process.follow_orders); nothing happens when it has ended."""
-        try:
-            self.process.stdin.write(json.dumps(order).encode() + b"\n")
-            self.process.stdin.flush()
-        except BrokenPipeError:
-            pass
+        with contextlib.suppress(BrokenPipeError):
+            os.write(self._orders.fileno(), json.dumps(order).encode() + b"\n")
 
     def ended(self) -> bool:
         """True when the process is gone."""
-        return self.process.poll() is not None
+        return self.exit_code is not None
 
     def how(self) -> str:
         """How an ended process ended, for people."""
-        code = self.process.returncode
+        code = self.exit_code
         if code < 0:
             return f"killed by signal {-code} ({signal.Signals(-code).name})"
         return f"ended with exit code {code}"
@@ -116,20 +128,50 @@ class Child:
     def signal(self, number: int) -> None:
         """Send a signal unless the process is gone."""
         if not self.ended():
-            self.process.send_signal(number)
+            os.kill(self.pid, number)
+
+    def wait(self) -> None:
+        """Wait for its end."""
+        self._process.join()
 
     def finish(self, seconds: float) -> bool:
         """Wait for the end, by force after ``seconds``; False when force was needed."""
-        try:
-            self.process.wait(seconds)
+        self._process.join(seconds)
+        if self.ended():
             return True
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
-            return False
+        self._process.kill()
+        self._process.join()
+        return False
 
     def close(self) -> None:
-        """Close both lines."""
-        os.close(self.line)
-        with contextlib.suppress(BrokenPipeError):
-            self.process.stdin.close()
+        """Close both lines; a process that still runs is ended by force."""
+        self.finish(0.0)
+        self._process.close()
+        self._status.close()
+        self._orders.close()
+
+
+def _begin(
+    name: str,
+    module: str,
+    arguments: list[str],
+    env: dict[str, str],
+    folder: str,
+    log: Path,
+    status: connection.Connection,
+    orders: connection.Connection,
+    links: dict[str, socket.socket],
+) -> None:
+    """The process: what ``python -m module arguments`` would be, under a name of its own (`ps -o comm`, `top`)."""
+    ctypes.CDLL(None).prctl(PR_SET_NAME, name.encode())
+    os.setsid()  # keeps a terminal's Ctrl-C away
+    os.chdir(folder)
+    os.environ.clear()
+    os.environ.update(env)
+    with open(log, "ab") as file:
+        for descriptor in (1, 2):
+            os.dup2(file.fileno(), descriptor)
+    os.dup2(orders.fileno(), 0)
+    ends = [part for other, end in links.items() for part in ("--link", f"{other}:{end.fileno()}")]
+    sys.argv = [name, *arguments, "--status-fd", str(status.fileno()), *ends]
+    sys.exit(importlib.import_module(module).main())

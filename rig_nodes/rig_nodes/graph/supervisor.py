@@ -246,7 +246,7 @@ class Supervisor:
 
     def _on_death(self, child: Child) -> Child | None:
         """Safe state, then the end of the run or, for a rig worked by hand, the process once more."""
-        child.process.wait()
+        child.wait()
         how = f"{child.name} {child.how()}"
         if child.name != "container" and self.running.is_set() and self.order.speed is None:
             self.children["container"].tell(trip=how)
@@ -294,7 +294,7 @@ class Supervisor:
                         self._on_state(message)
                     elif message["kind"] == "failed":
                         self._end_badly(f"{child.name}: {message['text']}")
-                if child.process.returncode:
+                if child.exit_code:
                     self._end_badly(f"{child.name} {child.how()}; see logs/{child.log}")
 
     def _end_badly(self, reason: str) -> None:

@@ -9,7 +9,6 @@ Used by rig_container, alfa46, sequencer and recorder, under the supervisor of `
 from __future__ import annotations
 
 import argparse
-import ctypes
 import json
 import logging
 import os
@@ -47,7 +46,6 @@ if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.publisher import Publisher
 
-PR_SET_PDEATHSIG = 1
 PATIENCE = 20.0  # s between the order to end and the end by force
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 RIG_OPTIONS = [
@@ -99,7 +97,8 @@ class Process:
         for number in STOP_SIGNALS:
             signal.signal(number, self._on_signal)
         self.arguments = self._parse(description, options)
-        self._follow_parent()
+        self._act: Callable[[dict], None] = lambda _order: None
+        self._follow_supervisor()
         # The supervisor starts its children with both blocked, so that none is lost before the handlers stand.
         signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
         logging.basicConfig(stream=sys.stderr, level=logging.INFO, format=f"{name}: %(message)s")
@@ -114,18 +113,22 @@ class Process:
         parser.add_argument("--life", type=int, default=1, help=argparse.SUPPRESS)
         parser.add_argument("--status-fd", type=int, help=argparse.SUPPRESS)
         parser.add_argument("--link", action="append", default=[], dest="links", help=argparse.SUPPRESS)
-        parser.add_argument("--parent", type=int, help=argparse.SUPPRESS)
         return parser.parse_args(own_arguments(sys.argv, self.name)[1:])
 
-    def _follow_parent(self) -> None:
-        """End in order when the supervisor is gone, however it went."""
-        if self.arguments.parent is None:
+    def _follow_supervisor(self) -> None:
+        """Hear its orders, and end in order when it is gone, however it went; without one there are no orders."""
+        if self.arguments.status_fd is None:
             return
-        ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
-        if os.getppid() != self.arguments.parent:
-            self.stopping = True
-        if self.arguments.status_fd is not None:
-            os.set_blocking(self.arguments.status_fd, False)
+        os.set_blocking(self.arguments.status_fd, False)
+
+        def follow() -> None:
+            # not sys.stdin: its lock, held by a waiting thread, would break the end of the interpreter
+            with open(0, "rb", buffering=0, closefd=False) as orders:
+                for line in orders:
+                    self._act(json.loads(line))
+            os.kill(os.getpid(), signal.SIGTERM)
+
+        threading.Thread(target=follow, name="orders", daemon=True).start()
 
     def descriptors(self) -> dict[str, int]:
         """Sockets of a run in lockstep, by the name of the process at the other end; none in real time."""
@@ -195,17 +198,8 @@ class Process:
         return (self.arguments.life - 1) << LIFE_BITS
 
     def follow_orders(self, act: Callable[[dict], None]) -> None:
-        """Call ``act`` in a thread of its own with each order of the supervisor; without one there are none."""
-        if self.arguments.status_fd is None:
-            return
-
-        def follow() -> None:
-            # not sys.stdin: its lock, held by a waiting thread, would break the end of the interpreter
-            with open(0, "rb", buffering=0, closefd=False) as orders:
-                for line in orders:
-                    act(json.loads(line))
-
-        threading.Thread(target=follow, name="orders", daemon=True).start()
+        """Call ``act`` with each order of the supervisor from now on, in a thread of its own."""
+        self._act = act
 
     def start_ros(self) -> Executor:
         """Initialise rclpy without its signal handlers; returns the executor, kept as ``executor`` too."""
