@@ -9,7 +9,7 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = "rig_nodes"
-VERSION = re.search(r'__version__ = "(.+?)"', Path(NAME, "__init__.py").read_text(encoding="utf-8")).group(1)
+VERSION = re.search("<version>(.+?)</version>", Path("package.xml").read_text(encoding="utf-8")).group(1)
 
 
 def share_files(folder: str, into: str, pattern: str) -> list[tuple[str, list[str]]]:

@@ -3,4 +3,18 @@
 
 """The HydmAG virtual powertrain test rig as ROS 2 nodes; see docs/background/architecture.md for the walls."""
 
-__version__ = "0.1.0"
+import re
+from pathlib import Path
+
+
+def _version() -> str:
+    """That of package.xml, its one place: in a checkout read there, else as it was installed."""
+    manifest = Path(__file__).parents[1] / "package.xml"
+    if manifest.is_file() and (found := re.search("<version>(.+?)</version>", manifest.read_text(encoding="utf-8"))):
+        return found[1]
+    from importlib.metadata import version
+
+    return version("rig_nodes")
+
+
+__version__ = _version()

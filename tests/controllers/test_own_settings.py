@@ -114,15 +114,15 @@ def test_a_setting_that_is_not_answered_yet_is_looked_at_with_every_tick(tmp_pat
         def event(self, *_):
             pass
 
-        def set_controller(self, name, value):
+        def change(self, name, value):
             self.given = name, value
 
-        def controller_set(self):
+        def changed(self):
             return False
 
     (tmp_path / "sequence.yaml").write_text("description: late\nsteps:\n  - controller: {held: 900}\n")
     runner = SequenceRunner(load_sequence(tmp_path / "sequence.yaml"), Late(), load_rig())
-    assert not runner.poll(0.25) and runner.bench.given == ("held", 900.0)
+    assert not runner.poll(0.25) and runner.bench.given == ("alfa46.controller.held", 900.0)
     assert runner.next_look() == {"until": 0.25}
 
 

@@ -101,6 +101,43 @@ def test_any_step_of_whole_milliseconds_gives_the_bits_of_the_rig(fmu, step):
     assert fmu.get("s1_slip", "true.n_wyj", "gear_ordered") == [rig.slip(0), rig.true("wk.speed"), 1]
 
 
+def test_what_can_change_while_the_rig_runs_is_tunable_and_acts_with_the_next_step(rig_fmu, fmu, tmp_path):
+    variables = {v.name: v for v in read_model_description(str(rig_fmu())).modelVariables}
+    assert {name for name, v in variables.items() if v.variability == "tunable"} == {
+        one.name for one in load_rig().settings.kept() if one.live
+    }
+    fmu.initialize(oil_pressure=4 * MPA, oil_enable=True, record=str(tmp_path / "run"))
+    rig = Rig(load_rig())
+    rig.set("oil", 4 * MPA, True)
+    fmu.step(0.0, 0.1)
+    rig.advance(0.1)
+    changed = {"oil_supply.temperature": 80.0, "alfa46.t12": 0.05}
+    fmu.set(**changed)
+    for name, value in changed.items():
+        rig.set_value(name, value)
+    for k, gear in enumerate((1, 2)):
+        fmu.set(gear_request=gear)
+        rig.order_gear(gear)
+        fmu.step(0.1 + k, 1.0)
+        rig.advance(1.0)
+    for name in ("T_oil", "p1", "p2"):
+        assert fmu.get(name) == [rig.measurement(name)], name
+    with pytest.raises(FmuFailed, match="oil_supply.temperature of 500 degC refused; expected -30 to 150 degC"):
+        fmu.set(**{"oil_supply.temperature": 500.0})
+        fmu.step(2.1, 1e-3)
+    fmu.terminate()
+    said = [(text, value) for _, _, name, text, value in Bag(tmp_path / "run").events() if name == "setting_changed"]
+    assert said == [("oil_supply.temperature = 80 degC", 80.0), ("alfa46.t12 = 0.05 s", 0.05)]
+
+
+def test_settings_of_an_external_controller_are_not_the_rigs(fmu):
+    fmu.set(controller=1)
+    fmu.initialize()
+    fmu.set(**{"alfa46.t12": 0.05})
+    with pytest.raises(FmuFailed, match="alfa46.t12 is the shift controller's, and not the rig's to change"):
+        fmu.step(0.0, 1e-3)
+
+
 def test_a_gear_asked_for_during_a_shift_is_taken_at_its_end_whatever_the_step(fmu):
     """Gear I takes 650 ms (P3 of output 1); neutral is asked for 100 ms after it and begins when that is over."""
     taken = {}

@@ -70,6 +70,29 @@ def test_same_bits_as_simulate(tmp_path, simulated, arguments):
     assert {topic for topic in expected if hashes.get(topic) != expected[topic]} <= NOT_THE_PLANTS
 
 
+SETS = """
+description: settings of the oil, the transducers and the box while it runs
+steps:
+  - oil: {pressure: 4 MPa}
+  - shift: {to: I}
+  - set: {oil_supply.temperature: 80 degC, instruments.noise: off, alfa46.t12: 50 ms}
+  - wait: {for: 50 ms}
+  - shift: {to: II}
+"""
+
+
+def test_settings_of_a_sequence_act_at_the_same_sample_as_in_simulate(tmp_path):
+    sequence = tmp_path / "sets.yaml"
+    sequence.write_text(SETS)
+    code, output = rig_run(tmp_path / "run", "--speed", "max", sequence=sequence)
+    assert code == 0, output
+    simulate(load_rig(), load_sequence(sequence), tmp_path / "simulated")
+    hashes, expected = (Bag(tmp_path / name).canonical_hash() for name in ("run", "simulated"))
+    assert {topic for topic in expected if hashes.get(topic) != expected[topic]} <= NOT_THE_PLANTS
+    said = [text for _, _, name, text, _ in Bag(tmp_path / "run").events() if name == "setting_changed"]
+    assert sorted(said) == ["alfa46.t12 = 0.05 s", "instruments.noise = false", "oil_supply.temperature = 80 degC"]
+
+
 def test_a_controller_that_dies_in_lockstep_trips_at_once(tmp_path):
     run = RigRun(tmp_path / "run", "--speed", "1")
     run.until("shift to II")

@@ -339,10 +339,15 @@ def test_the_same_settings_again_change_no_bit():
         ("instruments.noise.T_oil", 1.0, "there is no value of instruments 'noise.T_oil'; did you mean"),
         ("instruments.noise.p1", -1.0, "expected 0 to"),
         ("w0.inertia", 1.0, "cannot be set while the rig runs"),
-        ("alfa46.t12", 0.1, "is the shift controller's"),
+        ("alfa46.t12", 9.0, "expected -5 to 5 s"),
         ("motor.speed", 400.0, "motor.speed of 400 rad/s refused; expected 0 to 314.2 rad/s"),
     ],
 )
 def test_the_rig_refuses_what_cannot_be_set(name, value, sentence):
     with pytest.raises(RigError, match=sentence):
         Rig(load_rig()).set_value(name, value)
+
+
+def test_settings_of_a_controller_that_is_not_the_rigs_are_not_the_rigs_to_change():
+    with pytest.raises(RigError, match="alfa46.t12 is the shift controller's"):
+        Rig(load_rig(), 1, "external", "duty").set_value("alfa46.t12", 0.1)

@@ -21,11 +21,13 @@ from ..errors import RigError, brief
 from . import law
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from pathlib import Path
 
     from ..transmission import Transmission
 
 POINTS = ("P1", "P2", "P3", "P4", "P5", "P6")
+CURRENT_LOOP = ("gain_p", "gain_i", "gain_d", "derivative_time")
 OUTPUT_KEYS = tuple(f"output_{k + 1}" for k in range(law.OUTPUTS))
 
 
@@ -109,6 +111,16 @@ def check_point(points: np.ndarray, k: int, where: str, limit: float) -> None:
     if not (earliest <= time <= 60.0 and time > 0.0):
         since = "the switch signal" if first else f"{POINTS[k - 1]} at {before * 1e3:g} ms"
         raise RigError(f"{where} is at {time * 1e3:g} ms; it must come after {since} (at most 60 s)")
+
+
+def check_gains(level: str, names: Iterable[str]) -> None:
+    """RigError where settings of these names are gains of a loop that the controller does not close at its level."""
+    gain = next((name for name in names if name in CURRENT_LOOP), None)
+    if gain is not None and level == "current":
+        raise RigError(
+            f"{gain} refused: at level current the rig's own power stage closes the loop, with the gains of "
+            "the rig's configuration; set them with --set"
+        )
 
 
 def check_profile(points: np.ndarray, what: str, limit: float) -> None:

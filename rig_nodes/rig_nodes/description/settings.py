@@ -30,6 +30,7 @@ LATEST = 60.0  # s after its switch signal at which a point may stand
 SOURCES, ON_OFF = ("plant", "topic"), ("on", "off")
 OWN, MOST_OWN = "controller.", 1e15  # settings that a user's controller names as its own, and the largest number there
 CONTROLLER, INSTRUMENTS, WIRING = "alfa46", "instruments", "wiring"
+CHANGED = "setting_changed"  # the event that says a new value
 
 
 @dataclass(frozen=True)
@@ -99,6 +100,15 @@ class Setting:
             return ", ".join(self._words)
         unit, factor = shown_in(self.dimension)
         return f"{self.low / factor:.6g} to {self.high / factor:.6g} {unit}"
+
+    def sentence(self, value: bool | float | list[float]) -> str:
+        """What an event says of a new value [SI], e.g. ``motor.speed = 62.8 rad/s``."""
+        if self.dimension == SWITCH:
+            text = str(bool(value)).lower()
+        else:
+            numbers = value if isinstance(value, list) else [value]
+            text = f"{' '.join(f'{number:.6g}' for number in numbers)} {self.unit}"
+        return f"{self.name} = {text}".rstrip()
 
     def check(self, value: float) -> None:
         """RigError for a number [SI] out of range, or for none."""

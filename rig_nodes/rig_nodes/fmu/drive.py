@@ -71,12 +71,14 @@ class FmuBench:
         """The value [SI] of a signal that was heard last; nan before the first."""
         return self._told.get(signal, float("nan"))
 
-    def set_controller(self, name: str, value: float) -> None:
-        """RigError: the controller of a rig's FMU has no settings of its own."""
-        raise RigError(f"controller alfa46 has no setting '{name}'; it has none of its own")
+    def change(self, name: str, value: float) -> None:
+        """A setting [SI], by the tunable parameter of its name; RigError for one that the FMU has not."""
+        if name not in self.fmu.variables:
+            raise RigError(f"the FMU has no parameter {name}")
+        self.fmu.set(**{name: value})
 
-    def controller_set(self) -> bool:
-        """Nothing is ever being set."""
+    def changed(self) -> bool:
+        """True: a parameter has its value when it is given."""
         return True
 
     def event(self, name: str, text: str, value: float = 0.0) -> None:

@@ -99,7 +99,7 @@ class RigModel:
     def initialize(self) -> None:
         """A new rig with the parameters as they are."""
         from ..testbench.rig import Rig
-        from .rig_variables import CONTROLLERS, Reader, with_parameters
+        from .rig_variables import CONTROLLERS, Reader, Tunables, with_parameters
 
         values = self.values
         controller = int(values["controller"])
@@ -111,14 +111,21 @@ class RigModel:
         else:
             self.rig = Rig(config, int(values["seed"]))
         self._given, self._changed_config = {}, config
+        self._tunables = Tunables(config, values)
         self._reader = Reader(self.rig, values)
         self._reader.read()
 
     def step(self, samples: int) -> int:
         """Move by samples with the inputs as they are, or to a trip; returns how many it has moved by."""
+        from ..description.settings import CHANGED, CONTROLLER
+
         if self.rig.sample == 0 and self.values.text("record") and self._recording is None:
             self._recording = Recording(Path(self.values.text("record")), self.rig, self._changed_config, int(self.values["seed"]))
         self._give_setpoints()
+        for setting, value in self._tunables.give(self.rig):
+            if self._recording is not None:
+                topic = "/controller/events" if setting.owner == CONTROLLER else "/rig/events"
+                self._recording.outputs.event(topic, CHANGED, setting.sentence(value), value)
         command = None if self.rig.embedded else self._command()
         first = self.rig.sample
         end = first + samples

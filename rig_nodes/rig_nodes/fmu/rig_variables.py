@@ -64,11 +64,11 @@ def _parameters(config: RigConfig) -> list[Variable]:
     for one in _settings(config):
         value = config.value(one.name)
         if one.dimension == SWITCH:
-            out.append(Variable(one.name, "boolean", "parameter", one.text, bool(value)))
+            out.append(Variable(one.name, "boolean", "parameter", one.text, bool(value), tunable=one.live))
         else:
-            unit = SI.get(one.dimension) or NOT_WRITTEN[one.dimension]
+            unit = UNITS.get(written := SI.get(one.dimension) or NOT_WRITTEN[one.dimension], written)
             out.append(
-                Variable(one.name, "real", "parameter", one.text, float(value), UNITS.get(unit, unit), low=one.low, high=one.high)
+                Variable(one.name, "real", "parameter", one.text, float(value), unit, low=one.low, high=one.high, tunable=one.live)
             )
     return out
 
@@ -226,6 +226,24 @@ def with_parameters(config: RigConfig, values: Values) -> RigConfig:
     config = config.with_values(changed)
     cross_check(config, lambda keys: "parameter ")
     return config
+
+
+class Tunables:
+    """The parameters that may change between steps. Their values at first are those with which the rig was made."""
+
+    def __init__(self, config: RigConfig, values: Values) -> None:
+        self._values, self._settings = values, [one for one in _settings(config) if one.live]
+        self._places = [values.place[one.name] for one in self._settings]
+        self._given = values.numbers[self._places]
+
+    def give(self, rig: Rig) -> list[tuple[Setting, float]]:
+        """Give the rig those that have changed, and return them; RigError for a value that is refused."""
+        now = self._values.numbers[self._places]
+        changed = [(self._settings[k], float(now[k])) for k in np.flatnonzero(now != self._given)]
+        for setting, value in changed:
+            rig.set_value(setting.name, value != 0.0 if setting.dimension == SWITCH else value)
+        self._given = now
+        return changed
 
 
 class Reader:

@@ -18,7 +18,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rig_msgs.srv import SetProfile
 
-from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, check_profile
+from ..alfa46.settings import OUTPUT_KEYS, POINTS, Alfa46Config, check_gains, check_profile
 from ..description.settings import OWN, own_setting
 from ..errors import RigError
 from ..testbench.configuration import RigConfig
@@ -27,7 +27,6 @@ from .settings import Declared, Settings
 if TYPE_CHECKING:
     from ..controllers.plug import Plug
 
-CURRENT_LOOP = ("gain_p", "gain_i", "gain_d", "derivative_time")
 COLUMNS = ("times", "currents")
 
 
@@ -84,13 +83,8 @@ class BoxSettings(Settings):
     def refusal(self, changes: dict) -> str | None:
         """Of the level, of the rules for profiles, then of the controller."""
         own = {name.removeprefix(OWN): value for name, value in changes.items() if name.startswith(OWN)}
-        loop = [name for name in changes if name in CURRENT_LOOP]
-        if loop and self.box.level == "current":
-            return (
-                f"{loop[0]} refused: at level current the rig's own power stage closes the loop, with the gains of "
-                "the rig's configuration; set them with --set"
-            )
         try:
+            check_gains(self.box.level, changes)
             for name, value in own.items():
                 self.box.check_value(name, value)
             if len(own) < len(changes):
@@ -108,7 +102,7 @@ class BoxSettings(Settings):
             if name.startswith(OWN):
                 self.box.set_value(name.removeprefix(OWN), value)
             number = float(name[len("output_")]) if isinstance(value, list) else value
-            self.news.append((self.settings[name].shown(value), number))
+            self.news.append((self.settings[name].setting.sentence(value), number))
 
     def on_set_profile(self, request: SetProfile.Request, response: SetProfile.Response) -> SetProfile.Response:
         """A profile as a whole, through the parameters, which so stay what the controller has."""

@@ -20,6 +20,7 @@ from rig_msgs.msg import RigState
 
 from ..bags.cdr import encoder
 from ..catalogue import Signal
+from ..config.schema import SWITCH
 from ..testbench.sequence import Sequence, SequenceFailed
 from .device import publishers_of
 from .message_class import message_class
@@ -28,6 +29,7 @@ from .qos import recorder_profile
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from rclpy.client import Client
     from rclpy.task import Future
 
     from ..testbench.configuration import RigConfig
@@ -63,10 +65,8 @@ class RosBench:
         self._ordered = None
         self._topics: set[str] = set()
         self._done, self._refusal, self._newest = False, None, None
-        self._shift = self._set_controller = None  # where there is no shift controller
-        if config.structure.shifts:
-            self._shift = ActionClient(node, Shift, "/alfa46/shift")
-            self._set_controller = node.create_client(SetParameters, "/alfa46/set_parameters")
+        self._shift = ActionClient(node, Shift, "/alfa46/shift") if config.structure.shifts else None
+        self._setters: dict[str, Client] = {}  # of the parameters of the nodes that have settings the sequence changes
         self._setting = None  # answer to the newest setting, when it is there
         if not in_lockstep:
             node.create_subscription(RigState, STATE, self._on_state, recorder_profile("measurement"))
@@ -77,6 +77,8 @@ class RosBench:
         if any(step.by_torque for step in sequence.steps):
             names.add(self.config.structure.output.speed)
         self.needed = names
+        for owner in {step.setting.partition(".")[0] for step in sequence.steps if step.setting} - self._setters.keys():
+            self._setters[owner] = self.node.create_client(SetParameters, f"/{owner}/set_parameters")
         if self.in_lockstep:
             return
         known = self.config.catalogue
@@ -93,7 +95,8 @@ class RosBench:
 
     def connected(self) -> bool:
         """True when orders can be sent, where there is anybody who takes them."""
-        return self._shift is None or (self._shift.server_is_ready() and self._set_controller.service_is_ready())
+        shifts = self._shift is None or self._shift.server_is_ready()
+        return shifts and all(setter.service_is_ready() for setter in self._setters.values())
 
     def take(self, frame: dict) -> None:
         """Readings and state of a tick in lockstep, where nothing may depend on when a message arrives."""
@@ -174,21 +177,23 @@ class RosBench:
         """(gear, shifting) of the controller's newest answer; in real time None, for nothing here listens to them."""
         return (self._gear, self._shifting) if self.in_lockstep else None
 
-    def set_controller(self, name: str, value: float) -> None:
-        """A setting of the user's controller, a parameter of its node; ``controller_set`` tells what comes of it."""
-        parameter = Parameter(f"controller.{name}", value=float(value)).to_parameter_msg()
-        self._setting = self._set_controller.call_async(SetParameters.Request(parameters=[parameter]))
+    def change(self, name: str, value: float) -> None:
+        """A setting [SI], the parameter of its node; ``changed`` tells what comes of it."""
+        owner, _, key = name.partition(".")
+        switch = name in self.config.settings and self.config.settings[name].dimension == SWITCH
+        parameter = Parameter(key, value=value != 0.0 if switch else float(value)).to_parameter_msg()
+        self._setting = self._setters[owner].call_async(SetParameters.Request(parameters=[parameter]))
         self._setting.add_done_callback(lambda future: self.node.wake())
         if self.in_lockstep:
             self.node.process.executor.spin_until_future_complete(self._setting, ANSWER_TIMEOUT)
 
-    def controller_set(self) -> bool:
-        """True when the controller has the newest setting; SequenceFailed with its reason when it refuses it."""
+    def changed(self) -> bool:
+        """True when the newest setting has its value; SequenceFailed with the reason when it was refused."""
         if not self._setting.done():
             return False
         (result,) = self._setting.result().results
         if not result.successful:
-            raise SequenceFailed(result.reason or "the controller has no such setting")
+            raise SequenceFailed(result.reason or "there is no such setting")
         return True
 
     def reading(self, signal: str) -> float:

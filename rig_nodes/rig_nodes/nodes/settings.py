@@ -17,7 +17,7 @@ from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParam
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from ..description.settings import Setting
+from ..description.settings import CHANGED, Setting
 from ..errors import RigError
 
 if TYPE_CHECKING:
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from .commands import Commands
 
 FOLLOW = 0.1  # s: how long a parameter may lag behind a value that another way of setting changed
-CHANGED = "setting_changed"
 
 
 @dataclass(frozen=True)
@@ -65,16 +64,6 @@ class Declared:
             except RigError as error:
                 return str(error)
         return None
-
-    def shown(self, value: bool | float | list[float]) -> str:
-        """E.g. ``motor.speed = 62.8 rad/s``."""
-        if isinstance(value, bool):
-            text = str(value).lower()
-        elif isinstance(value, float):
-            text = f"{value:.6g} {self.setting.unit}"
-        else:
-            text = f"{' '.join(f'{number:.6g}' for number in value)} {self.setting.unit}"
-        return f"{self.setting.name} = {text}".rstrip()
 
 
 class Settings(ABC):
@@ -184,7 +173,7 @@ class DeviceSettings(Settings):
             self.rig.set_value(one.setting.name, value)
         finally:
             self._done += 1
-        self._commands.event(CHANGED, one.shown(value), float(value))
+        self._commands.event(CHANGED, one.setting.sentence(value), float(value))
 
     def on_follow(self) -> None:
         """Bring the parameters to the rig's values, unless some of ours are still on their way to it."""

@@ -20,14 +20,14 @@ import numpy as np
 
 from ..alfa46 import law
 from ..alfa46.controller import refusal
-from ..alfa46.settings import Alfa46Config
+from ..alfa46.settings import Alfa46Config, check_gains
 from ..clocks import COMMAND_TIMEOUT, SAMPLE_NS
 from ..config.names import unknown
 from ..config.schema import SWITCH
 from ..controllers.record import record_of
 from ..controllers.seam import LEVELS
 from ..description.commands import Setpoint
-from ..description.settings import INSTRUMENTS, Setting
+from ..description.settings import CONTROLLER, Setting
 from ..errors import RigError
 from ..parts import part as parts
 from ..parts.proportional_valve import BY_DUTY, BY_LAW, BY_SETPOINT
@@ -211,8 +211,11 @@ class Rig(RigBase):
         elif setting.state:
             self.device(setting.owner)[setting.state] = value
             self.config = self.config.with_values({name: float(value)})
-        elif setting.owner != INSTRUMENTS:
-            raise RigError(f"{name} is the shift controller's, and not the rig's to change")
+        elif setting.owner == CONTROLLER:
+            if not self.embedded:
+                raise RigError(f"{name} is the shift controller's, and not the rig's to change")
+            check_gains(self.level, [setting.key])
+            self.set_controller(self.config.with_values({name: value}).alfa46)
         elif setting.dimension == SWITCH:
             self.gauges.switch(bool(value))
         else:

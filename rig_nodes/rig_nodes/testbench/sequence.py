@@ -20,7 +20,7 @@ from ..config.names import DEFAULT_RIG, beside, find_of_rigs, rig_with, unknown,
 from ..config.schema import check_keys, where_of
 from ..config.units import dimension_of, quantity, span
 from ..config.yaml_file import List, Map
-from ..description.settings import Setting
+from ..description.settings import CONTROLLER, OWN, Setting
 from ..errors import RigError, brief
 from ..parts.load_pump import most_torque, relief_setting_for
 from .configuration import RigConfig, load_rig
@@ -61,11 +61,11 @@ class Bench(Protocol):
     def controller_says(self) -> tuple[int, bool] | None:
         """The controller's gear and whether it is shifting, None before it has said so."""
 
-    def set_controller(self, name: str, value: float) -> None:
-        """Gives the user's controller a value for one of its settings."""
+    def change(self, name: str, value: float) -> None:
+        """Gives a setting of the rig, its shift controller or the user's controller another value [SI], a switch 1 or 0."""
 
-    def controller_set(self) -> bool:
-        """True when the controller has taken the setting that was given last."""
+    def changed(self) -> bool:
+        """True when the setting that was given last has its value."""
 
     def reading(self, signal: str) -> float:
         """The newest value of a signal [SI]."""
@@ -127,6 +127,8 @@ class Sequence:
                 if step.condition is not None
                 else ("gear", int(step.value), gears)
                 if step.kind == "shift"
+                else ("setting", step.setting, config.settings)
+                if step.kind == "set" and not step.setting.startswith(f"{CONTROLLER}.{OWN}")
                 else None
             )
             if of_rig is not None and of_rig[1] not in of_rig[2]:
@@ -400,7 +402,29 @@ def _controller(body: Any, path: str | Path, where: str, config: RigConfig) -> l
             value = math.nan
         if not math.isfinite(value):
             raise RigError(f"{where_of(path, body, name)}: controller.{name} is {brief(given)}, expected a number (SI)")
-        steps.append(Step("controller", f"controller {name} {value:g}", where, value, setting=str(name)))
+        steps.append(Step("set", f"controller {name} {value:g}", where, value, setting=f"{CONTROLLER}.{OWN}{name}"))
+    return steps
+
+
+def _set(body: Any, path: str | Path, where: str, config: RigConfig) -> list[Step]:
+    """Settings of the rig and its shift controller, such as can change while it runs: a step for each."""
+    if not isinstance(body, dict) or not body:
+        raise RigError(f"{where}: set takes names of settings and their values, e.g. {{oil_supply.temperature: 50 degC}}")
+    steps = []
+    for name, given in body.items():
+        place = where_of(path, body, name)
+        try:
+            setting = config.settings.find(str(name))
+            setting.check_lives()
+        except RigError as error:
+            raise RigError(f"{place}: set: {error}") from None
+        if setting.setpoint is not None:
+            raise RigError(f"{place}: set: {name} is a setpoint; the step '{setting.setpoint.step}' sets it")
+        if setting.numbers > 1:
+            raise RigError(f"{place}: set: {name} has {setting.numbers} numbers; a sequence sets single values")
+        value = float(setting.value_of(given, f"{place}: set.{name}"))
+        shown = str(given).lower() if isinstance(given, bool) else given
+        steps.append(Step("set", f"set {name} {shown}", where, value, setting=setting.name))
     return steps
 
 
@@ -460,13 +484,19 @@ def _repeat(body: Any, path: str | Path, where: str, config: RigConfig) -> list[
     return steps * times
 
 
-_OTHER_STEPS = ("shift", "controller", "wait", "repeat")  # all others are setpoints of devices
+_OTHER_STEPS = ("shift", "set", "wait", "repeat")  # all others are setpoints of devices
 
 
 def _readers(config: RigConfig) -> dict:
     """Key of a step -> what reads it: the setpoints of the rig's devices, orders where it has gears, waits and repeats."""
     orders = {"shift": _shift, "controller": _controller} if config.structure.shifts else {}
-    return {**{step: _setting(one) for step, one in config.settings.steps.items()}, **orders, "wait": _wait, "repeat": _repeat}
+    return {
+        **{step: _setting(one) for step, one in config.settings.steps.items()},
+        **orders,
+        "set": _set,
+        "wait": _wait,
+        "repeat": _repeat,
+    }
 
 
 class SequenceRunner:
@@ -514,7 +544,7 @@ class SequenceRunner:
         step = self.sequence.steps[self.step]
         if step.kind == "shift":
             return {"until": self._since + step.timeout, "gear": int(step.value)}
-        if step.kind == "controller":
+        if step.kind == "set":
             return {"until": self._since}  # its answer is no signal: asked for at every tick
         if step.condition is None:
             return {"until": self._since + step.value}
@@ -547,8 +577,8 @@ class SequenceRunner:
         """The order of a step, if it is one; RigError when the rig or its controller refuses it."""
         if step.kind == "shift":
             self.bench.order_gear(int(step.value))
-        elif step.kind == "controller":
-            self.bench.set_controller(step.setting, step.value)
+        elif step.kind == "set":
+            self.bench.change(step.setting, step.value)
         elif step.kind != "wait":
             if not step.by_torque:
                 self.bench.set(step.kind, step.value, step.enable)
@@ -566,8 +596,8 @@ class SequenceRunner:
         waited = t - self._since
         if step.kind == "shift":
             done = waited > 0.0 and self.bench.shift_done()
-        elif step.kind == "controller":
-            done = self.bench.controller_set()
+        elif step.kind == "set":
+            done = self.bench.changed()
         elif step.condition is not None:
             if not step.condition.met(self.bench):
                 self._met_since = None

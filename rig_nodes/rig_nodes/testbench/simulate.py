@@ -13,10 +13,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .. import __version__
+from ..alfa46.settings import check_gains
 from ..bags.writer import BagWriter
 from ..clocks import COMMAND_TIMEOUT, TICK_SAMPLES
+from ..config.schema import SWITCH
 from ..controllers.plug import SAID, Answer, Plug
 from ..controllers.seam import ControllerFailed
+from ..description.settings import CHANGED, CONTROLLER, OWN, own_setting
 from ..errors import RigError, ended_by
 from ..uninterrupted import Uninterrupted
 from .configuration import RigConfig
@@ -83,15 +86,29 @@ class LocalBench:
         """The controller's gear and whether it is shifting."""
         return self.rig.gear, self.rig.shifting
 
-    def set_controller(self, name: str, value: float) -> None:
-        """Gives the user's controller a value, with an event; RigError when there is none to take it."""
-        if self._controller is None:
-            raise RigError(f"controller alfa46 has no setting '{name}'; it has none of its own")
-        self._controller.set_value(name, value)
-        self.outputs.event("/controller/events", "setting_changed", f"alfa46.controller.{name} = {value:.6g}", value)
+    def change(self, name: str, value: float) -> None:
+        """Gives a setting another value [SI], with an event; RigError when it is refused."""
+        own = name.removeprefix(f"{CONTROLLER}.{OWN}")
+        if own != name:
+            if self._controller is None:
+                raise RigError(f"controller alfa46 has no setting '{own}'; it has none of its own")
+            self._controller.set_value(own, value)
+            setting = own_setting(name)
+        else:
+            setting = self.rig.settings.find(name)
+            if setting.owner == CONTROLLER and self._controller is not None:
+                check_gains(self.rig.level, [setting.key])
+                changed = self.rig.config.with_values({name: value})
+                self._controller.check_change(changed.alfa46)
+                self._controller.change(changed.alfa46)
+                self.rig.config = changed
+            else:
+                self.rig.set_value(name, value != 0.0 if setting.dimension == SWITCH else value)
+        topic = "/controller/events" if setting.owner == CONTROLLER else "/rig/events"
+        self.outputs.event(topic, CHANGED, setting.sentence(value), value)
 
-    def controller_set(self) -> bool:
-        """True: the controller has taken a setting when it is given."""
+    def changed(self) -> bool:
+        """True: a setting has its value when it is given."""
         return True
 
     def event(self, name: str, text: str, value: float = 0.0) -> None:
