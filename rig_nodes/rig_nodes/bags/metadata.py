@@ -23,6 +23,7 @@ from . import limits
 
 VERSION = 9
 _CLASS = re.compile(r"^(( *)offered_qos_profiles:) (\w+)\n", re.MULTILINE)
+_TOPICS = "TOPICS"  # in the place of their list, until it is filled in
 FOREVER = {"sec": 9223372036, "nsec": 854775807}
 
 
@@ -102,19 +103,7 @@ def bag_metadata(file_name: str, topics: list[dict], start_ns: int, end_ns: int)
             "duration": duration,
             "starting_time": starting_time,
             "message_count": count,
-            "topics_with_message_count": [
-                {
-                    "topic_metadata": {
-                        "name": topic["name"],
-                        "type": topic["type"],
-                        "serialization_format": "cdr",
-                        "offered_qos_profiles": topic["qos"],
-                        "type_description_hash": topic["hash"],
-                    },
-                    "message_count": topic["count"],
-                }
-                for topic in topics
-            ],
+            "topics_with_message_count": _TOPICS if topics else [],
             "compression_format": "",
             "compression_mode": "",
             "relative_file_paths": [file_name],
@@ -123,8 +112,27 @@ def bag_metadata(file_name: str, topics: list[dict], start_ns: int, end_ns: int)
             "ros_distro": "jazzy",
         }
     )
+    information = information.replace(f" {_TOPICS}\n", "\n" + "".join(_entry(topic) for topic in topics))
     # there are few classes and many topics, and the library is slow
     return _CLASS.sub(lambda found: found[1] + "\n" + indent(profile_text(found[3]), found[2]), information)
+
+
+@cache
+def _entry_form() -> str:
+    """What the library writes for one topic, with the names of its fields in braces."""
+    about = {
+        "name": "{name}",
+        "type": "{type}",
+        "serialization_format": "cdr",
+        "offered_qos_profiles": "{qos}",
+        "type_description_hash": "{hash}",
+    }
+    return _yaml([{"topic_metadata": about, "message_count": "{count}"}]).replace("'", "")
+
+
+def _entry(topic: dict) -> str:
+    """One of topics_with_message_count. What is written there needs no quotes: ROS names, numbers and a digest."""
+    return _entry_form().format(**topic)
 
 
 def metadata_file(information: str) -> str:

@@ -85,11 +85,14 @@ class BagWriter:
             raise RigError(f"{self.path} cannot be made ({error.strerror}); name a folder that can be written") from None
         self._writer = self._guard(self._begin)
 
-    def write(self, topic: str, ros_type: str, data: bytes, log_time_ns: int, qos: str = "measurement") -> None:
+    def write(
+        self, topic: str, ros_type: str, data: bytes, log_time_ns: int, qos: str = "measurement", made_here: bool = False
+    ) -> None:
         """Store one encoded message as it is, on topics of the catalogue less the padding that DDS may have appended.
 
         data: CDR with encapsulation; log_time_ns: simulated time [ns] from 0 on, stored as log and publish time; qos:
-        class of catalogue.QOS in which a topic is offered that is not in the catalogue. Raises MessageRefused when the
+        class of catalogue.QOS in which a topic is offered that is not in the catalogue; made_here: the message comes from an
+        encoder of bags.cdr in this process, so that it is exact and is not looked through. Raises MessageRefused when the
         bytes are no such message, the topic changes its type or the time is none, RigError when the bag is closed or
         the disk takes no more.
         """
@@ -100,7 +103,7 @@ class BagWriter:
         known = self._topics.get(topic) or self._guard(self._add_topic, topic, ros_type, qos)
         if known.ros_type != ros_type:
             raise MessageRefused(f"topic {topic} holds {known.ros_type}, got a {ros_type}; a topic has one type")
-        if known.own and len(data) != known.size:
+        if known.own and not made_here and len(data) != known.size:
             try:
                 data = exact(known.definition, data)
             except ValueError as error:

@@ -76,7 +76,7 @@ def streaming(tell: Callable[[str], object] = lambda text: None) -> list[dict]:
         def go(_phase: str, seconds: float) -> None:
             for _ in range(round(seconds * SAMPLES_PER_S)):
                 for topic, stamp, data in outputs.due():
-                    bag.write(topic, types[topic], data, stamp)
+                    bag.write(topic, types[topic], data, stamp, made_here=True)
                 rig.advance_samples(1)
 
         drive(rig, go)

@@ -53,7 +53,7 @@ class Recording:
     def due(self) -> None:
         """Write what is due now."""
         for topic, stamp, data in self.outputs.due():
-            self._bag.write(topic, self._types[topic], data, stamp)
+            self._bag.write(topic, self._types[topic], data, stamp, made_here=True)
 
     def close(self) -> None:
         """End the bag and write report.json beside it."""

@@ -207,7 +207,7 @@ def simulate(
         stops.held = True
         try:
             for topic, stamp, data in outputs.due():
-                bag.write(topic, types[topic], data, stamp)
+                bag.write(topic, types[topic], data, stamp, made_here=True)
         finally:
             stops.let_in()
 
