@@ -57,7 +57,7 @@ setup(
     ],
     python_requires=">=3.11",
     # rclpy and rig_msgs come with ROS 2, not from a package index; requirements.lock has wheels of rclpy.
-    install_requires=["setuptools", "numpy>=1.26", "scipy", "numba", "mcap", "lz4", "zstandard", "rosbags", "ruamel.yaml"],
+    install_requires=["setuptools", "numpy>=1.26", "scipy", "numba", "mcap", "lz4", "zstandard", "rosbags", "ruamel.yaml", "tqdm"],
     extras_require={
         "view": ["rerun-sdk"],
         "plugs": ["fmpy", "python-can", "cantools", "pymodbus"],

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A line on stderr that tells how far a long piece of work is and how long it will still take.
+"""How far a long piece of work is and how long it will still take, on stderr, by tqdm: a line that is renewed in a terminal.
 
 Used by every verb whose work is long: ``sweep``, ``tune``, ``validate``, ``calibrate``, ``bench``.
 """
@@ -9,9 +9,12 @@ Used by every verb whose work is long: ``sweep``, ``tune``, ``validate``, ``cali
 from __future__ import annotations
 
 import sys
+import threading
 import time
 
 QUIET = 10.0  # s between two lines where stderr is no terminal
+KNOWN, UNKNOWN = "{desc}, {elapsed}, about {remaining} left", "{desc}, {elapsed}"  # with tqdm's names
+WIDTH = 79
 
 
 class ProgressLine:
@@ -20,35 +23,34 @@ class ProgressLine:
     """
 
     def __init__(self, of: float | None = None, begun: float = 0.0) -> None:
-        self.of, self.begun, self.start, self.live = of, begun, time.monotonic(), sys.stderr.isatty()
-        self._told, self._open = self.start, False
+        from tqdm import tqdm  # here: verbs are read without it
+
+        tqdm.monitor_interval = 0  # no thread of its own
+        tqdm.set_lock(threading.RLock())  # nor a semaphore of the system, which would start another process
+        self._of, self._begun, self._format = of, begun, tqdm.format_meter
+        self._start = self._told = time.monotonic()
+        # a size of its own: a terminal that says none has no line to spare
+        shape = {"bar_format": "{desc}", "ncols": WIDTH, "nrows": 20}
+        self._bar = tqdm(total=of, initial=begun, file=sys.stderr, **shape) if sys.stderr.isatty() else None
 
     def tell(self, done: float, text: str, part: bool = False) -> None:
         """Renew the line; into a file at most one every QUIET seconds, the last one, and where a part of it is done."""
-        now, last = time.monotonic(), self.of is not None and done >= self.of
-        gone = now - self.start
-        share = 0.0 if self.of is None else (done - self.begun) / max(self.of - self.begun, 1e-12)
-        left = f", about {spoken(gone / share * (1.0 - share))} left" if share > 0.0 and not last else ""
-        line = f"{text}, {spoken(gone)}{left}"
-        if self.live:
-            print(f"\r{line:<79}", end="\n" if last else "", file=sys.stderr, flush=True)
-            self._open = not last
-        elif last or part or now - self._told >= QUIET:
+        last = self._of is not None and done >= self._of
+        form = UNKNOWN if last or self._of is None or done <= self._begun else KNOWN
+        if self._bar is not None:
+            self._bar.bar_format, self._bar.n = form, done
+            self._bar.set_description_str(text)
+            if last:
+                self._bar.close()
+            return
+        now = time.monotonic()
+        if last or part or now - self._told >= QUIET:
             self._told = now
+            gone, wide = now - self._start, len(text) + WIDTH
+            line = self._format(done, self._of, gone, prefix=text, bar_format=form, initial=self._begun, ncols=wide)
             print(line, file=sys.stderr, flush=True)
 
     def leave(self) -> None:
         """Go on below the line, if there is one."""
-        if self._open:
-            print(file=sys.stderr, flush=True)
-            self._open = False
-
-
-def spoken(seconds: float) -> str:
-    """E.g. "42 s", "3 min 05 s", "2 h 10 min"."""
-    seconds = round(seconds)
-    if seconds < 60:
-        return f"{seconds} s"
-    if seconds < 3600:
-        return f"{seconds // 60} min {seconds % 60:02d} s"
-    return f"{seconds // 3600} h {seconds % 3600 // 60:02d} min"
+        if self._bar is not None:
+            self._bar.close()
