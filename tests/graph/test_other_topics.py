@@ -51,6 +51,7 @@ def bag(request, tmp_path_factory):
         heard(user, later)
         later.publish(Float64(data=2.5))
         user.node.declare_parameter("of_the_users_own", 1)
+        user.node.get_logger().info("a line of the user's own")  # a rig at which nothing goes wrong logs none
         seen = len(states)
         user.until(lambda: len(states) > seen + 200, "a second more")
         assert secret.get_subscription_count() == hidden.get_subscription_count() == 0

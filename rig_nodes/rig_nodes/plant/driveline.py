@@ -21,6 +21,7 @@ import numpy as np
 from rig_nodes.atomic_write import atomic_write
 from rig_nodes.errors import RigError
 from rig_nodes.plant import driveline_algebra as algebra
+from rig_nodes.plant.described import checks_arguments
 from rig_nodes.plant.driveline_algebra import work_size
 from rig_nodes.plant.driveline_laws import CAPACITY, FRICTION, INERTIA, MOTION, SHAFT, TORQUE, Law
 from rig_nodes.plant.driveline_losses import BASE, FACTOR, ON, OWN, SHARE, WEIGHTS, loss_width
@@ -150,6 +151,13 @@ class System:
         return cap
 
 
+def check_built(system: object) -> None:
+    """RigError for what is no built driveline, most likely the description itself."""
+    if not isinstance(system, System):
+        raise RigError(f"driveline: a {type(system).__name__} cannot be run; a description becomes a System by its build()")
+
+
+@checks_arguments
 class Driveline:
     """Description of a driveline. Bodies first, then what joins them; `build` gives the arrays.
 
@@ -451,7 +459,12 @@ class Driveline:
             )
         speeds, t = bodies_from_speeds(self._inertia, self._gears, self._relations)
         heavy = inertia > 0.0
-        mass = t[heavy].T @ (inertia[heavy, None] * t[heavy])
+        with np.errstate(over="ignore", invalid="ignore"):
+            mass = t[heavy].T @ (inertia[heavy, None] * t[heavy])
+        if not np.isfinite(mass).all():
+            raise RigError(
+                "driveline: reduced by the ratios, an inertia is no finite number; inertias and ratios nearer to 1 are needed"
+            )
         row = {name: t[i] for i, name in enumerate(bodies)}
         row[GROUND] = np.zeros(len(speeds))
         w = np.zeros((len(elements), len(speeds)))
@@ -665,6 +678,8 @@ class Driveline:
     def _law_table(what: str, table: Points, by: str, period: float | None) -> Table:
         if by not in ("speed", "angle"):
             raise RigError(f"driveline: {what} is by '{by}'; by speed and by angle are possible")
+        if period is not None and by == "speed":
+            raise RigError(f"driveline: {what} has a period and is by speed; only a table over an angle repeats")
         table = table_of(what, table, "flat", period)
         if by == "speed" and np.any(np.diff(table.x) == 0.0):
             at = table.x[1:][np.diff(table.x) == 0.0][0]

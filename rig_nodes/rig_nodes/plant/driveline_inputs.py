@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from rig_nodes.errors import RigError
+from rig_nodes.errors import RigError, brief
+from rig_nodes.plant.described import is_number
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -46,15 +47,21 @@ class _Function:
         self.name, self.function, self.points = name, function, np.zeros(0)
 
     def ends(self, t: Floats, step: float, stops: Floats) -> Floats:
-        at = np.array([float(self.function(x)) for x in t])
+        at = np.array([self._value(x) for x in t])
         out = np.column_stack([at[:-1], at[1:]])
         near = 1e-9 * step + 4.0 * np.spacing(t[-1])
         for i in np.flatnonzero(_near(t, stops, SAME * step)[1]):
             if i < len(t) - 1:
-                out[i, 0] = float(self.function(t[i] + near))
+                out[i, 0] = self._value(t[i] + near)
             if i > 0:
-                out[i - 1, 1] = float(self.function(t[i] - near))
+                out[i - 1, 1] = self._value(t[i] - near)
         return out
+
+    def _value(self, t: float) -> float:
+        value = self.function(t)
+        if not is_number(value):
+            raise RigError(f"driveline: the input '{self.name}' gives {brief(value)} at {t:g} s; a number is needed")
+        return float(value)
 
 
 class _Table:

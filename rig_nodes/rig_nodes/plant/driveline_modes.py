@@ -14,7 +14,7 @@ import numpy as np
 from scipy import linalg
 
 from rig_nodes.errors import RigError
-from rig_nodes.plant.driveline import System
+from rig_nodes.plant.driveline import System, check_built
 from rig_nodes.plant.driveline_laws import INERTIA, MOTION, TORQUE
 from rig_nodes.plant.driveline_tables import slope_at, value_at
 
@@ -48,6 +48,9 @@ def modes(system: System, locked: Sequence[str] = ()) -> Modes:
     over an angle a stiffness, an inertia with its value. What a prescribed motion moves is held. RigError for a name that does
     not exist.
     """
+    check_built(system)
+    if isinstance(locked, str):
+        raise RigError(f"driveline: locked is {locked!r}; a list of names is needed")
     for name in locked:
         if name not in system.elements:
             raise RigError(f"driveline: there is no friction element '{name}'; there are: {', '.join(system.elements) or 'none'}")

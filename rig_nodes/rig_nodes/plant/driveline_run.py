@@ -17,9 +17,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numba import njit
 
-from rig_nodes.errors import RigError
+from rig_nodes.errors import RigError, brief
 from rig_nodes.plant import driveline_algebra as algebra
-from rig_nodes.plant.driveline import State, System
+from rig_nodes.plant.described import is_number
+from rig_nodes.plant.driveline import State, System, check_built
 from rig_nodes.plant.driveline_calls import bare_address, bare_step
 from rig_nodes.plant.driveline_inputs import SAME, Input, Signal, step_ends
 from rig_nodes.plant.driveline_laws import (
@@ -275,10 +276,17 @@ class Run:
         every: int = 1,
         max_events: int = 10000,
     ) -> None:
-        if not (math.isfinite(step) and step > 0.0):
-            raise RigError(f"driveline: a step of {step} s; a finite number above 0 is needed")
-        if every < 1 or every != int(every):
-            raise RigError(f"driveline: the controller is called every {every} steps; a whole number from 1 on is needed")
+        check_built(system)
+        if not (is_number(step) and math.isfinite(step) and step > 0.0):
+            raise RigError(f"driveline: a step of {brief(step)} s; a finite number above 0 is needed")
+        if not is_number(every) or every < 1 or every != int(every):
+            raise RigError(f"driveline: the controller is called every {brief(every)} steps; a whole number from 1 on is needed")
+        if inputs is not None and not isinstance(inputs, Mapping):
+            raise RigError(f"driveline: inputs are {brief(inputs)}; a map from names to numbers, functions or tables is needed")
+        if controller is not None and not callable(controller):
+            raise RigError(f"driveline: the controller is {brief(controller)}; a function of the moment is needed")
+        if is_number(breakpoints) or not all(is_number(x) and math.isfinite(x) for x in breakpoints):
+            raise RigError(f"driveline: breakpoints are {brief(breakpoints)}; a list of finite times in s is needed")
         self.system, self.step_length = system, float(step)
         self._controller, self._every, self._max_events = controller, int(every), max_events
         self._state = system.state(max_events, recorded=True)
@@ -321,12 +329,14 @@ class Run:
 
     def step(self, count: int = 1) -> Moment:
         """So many steps on, to whole multiples of the step."""
+        if not is_number(count) or count < 0 or count != int(count):
+            raise RigError(f"driveline: {brief(count)} steps; a whole number from 0 on is needed")
         return self.to((math.floor(self._t / self.step_length + SAME) + count) * self.step_length)
 
     def to(self, t_end: float) -> Moment:
         """On to a time in s; one that has been reached does nothing."""
-        if not math.isfinite(t_end):
-            raise RigError(f"driveline: end time {t_end} s; a finite number is needed")
+        if not (is_number(t_end) and math.isfinite(t_end)):
+            raise RigError(f"driveline: end time {brief(t_end)} s; a finite number is needed")
         near = SAME * self.step_length
         while t_end - self._t > near:
             stop = t_end
@@ -484,8 +494,8 @@ def run(
     every: int = 1,
 ) -> Result:
     """Run a driveline from t = 0 to t_end (s) in steps of `step` (s); arguments and errors as those of `Run`."""
-    if not (math.isfinite(t_end) and t_end > 0.0):
-        raise RigError(f"driveline: end time {t_end} s; a finite number above 0 is needed")
+    if not (is_number(t_end) and math.isfinite(t_end) and t_end > 0.0):
+        raise RigError(f"driveline: end time {brief(t_end)} s; a finite number above 0 is needed")
     one = Run(system, step, inputs, breakpoints=breakpoints, controller=controller, every=every, max_events=max_events)
     one.to(t_end)
     return one.result()
