@@ -3,7 +3,7 @@
 
 """The seam where shift-control code meets the rig, and its plugs (load.KINDS): one record in, one record out, one timing.
 
-Used by testbench.simulate, the alfa46 process and users' own controller files.
+It is used by testbench.simulate, by the alfa46 process and by users' own controller files.
 """
 
 from .load import load_controller

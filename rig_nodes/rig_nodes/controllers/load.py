@@ -1,9 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From a controller's specification to its plug; used by ``simulate``, alfa46, ``controller`` and the tests.
+"""Makes the plug of a controller's specification; used by ``simulate``, alfa46, ``controller`` and the tests.
 
-A plug is one line in KINDS: its module is imported when it is asked for, so that nobody pays for plugs of others.
+A plug is one line in KINDS. Its module is imported only when it is asked for, so that the imports of the other plugs
+cost nothing.
 """
 
 from __future__ import annotations
@@ -22,9 +23,9 @@ if TYPE_CHECKING:
 
 
 class Kind(NamedTuple):
-    """Where the plug of a prefix is, ``maker(rest, config, level)`` in ``module``, and how it is written.
+    """Where the plug of a prefix is, ``maker(rest, config, level)`` in ``module``, and how its specification is written.
 
-    alone: the prefix says enough, nothing needs to follow it.
+    alone: the prefix is enough, nothing needs to follow it.
     """
 
     module: str
@@ -44,19 +45,37 @@ KINDS = {
     "ros": Kind("ros", "ros_controller", "ros:NAME", alone=True),
 }
 
-EMBEDDED = f"controller alfa46 at level duty, {SAID}"  # level_line of the built-in one inside the kernel
+EMBEDDED = f"controller alfa46 at level duty, {SAID}"  # level_line of the built-in controller inside the kernel
 
-# how a file that stands there without a prefix is most likely meant
+# the most likely meaning of a file name that is given without a prefix
 OF_A_FILE = {".c": "c:{}", ".cpp": "c:{}", ".cc": "c:{}", ".cxx": "c:{}", ".so": "c:{}", ".fmu": "fmu:{}", ".py": "python:{}:CLASS"}
 
 
 def forms() -> str:
-    """All that can be written, for people."""
+    """Return all forms of a specification, for people."""
     return ", ".join(["alfa46", *(kind.form for kind in KINDS.values())])
 
 
 def split_level(spec: str, level: str | None) -> tuple[str, str | None]:
-    """A specification without its "@level", and the level; RigError when the two say different things."""
+    """Split a trailing "@level" off a specification.
+
+    Parameters
+    ----------
+    spec : str
+        The specification, with or without "@duty" or "@current".
+    level : str or None
+        A level that was asked for separately.
+
+    Returns
+    -------
+    tuple
+        (specification without the level, level or None).
+
+    Raises
+    ------
+    RigError
+        When the two levels differ, or the level is unknown.
+    """
     for name in LEVELS:
         if spec.endswith(f"@{name}"):
             if level not in (None, name):
@@ -68,7 +87,7 @@ def split_level(spec: str, level: str | None) -> tuple[str, str | None]:
 
 
 def _meant(text: str) -> str | None:
-    """The specification that the bare name of a file or of a Simulink folder stands for, None when it is neither."""
+    """Return the specification that the bare name of a file or Simulink folder stands for, None when it is neither."""
     path = Path(text)
     if path.is_dir():
         return f"simulink:{text}"
@@ -76,11 +95,26 @@ def _meant(text: str) -> str | None:
 
 
 def load_controller(spec: str | None, config: RigConfig, level: str | None = None) -> Plug:
-    """The plug of a specification (None: the built-in Alfa46) for a rig, initialised with its alfa46 settings.
+    """Return the plug of a specification for a rig, initialised with the rig's alfa46 settings.
 
-    ``level`` or a trailing "@duty" / "@current" chooses the level when the controller knows both; without, it
-    is the controller's first; ``level_from`` of the plug says which it was. RigError, one sentence, for everything that
-    cannot be loaded.
+    Parameters
+    ----------
+    spec : str or None
+        The specification; None stands for the built-in Alfa46. A trailing "@duty" or "@current" chooses the level.
+    config : RigConfig
+        The rig's configuration.
+    level : str or None
+        The level, when the controller works at both; None takes the controller's first.
+
+    Returns
+    -------
+    Plug
+        The plug; its ``level_from`` says how the level was chosen.
+
+    Raises
+    ------
+    RigError
+        One sentence, for everything that cannot be loaded.
     """
     text, level = split_level(spec or "alfa46", level)
     plug = _loaded(text, config, level)
@@ -90,7 +124,7 @@ def load_controller(spec: str | None, config: RigConfig, level: str | None = Non
 
 
 def level_line(plug: Plug) -> str:
-    """The first line of a run: which controller, at which level, and where that comes from."""
+    """Return the first line of a run: the controller, its level, and where the level comes from."""
     text = f"controller {printable(plug.name)} at level {plug.level}, {plug.level_from}"
     if plug.level_from == DEFAULT:
         other = LEVELS[1 - LEVELS.index(plug.level)]

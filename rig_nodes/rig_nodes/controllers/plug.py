@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What every plugged controller looks like to the bench and to the alfa46 process, and what all share.
+"""The interface that every plugged controller shows to the bench and to the alfa46 process, and what all plugs share.
 
-A plug takes orders, answers samples and says its gear; load.py makes one from a specification.
+A plug takes orders, answers samples and reports its gear; load.py makes one from a specification.
 """
 
 from __future__ import annotations
@@ -31,23 +31,43 @@ if TYPE_CHECKING:
 
 LOG = logging.getLogger("rig_nodes.controllers")
 STEP_TIMEOUT = 5.0  # s of wall clock for one sample when simulated time waits
-SETTLE = 1.0  # s of wall clock for the right controller to come beside one that cannot be used
+SETTLE = 1.0  # s of wall clock in which the right controller may still come after one that cannot be used
 
 
 class Answer(NamedTuple):
-    """The answer to a sample: command (outputs,) (duty, or setpoint [A] at level current), setpoint (outputs,) [A]."""
+    """The answer to a sample: command (outputs,) as duty, or as setpoint [A] at level current; setpoint (outputs,) [A]."""
 
     command: tuple[float, ...]
     setpoint: tuple[float, ...]
 
 
 def said(error: BaseException) -> str:
-    """An exception as one piece of a sentence, without its traceback."""
+    """Return an exception as one piece of a sentence, without its traceback."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}".rstrip(": ")
 
 
 def chosen_level(wanted: str | None, levels: tuple[str, ...], name: str) -> str:
-    """The level to run at: the one asked for, else the controller's first; RigError when unknown to it."""
+    """Return the level to run at: the one asked for, else the controller's first.
+
+    Parameters
+    ----------
+    wanted : str or None
+        The level asked for; None leaves the choice to the controller.
+    levels : tuple of str
+        The levels at which the controller works, the preferred one first.
+    name : str
+        The controller's name, for the error's sentence.
+
+    Returns
+    -------
+    str
+        The level.
+
+    Raises
+    ------
+    RigError
+        When the controller does not work at the level asked for.
+    """
     if wanted is None:
         return levels[0]
     if wanted not in levels:
@@ -56,24 +76,32 @@ def chosen_level(wanted: str | None, levels: tuple[str, ...], name: str) -> str:
 
 
 class NotUsed(RigError):
-    """The one controller that came cannot be used; why."""
+    """The only controller that has come cannot be used; the message says why."""
 
     exit_code = 1
 
 
 class Waiting:
-    """Tells people that somebody is waited for: after 1, 2, 5 and 10 s and then every 10 s."""
+    """Reports to people that the rig waits for something: after 1, 2, 5 and 10 s and then every 10 s.
+
+    Parameters
+    ----------
+    what : str
+        What the rig waits for; each report begins with it.
+    say : callable
+        Takes each report as a str.
+    """
 
     def __init__(self, what: str, say: Callable[[str], None]) -> None:
         self._what, self._say, self._began, self._next = what, say, time.monotonic(), 1.0
 
     @property
     def seconds(self) -> float:
-        """How long it has been [s of wall clock]."""
+        """Time since the wait began [s of wall clock]."""
         return time.monotonic() - self._began
 
     def tell(self) -> None:
-        """Say it when it is time to say it again."""
+        """Report the wait when the next report is due."""
         if self.seconds >= self._next:
             self._say(f"{self._what}, {self.seconds:.0f} s")
             self._next = {1.0: 2.0, 2.0: 5.0}.get(self._next, 10.0 * (self.seconds // 10.0 + 1.0))
@@ -85,23 +113,32 @@ TOLD = "by default, the controller is told and another one does not act"
 
 
 class Plug(ABC):
-    """A controller behind the seam; subclasses give ``_answer(inputs)`` and, if there is one, an ``_end``.
+    """A controller behind the seam; subclasses define ``_answer(inputs)`` and, where something has to be ended, ``_end``.
 
     ``gear``, ``shifting`` and ``flags`` are those of the newest answer. ``_answer`` may take ``step_timeout`` s of wall
-    clock (None: for ever); a controller that takes longer is ended by :meth:`_overdue`.
+    clock (None: no limit); a controller that takes longer is ended by :meth:`_overdue`.
+
+    Parameters
+    ----------
+    name : str
+        The controller's name, for people.
+    config : RigConfig
+        The rig's configuration.
+    level : str
+        "duty" or "current": the meaning of the commands.
     """
 
-    level_from = DEFAULT  # where the level comes from; a plug says what holds when none was asked for
-    in_process = False  # True: user code runs in this process, which cannot go on while that does not return
-    own_clock = False  # True: nobody waits for the controller, it answers when its own clock says so
+    level_from = DEFAULT  # where the level comes from; each plug class sets what holds when no level was asked for
+    in_process = False  # True: user code runs in this process, which cannot go on until that code returns
+    own_clock = False  # True: the rig does not wait for the controller, which answers by its own clock
     step_timeout: float | None = STEP_TIMEOUT
     real_time = False
-    wants: tuple[str, ...] = ()  # transducers that it gets in ``others`` beside what all get
-    settings: Mapping[str, float] = MappingProxyType({})  # its own, that can be set while it runs: value by name
-    named_later = False  # True: wants, settings and signals are known, and ``named`` is called, when it comes
-    signals: Mapping[str, str] = MappingProxyType({})  # its own, to be recorded: unit by name
-    signal_values: tuple[float, ...] = ()  # at the newest answer
-    process_id: int | None = None  # of a process that works for the plug
+    wants: tuple[str, ...] = ()  # transducers that it receives in ``others`` in addition to the common ones
+    settings: Mapping[str, float] = MappingProxyType({})  # its own settings, which can be set while it runs: value by name
+    named_later = False  # True: wants, settings and signals become known when it comes; then ``named`` is called
+    signals: Mapping[str, str] = MappingProxyType({})  # its own signals, which are recorded: unit by name
+    signal_values: tuple[float, ...] = ()  # values of ``signals`` in the newest answer
+    process_id: int | None = None  # number of a process that works for the plug
     end_fault = ""  # what went wrong when the controller was ended in order
 
     def __init__(self, name: str, config: RigConfig, level: str) -> None:
@@ -110,28 +147,47 @@ class Plug(ABC):
         self.info = controller_info(self.rig_record, config.alfa46, level)
         self._inputs = self.rig_record.inputs
         self.gear, self.shifting, self.flags = 0, False, 0
-        self.say: Callable[[str], None] = LOG.info  # to people: what is waited for, who came and went
+        self.say: Callable[[str], None] = LOG.info  # reports to people what the plug waits for, and which controllers came and went
         self.named: Callable[[], None] = lambda: None
-        self.stopped: Callable[[], bool] = lambda: False  # True: the run is being ended, nothing is waited for any more
-        self.refused = ""  # why the last controller that came is not used
+        self.stopped: Callable[[], bool] = lambda: False  # True: the run is being ended, the plug waits for nothing any more
+        self.refused = ""  # why the controller that came last is not used
         self._request, self._ordered, self._before = 0, False, 0
-        self._doubted = False  # people were told that its duty looks like a current
-        self._over = False  # failed or closed: it is not called again
+        self._doubted = False  # the warning that its duty looks like a current was given
+        self._over = False  # the controller has failed or is closed and is not called again
 
     def pace(self, step_timeout: float | None, real_time: bool = False) -> None:
-        """How long a step may take [s of wall clock], and whether simulated time waits for it (not in real time)."""
+        """Set how long a step may take and whether simulated time waits for it.
+
+        Parameters
+        ----------
+        step_timeout : float or None
+            Longest time for a step [s of wall clock]; None sets no limit.
+        real_time : bool
+            True in real time, where simulated time does not wait.
+        """
         self.step_timeout, self.real_time = step_timeout, real_time
 
     def wait(self, patience: float | None = None) -> None:
-        """Wait until the controller is there, when it is a program of its own, and tell people so through ``say``.
+        """Wait until a controller that is a program of its own has come, and report the wait through ``say``.
 
-        RigError after ``patience`` s of wall clock (None: never), NotUsed sooner when the only one that came cannot be
-        used. It returns early when the run is ended. In real time nobody calls this: samples without a controller are
-        discarded until it comes.
+        It returns early when the run is ended. In real time it is not called: samples without a controller are discarded until
+        one comes.
+
+        Parameters
+        ----------
+        patience : float or None
+            Longest wait [s of wall clock]; None sets no limit.
+
+        Raises
+        ------
+        RigError
+            When no controller has come within ``patience``.
+        NotUsed
+            Sooner than that, when the only controller that came cannot be used.
         """
 
     def record(self) -> dict:
-        """What the report of a run says of the controller, once that has ended."""
+        """Return what the report of a run says of the controller, once the controller has ended."""
         return {
             "name": self.name,
             "level": self.level,
@@ -140,17 +196,30 @@ class Plug(ABC):
         }
 
     def awaited(self) -> str:
-        """That no controller has come to this run that can be used, and where; empty when one has, or none need come."""
+        """Return a sentence that no usable controller has come to this run, and where; empty when one has or none is needed."""
         return ""
 
     def not_here(self, place: str, advice: str) -> str:
-        """The sentence of :meth:`awaited` as long as none that can be used has come to the place."""
+        """Return the sentence of :meth:`awaited` for as long as no usable controller has come to the place.
+
+        Parameters
+        ----------
+        place : str
+            Where the controller is expected, in words.
+        advice : str
+            What the person can do, in words.
+
+        Returns
+        -------
+        str
+            The sentence; when a controller was refused it says why.
+        """
         if self.refused:
             return f"one has come on {place} and is not used: {self.refused}"
         return f"no controller has come on {place}; {advice}"
 
     def _in_vain(self, waiting: Waiting, patience: float | None, none_came: str, advice: str) -> RigError | None:
-        """Why to wait no longer, None as long as there is no reason; the sentence's words before and after the time."""
+        """Return the error that ends the wait, None as long as there is none; ``none_came`` and ``advice`` enclose the time."""
         if patience is None:
             return None
         if self.refused and waiting.seconds > min(SETTLE, patience):
@@ -160,31 +229,59 @@ class Plug(ABC):
         return None
 
     def order(self, gear: int) -> None:
-        """Request a gear; the controller sees it with the next sample. RigError with why when refused."""
+        """Request a gear, which the controller sees with the next sample.
+
+        Parameters
+        ----------
+        gear : int
+            Number of the gear.
+
+        Raises
+        ------
+        RigError
+            When the order is refused; the sentence says why.
+        """
         why = refusal(gear, self._request if self._ordered else self.gear, self.shifting or self._ordered, self.transmission)
         if why:
             raise RigError(f"shift refused: {why}")
         self._before, self._request, self._ordered = self._request, gear, True
 
     def withdraw(self) -> bool:
-        """Take back an order that no sample has brought to the controller yet; False when there is none."""
+        """Take back an order that no sample has brought to the controller yet; return False when there is none."""
         if not self._ordered:
             return False
         self._request, self._ordered = self._before, False
         return True
 
     def force_neutral(self) -> None:
-        """The rig has tripped: all orders are taken back, and from its next sample on the controller is asked for neutral."""
+        """Take back all orders after a trip; from its next sample on the controller is asked for neutral."""
         self._before = self._request = NEUTRAL
         self._ordered = True
 
     def step(self, sample: int, current: Iterable[float], measured: Iterable[float], others: Iterable[float] = ()) -> Answer | None:
-        """One sample: coil currents (outputs,) [A] and transducers of the rig's record [SI] in, the answer out.
+        """Give the controller one sample and return its answer.
 
-        ``others``: SI values of ``wants``, in its order.
+        Parameters
+        ----------
+        sample : int
+            Index of the sample since time 0.
+        current : (outputs,) iterable of float
+            Measured coil currents [A].
+        measured : iterable of float
+            Values of the transducers in the rig's record, in its order [SI].
+        others : iterable of float
+            Values of ``wants``, in its order [SI].
 
-        None when the controller discards the sample. ControllerFailed, whose sentence is a reason to trip, when it reports an
-        error, breaks down or returns what no valve can be given.
+        Returns
+        -------
+        Answer or None
+            None when the controller discards the sample.
+
+        Raises
+        ------
+        ControllerFailed
+            When the controller reports an error, breaks down or returns what no valve can be given. Its sentence is a reason
+            to trip.
         """
         if self._over:
             raise ControllerFailed(f"controller {self.name} has ended and cannot be asked again", Status.FATAL)
@@ -214,7 +311,7 @@ class Plug(ABC):
             text = " ".join(str(getattr(outputs, "message", "")).split()) or "it gave no reason"
         except RigError as error:
             self._fail(Status.ERROR, sample, str(error))
-        except Exception as error:  # user code may return anything, objects that raise when looked at included
+        except Exception as error:  # user code may return anything, even objects that raise when an attribute is read
             LOG.error("controller %s, sample %d: its outputs cannot be read", self.name, sample, exc_info=True)
             self._fail(Status.ERROR, sample, f"its outputs cannot be read: {said(error)}")
         if status != Status.DISCARD:
@@ -222,7 +319,7 @@ class Plug(ABC):
         return None
 
     def _doubt(self, sample: int) -> None:
-        """Warn of a duty that is the very current [A] which the controller says to ask for."""
+        """Warn of a duty that equals the current [A] which the controller wants."""
         self._doubted = True
         self.say(
             f"warning: controller {self.name}, sample {sample}: its command is the current that it asks for, so it "
@@ -231,36 +328,60 @@ class Plug(ABC):
         )
 
     def _own(self, given: Any) -> tuple[float, ...]:
-        """The values of the controller's own signals; RigError when one is missing or none."""
+        """Return the values of the controller's own signals; RigError when one is missing or is no number."""
         try:
             return tuple(float(given[name]) for name in self.signals)
         except (TypeError, KeyError, ValueError):
             raise RigError(f"signals is {given!r}, expected a number for each of {', '.join(self.signals)}") from None
 
     def check_value(self, name: str, value: float) -> None:
-        """RigError unless the controller has a setting of its own by this name that can have the value."""
+        """Check that the controller has a setting of its own with this name, and that it can take the value.
+
+        Parameters
+        ----------
+        name : str
+            The setting's name.
+        value : float
+            The new value.
+
+        Raises
+        ------
+        RigError
+            When there is no such setting or the value is not finite.
+        """
         if name not in self.settings:
             raise RigError(f"controller {self.name}: {unknown('setting of its own', name, self.settings)}")
         if not math.isfinite(value):
             raise RigError(f"setting '{name}' of controller {self.name} is {value}, expected a finite number")
 
     def set_value(self, name: str, value: float) -> None:
-        """Change a setting of the controller's own from the next sample on; RigError as :meth:`check_value`."""
+        """Change one of the controller's own settings from the next sample on; RigError as in :meth:`check_value`."""
         self.check_value(name, value)
         self.settings = {**self.settings, name: float(value)}
 
     def check_change(self, config: Alfa46Config) -> None:
-        """RigError with why when these settings cannot be taken while the controller runs."""
+        """Check that new alfa46 settings can be taken while the controller runs.
+
+        Parameters
+        ----------
+        config : Alfa46Config
+            The new settings.
+
+        Raises
+        ------
+        RigError
+            When they cannot be taken; the sentence says why.
+        """
         raise RigError(
             f"controller {self.name} reads its settings when it starts; only the built-in alfa46 takes new ones while it runs"
         )
 
     def change(self, config: Alfa46Config) -> None:
-        """Go on with these settings, which were checked, from the next sample on."""
+        """Use these settings, which were checked before, from the next sample on."""
         self.check_change(config)
 
     def close(self) -> None:
-        """End the controller, once; safe to call again and after a failure. What goes wrong stands in ``end_fault``."""
+        """End the controller once; further calls, also after a failure, do nothing. ``end_fault`` holds what went wrong."""
         if not self._over:
             self._over = True
             self._end()
@@ -275,24 +396,24 @@ class Plug(ABC):
         raise ControllerFailed(f"controller {self.name}, sample {sample}: {text}", status)
 
     def _overdue(self, sample: int) -> NoReturn:
-        """No answer within the time for a step."""
+        """Fail because no answer came within the time for a step."""
         option = "" if self.real_time else " (--step-timeout)"
         seconds = f"{self.step_timeout * 1e3:.0f} ms" if self.step_timeout < 1.0 else f"{self.step_timeout:g} s"
         self._fail(Status.FATAL, sample, f"no answer for {seconds}{option}")
 
     @abstractmethod
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
-        """The controller's own answer to a sample, not checked yet."""
+        """Return the controller's own answer to a sample, before the checks."""
 
     def _abandon(self) -> None:
-        """After a fatal status, once: let go of what is outside this process, without a call into the controller."""
+        """Release what is outside this process after a fatal status, once, without a call into the controller."""
 
     def _end(self) -> None:
-        """Nothing to end."""
+        """End the controller; a plug without anything to end leaves this empty."""
 
 
 class BuiltIn(Plug):
-    """The Alfa46 law as compiled for the kernel."""
+    """The Alfa46 law as it is compiled for the kernel."""
 
     level_from = SAID
 
@@ -300,11 +421,11 @@ class BuiltIn(Plug):
         super().__init__("alfa46", config, chosen_level(level, LEVELS, "alfa46"))
         Alfa46.load(config.alfa46, config.transmission)
         self._box = Alfa46(config.alfa46, config.transmission)
-        self._changed: Alfa46Config | None = None  # taken before the order of the same sample
+        self._changed: Alfa46Config | None = None  # new settings; they take effect before the order of the same sample
         self._newest = config.alfa46
 
     def check_change(self, config: Alfa46Config) -> None:
-        """Profiles of outputs that a running or ordered shift moves stay as they are until its end."""
+        """Refuse changes of the profiles that a running or ordered shift moves; they stay as they are until its end."""
         moved = self._box.outputs_in_shift()
         if self._ordered:
             for gear in (self._request, self.gear):
@@ -314,11 +435,11 @@ class BuiltIn(Plug):
                 raise RigError(f"the profile of {key} is in use by a shift that is still running; wait for its end")
 
     def change(self, config: Alfa46Config) -> None:
-        """Settings that :meth:`check_change` lets pass."""
+        """Use settings that :meth:`check_change` has passed."""
         self._newest = self._changed = config
 
     def force_neutral(self) -> None:
-        """The law itself takes all orders back and is in neutral at once."""
+        """Take back all orders; the law itself is in neutral at once."""
         self._box.force_neutral()
         self._before = self._request = self.gear = NEUTRAL
         self._ordered = self.shifting = False

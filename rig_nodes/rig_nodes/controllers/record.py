@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The controller's record of a rig: its outputs, the transducers that it sees and the gears that it may be asked for.
+"""The controller's record of a rig: its outputs, the transducers that the controller sees, and the gears it may be asked for.
 
 Everything that carries samples and answers is made from it: types, structs, frames, messages, FMU variables, CAN, Modbus.
 """
@@ -27,15 +27,23 @@ from .seam import ControllerInfo, ControllerInputs, flat_parameters
 if TYPE_CHECKING:
     from ..testbench.configuration import RigConfig
 
-STANDSTILL = 10.0 * math.pi / 30.0  # rad/s of the input shaft, below which no slip is told
+STANDSTILL = 10.0 * math.pi / 30.0  # rad/s of the input shaft, below which the slip is given as 0
 
 
 @dataclass(frozen=True)
 class Output:
     """One output of the controller.
 
-    valve: the device that it drives, empty where none is connected; current: the signal of its coil current, of another
-    output's where none is connected; pressure: the signal of the clutch that its valve presses.
+    Parameters
+    ----------
+    name : str
+        The output's name.
+    valve : str
+        The device that it drives; empty where no valve is connected.
+    current : Signal
+        The signal of its coil current; where no valve is connected, that of another output.
+    pressure : str
+        The signal of the clutch that its valve presses.
     """
 
     name: str
@@ -46,9 +54,18 @@ class Output:
 
 @dataclass(frozen=True)
 class Gear:
-    """One gear that can be ordered. ratio: input over output speed, None where no clutch holds.
+    """One gear that can be ordered.
 
-    presses: transducer of each clutch that holds it, and what that shows from where its plates touch [Pa, gauge].
+    Parameters
+    ----------
+    number : int
+        The gear's number.
+    name : str
+        The gear's name.
+    ratio : float or None
+        Input speed over output speed; None where no clutch holds.
+    presses : tuple of (str, float)
+        For each clutch that holds the gear: its pressure transducer, and the reading at which its plates touch [Pa, gauge].
     """
 
     number: int
@@ -61,9 +78,27 @@ class Gear:
 class ControllerRecord:
     """What goes between one rig and its shift controller, in this order.
 
-    rig: its name, for people; transducers: entries of the signal catalogue; like: by level, the signal whose unit and range a
-    command has; input_speed, output_speed: transducers of the shafts that ``Gear.ratio`` is between; all_transducers: those of
-    the whole rig, of which a controller may want more.
+    Parameters
+    ----------
+    rig : str
+        The rig's name, for people.
+    outputs : tuple of Output
+        The controller's outputs.
+    transducers : tuple of Signal
+        Entries of the signal catalogue.
+    gears : tuple of Gear
+        The gears that can be ordered.
+    like : mapping of str to Signal
+        By level, the signal whose unit and range a command has.
+    input_speed, output_speed : str
+        Transducers of the two shafts that ``Gear.ratio`` relates.
+    all_transducers : tuple of str
+        Transducers of the whole rig; a controller may want some of them in addition.
+
+    Raises
+    ------
+    RigError
+        When a transducer's name is no identifier or is the name of another part of a sample.
     """
 
     rig: str
@@ -85,12 +120,12 @@ class ControllerRecord:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Of the transducers."""
+        """Names of the transducers."""
         return tuple(signal.name for signal in self.transducers)
 
     @cached_property
     def id(self) -> str:
-        """16 hexadecimal digits, equal for records with equal names, units and order; which valve is where is no part."""
+        """16 hexadecimal digits, equal for records with equal names, units and order; the positions of the valves do not count."""
         parts = (
             [output.name for output in self.outputs],
             [(signal.name, signal.unit) for signal in self.transducers],
@@ -100,12 +135,12 @@ class ControllerRecord:
 
     @property
     def number(self) -> int:
-        """The first 28 bits of the id, for what takes no text."""
+        """The first 28 bits of the id, for carriers that take no text."""
         return int(self.id[:7], 16)
 
     @cached_property
     def gear_names(self) -> dict[int, str]:
-        """Name by number."""
+        """Gear name by number."""
         return {gear.number: gear.name for gear in self.gears}
 
     @cached_property
@@ -123,14 +158,14 @@ class ControllerRecord:
         return type("ControllerInputs", (ControllerInputs,), {"__slots__": (), **readings})
 
     def made_for_another(self, record: str) -> str:
-        """That something was made for the record of this id, and what to do, as a piece of a sentence."""
+        """Return a piece of a sentence: something was made for the record with this id, and what the user can do."""
         return (
             f"made for the record {record} of another rig, this one's is {self.id}; write rig_record.h anew with "
             f"./rig export record --rig {self.rig} -o rig_record.h"
         )
 
     def reader(self, name: str) -> Callable[[Sequence[float]], float]:
-        """A function that takes a transducer's value out of ``measured``."""
+        """Return a function that takes a transducer's value out of ``measured``."""
         return itemgetter(self.names.index(name))
 
     @cached_property
@@ -138,14 +173,24 @@ class ControllerRecord:
         return self.reader(self.input_speed), self.reader(self.output_speed)
 
     def speeds(self, measured: Sequence[float]) -> tuple[float, float]:
-        """Of the input and of the output shaft [rad/s]."""
+        """Return the speeds of the input and of the output shaft [rad/s]."""
         first, second = self._speeds
         return first(measured), second(measured)
 
     def slip(self, number: int, measured: Sequence[float]) -> float:
-        """Slip of the clutch of a gear as a share of the input speed; 0 without a clutch and at standstill.
+        """Return the slip of a gear's clutch as a share of the input speed.
 
-        NaN where a speed is no finite number.
+        Parameters
+        ----------
+        number : int
+            The gear's number.
+        measured : sequence of float
+            Values of the transducers in the record's order [SI].
+
+        Returns
+        -------
+        float
+            The slip [-]: 0 without a clutch and at standstill, NaN where a speed is no finite number.
         """
         n_in, n_out = self.speeds(measured)
         if not (math.isfinite(n_in) and math.isfinite(n_out)):
@@ -157,7 +202,22 @@ class ControllerRecord:
 
 
 def controller_info(record: ControllerRecord, config: Alfa46Config, level: str) -> ControllerInfo:
-    """What a controller is told at a level before its first sample."""
+    """Return what a controller receives at a level before its first sample.
+
+    Parameters
+    ----------
+    record : ControllerRecord
+        The rig's record.
+    config : Alfa46Config
+        The rig's alfa46 settings.
+    level : str
+        "duty" or "current".
+
+    Returns
+    -------
+    ControllerInfo
+        The period, the level, the largest command, the settings and the record's names.
+    """
     values = config.values
     high = values.current_limit if level == "current" else 1.0
     return ControllerInfo(
@@ -172,7 +232,7 @@ def controller_info(record: ControllerRecord, config: Alfa46Config, level: str) 
 
 
 def record_of(config: RigConfig) -> ControllerRecord:
-    """The record of a rig of testbench.configuration: the one place that knows where it is described."""
+    """Return the record of a rig of testbench.configuration; only this function knows where the record's parts are described."""
     signals, box = config.catalogue.signals, config.transmission
     first = box.clutches[0]
     by_output, outputs = {clutch.output: clutch for clutch in box.clutches}, []

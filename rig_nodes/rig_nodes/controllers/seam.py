@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The seam: what goes into a shift controller for a sample, what comes out, and its checks.
+"""The seam: what a shift controller receives for a sample, what it returns, and the checks of both.
 
-Used by every plug; user classes may import it too. How many outputs, which transducers and which gears there are is the
-rig's own and stands in its record (record.py).
+Every plug uses it; user classes may import it too. The number of outputs, the transducers and the gears belong to the
+rig and stand in its record (record.py).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ LEVELS = ("duty", "current")
 
 
 class Status(IntEnum):
-    """How a step ended, after FMI; the effects stand in docs/how_to/controllers.md."""
+    """How a step ended, as in FMI; docs/how_to/controllers.md describes the effects."""
 
     OK = 0
     DISCARD = 1  # no answer to this sample: the last command stays, for 100 ms at most
@@ -32,7 +32,15 @@ class Status(IntEnum):
 
 
 class ControllerFailed(RigError):
-    """A controller that cannot go on: its sentence is the reason with which the rig trips."""
+    """A failure after which the controller cannot go on; its sentence is the reason with which the rig trips.
+
+    Parameters
+    ----------
+    message : str
+        The reason, as one sentence.
+    status : Status
+        ERROR or FATAL.
+    """
 
     exit_code = 1
 
@@ -43,11 +51,11 @@ class ControllerFailed(RigError):
 
 @dataclass(frozen=True)
 class ControllerInfo:
-    """What a controller learns before its first step."""
+    """What a controller receives before its first step."""
 
     period: float  # s between samples
-    level: str  # "duty" or "current": what its command means
-    command_high: float  # the largest command: 1 at level duty, the valves' current limit [A] at level current
+    level: str  # "duty" or "current": the meaning of the command
+    command_high: float  # largest command: 1 at level duty, the valves' current limit [A] at level current
     parameters: Mapping[str, float]  # flat names, SI
     outputs: tuple[str, ...]  # names of the controller's outputs, in the order of current and command
     transducers: Mapping[str, str]  # unit by name, in the order of measured
@@ -56,36 +64,47 @@ class ControllerInfo:
 
 @dataclass(frozen=True, slots=True)
 class ControllerInputs:
-    """One controller sample: what the wires carry, quantised and noisy.
+    """One controller sample: the quantised and noisy values that the wires carry.
 
-    A rig's own type of it (ControllerRecord.inputs) has each transducer as an attribute of its name too.
+    The rig's own type of it (ControllerRecord.inputs) also has each transducer as an attribute with the transducer's name.
     """
 
     sample: int  # index since time 0
     time: float  # sample x period [s]
-    gear_request: int  # number of the gear ordered last; stays until the next order or a trip, then 0 (neutral)
+    gear_request: int  # number of the gear ordered last; it stays until the next order; a trip sets it to 0 (neutral)
     current: tuple[float, ...]  # measured coil currents of the outputs [A]
-    measured: tuple[float, ...]  # the transducers of the rig's record, SI
-    others: Mapping[str, float] = field(default_factory=dict)  # the transducers that the controller asked for, SI
-    settings: Mapping[str, float] = field(default_factory=dict)  # the controller's own, as they are set now
+    measured: tuple[float, ...]  # values of the transducers in the rig's record, SI
+    others: Mapping[str, float] = field(default_factory=dict)  # values of the transducers that the controller asked for, SI
+    settings: Mapping[str, float] = field(default_factory=dict)  # present values of the controller's own settings
 
 
 @dataclass(slots=True)
 class ControllerOutputs:
-    """The answer to one sample; it acts from the next sample on."""
+    """The answer to one sample; it takes effect from the next sample on."""
 
-    command: Sequence[float] | None = None  # duty 0..1, or current setpoint [A], as the level says; None: 0 everywhere
-    setpoint: Sequence[float] | None = None  # current asked for [A], for display; at level current the command
-    gear: int = 0  # gear taken last
+    command: Sequence[float] | None = None  # duty 0..1 or current setpoint [A], depending on the level; None: all 0
+    setpoint: Sequence[float] | None = None  # current that the controller wants [A], for display; at level current the command
+    gear: int = 0  # number of the gear that the controller took last
     shifting: bool = False  # a shift is still running
     flags: int = 0  # bit k: at level current, output k stays on at a setpoint of zero
     status: Status = Status.OK
     message: str = ""  # why the status is not OK
-    signals: Mapping[str, float] | None = None  # values of the signals that the controller names as its own
+    signals: Mapping[str, float] | None = None  # values of the controller's own signals, by name
 
 
 def flat_parameters(config: Alfa46Config) -> dict[str, float]:
-    """The alfa46 settings as flat names with SI values: "t12", "output_1.P1.time", "output_1.P1.current"."""
+    """Return the alfa46 settings as flat names with SI values: "t12", "output_1.P1.time", "output_1.P1.current".
+
+    Parameters
+    ----------
+    config : Alfa46Config
+        The alfa46 settings of a rig.
+
+    Returns
+    -------
+    dict of str to float
+        SI value by flat name.
+    """
     out = {f.name: float(getattr(config.values, f.name)) for f in fields(config.values)}
     for key, points in zip(OUTPUT_KEYS, config.profiles, strict=True):
         for point, (time, current) in zip(POINTS, points, strict=True):
@@ -94,7 +113,27 @@ def flat_parameters(config: Alfa46Config) -> dict[str, float]:
 
 
 def checked_wants(names: Any, name: str, known: Sequence[str]) -> tuple[str, ...]:
-    """Transducers that a controller asks for beside those that all get; RigError unless the rig has each. known: its own."""
+    """Check the transducers that a controller asks for in addition to those that every controller receives.
+
+    Parameters
+    ----------
+    names : Any
+        What the controller names, expected to be a collection of strings.
+    name : str
+        The controller's name, for the error's sentence.
+    known : sequence of str
+        Names of the rig's transducers.
+
+    Returns
+    -------
+    tuple of str
+        The names, as they were given.
+
+    Raises
+    ------
+    RigError
+        When ``names`` is no collection of strings, or the rig lacks one of the transducers.
+    """
     if isinstance(names, str) or not isinstance(names, Collection) or not all(isinstance(item, str) for item in names):
         raise RigError(f"controller {name}: wants is {names!r}, expected names of transducers")
     for item in names:
@@ -116,7 +155,26 @@ def _numbers(values: Any, name: str, count: int) -> tuple[float, ...]:
 
 
 def checked(outputs: ControllerOutputs, info: ControllerInfo) -> tuple[tuple, tuple, int, bool, int]:
-    """(command, setpoint, gear, shifting, flags) in plain types; RigError when one is not right."""
+    """Check an answer and return its parts in plain types.
+
+    Parameters
+    ----------
+    outputs : ControllerOutputs
+        The controller's answer.
+    info : ControllerInfo
+        What the controller received before its first step.
+
+    Returns
+    -------
+    tuple
+        (command, setpoint, gear, shifting, flags): command (outputs,) as duty or [A], setpoint (outputs,) [A], then the
+        gear's number, whether a shift is running, and one bit for each output.
+
+    Raises
+    ------
+    RigError
+        When an attribute is missing or a value is not permitted.
+    """
     try:
         command, setpoint = outputs.command, outputs.setpoint
         gear, shifting, flags = outputs.gear, outputs.shifting, outputs.flags
