@@ -1,12 +1,12 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What controllers have in common that run by their own clock: CAN, Modbus, free ROS 2 nodes. Nobody waits for them.
+"""The common part of controllers that run by their own clock: CAN, Modbus, free ROS 2 nodes. The rig does not wait for them.
 
 In simulated time the rig is held to real time: sample k is not asked before k ms have passed. The newest command is
-used once; a sample without a new one is discarded, so that the rig trips when 100 ms bring none (docs/how_to/can.md), or,
-for a slow controller, gets the newest one again until its longer ``timeout`` is near. Of several who command, one is
-the master.
+used once. A sample without a new command is discarded, so that the rig trips when 100 ms bring none
+(docs/how_to/can.md); for a slow controller with a longer ``timeout`` the newest command is used again until that time
+is near. Of several controllers that send commands, one is the master.
 """
 
 from __future__ import annotations
@@ -25,14 +25,34 @@ from .seam import LEVELS, ControllerInputs, ControllerOutputs, Status
 if TYPE_CHECKING:
     from ..testbench.configuration import RigConfig
 
-LONGEST = 10.0  # s that it may be told to be
-MASTER = 1.0  # s of silence after which another one may command, or the timeout when that is longer
-LATE = 2e-2  # s behind real time from which on the clock is set anew instead of hurrying after it
-IDLE = 1e-2  # s between messages to a controller that has not spoken yet
+LONGEST = 10.0  # s, the largest value of the option timeout
+MASTER = 1.0  # s of silence after which another controller may command, or the timeout when that is longer
+LATE = 2e-2  # s behind real time; from here on the clock is set anew instead of running faster to catch up
+IDLE = 1e-2  # s between messages to a controller that has not sent anything yet
 
 
 def split_options(rest: str, name: str, known: tuple[str, ...]) -> tuple[str, dict[str, str]]:
-    """("channel", {"option": "value"}) of "channel?option=value&..."; RigError for an option that is not known."""
+    """Split "channel?option=value&..." into ("channel", {"option": "value"}).
+
+    Parameters
+    ----------
+    rest : str
+        The specification behind its prefix.
+    name : str
+        The controller's name, for the error's sentence.
+    known : tuple of str
+        Names of the options that the plug has.
+
+    Returns
+    -------
+    tuple
+        (channel, options): a str, and the text of each given option by name.
+
+    Raises
+    ------
+    RigError
+        For an option that is not known.
+    """
     head, _, tail = rest.partition("?")
     options = dict(parse_qsl(tail, keep_blank_values=True))
     for key in options:
@@ -42,7 +62,31 @@ def split_options(rest: str, name: str, known: tuple[str, ...]) -> tuple[str, di
 
 
 def number(options: dict[str, str], key: str, default: float, name: str, low: float, high: float) -> float:
-    """A number of the options; RigError when it is none or out of range."""
+    """Return an option as a number.
+
+    Parameters
+    ----------
+    options : dict of str to str
+        The options as :func:`split_options` returns them.
+    key : str
+        The option's name.
+    default : float
+        The value when the option is not given.
+    name : str
+        The controller's name, for the error's sentence.
+    low, high : float
+        Smallest and largest value permitted.
+
+    Returns
+    -------
+    float
+        The value.
+
+    Raises
+    ------
+    RigError
+        When the text is no number or the number is out of range.
+    """
     text = options.get(key, str(default))
     try:
         value = float(text)
@@ -54,61 +98,72 @@ def number(options: dict[str, str], key: str, default: float, name: str, low: fl
 
 
 def timeout_of(options: dict[str, str], name: str) -> float:
-    """The option timeout [s]; RigError when it is none."""
+    """Return the option timeout [s]; RigError when it is no number or out of range."""
     return number(options, "timeout", COMMAND_TIMEOUT, name, COMMAND_TIMEOUT, LONGEST)
 
 
 class FreeRunning(Plug):
-    """A plug whose controller has a clock of its own.
+    """A plug whose controller has a clock of its own; subclasses define ``_send``, ``_listen`` and ``_end``.
 
-    Subclasses give ``_send``, ``_listen`` and ``_end``. timeout: s without a command after which the rig trips.
+    Parameters
+    ----------
+    name : str
+        The controller's name, for people.
+    config : RigConfig
+        The rig's configuration.
+    level : str or None
+        "duty" or "current"; None takes "current".
+    place : str
+        Where the controller is expected, in words.
+    timeout : float
+        Time without a command after which the rig trips [s].
     """
 
     own_clock, level_from = True, TOLD
 
     def __init__(self, name: str, config: RigConfig, level: str | None, place: str, timeout: float = COMMAND_TIMEOUT) -> None:
         super().__init__(name, config, chosen_level(level, LEVELS[::-1], name))
-        self.place, self.timeout = place, timeout  # where the controller is expected, in words
-        self.faults: dict[str, int] = {}  # what came and was not used -> how often
+        self.place, self.timeout = place, timeout
+        self.faults: dict[str, int] = {}  # number of times by text, for what came and was not used
         self._newest: ControllerOutputs | None = None
         self._waiting: Waiting | None = None  # since the newest command
         self._discarded, self._told_silence, self._was_here = 0, False, False
         self._held: ControllerOutputs | None = None  # the newest answer
-        self._master, self._mastered = "", -math.inf  # who commands, and time.monotonic() of the newest command
+        self._master, self._mastered = "", -math.inf  # the controller that commands, and time.monotonic() of its newest command
         self._origin: float | None = None  # time.monotonic() of sample 0
 
     def heard(self, outputs: ControllerOutputs) -> None:
-        """A valid command has come."""
+        """Take in a valid command that has come."""
         self._newest = outputs
 
     def may_command(self, who: str) -> bool:
-        """Whether a command of this one is taken now: that of the first, until it has been silent or has left."""
+        """Return whether a command of this controller is taken now; only the master's is, until it leaves or falls silent."""
         return who == self._master or time.monotonic() - self._mastered >= max(MASTER, self.timeout)
 
     def commands_now(self, who: str) -> None:
-        """A command of this one is taken: it is the master."""
+        """Make this controller the master, because a command of it is taken."""
         self._master, self._mastered = who, time.monotonic()
 
     def has_left(self, who: str) -> None:
-        """If this one was the master, the next who commands is."""
+        """Give up the master if this controller was it; the next one that commands becomes the master."""
         if who == self._master:
             self._mastered = -math.inf
 
     def refuse(self, who: str) -> None:
-        """Tell of a command of one who is not the master."""
+        """Report a command of a controller that is not the master."""
         self.fault(
             f"a command of {who} is refused: {self._master} commands, until it leaves or has been silent for "
             f"{max(MASTER, self.timeout):g} s"
         )
 
     def fault(self, text: str) -> None:
-        """Something came that is never used: said the first time, counted from then on."""
+        """Report something that came and is never used; the first time it is printed, from then on it is counted."""
         self.faults[text] = self.faults.get(text, 0) + 1
         if self.faults[text] == 1:
             self.say(f"{self.name}: {text}; it is not used, nor are others like it")
 
     def wait(self, patience: float | None = None) -> None:
-        """As of every plug: until a first command has come."""
+        """Wait, as in every plug, until a first command has come."""
         waiting = Waiting(f"waiting for controller on {self.place}", self.say)
         record = self.rig_record
         idle = record.inputs(0, 0.0, 0, (0.0,) * len(record.outputs), (0.0,) * len(record.transducers))
@@ -123,11 +178,11 @@ class FreeRunning(Plug):
             waiting.tell()
             self._send(idle)
             self._listen(time.monotonic() + IDLE)
-        self._newest = None  # it answers nothing of this run
+        self._newest = None  # it came before the first sample, so it answers none
         self._is_here()
 
     def awaited(self) -> str:
-        """As of every plug."""
+        """Return the sentence of every plug that no command has come."""
         return "" if self._was_here else f"no command has come on {self.place}{self._faults_told()}"
 
     def _is_here(self) -> None:
@@ -153,7 +208,7 @@ class FreeRunning(Plug):
         return answer
 
     def _silence(self) -> None:
-        """No new command for this sample: said half-way to the trip, which is the rig's own, and while it lasts."""
+        """Count a sample without a new command; report it half-way to the trip, which the rig itself makes, and while it lasts."""
         self._discarded += 1
         if self._waiting is None:
             self._waiting = Waiting(f"waiting for controller on {self.place}", self.say)
@@ -174,7 +229,7 @@ class FreeRunning(Plug):
 
     @abstractmethod
     def _send(self, inputs: ControllerInputs) -> None:
-        """Show a sample to whoever looks."""
+        """Send a sample to the controllers."""
 
     @abstractmethod
     def _listen(self, until: float) -> None:

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a user's controller names as its own, checked: settings, and signals with the blocks in which they are recorded.
+"""Checks what a user's controller names as its own: settings, and signals with the blocks in which they are recorded.
 
-Used by plugs, by testbench.outputs and by the alfa46 process: the same blocks, whoever sends them.
+It is used by plugs, by testbench.outputs and by the alfa46 process, so that all of them make the same blocks.
 """
 
 from __future__ import annotations
@@ -27,7 +27,25 @@ BLOCK, CHANNELS = "/controller/signals", "/controller/channels"
 
 
 def checked_signals(given: Any, name: str) -> dict[str, str]:
-    """Unit by name of a controller's own signals, from names or from a map of names and units; RigError when wrong."""
+    """Check a controller's own signals.
+
+    Parameters
+    ----------
+    given : Any
+        A collection of names, or a dict of names and units.
+    name : str
+        The controller's name, for the error's sentence.
+
+    Returns
+    -------
+    dict of str to str
+        Unit by name; "-" where none was given.
+
+    Raises
+    ------
+    RigError
+        When ``given`` is neither, a name is no identifier, or there are more than 64 names.
+    """
     units = dict(given) if isinstance(given, dict) else given
     if isinstance(given, Collection) and not isinstance(given, (dict, str)) and all(isinstance(key, str) for key in given):
         units = dict.fromkeys(given, "-")
@@ -43,7 +61,25 @@ def checked_signals(given: Any, name: str) -> dict[str, str]:
 
 
 def checked_settings(given: Any, name: str) -> dict[str, float]:
-    """A controller's own settings, first value by name; RigError when they are none."""
+    """Check a controller's own settings.
+
+    Parameters
+    ----------
+    given : Any
+        A dict of names and first values.
+    name : str
+        The controller's name, for the error's sentence.
+
+    Returns
+    -------
+    dict of str to float
+        First value by name.
+
+    Raises
+    ------
+    RigError
+        When ``given`` is no such dict, a value is not finite, or there are more than 64 names.
+    """
     right = (
         isinstance(given, dict)
         and len(given) <= MOST
@@ -58,13 +94,32 @@ def checked_settings(given: Any, name: str) -> dict[str, float]:
 
 
 class Blocks:
-    """Collects a row for each answered sample; samples without one are NaN."""
+    """Collects a row for each answered sample; the rows of samples without an answer are NaN.
+
+    Parameters
+    ----------
+    columns : int
+        Number of signals.
+    """
 
     def __init__(self, columns: int) -> None:
         self._columns, self._number, self._data = columns, -1, None
 
     def add(self, sample: int, values: Sequence[float]) -> list[tuple[int, np.ndarray]]:
-        """The blocks that are complete with these values (columns,): (sample of the first row, rows (5, columns))."""
+        """Add the row of a sample and return the blocks that are complete with it.
+
+        Parameters
+        ----------
+        sample : int
+            Index of the sample since time 0.
+        values : (columns,) sequence of float
+            Values of the signals.
+
+        Returns
+        -------
+        list of (int, (5, columns) array of float)
+            Sample of the first row, and the rows, of each complete block.
+        """
         number, row = divmod(sample, ROWS)
         done = []
         if number != self._number:

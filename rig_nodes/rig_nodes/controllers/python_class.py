@@ -3,7 +3,7 @@
 
 """The plug for a Python class with initialize / step / terminate, from a file or an importable module.
 
-Made by load.py. What goes wrong in user code becomes a sentence with file and line; the traceback is logged.
+load.py makes it. An error in user code becomes a sentence with file and line; the traceback is logged.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
 
     from ..testbench.configuration import RigConfig
 
-GROUP = "rig_nodes.controllers"  # of entry points in an installed package's metadata
+GROUP = "rig_nodes.controllers"  # group of entry points in an installed package's metadata
 METHODS = ("initialize", "step", "terminate")
-# a user's sys.exit() ends the controller, not the rig; Ctrl-C stays the person's
+# a sys.exit() in user code ends the controller, not the rig; Ctrl-C (KeyboardInterrupt) still ends the rig
 BREAKDOWNS = (Exception, SystemExit)
 
 
 class Overtime(BaseException):
-    """The step takes too long; no Exception, so that no user code catches it by the way."""
+    """The step takes too long; it is no Exception, so that an ``except Exception`` in user code does not catch it."""
 
 
 def _out_of_time(_number: int, _frame: object) -> NoReturn:
@@ -45,7 +45,21 @@ def _out_of_time(_number: int, _frame: object) -> NoReturn:
 
 
 def place_of(error: BaseException, file: str | None) -> str:
-    """ "name line n: " of the newest frame in the user's file, else of the newest in any file, or nothing."""
+    """Return where an error was raised in user code.
+
+    Parameters
+    ----------
+    error : BaseException
+        The error, with its traceback.
+    file : str or None
+        The user's file.
+
+    Returns
+    -------
+    str
+        "name line n: " of the newest frame in the user's file, else of the newest frame in any file outside this package;
+        empty when there is none.
+    """
     frames = [
         f
         for f in traceback.extract_tb(error.__traceback__)
@@ -56,7 +70,7 @@ def place_of(error: BaseException, file: str | None) -> str:
 
 
 def _load_module(source: str) -> ModuleType:
-    """The module of a .py file or of a dotted name."""
+    """Return the module of a .py file or of a dotted name."""
     if not source.endswith(".py"):
         try:
             return importlib.import_module(source)
@@ -72,7 +86,7 @@ def _load_module(source: str) -> ModuleType:
         raise RigError(f"controller python:{source}: {no_file(path)}")
     folder = str(path.resolve().parent)
     if folder not in sys.path:
-        sys.path.append(folder)  # so that the file finds its neighbours, and hides nothing of ours
+        sys.path.append(folder)  # at the end: the file finds its neighbours, and they hide no module of the rig
     name = f"rig_controller_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)
     module = importlib.util.module_from_spec(spec)
@@ -82,7 +96,7 @@ def _load_module(source: str) -> ModuleType:
 
 
 def _entry_point(name: str) -> tuple[str, str]:
-    """(module, class) that an installed package gives this name in the group GROUP; RigError names the known ones."""
+    """Return (module, class) of an entry point in the group GROUP; RigError, which names the known ones, when there is none."""
     known = {point.name: point for point in importlib.metadata.entry_points(group=GROUP)}
     if name not in known:
         raise RigError(f"controller python:{name}: {unknown(f'entry point of the group {GROUP}', name, sorted(known))}")
@@ -90,7 +104,25 @@ def _entry_point(name: str) -> tuple[str, str]:
 
 
 def load_class(source: str, name: str) -> type:
-    """The class ``name`` of a .py file or module; RigError when it cannot be had or lacks a method."""
+    """Return a class of a .py file or module.
+
+    Parameters
+    ----------
+    source : str
+        Path of a .py file, or a module's dotted name.
+    name : str
+        Name of the class.
+
+    Returns
+    -------
+    type
+        The class, which has initialize, step and terminate.
+
+    Raises
+    ------
+    RigError
+        When the code cannot be loaded, or the class is missing or lacks a method.
+    """
     what = f"controller python:{source}:{name}"
     try:
         module = _load_module(source)
@@ -112,12 +144,12 @@ def load_class(source: str, name: str) -> type:
 
 
 class PythonClass(Plug):
-    """An instance of a user's class. ``levels`` of the class says what it works at (default: duty only)."""
+    """An instance of a user's class; its attribute ``levels`` names the levels at which it works (default: duty only)."""
 
     in_process = True
 
     def __init__(self, rest: str, config: RigConfig, level: str | None = None) -> None:
-        """rest: FILE.py:CLASS, MODULE:CLASS or the NAME of an entry point of GROUP."""
+        """Load the class; ``rest`` is FILE.py:CLASS, MODULE:CLASS or the NAME of an entry point of GROUP."""
         source, sign, class_name = rest.rpartition(":")
         if not sign and not rest.endswith(".py"):
             source, class_name = _entry_point(rest)
@@ -156,7 +188,10 @@ class PythonClass(Plug):
                 signal.setitimer(signal.ITIMER_REAL, 0.0)
 
     def _timed(self) -> bool:
-        """True when a timer can watch the step: simulated time waits, and this is the thread that gets signals."""
+        """Set the timer's handler; True when a timer can watch the step.
+
+        It can where simulated time waits for the step, in the main thread, which is the one that receives signals.
+        """
         if self.real_time or self.step_timeout is None:
             return False
         if threading.current_thread() is not threading.main_thread():

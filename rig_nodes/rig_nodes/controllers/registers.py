@@ -3,7 +3,7 @@
 
 """The Modbus register map of a rig's record; the rig is the server.
 
-Used by the plug (modbus.py), by `rig export registers` and by the example client.
+It is used by the plug (modbus.py), by `rig export registers` and by the example client.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .wire import Wire, commands, given
 
 @dataclass(frozen=True)
 class Register:
-    """One 16-bit holding register. step: what one of its counts is worth in ``unit``; None for plain numbers."""
+    """One 16-bit holding register; ``step`` is the value of one count in ``unit``, None for plain numbers."""
 
     address: int
     name: str
@@ -31,11 +31,27 @@ class Register:
 
 
 COMMAND_BASE = 32
-HEARTBEAT, STATE = 0, ("gear", "shifting", "flags", "status")  # heartbeat, commands, then this state, from COMMAND_BASE on
+HEARTBEAT, STATE = 0, ("gear", "shifting", "flags", "status")  # from COMMAND_BASE on: heartbeat, commands, then this state
 
 
 def register_map(record: ControllerRecord) -> list[Register]:
-    """All registers, by address; RigError when the record has more numbers than there are registers to read."""
+    """Return all registers, by address.
+
+    Parameters
+    ----------
+    record : ControllerRecord
+        The rig's record.
+
+    Returns
+    -------
+    list of Register
+        The registers that the controller reads, then those that it writes.
+
+    Raises
+    ------
+    RigError
+        When the record has more numbers than there are registers to read.
+    """
     out = [
         Register(0, "sample_high", "read", "", None, False, "Controller sample since time 0, upper 16 bits."),
         Register(1, "sample_low", "read", "", None, False, "Its lower 16 bits."),
@@ -90,7 +106,7 @@ def _wired(address: int, wire: Wire, access: str) -> Register:
 
 
 def csv_text(record: ControllerRecord) -> str:
-    """The map as CSV with one head line."""
+    """Return the map as CSV with one head line."""
     file = io.StringIO()
     table = csv.writer(file, lineterminator="\n")
     table.writerow(("address", "name", "access", "type", "unit", "count", "meaning"))
@@ -110,7 +126,7 @@ def csv_text(record: ControllerRecord) -> str:
 
 
 def markdown_text(record: ControllerRecord) -> str:
-    """The map as a table for docs/how_to/modbus.md."""
+    """Return the map as a table for docs/how_to/modbus.md."""
     rows = list(csv.reader(io.StringIO(csv_text(record))))
     lines = ["| " + " | ".join(row) + " |" for row in rows]
     return "\n".join([lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]]) + "\n"

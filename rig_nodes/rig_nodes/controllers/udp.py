@@ -1,10 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The plug for a controller at the other end of a UDP port: a frame out, a frame back for each sample (docs/how_to/udp.md).
+"""The plug for a controller at the other end of a UDP port: each sample is a frame out and a frame back (docs/how_to/udp.md).
 
-Made by load.py. The rig holds the port, on loopback unless told otherwise; the controller says HELLO. Either may start
-first.
+load.py makes it. The rig opens the port, on loopback unless another address is given; the controller sends HELLO. Either
+may start first.
 """
 
 from __future__ import annotations
@@ -49,11 +49,11 @@ if TYPE_CHECKING:
 LOOPBACK = "127.0.0.1"
 RESEND = 0.02  # s of wall clock without an answer after which a sample is sent again
 GLANCE = 0.0005  # s of wall clock for an answer in real time while the controller is away
-IP_RECVERR = 11  # of Linux: tells that nobody listens at the other end
+IP_RECVERR = 11  # of Linux: reports that no program listens at the other end
 
 
 class Udp(Plug):
-    """udp:PORT, or udp:ADDRESS:PORT to listen at another interface than loopback."""
+    """The plug udp:PORT, or udp:ADDRESS:PORT to listen at another interface than loopback."""
 
     named_later, level_from = True, TOLD
 
@@ -83,19 +83,23 @@ class Udp(Plug):
         )
         self._session = int.from_bytes(os.urandom(4), "little") or 1
         self._peer = None  # address of the controller, once it is ready
-        self._coming, self._names, self._count = None, {}, 0  # who is getting ready; its own names by index, of so many
-        self._refused: dict = {}  # why its names cannot be had, by address of a controller
+        self._coming, self._names, self._count = (
+            None,
+            {},
+            0,
+        )  # address of a controller getting ready; its own names by index, and their number
+        self._refused: dict = {}  # by address of a controller: why its names cannot be used
         self._declared = False  # a controller of this run has named its own
         self._frame = 0
         self._was_here = False
-        self._away = True  # nobody answered the newest sample
-        self._waiting: Waiting | None = None  # in real time, since then
-        self._sent_away: set = set()  # addresses of controllers that cannot be of use in this run
+        self._away = True  # the newest sample was not answered
+        self._waiting: Waiting | None = None  # in real time: the wait since then
+        self._sent_away: set = set()  # addresses of controllers that cannot be used in this run
 
-    # ---- until it is there
+    # ---- until the controller is ready
 
     def wait(self, patience: float | None = None) -> None:
-        """As of every plug: until a controller is ready."""
+        """Wait, as in every plug, until a controller is ready."""
         waiting = Waiting(f"waiting for controller on udp {self._port}", self.say)
         self.refused = ""
         while self._peer is None and not self.stopped():
@@ -110,11 +114,11 @@ class Udp(Plug):
         return f"start it, or see that it sends to port {self._port} of this machine"
 
     def awaited(self) -> str:
-        """As of every plug."""
+        """Return the sentence of every plug that no controller has come."""
         return "" if self._was_here else self.not_here(f"udp {self._port}", self._advice)
 
     def _serve(self, seconds: float) -> tuple | None:
-        """Take what comes within so many seconds; the values of an ANSWER to the newest sample once it is there."""
+        """Handle the frames that come within so many seconds; return the values of an ANSWER to the newest sample when it comes."""
         until = time.monotonic() + seconds
         while True:
             left = max(0.0, until - time.monotonic())
@@ -158,7 +162,7 @@ class Udp(Plug):
 
     def _greet(self, session: int, peer: tuple[str, int], levels: int, record: str) -> None:
         if session == self._session and peer == self._peer:
-            return  # it only asks whether the rig is still there
+            return  # the controller only checks that the rig is still there
         why = self._refused.get(peer, "")
         if not levels & LEVEL_BITS[self.level]:
             known = " and ".join(name for name, bit in LEVEL_BITS.items() if levels & bit) or "none"
@@ -181,14 +185,14 @@ class Udp(Plug):
             self.say(f"a controller was sent away from udp {self._port}: {why}")
 
     def _turned_down(self, peer: tuple[str, int], why: str) -> None:
-        """A controller that was not ready yet says that it will not be."""
+        """Note that a controller that was getting ready has refused."""
         self.refused = f"it refuses: {why}"
         if self._coming == peer:
             self._coming = None
         self.say(f"a controller on udp {self._port} is not used: {self.refused}")
 
     def _is_here(self) -> bool:
-        """Ask for the next of the controller's own names that is not known; True when it has told all of them."""
+        """Ask for the next unknown name of the controller's own; True when all have come and the controller is ready."""
         peer = self._coming
         missing = next((k for k in range(self._count) if k not in self._names), None)
         if missing is not None and self._count <= 3 * MOST:
@@ -199,7 +203,7 @@ class Udp(Plug):
             self._take_names()
         except RigError as error:
             self._refused[peer] = str(error)
-            self._send(BYE, peer, values=[str(error)])  # it began already: of this session
+            self._send(BYE, peer, values=[str(error)])  # with this session's number, for the controller has begun already
             self._send_away(peer, str(error))
             return False
         self._peer, self._was_here, self.refused = peer, True, ""
@@ -207,7 +211,7 @@ class Udp(Plug):
         return True
 
     def _take_names(self) -> None:
-        """Transducers, signals and settings as the controller names them; RigError when they cannot be had."""
+        """Take transducers, signals and settings as the controller names them; RigError when they cannot be used."""
         if self._count > 3 * MOST:
             raise RigError(f"it has {self._count} names of its own, expected up to {MOST} of each kind")
         names = [self._names[k] for k in range(self._count)]
@@ -220,7 +224,7 @@ class Udp(Plug):
         )
         if self._declared and now != before:
             raise RigError("it names other transducers, signals or settings than the controller before it in this run")
-        if not self._declared:  # what was set since stays set
+        if not self._declared:  # a later controller of the run does not reset settings that were changed
             self.wants, self.signals, self.settings, self._declared = wants, signals, settings, True
             self.named()
 
@@ -228,12 +232,12 @@ class Udp(Plug):
         data = pack(kind, self._session if session is None else session, 0, *values)
         try:
             self._socket.sendto(data, peer)
-        except ConnectionRefusedError:  # of something that was sent before
+        except ConnectionRefusedError:  # the notice belongs to a frame that was sent before
             self._see_who_has_gone()
             self._socket.sendto(data, peer)
 
     def _see_who_has_gone(self) -> None:
-        """Take the system's notices that nobody listens where something was sent; _Gone when it is the controller."""
+        """Read the system's notices of addresses at which no program listens; _Gone when the controller's is among them."""
         gone = set()
         while True:
             try:
@@ -247,7 +251,7 @@ class Udp(Plug):
 
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
         try:
-            self._serve(0.0)  # what it said since: that it goes, or that it is there
+            self._serve(0.0)  # frames that came since: the controller leaves, or is ready
             self._frame += 1
             values = self._exchange(inputs)
         except _Gone as gone:
@@ -269,14 +273,14 @@ class Udp(Plug):
         )
 
     def _exchange(self, inputs: ControllerInputs) -> tuple | None:
-        """The values of the answer; None in real time while there is none."""
+        """Return the values of the answer; None in real time while there is none."""
         began, patience, waiting = time.monotonic(), self.step_timeout, None
         if self.real_time and self._away:
             patience = GLANCE
         while True:
             if self._peer is not None:
                 if len(inputs.others) != len(self.wants):
-                    return None  # the sample was made before the controller said what it wants
+                    return None  # the sample was made before the controller named the transducers that it wants
                 try:
                     self._socket.sendto(self._sample(inputs), self._peer)
                 except ConnectionRefusedError:
@@ -321,7 +325,7 @@ class Udp(Plug):
         raise _Gone(f"none has come within {self.step_timeout:g} s")
 
     def _leave(self) -> None:
-        """The controller has gone; another one may come, with a frame of its own to begin with."""
+        """Forget the controller, which has gone; another one may come and begins with a session of its own."""
         self._peer, self._away = None, True
         self._session = (self._session % 0xFFFFFFFF) + 1
 
@@ -335,4 +339,4 @@ class Udp(Plug):
 
 
 class _Gone(Exception):
-    """The controller is not there any more; why."""
+    """The controller has gone; the message says why."""

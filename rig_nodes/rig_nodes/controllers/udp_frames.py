@@ -3,7 +3,7 @@
 
 """The frames of the UDP lockstep protocol (docs/how_to/udp.md), and the controller's side of it; standard library only.
 
-Used by udp.py, and copied as it is to where a controller runs: ``serve(controller)`` answers until it is stopped.
+udp.py uses it, and it is copied unchanged to where a controller runs: ``serve(controller)`` answers until it is stopped.
 include/rig_udp.h is the same for C.
 """
 
@@ -20,13 +20,13 @@ from typing import Any
 
 MAGIC, VERSION, PORT = 0x31474952, 3, 9002  # "RIG1"
 HELLO, INFO, ASK, NAME, READY, SAMPLE, ANSWER, BYE, OWN = range(1, 10)
-SETTINGS, OUTPUTS, TRANSDUCERS, GEARS = range(4)  # lists of the rig's: what the name in a NAME is
-WANT, SIGNAL, SETTING = range(1, 4)  # what the name in an OWN is
+SETTINGS, OUTPUTS, TRANSDUCERS, GEARS = range(4)  # the rig's lists; a NAME says from which of them its name is
+WANT, SIGNAL, SETTING = range(1, 4)  # kinds of name in an OWN
 HEADER = struct.Struct("<IHHIIII")  # magic, version, kind, session, frame, size of the whole frame, 0
 BODIES = {
-    HELLO: struct.Struct("<II16s"),  # levels, 0, record that the controller was made for; empty: any
+    HELLO: struct.Struct("<II16s"),  # levels, 0, id of the record that the controller was made for (empty: any)
     INFO: struct.Struct("<II4Idd16s"),  # level, 0, length of each of the rig's lists, period, command_high, record
-    ASK: struct.Struct("<II"),  # index in one of the rig's lists, which list; from the rig: in the controller's own names, 0
+    ASK: struct.Struct("<II"),  # index, list; from the rig: index in the controller's own names, 0
     # index, list, value (of a setting) or number (of a gear), name, unit (of a transducer)
     NAME: struct.Struct("<IId48s16s"),
     READY: struct.Struct("<II"),  # number of the controller's own names, 0
@@ -35,26 +35,45 @@ BODIES = {
     BYE: struct.Struct("<128s"),  # message
     OWN: struct.Struct("<IId48s16s"),  # index, WANT, SIGNAL or SETTING, a setting's first value, name, unit
 }
-# have numbers (f64) behind their body: currents, transducers, wanted and settings; or commands, setpoints and signals
+# kinds with numbers (f64) behind the body: currents, transducers, wanted, settings; or commands, setpoints, signals
 LONGER = (SAMPLE, ANSWER)
-MOST = 224  # of them
-TEXTS = {HELLO: (17,), INFO: (17,), NAME: (48, 16), OWN: (48, 16)}  # bytes of the text fields; of other kinds 128
+MOST = 224  # numbers behind a body
+TEXTS = {HELLO: (17,), INFO: (17,), NAME: (48, 16), OWN: (48, 16)}  # bytes of the text fields; in other kinds 128
 LEVELS = {"duty": 1, "current": 2}
 LONGEST = 2048  # bytes of any frame
-AGAIN = 0.2  # s between two HELLOs of a controller that waits for a rig
-KEEP_ALIVE = 0.5  # s without a frame of the rig after which the controller says HELLO again
+AGAIN = 0.2  # s between two HELLO frames of a controller that waits for a rig
+KEEP_ALIVE = 0.5  # s without a frame of the rig after which the controller sends HELLO again
 
 
 class NoFrame(ValueError):
-    """Bytes that are no frame of this protocol and version."""
+    """The bytes are no frame of this protocol and version."""
 
 
 class OtherVersion(NoFrame):
-    """A frame of another version of the protocol."""
+    """The frame is of another version of the protocol."""
 
 
 def pack(kind: int, session: int, frame: int, *values: float | str, more: tuple[float, ...] | list[float] = ()) -> bytes:
-    """The bytes of a frame, ``more`` numbers behind its body; texts of values are encoded and cut to their field."""
+    """Return the bytes of a frame.
+
+    Parameters
+    ----------
+    kind : int
+        One of HELLO to OWN.
+    session : int
+        Number of the session.
+    frame : int
+        Number of the frame.
+    *values : float or str
+        Fields of the body; texts are encoded and cut to the length of their field.
+    more : tuple or list of float
+        Numbers behind the body.
+
+    Returns
+    -------
+    bytes
+        Header, body and numbers.
+    """
     body, sizes = BODIES[kind], iter(TEXTS.get(kind, (128,)))
     data = [value.encode()[: next(sizes) - 1] if isinstance(value, str) else value for value in values]
     size = HEADER.size + body.size + 8 * len(more)
@@ -62,7 +81,23 @@ def pack(kind: int, session: int, frame: int, *values: float | str, more: tuple[
 
 
 def unpack(data: bytes) -> tuple[int, int, int, tuple]:
-    """(kind, session, frame, values), the numbers behind a body last; NoFrame when the bytes are none."""
+    """Return the parts of a frame.
+
+    Parameters
+    ----------
+    data : bytes
+        The bytes that came.
+
+    Returns
+    -------
+    tuple
+        (kind, session, frame, values); values are the body's fields, then the numbers behind the body.
+
+    Raises
+    ------
+    NoFrame
+        When the bytes are no frame of this protocol and version.
+    """
     if len(data) < HEADER.size:
         raise NoFrame(f"{len(data)} bytes are less than a header")
     magic, version, kind, session, frame, size, _ = HEADER.unpack_from(data)
@@ -87,14 +122,24 @@ def unpack(data: bytes) -> tuple[int, int, int, tuple]:
 
 
 def text(field: bytes) -> str:
-    """A text field without the zeros that fill it."""
+    """Return a text field without the zeros that fill it."""
     return field.split(b"\0", 1)[0].decode("utf-8", "replace")
 
 
 class Client:
-    """The controller's side: ``controller`` has initialize / step / terminate as a Python class of the rig has.
+    """The controller's side of the protocol.
 
-    ``wants``, ``signals`` and ``settings`` of it are used where they are there, as of a Python class.
+    Parameters
+    ----------
+    controller : Any
+        An object with initialize / step / terminate like the rig's Python classes. Its ``wants``, ``signals`` and
+        ``settings`` are used when it has them.
+    host : str
+        Name or address of the rig's machine.
+    port : int
+        The rig's UDP port.
+    levels : tuple of str
+        Levels at which the controller works: "duty", "current" or both.
     """
 
     def __init__(self, controller: Any, host: str = "127.0.0.1", port: int = PORT, levels: tuple[str, ...] = ("duty",)) -> None:
@@ -103,8 +148,8 @@ class Client:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.connect(self.rig)
         self.session, self.running, self.last, self.answer = 0, False, 0, b""
-        self.outputs, self.transducers = [], []  # of the rig
-        self.told = ""  # what the rig said last: said again by it every second, here once
+        self.outputs, self.transducers = [], []  # the rig's names
+        self.told = ""  # the rig's newest message; the rig repeats it every second, it is printed once
         self.wants = tuple(getattr(controller, "wants", ()))
         signals = getattr(controller, "signals", ())
         self.signals = dict(signals) if isinstance(signals, dict) else dict.fromkeys(signals, "-")
@@ -115,12 +160,23 @@ class Client:
         self.own += [(SETTING, float(value), name, "") for name, value in settings.items()]
 
     def send(self, kind: int, *values: float | str, frame: int = 0) -> None:
-        """One frame; a rig that is not there yet is no error."""
+        """Send one frame; it is no error when the rig is not there yet."""
         with contextlib.suppress(ConnectionRefusedError):
             self.socket.send(pack(kind, self.session, frame, *values))
 
     def receive(self, seconds: float) -> tuple[int, int, int, tuple] | None:
-        """The rig's next frame, None when none comes in time; a rig that is not there is silent too."""
+        """Return the rig's next frame.
+
+        Parameters
+        ----------
+        seconds : float
+            Longest wait [s].
+
+        Returns
+        -------
+        tuple or None
+            As :func:`unpack`; None when no frame comes in time, also when there is no rig.
+        """
         until = time.monotonic() + seconds
         while (left := until - time.monotonic()) > 0:
             if not select.select([self.socket], [], [], left)[0]:
@@ -134,7 +190,7 @@ class Client:
         return None
 
     def serve(self, once: bool = False) -> None:
-        """Answer until interrupted; once: until the end of the first run. The rig hears why it ends."""
+        """Answer until interrupted, or with ``once`` until the end of the first run; the rig receives the reason of the end."""
         why = "the controller was stopped"
         try:
             while not (self.run() and once):
@@ -149,14 +205,14 @@ class Client:
             self.socket.close()
 
     def run(self) -> bool:
-        """One look for the next frame; True at the end of a run."""
+        """Handle the next frame, if one comes; return True at the end of a run."""
         if not self.running:
             self.send(HELLO, self.levels, 0, "")
         came = self.receive(KEEP_ALIVE if self.running and self.last else AGAIN)
         if came is None:
-            if self.running and not self.last:  # until the first sample nobody knows whether it was heard
+            if self.running and not self.last:  # READY may have been lost; only the first sample shows that it arrived
                 self.send(READY, len(self.own), 0)
-            elif self.running:  # is the rig still there, and the same one?
+            elif self.running:  # checks that the same rig is still there
                 self.send(HELLO, self.levels, 0, "")
             return False
         kind, session, frame, values = came
@@ -179,7 +235,7 @@ class Client:
         return False
 
     def tell(self, words: str) -> None:
-        """What the rig says, to people, once."""
+        """Print a message of the rig once."""
         if words != self.told:
             self.told = words
             print(f"the rig says: {words}", file=sys.stderr)
@@ -197,7 +253,7 @@ class Client:
         command_high: float,
         record: bytes,
     ) -> None:
-        """A rig is there: fetch its names, start the controller, say that it is ready."""
+        """Fetch the rig's names, initialise the controller and report that it is ready; the parameters are the fields of INFO."""
         if self.running:
             self.end()
         self.session = session
@@ -229,7 +285,20 @@ class Client:
         self.send(READY, len(self.own), 0)
 
     def name(self, index: int, what: int) -> tuple[float, str, str] | None:
-        """(value, name, unit) of one of the rig's names, asked for again when the answer is lost; None without one."""
+        """Return one of the rig's names; the request is repeated when the answer is lost.
+
+        Parameters
+        ----------
+        index : int
+            Place in the list.
+        what : int
+            The list: SETTINGS, OUTPUTS, TRANSDUCERS or GEARS.
+
+        Returns
+        -------
+        tuple or None
+            (value, name, unit); None when no answer comes.
+        """
         for _ in range(50):
             self.send(ASK, index, what)
             came = self.receive(0.02)
@@ -241,7 +310,7 @@ class Client:
         return None
 
     def step(self, frame: int, values: tuple) -> None:
-        """A sample: compute once, and send the same answer again when the sample comes again."""
+        """Answer a sample: compute once, and send the same answer again when the same sample comes again."""
         if frame == self.last:
             self.socket.send(self.answer)
             return
@@ -281,15 +350,15 @@ class Client:
         self.socket.send(self.answer)
 
     def end(self) -> None:
-        """The run is over for the controller."""
+        """End the run for the controller."""
         self.running, self.session = False, 0
         self.controller.terminate()
 
 
 def rig_address(words: list[str]) -> tuple[str, int]:
-    """(host, port) of a program's arguments, those of a rig on this machine where they are missing.
+    """Return (host, port) from a program's arguments; missing ones are those of a rig on this machine.
 
-    What is none ends the program with one sentence, exit code 2.
+    A wrong host or port ends the program with one sentence and exit code 2.
     """
     host, port = (list(words) + ["127.0.0.1", str(PORT)][len(words) :])[:2]
     why = ""
@@ -309,7 +378,15 @@ def rig_address(words: list[str]) -> tuple[str, int]:
 def serve(
     controller: Any, host: str = "127.0.0.1", port: int = PORT, levels: tuple[str, ...] = ("duty",), once: bool = False
 ) -> None:
-    """Connect a controller with a rig that is started with ``--controller udp:PORT``, in any order."""
+    """Connect a controller with a rig that is started with ``--controller udp:PORT``; either may start first.
+
+    Parameters
+    ----------
+    controller, host, port, levels
+        As in :class:`Client`.
+    once : bool
+        True: return after the first run.
+    """
     client = Client(controller, host, port, levels)
     print(f"waiting for the rig at {host}:{port}, until Ctrl-C", flush=True)
     client.serve(once)

@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The numbers of a rig's record as whole numbers on a wire: 16 bits each, resolution from the signals' ranges.
+"""The numbers of a rig's record as whole numbers on a wire: 16 bits each, with a resolution from the signals' ranges.
 
-Used by the CAN database and the Modbus register map, so that both carry the same numbers.
+The CAN database and the Modbus register map use it, so that both carry the same numbers.
 """
 
 from __future__ import annotations
@@ -16,12 +16,28 @@ from .record import ControllerRecord
 from .seam import ControllerInfo, ControllerInputs
 
 SIGNED, UNSIGNED = (-32767, 32767), (0, 65535)
-NO_NUMBER = -32768  # raw value of a measurement that is none
+NO_NUMBER = -32768  # raw value of a measurement without a number (NaN)
 
 
 @dataclass(frozen=True)
 class Wire:
-    """One number of 16 bits: shown = raw x step in ``unit``, SI = shown / scale. sign: where its sign is told."""
+    """One number of 16 bits: shown = raw x step in ``unit``, SI = shown / scale.
+
+    Parameters
+    ----------
+    name : str
+        Name of the number.
+    unit : str
+        Unit in which it is shown.
+    step : float
+        Value of one count, in ``unit``.
+    scale : float
+        Factor from SI to ``unit``.
+    raw : (int, int)
+        Smallest and largest raw number; the first is negative for a signed number.
+    text : str
+        What the number is, for people; it states the sign.
+    """
 
     name: str
     unit: str
@@ -31,14 +47,14 @@ class Wire:
     text: str
 
     def encode(self, value: float) -> int:
-        """Raw number of an SI value, the nearest one that there is; NO_NUMBER for NaN."""
+        """Return the nearest possible raw number of an SI value; NO_NUMBER for NaN."""
         if math.isnan(value):
             return NO_NUMBER
         low, high = self.raw
         return round(min(max(value * self.scale / self.step, low), high))
 
     def decode(self, raw: int) -> float:
-        """SI value of a raw number; NaN for NO_NUMBER."""
+        """Return the SI value of a raw number; NaN for NO_NUMBER."""
         return math.nan if raw == NO_NUMBER else raw * self.step / self.scale
 
     @property
@@ -48,7 +64,7 @@ class Wire:
 
 
 def step_for(high: float, steps: int) -> float:
-    """The smallest of 1, 2, 5 times a power of ten with which ``steps`` of it reach ``high``."""
+    """Return the smallest of 1, 2, 5 times a power of ten of which ``steps`` steps reach ``high``."""
     power = 10.0 ** math.floor(math.log10(high / steps))
     return next(round(power * digit, 12) for digit in (1.0, 2.0, 5.0, 10.0) if power * digit * steps >= high)
 
@@ -65,7 +81,7 @@ def _measured(name: str, signal: Signal) -> Wire:
 
 
 def currents(record: ControllerRecord) -> list[Wire]:
-    """current_1 and on: the coil currents of the outputs."""
+    """Return the wires current_1 and on: the coil currents of the outputs."""
     out = []
     for k, output in enumerate(record.outputs, 1):
         wire = _measured(f"current_{k}", output.current)
@@ -74,17 +90,17 @@ def currents(record: ControllerRecord) -> list[Wire]:
 
 
 def measured(record: ControllerRecord) -> list[Wire]:
-    """The transducers, by their names."""
+    """Return the wires of the transducers, with the transducers' names."""
     return [_measured(signal.name, signal) for signal in record.transducers]
 
 
 def given(record: ControllerRecord) -> list[Wire]:
-    """All that a controller is given as real numbers: currents, then transducers."""
+    """Return the wires of all real numbers that a controller receives: currents, then transducers."""
     return [*currents(record), *measured(record)]
 
 
 def commands(record: ControllerRecord, level: str) -> list[Wire]:
-    """command_1 and on, at a level: current setpoints, or duties."""
+    """Return the wires command_1 and on: current setpoints at level "current", duties at level "duty"."""
     signal = record.like[level]
     step = step_for(signal.shown(signal.high), UNSIGNED[1])
     what = "Current setpoint" if level == "current" else "Duty"
@@ -95,12 +111,27 @@ def commands(record: ControllerRecord, level: str) -> list[Wire]:
 
 
 def values_of(inputs: ControllerInputs) -> tuple[float, ...]:
-    """The values of :func:`given`, in its order."""
+    """Return the values of :func:`given`, in its order [SI]."""
     return (*inputs.current, *inputs.measured)
 
 
 def held_in(values: list[float], info: ControllerInfo, wires: list[Wire]) -> list[float]:
-    """Commands, as these wires carry them, that a half step of resolution lifted above the largest one, set to it."""
+    """Limit commands that rounding to the wire's resolution has raised above the largest command.
+
+    Parameters
+    ----------
+    values : list of float
+        Commands as the wires carry them: duty, or [A].
+    info : ControllerInfo
+        Its ``command_high`` is the limit.
+    wires : list of Wire
+        The wires of the commands.
+
+    Returns
+    -------
+    list of float
+        The commands; one above the limit by at most half a step is set to the limit.
+    """
     step = wires[0]
     slack = 0.5 * step.step / step.scale
     return [info.command_high if info.command_high < value <= info.command_high + slack else value for value in values]
