@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a controller step costs through each plug, with the reference controller; for ``rig bench controllers``.
+"""Measures the cost of a controller step through each plug, with the reference controller; for ``rig bench controllers``.
 
-A plug is one line in CASES; one whose other side is a program says how it is started.
+A plug is one line in CASES; a plug whose other side is a program names the command that starts it.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 EXAMPLES = Path(__file__).parent / "examples"
 INCLUDE = Path(__file__).parent / "include"
 WARM_UP, STEPS = 500, 5000
-COME = 20.0  # s of wall clock for a program to come
+COME = 20.0  # s of wall clock in which a program has to come
 
 
 class Cost(NamedTuple):
-    """One line of the table; us per step, or why there is none."""
+    """One line of the table: us per step, or in ``missing`` why there is none."""
 
     plug: str
     median_us: float
@@ -40,9 +40,20 @@ class Cost(NamedTuple):
 
 
 class Case(NamedTuple):
-    """name: for people; spec: of the controller, with {port} and {folder}; build: writes what spec names into the folder.
+    """One plug to measure.
 
-    program: its command, for a folder and a number of its own, which is a free port. Both may be none.
+    Parameters
+    ----------
+    name : str
+        The plug's name, for people.
+    spec : str
+        The controller's specification, with {port} and {folder}.
+    needs : str
+        A command without which the plug cannot be measured.
+    program : callable or None
+        Returns the command of the other side for a folder and a number of its own, which is a free port.
+    build : callable or None
+        Writes what ``spec`` names into the folder.
     """
 
     name: str
@@ -87,7 +98,22 @@ CASES = (
 
 
 def measure(case: Case, config: RigConfig, steps: int = STEPS) -> Cost:
-    """The cost of one plug; with a reason in place of numbers when what it needs is not installed."""
+    """Return the cost of one plug.
+
+    Parameters
+    ----------
+    case : Case
+        The plug.
+    config : RigConfig
+        The rig's configuration.
+    steps : int
+        Number of measured steps.
+
+    Returns
+    -------
+    Cost
+        With a reason in place of numbers when what the plug needs is not installed.
+    """
     if case.needs and not shutil.which(case.needs):
         return Cost(case.name, float("nan"), float("nan"), f"{case.needs} is not installed")
     with tempfile.TemporaryDirectory(prefix="rig-bench-") as folder:
@@ -120,12 +146,12 @@ def _free_port() -> int:
 
 
 def controllers_table(config: RigConfig, steps: int = STEPS) -> list[Cost]:
-    """The cost of every plug, in the order of docs/how_to/controllers.md."""
+    """Return the cost of every plug, in the order of docs/how_to/controllers.md."""
     return [measure(case, config, steps) for case in CASES]
 
 
 def format_table(costs: list[Cost]) -> str:
-    """The table for people."""
+    """Return the table for people."""
     lines = [f"{'plug':<28}{'us per step':>12}{'99 % below':>12}"]
     for cost in costs:
         numbers = cost.missing or f"{cost.median_us:>12.1f}{cost.p99_us:>12.1f}"

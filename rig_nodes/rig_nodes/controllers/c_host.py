@@ -3,14 +3,14 @@
 
 """The process in which a C library runs, so that nothing in it can harm the rig; and the structs of rig_controller.h.
 
-Started by c_library.py as a program of its own that imports nothing of the rig: it is there in 30 ms. Whole messages
-over one socket: a description of the library, an order to create, then for each sample the inputs and the answer as
-the structs' own bytes, and behind them what the library asked for and what it names its own. A message of another size
-than an answer's is a sentence: what the library wrote beside the memory that it was given.
+c_library.py starts it as a program of its own that imports nothing of the rig: it is ready in 30 ms. Whole messages go
+over one socket: a description of the library, an order to create, then for each sample the inputs and the answer as the
+bytes of the structs, followed by what the library asked for and what it names its own. A message of another size than
+an answer's is a sentence: the library wrote outside the memory that it was given.
 
-There are two processes: a guard, which the rig knows, and its child, which has the library. The guard ends as the
-library's process does and takes all of the library's own children with it; it does so too when the rig goes, or asks
-for it by END_ALL.
+There are two processes: a guard, which the rig knows, and its child, which has loaded the library. The guard ends in
+the same way as the library's process and ends all of the library's own children; it also does so when the rig ends, or
+asks for it by END_ALL.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import sys
 
 ABI, TEXT, OK = 2, 128, 0
 FUNCTIONS = ("rig_controller_abi", "rig_controller_create", "rig_controller_step", "rig_controller_destroy")
-# optional, both of a pair or none: function that names, function that brings or takes the values
+# optional pairs (both or none): the function that lists the names, and the one that receives or returns the values
 PAIRS = {
     "wants": ("rig_controller_wants", "rig_controller_wanted"),
     "signals": ("rig_controller_signals", "rig_controller_signal_values"),
@@ -35,22 +35,22 @@ PAIRS = {
 END = b"end"  # in place of a sample: destroy the controller
 DESTROYED = b"destroyed"  # the answer to it, once destroy has returned
 END_ALL = signal.SIGUSR1  # to the guard: the library's process and its children end at once
-LIBRARY_NAME = b"rig-library"  # of the process that a debugger wants, for pgrep
+LIBRARY_NAME = b"rig-library"  # name of the process that a debugger attaches to, for pgrep
 PR_SET_PDEATHSIG, PR_SET_NAME, PR_SET_CHILD_SUBREAPER = 1, 15, 36
-GUARD = bytes([0xA5]) * 4096  # before, between and behind what a library is given; nobody has to write there
-# what a library is given, for people
+GUARD = bytes([0xA5]) * 4096  # before, between and behind what a library is given; no code may write there
+# names of what a library is given, for people
 INFO, PARAMETERS = "info of rig_controller_create", "parameters of rig_controller_create"
 IN, OUT = "in of rig_controller_step", "out of rig_controller_step"
 CURRENT, MEASURED = "current of rig_controller_step", "measured of rig_controller_step"
 COMMAND, SETPOINT = "command of rig_controller_step", "setpoint of rig_controller_step"
 WANTED, SET, VALUES = (f"values of {PAIRS[key][1]}" for key in ("wants", "settings", "signals"))
 NUMBERS = ct.POINTER(ct.c_double)
-GIVEN = 24  # bytes of rig_controller_inputs before its pointers: what comes with each sample
-POINTERS = slice(16, 32)  # of rig_controller_outputs
+GIVEN = 24  # bytes of rig_controller_inputs before its pointers; they come with each sample
+POINTERS = slice(16, 32)  # the pointers' bytes in rig_controller_outputs
 
 
 class AbiInfo(ct.Structure):
-    """rig_controller_abi_info"""
+    """The struct rig_controller_abi_info."""
 
     _fields_ = [
         *((name, ct.c_uint32) for name in ("abi", "levels", "info_size", "parameter_size", "inputs_size", "outputs_size")),
@@ -59,25 +59,25 @@ class AbiInfo(ct.Structure):
 
 
 class Parameter(ct.Structure):
-    """rig_parameter"""
+    """The struct rig_parameter."""
 
     _fields_ = [("name", ct.c_char_p), ("value", ct.c_double)]
 
 
 class Transducer(ct.Structure):
-    """rig_transducer"""
+    """The struct rig_transducer."""
 
     _fields_ = [("name", ct.c_char_p), ("unit", ct.c_char_p)]
 
 
 class Gear(ct.Structure):
-    """rig_gear"""
+    """The struct rig_gear."""
 
     _fields_ = [("number", ct.c_uint32), ("name", ct.c_char_p)]
 
 
 class Info(ct.Structure):
-    """rig_controller_info"""
+    """The struct rig_controller_info."""
 
     _fields_ = [
         ("size", ct.c_uint32),
@@ -98,7 +98,7 @@ class Info(ct.Structure):
 
 
 class Inputs(ct.Structure):
-    """rig_controller_inputs"""
+    """The struct rig_controller_inputs."""
 
     _fields_ = [
         ("size", ct.c_uint32),
@@ -111,7 +111,7 @@ class Inputs(ct.Structure):
 
 
 class Outputs(ct.Structure):
-    """rig_controller_outputs"""
+    """The struct rig_controller_outputs."""
 
     _fields_ = [
         ("size", ct.c_uint32),
@@ -127,7 +127,10 @@ class Outputs(ct.Structure):
 class Guarded:
     """Memory for structs and arrays that a library is given, with a GUARD before and behind each.
 
-    ``parts``: what it is -> size in bytes, a multiple of 8; a part of no bytes gets an empty view and no guard.
+    Parameters
+    ----------
+    parts : dict of str to int
+        Size of each part in bytes, a multiple of 8, by its name; a part of 0 bytes gets an empty view and no guard.
     """
 
     def __init__(self, parts: dict[str, int]) -> None:
@@ -145,7 +148,7 @@ class Guarded:
         self._spans = [slice(first, first + len(GUARD)) for first in self._guards]
 
     def damage(self) -> str:
-        """What was written into the guards, as a sentence; empty when nothing was."""
+        """Return a sentence on what was written into the guards; empty when nothing was."""
         memory = self._memory
         for number, span in enumerate(self._spans):  # noqa: B007, it names the guard behind the loop
             if memory[span] != GUARD:
@@ -163,7 +166,18 @@ class Guarded:
 
 
 def describe(path: str) -> tuple[ct.CDLL | None, dict]:
-    """(the library, what the rig checks of it); the library is None when it cannot be called."""
+    """Load a library and describe it.
+
+    Parameters
+    ----------
+    path : str
+        The library's file.
+
+    Returns
+    -------
+    tuple
+        (library, description): the library is None when it cannot be called; the description is a dict for the rig to check.
+    """
     try:
         library = ct.CDLL(path)
     except OSError as error:
@@ -207,7 +221,20 @@ def describe(path: str) -> tuple[ct.CDLL | None, dict]:
 
 
 def create(library: ct.CDLL, order: dict) -> tuple[ct.c_void_p, dict]:
-    """(the instance, status and message) for the level, period, parameters and record of the order."""
+    """Create the controller.
+
+    Parameters
+    ----------
+    library : ctypes.CDLL
+        The library.
+    order : dict
+        Level, period, parameters and record, as the rig sends them.
+
+    Returns
+    -------
+    tuple
+        (instance, result): a pointer, and a dict with status, message and damage.
+    """
     given, instance = order["parameters"], ct.c_void_p()
     memory = Guarded({INFO: ct.sizeof(Info), PARAMETERS: ct.sizeof(Parameter) * len(given)})
     parameters = (Parameter * len(given)).from_buffer(memory.views[PARAMETERS])
@@ -227,7 +254,7 @@ def create(library: ct.CDLL, order: dict) -> tuple[ct.c_void_p, dict]:
 
 
 def serve(line: socket.socket, path: str) -> None:
-    """Everything from the library's loading to its end."""
+    """Do everything from the library's loading to its end."""
     library, description = describe(path)
     line.send(json.dumps({**description, "process": os.getpid()}).encode())
     order = line.recv(1 << 20)
@@ -299,12 +326,12 @@ def serve(line: socket.socket, path: str) -> None:
 
 
 def prctl(option: int, value: int | bytes) -> None:
-    """One call of prctl(2), whose errors are none that matter here."""
+    """Call prctl(2) once; its errors do not matter here."""
     ct.CDLL(None).prctl(option, value, 0, 0, 0)
 
 
 def children() -> list[int]:
-    """Children of this process, adopted ones included."""
+    """Return the numbers of this process's children, adopted ones included."""
     found = []
     for name in os.listdir("/proc"):
         if name.isdigit():
@@ -312,14 +339,14 @@ def children() -> list[int]:
                 with open(f"/proc/{name}/stat", encoding="utf-8", errors="replace") as file:
                     parent = file.read().rpartition(")")[2].split()[1]
             except OSError:
-                continue  # it has ended meanwhile
+                continue  # the process has ended meanwhile
             if int(parent) == os.getpid():
                 found.append(int(name))
     return found
 
 
 def end_children() -> None:
-    """End every process below this one. Those that lose their parent by it come to this one, and are ended next."""
+    """End every process below this one; a process that loses its parent by this is adopted by this one and is ended next."""
     try:
         while True:
             if os.waitpid(-1, os.WNOHANG) == (0, 0):
@@ -331,7 +358,7 @@ def end_children() -> None:
 
 
 def guard(child: int) -> None:
-    """Wait until the library's process has ended, end what it leaves behind, and end in the same way."""
+    """Wait until the library's process has ended, end the processes that it leaves behind, and end in the same way."""
     status = None
     while status is None:
         ended, how = os.waitpid(-1, 0)
@@ -347,12 +374,12 @@ def guard(child: int) -> None:
 
 
 def main() -> None:
-    """Arguments: the library, the socket's descriptor, the rig's process."""
+    """Run the guard and the library's process; arguments: the library, the socket's descriptor, the rig's process."""
     path, descriptor, parent = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)  # a person's Ctrl-C is the rig's to obey: it ends this process in order
+        signal.signal(number, signal.SIG_IGN)  # Ctrl-C is for the rig, which ends this process in order
     signal.pthread_sigmask(signal.SIG_SETMASK, ())
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # a crash is a sentence, not a file in somebody's folder
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # a crash becomes a sentence and leaves no core file
 
     def end_all(_number: int, _frame: object) -> None:
         end_children()

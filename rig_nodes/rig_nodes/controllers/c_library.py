@@ -3,8 +3,8 @@
 
 """The plug for a C shared library that exports what include/rig_controller.h declares, or for one C file.
 
-Made by load.py. The library runs in a process of its own (c_host.py): a crash, an exit() or an endless loop in it is a
-fatal status here. What can be known before it is called is checked before.
+load.py makes it. The library runs in a process of its own (c_host.py): a crash, an exit() or an endless loop in it is a
+fatal status here. What can be checked before the library is called is checked before.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ END_PATIENCE = 2.0  # s of wall clock for destroy and the end of the process
 # -ffp-contract=off: no fused multiply-add, so that the same source gives the same bits on every machine
 FLAGS = ("-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-fPIC", "-shared")
 CPP = ("CXX", ("c++", "g++", "clang++"), "-std=c++17", "C++ compiler here; install one (Debian package g++)")
-COMPILERS = {  # by the suffix of a source file: variable, names to look for, standard, what to do without
+COMPILERS = {  # suffix of a source file -> environment variable, names to look for, standard, advice when there is none
     ".c": ("CC", ("cc", "gcc", "clang"), "-std=c99", "C compiler here; install one (Debian package gcc)"),
     ".cpp": CPP,
     ".cc": CPP,
@@ -56,7 +56,20 @@ MACHINES = {3: "i386", 40: "arm", 62: "x86_64", 183: "aarch64", 243: "riscv64"} 
 
 
 def check_elf(path: Path, name: str) -> None:
-    """RigError unless the file is a whole shared object for this machine, which the loader would not say."""
+    """Check that a file is a whole shared object for this machine; the loader's own message would not say what is wrong.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    name : str
+        The controller's name, for the error's sentence.
+
+    Raises
+    ------
+    RigError
+        When the file is no ELF file, is cut off, is for another machine, or is not linked with -shared.
+    """
     data, size = path.read_bytes()[:64], path.stat().st_size
     if data[:4] != b"\x7fELF":
         raise RigError(f"controller {name}: the file is no shared library (it does not begin like an ELF file)")
@@ -77,9 +90,26 @@ def check_elf(path: Path, name: str) -> None:
 
 
 def compile_library(sources: list[Path], target: Path, name: str, flags: tuple[str, ...] = ()) -> None:
-    """Compile C and C++ files into a shared library; RigError with the compiler's first complaint.
+    """Compile C and C++ files into a shared library.
 
-    C among C++ is C all the same, of the compiler's own standard, for one call of the C++ compiler compiles both.
+    C files among C++ files are compiled as C, in the compiler's default C standard, because one call of the C++ compiler
+    compiles both.
+
+    Parameters
+    ----------
+    sources : list of Path
+        The source files.
+    target : Path
+        The library to write.
+    name : str
+        The controller's name, for the error's sentence.
+    flags : tuple of str
+        Further options of the compiler.
+
+    Raises
+    ------
+    RigError
+        When there is no compiler, or with the compiler's first error message.
     """
     cpp = [path for path in sources if path.suffix in CPP_SUFFIXES]
     c = [path for path in sources if path.suffix not in CPP_SUFFIXES]
@@ -108,17 +138,25 @@ def compile_library(sources: list[Path], target: Path, name: str, flags: tuple[s
 
 
 class Host:
-    """The processes that a library lives in (c_host.py), and the line to it."""
+    """The processes in which a library runs (c_host.py), and the connection to them.
+
+    Parameters
+    ----------
+    path : Path
+        The library.
+    name : str
+        The controller's name.
+    """
 
     def __init__(self, path: Path, name: str) -> None:
         ours, theirs = pair()
         with theirs:
-            # -I -S: no site, no user's PYTHON variables; a person's breakpoints are in the library, not in Python
+            # -I -S: no site, no PYTHON variables of the user; a user's breakpoints are in the library, not in Python
             arguments = map(str, (HOST, path.resolve(), theirs.fileno(), os.getpid()))
             self._guard = subprocess.Popen(
                 [sys.executable, "-I", "-S", *arguments], stdin=subprocess.DEVNULL, pass_fds=[theirs.fileno()]
             )
-        self.process = 0  # the library's own process, once it has said so
+        self.process = 0  # number of the library's own process, once it is known
         self._line = Link(ours.detach(), name)
         self.send, self._receive = self._line.send, self._line.receive
         self._core = -1
@@ -126,20 +164,36 @@ class Host:
     def ask(self, data: bytes, seconds: float | None) -> bytes | None:
         """Send one message and :meth:`receive` the next.
 
-        The host is kept on the caller's core, which waits meanwhile: to wake a process on another, sleeping one costs
-        some 50 us, here 10.
+        The host is kept on the caller's core, which is idle meanwhile: waking a process on another, sleeping core takes some
+        50 us, on this one 10.
         """
         core = CORE()
         if core != self._core:
             self._core = core
-            with contextlib.suppress(ProcessLookupError):  # it has gone: receive() says how
+            with contextlib.suppress(ProcessLookupError):  # the process has ended: receive() says how
                 os.sched_setaffinity(self.process, {core})
         with contextlib.suppress(LinkClosed):
             self.send(data)
         return self.receive(seconds)
 
     def receive(self, seconds: float | None) -> bytes | None:
-        """Its next message, None when there is none in time; LinkClosed, with how it ended, when it has gone."""
+        """Return the host's next message.
+
+        Parameters
+        ----------
+        seconds : float or None
+            Longest wait [s of wall clock]; None sets no limit.
+
+        Returns
+        -------
+        bytes or None
+            None when no message comes in time.
+
+        Raises
+        ------
+        LinkClosed
+            When the process has ended; the sentence says how.
+        """
         try:
             return self._receive(seconds)
         except LinkClosed:
@@ -148,7 +202,7 @@ class Host:
     def _how_it_ended(self) -> str:
         try:
             code = self._guard.wait(END_PATIENCE)
-        except subprocess.TimeoutExpired:  # it closed its end and lives on
+        except subprocess.TimeoutExpired:  # it closed its end of the link and still runs
             self.kill()
             return "the library has closed the rig's line to it"
         if code < 0:
@@ -157,9 +211,12 @@ class Host:
         return f"the library's process ended itself with exit code {code}"
 
     def end(self) -> str:
-        """Have the controller destroyed, and end the processes; by force when that takes too long.
+        """Have the controller destroyed and end the processes, by force when that takes too long.
 
-        What is wrong with that end; empty when nothing is.
+        Returns
+        -------
+        str
+            What went wrong at the end; empty when nothing did.
         """
         text = ""
         try:
@@ -189,7 +246,7 @@ class Host:
 
 
 def _check_description(found: dict, name: str, record: ControllerRecord) -> int:
-    """The library's level bits; RigError when the library, as its host describes it, does not fit."""
+    """Return the library's level bits; RigError when the library does not fit, according to the host's description of it."""
     if "error" in found:
         raise RigError(f"controller {name}: the library cannot be loaded: {found['error']}")
     if "missing" in found:
@@ -215,15 +272,15 @@ def _check_description(found: dict, name: str, record: ControllerRecord) -> int:
 
 
 class CLibrary(Plug):
-    """A controller of a library, in a process of its own.
+    """A controller in a library, in a process of its own.
 
-    A .c or .cpp file is compiled first, into a folder that is gone afterwards.
+    A .c or .cpp file is compiled first, into a folder that is removed afterwards.
     """
 
     prefix, level_from = "c", SAID
 
     def __init__(self, rest: str, config: RigConfig, level: str | None = None) -> None:
-        """rest: FILE.so, FILE.c or FILE.cpp."""
+        """Load the library; ``rest`` is FILE.so, FILE.c or FILE.cpp."""
         name, self._host, self._made_for = f"{self.prefix}:{rest}", None, record_of(config)
         try:
             bits = self._load(rest, name)
@@ -238,7 +295,7 @@ class CLibrary(Plug):
             raise
 
     def _load(self, rest: str, name: str) -> int:
-        """Start the host with the library; its level bits."""
+        """Start the host with the library and return the library's level bits."""
         path = Path(rest)
         if not path.is_file():
             raise RigError(f"controller {name}: {no_file(path)}")
@@ -250,7 +307,7 @@ class CLibrary(Plug):
             return self._start(built, name)
 
     def _record_beside(self, folder: str) -> str:
-        """The compiler's option for a rig_record.h of this rig, for sources that bring none."""
+        """Return the compiler's option for a rig_record.h of this rig, for sources without one of their own."""
         (Path(folder) / NAME).write_text(header_text(self._made_for), encoding="utf-8")
         return f"-I{folder}"
 
@@ -264,9 +321,9 @@ class CLibrary(Plug):
         self.signals = checked_signals(found["signals"], name)
         self.settings = checked_settings(dict(found["settings"]), name)
         outputs, transducers = len(self._made_for.outputs), len(self._made_for.transducers)
-        # size, gear_request, sample, time; currents, transducers, what it wants, its settings
+        # size, gear_request, sample, time; currents, transducers, wanted transducers, the controller's settings
         self._sample = struct.Struct(f"=IIQd{outputs + transducers + len(self.wants) + len(self.settings)}d")
-        # status, size, flags, gear, shifting, two pointers, message; commands, setpoints, its signals
+        # status, size, flags, gear, shifting, two pointers, message; commands, setpoints, the controller's signals
         self._reply = struct.Struct(f"=q4I16x{TEXT}s{2 * outputs + len(self.signals)}d")
         self._outputs = outputs
         return bits
@@ -294,7 +351,7 @@ class CLibrary(Plug):
             )
 
     def _hear(self, name: str, when: str) -> dict:
-        """The host's next message before the first step; RigError when it does not come."""
+        """Return the host's next message before the first step; RigError when it does not come."""
         try:
             data = self._host.receive(LOAD_TIMEOUT)
         except LinkClosed as gone:
@@ -341,7 +398,7 @@ class CLibrary(Plug):
 
     @property
     def process_id(self) -> int:
-        """The library's process, for a debugger."""
+        """Number of the library's process, for a debugger."""
         return self._host.process
 
     def _abandon(self) -> None:

@@ -3,7 +3,7 @@
 
 """The plug for a controller on a CAN bus: ``can:CHANNEL?interface=virtual`` (udp_multicast, socketcan ...).
 
-Made by load.py; python-can and cantools are imported then. The messages are those of can_database.py.
+load.py makes it; python-can and cantools are imported only then. The messages are those of can_database.py.
 """
 
 from __future__ import annotations
@@ -36,13 +36,35 @@ RPM = 30.0 / math.pi
 ENGAGED = 2.0  # % of slip below which a clutch counts as engaged
 OPTIONS = ("interface", "bitrate", "every", "port", "timeout", "address")
 NO_ADDRESS = "none"  # value of address: plain frames only
-REMEMBERED = 200  # frames of which a second one for the same sample is compared with the first
+REMEMBERED = 200  # frames that are kept, to compare a second frame for the same sample with the first
 FAR = 500  # counts by which two commands for one sample contradict each other: 10 mA, or 1 % of duty
-CONTRADICTIONS, WITHIN = 10, 1.0  # so many within so many s are two controllers, and none that stumbled once
+CONTRADICTIONS, WITHIN = 10, 1.0  # so many within so many s show two controllers; fewer may be a single error of one
 
 
 def open_bus(channel: str, interface: str, name: str, **options: int) -> can.BusABC:
-    """python-can's bus, classic CAN; udp_multicast is on loopback (can_loopback.py). RigError when there is none."""
+    """Open python-can's bus for classic CAN; udp_multicast stays on loopback (can_loopback.py).
+
+    Parameters
+    ----------
+    channel : str
+        The bus, as the interface names it.
+    interface : str
+        python-can's name of the interface.
+    name : str
+        The caller's name, for the error's sentence.
+    **options : int
+        Further options of the interface, such as bitrate [bit/s] or port.
+
+    Returns
+    -------
+    can.BusABC
+        The open bus.
+
+    Raises
+    ------
+    RigError
+        When python-can is not installed or the bus cannot be opened.
+    """
     try:
         import can
     except ImportError:
@@ -58,28 +80,43 @@ def open_bus(channel: str, interface: str, name: str, **options: int) -> can.Bus
 
             return LoopbackBus(channel, **options)
         return can.Bus(channel=channel, interface=interface, **options)
-    except Exception as error:  # python-can and its drivers raise what they like
+    except Exception as error:  # python-can and its drivers raise errors of many classes
         raise RigError(f"{name}: the bus {channel} cannot be opened with the interface {interface}: {said(error)}") from None
 
 
 def receive(bus: can.BusABC, seconds: float, fault: Callable[[str], None]) -> can.Message | None:
-    """The bus's next frame, None when there is none in time. ``fault(text)`` is called when what came cannot be read."""
+    """Return the bus's next frame.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+        The open bus.
+    seconds : float
+        Longest wait [s].
+    fault : callable
+        Called with a sentence when what came cannot be read.
+
+    Returns
+    -------
+    can.Message or None
+        None when no readable frame comes in time.
+    """
     try:
         return bus.recv(seconds)
-    except Exception as error:  # foreign bytes, a cable that is off: the driver's own classes
+    except Exception as error:  # foreign bytes or a loose cable: the driver has error classes of its own
         fault(f"what came could not be read ({said(error)})")
         return None
 
 
 def percent(slip: float) -> float:
-    """A slip as a share of the input speed in %, 0 to 100; NaN stays NaN."""
+    """Return a slip, given as a share of the input speed, in % from 0 to 100; NaN stays NaN."""
     return slip if math.isnan(slip) else min(100.0 * abs(slip), 100.0)
 
 
 class Gearbox:
-    """What the clutches do, as far as pressures and speeds on the wires tell; it is for J1939, not for the controller.
+    """The state of the clutches as pressures and speeds on the wires show it; it is for J1939, not for the controller.
 
-    ``gear``: the one engaged last, None while a transducer has no reading; ``engaged``: a clutch holds now.
+    ``gear`` is the gear engaged last, None while a transducer has no reading; ``engaged`` says whether a clutch holds now.
     """
 
     def __init__(self, record: ControllerRecord) -> None:
@@ -92,7 +129,7 @@ class Gearbox:
         }
 
     def see(self, inputs: ControllerInputs, shifting: bool) -> None:
-        """A sample. The gear stays through a shift until the new clutch holds; neutral is when no clutch is pressed."""
+        """Take a sample; the gear stays through a shift until the new clutch holds, and is neutral when no clutch is pressed."""
         pressures = {gear: [(reader(inputs.measured), kiss) for reader, kiss in held] for gear, held in self._held.items()}
         slips = {gear: percent(self._record.slip(gear, inputs.measured)) for gear in self._held}
         if not all(map(math.isfinite, (*(p for held in pressures.values() for p, _ in held), *slips.values()))):
@@ -125,7 +162,7 @@ class CanBus(FreeRunning):
         if options.get("address") != NO_ADDRESS:
             address = int(number(options, "address", frames.ADDRESS, name, 0, j1939.NULL - 1))
         super().__init__(name, config, level, f"CAN {interface} {channel}", timeout_of(options, name))
-        self._inside = interface == "virtual"  # the bus is inside this process
+        self._inside = interface == "virtual"  # the bus exists only inside this process
         self._sees_programs = interface == "udp_multicast"
         self._bus = open_bus(channel, interface, f"controller {name}", **extra)
         self._prepare(address)
@@ -143,9 +180,9 @@ class CanBus(FreeRunning):
         self._expected = {frames.FRAME_IDS[n]: self._by_name[n] for n in (frames.STATE, command)}
         self._expected_groups = {frames.GROUPS[n]: self._by_name[n] for n in (frames.STATE, command)}
         self._state: dict | None = None
-        self._answers: dict[tuple[str, int], dict] = {}  # (frame, sample) -> what came first
-        self._contradictions: deque[float] = deque(maxlen=CONTRADICTIONS)  # time.monotonic() of the newest
-        self._another = ""  # why the rig trips: another controller is at work
+        self._answers: dict[tuple[str, int], dict] = {}  # (frame, sample) -> content of the first frame
+        self._contradictions: deque[float] = deque(maxlen=CONTRADICTIONS)  # time.monotonic() of the newest ones
+        self._another = ""  # the reason to trip when another controller is at work
         self._requested: int | None = None
         self._gearbox, self._shown = Gearbox(record), None
         self._node = None
@@ -158,7 +195,7 @@ class CanBus(FreeRunning):
             )
 
     def pace(self, step_timeout: float | None, real_time: bool = False) -> None:
-        """As of every plug; people are told of a bus that no other program can join."""
+        """Set the pace as in every plug; report a bus that no other program can join."""
         super().pace(step_timeout, real_time)
         if self._inside:
             self.say(
@@ -182,7 +219,7 @@ class CanBus(FreeRunning):
     def _put_frame(self, number: int, data: bytes, extended: bool) -> None:
         try:
             self._bus.send(self._message(arbitration_id=number, data=data, is_extended_id=extended, is_fd=False))
-        except Exception as error:  # a full queue, a cable that is off: the driver's own classes
+        except Exception as error:  # a full queue or a loose cable: the driver has error classes of its own
             self.fault(f"a frame could not be sent ({said(error)})")
 
     def _send(self, inputs: ControllerInputs) -> None:
@@ -203,7 +240,7 @@ class CanBus(FreeRunning):
             self._send_etc2()
 
     def _send_etc1(self) -> None:
-        """ETC1 with the newest sample; nothing before the first."""
+        """Send ETC1 with the newest sample, nothing before the first."""
         if self._shown is None:
             return
         gearbox, measured_now = self._gearbox, self._shown.measured
@@ -222,12 +259,12 @@ class CanBus(FreeRunning):
         )
 
     def _send_etc2(self) -> None:
-        """ETC2 with the newest sample; nothing before the first."""
+        """Send ETC2 with the newest sample, nothing before the first."""
         if self._shown is None:
             return
         gear = self._gearbox.gear
         n_in, n_out = self.rig_record.speeds(self._shown.measured)
-        ratio = j1939.NONE_2  # at standstill there is none
+        ratio = j1939.NONE_2  # at standstill there is no ratio
         if not math.isfinite(n_in) or not math.isfinite(n_out):
             ratio = j1939.ERROR_2
         elif n_out > STANDSTILL:
@@ -268,7 +305,7 @@ class CanBus(FreeRunning):
                     self._node.heard(frame.arbitration_id, bytes(frame.data))
 
     def _program(self, frame: can.Message) -> str:
-        """Who sent a plain frame, as far as that can be told: on udp_multicast the port of its program."""
+        """Return the sender of a plain frame as far as it is known: on udp_multicast the port of its program."""
         return f"the program on port {frame.channel}" if self._sees_programs else "plain frames"
 
     def _take(self, message: Message, frame: can.Message, who: str) -> None:
@@ -304,7 +341,7 @@ class CanBus(FreeRunning):
         )
 
     def _compare(self, name: str, raw: dict) -> None:
-        """A bus does not tell who sent a frame, but one controller does not answer one sample in two ways."""
+        """Detect a second controller: the bus does not name senders, but one controller does not answer a sample in two ways."""
         first = self._answers.setdefault((name, raw["sample"]), raw)
         if len(self._answers) > REMEMBERED:
             del self._answers[next(iter(self._answers))]
@@ -330,10 +367,10 @@ class CanBus(FreeRunning):
 
 
 def _raw(wires: list, values: Iterable[float]) -> dict[str, int]:
-    """Raw number by the name of its wire."""
+    """Return the raw numbers by the names of their wires."""
     return {wire.name: wire.encode(value) for wire, value in zip(wires, values, strict=True)}
 
 
 def _two_bytes(value: float) -> int:
-    """Raw J1939 number of two bytes, below the reserved range; "error" for what is no number."""
+    """Return the raw J1939 number of two bytes, below the reserved range; "error" for a value that is no finite number."""
     return round(min(max(value, 0), j1939.HIGHEST_2)) if math.isfinite(value) else j1939.ERROR_2

@@ -1,9 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The CAN database of a rig, made from its record: what the plug sends and takes, and J1939 ETC1 / ETC2.
+"""The CAN database of a rig, made from its record: the messages that the plug sends and takes, and J1939 ETC1 / ETC2.
 
-Used by the plug (can_bus.py), by `rig export dbc` and by the example controller. cantools is imported when it is asked for.
+It is used by the plug (can_bus.py), by `rig export dbc` and by the example controller. cantools is imported only when
+it is needed.
 """
 
 from __future__ import annotations
@@ -29,15 +30,15 @@ ADDRESS = 3  # J1939 source address of the rig: transmission
 # J1939-71: ETC1 and ETC2; J1939-21: proprietary B, for a controller that sends its frames as J1939 groups
 GROUPS = {ETC1: 61442, ETC2: 61445, STATE: 65296, COMMAND_CURRENT: 65297, COMMAND_DUTY: 65298}
 PRIORITIES = {ETC1: 3, ETC2: 6, STATE: 3, COMMAND_CURRENT: 3, COMMAND_DUTY: 3}
-AS_GROUP = "_J1939"  # behind the name of a controller's frame in its other form
+AS_GROUP = "_J1939"  # follows the name of a controller's frame in its form as a J1939 group
 CYCLES = {REQUEST: 10, MEASURED: 1, CURRENTS: 1, STATE: 1, COMMAND_CURRENT: 1, COMMAND_DUTY: 1, ETC1: 10, ETC2: 100}  # ms
 RIG, CONTROLLER = "RIG", "CONTROLLER"
-# how many of them a frame of 8 bytes has room for, beside the sample's number; a rig with more does without CAN
+# what a frame of 8 bytes has room for (beside the sample's number); a rig with more cannot use CAN
 MOST_MEASURED, MOST_OUTPUTS = 4, 3
 
 
 def need_cantools() -> ModuleType:
-    """The module cantools; RigError when it is not installed."""
+    """Return the module cantools; RigError when it is not installed."""
     try:
         import cantools
     except ImportError:
@@ -49,7 +50,23 @@ def need_cantools() -> ModuleType:
 
 
 def database(record: ControllerRecord) -> Database:
-    """Cantools' database of all messages; RigError when a frame has no room for the record."""
+    """Return cantools' database of all messages.
+
+    Parameters
+    ----------
+    record : ControllerRecord
+        The rig's record.
+
+    Returns
+    -------
+    Database
+        The messages of the rig, of the controller and of J1939.
+
+    Raises
+    ------
+    RigError
+        When cantools is not installed, or a frame has no room for the record.
+    """
     need_cantools()
     if len(record.outputs) > MOST_OUTPUTS or len(record.transducers) > MOST_MEASURED:
         raise RigError(
@@ -71,12 +88,12 @@ def database(record: ControllerRecord) -> Database:
 
 
 def dbc_text(record: ControllerRecord) -> str:
-    """The database as a DBC file."""
+    """Return the database as the text of a DBC file."""
     return database(record).as_dbc_string()
 
 
 def _definitions() -> dict:
-    """The attributes of J1939 databases by the names that Vector's and others' tools read."""
+    """Return the attributes of J1939 databases, with the names that the tools of Vector and others read."""
     from cantools.database.can.formats.dbc import DbcAttributeDefinition as Definition
 
     kinds = ["StandardCAN", "ExtendedCAN", "reserved", "J1939PG"]
@@ -91,7 +108,7 @@ def _definitions() -> dict:
 
 
 def _specifics(attributes: dict) -> DbcSpecifics:
-    """Values of attributes in cantools' form."""
+    """Return values of attributes in cantools' form."""
     from collections import OrderedDict
 
     from cantools.database.can.formats.dbc import DbcAttribute, DbcSpecifics
@@ -177,7 +194,7 @@ def _rig_messages(record: ControllerRecord) -> list:
 
 
 def _controller_messages(record: ControllerRecord, group: bool) -> list:
-    """As plain frames, or as J1939 groups of whatever source address the controller has."""
+    """Return the controller's messages, as plain frames or as J1939 groups with any source address."""
     echo = "Sample that is answered, low 16 bits."
     state = _message(
         STATE,
@@ -209,7 +226,7 @@ def _controller_messages(record: ControllerRecord, group: bool) -> list:
 
 
 def _j1939_messages() -> list:
-    """Those signals of ETC1 and ETC2 that the rig knows, with the scaling of J1939-71; the others are not available."""
+    """Return ETC1 and ETC2 with the signals that the rig knows, scaled as in J1939-71; the other signals are not available."""
     bits = {0: "off", 1: "on", 2: "error", 3: "not available"}
     return [
         _message(

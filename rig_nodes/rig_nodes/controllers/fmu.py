@@ -3,7 +3,8 @@
 
 """The plug for a controller as an FMU (2.0 or 3.0 co-simulation): ``fmu:FILE.fmu``.
 
-Made by load.py. The FMU lives in a process of its own (fmu_process.py): its crash is a fatal status, not the rig's end.
+load.py makes it. The FMU runs in a process of its own (fmu_process.py), so that its crash is a fatal status and does not
+end the rig.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from .seam import ControllerInputs, ControllerOutputs, Status, checked_wants
 if TYPE_CHECKING:
     from ..testbench.configuration import RigConfig
 
-# behind a sample: transducers asked for, its own settings; behind an answer: its own signals, or for a status other
+# behind a sample: wanted transducers, the FMU's settings; behind an answer: the FMU's signals, or for a status other
 # than ok a sentence
 SAMPLE = "<QI{}d"  # sample, gear_request, currents, transducers
 ANSWER = "<IIII{}d"  # status, gear, shifting, flags, commands, setpoints
@@ -40,7 +41,7 @@ MESSAGE = 4096  # bytes of a message or of a line that are shown
 
 
 class ControllerFmu(Plug):
-    """A controller FMU; variables are found by the names of the seam (docs/how_to/fmu.md)."""
+    """A controller FMU; its variables are found by the names of the seam (docs/how_to/fmu.md)."""
 
     def __init__(self, file: str, config: RigConfig, level: str | None = None) -> None:
         name = f"fmu:{file}"
@@ -93,7 +94,7 @@ class ControllerFmu(Plug):
             self.level_from = f"{SAID} ({found['level_from']})" if found["level_from"] else DEFAULT
             self.wants = checked_wants(found["wants"], name, record.all_transducers)
             self.signals = checked_signals(found["signals"], name)
-            # a parameter that is named like one of the rig's has that one's value
+            # a parameter with the name of one of the rig's settings gets the rig's value
             self.settings = checked_settings(
                 {key: value for key, value in found["settings"].items() if key not in self.info.parameters}, name
             )
@@ -113,7 +114,7 @@ class ControllerFmu(Plug):
             raise
 
     def _hear(self, name: str) -> dict:
-        """The process's next message before the first step; RigError with its sentence, or when there is none."""
+        """Return the process's next message before the first step; RigError with its sentence, or when no message comes."""
         try:
             data = self._link.receive(LOAD_TIMEOUT)
         except LinkClosed:
@@ -128,7 +129,7 @@ class ControllerFmu(Plug):
     def _how_it_ended(self) -> str:
         try:
             code = self._process.wait(END_PATIENCE)
-        except subprocess.TimeoutExpired:  # it closed its end and lives on
+        except subprocess.TimeoutExpired:  # it closed its end of the link and still runs
             return "the FMU's process has closed the rig's line to it"
         if code < 0:
             number = signal.Signals(-code)
@@ -136,7 +137,7 @@ class ControllerFmu(Plug):
         return f"the FMU's process ended itself with exit code {code}"
 
     def _last_said(self) -> str:
-        """The newest message of an FMU that is gone or gives no answer, as the end of a sentence."""
+        """Return the newest message of an FMU that has gone or does not answer, as the end of a sentence."""
         text = os.pread(self._said.fileno(), MESSAGE, 0).decode("utf-8", "replace")
         return f"; the last it said: {text}" if text else ""
 
@@ -147,9 +148,9 @@ class ControllerFmu(Plug):
 
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
         core = CORE()
-        if core != self._core:  # as c_library.Host.ask: a process on the waiting core is woken sooner
+        if core != self._core:  # as in c_library.Host.ask: a process on the waiting core is woken sooner
             self._core = core
-            with contextlib.suppress(ProcessLookupError):  # it has gone: receive() says so
+            with contextlib.suppress(ProcessLookupError):  # the process has ended: receive() says so
                 os.sched_setaffinity(self.process_id, {core})
         try:
             self._link.send(
@@ -174,7 +175,7 @@ class ControllerFmu(Plug):
         self._gone()
 
     def _end(self) -> None:
-        """The FMU is terminated and freed by its process, which ends when the line does."""
+        """Close the link; the FMU's process then terminates and frees the FMU and ends."""
         self._link.close()
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(END_PATIENCE)
@@ -183,12 +184,12 @@ class ControllerFmu(Plug):
 
     def _gone(self) -> None:
         self._process.wait()
-        self._printed.join(END_PATIENCE)  # a child of the FMU's own may still hold the pipe
+        self._printed.join(END_PATIENCE)  # a process that the FMU started may still hold the pipe
         self._said.close()
 
 
 def _show(pipe: IO[bytes]) -> None:
-    """What the FMU's process prints, on standard error, as nothing that a terminal obeys."""
+    """Show what the FMU's process prints on standard error, without characters that control a terminal."""
     with pipe:
         while line := pipe.readline(MESSAGE):
             print(printable(line.decode("utf-8", "replace").rstrip("\n"), "\t"), file=sys.stderr, flush=True)

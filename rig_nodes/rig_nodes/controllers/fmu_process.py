@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The process in which a controller FMU runs: samples of the plug (fmu.py) in, answers out, until its link closes."""
+"""The process in which a controller FMU runs: it takes samples from the plug (fmu.py) and answers until its link closes."""
 
 from __future__ import annotations
 
@@ -29,11 +29,25 @@ STATUS = {"discard": Status.DISCARD, "error": Status.ERROR, "fatal": Status.FATA
 
 
 class Names:
-    """The variables of the seam for a rig's record, by what they are."""
+    """The variables of the seam for a rig's record, sorted by their use."""
 
     def __init__(self, outputs: int, transducers: list[str], known: list[str], valves: list[int], record: int, rig: str) -> None:
-        """outputs: how many; known: all transducers of the rig; valves: numbers of outputs that drive one, whose commands
-        the FMU must have; record: its number.
+        """Take the record's parts.
+
+        Parameters
+        ----------
+        outputs : int
+            Number of outputs.
+        transducers : list of str
+            Transducers of the record.
+        known : list of str
+            All transducers of the rig.
+        valves : list of int
+            Numbers of the outputs that drive a valve; the FMU must have their commands.
+        record : int
+            The record's number.
+        rig : str
+            The rig's name.
         """
         self.known, self.record, self.rig = set(known), record, rig
         numbers = range(1, outputs + 1)
@@ -46,7 +60,25 @@ class Names:
 
 
 def check_variables(fmu: Fmu, names: Names) -> list[str]:
-    """The seam's inputs that the FMU has; RigError when a variable lacks or has the wrong causality."""
+    """Return the seam's inputs that the FMU has.
+
+    Parameters
+    ----------
+    fmu : Fmu
+        The FMU.
+    names : Names
+        The variables of the seam.
+
+    Returns
+    -------
+    list of str
+        Names of the inputs.
+
+    Raises
+    ------
+    RigError
+        When a variable is missing or has the wrong causality, or the FMU was made for the record of another rig.
+    """
     there = fmu.variables
     if "rig_record" in there and there["rig_record"].start != str(names.record):
         raise RigError(
@@ -64,12 +96,12 @@ def check_variables(fmu: Fmu, names: Names) -> list[str]:
 
 
 def wants_of(fmu: Fmu, names: Names) -> list[str]:
-    """Further transducers: the FMU's other inputs that are named like one."""
+    """Return further transducers: the FMU's other inputs that have the name of a transducer."""
     return [name for name, v in fmu.variables.items() if v.causality == "input" and name in names.known - set(names.inputs)]
 
 
 def signals_of(fmu: Fmu, names: Names) -> dict[str, str]:
-    """Its own signals, to be recorded: unit by name of its other outputs that are numbers, the first ones."""
+    """Return the FMU's own signals, which are recorded: unit by name of its first 64 other outputs that are numbers."""
     own = [
         name
         for name, v in fmu.variables.items()
@@ -79,7 +111,7 @@ def signals_of(fmu: Fmu, names: Names) -> dict[str, str]:
 
 
 def settings_of(fmu: Fmu) -> dict[str, float]:
-    """Its own settings: start value by name of its tunable parameters that are numbers, the first ones."""
+    """Return the FMU's own settings: start value by name of its first 64 tunable parameters that are numbers."""
     names = [
         name
         for name, v in fmu.variables.items()
@@ -93,7 +125,25 @@ def settings_of(fmu: Fmu) -> dict[str, float]:
 
 
 def meaning_of(fmu: Fmu, name: str) -> tuple[str, float]:
-    """What the unit of an output says: the level, empty where there is no unit, and the factor to A or to 1."""
+    """Return what the unit of an output says.
+
+    Parameters
+    ----------
+    fmu : Fmu
+        The FMU.
+    name : str
+        Name of the output.
+
+    Returns
+    -------
+    tuple
+        (level, factor): "current", "duty", or empty without a unit; the factor to A or to 1.
+
+    Raises
+    ------
+    RigError
+        When the unit is neither of a current nor of a share.
+    """
     variable = fmu.variables[name]
     unit = variable.unit or (variable.declaredType.unit if variable.declaredType is not None else None)
     if not unit:
@@ -110,8 +160,25 @@ def meaning_of(fmu: Fmu, name: str) -> tuple[str, float]:
 
 
 def levels_of(fmu: Fmu, names: Names) -> tuple[list[str], str]:
-    """The levels that the FMU knows, the likelier one first, and what of it says so: its parameter level, else the unit of
-    its commands; empty where nothing does.
+    """Return the levels at which the FMU works and where they come from.
+
+    Parameters
+    ----------
+    fmu : Fmu
+        The FMU.
+    names : Names
+        The variables of the seam.
+
+    Returns
+    -------
+    tuple
+        (levels, source): the levels, the likelier one first; the source in words is the parameter level, else the unit of
+        the commands, and empty when neither says it.
+
+    Raises
+    ------
+    RigError
+        When the units of the commands do not agree, or the parameter level is wrong.
     """
     commands = [name for name in names.commands if name in fmu.variables]
     said = {name: meaning_of(fmu, name)[0] for name in commands}
@@ -137,13 +204,27 @@ def levels_of(fmu: Fmu, names: Names) -> tuple[list[str], str]:
 
 
 def start_values(fmu: Fmu, level: str, parameters: dict[str, float]) -> dict[str, float]:
-    """The rig's settings and the level, of those that the FMU has as parameters."""
+    """Return the level and those of the rig's settings that the FMU has as parameters, by name."""
     given = {**parameters, "level": LEVELS.index(level)}
     return {name: value for name, value in given.items() if name in fmu.variables and fmu.variables[name].causality == "parameter"}
 
 
 def answer_samples(link: socket.socket, fmu: Fmu, names: Names, period: float, settings: list[str]) -> None:
-    """One communication step for each sample, until the link closes. settings: names of those that come with it."""
+    """Make one communication step for each sample until the link closes.
+
+    Parameters
+    ----------
+    link : socket
+        The link to the plug.
+    fmu : Fmu
+        The initialised FMU.
+    names : Names
+        The variables of the seam.
+    period : float
+        Time between samples [s].
+    settings : list of str
+        Names of the settings whose values come with each sample.
+    """
     inputs = check_variables(fmu, names)
     write, places = fmu.writer(inputs), [names.inputs.index(name) for name in inputs]
     told = [name for name in names.outputs if name in fmu.variables]
@@ -151,7 +232,7 @@ def answer_samples(link: socket.socket, fmu: Fmu, names: Names, period: float, s
     wants, signals = wants_of(fmu, names), list(signals_of(fmu, names))
     write_others, read_own, write_settings = fmu.writer(wants), fmu.reader(signals), fmu.writer(settings)
     others, own, tuned = (struct.Struct(f"<{len(own)}d") for own in (wants, signals, settings))
-    newest = tuple(settings_of(fmu)[name] for name in settings)  # as the FMU has them
+    newest = tuple(settings_of(fmu)[name] for name in settings)  # the values in the FMU
     factors = {name: meaning_of(fmu, name)[1] for name in (*names.commands, *names.setpoints) if name in told}
     while data := link.recv(FRAME):
         sample, request, *values = names.sample.unpack_from(data)
@@ -165,7 +246,7 @@ def answer_samples(link: socket.socket, fmu: Fmu, names: Names, period: float, s
             if now != newest:
                 write_settings(now)
                 newest = now
-            while done <= sample - first:  # samples that did not come are stepped over with what is known now
+            while done <= sample - first:  # samples that did not come are stepped over with the present inputs
                 fmu.step(done * period, period)
                 done += 1
             found = dict(zip(told, read(), strict=True))
@@ -183,8 +264,10 @@ def answer_samples(link: socket.socket, fmu: Fmu, names: Names, period: float, s
 
 
 def main() -> int:
-    """Arguments: the FMU's file, the descriptors of the socket and of the file for its newest message, the rig's process,
-    the rig's record.
+    """Run the FMU's process and return its exit code.
+
+    Arguments: the FMU's file, the descriptors of the socket and of the file for its newest message, the rig's process, the
+    rig's record.
     """
     file, (descriptor, said, parent), record = sys.argv[1], map(int, sys.argv[2:5]), json.loads(sys.argv[5])
     # an FMU that computes without end must not outlive the rig
@@ -192,7 +275,7 @@ def main() -> int:
     if os.getppid() != parent:
         return 1
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)  # a person's Ctrl-C is the rig's to obey: it ends this process in order
+        signal.signal(number, signal.SIG_IGN)  # Ctrl-C is for the rig, which ends this process in order
     with socket.socket(fileno=descriptor) as link, contextlib.suppress(BrokenPipeError, ConnectionResetError):
         try:
             serve(link, file, said, Names(**record))
@@ -202,9 +285,9 @@ def main() -> int:
 
 
 def serve(link: socket.socket, file: str, said: int, names: Names) -> None:
-    """Everything from the FMU's loading to its end; RigError before the first sample."""
+    """Do everything from the FMU's loading to its end; RigError before the first sample."""
 
-    def keep(text: str) -> None:  # where the rig finds it when the FMU crashes
+    def keep(text: str) -> None:  # the rig reads it there when the FMU has crashed
         os.ftruncate(said, 0)
         os.pwrite(said, text.encode(), 0)
 

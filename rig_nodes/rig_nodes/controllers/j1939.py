@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a J1939 node does beside its messages: identifiers (J1939-21), NAME and address claim (J1939-81), requests.
+"""The duties of a J1939 node: identifiers (J1939-21), NAME and address claim (J1939-81), requests.
 
-Used by the CAN plug (can_bus.py). Numbers with a meaning of their own are those of the standard's documents.
+The CAN plug (can_bus.py) uses it. Numbers with a fixed meaning are those of the standard's documents.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 ACKNOWLEDGEMENT, REQUEST, ADDRESS_CLAIMED = 59392, 59904, 60928  # PGN
-GLOBAL, NULL = 255, 254  # addresses: to all; of one that has none
-PRIORITY = 6  # of the three above
-NEGATIVE = 1  # control byte of an acknowledgement: what is requested is not available here
-FUNCTION = 3  # of the NAME, all industry groups: transmission
-CLAIM_PAUSE = 0.25  # s after its claim in which a node of a dynamic address sends nothing else
+GLOBAL, NULL = 255, 254  # addresses: to all nodes; of a node without an address
+PRIORITY = 6  # of the three groups above
+NEGATIVE = 1  # control byte of an acknowledgement: the requested group is not available here
+FUNCTION = 3  # function in the NAME, all industry groups: transmission
+CLAIM_PAUSE = 0.25  # s after its claim in which a node with a dynamic address sends nothing else
 DYNAMIC = range(128, 248)  # addresses with that pause
 ERROR_1, ERROR_2 = 0xFE, 0xFE00  # "error" as a parameter of one and of two bytes
 NONE_1, NONE_2 = 0xFF, 0xFFFF  # "not available"
-HIGHEST_1, HIGHEST_2 = 0xFA, 0xFAFF  # the largest values; what is above is reserved
+HIGHEST_1, HIGHEST_2 = 0xFA, 0xFAFF  # the largest values; those above are reserved
 OFF, ON, ERROR, NOT_AVAILABLE = range(4)  # states of two bits
 
 
 class Identifier(NamedTuple):
-    """The parts of 29 bits. destination: GLOBAL for groups that are always for all."""
+    """The parts of a 29-bit identifier; the destination is GLOBAL for groups that always go to all nodes."""
 
     priority: int
     pgn: int
@@ -36,12 +36,12 @@ class Identifier(NamedTuple):
 
 
 def identifier(pgn: int, source: int, destination: int = GLOBAL, priority: int = PRIORITY) -> int:
-    """29 bits; the destination counts for groups that have one (PDU1) only."""
+    """Return a 29-bit identifier; the destination is used only for groups that have one (PDU1)."""
     return priority << 26 | pgn << 8 | (destination << 8 if _is_addressed(pgn) else 0) | source
 
 
 def parts(number: int) -> Identifier:
-    """What 29 bits say."""
+    """Return the parts of a 29-bit identifier."""
     pgn, destination = number >> 8 & 0x3FFFF, GLOBAL
     if _is_addressed(pgn):
         pgn, destination = pgn & 0x3FF00, pgn & 0xFF
@@ -53,15 +53,23 @@ def _is_addressed(pgn: int) -> bool:
 
 
 def new_name() -> int:
-    """A NAME: transmission, no industry group, a random identity number, an address that stays as it is chosen."""
+    """Return a NAME: transmission, no industry group, a random identity number, an address that does not change by itself."""
     return FUNCTION << 40 | secrets.randbits(21)
 
 
 class Node:
-    """Claims a source address, defends it, and answers requests.
+    """A node that claims a source address, defends it, and answers requests.
 
-    ``send(number, data)`` puts a frame of 29 bits on the bus, ``answers`` has for each PGN that may be requested what
-    sends it, ``lost(text)`` is called once when another node has the address.
+    Parameters
+    ----------
+    address : int
+        The source address to claim.
+    send : callable
+        ``send(number, data)`` puts a frame with a 29-bit identifier on the bus.
+    answers : dict of int to callable
+        By PGN that may be requested, the function that sends the group.
+    lost : callable
+        ``lost(text)`` is called once when another node has taken the address.
     """
 
     def __init__(
@@ -74,15 +82,15 @@ class Node:
 
     @property
     def may_send(self) -> bool:
-        """The address is this node's."""
+        """Whether the address is this node's and the pause after its claim is over."""
         return self.address != NULL and time.monotonic() >= self._free_at
 
     def claim(self) -> None:
-        """Say which address this node has, or that it has none."""
+        """Send the address that this node has, or that it has none."""
         self._send(identifier(ADDRESS_CLAIMED, self.address), self.name.to_bytes(8, "little"))
 
     def heard(self, number: int, data: bytes) -> None:
-        """A frame of 29 bits has come."""
+        """Handle a frame with a 29-bit identifier that has come."""
         _, pgn, destination, source = parts(number)
         if pgn == ADDRESS_CLAIMED and len(data) == 8 and source == self.address:
             self._other_claim(int.from_bytes(data, "little"))
@@ -90,7 +98,7 @@ class Node:
             self._requested(int.from_bytes(data[:3], "little"), destination, source)
 
     def _other_claim(self, name: int) -> None:
-        """Of two NAMEs the smaller number has the address. The same NAME is this node's own claim, come back."""
+        """Compare NAMEs: the smaller number gets the address; an equal NAME is this node's own claim, sent back."""
         if name > self.name:
             self.claim()
         elif name < self.name:

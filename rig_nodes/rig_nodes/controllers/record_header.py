@@ -3,7 +3,7 @@
 
 """rig_record.h: the outputs, transducers and gears of one rig's record by name, for controllers in C and C++.
 
-Written by ``rig controller new`` and ``rig export record``; beside it stands rig_controller.h.
+``rig controller new`` and ``rig export record`` write it; rig_controller.h lies in the same folder.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ NAME = "rig_record.h"
 
 
 def header_text(record: ControllerRecord) -> str:
-    """The header of a record."""
+    """Return the text of a record's header."""
     outputs = [f"{_word(output.name)} = {k}" for k, output in enumerate(record.outputs)]
     gears = [f"GEAR_{_word(gear.name)} = {gear.number}" for gear in record.gears]
     measured = [
@@ -63,5 +63,5 @@ def header_text(record: ControllerRecord) -> str:
 
 
 def _word(name: str) -> str:
-    """A name as part of a constant's in C."""
+    """Return a name as a part of a constant's name in C."""
     return re.sub(r"\W", "_", name, flags=re.ASCII).upper()

@@ -3,8 +3,8 @@
 
 """The plug for a folder of Simulink Coder's or Embedded Coder's generated C or C++ with a rig_shim.c or rig_shim.cpp.
 
-Made by load.py (include/rig_simulink.h says what the shim has). The files of the folder and of all folders in it are
-compiled together and run as a C library does, in a process of their own.
+load.py makes it (include/rig_simulink.h says what the shim holds). The files of the folder and of all folders in it are
+compiled together and run like a C library, in a process of their own.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from pathlib import Path
 from ..errors import RigError
 from .c_library import COMPILERS, CLibrary, compile_library
 
-SHIM = "rig_shim"  # and the suffix of C or C++
+SHIM = "rig_shim"  # followed by a suffix of C or C++
 HEADERS = (".h", ".hpp", ".hh")
-# main programs of the generator's, which a library has no use for
+# main programs of the generator, which a library does not need
 MAINS = ("ert_main", "rt_main", "grt_main", "rt_cppclass_main", "rt_malloc_main", "classic_main")
 
 
 class SimulinkModel(CLibrary):
-    """The model of a folder."""
+    """The model in a folder."""
 
     prefix = "simulink"
 
